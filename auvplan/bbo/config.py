@@ -1,0 +1,77 @@
+"""Settings of the optimiser."""
+
+from dataclasses import dataclass, replace
+from typing import Any, Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvplan.bbo import rates
+
+
+@dataclass(frozen=True)
+class BBOConfig:
+    """Settings of biogeography-based optimisation; hashable, so that it is a static argument of `jax.jit`.
+
+    Attributes:
+        population: number of habitats P.
+        iterations: number of generations.
+        elites: habitats that survive each generation unchanged.
+        migration: "siv" decides and draws a donor for each SIV; "fig6" is the paper's Fig. 6.
+        rates: "linear" over the ranks (section 4.1) or "constant" (section 4.2).
+        immigration: I of the linear rates, or the constant lambda.
+        emigration: E of the linear rates, or the constant mu.
+        mutation_max: m_max of Eq. 5, a probability per SIV.
+        mutation_genes: if given, the expected number of mutated SIVs a habitat; replaces `mutation_max`.
+        mutation_law: "species" is Eq. 5; "constant" gives every habitat the same rate.
+        mutation: "uniform" draws a new value within bounds; "gaussian" (real SIVs only) takes a step.
+        mutation_step: standard deviation of the Gaussian step, as a share of each SIV's range.
+        replacement: "generational" replaces all but the elites; "greedy" keeps the better of each habitat
+            and its candidate.
+
+    Raises:
+        ValueError: a setting is out of its range.
+    """
+
+    population: int = 100
+    iterations: int = 100
+    elites: int = 2
+    migration: Literal["siv", "fig6"] = "siv"
+    rates: Literal["linear", "constant"] = "linear"
+    immigration: float = 1.0
+    emigration: float = 1.0
+    mutation_max: float = 0.1
+    mutation_genes: float | None = None
+    mutation_law: Literal["species", "constant"] = "species"
+    mutation: Literal["uniform", "gaussian"] = "uniform"
+    mutation_step: float = 0.1
+    replacement: Literal["generational", "greedy"] = "generational"
+
+    def __post_init__(self) -> None:
+        if self.population < 2:
+            raise ValueError(f"population must be at least 2, got {self.population}")
+        if self.iterations < 0:
+            raise ValueError(f"iterations must not be negative, got {self.iterations}")
+        if not 0 <= self.elites < self.population:
+            raise ValueError(f"elites must be in [0, population), got {self.elites}")
+        for name in ("immigration", "emigration", "mutation_max"):
+            if not 0.0 <= getattr(self, name) <= 1.0:
+                raise ValueError(f"{name} must be in [0, 1], got {getattr(self, name)}")
+        if self.emigration == 0.0:
+            raise ValueError("emigration must be positive")
+
+    def replace(self, **changes: Any) -> Self:
+        """A copy with some settings changed."""
+        return replace(self, **changes)
+
+    def migration_rates(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """``(lambda, mu)`` by rank, best first, [P] each."""
+        law = rates.linear_rates if self.rates == "linear" else rates.constant_rates
+        return law(self.population, self.immigration, self.emigration)
+
+    def mutation_rate(self, dim: int) -> NDArray[np.float64]:
+        """Mutation probability per SIV by rank, best first, [P], for habitats of `dim` SIVs."""
+        largest = self.mutation_max if self.mutation_genes is None else min(1.0, self.mutation_genes / dim)
+        if self.mutation_law == "constant":
+            return np.full(self.population, largest)
+        return rates.mutation_rates(self.population, largest)

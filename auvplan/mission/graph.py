@@ -1,0 +1,211 @@
+"""The operation graph: waypoints joined by edges that may carry a task (section 3.3, Eq. 13)."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, Self
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial.distance import cdist
+
+
+@partial(
+    jax.tree_util.register_dataclass,
+    data_fields=("positions", "adjacency", "priority", "duration", "travel_time"),
+    meta_fields=(),
+)
+@dataclass(frozen=True)
+class MissionGraph:
+    """Waypoints and the edges between them; a task sits on each edge of positive priority.
+
+    Row i, column j of the [N, N] fields belongs to the edge from i to j, so that a graph may be directed. An
+    undirected graph has symmetric fields. Graphs of one size are stacked along leading axes B.
+
+    Attributes:
+        positions: [..., N, 3] m, local NED.
+        adjacency: [..., N, N] bool, True where an edge leads from i to j. The diagonal is ignored.
+        priority: [..., N, N] rho_ij >= 0; zero where the edge carries no task.
+        duration: [..., N, N] s, delta_ij >= 0, the task's completion time.
+        travel_time: [..., N, N] s, the known time from i to j without the task; NaN where it is not known
+            and follows from the distance and the vehicle's speed. None means NaN everywhere.
+
+    Raises:
+        ValueError: a field given as a NumPy array or nested list has a wrong shape, is negative or NaN.
+    """
+
+    positions: Any
+    adjacency: Any
+    priority: Any
+    duration: Any
+    travel_time: Any = None
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.positions, np.ndarray | list | tuple):
+            return  # JAX rebuilds graphs from traced arrays and placeholders: nothing to check there
+        positions = np.asarray(self.positions, float)
+        if positions.ndim < 2 or positions.shape[-1] != 3 or positions.shape[-2] < 1:
+            raise ValueError(f"positions must be [N, 3] m, got shape {positions.shape}")
+        square = (*positions.shape[:-1], positions.shape[-2])
+        known = np.full(square, np.nan) if self.travel_time is None else self.travel_time
+        fields = {
+            "adjacency": np.asarray(self.adjacency),
+            "priority": np.asarray(self.priority, float),
+            "duration": np.asarray(self.duration, float),
+            "travel_time": np.asarray(known, float),
+        }
+        for name, value in fields.items():
+            if value.shape != square:
+                raise ValueError(f"{name} must be [N, N] = {square} as positions has it, got shape {value.shape}")
+        fields["adjacency"] = fields["adjacency"].astype(bool)
+        if not np.isfinite(positions).all():
+            raise ValueError("positions must be finite, got NaN or infinity")
+        for name in ("priority", "duration"):
+            if not np.isfinite(fields[name]).all():
+                raise ValueError(f"{name} must be finite, got NaN or infinity")
+        for name in ("priority", "duration", "travel_time"):
+            if (fields[name] < 0.0).any():
+                raise ValueError(f"{name} must not be negative, got {np.nanmin(fields[name]):g}")
+        if np.isinf(fields["travel_time"]).any():
+            raise ValueError("travel_time must be finite, or NaN where not known: remove closed edges instead")
+        object.__setattr__(self, "positions", positions)
+        for name, value in fields.items():
+            object.__setattr__(self, name, value)
+
+    @property
+    def size(self) -> int:
+        """Number of waypoints N."""
+        return self.positions.shape[-2]
+
+    @classmethod
+    def stack(cls, graphs: Iterable[Self]) -> Self:
+        """Graphs of one size as one graph with a leading axis B, as `plan_missions` takes it."""
+        return jax.tree.map(lambda *leaves: np.stack(leaves), *graphs)
+
+    def leg_times(self, speed: Any) -> Any:
+        """Time of each leg with its task, t_ij = d_ij / |v| + delta_ij (Eq. 13).
+
+        Args:
+            speed: |v| m/s, a scalar or [...] as the leading axes.
+
+        Returns:
+            [..., N, N] s; infinite where there is no edge and on the diagonal. Where `travel_time` is known
+            it takes the place of d_ij / |v|.
+        """
+        xp = np if isinstance(self.positions, np.ndarray) else jnp
+        planes = [self.positions[..., k] for k in range(3)]
+        distance = xp.sqrt(sum((p[..., :, None] - p[..., None, :]) ** 2 for p in planes))
+        travel = xp.where(
+            xp.isnan(self.travel_time), distance / xp.asarray(speed)[..., None, None], self.travel_time
+        )
+        edge = self.adjacency & ~xp.eye(self.size, dtype=bool)
+        return xp.where(edge, travel + self.duration, xp.inf)
+
+    def without_edges(self, used: Iterable[tuple[int, int]], both_ways: bool = True) -> Self:
+        """A copy without the passed edges, the same shapes (section 3.3.2).
+
+        Args:
+            used: pairs (i, j).
+            both_ways: remove (j, i) as well; False for graphs whose two directions are separate tasks.
+        """
+        adjacency = np.array(self.adjacency)
+        for i, j in used:
+            adjacency[..., i, j] = False
+            if both_ways:
+                adjacency[..., j, i] = False
+        return replace(self, adjacency=adjacency)
+
+    def with_travel_time(self, i: int, j: int, seconds: float) -> Self:
+        """A copy in which the edge from i to j takes `seconds`, its task not counted; the same shapes."""
+        travel_time = np.array(self.travel_time)
+        travel_time[..., i, j] = seconds
+        return replace(self, travel_time=travel_time)
+
+
+def random_graph(
+    rng: np.random.Generator,
+    positions: Any,
+    neighbours: int = 7,
+    priority: tuple[int, int] = (1, 5),
+    duration: tuple[float, float] = (30.0, 300.0),
+) -> MissionGraph:
+    """An undirected graph of the nearest neighbours, made connected, with a task on every edge.
+
+    Args:
+        rng: generator, consumed.
+        positions: [N, 3] m.
+        neighbours: each waypoint is linked to so many nearest ones.
+        priority: range of rho, integers drawn uniformly, both ends included.
+        duration: s, range of delta, drawn uniformly.
+
+    Differences from the paper:
+        It gives neither the degree of its graphs nor the ranges of rho and delta; those are chosen here.
+    """
+    positions = np.asarray(positions, float)
+    if positions.ndim != 2 or positions.shape[1] != 3:
+        raise ValueError(f"positions must be [N, 3] m, got shape {positions.shape}")
+    size = len(positions)
+    distance = cdist(positions, positions)
+    np.fill_diagonal(distance, np.inf)
+    adjacency = np.zeros((size, size), bool)
+    nearest = np.argsort(distance, axis=1)[:, : min(neighbours, size - 1)]
+    adjacency[np.arange(size)[:, None], nearest] = True
+    adjacency |= adjacency.T
+    while True:
+        count, label = connected_components(adjacency, directed=False)
+        if count == 1:
+            break
+        first = label == label[0]
+        gap = np.where(first[:, None] & ~first[None, :], distance, np.inf)
+        i, j = np.unravel_index(np.argmin(gap), gap.shape)
+        adjacency[i, j] = adjacency[j, i] = True
+
+    def symmetric(values: np.ndarray) -> np.ndarray:
+        upper = np.triu(values, 1)
+        return np.where(adjacency, upper + upper.T, 0.0)
+
+    rho = rng.integers(*priority, size=(size, size), endpoint=True)
+    delta = rng.uniform(*duration, size=(size, size))
+    return MissionGraph(positions, adjacency, symmetric(rho.astype(float)), symmetric(delta))
+
+
+def shortest_routes(leg_times: jax.Array, goal: Any) -> tuple[jax.Array, jax.Array]:
+    """Shortest time to the goal from each waypoint, and the waypoint to take next.
+
+    Min-plus relaxation until nothing improves. The next waypoint changes only on strict improvement, which
+    keeps the routes free of cycles even where legs take no time.
+
+    Args:
+        leg_times: [N, N] s, infinite off the edges.
+        goal: index, may be traced.
+
+    Returns:
+        ``(time [N] s, next [N] int32)``; infinite, and the waypoint itself, where the goal is out of reach.
+    """
+    leg_times = jnp.asarray(leg_times)
+    size = leg_times.shape[0]
+    index = jnp.arange(size, dtype=jnp.int32)
+    start = jnp.where(index == goal, 0.0, jnp.inf).astype(leg_times.dtype)
+
+    def relax(state: tuple[jax.Array, jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array, jax.Array]:
+        time, following, _ = state
+        through = leg_times + time[None, :]
+        shortest = through.min(axis=1)
+        better = shortest < time
+        step = jnp.argmin(through, axis=1).astype(jnp.int32)
+        return jnp.where(better, shortest, time), jnp.where(better, step, following), better.any()
+
+    time, following, _ = jax.lax.while_loop(lambda state: state[2], relax, (start, index, jnp.array(True)))
+    return time, following
+
+
+def time_to_go(leg_times: jax.Array, goal: Any) -> jax.Array:
+    """Shortest time from each waypoint to the goal, [N] s, infinite where it is out of reach.
+
+    Args:
+        leg_times: [N, N] s, infinite off the edges.
+        goal: index, may be traced.
+    """
+    return shortest_routes(leg_times, goal)[0]

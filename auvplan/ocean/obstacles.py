@@ -1,0 +1,165 @@
+"""Obstacles: fixed, afloat and self-motivated spheres, known with uncertainty (section 2).
+
+The same structure serves as the truth and as what a vehicle believes; the belief carries standard deviations
+and the time of the last look, from which the collision boundary follows.
+"""
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import chex
+import jax
+import jax.numpy as jnp
+from jax.typing import ArrayLike
+
+from auvplan.ocean.currents import Current
+
+#: Standard deviations that a collision boundary allows for (chosen here).
+CONFIDENCE = 3.0
+
+
+@partial(
+    jax.tree_util.register_dataclass,
+    data_fields=(
+        "position",
+        "velocity",
+        "drift",
+        "radius",
+        "position_std",
+        "radius_std",
+        "growth",
+        "growth_max",
+        "observed_at",
+        "active",
+    ),
+    meta_fields=(),
+)
+@dataclass(frozen=True)
+class Obstacles:
+    """M spheres, padded by inactive ones.
+
+    Attributes:
+        position: Theta_p, [M, 3] m, when last observed.
+        velocity: [M, 3] m/s, own velocity through the water.
+        drift: [M], 1 where the current carries the obstacle, 0 where it stands.
+        radius: Theta_r, [M] m.
+        position_std: Theta_Ur, [M] m.
+        radius_std: Theta_Ur, [M] m.
+        growth: [M] m/s, growth of the collision boundary since the last look.
+        growth_max: [M] m, where that growth ends.
+        observed_at: [M] s, time of the last look.
+        active: [M] bool.
+    """
+
+    position: jax.Array
+    velocity: jax.Array
+    drift: jax.Array
+    radius: jax.Array
+    position_std: jax.Array
+    radius_std: jax.Array
+    growth: jax.Array
+    growth_max: jax.Array
+    observed_at: jax.Array
+    active: jax.Array
+
+    @classmethod
+    def create(
+        cls,
+        positions: ArrayLike,
+        radii: ArrayLike,
+        *,
+        velocity: ArrayLike = 0.0,
+        drift: ArrayLike = 0.0,
+        position_std: ArrayLike = 0.0,
+        radius_std: ArrayLike = 0.0,
+        growth: ArrayLike = 0.0,
+        growth_max: ArrayLike = 60.0,
+        observed_at: ArrayLike = 0.0,
+    ) -> "Obstacles":
+        """Any mixture of kinds; scalars are spread over the M obstacles.
+
+        Raises:
+            ValueError: shapes do not fit or a radius is negative.
+        """
+        position = jnp.asarray(positions, float).reshape(-1, 3)
+        count = position.shape[0]
+
+        def spread(value: ArrayLike, name: str) -> jax.Array:
+            array = jnp.asarray(value, float)
+            if array.ndim > 1 or (array.ndim == 1 and array.shape[0] != count):
+                raise ValueError(f"{name} must be a number or [{count}], got shape {array.shape}")
+            return jnp.broadcast_to(array, (count,))
+
+        radius = spread(radii, "radii")
+        if count and not bool(jnp.all(radius >= 0)):
+            raise ValueError("radii must not be negative")
+        return cls(
+            position,
+            jnp.broadcast_to(jnp.asarray(velocity, float), (count, 3)),
+            spread(drift, "drift"),
+            radius,
+            spread(position_std, "position_std"),
+            spread(radius_std, "radius_std"),
+            spread(growth, "growth"),
+            spread(growth_max, "growth_max"),
+            spread(observed_at, "observed_at"),
+            jnp.ones(count, bool),
+        )
+
+    @classmethod
+    def none(cls) -> "Obstacles":
+        """No obstacle at all."""
+        return cls.create(jnp.zeros((0, 3)), jnp.zeros(0))
+
+    @classmethod
+    def static(cls, positions: ArrayLike, radii: ArrayLike, **uncertainty: ArrayLike) -> "Obstacles":
+        """Static-uncertain obstacles: the place is fixed. `uncertainty` as in `create`."""
+        return cls.create(positions, radii, **uncertainty)
+
+    @classmethod
+    def afloat(cls, positions: ArrayLike, radii: ArrayLike, **uncertainty: ArrayLike) -> "Obstacles":
+        """Afloat obstacles: they drift with the local current. `uncertainty` as in `create`."""
+        return cls.create(positions, radii, drift=1.0, **uncertainty)
+
+    @classmethod
+    def self_motivated(
+        cls, positions: ArrayLike, radii: ArrayLike, velocity: ArrayLike, **uncertainty: ArrayLike
+    ) -> "Obstacles":
+        """Self-motivated obstacles: own velocity [M, 3] m/s on top of the local current."""
+        return cls.create(positions, radii, velocity=velocity, drift=1.0, **uncertainty)
+
+    def __add__(self, other: "Obstacles") -> "Obstacles":
+        return jax.tree.map(lambda a, b: jnp.concatenate([a, b]), self, other)
+
+    def __len__(self) -> int:
+        return self.position.shape[0]
+
+    def padded(self, capacity: int) -> "Obstacles":
+        """Filled up with inactive obstacles, so that all worlds share one shape.
+
+        Raises:
+            ValueError: there are more obstacles than `capacity`.
+        """
+        missing = capacity - len(self)
+        if missing < 0:
+            raise ValueError(f"{len(self)} obstacles exceed the capacity of {capacity}")
+        return jax.tree.map(lambda a: jnp.pad(a, [(0, missing)] + [(0, 0)] * (a.ndim - 1)), self)
+
+    def resolved(self, current: Current) -> "Obstacles":
+        """Obstacles whose `velocity` is all of their motion, as their present state foretells it.
+
+        The current at the place and time of the last look is taken to carry them on ("their behaviour in one
+        step forward can be estimated according to their present state", section 4.1).
+        """
+        x, y, z = (self.position[:, axis] for axis in range(3))
+        carried = jnp.stack(current(x, y, z, self.observed_at), axis=1)
+        return replace(
+            self, velocity=self.velocity + self.drift[:, None] * carried, drift=jnp.zeros_like(self.drift)
+        )
+
+    def boundary(self, t: jax.Array) -> jax.Array:
+        """Collision boundary [M] m at time t: radius, uncertainty, and growth since the last look."""
+        chex.assert_rank(self.radius, 1)
+        grown = jnp.minimum(self.growth * jnp.maximum(t - self.observed_at, 0.0), self.growth_max)
+        spread = CONFIDENCE * jnp.sqrt(self.position_std**2 + self.radius_std**2 + 1e-12)
+        return self.radius + spread + grown

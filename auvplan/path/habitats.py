@@ -1,0 +1,107 @@
+"""Bounds and initial populations of the path search, and the transfer of a population to a new start."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from auvplan.ocean.environment import Environment
+from auvplan.path.bspline import basis_at, fit_matrix, greville_abscissae
+from auvplan.path.config import PathConfig
+
+#: Sine modes of the initial detours: the first bends the path once, the second twice, ...
+_MODES = 4
+
+
+def straight_line(start: jax.Array, goal: jax.Array, config: PathConfig) -> jax.Array:
+    """Free control points evenly along the straight line, [3 n] m as x, then y, then z."""
+    share = jnp.asarray(greville_abscissae(config.control_points + 2, config.degree)[1:-1], start.dtype)
+    return (start[:, None] + (goal - start)[:, None] * share).reshape(-1)
+
+
+def bounds(start: jax.Array, goal: jax.Array, env: Environment, config: PathConfig) -> tuple[jax.Array, jax.Array]:
+    """Inclusive bounds of the free control points (beta of section 3.2), [3 n] m each.
+
+    Every control point may leave its place on the straight line by a share of the distance, within the box of
+    the environment; the curve stays in the box because a B-spline lies in the hull of its control points.
+    """
+    distance = jnp.sqrt(((goal - start) ** 2).sum() + 1e-8)
+    half = distance * jnp.asarray([config.width, config.width, config.depth_width], start.dtype)
+    line = straight_line(start, goal, config).reshape(3, -1)
+    low, high = env.lower[:, None], env.upper[:, None]
+    lower = jnp.clip(line - half[:, None], low, high)
+    upper = jnp.clip(line + half[:, None], low, high)
+    return lower.reshape(-1), upper.reshape(-1)
+
+
+def initial(
+    key: jax.Array, count: int, start: jax.Array, goal: jax.Array, lower: jax.Array, upper: jax.Array, config: PathConfig
+) -> jax.Array:
+    """A first population of `count` habitats, [count, 3 n] m, the straight line among them.
+
+    "uniform" draws every control point within its bounds; "smooth" draws detours of a few bends, of all sizes
+    up to the bounds and to both sides.
+    """
+    free = config.control_points
+    line = straight_line(start, goal, config)
+    if config.start_shape == "uniform":
+        population = jax.random.uniform(key, (count, 3 * free), lower.dtype, lower, upper)
+    else:
+        share = greville_abscissae(free + 2, config.degree)[1:-1]
+        modes = np.arange(1, _MODES + 1)
+        shape = np.sin(np.pi * modes[:, None] * share[None]) / modes[:, None]
+        scale = 0.5 * (upper - lower).reshape(3, free)
+        amplitude_key, size_key = jax.random.split(key)
+        amplitude = jax.random.normal(amplitude_key, (count, 3, _MODES), lower.dtype)
+        size = jax.random.uniform(size_key, (count, 1, 1), lower.dtype)
+        offset = size * (amplitude @ jnp.asarray(shape, lower.dtype)) * scale
+        population = line + offset.reshape(count, 3 * free)
+    return jnp.clip(population.at[0].set(line), lower, upper)
+
+
+def transfer(
+    population: jax.Array,
+    start: jax.Array,
+    goal: jax.Array,
+    progress: jax.Array,
+    position: jax.Array,
+    config: PathConfig,
+) -> jax.Array:
+    """Carry a population over to the vehicle's position: the rest of each old path, fitted anew (Fig. 5).
+
+    Each habitat's curve from parameter `progress` on is shifted so that it begins at `position` - the shift
+    fades out towards the goal - and control points are fitted to it by least squares.
+
+    Args:
+        population: [P, 3 n] m, planned from `start`.
+        start, goal: [3] m, ends of the old paths.
+        progress: spline parameter in [0, 1) that the vehicle has reached.
+        position: [3] m, where the vehicle is.
+        config: static settings.
+
+    Returns:
+        [P, 3 n] m, for paths from `position` to `goal`.
+    """
+    free, samples = config.control_points, config.samples
+    dtype = population.dtype
+    ahead = jnp.linspace(0.0, 1.0, samples, dtype=dtype)
+    basis = _basis_traced(progress + (1.0 - progress) * ahead, config)
+    fit = jnp.asarray(fit_matrix(samples, free + 2, config.degree), dtype)
+    planes = population.reshape(-1, 3, free)
+    fitted = []
+    for axis in range(3):
+        curve = planes[:, axis] @ basis[:, 1:-1].T + start[axis] * basis[:, 0] + goal[axis] * basis[:, -1]
+        curve = curve + (position[axis] - curve[:, :1]) * (1.0 - ahead)
+        ends = jnp.broadcast_to(jnp.stack([position[axis], goal[axis]]), (curve.shape[0], 2))
+        fitted.append(jnp.concatenate([curve, ends.astype(dtype)], axis=1) @ fit.T)
+    return jnp.stack(fitted, axis=1).reshape(-1, 3 * free)
+
+
+def _basis_traced(parameter: jax.Array, config: PathConfig) -> jax.Array:
+    """Basis at traced parameters, [S, n], from a fine table by linear interpolation."""
+    fine = 1024
+    table = jnp.asarray(basis_at(np.linspace(0.0, 1.0, fine + 1), config.control_points + 2, config.degree))
+    table = table.astype(parameter.dtype)
+    place = jnp.clip(parameter, 0.0, 1.0) * fine
+    left = jnp.clip(place.astype(jnp.int32), 0, fine - 1)
+    part = (place - left)[:, None]
+    return (1.0 - part) * table[left] + part * table[left + 1]

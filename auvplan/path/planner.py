@@ -1,0 +1,231 @@
+"""Two points to a timed, checked trajectory: one compiled search for B legs at once (section 3.2)."""
+
+from functools import partial
+
+import chex
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+
+from auvplan.bbo import History, Result, search
+from auvplan.bbo.refine import refine
+from auvplan.ocean.chart import Chart
+from auvplan.ocean.currents import Current
+from auvplan.ocean.environment import Environment
+from auvplan.ocean.obstacles import Obstacles
+from auvplan.path import habitats
+from auvplan.path.config import PathConfig
+from auvplan.path.cost import curves, fly, score, violations
+from auvplan.path.plan import PathPlan, PathPlans
+from auvplan.vehicle import Vehicle
+
+
+def plan_path(
+    start: ArrayLike,
+    goal: ArrayLike,
+    env: Environment,
+    vehicle: Vehicle | None = None,
+    *,
+    key: jax.Array,
+    config: PathConfig | None = None,
+    depart: float = 0.0,
+    population: ArrayLike | None = None,
+) -> PathPlan:
+    """Plan the fastest safe path from start to goal.
+
+    Args:
+        start: [3] m, north, east, depth.
+        goal: [3] m.
+        env: current, chart, obstacles and box.
+        vehicle: speed and limits; defaults to `Vehicle()`.
+        key: PRNG key, consumed; the same key gives the same plan.
+        config: settings; defaults to `PathConfig()`.
+        depart: s since the epoch.
+        population: [P, 3 n] m, habitats to start from, as in `PathPlan.population`.
+
+    Returns:
+        The best path found, feasible or not: see `PathPlan.feasible`, `.status` and `.reason`.
+
+    Raises:
+        ValueError: start or goal lies on land, outside the chart or outside the box, or they coincide.
+
+    Example:
+        >>> import jax, auvplan as ap
+        >>> env = ap.Environment(lambda x, y, z, t: (0.0, 0.5, 0.0), lower=(-500, -500, 0), upper=(2500, 1500, 0))
+        >>> plan = ap.plan_path((0, 0, 0), (2000, 0, 0), env, key=jax.random.key(0))
+        >>> plan.feasible, round(plan.travel_time)
+        (True, 816)
+    """
+    given = None if population is None else jnp.asarray(population)[None]
+    return plan_paths(
+        np.asarray(start, float)[None],
+        np.asarray(goal, float)[None],
+        env,
+        vehicle,
+        key=key,
+        config=config,
+        depart=depart,
+        population=given,
+    )[0]
+
+
+def plan_paths(
+    starts: ArrayLike,
+    goals: ArrayLike,
+    env: Environment,
+    vehicle: Vehicle | None = None,
+    *,
+    key: jax.Array,
+    config: PathConfig | None = None,
+    depart: ArrayLike = 0.0,
+    population: ArrayLike | None = None,
+    world_per_leg: bool = False,
+) -> PathPlans:
+    """Plan B legs in one compiled call.
+
+    Args:
+        starts: [B, 3] m, north, east, depth.
+        goals: [B, 3] m.
+        env: the world of all legs; with `world_per_leg` its current and obstacles carry a leading axis B.
+        vehicle: speed and limits; defaults to `Vehicle()`.
+        key: one PRNG key, split over the legs, or B keys; leg b's plan depends on its own key alone.
+        config: settings; defaults to `PathConfig()`.
+        depart: s since the epoch, one or [B].
+        population: [B, P, 3 n] m, habitats to start from.
+        world_per_leg: whether current and obstacles differ by leg.
+
+    Raises:
+        ValueError: as `plan_path`, naming the leg.
+    """
+    config = config or PathConfig()
+    start, goal = jnp.asarray(starts, float), jnp.asarray(goals, float)
+    if start.ndim != 2 or start.shape[1] != 3 or start.shape != goal.shape:
+        raise ValueError(f"starts and goals must be [B, 3], got shapes {start.shape} and {goal.shape}")
+    check_ends(start, goal, env)
+    legs = start.shape[0]
+    keys = jax.random.split(key, legs) if key.ndim == 0 else key
+    if population is not None:
+        chex.assert_shape(population, (legs, config.bbo.population, 3 * config.control_points))
+        population = jnp.asarray(population, float)
+    departs = jnp.broadcast_to(jnp.asarray(depart, float), (legs,))
+    return assemble(_plan(keys, start, goal, departs, env, vehicle or Vehicle(), population, config, world_per_leg))
+
+
+def check_ends(starts: ArrayLike, goals: ArrayLike, env: Environment) -> None:
+    """Refuse legs that no path can join.
+
+    Raises:
+        ValueError: an end lies on land, outside the chart or outside the box, or both ends coincide.
+    """
+    start, goal = np.asarray(starts), np.asarray(goals)
+    lower, upper = np.asarray(env.lower), np.asarray(env.upper)
+    for b in range(len(start)):
+        for name, point in (("start", start[b]), ("goal", goal[b])):
+            place = "({:.0f}, {:.0f}, {:.0f}) m".format(*point)
+            if not np.isfinite(point).all():
+                raise ValueError(f"{name} of leg {b} is not finite")
+            if (point < lower - 1e-3).any() or (point > upper + 1e-3).any():
+                raise ValueError(f"{name} of leg {b} at {place} lies outside the environment's bounds")
+            if env.chart is not None and not bool(env.chart.contains(point[0], point[1])):
+                raise ValueError(f"{name} of leg {b} at {place} lies outside the chart")
+            if env.chart is not None and not bool(env.chart.is_water(point[0], point[1])):
+                raise ValueError(f"{name} of leg {b} at {place} lies on land")
+        if np.linalg.norm(goal[b] - start[b]) < 1e-3:
+            raise ValueError(f"start and goal of leg {b} coincide")
+
+
+@partial(jax.jit, static_argnames=("config", "world_per_leg"))
+def _plan(
+    keys: jax.Array,
+    starts: jax.Array,
+    goals: jax.Array,
+    departs: jax.Array,
+    env: Environment,
+    vehicle: Vehicle,
+    population: jax.Array | None,
+    config: PathConfig,
+    world_per_leg: bool,
+) -> dict[str, jax.Array | History]:
+    def one(
+        key: jax.Array,
+        start: jax.Array,
+        goal: jax.Array,
+        depart: jax.Array,
+        current: Current,
+        obstacles: Obstacles,
+        population: jax.Array | None,
+        chart: Chart | None,
+    ) -> dict[str, jax.Array | History]:
+        world = Environment(current, chart, obstacles.resolved(current), env.lower, env.upper)
+        return search_leg(key, start, goal, depart, world, vehicle, population, config)
+
+    world = 0 if world_per_leg else None
+    return jax.vmap(one, in_axes=(0, 0, 0, 0, world, world, None if population is None else 0, None))(
+        keys, starts, goals, departs, env.current, env.obstacles, population, env.chart
+    )
+
+
+def search_leg(
+    key: jax.Array,
+    start: jax.Array,
+    goal: jax.Array,
+    depart: jax.Array,
+    env: Environment,
+    vehicle: Vehicle,
+    population: jax.Array | None,
+    config: PathConfig,
+) -> dict[str, jax.Array | History]:
+    """One leg's search, traceable: the fields of a `PathPlan` by name. Obstacles must be resolved."""
+    lower, upper = habitats.bounds(start, goal, env, config)
+    first_key, run_key = jax.random.split(key)
+    if population is None:
+        population = habitats.initial(first_key, config.bbo.population, start, goal, lower, upper, config)
+    population = jnp.clip(population, lower, upper)
+    problem = (start, goal, depart, env, vehicle)
+    cost = partial(score, config=config)
+    result = search.run(run_key, cost, population, lower, upper, config.bbo, problem)
+    if config.refine_steps:
+        result = _polished(result, cost, lower, upper, problem, config)
+
+    best = result.state.population[:1]
+    flight = fly(*curves(best, start, goal, config), depart, env, vehicle, config)
+    inner = best.reshape(3, -1).T
+    return {
+        "travel_time": flight.travel_time[0],
+        "length": flight.length[0],
+        "positions": jnp.stack([flight.x[0], flight.y[0], flight.z[0]], axis=1),
+        "times": flight.times[0],
+        "control_points": jnp.concatenate([start[None], inner, goal[None]]),
+        "violations": violations(flight)[:, 0],
+        "clearance": flight.clearance[0].min(),
+        "cost": result.state.cost[0],
+        "population": result.state.population,
+        "history": result.history,
+        "excess": flight.excess[:, 0],
+    }
+
+
+def _polished(
+    result: Result, cost: search.CostFunction, lower: jax.Array, upper: jax.Array, problem: tuple, config: PathConfig
+) -> Result:
+    """Polish the elite and a spread of the ranking by gradients, and rank the outcome into the population."""
+    state = result.state
+    count = min(config.refine_count, config.bbo.population)
+    chosen = np.unique(np.linspace(0, config.bbo.population // 2, count).astype(int))
+    better = refine(cost, state.population[chosen], lower, upper, config.refine_steps, problem)
+    merged = (
+        state.population.at[chosen].set(better[0]),
+        state.cost.at[chosen].set(better[1]),
+        state.violation.at[chosen].set(better[2]),
+    )
+    state = search.init(*merged)
+    last = search.statistics(state)
+    history = jax.tree.map(lambda a, b: jnp.concatenate([a, b[None]]), result.history, last)
+    return Result(state.population[0], state.cost[0], state.violation[0], state, history)
+
+
+def assemble(fields: dict) -> PathPlans:
+    """Plans on the host: everything but the population, which stays on the device for the next call."""
+    host = jax.device_get({k: v for k, v in fields.items() if k != "population"})
+    return PathPlans(population=fields["population"], **host)

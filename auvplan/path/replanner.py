@@ -1,0 +1,156 @@
+"""Reactive re-planning from the vehicle's position with the kept population (section 3.2.2, Fig. 5).
+
+State in, plan out: nothing here needs the simulator, so a vehicle's software calls it as it stands.
+"""
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+
+from auvplan.bbo import History
+from auvplan.ocean.chart import Chart
+from auvplan.ocean.currents import Current
+from auvplan.ocean.environment import Environment
+from auvplan.ocean.obstacles import Obstacles
+from auvplan.path import habitats
+from auvplan.path.config import PathConfig
+from auvplan.path.plan import PathPlan, PathPlans
+from auvplan.path.planner import assemble, check_ends, search_leg
+from auvplan.vehicle import Vehicle
+
+
+def replan_path(
+    plan: PathPlan,
+    position: ArrayLike,
+    now: float,
+    env: Environment,
+    vehicle: Vehicle | None = None,
+    *,
+    key: jax.Array,
+    config: PathConfig | None = None,
+) -> PathPlan:
+    """Refine a path from where the vehicle is, on what it knows of the sea now.
+
+    Args:
+        plan: the plan being followed; its population is kept.
+        position: [3] m, where the vehicle is.
+        now: s since the epoch.
+        env: the updated world.
+        vehicle: speed and limits.
+        key: PRNG key, consumed.
+        config: settings; the search runs for `config.window_iterations`.
+
+    Returns:
+        A plan from `position` to the old goal, departing now.
+
+    Raises:
+        ValueError: the position lies on land or outside, or at the goal.
+    """
+    plans = PathPlans(
+        *(np.asarray(value)[None] for value in (plan.travel_time, plan.length, plan.positions, plan.times)),
+        *(np.asarray(value)[None] for value in (plan.control_points, plan.violations, plan.clearance, plan.cost)),
+        plan.population[None],
+        jax.tree.map(lambda a: a[None], plan.history),
+        plan.excess[None],
+    )
+    return replan_paths(plans, np.asarray(position, float)[None], [now], env, vehicle, key=key, config=config)[0]
+
+
+def replan_paths(
+    plans: PathPlans,
+    positions: ArrayLike,
+    now: ArrayLike,
+    env: Environment,
+    vehicle: Vehicle | None = None,
+    *,
+    key: jax.Array,
+    config: PathConfig | None = None,
+    world_per_leg: bool = False,
+) -> PathPlans:
+    """Re-plan B legs in one compiled call; arguments as `replan_path` and `plan_paths`.
+
+    Args:
+        plans: B plans being followed.
+        positions: [B, 3] m.
+        now: [B] s since the epoch.
+        env: the updated world; with `world_per_leg` current and obstacles carry a leading axis B.
+        vehicle: speed and limits.
+        key: one PRNG key, or B keys.
+        config: settings.
+        world_per_leg: whether current and obstacles differ by leg.
+    """
+    config = config or PathConfig()
+    position = jnp.asarray(positions, float)
+    goals = jnp.asarray(plans.control_points[:, -1], float)
+    check_ends(position, goals, env)
+    keys = jax.random.split(key, len(plans)) if key.ndim == 0 else key
+    fields = _replan(
+        keys,
+        plans.population,
+        jnp.asarray(plans.control_points[:, 0], float),
+        goals,
+        jnp.asarray(progress(plans, np.asarray(now, float)), float),
+        position,
+        jnp.asarray(now, float),
+        env,
+        vehicle or Vehicle(),
+        config,
+        world_per_leg,
+    )
+    return assemble(fields)
+
+
+def progress(plans: PathPlans, now: np.ndarray) -> np.ndarray:
+    """Spline parameter in [0, 1) that each plan reaches at time `now` [B] s, [B]."""
+    samples = plans.times.shape[1]
+    share = np.linspace(0.0, 1.0, samples)
+    reached = [np.interp(t, times, share) for t, times in zip(now, plans.times, strict=True)]
+    return np.minimum(np.asarray(reached), 0.999)
+
+
+@partial(jax.jit, static_argnames=("config", "world_per_leg"))
+def _replan(
+    keys: jax.Array,
+    populations: jax.Array,
+    starts: jax.Array,
+    goals: jax.Array,
+    reached: jax.Array,
+    positions: jax.Array,
+    now: jax.Array,
+    env: Environment,
+    vehicle: Vehicle,
+    config: PathConfig,
+    world_per_leg: bool,
+) -> dict[str, jax.Array | History]:
+    window = config.replace(bbo=config.bbo.replace(iterations=config.window_iterations))
+    fresh = round(config.fresh_share * config.bbo.population)
+
+    def one(
+        key: jax.Array,
+        population: jax.Array,
+        start: jax.Array,
+        goal: jax.Array,
+        reached: jax.Array,
+        position: jax.Array,
+        now: jax.Array,
+        current: Current,
+        obstacles: Obstacles,
+        chart: Chart | None,
+    ) -> dict[str, jax.Array | History]:
+        world = Environment(current, chart, obstacles.resolved(current), env.lower, env.upper)
+        fresh_key, search_key = jax.random.split(key)
+        kept = habitats.transfer(population, start, goal, reached, position, config)
+        if fresh:
+            # The worst of the kept ones make room for new detours: an obstacle may have closed the passage.
+            lower, upper = habitats.bounds(position, goal, world, config)
+            new = habitats.initial(fresh_key, fresh, position, goal, lower, upper, config)
+            kept = jnp.concatenate([kept[: kept.shape[0] - fresh], new])
+        return search_leg(search_key, position, goal, now, world, vehicle, kept, window)
+
+    world = 0 if world_per_leg else None
+    return jax.vmap(one, in_axes=(0,) * 7 + (world, world, None))(
+        keys, populations, starts, goals, reached, positions, now, env.current, env.obstacles, env.chart
+    )

@@ -1,0 +1,208 @@
+"""What a sailed mission leaves behind: plain data on the host, for files, figures and statistics."""
+
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvplan.mission.graph import MissionGraph
+from auvplan.ocean.chart import Chart
+from auvplan.ocean.currents import LambVortices
+from auvplan.vehicle import Vehicle
+
+Array = NDArray[np.floating]
+
+
+@dataclass
+class PlanRecord:
+    """One path plan as it was made.
+
+    Attributes:
+        made_at: s since the epoch.
+        positions: [S, 3] m.
+        times: [S] s.
+        feasible: whether the belief saw every limit kept.
+        cause: "leg", "window" or "hazard".
+        cpu: s of wall-clock time.
+        history: by iteration, [I + 1] each: best, mean, std, violation_best, violation_mean, violation_std.
+        vortices: the truth's current when the plan was made, for pictures.
+    """
+
+    made_at: float
+    positions: Array
+    times: Array
+    feasible: bool
+    cause: str
+    cpu: float
+    history: dict[str, Array]
+    vortices: LambVortices
+
+
+@dataclass
+class LegRecord:
+    """One sailed leg between two waypoints.
+
+    Attributes:
+        start: index of the waypoint left.
+        goal: index of the waypoint reached.
+        t_expected: t_ij of Eq. 13, s, the task included.
+        t_task: delta_ij, s.
+        priority: rho_ij of the task; zero where the edge has none.
+        plans: the first plan and every re-plan.
+        times: [n] s since the epoch; the last is the arrival.
+        positions: [n, 3] m, sailed.
+        obstacle_positions: [n, M, 3] m, the truth.
+        obstacle_radii: [M] m, the truth.
+        obstacle_kinds: [M] names: "static", "afloat" or "self-motivated".
+        arrived: whether the goal was reached.
+    """
+
+    start: int
+    goal: int
+    t_expected: float
+    t_task: float
+    priority: float
+    plans: list[PlanRecord] = field(default_factory=list)
+    times: Array = field(default_factory=lambda: np.zeros(0))
+    positions: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    obstacle_positions: Array = field(default_factory=lambda: np.zeros((0, 0, 3)))
+    obstacle_radii: Array = field(default_factory=lambda: np.zeros(0))
+    obstacle_kinds: list[str] = field(default_factory=list)
+    arrived: bool = False
+
+    @property
+    def t_path(self) -> float:
+        """Travel time sailed, s."""
+        return float(self.times[-1] - self.times[0]) if len(self.times) else 0.0
+
+    @property
+    def cpu(self) -> float:
+        """Wall-clock seconds of all path planning calls of the leg."""
+        return sum(plan.cpu for plan in self.plans)
+
+
+@dataclass
+class OrderRecord:
+    """One order of tasks as the mission planner made it.
+
+    Attributes:
+        made_at: s since the epoch.
+        nodes: waypoints from the present one to the destination.
+        time: s, expected.
+        priority: total of its tasks.
+        cpu: s of wall-clock time.
+        cause: "start", "late" (a leg took longer than expected), "early", or "refused" (a leg could not be
+            sailed in time).
+    """
+
+    made_at: float
+    nodes: list[int]
+    time: float
+    priority: float
+    cpu: float
+    cause: str
+
+
+@dataclass
+class MissionRun:
+    """A mission from start to end.
+
+    Attributes:
+        scenario: the scenario's settings as plain data.
+        seed: that the world and the planners were made from.
+        vehicle: speed and limits.
+        graph: waypoints and tasks, as they were at the start.
+        chart: coast, or None.
+        start, goal: waypoint indices.
+        t_available: s.
+        orders: the first order of tasks and every re-plan.
+        legs: as sailed.
+        t_mission: s, travel and tasks (and planning time where it is charged).
+        arrived: whether the destination was reached.
+        reason: one line on how the mission ended.
+        charged_compute: s of planning time charged to the mission clock; zero unless asked for (Eq. 16).
+    """
+
+    scenario: dict[str, Any]
+    seed: int
+    vehicle: Vehicle
+    graph: MissionGraph
+    chart: Chart | None
+    start: int
+    goal: int
+    t_available: float
+    orders: list[OrderRecord] = field(default_factory=list)
+    legs: list[LegRecord] = field(default_factory=list)
+    t_mission: float = 0.0
+    arrived: bool = False
+    reason: str = ""
+    charged_compute: float = 0.0
+
+    @property
+    def t_residual(self) -> float:
+        """Time left at the end, s."""
+        return self.t_available - self.t_mission
+
+    @property
+    def success(self) -> bool:
+        """Whether the destination was reached with time left."""
+        return self.arrived and self.t_residual > 0.0
+
+    @property
+    def done(self) -> list[LegRecord]:
+        """Legs whose goal was reached."""
+        return [leg for leg in self.legs if leg.arrived]
+
+    @property
+    def collisions(self) -> int:
+        """Sailed samples inside a true obstacle or on land, by the simulator's own count."""
+        return sum(self._hits(leg) for leg in self.legs)
+
+    def _hits(self, leg: LegRecord) -> int:
+        if not len(leg.times):
+            return 0
+        offset = leg.obstacle_positions - leg.positions[:, None]
+        hit = (np.linalg.norm(offset, axis=2) < leg.obstacle_radii).any(axis=1)
+        if self.chart is not None:
+            hit |= ~np.asarray(self.chart.is_water(leg.positions[:, 0], leg.positions[:, 1]))
+        return int(hit.sum())
+
+    def summary(self) -> dict[str, Any]:
+        """The figures of the mission, ready for JSON."""
+        return {
+            "t_available": self.t_available,
+            "t_mission": self.t_mission,
+            "t_residual": self.t_residual,
+            "success": self.success,
+            "reason": self.reason,
+            "tasks": sum(leg.priority > 0 for leg in self.done),
+            "total_priority": sum(leg.priority for leg in self.done),
+            "path_calls": len(self.legs),
+            "path_replans": sum(len(leg.plans) - 1 for leg in self.legs if leg.plans),
+            "mission_replans": max(len(self.orders) - 1, 0),
+            "legs": [
+                {
+                    "from": leg.start,
+                    "to": leg.goal,
+                    "t_expected": leg.t_expected,
+                    "t_path": leg.t_path,
+                    "t_task": leg.t_task,
+                    "priority": leg.priority,
+                    "path_replans": max(len(leg.plans) - 1, 0),
+                    "arrived": leg.arrived,
+                    "cpu_s": leg.cpu,
+                }
+                for leg in self.legs
+            ],
+            "cpu": {
+                "path_s": sum(leg.cpu for leg in self.legs),
+                "mission_s": sum(order.cpu for order in self.orders),
+                "charged_s": self.charged_compute,
+            },
+            "collisions": self.collisions,
+            "scenario": self.scenario.get("name", ""),
+            "seed": self.seed,
+            "version": version("auvplan"),
+        }
