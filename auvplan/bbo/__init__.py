@@ -3,4 +3,15 @@
 from auvplan.bbo.config import BBOConfig
 from auvplan.bbo.search import CostFunction, History, Result, State, ask, init, minimize, run, tell
 
-__all__ = ["BBOConfig", "CostFunction", "History", "Result", "State", "ask", "init", "minimize", "run", "tell"]
+__all__ = [
+    "BBOConfig",
+    "CostFunction",
+    "History",
+    "Result",
+    "State",
+    "ask",
+    "init",
+    "minimize",
+    "run",
+    "tell",
+]

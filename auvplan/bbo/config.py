@@ -8,6 +8,14 @@ from numpy.typing import NDArray
 
 from auvplan.bbo import rates
 
+_CHOICES = {
+    "migration": ("siv", "fig6"),
+    "rates": ("linear", "constant"),
+    "mutation_law": ("species", "constant"),
+    "mutation": ("uniform", "gaussian"),
+    "replacement": ("generational", "greedy"),
+}
+
 
 @dataclass(frozen=True)
 class BBOConfig:
@@ -54,6 +62,13 @@ class BBOConfig:
             raise ValueError(f"iterations must not be negative, got {self.iterations}")
         if not 0 <= self.elites < self.population:
             raise ValueError(f"elites must be in [0, population), got {self.elites}")
+        for name, choices in _CHOICES.items():
+            if getattr(self, name) not in choices:
+                raise ValueError(f"{name} must be one of {choices}, got {getattr(self, name)!r}")
+        if self.mutation_genes is not None and not self.mutation_genes >= 0.0:
+            raise ValueError(f"mutation_genes must not be negative, got {self.mutation_genes}")
+        if not self.mutation_step >= 0.0:
+            raise ValueError(f"mutation_step must not be negative, got {self.mutation_step}")
         for name in ("immigration", "emigration", "mutation_max"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise ValueError(f"{name} must be in [0, 1], got {getattr(self, name)}")

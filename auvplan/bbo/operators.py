@@ -79,7 +79,9 @@ def migrate_per_siv(
 
 def migrate_fig6(
     population: jax.Array,
-    key: jax.Array,
+    immigrate: jax.Array,
+    emigrate: jax.Array,
+    siv: jax.Array,
     immigration: NDArray[np.float64],
     emigration: NDArray[np.float64],
 ) -> jax.Array:
@@ -87,31 +89,40 @@ def migrate_fig6(
 
     Habitat i immigrates with probability lambda_i; then every habitat j in turn, with probability mu_j,
     overwrites one randomly chosen SIV of habitat i by its own. Where several j hit one SIV the last, that is
-    the worst ranked, wins.
+    the worst ranked, wins; j = i changes nothing.
 
     Args:
         population: [P, D], ranked best first.
-        key: PRNG key, consumed.
+        immigrate: [P] uniforms that decide whether habitat i immigrates.
+        emigrate: [P, P] uniforms that decide whether habitat j (column) emigrates to i (row).
+        siv: [P, P] integers below D, the SIV that j overwrites in i.
         immigration: lambda, [P].
         emigration: mu, [P].
 
     Returns:
         [P, D] candidates.
+
+    Differences from the paper:
+        Donors are the ranked population before migration, so that all habitats migrate at once.
     """
     size, dim = population.shape
-    immigrate_key, emigrate_key, siv_key = jax.random.split(key, 3)
-    immigrates = jax.random.uniform(immigrate_key, (size,)) < jnp.asarray(immigration, jnp.float32)
-    emigrates = jax.random.uniform(emigrate_key, (size, size)) < jnp.asarray(emigration, jnp.float32)
-    siv = jax.random.randint(siv_key, (size, size), 0, dim)
-    rank = jnp.broadcast_to(jnp.arange(size), (size, size))
-    sender = jnp.where(emigrates & immigrates[:, None], rank, -1)
-    last = jnp.full((size, dim), -1).at[jnp.arange(size)[:, None], siv].max(sender)
+    immigrates = immigrate < jnp.asarray(immigration, immigrate.dtype)
+    emigrates = emigrate < jnp.asarray(emigration, emigrate.dtype)
+    rank = jnp.arange(size)
+    sends = emigrates & immigrates[:, None] & (rank != rank[:, None])
+    sender = jnp.where(sends, rank, -1)
+    last = jnp.full((size, dim), -1).at[rank[:, None], siv].max(sender)
     incoming = jnp.take_along_axis(population, jnp.maximum(last, 0), axis=0)
     return jnp.where(last >= 0, incoming, population)
 
 
 def mutate_uniform(
-    candidates: jax.Array, decide: jax.Array, value: jax.Array, rate: jax.Array, lower: jax.Array, upper: jax.Array
+    candidates: jax.Array,
+    decide: jax.Array,
+    value: jax.Array,
+    rate: jax.Array,
+    lower: jax.Array,
+    upper: jax.Array,
 ) -> jax.Array:
     """Replace SIVs by fresh uniform draws within bounds, each with its habitat's probability.
 

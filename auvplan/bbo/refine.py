@@ -59,4 +59,7 @@ def refine(
 
 def _keep_better(best: tuple[jax.Array, ...], new: tuple[jax.Array, ...]) -> tuple[jax.Array, ...]:
     better = new[1] < best[1]
-    return (jnp.where(better[:, None], new[0], best[0]), *(jnp.where(better, b, a) for a, b in zip(best[1:], new[1:], strict=True)))
+    return (
+        jnp.where(better[:, None], new[0], best[0]),
+        *(jnp.where(better, b, a) for a, b in zip(best[1:], new[1:], strict=True)),
+    )

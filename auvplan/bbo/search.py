@@ -60,7 +60,11 @@ class History:
     violation_std: jax.Array
 
 
-@partial(jax.tree_util.register_dataclass, data_fields=("x", "cost", "violation", "state", "history"), meta_fields=())
+@partial(
+    jax.tree_util.register_dataclass,
+    data_fields=("x", "cost", "violation", "state", "history"),
+    meta_fields=(),
+)
 @dataclass(frozen=True)
 class Result:
     """What `minimize` found.
@@ -97,8 +101,9 @@ def uniform_population(key: jax.Array, size: int, lower: jax.Array, upper: jax.A
 
 
 def init(population: jax.Array, cost: jax.Array, violation: jax.Array) -> State:
-    """Rank a scored population into a state."""
-    order = jnp.argsort(jnp.where(jnp.isnan(cost), jnp.inf, cost))
+    """Rank a scored population into a state; a cost that is not finite becomes infinite and ranks last."""
+    cost = jnp.where(jnp.isfinite(cost), cost, jnp.inf)
+    order = jnp.argsort(cost)
     return State(population[order], cost[order], violation[order])
 
 
@@ -118,16 +123,22 @@ def ask(key: jax.Array, state: State, lower: jax.Array, upper: jax.Array, config
     population = state.population
     size, dim = population.shape
     immigration, emigration = config.migration_rates()
-    draw_key, extra_key = jax.random.split(key)
+    if config.mutation == "gaussian" and jnp.issubdtype(population.dtype, jnp.integer):
+        raise ValueError('mutation="gaussian" needs real SIVs: use "uniform" for integers')
+    draw_key, normal_key, fig6_key = jax.random.split(key, 3)
     immigrate, donor, decide, value = jax.random.uniform(draw_key, (4, size, dim))
     if config.migration == "fig6":
-        candidates = operators.migrate_fig6(population, extra_key, immigration, emigration)
+        who_key, from_key, siv_key = jax.random.split(fig6_key, 3)
+        who = jax.random.uniform(who_key, (size,))
+        sends = jax.random.uniform(from_key, (size, size))
+        siv = jax.random.randint(siv_key, (size, size), 0, dim)
+        candidates = operators.migrate_fig6(population, who, sends, siv, immigration, emigration)
     else:
         candidates = operators.migrate_per_siv(population, immigrate, donor, immigration, emigration)
 
     rate = jnp.asarray(config.mutation_rate(dim), decide.dtype)
     if config.mutation == "gaussian":
-        normal = jax.random.normal(jax.random.fold_in(extra_key, 1), (size, dim))
+        normal = jax.random.normal(normal_key, (size, dim))
         step = config.mutation_step * (upper - lower)
         candidates = operators.mutate_gaussian(candidates, decide, normal, rate, step)
     else:
@@ -135,17 +146,19 @@ def ask(key: jax.Array, state: State, lower: jax.Array, upper: jax.Array, config
     return jnp.clip(candidates, lower, upper)
 
 
-def tell(state: State, candidates: jax.Array, cost: jax.Array, violation: jax.Array, config: BBOConfig) -> State:
+def tell(
+    state: State, candidates: jax.Array, cost: jax.Array, violation: jax.Array, config: BBOConfig
+) -> State:
     """Take scored candidates into the population.
 
     Args:
         state: the ranked population that `candidates` were made from.
         candidates: [P, D].
-        cost: [P]; not a number ranks last.
+        cost: [P]; not finite ranks last.
         violation: [P].
         config: static settings.
     """
-    cost = jnp.where(jnp.isnan(cost), jnp.inf, cost)
+    cost = jnp.where(jnp.isfinite(cost), cost, jnp.inf)
     if config.replacement == "greedy":
         better = cost < state.cost
         merged = (

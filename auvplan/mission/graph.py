@@ -58,7 +58,9 @@ class MissionGraph:
         }
         for name, value in fields.items():
             if value.shape != square:
-                raise ValueError(f"{name} must be [N, N] = {square} as positions has it, got shape {value.shape}")
+                raise ValueError(
+                    f"{name} must be [N, N] = {square} as positions has it, got shape {value.shape}"
+                )
         fields["adjacency"] = fields["adjacency"].astype(bool)
         if not np.isfinite(positions).all():
             raise ValueError("positions must be finite, got NaN or infinity")
@@ -69,7 +71,9 @@ class MissionGraph:
             if (fields[name] < 0.0).any():
                 raise ValueError(f"{name} must not be negative, got {np.nanmin(fields[name]):g}")
         if np.isinf(fields["travel_time"]).any():
-            raise ValueError("travel_time must be finite, or NaN where not known: remove closed edges instead")
+            raise ValueError(
+                "travel_time must be finite, or NaN where not known: remove closed edges instead"
+            )
         object.__setattr__(self, "positions", positions)
         for name, value in fields.items():
             object.__setattr__(self, name, value)
@@ -130,6 +134,7 @@ def random_graph(
     neighbours: int = 7,
     priority: tuple[int, int] = (1, 5),
     duration: tuple[float, float] = (30.0, 300.0),
+    sailable: Any = None,
 ) -> MissionGraph:
     """An undirected graph of the nearest neighbours, made connected, with a task on every edge.
 
@@ -139,6 +144,10 @@ def random_graph(
         neighbours: each waypoint is linked to so many nearest ones.
         priority: range of rho, integers drawn uniformly, both ends included.
         duration: s, range of delta, drawn uniformly.
+        sailable: [N, N] bool, symmetric; edges are drawn only where it is True. None allows every edge.
+
+    Raises:
+        ValueError: the sailable edges do not connect the waypoints.
 
     Differences from the paper:
         It gives neither the degree of its graphs nor the ranges of rho and delta; those are chosen here.
@@ -149,9 +158,12 @@ def random_graph(
     size = len(positions)
     distance = cdist(positions, positions)
     np.fill_diagonal(distance, np.inf)
+    if sailable is not None:
+        distance[~np.asarray(sailable, bool)] = np.inf
     adjacency = np.zeros((size, size), bool)
     nearest = np.argsort(distance, axis=1)[:, : min(neighbours, size - 1)]
     adjacency[np.arange(size)[:, None], nearest] = True
+    adjacency &= np.isfinite(distance)
     adjacency |= adjacency.T
     while True:
         count, label = connected_components(adjacency, directed=False)
@@ -160,6 +172,8 @@ def random_graph(
         first = label == label[0]
         gap = np.where(first[:, None] & ~first[None, :], distance, np.inf)
         i, j = np.unravel_index(np.argmin(gap), gap.shape)
+        if not np.isfinite(gap[i, j]):
+            raise ValueError("the sailable edges do not connect the waypoints")
         adjacency[i, j] = adjacency[j, i] = True
 
     def symmetric(values: np.ndarray) -> np.ndarray:

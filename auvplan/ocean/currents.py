@@ -6,7 +6,7 @@ which spares planners the arrival-time sweeps.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Protocol, runtime_checkable
 
@@ -86,7 +86,7 @@ def is_steady(current: Current) -> bool:
 
 @partial(
     jax.tree_util.register_dataclass,
-    data_fields=("centers", "strength", "radius", "depths", "vertical_scale"),
+    data_fields=("centers", "strength", "radius", "depths", "vertical_scale", "uniform"),
     meta_fields=(),
 )
 @dataclass(frozen=True)
@@ -107,6 +107,7 @@ class LambVortices:
         radius: l, [L, K] m, positive.
         depths: [L] m, rising.
         vertical_scale: gamma, m; scales the vertical component.
+        uniform: [3] m/s north, east, down, added everywhere.
 
     Differences from the paper:
         As printed, the exponential is not multiplied by (y - y0) and the field is singular at the centre; the
@@ -118,12 +119,13 @@ class LambVortices:
     radius: jax.Array
     depths: jax.Array | None = None
     vertical_scale: ArrayLike = 0.0
+    uniform: ArrayLike = (0.0, 0.0, 0.0)  # type: ignore[assignment]
     steady = True
 
     def __post_init__(self) -> None:
         # JAX rebuilds pytrees with placeholders in place of arrays: only real arrays are completed.
         if isinstance(self.centers, (np.ndarray, list, tuple)) or (
-            isinstance(self.centers, jax.Array) and self.depths is None
+            isinstance(self.centers, jax.Array) and (self.depths is None or isinstance(self.uniform, tuple))
         ):
             object.__setattr__(self, "centers", jnp.asarray(self.centers, float))
             object.__setattr__(self, "strength", jnp.asarray(self.strength, float))
@@ -131,6 +133,7 @@ class LambVortices:
             layers = self.centers.shape[0]
             depths = jnp.arange(layers, dtype=float) if self.depths is None else jnp.asarray(self.depths, float)
             object.__setattr__(self, "depths", depths)
+            object.__setattr__(self, "uniform", jnp.asarray(self.uniform, float))
             chex.assert_rank([self.centers, self.strength, self.radius], [3, 2, 2])
             chex.assert_shape([self.strength, self.radius], self.centers.shape[:2])
             chex.assert_shape(self.centers, (*self.strength.shape, 2))
@@ -138,7 +141,8 @@ class LambVortices:
 
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
         layers, count = self.strength.shape
-        total = [jnp.zeros(jnp.broadcast_shapes(jnp.shape(x), jnp.shape(y), jnp.shape(z)), jnp.result_type(x))] * 3
+        still = jnp.zeros(jnp.broadcast_shapes(jnp.shape(x), jnp.shape(y), jnp.shape(z)), jnp.result_type(x))
+        total = [still + self.uniform[axis] for axis in range(3)]  # type: ignore[index]
         weights = self._layer_weights(z)
         for layer in range(layers):
             for k in range(count):
@@ -166,7 +170,7 @@ class LambVortices:
 
     def scaled(self, factor: ArrayLike) -> "LambVortices":
         """The same vortices, `factor` times as strong."""
-        return LambVortices(self.centers, self.strength * factor, self.radius, self.depths, self.vertical_scale)
+        return replace(self, strength=self.strength * factor)
 
 
 def _vortex(dx: jax.Array, dy: jax.Array, strength: jax.Array, radius: jax.Array, gamma: ArrayLike) -> Velocity:
@@ -267,10 +271,9 @@ def evolve(key: jax.Array, vortices: LambVortices, update: CurrentUpdate) -> Lam
     """
     count = vortices.strength.shape[-1]
     step = update.rate * jax.random.normal(key, (count, 4))
-    return LambVortices(
-        vortices.centers + update.center_std * step[:, :2],
-        vortices.strength * (1.0 + update.strength_std * step[:, 3]),
-        jnp.maximum(vortices.radius + update.radius_std * step[:, 2], update.radius_floor),
-        vortices.depths,
-        vortices.vertical_scale,
+    return replace(
+        vortices,
+        centers=vortices.centers + update.center_std * step[:, :2],
+        strength=vortices.strength * (1.0 + update.strength_std * step[:, 3]),
+        radius=jnp.maximum(vortices.radius + update.radius_std * step[:, 2], update.radius_floor),
     )

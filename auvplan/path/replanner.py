@@ -3,6 +3,7 @@
 State in, plan out: nothing here needs the simulator, so a vehicle's software calls it as it stands.
 """
 
+from collections.abc import Sequence
 from functools import partial
 
 import jax
@@ -49,18 +50,12 @@ def replan_path(
     Raises:
         ValueError: the position lies on land or outside, or at the goal.
     """
-    plans = PathPlans(
-        *(np.asarray(value)[None] for value in (plan.travel_time, plan.length, plan.positions, plan.times)),
-        *(np.asarray(value)[None] for value in (plan.control_points, plan.violations, plan.clearance, plan.cost)),
-        plan.population[None],
-        jax.tree.map(lambda a: a[None], plan.history),
-        plan.excess[None],
-    )
-    return replan_paths(plans, np.asarray(position, float)[None], [now], env, vehicle, key=key, config=config)[0]
+    position = np.asarray(position, float)
+    return replan_paths([plan], position[None], [now], env, vehicle, key=key, config=config)[0]
 
 
 def replan_paths(
-    plans: PathPlans,
+    plans: Sequence[PathPlan],
     positions: ArrayLike,
     now: ArrayLike,
     env: Environment,
@@ -84,15 +79,15 @@ def replan_paths(
     """
     config = config or PathConfig()
     position = jnp.asarray(positions, float)
-    goals = jnp.asarray(plans.control_points[:, -1], float)
+    goals = jnp.asarray(np.stack([plan.control_points[-1] for plan in plans]), float)
     check_ends(position, goals, env)
     keys = jax.random.split(key, len(plans)) if key.ndim == 0 else key
     fields = _replan(
         keys,
-        plans.population,
-        jnp.asarray(plans.control_points[:, 0], float),
+        jnp.stack([plan.population for plan in plans]),
+        jnp.asarray(np.stack([plan.control_points[0] for plan in plans]), float),
         goals,
-        jnp.asarray(progress(plans, np.asarray(now, float)), float),
+        jnp.asarray([progress(plan, point) for plan, point in zip(plans, np.asarray(position), strict=True)], float),
         position,
         jnp.asarray(now, float),
         env,
@@ -103,12 +98,10 @@ def replan_paths(
     return assemble(fields)
 
 
-def progress(plans: PathPlans, now: np.ndarray) -> np.ndarray:
-    """Spline parameter in [0, 1) that each plan reaches at time `now` [B] s, [B]."""
-    samples = plans.times.shape[1]
-    share = np.linspace(0.0, 1.0, samples)
-    reached = [np.interp(t, times, share) for t, times in zip(now, plans.times, strict=True)]
-    return np.minimum(np.asarray(reached), 0.999)
+def progress(plan: PathPlan, position: np.ndarray) -> float:
+    """Spline parameter in [0, 1) of the point on the plan nearest to a position [3] m."""
+    nearest = int(np.argmin(np.linalg.norm(plan.positions - position, axis=1)))
+    return min(nearest / (len(plan.positions) - 1), 0.999)
 
 
 @partial(jax.jit, static_argnames=("config", "world_per_leg"))

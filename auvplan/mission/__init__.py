@@ -1,0 +1,21 @@
+"""Mission layer: a graph and a time budget into an ordered list of tasks (section 3.3)."""
+
+from auvplan.mission.config import MissionConfig
+from auvplan.mission.feasibility import OrderCheck, check_order
+from auvplan.mission.graph import MissionGraph, random_graph, time_to_go
+from auvplan.mission.order import MissionOrder, MissionOrders, MissionStatus
+from auvplan.mission.planner import plan_mission, plan_missions
+
+__all__ = [
+    "MissionConfig",
+    "MissionGraph",
+    "MissionOrder",
+    "MissionOrders",
+    "MissionStatus",
+    "OrderCheck",
+    "check_order",
+    "plan_mission",
+    "plan_missions",
+    "random_graph",
+    "time_to_go",
+]

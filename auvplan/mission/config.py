@@ -1,0 +1,74 @@
+"""Settings of the mission planner."""
+
+from dataclasses import dataclass, field, replace
+from typing import Any, Self
+
+from auvplan.bbo import BBOConfig
+from auvplan.mission.decoder import DecoderName
+from auvplan.mission.objective import ObjectiveName
+
+
+def _default_bbo() -> BBOConfig:
+    return BBOConfig(
+        population=150, iterations=200, mutation_genes=3.0, mutation_law="constant", replacement="greedy"
+    )
+
+
+@dataclass(frozen=True)
+class MissionConfig:
+    """Settings of the mission planner; hashable, so that it is a static argument of `jax.jit`.
+
+    Attributes:
+        bbo: the optimiser's settings.
+        decoder: "rate" or "paper", see `auvplan.mission.decoder`.
+        objective: "priority" or "eq15", see `auvplan.mission.objective`.
+        rate_weight: what an edge of average rate adds to a SIV at most ("rate" only).
+        time_weight: w of "priority", what T_available is worth as a share of the largest priority, in [0, 1).
+        phi1: Phi_1 of "eq15", per second; the paper gives no value.
+        phi2: Phi_2 of "eq15"; the paper gives no value.
+
+    Raises:
+        ValueError: a setting is out of its range, or no elite would keep the shortest mission alive.
+    """
+
+    bbo: BBOConfig = field(default_factory=_default_bbo)
+    decoder: DecoderName = "rate"
+    objective: ObjectiveName = "priority"
+    rate_weight: float = 100.0
+    time_weight: float = 0.05
+    phi1: float = 1.0
+    phi2: float = 100.0
+
+    def __post_init__(self) -> None:
+        if self.decoder not in ("paper", "rate"):
+            raise ValueError(f'decoder must be "paper" or "rate", got {self.decoder!r}')
+        if self.objective not in ("priority", "eq15"):
+            raise ValueError(f'objective must be "priority" or "eq15", got {self.objective!r}')
+        for name in ("rate_weight", "phi1", "phi2"):
+            if not getattr(self, name) >= 0.0:
+                raise ValueError(f"{name} must not be negative, got {getattr(self, name)}")
+        if not 0.0 <= self.time_weight < 1.0:
+            raise ValueError(f"time_weight must be in [0, 1), got {self.time_weight}")
+        if self.bbo.replacement == "generational" and self.bbo.elites < 1:
+            raise ValueError("bbo.elites must be at least 1, so that a feasible mission once found is kept")
+        if self.bbo.mutation == "gaussian":
+            raise ValueError('bbo.mutation must be "uniform": SIVs are integers')
+
+    @classmethod
+    def paper(cls) -> Self:
+        """Section 4.2: 150 habitats, 200 iterations, mu = 0.2, lambda = 0.8, m_max = 0.5, Eq. 15."""
+        bbo = BBOConfig(
+            population=150,
+            iterations=200,
+            elites=1,
+            migration="fig6",
+            rates="constant",
+            immigration=0.8,
+            emigration=0.2,
+            mutation_max=0.5,
+        )
+        return cls(bbo=bbo, decoder="paper", objective="eq15")
+
+    def replace(self, **changes: Any) -> Self:
+        """A copy with some settings changed."""
+        return replace(self, **changes)

@@ -1,0 +1,103 @@
+"""The five rules of a valid mission (section 3.3), in plain NumPy and independent of the decoder."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from auvplan.mission.graph import MissionGraph
+
+
+@dataclass(frozen=True)
+class OrderCheck:
+    """Verdict on an order of waypoints, a bool for each rule of section 3.3.
+
+    Attributes:
+        ends: it begins at the start and ends at the destination.
+        edges_exist: it takes only edges of the graph.
+        nodes_once: it visits no waypoint twice.
+        edges_once: it takes no edge twice.
+        in_time: its total time is strictly below the time available.
+        time: s, total time of travel and tasks.
+        reasons: one line for each broken rule.
+    """
+
+    ends: bool
+    edges_exist: bool
+    nodes_once: bool
+    edges_once: bool
+    in_time: bool
+    time: float
+    reasons: tuple[str, ...]
+
+    @property
+    def valid(self) -> bool:
+        """Whether all rules are kept."""
+        return not self.reasons
+
+    def __bool__(self) -> bool:
+        return self.valid
+
+
+def _leg_time(graph: MissionGraph, i: int, j: int, speed: float) -> float:
+    """t_ij of Eq. 13, s, whether or not the edge exists, so that each rule is judged by itself."""
+    travel = float(graph.travel_time[i, j])
+    if np.isnan(travel):
+        travel = float(np.linalg.norm(graph.positions[j] - graph.positions[i])) / speed
+    return travel + float(graph.duration[i, j])
+
+
+def check_order(
+    graph: MissionGraph,
+    nodes: Sequence[int] | np.ndarray,
+    start: int,
+    goal: int,
+    time_available: float,
+    speed: float,
+) -> OrderCheck:
+    """Check an order of waypoints against the five rules of section 3.3.
+
+    Args:
+        graph: one graph of N waypoints.
+        nodes: indices in the order of visit.
+        start, goal: where it must begin and end.
+        time_available: T_available, s.
+        speed: |v|, m/s.
+
+    An edge taken both ways counts as taken twice where the graph is undirected (all fields symmetric).
+    """
+    order = [int(node) for node in nodes]
+    known = [0 <= node < graph.size for node in order]
+    legs = list(pairwise(order))
+    inside = [leg for k, leg in enumerate(legs) if known[k] and known[k + 1]]
+    missing = [leg for leg in legs if leg not in inside or leg[0] == leg[1] or not graph.adjacency[leg]]
+    symmetric = all(
+        np.array_equal(field, field.T) for field in (graph.adjacency, graph.priority, graph.duration)
+    )
+    edges = [tuple(sorted(leg)) if symmetric else leg for leg in legs]
+    time = float(sum(_leg_time(graph, i, j, speed) for i, j in inside))
+
+    ends = bool(order) and order[0] == start and order[-1] == goal
+    verdicts = {
+        "ends": (ends, f"does not lead from {start} to {goal}: {_brief(order)}"),
+        "edges_exist": (
+            not missing and all(known),
+            f"takes edges that are not in the graph: {missing or order}",
+        ),
+        "nodes_once": (len(set(order)) == len(order), f"visits waypoints twice: {_repeated(order)}"),
+        "edges_once": (len(set(edges)) == len(edges), f"takes edges twice: {_repeated(edges)}"),
+        "in_time": (time < time_available, f"takes {time:.1f} s, {time_available:.1f} s are available"),
+    }
+    kept = {rule: verdict for rule, (verdict, _) in verdicts.items()}
+    return OrderCheck(
+        **kept, time=time, reasons=tuple(reason for verdict, reason in verdicts.values() if not verdict)
+    )
+
+
+def _brief(order: list[int]) -> str:
+    return f"it leads from {order[0]} to {order[-1]}" if order else "it is empty"
+
+
+def _repeated(items: list) -> list:
+    return sorted({item for item in items if items.count(item) > 1})

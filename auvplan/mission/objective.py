@@ -1,0 +1,60 @@
+"""What makes an order of tasks a good one (section 3.3.1, Eqs 14-15)."""
+
+from typing import Literal
+
+import jax
+import jax.numpy as jnp
+
+from auvplan.mission.decoder import Decoded, Problem
+
+ObjectiveName = Literal["priority", "eq15"]
+
+
+def violation(orders: Decoded, problem: Problem) -> jax.Array:
+    """How far from the goal orders end, [P] s: the time still to go, T_available where there is no way."""
+    return jnp.where(
+        jnp.isfinite(orders.remaining), orders.remaining, jnp.maximum(problem.time_available, 1.0)
+    )
+
+
+def total_priority(orders: Decoded, problem: Problem, time_weight: float = 0.05) -> jax.Array:
+    """Cost [P] of the aim of section 3.3.1: most total priority, ties to the shorter mission.
+
+    cost = -sum(rho) + w rho_max T_Mission / T_available; an order that does not arrive costs N rho_max, more
+    than any that does.
+
+    Args:
+        orders: decoded population.
+        problem: what they were decoded on.
+        time_weight: w < 1, what the whole of T_available is worth, as a share of the largest priority. A
+            difference in total priority below it may be given up for a shorter mission.
+
+    Differences from the paper:
+        Eq. 15 counts the unused time and sum(1 / rho), which grows with every task taken: its minimum is
+        far from the most total priority. See `eq15`.
+    """
+    largest = problem.priority.max()
+    unit = jnp.where(largest > 0.0, largest, 1.0)
+    used = orders.time / jnp.where(problem.time_available > 0.0, problem.time_available, 1.0)
+    cost = -orders.priority + time_weight * unit * used
+    return jnp.where(orders.reached, cost, unit * problem.time_to_go.shape[0])
+
+
+def eq15(orders: Decoded, problem: Problem, phi1: float = 1.0, phi2: float = 100.0) -> jax.Array:
+    """Cost [P] of Eq. 15: Phi_1 |T_Mission - T_available| + Phi_2 sum(1 / rho) over the tasks.
+
+    Args:
+        orders: decoded population.
+        problem: what they were decoded on.
+        phi1: Phi_1, per second.
+        phi2: Phi_2.
+
+    Differences from the paper:
+        The path cost of a leg is read as its travel time. An order that does not arrive costs more than any
+        that does. The paper gives no values for Phi_1 and Phi_2; the defaults are chosen here.
+    """
+    size = problem.time_to_go.shape[0]
+    cost = phi1 * jnp.abs(orders.time - problem.time_available) + phi2 * orders.inverse_priority
+    least = jnp.where(problem.priority > 0.0, problem.priority, jnp.inf).min()
+    worst = 1.0 + phi1 * jnp.abs(problem.time_available) + phi2 * size / least
+    return cost + jnp.where(orders.reached, 0.0, worst)

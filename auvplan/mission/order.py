@@ -1,0 +1,121 @@
+"""What the mission planner returns."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import Enum
+
+import jax
+import numpy as np
+from numpy.typing import NDArray
+
+from auvplan.bbo import History
+
+Array = NDArray[np.floating]
+IntArray = NDArray[np.integer]
+
+
+class MissionStatus(Enum):
+    """How a mission search ended; the text says what to do."""
+
+    OK = "feasible mission found"
+    UNREACHABLE = "no way through the graph leads to the destination: add edges or choose another destination"
+    OUT_OF_TIME = (
+        "the destination cannot be reached in the time available: "
+        "allow more time, sail faster or choose a nearer destination"
+    )
+    NOT_FOUND = "no mission was found: raise bbo.population or bbo.iterations"
+
+
+@dataclass(frozen=True)
+class MissionOrder:
+    """An ordered list of tasks.
+
+    Attributes:
+        nodes: [n] waypoints from the start to the destination; the start alone where there is no mission.
+        time: T_Mission, s, travel and tasks (Eq. 14).
+        priority: sum of rho over the tasks taken.
+        tasks: number of edges taken that carry a task.
+        cost: of the objective.
+        leg_times: [n - 1] s, expected t_ij of each leg, travel and task (Eq. 13).
+        status: OK, or why there is no mission.
+        least_time: s, shortest time to the destination; infinite where there is no way.
+        time_available: T_available, s.
+        population: [P, D] habitats, best first, to plan again from.
+        history: cost and violation by iteration.
+    """
+
+    nodes: IntArray
+    time: float
+    priority: float
+    tasks: int
+    cost: float
+    leg_times: Array
+    status: MissionStatus
+    least_time: float
+    time_available: float
+    population: IntArray
+    history: History
+
+    @property
+    def feasible(self) -> bool:
+        """Whether the order leads to the destination in time."""
+        return self.status is MissionStatus.OK
+
+    @property
+    def reason(self) -> str:
+        """One line: how the search ended, with the figures that matter."""
+        if self.status is MissionStatus.OUT_OF_TIME:
+            needs = (
+                f"the shortest way takes {self.least_time:.1f} s, {self.time_available:.1f} s are available"
+            )
+            return f"{self.status.value} ({needs})"
+        return self.status.value
+
+
+@dataclass(frozen=True)
+class MissionOrders:
+    """B orders from one compiled call; `orders[b]` is a `MissionOrder`.
+
+    Attributes: as in `MissionOrder`, with a leading axis B; `nodes` is [B, N], padded with -1, `leg_times`
+        [B, N - 1], padded with zeros, `count` [B] the number of waypoints of each order.
+    """
+
+    nodes: IntArray
+    count: IntArray
+    time: Array
+    priority: Array
+    tasks: IntArray
+    cost: Array
+    leg_times: Array
+    status: tuple[MissionStatus, ...]
+    least_time: Array
+    time_available: Array
+    population: IntArray
+    history: History
+
+    def __len__(self) -> int:
+        return len(self.status)
+
+    def __iter__(self) -> Iterator[MissionOrder]:
+        return (self[b] for b in range(len(self)))
+
+    @property
+    def feasible(self) -> NDArray[np.bool_]:
+        """[B]."""
+        return np.array([status is MissionStatus.OK for status in self.status], bool)
+
+    def __getitem__(self, b: int) -> MissionOrder:
+        count = int(self.count[b])
+        return MissionOrder(
+            nodes=self.nodes[b, :count],
+            time=float(self.time[b]),
+            priority=float(self.priority[b]),
+            tasks=int(self.tasks[b]),
+            cost=float(self.cost[b]),
+            leg_times=self.leg_times[b, : count - 1],
+            status=self.status[b],
+            least_time=float(self.least_time[b]),
+            time_available=float(self.time_available[b]),
+            population=self.population[b],
+            history=jax.tree.map(lambda rows: rows[b], self.history),
+        )

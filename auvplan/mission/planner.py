@@ -1,0 +1,260 @@
+"""The mission planner: a graph and a time budget into an order of tasks (section 3.3)."""
+
+from collections.abc import Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from auvplan.bbo import search
+from auvplan.mission import decoder as decoders
+from auvplan.mission import objective as objectives
+from auvplan.mission.config import MissionConfig
+from auvplan.mission.graph import MissionGraph
+from auvplan.mission.order import MissionOrder, MissionOrders, MissionStatus
+
+if TYPE_CHECKING:
+    from auvplan.vehicle import Vehicle
+
+
+def plan_mission(
+    graph: MissionGraph,
+    start: int,
+    goal: int,
+    time_available: float,
+    vehicle: "Vehicle | None" = None,
+    *,
+    key: jax.Array,
+    config: MissionConfig | None = None,
+    population: Any = None,
+    speed: float | None = None,
+    visited: Any = None,
+) -> MissionOrder:
+    """Find the order of tasks of most total priority that reaches the destination in time.
+
+    The search starts from random habitats, the shortest mission and the greediest one, so that its answer is
+    feasible whenever a feasible mission exists (up to rounding of T_available in the last digits).
+
+    To re-plan on the way (section 3.3.2) call it again from the waypoint reached, with the passed edges taken
+    out (`MissionGraph.without_edges`), the time that is left, and `population` of the last order.
+
+    Args:
+        graph: N waypoints.
+        start: index of the waypoint where the vehicle is.
+        goal: index of the destination; equal to `start` it gives the empty mission.
+        time_available: T_available, s; the mission takes strictly less.
+        vehicle: its `speed` is |v| of Eq. 13, m/s.
+        key: PRNG key, consumed; the same key gives the same order.
+        config: settings; defaults to `MissionConfig()`.
+        population: [Q, D] habitats to start from, Q at most P, best first, as `MissionOrder.population`.
+        speed: m/s, instead of `vehicle`.
+        visited: [N] bool, waypoints not to be visited again; none by default.
+
+    Raises:
+        ValueError: an argument is out of range or of the wrong shape.
+
+    Example:
+        >>> import jax, numpy as np
+        >>> from auvplan.mission import plan_mission, random_graph
+        >>> rng = np.random.default_rng(0)
+        >>> graph = random_graph(rng, rng.uniform(0.0, 1000.0, (8, 3)), neighbours=3)
+        >>> order = plan_mission(graph, 0, 7, 1800.0, speed=2.5, key=jax.random.key(0))
+        >>> order.feasible, bool(order.time < 1800.0)
+        (True, True)
+    """
+    if np.ndim(graph.positions) != 2:
+        raise ValueError("plan_mission takes one graph: give stacked graphs to plan_missions")
+    if (vehicle is None) == (speed is None):
+        raise ValueError("give either vehicle or speed")
+    orders = plan_missions(
+        jax.tree.map(lambda field: np.asarray(field)[None], graph),
+        [start],
+        [goal],
+        [time_available],
+        vehicle.speed if vehicle is not None else speed,
+        jnp.asarray(key)[None],
+        populations=None if population is None else np.asarray(population)[None],
+        config=config,
+        visited=None if visited is None else np.asarray(visited)[None],
+    )
+    return orders[0]
+
+
+def plan_missions(
+    graphs: MissionGraph,
+    starts: Sequence[int] | np.ndarray,
+    goals: Sequence[int] | np.ndarray,
+    time_available: Any,
+    speed: Any,
+    keys: jax.Array,
+    populations: Any = None,
+    config: MissionConfig | None = None,
+    visited: Any = None,
+) -> MissionOrders:
+    """`plan_mission` for B missions in one compiled call.
+
+    Args:
+        graphs: stacked along a leading axis B (`MissionGraph.stack`).
+        starts, goals: [B] indices.
+        time_available: [B] s, or one for all.
+        speed: [B] m/s, or one for all.
+        keys: [B] PRNG keys, consumed.
+        populations: [B, Q, D] habitats to start from, as `MissionOrders.population`.
+        config: settings; defaults to `MissionConfig()`.
+        visited: [B, N] bool, waypoints not to be visited again.
+
+    Raises:
+        ValueError: an argument is out of range or of the wrong shape.
+    """
+    config = config or MissionConfig()
+    graphs = jax.tree.map(np.asarray, graphs)
+    if graphs.positions.ndim != 3:
+        raise ValueError(f"graphs must be stacked, positions [B, N, 3], got shape {graphs.positions.shape}")
+    batch, size = graphs.positions.shape[:2]
+    starts, goals = _indices("start", starts, batch, size), _indices("goal", goals, batch, size)
+    budget = _figures("time_available", time_available, batch)
+    rate = _figures("speed", speed, batch)
+    if not (rate > 0.0).all():
+        raise ValueError(f"speed must be positive, got {rate.min():g} m/s")
+    if len(keys) != batch:
+        raise ValueError(f"keys must be [{batch}], one for each mission, got {len(keys)}")
+    closed = np.zeros((batch, size), bool) if visited is None else np.asarray(visited, bool)
+    if closed.shape != (batch, size):
+        raise ValueError(f"visited must be [{size}] for each of {batch} missions, got shape {closed.shape}")
+    given, count = _given(populations, batch, size, config)
+
+    legs = graphs.leg_times(rate)
+    found = jax.tree.map(
+        np.asarray,
+        _plan(
+            keys, legs.astype(np.float32), graphs.priority.astype(np.float32), starts, goals,
+            budget.astype(np.float32), closed, given, count, config,
+        ),
+    )  # fmt: skip
+    return _collect(found, graphs, legs, starts, budget)
+
+
+@partial(jax.jit, static_argnames="config")
+def _plan(
+    keys: jax.Array,
+    legs: jax.Array,
+    priority: jax.Array,
+    starts: jax.Array,
+    goals: jax.Array,
+    budgets: jax.Array,
+    visited: jax.Array,
+    given: jax.Array,
+    count: jax.Array,
+    config: MissionConfig,
+) -> tuple[search.Result, decoders.Decoded, jax.Array]:
+    """Search all missions; returns results, decoded best habitats [B, 1, ...] and least times [B]."""
+
+    def one(
+        key: jax.Array, legs: jax.Array, priority: jax.Array, start: jax.Array, goal: jax.Array,
+        budget: jax.Array, visited: jax.Array, given: jax.Array,
+    ) -> tuple[search.Result, decoders.Decoded, jax.Array]:  # fmt: skip
+        problem = decoders.prepare(legs, priority, start, goal, budget, visited)
+        lower = jnp.full(given.shape[1], decoders.LOWEST, jnp.int32)
+        upper = jnp.full(given.shape[1], decoders.HIGHEST, jnp.int32)
+        start_key, run_key = jax.random.split(key)
+        population = search.uniform_population(start_key, config.bbo.population, lower, upper)
+        # Early arrival wastes a random habitat: the destination starts as the last resort.
+        population = population.at[:, goal].set(decoders.LOWEST)
+        population = jnp.where(jnp.arange(config.bbo.population)[:, None] < count, given, population)
+        population = population.at[-2].set(decoders.greedy_habitat(problem, config.decoder))
+        population = population.at[-1].set(decoders.shortest_habitat(problem, config.decoder))
+        cost = partial(_score, config=config)
+        result = search.run(run_key, cost, population, lower, upper, config.bbo, (problem,))
+        best = decoders.decode(result.x[None], problem, config.decoder, config.rate_weight)
+        return result, best, problem.time_to_go[start]
+
+    return jax.vmap(one)(keys, legs, priority, starts, goals, budgets, visited, given)
+
+
+def _score(
+    population: jax.Array, problem: decoders.Problem, config: MissionConfig
+) -> tuple[jax.Array, jax.Array]:
+    """Cost and violation [P] of habitats."""
+    orders = decoders.decode(population, problem, config.decoder, config.rate_weight)
+    if config.objective == "eq15":
+        cost = objectives.eq15(orders, problem, config.phi1, config.phi2)
+    else:
+        cost = objectives.total_priority(orders, problem, config.time_weight)
+    return cost, objectives.violation(orders, problem)
+
+
+def _collect(
+    found: Any,
+    graphs: MissionGraph,
+    legs: np.ndarray,
+    starts: np.ndarray,
+    budget: np.ndarray,
+) -> MissionOrders:
+    """Results of `_plan` as orders, added up in double precision."""
+    result, best, least = found
+    batch, size = legs.shape[:2]
+    reached = np.asarray(best.reached[:, 0])
+    nodes = np.where(reached[:, None], best.nodes[:, 0], -1)
+    nodes[:, 0] = starts
+    here, there = nodes[:, :-1], nodes[:, 1:]
+    taken = there >= 0
+    rows = np.arange(batch)[:, None]
+    leg_times = np.where(taken, legs[rows, here, there], 0.0)
+    rho = np.where(taken, graphs.priority[rows, here, there], 0.0)
+    late = least >= budget * (1.0 - 4.0 * decoders.rounding_margin(size))
+    return MissionOrders(
+        nodes=nodes,
+        count=1 + taken.sum(axis=1),
+        time=leg_times.sum(axis=1),
+        priority=rho.sum(axis=1),
+        tasks=(rho > 0.0).sum(axis=1),
+        cost=result.cost,
+        leg_times=leg_times,
+        status=tuple(_status(*row) for row in zip(reached, least, late, strict=True)),
+        least_time=least,
+        time_available=budget,
+        population=result.state.population,
+        history=result.history,
+    )
+
+
+def _status(reached: bool, least: float, late: bool) -> MissionStatus:
+    if reached:
+        return MissionStatus.OK
+    if not np.isfinite(least):
+        return MissionStatus.UNREACHABLE
+    return MissionStatus.OUT_OF_TIME if late else MissionStatus.NOT_FOUND
+
+
+def _indices(name: str, values: Any, batch: int, size: int) -> np.ndarray:
+    found = np.broadcast_to(np.asarray(values), (batch,))
+    if not np.issubdtype(found.dtype, np.integer) or found.min() < 0 or found.max() >= size:
+        raise ValueError(f"{name} must be an index in [0, {size}), got {np.unique(found)}")
+    return found.astype(np.int32)
+
+
+def _figures(name: str, values: Any, batch: int) -> np.ndarray:
+    found = np.broadcast_to(np.asarray(values, float), (batch,))
+    if not np.isfinite(found).all():
+        raise ValueError(f"{name} must be finite, got {found}")
+    return found
+
+
+def _given(populations: Any, batch: int, size: int, config: MissionConfig) -> tuple[np.ndarray, int]:
+    """Populations padded to [B, P, D], and how many habitats were given."""
+    shape = (batch, config.bbo.population, decoders.siv_count(size, config.decoder))
+    padded = np.zeros(shape, np.int32)
+    if populations is None:
+        return padded, 0
+    populations = np.asarray(populations)
+    fits = populations.ndim == 3 and populations.shape[0] == batch and populations.shape[2] == shape[2]
+    if not fits or populations.shape[1] > shape[1]:
+        raise ValueError(
+            f"population must be [Q <= {shape[1]}, {shape[2]}] for each of {batch} missions, "
+            f"got shape {populations.shape}"
+        )
+    count = populations.shape[1]
+    padded[:, :count] = np.clip(populations, decoders.LOWEST, decoders.HIGHEST)
+    return padded, count

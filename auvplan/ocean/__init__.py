@@ -1,0 +1,28 @@
+"""The world as pure functions of position and time."""
+
+from auvplan.ocean.chart import Chart, ChartError
+from auvplan.ocean.currents import (
+    Current,
+    CurrentUpdate,
+    FunctionCurrent,
+    LambVortices,
+    UniformCurrent,
+    evolve,
+    random_vortices,
+)
+from auvplan.ocean.environment import Environment
+from auvplan.ocean.obstacles import Obstacles
+
+__all__ = [
+    "Chart",
+    "ChartError",
+    "Current",
+    "CurrentUpdate",
+    "Environment",
+    "FunctionCurrent",
+    "LambVortices",
+    "Obstacles",
+    "UniformCurrent",
+    "evolve",
+    "random_vortices",
+]

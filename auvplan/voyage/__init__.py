@@ -1,0 +1,19 @@
+"""Planning meets a moving world: the truth, the belief, and the loop between them (Fig. 7)."""
+
+from auvplan.voyage.executive import mission_config, path_config, run_mission, run_missions
+from auvplan.voyage.records import LegRecord, MissionRun, OrderRecord, PlanRecord
+from auvplan.voyage.scenario import Scenario
+from auvplan.voyage.world import ScenarioError
+
+__all__ = [
+    "LegRecord",
+    "MissionRun",
+    "OrderRecord",
+    "PlanRecord",
+    "Scenario",
+    "ScenarioError",
+    "mission_config",
+    "path_config",
+    "run_mission",
+    "run_missions",
+]

@@ -1,0 +1,80 @@
+"""What a vehicle believes of the obstacles on its leg: known beforehand roughly, within sensor range well."""
+
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from auvplan.ocean.obstacles import CONFIDENCE, Obstacles
+from auvplan.voyage.scenario import SensorSettings
+from auvplan.voyage.world import TrueObstacles
+
+Array = NDArray[np.floating]
+
+
+class ObstacleBelief:
+    """One vehicle's belief about the M obstacles of its leg.
+
+    Positions, velocities over ground and radii are measured with Gaussian error (section 2); between two
+    looks an obstacle is taken to go on as it was, inside a boundary that grows.
+    """
+
+    def __init__(self, truth: TrueObstacles, moves: Array, now: float, sensors: SensorSettings, rng: np.random.Generator):
+        """Prior knowledge at the start of a leg; `moves` [M, 3] m/s are the true velocities over ground."""
+        self._sensors = sensors
+        self._rng = rng
+        count = len(truth.radius)
+        self.position = np.zeros((count, 3))
+        self.velocity = np.zeros((count, 3))
+        self.radius = np.zeros(count)
+        self.std = np.zeros(count)
+        self.observed_at = np.zeros(count)
+        self._moving = truth.drift[:, None] > 0
+        self._measure(np.ones(count, bool), truth, moves, now, sensors.prior_std)
+
+    def look(self, vehicle: Array, truth: TrueObstacles, moves: Array, now: float) -> None:
+        """Measure the obstacles within sensor range of the vehicle at [3] m."""
+        away = np.linalg.norm(truth.position - vehicle, axis=1) - truth.radius
+        self._measure(away <= self._sensors.range, truth, moves, now, self._sensors.position_std)
+
+    def _measure(self, seen: NDArray[np.bool_], truth: TrueObstacles, moves: Array, now: float, std: float) -> None:
+        # All draws are made whether seen or not: the stream of random numbers does not depend on the path.
+        position = truth.position + std * self._rng.normal(size=truth.position.shape)
+        radius = np.maximum(truth.radius + std * self._rng.normal(size=truth.radius.shape), 1.0)
+        velocity = moves + self._sensors.velocity_std * self._rng.normal(size=moves.shape)
+        self.position[seen] = position[seen]
+        self.velocity[seen] = np.where(self._moving, velocity, 0.0)[seen]
+        self.radius[seen] = radius[seen]
+        self.std[seen] = std
+        self.observed_at[seen] = now
+
+    def clearance(self, positions: Array, times: Array) -> Array:
+        """Distance of timed positions [n, 3] m, [n] s to the nearest collision boundary, [n] m."""
+        if not len(self.radius):
+            return np.full(len(times), np.inf)
+        since = np.maximum(times[:, None] - self.observed_at, 0.0)
+        centre = self.position + self.velocity * since[..., None]
+        grown = np.minimum(self._sensors.growth * since, self._sensors.growth_max)
+        boundary = self.radius + CONFIDENCE * np.sqrt(2.0) * self.std + grown
+        return (np.linalg.norm(positions[:, None] - centre, axis=2) - boundary).min(axis=1)
+
+
+def as_obstacles(beliefs: list[ObstacleBelief], sensors: SensorSettings) -> Obstacles:
+    """Beliefs of B vehicles for the planner; leaves with a leading axis B."""
+
+    def stacked(name: str):
+        return jnp.asarray(np.stack([getattr(belief, name) for belief in beliefs]), float)
+
+    radius, std = stacked("radius"), stacked("std")
+    constant = jnp.ones_like(radius)
+    return Obstacles(
+        position=stacked("position"),
+        velocity=stacked("velocity"),
+        drift=0.0 * constant,
+        radius=radius,
+        position_std=std,
+        radius_std=std,
+        growth=sensors.growth * constant,
+        growth_max=sensors.growth_max * constant,
+        observed_at=stacked("observed_at"),
+        active=jnp.ones(radius.shape, bool),
+    )

@@ -1,0 +1,54 @@
+"""The last resort when no plan is clear ahead: keep station, or give way to what comes."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvplan.ocean.chart import Chart
+from auvplan.voyage.belief import ObstacleBelief
+
+Array = NDArray[np.floating]
+
+#: Share of the speed through the water that an escape reckons with; the rest is left to the current.
+_ESCAPE_SPEED = 0.4
+
+
+def escape_track(
+    position: Array,
+    now: float,
+    seconds: float,
+    belief: ObstacleBelief,
+    chart: Chart | None,
+    speed: float,
+    lower: Array,
+    upper: Array,
+    samples: int,
+) -> Array | None:
+    """The straight track of most clearance among sixteen headings, or None where keeping station is as good.
+
+    Args:
+        position: [3] m, where the vehicle is.
+        now: s.
+        seconds: how long the escape lasts.
+        belief: of the obstacles.
+        chart: coast, or None.
+        speed: |v|, m/s.
+        lower, upper: [3] m, box to stay in.
+        samples: points on the track.
+
+    Returns:
+        [samples, 3] m or None.
+    """
+    share = np.linspace(0.0, 1.0, samples)
+    times = now + share * seconds
+    best, choice = belief.clearance(np.broadcast_to(position, (samples, 3)), times).min(), None
+    for heading in np.arange(16) * np.pi / 8.0:
+        way = _ESCAPE_SPEED * speed * seconds * np.array([np.cos(heading), np.sin(heading), 0.0])
+        track = position + share[:, None] * way
+        if (track[-1] < lower).any() or (track[-1] > upper).any():
+            continue
+        if chart is not None and float(np.min(np.asarray(chart.distance(track[:, 0], track[:, 1])))) < 20.0:
+            continue
+        clear = belief.clearance(track, times).min()
+        if clear > best + 1.0:
+            best, choice = clear, track
+    return choice

@@ -1,0 +1,294 @@
+"""The hierarchical loop of Fig. 7 over a batch of missions: order the tasks, plan, sail, compare, re-plan.
+
+One mission is a batch of one. All missions stand at the same step of the loop, each at its own time; the legs
+of all of them are planned in one batched call, and so are the orders that are due.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from auvplan.mission import MissionConfig, MissionGraph, MissionOrder, plan_missions
+from auvplan.path import PathConfig
+from auvplan.voyage.batching import Clock, chunks
+from auvplan.voyage.legs import Fleet, begin_legs, refusal, sail_legs
+from auvplan.voyage.records import LegRecord, MissionRun, OrderRecord
+from auvplan.voyage.scenario import Scenario
+from auvplan.voyage.simulator import TrueCurrent
+from auvplan.voyage.world import current_update, make_chart, make_current, make_graph, make_vehicle
+
+#: Legs that may be refused at one waypoint before the mission is given up.
+_REFUSALS = 8
+
+Progress = Callable[[int, float, str], None]
+
+
+@dataclass
+class Mission:
+    """One mission under way: its graph as it shrinks, where it stands, what it follows."""
+
+    run: MissionRun
+    graph: MissionGraph
+    here: int
+    order: MissionOrder | None = None
+    step: int = 0
+    cause: str = "start"
+    orders: int = 0
+    refusals: int = 0
+    ended: bool = False
+    expected_end: float = 0.0
+
+    @property
+    def needs_order(self) -> bool:
+        return bool(self.cause)
+
+
+def run_mission(
+    scenario: Scenario,
+    *,
+    key: jax.Array,
+    seed: int = 0,
+    folder: str | Path = ".",
+    progress: Progress | None = None,
+) -> MissionRun:
+    """Plan and sail one mission; see `run_missions`."""
+    return run_missions(scenario, keys=key[None], seeds=[seed], folder=folder, progress=progress)[0]
+
+
+def run_missions(
+    scenario: Scenario,
+    *,
+    keys: jax.Array,
+    seeds: Sequence[int] | None = None,
+    folder: str | Path = ".",
+    progress: Progress | None = None,
+) -> list[MissionRun]:
+    """Plan and sail B missions of a scenario in lockstep.
+
+    Args:
+        scenario: settings; graph, current and obstacles differ by key.
+        keys: [B] PRNG keys; the result of a mission depends on its own key alone.
+        seeds: B numbers to report beside the results.
+        folder: that relative paths in the scenario start from.
+        progress: called with (mission, time s, what it does) as missions advance.
+
+    Returns:
+        One record a mission. A mission that fails is a record too: see `MissionRun.success` and `.reason`.
+
+    Raises:
+        ScenarioError, ChartError: the scenario cannot be built.
+    """
+    fleet, missions = _embark(scenario, keys, seeds or range(len(keys)), folder)
+    config = mission_config(scenario)
+    while active := [m for m, mission in enumerate(missions) if not mission.ended]:
+        _order(fleet, missions, [m for m in active if missions[m].needs_order], config)
+        _sail_next(fleet, missions, [m for m in active if not missions[m].ended], progress)
+    return [mission.run for mission in missions]
+
+
+def path_config(scenario: Scenario) -> PathConfig:
+    """The path planner's settings under the scenario's preset."""
+    config = PathConfig.paper() if scenario.planning.preset == "paper" else PathConfig()
+    return config.replace(t_series=scenario.planning.t_series)
+
+
+def mission_config(scenario: Scenario) -> MissionConfig:
+    """The mission planner's settings under the scenario's preset."""
+    config = MissionConfig.paper() if scenario.planning.preset == "paper" else MissionConfig()
+    objective = scenario.planning.objective
+    return config if objective is None else config.replace(objective=objective)
+
+
+def _embark(
+    scenario: Scenario, keys: jax.Array, seeds: Sequence[int], folder: str | Path
+) -> tuple[Fleet, list[Mission]]:
+    """Build the worlds; nothing is planned yet."""
+    chart, vehicle = make_chart(scenario, folder), make_vehicle(scenario)
+    plain = scenario.model_dump(mode="json")
+    missions, rngs, fields, sea_keys, planner_keys = [], [], [], [], []
+    for key, seed in zip(keys, seeds, strict=True):
+        graph_key, field_key, sea_key, planner_key, chance_key = jax.random.split(key, 5)
+        graph = make_graph(scenario, chart, _generator(graph_key))
+        last, available = graph.size - 1, scenario.mission.time_available
+        run = MissionRun(plain, int(seed), vehicle, graph, chart, 0, last, available)
+        missions.append(Mission(run, graph, 0))
+        rngs.append(_generator(chance_key))
+        fields.append(make_current(scenario, field_key))
+        sea_keys.append(sea_key)
+        planner_keys.append(planner_key)
+    current = TrueCurrent(
+        jnp.stack(sea_keys), fields, current_update(scenario), scenario.current.update_interval
+    )
+    count = len(missions)
+    return (
+        Fleet(
+            scenario,
+            path_config(scenario),
+            vehicle,
+            chart,
+            current,
+            jnp.stack(planner_keys),
+            rngs,
+            np.zeros(count),
+            np.zeros(count, int),
+        ),
+        missions,
+    )
+
+
+def _generator(key: jax.Array) -> np.random.Generator:
+    return np.random.default_rng(np.asarray(jax.random.key_data(key)).tolist())
+
+
+def _order(fleet: Fleet, missions: list[Mission], due: list[int], config: MissionConfig) -> None:
+    """Plan the order of tasks for the missions that need one, from where each stands."""
+    planning = fleet.scenario.planning
+    # Some time is kept back for the last leg, which no re-planning can correct; where nothing fits into the
+    # rest, it is given up.
+    for reserve in (planning.reserve, 0.0):
+        due = [m for m in due if missions[m].needs_order]
+        for batch, real in chunks(due):
+            left = [missions[m].run.t_available - fleet.now[m] - reserve for m in batch]
+            keys = [
+                jax.random.fold_in(jax.random.fold_in(fleet.keys[m], 0), missions[m].orders * 2 + (reserve == 0.0))
+                for m in batch
+            ]
+            orders, seconds = fleet.clock.time(
+                ("mission", len(batch), missions[batch[0]].graph.size, config),
+                lambda batch=batch, left=left, keys=keys: plan_missions(
+                    MissionGraph.stack(missions[m].graph for m in batch),
+                    np.asarray([missions[m].here for m in batch]),
+                    np.asarray([missions[m].run.goal for m in batch]),
+                    np.asarray(left),
+                    speed=fleet.vehicle.speed,
+                    keys=jnp.stack(keys),
+                    config=config,
+                ),
+            )
+            for m, order in list(zip(batch, orders, strict=True))[:real]:
+                _take_order(fleet, m, missions[m], order, seconds / real, final=reserve == 0.0)
+
+
+def _take_order(fleet: Fleet, m: int, mission: Mission, order: MissionOrder, seconds: float, final: bool) -> None:
+    """Book a new order, or end the mission where there is none."""
+    run = mission.run
+    if not order.feasible:
+        if final:
+            _end(fleet, m, mission, f"no order of tasks from waypoint {mission.here}: {order.reason}")
+        return
+    mission.orders += 1
+    nodes = [int(node) for node in order.nodes]
+    now = float(fleet.now[m])
+    run.orders.append(OrderRecord(now, nodes, float(order.time), float(order.priority), seconds, mission.cause))
+    mission.order, mission.step, mission.cause = order, 0, ""
+    mission.expected_end = now + float(order.time)
+    if fleet.scenario.planning.charge_compute:
+        fleet.now[m] += seconds
+        run.charged_compute += seconds
+
+
+def _sail_next(fleet: Fleet, missions: list[Mission], active: list[int], progress: Progress | None) -> None:
+    """Plan and sail the next leg of every active mission, do its task, and judge the time it took (3.3.2)."""
+    if not active:
+        return
+    records, ends = [], []
+    times = {m: missions[m].graph.leg_times(float(fleet.vehicle.speed)) for m in active}  # type: ignore[arg-type]
+    for m in active:
+        mission = missions[m]
+        assert mission.order is not None
+        i, j = mission.here, int(mission.order.nodes[mission.step + 1])
+        graph = mission.graph
+        task, rho = float(graph.duration[i, j]), float(graph.priority[i, j])
+        records.append(LegRecord(i, j, float(times[m][i, j]), task, rho))
+        ends.append((graph.positions[i], graph.positions[j]))
+    legs = begin_legs(fleet, active, records, ends)
+    begun = []
+    for m, leg in zip(active, legs, strict=True):
+        if why := _refused(fleet, m, missions[m], leg, times[m]):
+            _turn_down(fleet, m, missions[m], leg, why)
+        else:
+            missions[m].run.legs.append(leg.record)
+            begun.append(leg)
+    doing = {leg.mission: f"leg {leg.record.start} to {leg.record.goal}" for leg in begun}
+    tick = None if progress is None else (lambda m, now: progress(m, now, doing[m]))
+    deadline = fleet.scenario.mission.time_available
+    sail_legs(fleet, begun, deadline, tick)
+    for leg in begun:
+        _judge(fleet, leg.mission, missions[leg.mission], leg.record, leg.stopped)
+
+
+def _refused(fleet: Fleet, m: int, mission: Mission, leg: Any, times: np.ndarray) -> str:
+    """Why the planned leg should not be sailed, or an empty string.
+
+    A leg is refused when its path is not feasible, or when the time that the path takes would leave too
+    little for the shortest way from its end to the destination, although another order might still do.
+    """
+    if why := refusal(leg):
+        return why
+    if leg.record.goal == mission.run.goal or mission.refusals >= _REFUSALS:
+        return ""
+    from scipy.sparse.csgraph import dijkstra
+
+    weights = np.where(np.isfinite(times), times, 0.0).T
+    to_go = dijkstra(weights, indices=mission.run.goal)[leg.record.goal]
+    late = fleet.now[m] + leg.plan.travel_time + leg.record.t_task + to_go - mission.run.t_available
+    return f"its path would make the mission {late:.0f} s late" if late > 0.0 else ""
+
+
+def _turn_down(fleet: Fleet, m: int, mission: Mission, leg: Any, why: str) -> None:
+    """Ask for another order without the refused edge, or with the time that its path takes."""
+    mission.refusals += 1
+    i, j = leg.record.start, leg.record.goal
+    mission.run.legs.append(leg.record)
+    if refusal(leg):
+        mission.graph = mission.graph.without_edges([(i, j)])
+    else:
+        mission.graph = mission.graph.with_travel_time(i, j, leg.plan.travel_time)
+    mission.cause = "refused"
+    if mission.refusals > _REFUSALS or (refusal(leg) and not mission.graph.adjacency[i].any()):
+        _end(fleet, m, mission, f"leg {i} to {j} cannot be sailed: {why}")
+
+
+def _judge(fleet: Fleet, m: int, mission: Mission, record: LegRecord, stopped: str) -> None:
+    """After a leg: do the task, compare the leg's whole time with t_ij, decide on re-planning (3.3.2)."""
+    run, planning = mission.run, fleet.scenario.planning
+    if planning.charge_compute:
+        fleet.now[m] += record.cpu
+        run.charged_compute += record.cpu
+    if not record.arrived:
+        _end(fleet, m, mission, f"leg {record.start} to {record.goal} was not finished: {stopped}")
+        return
+    fleet.now[m] += record.t_task
+    mission.refusals = 0
+    mission.here = record.goal
+    mission.step += 1
+    mission.graph = mission.graph.without_edges([(record.start, record.goal)])
+    if record.goal == run.goal:
+        _end(fleet, m, mission, "")
+        return
+    taken = record.t_path + record.t_task
+    mission.expected_end += taken - record.t_expected
+    left = run.t_available - planning.reserve - mission.expected_end
+    if taken > record.t_expected:
+        mission.cause = "late"
+    elif planning.replan == "deviation" and left > planning.gain:
+        mission.cause = "early"
+
+
+def _end(fleet: Fleet, m: int, mission: Mission, reason: str) -> None:
+    run = mission.run
+    mission.ended = True
+    run.t_mission = float(fleet.now[m])
+    run.arrived = mission.here == run.goal and not reason
+    if not reason:
+        late = run.t_mission >= run.t_available
+        reason = "destination reached" + (" too late" if late else " in time")
+    run.reason = reason
+
+
+__all__ = ["Clock", "mission_config", "path_config", "run_mission", "run_missions"]

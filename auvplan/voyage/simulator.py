@@ -1,0 +1,187 @@
+"""The truth: the current changes, obstacles move, and vehicles sail their tracks through both.
+
+All B missions advance together; arrays carry a leading axis B, and a mission that has ended stands still.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from auvplan.ocean.currents import CurrentUpdate, LambVortices, evolve
+from auvplan.vehicle import Vehicle, along_track
+
+#: Seconds between two recorded positions.
+TIME_STEP = 3.0
+
+Array = NDArray[np.floating]
+
+
+@partial(
+    jax.tree_util.register_dataclass,
+    data_fields=("positions", "times", "obstacles", "moves", "arc", "arrived", "shortfall"),
+    meta_fields=(),
+)
+@dataclass(frozen=True)
+class Sailed:
+    """One stretch of sailing, n recorded steps.
+
+    Attributes:
+        positions: [B, n, 3] m.
+        times: [B, n] s.
+        obstacles: [B, n, M, 3] m, true positions at those times.
+        moves: [B, M, 3] m/s, true velocities of the obstacles over ground at the end.
+        arc: [B] m sailed along the track.
+        arrived: [B] bool, the end of the track was reached; time stands still from there on.
+        shortfall: [B], largest share of |v| by which the current beat the vehicle.
+    """
+
+    positions: jax.Array
+    times: jax.Array
+    obstacles: jax.Array
+    moves: jax.Array
+    arc: jax.Array
+    arrived: jax.Array
+    shortfall: jax.Array
+
+
+@partial(jax.jit, static_argnames=("steps",))
+def sail(
+    track: jax.Array,
+    arc: jax.Array,
+    moving: jax.Array,
+    now: jax.Array,
+    current: LambVortices,
+    obstacles: tuple[jax.Array, jax.Array, jax.Array],
+    vehicle: Vehicle,
+    steps: int,
+) -> Sailed:
+    """Sail `steps` time steps along given tracks in the true current.
+
+    The vehicle crabs to hold its track; where the current beats it, it makes the least progress that travel
+    times reckon with, and `Sailed.shortfall` tells.
+
+    Args:
+        track: [B, S, 3] m.
+        arc: [B] m already sailed along the track.
+        moving: [B] bool; False keeps station while time passes.
+        now: [B] s.
+        current: the truth, leaves with a leading axis B.
+        obstacles: true position [B, M, 3] m, own velocity [B, M, 3] m/s, drift [B, M].
+        vehicle: speed and limits.
+        steps: number of steps of `TIME_STEP`.
+    """
+
+    def one(track, arc, moving, now, current, position, velocity, drift) -> Sailed:
+        gaps = jnp.sqrt((jnp.diff(track, axis=0) ** 2).sum(axis=1))
+        marks = jnp.concatenate([jnp.zeros(1), jnp.cumsum(gaps)])
+        total = marks[-1]
+
+        def step(carry, _):
+            arc, now, position, arrived, worst = carry
+            here = _along(track, marks, arc)
+            ahead = _along(track, marks, jnp.minimum(arc + 5.0, total))
+            behind = _along(track, marks, jnp.maximum(arc - 5.0, 0.0))
+            tangent = (ahead - behind) / jnp.maximum(jnp.linalg.norm(ahead - behind), 1e-6)
+            water = jnp.stack(current(here[0], here[1], here[2], now))
+            along = tangent @ water
+            across = jnp.sqrt(jnp.maximum(water @ water - along**2, 0.0))
+            ground, shortfall = along_track("track", vehicle.speed, along, across)
+            left = total - arc
+            arrives = moving & (ground * TIME_STEP >= left)
+            elapsed = jnp.where(arrived, 0.0, jnp.where(arrives, left / ground, TIME_STEP))
+            arc = jnp.where(arrives, total, arc + jnp.where(moving, ground * elapsed, 0.0))
+            position = position + _over_ground(current, position, velocity, drift, now) * elapsed
+            carry = (arc, now + elapsed, position, arrived | arrives, jnp.maximum(worst, shortfall))
+            return carry, (_along(track, marks, arc), now + elapsed, position)
+
+        begin = (arc, now, position, jnp.array(False), jnp.array(0.0))
+        (arc, now, position, arrived, worst), (positions, times, trace) = jax.lax.scan(step, begin, length=steps)
+        moves = _over_ground(current, position, velocity, drift, now)
+        return Sailed(positions, times, trace, moves, arc, arrived, worst)
+
+    return jax.vmap(one)(track, arc, moving, now, current, *obstacles)
+
+
+def _over_ground(
+    current: LambVortices, position: jax.Array, velocity: jax.Array, drift: jax.Array, now: jax.Array
+) -> jax.Array:
+    """Velocity of obstacles over ground, [M, 3] m/s: their own plus the current's where it carries them."""
+    swept = jnp.stack(current(position[:, 0], position[:, 1], position[:, 2], now), axis=1)
+    return velocity + drift[:, None] * swept
+
+
+over_ground = jax.jit(jax.vmap(_over_ground))
+
+
+def _along(track: jax.Array, marks: jax.Array, arc: jax.Array) -> jax.Array:
+    """Position [3] at a distance along a track."""
+    return jnp.stack([jnp.interp(arc, marks, track[:, axis]) for axis in range(3)])
+
+
+@partial(jax.jit, static_argnames=("update",))
+def _evolve_due(
+    keys: jax.Array, counts: jax.Array, due: jax.Array, current: LambVortices, update: CurrentUpdate
+) -> LambVortices:
+    changed = jax.vmap(lambda key, count, field: evolve(jax.random.fold_in(key, count), field, update))(
+        keys, counts, current
+    )
+    return jax.tree.map(lambda new, old: jnp.where(due.reshape(-1, *(1,) * (new.ndim - 1)), new, old), changed, current)
+
+
+@jax.jit
+def _told(keys: jax.Array, counts: jax.Array, current: LambVortices, error: float) -> LambVortices:
+    def one(key: jax.Array, count: jax.Array, field: LambVortices) -> LambVortices:
+        noise = error * jax.random.normal(jax.random.fold_in(key, count), (field.strength.shape[-1], 3))
+        return LambVortices(
+            field.centers + noise[:, :2] * field.radius[..., None],
+            field.strength * (1.0 + noise[:, 2]),
+            field.radius,
+            field.depths,
+            field.vertical_scale,
+            field.uniform,
+        )
+
+    return jax.vmap(one)(keys, counts, current)
+
+
+class TrueCurrent:
+    """The true current of B missions and what is told of it.
+
+    Every mission draws from its own key by its own count of updates, so that its sea does not depend on which
+    missions run beside it.
+    """
+
+    def __init__(self, keys: jax.Array, fields: list[LambVortices], update: CurrentUpdate, interval: float):
+        self.field: LambVortices = jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(a) for a in leaves]), *fields)
+        self._keys = jax.vmap(lambda key: jax.random.split(key, 2))(keys)
+        self._update = update
+        self._interval = interval
+        self._updates = np.zeros(len(fields), int)
+        self._tellings = np.zeros(len(fields), int)
+
+    def advance(self, now: Array) -> None:
+        """Apply all updates due at each mission's time `now` [B] s (Eq. 2)."""
+        while (due := now >= (self._updates + 1) * self._interval).any():
+            self.field = _evolve_due(
+                self._keys[:, 0], jnp.asarray(self._updates), jnp.asarray(due), self.field, self._update
+            )
+            self._updates += due
+
+    def told(self, missions: Sequence[int], error: float) -> LambVortices:
+        """The fields of some missions as a planner is told them, in error by a relative `error`.
+
+        Returns the field with a leading axis as long as `missions`, which may repeat an index to pad.
+        """
+        index = np.asarray(missions)
+        self._tellings[np.unique(index)] += 1
+        field = jax.tree.map(lambda a: a[index], self.field)
+        return _told(self._keys[index, 1], jnp.asarray(self._tellings[index]), field, error)
+
+    def at(self, mission: int) -> LambVortices:
+        """The true field of one mission."""
+        return jax.tree.map(lambda a: np.asarray(a[mission]), self.field)
