@@ -51,9 +51,10 @@ def refine(
         return (jnp.clip(unit + change, 0.0, 1.0), memory, best), None
 
     unit = jnp.clip((habitats - lower) / span, 0.0, 1.0)
-    best = (unit, *evaluate(fun, lower + unit * span, *args))
-    (unit, _, best), _ = jax.lax.scan(descend, (unit, optimizer.init(unit), best), length=steps)
-    unit, cost, violation = _keep_better(best, (unit, *evaluate(fun, lower + unit * span, *args)))
+    worst = jnp.full(habitats.shape[0], jnp.inf, habitats.dtype)
+    carry = (unit, optimizer.init(unit), (unit, worst, worst))
+    # The last step only scores what the one before it reached.
+    (_, _, (unit, cost, violation)), _ = jax.lax.scan(descend, carry, length=steps + 1)
     return jnp.clip(lower + unit * span, lower, upper), cost, violation
 
 

@@ -10,7 +10,7 @@ from auvplan.mission.objective import ObjectiveName
 
 def _default_bbo() -> BBOConfig:
     return BBOConfig(
-        population=150, iterations=200, mutation_genes=3.0, mutation_law="constant", replacement="greedy"
+        population=150, iterations=200, mutation_genes=2.0, mutation_law="constant", replacement="greedy"
     )
 
 

@@ -140,21 +140,20 @@ class LambVortices:
             chex.assert_shape(depths, (layers,))
 
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
-        layers, count = self.strength.shape
         still = jnp.zeros(jnp.broadcast_shapes(jnp.shape(x), jnp.shape(y), jnp.shape(z)), jnp.result_type(x))
-        total = [still + self.uniform[axis] for axis in range(3)]  # type: ignore[index]
-        weights = self._layer_weights(z)
-        for layer in range(layers):
-            for k in range(count):
-                parts = _vortex(
-                    x - self.centers[layer, k, 0],
-                    y - self.centers[layer, k, 1],
-                    self.strength[layer, k] * weights[layer],
-                    self.radius[layer, k],
-                    self.vertical_scale,
-                )
-                total = [a + b for a, b in zip(total, parts, strict=True)]
-        return total[0], total[1], total[2]
+        total = tuple(still + self.uniform[axis] for axis in range(3))  # type: ignore[index]
+        for layer, weight in enumerate(self._layer_weights(z)):
+            # One small loop body whatever the number of vortices: quick to compile, and the planes stay in
+            # cache. Recomputing it for gradients beats storing what every vortex would need.
+            @jax.checkpoint
+            def add(total: Velocity, vortex: tuple[jax.Array, ...], weight: ArrayLike = weight) -> Velocity:
+                center_x, center_y, strength, radius = vortex
+                parts = _vortex(x - center_x, y - center_y, strength * weight, radius, self.vertical_scale)
+                return total[0] + parts[0], total[1] + parts[1], total[2] + parts[2]
+
+            vortices = (self.centers[layer, :, 0], self.centers[layer, :, 1], self.strength[layer], self.radius[layer])
+            total, _ = jax.lax.scan(lambda carry, one, add=add: (add(carry, one), None), total, vortices)
+        return total
 
     def _layer_weights(self, z: jax.Array) -> list[ArrayLike]:
         """Linear interpolation weights of the layers at depth z; they sum to one."""

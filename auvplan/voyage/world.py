@@ -135,7 +135,7 @@ def make_graph(scenario: Scenario, chart: Chart | None, rng: np.random.Generator
 def _lines_clear(positions: np.ndarray, chart: Chart | None, scenario: Scenario) -> np.ndarray:
     """[N, N] bool: whether the straight line between two waypoints keeps clear of the coast."""
     size = len(positions)
-    if chart is None:
+    if chart is None or size == 2:  # two waypoints are a single leg: the path planner finds the way round
         return np.ones((size, size), bool)
     share = np.linspace(0.0, 1.0, 200)[:, None, None]
     x = positions[:, 0, None] * (1 - share) + positions[None, :, 0] * share

@@ -1,0 +1,124 @@
+"""Folders and files of results: written whole or not at all, and read with one clear line on what is wrong."""
+
+import json
+import os
+import secrets
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+#: Names of the two files that hold a run.
+SUMMARY, MISSION = "summary.json", "mission.nc"
+
+#: Larger summaries are no summaries.
+_MAX_SUMMARY_BYTES = 50_000_000
+
+
+class OutputError(ValueError):
+    """A result that cannot be written; the message is one line."""
+
+
+class ResultError(ValueError):
+    """A result that cannot be read; the message is one line."""
+
+
+def output_folder(path: str | Path) -> Path:
+    """Create a folder for results where it is missing, and make sure that files can be written there.
+
+    Raises:
+        OutputError: one line that names the folder and the reason.
+    """
+    folder = Path(path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        # Permission bits do not tell the truth on every file system: only a written file does.
+        probe = _beside(folder / "probe")
+        probe.touch(exist_ok=False)
+        probe.unlink()
+    except OSError as error:
+        raise OutputError(f"cannot write to folder {folder}: {_reason(error)}") from None
+    return folder
+
+
+def write_atomically(path: str | Path, write: Callable[[Path], None]) -> Path:
+    """Write a file under a temporary name in the same folder and move it into place.
+
+    Whoever reads `path` sees the old file or the new one whole, and a failing writer leaves nothing behind.
+
+    Args:
+        path: of the file.
+        write: called with the temporary path, whose suffix is that of `path`.
+
+    Returns:
+        The path of the file.
+
+    Raises:
+        OutputError: the operating system refused; one line that names the file. What else `write` raises
+            is passed on.
+    """
+    target = Path(path)
+    temporary = _beside(target)
+    try:
+        write(temporary)
+        os.replace(temporary, target)
+    except OSError as error:
+        raise OutputError(f"cannot write {target}: {_reason(error)}") from None
+    finally:
+        temporary.unlink(missing_ok=True)
+    return target
+
+
+def read_summary(folder: str | Path) -> dict[str, Any]:
+    """The figures of a saved run.
+
+    Raises:
+        ResultError: one line that names the file and the reason.
+    """
+    path = _existing(folder, SUMMARY)
+    try:
+        if path.stat().st_size > _MAX_SUMMARY_BYTES:
+            raise ResultError(f"{path}: larger than {_MAX_SUMMARY_BYTES} bytes, not a summary")
+        summary = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ResultError(f"{path}: {_reason(error)}") from None
+    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError):
+        raise ResultError(f"{path}: not valid JSON") from None
+    if not isinstance(summary, dict):
+        raise ResultError(f"{path}: a summary is a mapping of fields, got {type(summary).__name__}")
+    return summary
+
+
+def read_mission(folder: str | Path) -> xr.Dataset:
+    """The NetCDF file of a saved run, loaded whole; times stay seconds since the scenario's epoch.
+
+    Raises:
+        ResultError: one line that names the file and the reason.
+    """
+    path = _existing(folder, MISSION)
+    try:
+        with xr.open_dataset(path, engine="h5netcdf", decode_times=False) as dataset:
+            return dataset.load()
+    # HDF5 answers a damaged file with whatever its layers stumble over.
+    except Exception as error:
+        line = " ".join(str(error).split()) or type(error).__name__
+        raise ResultError(f"{path}: not a readable NetCDF file ({line})") from None
+
+
+def _existing(folder: str | Path, name: str) -> Path:
+    if not Path(folder).is_dir():
+        raise ResultError(f"{folder}: no such folder")
+    path = Path(folder) / name
+    if not path.is_file():
+        raise ResultError(f"{path}: no such file")
+    return path
+
+
+def _beside(path: Path) -> Path:
+    """A hidden name in the same folder, with the same suffix, by which many writers know the format."""
+    return path.with_name(f".{path.stem}-{secrets.token_hex(6)}{path.suffix}")
+
+
+def _reason(error: OSError) -> str:
+    return error.strerror or type(error).__name__

@@ -1,0 +1,283 @@
+"""A sailed mission as files: `summary.json` for its figures, `mission.nc` (CF-1.11 trajectories) for the rest."""
+
+import json
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from auvplan.io.files import MISSION, SUMMARY, output_folder, read_mission, write_atomically
+from auvplan.voyage.records import LegRecord, MissionRun
+
+#: The scenario's epoch has no date of its own; this one stands for it.
+TIME_UNITS = "seconds since 2000-01-01 00:00:00"
+
+#: Steps of the stored passability; 0 is coast and nothing else is.
+LEVELS = 255
+
+#: Names that a flag may take; others are added as they appear.
+_KINDS = ("static", "afloat", "self-motivated")
+_PLAN_CAUSES = ("leg", "window", "hazard")
+_ORDER_CAUSES = ("start", "late", "early", "refused")
+
+Variables = dict[str, xr.Variable]
+
+
+def save_run(run: MissionRun, folder: str | Path) -> Path:
+    """Write `summary.json` and `mission.nc`.
+
+    Args:
+        run: as sailed.
+        folder: made where missing; files of an earlier run are replaced.
+
+    Returns:
+        The folder.
+
+    Raises:
+        OutputError: one line that names what cannot be written and why.
+    """
+    target = output_folder(folder)
+    dataset = to_dataset(run)
+    encoding: Any = {name: _encoding(variable) for name, variable in dataset.variables.items()}
+    write_atomically(
+        target / MISSION,
+        lambda path: _nothing(dataset.to_netcdf(path, engine="h5netcdf", encoding=encoding)),
+    )
+    text = json.dumps(run.summary(), indent=2) + "\n"
+    write_atomically(target / SUMMARY, lambda path: _nothing(path.write_text(text, encoding="utf-8")))
+    return target
+
+
+def load_run(folder: str | Path) -> xr.Dataset:
+    """The dataset of a saved run, in memory; times in s since the scenario's epoch.
+
+    Raises:
+        ResultError: one line that names the file and what is wrong with it.
+    """
+    return read_mission(folder)
+
+
+def to_dataset(run: MissionRun) -> xr.Dataset:
+    """A run as CF trajectories, one a leg, contiguous and ragged along `obs`."""
+    variables = _sailed(run) | _legs(run) | _obstacles(run.legs) | _graph(run)
+    variables |= _orders(run) | _plans(run.legs) | _chart(run)
+    dataset = xr.Dataset(variables, attrs=_attributes(run))
+    places = [name for name in ("chart_x", "chart_y") if name in dataset]
+    return dataset.set_coords(["time", "x", "y", "depth", *places])
+
+
+def _attributes(run: MissionRun) -> dict[str, Any]:
+    vehicle = {
+        f"vehicle_{name}": float(getattr(run.vehicle, name))
+        for name in ("speed", "surge_max", "sway_max", "turn_rate_max")
+    }
+    return {
+        "Conventions": "CF-1.11",
+        "featureType": "trajectory",
+        "title": f"AUV mission, scenario {run.scenario.get('name') or 'unnamed'}, seed {run.seed}",
+        "source": f"auvplan {version('auvplan')}, simulated",
+        "comment": "Local frame: north, east, depth [m] from an origin that is not georeferenced; the "
+        "scenario's epoch is written as 2000-01-01. Axis order of `axis` dimensions: north, east, down.",
+        "auvplan_version": version("auvplan"),
+        "scenario": json.dumps(run.scenario),
+        "seed": np.int64(run.seed),
+        "start": np.int32(run.start),
+        "goal": np.int32(run.goal),
+        "arrived": np.int8(run.arrived),
+        "success": np.int8(run.success),
+        "reason": run.reason,
+        "t_available": float(run.t_available),
+        "t_mission": float(run.t_mission),
+        "t_residual": float(run.t_residual),
+        "charged_compute": float(run.charged_compute),
+        **vehicle,
+    }
+
+
+def _sailed(run: MissionRun) -> Variables:
+    """The trajectories, all legs in a row."""
+    legs = run.legs
+    time = np.concatenate([np.zeros(0), *(leg.times for leg in legs)])
+    place = np.concatenate([np.zeros((0, 3)), *(np.reshape(leg.positions, (-1, 3)) for leg in legs)])
+    index = np.repeat(np.arange(len(legs)), [len(leg.times) for leg in legs])
+    return {
+        "time": _variable(
+            "obs", time, "time since the scenario's epoch", TIME_UNITS,
+            standard_name="time", calendar="standard", axis="T",
+        ),
+        # CF calls the eastward coordinate x; this project's x is north.
+        "x": _variable("obs", place[:, 0], "north", "m", standard_name="projection_y_coordinate", axis="Y"),
+        "y": _variable("obs", place[:, 1], "east", "m", standard_name="projection_x_coordinate", axis="X"),
+        "depth": _variable(
+            "obs", place[:, 2], "depth below the surface", "m", standard_name="depth", positive="down", axis="Z"
+        ),
+        "leg_index": _variable("obs", index.astype(np.int32), "index of the leg"),
+    }  # fmt: skip
+
+
+def _legs(run: MissionRun) -> Variables:
+    """The leg table."""
+    legs = run.legs
+
+    def column(values: list, name: str, units: str | None = None, dtype: Any = float) -> xr.Variable:
+        return _variable("leg", np.asarray(values, dtype), name, units)
+
+    rows = column([len(leg.times) for leg in legs], "observations of the leg; none where it was refused", "1", np.int32)
+    rows.attrs["sample_dimension"] = "obs"
+    identity = column(list(range(len(legs))), "number of the leg", dtype=np.int32)
+    identity.attrs["cf_role"] = "trajectory_id"
+    return {
+        "trajectory": identity,
+        "row_size": rows,
+        "leg_from": column([leg.start for leg in legs], "waypoint left", dtype=np.int32),
+        "leg_to": column([leg.goal for leg in legs], "waypoint headed for", dtype=np.int32),
+        "leg_t_expected": column([leg.t_expected for leg in legs], "expected time, the task included", "s"),
+        "leg_t_path": column([leg.t_path for leg in legs], "travel time sailed", "s"),
+        "leg_t_task": column([leg.t_task for leg in legs], "time of the task", "s"),
+        "leg_priority": column([leg.priority for leg in legs], "priority of the task, 0 without one", "1"),
+        "leg_arrived": column([leg.arrived for leg in legs], "whether the waypoint was reached", dtype=bool),
+    }
+
+
+def _obstacles(legs: Sequence[LegRecord]) -> Variables:
+    """True obstacles along the legs, padded to the leg that has most of them."""
+    most = max((len(leg.obstacle_radii) for leg in legs), default=0)
+    if most == 0:
+        return {}
+    radii = np.full((len(legs), most), np.nan, np.float32)
+    kinds = [[""] * most for _ in legs]
+    tracks = [np.zeros((0, most, 3), np.float32)]
+    for row, leg in enumerate(legs):
+        count = len(leg.obstacle_radii)
+        radii[row, :count] = leg.obstacle_radii
+        kinds[row][:count] = leg.obstacle_kinds
+        track = np.full((len(leg.times), most, 3), np.nan, np.float32)
+        if len(leg.times):
+            track[:, :count] = leg.obstacle_positions
+        tracks.append(track)
+    codes, flags = _flags(np.asarray(kinds), _KINDS)
+    return {
+        "obstacle_position": _variable(
+            ("obs", "obstacle", "axis"), np.concatenate(tracks), "true place of the obstacle's centre", "m"
+        ),
+        "obstacle_radius": _variable(("leg", "obstacle"), radii, "true radius", "m"),
+        "obstacle_kind": _variable(("leg", "obstacle"), codes, "kind of obstacle", **flags),
+    }
+
+
+def _graph(run: MissionRun) -> Variables:
+    """Waypoints and tasks as they were at the start."""
+    square = ("waypoint", "waypoint_to")
+    graph = run.graph
+    return {
+        "waypoint_position": _variable(
+            ("waypoint", "axis"), np.asarray(graph.positions, float), "place of the waypoint", "m"
+        ),
+        "adjacency": _variable(square, np.asarray(graph.adjacency, bool), "whether an edge leads there"),
+        "task_priority": _variable(
+            square, np.asarray(graph.priority, float), "priority of the edge's task, 0 without one", "1"
+        ),
+        "task_duration": _variable(square, np.asarray(graph.duration, float), "time of the edge's task", "s"),
+    }
+
+
+def _orders(run: MissionRun) -> Variables:
+    """The first order of tasks and every re-plan."""
+    orders = run.orders
+    if not orders:
+        return {}
+    nodes = np.full((len(orders), max(len(order.nodes) for order in orders)), -1, np.int32)
+    for row, order in enumerate(orders):
+        nodes[row, : len(order.nodes)] = order.nodes
+    codes, flags = _flags(np.asarray([order.cause for order in orders]), _ORDER_CAUSES)
+    return {
+        "order_nodes": _variable(("order", "stop"), nodes, "waypoints in order of visit; -1 pads"),
+        "order_made_at": _variable("order", [order.made_at for order in orders], "when it was made", TIME_UNITS),
+        "order_time": _variable("order", [order.time for order in orders], "expected time", "s"),
+        "order_priority": _variable("order", [order.priority for order in orders], "total priority", "1"),
+        "order_cpu": _variable("order", [order.cpu for order in orders], "wall-clock time of planning", "s"),
+        "order_cause": _variable("order", codes, "why it was made", **flags),
+    }
+
+
+def _plans(legs: Sequence[LegRecord]) -> Variables:
+    """Every path plan of every leg."""
+    plans = [(row, plan) for row, leg in enumerate(legs) for plan in leg.plans]
+    if not plans:
+        return {}
+    most = max(len(plan.times) for _, plan in plans)
+    places = np.full((len(plans), most, 3), np.nan, np.float32)
+    times = np.full((len(plans), most), np.nan)
+    for row, (_, plan) in enumerate(plans):
+        places[row, : len(plan.times)] = plan.positions
+        times[row, : len(plan.times)] = plan.times
+    codes, flags = _flags(np.asarray([plan.cause for _, plan in plans]), _PLAN_CAUSES)
+    return {
+        "plan_position": _variable(("plan", "sample", "axis"), places, "planned place", "m"),
+        "plan_time": _variable(("plan", "sample"), times, "planned time of the sample", TIME_UNITS),
+        "plan_leg": _variable("plan", np.asarray([row for row, _ in plans], np.int32), "index of the leg"),
+        "plan_made_at": _variable("plan", [plan.made_at for _, plan in plans], "when it was made", TIME_UNITS),
+        "plan_feasible": _variable(
+            "plan", np.asarray([plan.feasible for _, plan in plans], bool), "whether the planner saw every limit kept"
+        ),
+        "plan_cpu": _variable("plan", [plan.cpu for _, plan in plans], "wall-clock time of planning", "s"),
+        "plan_cause": _variable("plan", codes, "why it was made", **flags),
+    }
+
+
+def _chart(run: MissionRun) -> Variables:
+    """The passability raster in steps of 1/255, and the centres of its pixels."""
+    if run.chart is None:
+        return {}
+    passability = np.asarray(run.chart.passability, float)
+    steps = np.where(passability > 0.0, np.clip(np.rint(passability * LEVELS), 1, LEVELS), 0)
+    size = float(np.asarray(run.chart.pixel_size))
+    corner = np.asarray(run.chart.origin, float)
+    north, east = (corner[k] + size * (np.arange(passability.shape[k]) + 0.5) for k in range(2))
+    raster = _variable(
+        ("chart_x", "chart_y"), steps / LEVELS, "passability: 0 coast, up to 0.35 uncertain, 1 water", "1",
+        valid_range=np.asarray([0, LEVELS], np.uint8), comment="stored in steps of 1/255; coast alone is 0",
+    )  # fmt: skip
+    raster.encoding = {"dtype": "uint8", "scale_factor": 1.0 / LEVELS, "add_offset": 0.0}
+    return {
+        "passability": raster,
+        "chart_x": _variable("chart_x", north, "north of the pixel's centre", "m"),
+        "chart_y": _variable("chart_y", east, "east of the pixel's centre", "m"),
+        "chart_origin": _variable("horizontal", corner[:2], "south-west corner of the raster: north, east", "m"),
+        "chart_pixel_size": _variable((), size, "edge of a pixel", "m"),
+    }
+
+
+def _variable(
+    dims: str | tuple[str, ...], values: ArrayLike, name: str, units: str | None = None, **attrs: Any
+) -> xr.Variable:
+    return xr.Variable(dims, np.asarray(values), {"long_name": name} | ({"units": units} if units else {}) | attrs)
+
+
+def _flags(names: NDArray[np.str_], known: Sequence[str]) -> tuple[NDArray[np.int8], dict[str, Any]]:
+    """Names as CF flags: codes from 1 in the order of `known`; 0 where there is none."""
+    meanings = ["none", *known, *sorted(set(names.ravel()) - {"", "none", *known})]
+    code = {meaning: number for number, meaning in enumerate(meanings)} | {"": 0}
+    values = np.asarray([code[str(name)] for name in names.ravel()], np.int8).reshape(names.shape)
+    return values, {
+        "flag_values": np.arange(len(meanings), dtype=np.int8),
+        "flag_meanings": " ".join(meaning.replace(" ", "_") for meaning in meanings),
+    }
+
+
+def _encoding(variable: xr.Variable) -> dict[str, Any]:
+    """Compression, and a fill value only where something is missing."""
+    encoding = dict(variable.encoding)
+    missing = variable.dtype.kind == "f" and bool(np.isnan(variable.values).any())
+    encoding["_FillValue"] = np.nan if missing else None
+    if variable.ndim and variable.size:
+        encoding |= {"zlib": True, "complevel": 4, "shuffle": True}
+    return encoding
+
+
+def _nothing(_: object) -> None:
+    """Turn a writer that returns something into one that does not."""

@@ -1,0 +1,141 @@
+"""What the checker sees on its walk: the coast under it, obstacles as they move. Plain NumPy."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+Array = NDArray[np.floating]
+
+#: Longest step of a walk, m; that of the obstacles as well.
+STEP = 1.0
+#: Steps between two observations are capped: a longer gap is a fault of its own, found by its speed.
+_STEPS_MAX = 10_000
+#: Positions are stored in single precision, which may put them beyond the chart's edge by so much, m.
+_EDGE = 0.01
+#: Steps between the coarse points at which the distance to the coast is looked up first.
+_STRIDE = 50
+
+
+@dataclass(frozen=True)
+class Walk:
+    """A leg in steps of at most a metre, straight and at even speed between observations.
+
+    Attributes:
+        times: [n] s.
+        positions: [n, 3] m.
+        obstacles: [n, M, 3] m.
+        metres: [n] m, the step that leads to each point; zero for the first.
+    """
+
+    times: Array
+    positions: Array
+    obstacles: Array
+    metres: Array
+
+    @classmethod
+    def of(cls, times: Array, positions: Array, obstacles: Array) -> Self:
+        """Refine n observations.
+
+        Args:
+            times: [n] s.
+            positions: [n, 3] m.
+            obstacles: [n, M, 3] m.
+        """
+        moves = [_lengths(np.diff(positions, axis=0)), *(_lengths(move) for move in np.diff(obstacles, axis=0).swapaxes(0, 1))]
+        steps = np.clip(np.ceil(np.max(moves, axis=0) / STEP), 1, _STEPS_MAX).astype(int)
+        first = np.concatenate([[0], np.cumsum(steps)])
+        # Where on the scale of observations each step ends: whole numbers are observations.
+        scale = np.interp(np.arange(first[-1] + 1), first, np.arange(len(times)))
+        below = np.minimum(scale.astype(int), max(len(times) - 2, 0))
+        above, share = np.minimum(below + 1, len(times) - 1), scale - below
+        places = _between(positions, below, above, share[:, None])
+        metres = np.concatenate([[0.0], _lengths(np.diff(places, axis=0))])
+        return cls(
+            _between(times, below, above, share),
+            places,
+            _between(obstacles, below, above, share[:, None, None]),
+            metres,
+        )
+
+    def between(self, first: int, last: int) -> str:
+        """Words for the stretch from point `first` to point `last`."""
+        x, y, z = self.positions[first]
+        metres = self.metres[first : last + 1].sum()
+        return f"for {metres:.1f} m from north {x:.1f}, east {y:.1f}, depth {z:.1f} m at {self.times[first]:.1f} s"
+
+
+@dataclass(frozen=True)
+class Coast:
+    """Land pixels of a chart; pixel (i, j) begins at corner + (i, j) * size.
+
+    Attributes:
+        land: [nx, ny] bool, indexed [north, east].
+        corner: [2] m.
+        size: m.
+        edge: [k, 2] m, centres of the land pixels that touch other pixels.
+    """
+
+    land: NDArray[np.bool_]
+    corner: Array
+    size: float
+    edge: Array
+
+    @classmethod
+    def of(cls, dataset: xr.Dataset) -> Self:
+        """The coast of a saved run: pixels whose passability is exactly zero."""
+        land = dataset["passability"].values == 0.0
+        corner, size = dataset["chart_origin"].values.astype(float), float(dataset["chart_pixel_size"])
+        framed = np.pad(land, 1)
+        inland = framed[:-2, 1:-1] & framed[2:, 1:-1] & framed[1:-1, :-2] & framed[1:-1, 2:]
+        return cls(land, corner, size, corner + size * (np.argwhere(land & ~inland) + 0.5))
+
+    def outside(self, positions: Array) -> NDArray[np.bool_]:
+        """Whether positions [n, 3] lie beyond the chart, [n]."""
+        place = positions[:, :2] - self.corner
+        return ((place < -_EDGE) | (place > self.size * np.asarray(self.land.shape) + _EDGE)).any(axis=1)
+
+    def on_land(self, positions: Array) -> NDArray[np.bool_]:
+        """Whether the pixels under positions [n, 3] are land, [n]."""
+        pixel = np.floor((positions[:, :2] - self.corner) / self.size).astype(int)
+        i, j = np.clip(pixel, 0, np.asarray(self.land.shape) - 1).T
+        return self.land[i, j] & ~self.outside(positions)
+
+    def clearance(self, positions: Array) -> float:
+        """Least distance of positions [n, 3] to the edge of a land pixel, m; zero on land, infinite without any."""
+        if not len(self.edge):
+            return np.inf
+        if self.on_land(positions).any():
+            return 0.0
+        # Distance changes by no more than the way walked: only what a coarse look cannot rule out is seen closely.
+        coarse = np.arange(0, len(positions), _STRIDE)
+        distance = self._distance(positions[coarse])
+        reach = 0.5 * _STRIDE * STEP + STEP
+        near = coarse[distance - _STRIDE * STEP <= distance.min() + reach]
+        close = np.unique(np.clip(near[:, None] + np.arange(_STRIDE), 0, len(positions) - 1))
+        return float(self._distance(positions[close]).min())
+
+    def _distance(self, positions: Array) -> Array:
+        """[n] m to the nearest edge of a land pixel."""
+        nearest = np.full(len(positions), np.inf)
+        for part in range(0, len(positions), 256):
+            offset = np.abs(positions[part : part + 256, None, :2] - self.edge) - 0.5 * self.size
+            nearest[part : part + 256] = np.sqrt((np.maximum(offset, 0.0) ** 2).sum(axis=2).min(axis=1))
+        return nearest
+
+
+def events(inside: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
+    """First and last index of every unbroken run of True in [n]."""
+    change = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
+    return zip(change[::2].tolist(), (change[1::2] - 1).tolist(), strict=True)
+
+
+def _lengths(vectors: Array) -> Array:
+    return np.linalg.norm(vectors, axis=-1)
+
+
+def _between(values: Array, below: NDArray[np.int_], above: NDArray[np.int_], share: Array) -> Array:
+    return values[below] * (1.0 - share) + values[above] * share

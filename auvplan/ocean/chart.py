@@ -1,0 +1,237 @@
+"""Charts: a picture or mask to a raster of passability and the signed distance to the coast (section 2)."""
+
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, Self
+
+import chex
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+from numpy.typing import NDArray
+from PIL import Image, UnidentifiedImageError
+from scipy import ndimage
+
+from auvplan.ocean.classify import DEFAULT_CLUSTERS, UNCERTAIN_MAX, classify
+
+#: Distance to a coast that is nowhere, m.
+FAR = 1e6
+#: Larger pictures are refused before they are decoded.
+MAX_PIXELS = 64_000_000
+
+
+class ChartError(ValueError):
+    """A picture that is no chart; the message is one line that names it."""
+
+
+@partial(
+    jax.tree_util.register_dataclass,
+    data_fields=("passability", "signed_distance", "origin", "pixel_size"),
+    meta_fields=(),
+)
+@dataclass(frozen=True)
+class Chart:
+    """Coast, uncertain area and water on a raster indexed [north, east].
+
+    Pixel (i, j) covers origin + (i, j) * pixel_size to origin + (i + 1, j + 1) * pixel_size. Make one with
+    `from_mask`, `from_passability`, `from_rgb` or `from_image`.
+
+    Attributes:
+        passability: [nx, ny]; 0 coast, (0, 0.35] uncertain, 1 water.
+        signed_distance: [nx, ny] m at pixel centres, positive in water; never more than the true distance
+            to the nearest coast pixel's edge.
+        origin: [2] m, north and east of the corner of pixel (0, 0).
+        pixel_size: m.
+    """
+
+    passability: jax.Array
+    signed_distance: jax.Array
+    origin: jax.Array
+    pixel_size: jax.Array
+
+    @classmethod
+    def from_passability(
+        cls, passability: ArrayLike, pixel_size: float = 10.0, origin: tuple[float, float] = (0.0, 0.0)
+    ) -> Self:
+        """A chart from a raster [nx, ny] indexed [north, east]: 0 coast, (0, 0.35] uncertain, 1 water.
+
+        Raises:
+            ChartError: the raster is not two-dimensional, is empty, or has other values.
+        """
+        raster = np.asarray(passability, np.float32)
+        if raster.ndim != 2 or raster.size == 0:
+            raise ChartError(f"passability must be a non-empty [nx, ny] raster, got shape {raster.shape}")
+        allowed = (raster == 0.0) | (raster == 1.0) | ((raster > 0.0) & (raster <= np.float32(UNCERTAIN_MAX) + 1e-6))
+        if not allowed.all():
+            raise ChartError("passability must be 0 (coast), in (0, 0.35] (uncertain) or 1 (water)")
+        if not (np.isfinite(pixel_size) and pixel_size > 0):
+            raise ChartError(f"pixel_size must be positive, got {pixel_size}")
+        return cls(
+            jnp.asarray(raster, float),
+            jnp.asarray(_signed_distance(raster == 0.0) * pixel_size, float),
+            jnp.asarray(origin, float),
+            jnp.asarray(pixel_size, float),
+        )
+
+    @classmethod
+    def from_mask(
+        cls, water: ArrayLike, pixel_size: float = 10.0, origin: tuple[float, float] = (0.0, 0.0)
+    ) -> Self:
+        """A chart from a mask [nx, ny] indexed [north, east], True in water."""
+        return cls.from_passability(np.asarray(water, bool).astype(np.float32), pixel_size, origin)
+
+    @classmethod
+    def from_rgb(
+        cls,
+        rgb: NDArray[np.uint8],
+        pixel_size: float = 10.0,
+        origin: tuple[float, float] = (0.0, 0.0),
+        clusters: int = DEFAULT_CLUSTERS,
+        seed: int = 0,
+    ) -> Self:
+        """A chart from a picture [rows, columns, 3] with north up, by k-means (see `classify`)."""
+        # Here, and only here, an image's rows (from the north) become the raster's (towards the north).
+        return cls.from_passability(classify(rgb, clusters, seed)[::-1], pixel_size, origin)
+
+    @classmethod
+    def from_image(
+        cls,
+        path: str | Path,
+        pixel_size: float = 10.0,
+        origin: tuple[float, float] = (0.0, 0.0),
+        clusters: int = DEFAULT_CLUSTERS,
+        seed: int = 0,
+    ) -> Self:
+        """A chart from a picture file with north up: PNG, JPEG, TIFF or what else Pillow reads.
+
+        Raises:
+            ChartError: the file is missing, no picture, or too large.
+        """
+        return cls.from_rgb(_read_picture(path), pixel_size, origin, clusters, seed)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Pixels north and east."""
+        return self.passability.shape[-2], self.passability.shape[-1]
+
+    @property
+    def lower(self) -> jax.Array:
+        """[2] m, south-western corner."""
+        return self.origin
+
+    @property
+    def upper(self) -> jax.Array:
+        """[2] m, north-eastern corner."""
+        return self.origin + self.pixel_size * jnp.asarray(self.shape, self.origin.dtype)
+
+    def distance(self, x: ArrayLike, y: ArrayLike) -> jax.Array:
+        """Signed distance to the coast, m, positive in water; bilinear, differentiable.
+
+        Args:
+            x: north, m; any shape that broadcasts with `y`.
+            y: east, m.
+
+        Returns:
+            Broadcast shape, m. Outside the chart: that of the nearest point inside less the way there.
+        """
+        x, y = jnp.asarray(x), jnp.asarray(y)
+        low, high = self.lower, self.upper
+        dx = x - jnp.clip(x, low[0], high[0])
+        dy = y - jnp.clip(y, low[1], high[1])
+        out = dx * dx + dy * dy
+        outside = jnp.where(out > 0.0, jnp.sqrt(jnp.where(out > 0.0, out, 1.0)), 0.0)
+        return self._bilinear(self.signed_distance, x, y) - outside
+
+    def passability_at(self, x: ArrayLike, y: ArrayLike) -> jax.Array:
+        """Passability by bilinear interpolation, 0 to 1; arguments as `distance`."""
+        return self._bilinear(self.passability, jnp.asarray(x), jnp.asarray(y))
+
+    def _bilinear(self, raster: jax.Array, x: jax.Array, y: jax.Array) -> jax.Array:
+        chex.assert_rank(raster, 2)
+        north, east = self.shape
+        i = jnp.clip((x - self.origin[0]) / self.pixel_size - 0.5, 0.0, north - 1.0)
+        j = jnp.clip((y - self.origin[1]) / self.pixel_size - 0.5, 0.0, east - 1.0)
+        i0 = jnp.clip(i.astype(jnp.int32), 0, max(north - 2, 0))
+        j0 = jnp.clip(j.astype(jnp.int32), 0, max(east - 2, 0))
+        a, b = i - i0, j - j0
+        flat, corner = raster.reshape(-1), i0 * east + j0
+        down, right = (east if north > 1 else 0), (1 if east > 1 else 0)
+
+        def at(offset: int) -> jax.Array:
+            return jnp.take(flat, corner + offset, mode="clip")
+
+        south = at(0) + b * (at(right) - at(0))
+        return south + a * (at(down) + b * (at(down + right) - at(down)) - south)
+
+    def contains(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
+        """Whether positions lie on the chart, in NumPy."""
+        low, high = np.asarray(self.lower), np.asarray(self.upper)
+        x, y = np.asarray(x), np.asarray(y)
+        return (x >= low[0]) & (x <= high[0]) & (y >= low[1]) & (y <= high[1])
+
+    def is_water(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
+        """Whether positions lie on the chart and off the coast, by the pixel they are in, in NumPy."""
+        size, origin = float(self.pixel_size), np.asarray(self.origin)
+        x, y = np.asarray(x), np.asarray(y)
+        i = np.clip(np.floor((x - origin[0]) / size).astype(int), 0, self.shape[0] - 1)
+        j = np.clip(np.floor((y - origin[1]) / size).astype(int), 0, self.shape[1] - 1)
+        return self.contains(x, y) & (np.asarray(self.passability)[i, j] > 0.0)
+
+    def crop(self, i: int, j: int, north: int, east: int) -> Self:
+        """The part of `north` by `east` pixels from pixel (i, j) on; positions keep their coordinates.
+
+        Raises:
+            ChartError: the part reaches beyond the chart.
+        """
+        if i < 0 or j < 0 or north < 1 or east < 1 or i + north > self.shape[0] or j + east > self.shape[1]:
+            raise ChartError(f"a crop of {north} x {east} pixels at ({i}, {j}) reaches beyond {self.shape}")
+        size = float(self.pixel_size)
+        origin = (float(self.origin[0]) + i * size, float(self.origin[1]) + j * size)
+        return self.from_passability(np.asarray(self.passability)[i : i + north, j : j + east], size, origin)
+
+    def shares(self) -> dict[str, float]:
+        """Shares of coast, uncertain area and water."""
+        raster = np.asarray(self.passability)
+        coast, water = float((raster == 0.0).mean()), float((raster == 1.0).mean())
+        return {"coast": coast, "uncertain": 1.0 - coast - water, "water": water}
+
+
+def _signed_distance(land: NDArray[np.bool_]) -> NDArray[np.floating]:
+    """Signed distance to the coast in pixels: a lower bound of the distance to the land pixels' edges.
+
+    Centres of two pixels are at most sqrt(1/2) farther apart than the one centre is from the other's edge.
+    """
+    if not land.any():
+        return np.full(land.shape, FAR)
+    if land.all():
+        return np.full(land.shape, -FAR)
+    water = ndimage.distance_transform_edt(~land) - np.sqrt(0.5)
+    inland = ndimage.distance_transform_edt(land) - 0.5
+    return np.where(land, -inland, water)
+
+
+def _read_picture(path: str | Path) -> NDArray[np.uint8]:
+    """[rows, columns, 3] RGB.
+
+    Raises:
+        ChartError: the file is missing, no picture, or too large.
+    """
+    limit: Any = Image.MAX_IMAGE_PIXELS
+    Image.MAX_IMAGE_PIXELS = None  # the size is checked here, from the header, with a message of our own
+    try:
+        with Image.open(path) as picture:
+            width, height = picture.size
+            if width * height > MAX_PIXELS:
+                raise ChartError(f"{path}: {width} x {height} pixels are more than {MAX_PIXELS}")
+            return np.asarray(picture.convert("RGB"))
+    except UnidentifiedImageError:
+        raise ChartError(f"{path}: not a picture that can be read") from None
+    except (OSError, SyntaxError, ValueError) as error:
+        if isinstance(error, ChartError):
+            raise
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        raise ChartError(f"{path}: {reason}") from None
+    finally:
+        Image.MAX_IMAGE_PIXELS = limit

@@ -1,0 +1,233 @@
+"""The search: init / ask / tell and minimize."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from auvplan.bbo import BBOConfig, ask, init, minimize, tell
+from auvplan.bbo.search import evaluate, uniform_population
+
+LOWER, UPPER = np.full(6, -5.0, np.float32), np.full(6, 5.0, np.float32)
+SMALL = BBOConfig(population=20, iterations=15)
+VARIANTS = [
+    SMALL,
+    SMALL.replace(migration="fig6"),
+    SMALL.replace(replacement="greedy"),
+    SMALL.replace(mutation="gaussian"),
+    SMALL.replace(rates="constant", immigration=0.8, emigration=0.2, mutation_max=0.5, elites=1),
+    SMALL.replace(mutation_genes=1.0, mutation_law="constant"),
+]
+
+
+def sphere(x: jax.Array) -> jax.Array:
+    return (x**2).sum(axis=1)
+
+
+def rastrigin(x: jax.Array) -> jax.Array:
+    return 10.0 * x.shape[1] + (x**2 - 10.0 * jnp.cos(2.0 * jnp.pi * x)).sum(axis=1)
+
+
+def integer_cost(x: jax.Array) -> jax.Array:
+    return jnp.abs(x - 17).sum(axis=1).astype(jnp.float32)
+
+
+@pytest.mark.parametrize("config", VARIANTS)
+def test_best_never_gets_worse(config: BBOConfig) -> None:
+    result = minimize(sphere, LOWER, UPPER, key=jax.random.key(1), config=config)
+    assert (jnp.diff(result.history.best) <= 0.0).all()
+    assert result.cost == result.history.best[-1]
+    assert sphere(result.x[None])[0] == pytest.approx(float(result.cost), rel=1e-6)
+    assert (jnp.diff(result.state.cost) >= 0.0).all()
+    assert ((result.state.population >= LOWER) & (result.state.population <= UPPER)).all()
+
+
+def test_elites_survive_unchanged() -> None:
+    config = SMALL.replace(elites=3)
+    population = uniform_population(jax.random.key(0), 20, jnp.asarray(LOWER), jnp.asarray(UPPER))
+    state = init(population, *evaluate(sphere, population))
+    worse = jnp.full(20, 1e6)
+    after = tell(state, population + 1.0, worse, jnp.zeros(20), config)
+    np.testing.assert_array_equal(after.population[:3], state.population[:3])
+    np.testing.assert_array_equal(after.cost[:3], state.cost[:3])
+    assert (after.cost[3:] == 1e6).all()
+
+
+def test_greedy_replacement_keeps_the_better_of_each_pair() -> None:
+    state = init(jnp.arange(4.0)[:, None], jnp.array([1.0, 2.0, 3.0, 4.0]), jnp.zeros(4))
+    after = tell(
+        state,
+        jnp.arange(10.0, 14.0)[:, None],
+        jnp.array([5.0, 0.5, jnp.nan, 3.5]),
+        jnp.ones(4),
+        BBOConfig(population=4, replacement="greedy"),
+    )
+    np.testing.assert_allclose(after.cost, [0.5, 1.0, 3.0, 3.5])
+    np.testing.assert_allclose(after.population[:, 0], [11.0, 0.0, 2.0, 13.0])
+    np.testing.assert_allclose(after.violation, [1.0, 0.0, 0.0, 1.0])
+
+
+@pytest.mark.parametrize("bad", [jnp.nan, jnp.inf, -jnp.inf])
+@pytest.mark.parametrize("replacement", ["generational", "greedy"])
+def test_costs_that_are_not_finite_rank_last_and_never_win(bad: float, replacement: str) -> None:
+    def partly_bad(x: jax.Array) -> jax.Array:
+        return jnp.where(x[:, 0] < 0.0, bad, sphere(x))
+
+    result = minimize(
+        partly_bad, LOWER, UPPER, key=jax.random.key(2), config=SMALL.replace(replacement=replacement)
+    )
+    assert jnp.isfinite(result.cost)
+    assert result.x[0] >= 0.0
+    assert jnp.isfinite(result.history.mean).all()
+    state = init(jnp.arange(3.0)[:, None], jnp.array([bad, 1.0, 2.0]), jnp.zeros(3))
+    np.testing.assert_array_equal(state.cost, [1.0, 2.0, jnp.inf])
+
+
+def test_a_cost_that_is_never_finite_ends_without_a_winner() -> None:
+    result = minimize(
+        lambda x: jnp.full(x.shape[0], jnp.nan), LOWER, UPPER, key=jax.random.key(0), config=SMALL
+    )
+    assert jnp.isinf(result.cost)
+
+
+@pytest.mark.parametrize("migration", ["siv", "fig6"])
+def test_integers_stay_integers_within_bounds(migration: str) -> None:
+    low, high = np.full(8, -200), np.full(8, 100)
+    config = BBOConfig(population=30, iterations=60, migration=migration, mutation_genes=1.0)
+    result = minimize(integer_cost, low, high, key=jax.random.key(3), config=config)
+    population = result.state.population
+    assert population.dtype == jnp.asarray(low).dtype
+    assert ((population >= -200) & (population <= 100)).all()
+    assert result.cost < result.history.best[0]
+
+
+def test_same_key_same_result() -> None:
+    first, again, other = (
+        minimize(sphere, LOWER, UPPER, key=jax.random.key(seed), config=SMALL) for seed in (4, 4, 5)
+    )
+    jax.tree.map(np.testing.assert_array_equal, first, again)
+    assert (first.x != other.x).any()
+
+
+@pytest.mark.parametrize("config", VARIANTS[:3])
+def test_ask_and_tell_by_hand_equal_minimize(config: BBOConfig) -> None:
+    key = jax.random.key(6)
+    low, high = jnp.asarray(LOWER), jnp.asarray(UPPER)
+    start_key, run_key = jax.random.split(key)
+    population = uniform_population(start_key, config.population, low, high)
+    state = init(population, *evaluate(sphere, population))
+    step = jax.jit(ask, static_argnames="config")
+    for generation_key in jax.random.split(run_key, config.iterations):
+        found = step(generation_key, state, low, high, config=config)
+        state = tell(state, found, *evaluate(sphere, found), config)
+    result = minimize(sphere, LOWER, UPPER, key=key, config=config)
+    np.testing.assert_allclose(result.state.cost, state.cost, rtol=1e-5)
+    np.testing.assert_allclose(result.x, state.population[0], rtol=1e-5)
+
+
+def test_history_holds_the_initial_population_and_every_iteration() -> None:
+    result = minimize(sphere, LOWER, UPPER, key=jax.random.key(0), config=SMALL)
+    for row in jax.tree.leaves(result.history):
+        assert row.shape == (SMALL.iterations + 1,)
+    nothing = minimize(sphere, LOWER, UPPER, key=jax.random.key(0), config=SMALL.replace(iterations=0))
+    assert nothing.history.best.shape == (1,)
+    assert nothing.cost == result.history.best[0]
+
+
+def test_violations_are_reported_beside_the_cost() -> None:
+    def fun(x: jax.Array) -> tuple[jax.Array, jax.Array]:
+        violation = jnp.maximum(0.0, 1.0 - x[:, 0])
+        return sphere(x) + 100.0 * violation, violation
+
+    result = minimize(fun, LOWER, UPPER, key=jax.random.key(0), config=SMALL.replace(iterations=60))
+    assert result.history.violation_best[-1] == result.violation
+    assert result.history.violation_mean[-1] < result.history.violation_mean[0]
+    assert result.violation == pytest.approx(max(0.0, 1.0 - float(result.x[0])), abs=1e-6)
+
+
+def test_a_given_population_is_used() -> None:
+    optimum = np.zeros((1, 6), np.float32)
+    result = minimize(
+        sphere, LOWER, UPPER, key=jax.random.key(0), config=SMALL.replace(iterations=0), population=optimum
+    )
+    assert result.cost == 0.0
+    outside = minimize(
+        sphere,
+        LOWER,
+        UPPER,
+        key=jax.random.key(0),
+        config=SMALL.replace(iterations=0),
+        population=optimum + 99,
+    )
+    assert outside.state.population.max() <= 5.0
+    again = minimize(
+        sphere, LOWER, UPPER, key=jax.random.key(1), config=SMALL, population=result.state.population
+    )
+    assert again.cost == 0.0
+
+
+def test_problem_data_in_args_compiles_once() -> None:
+    traces = 0
+
+    def shifted(x: jax.Array, centre: jax.Array) -> jax.Array:
+        nonlocal traces
+        traces += 1
+        return sphere(x - centre)
+
+    first = minimize(shifted, LOWER, UPPER, key=jax.random.key(0), config=SMALL, args=(jnp.zeros(6),))
+    counted = traces
+    second = minimize(
+        shifted, LOWER - 1, UPPER, key=jax.random.key(1), config=SMALL, args=(jnp.zeros(6) + 2.0,)
+    )
+    assert counted > 0
+    assert traces == counted
+    assert float(jnp.abs(first.x - second.x).sum()) > 1.0
+
+
+@pytest.mark.parametrize(("fun", "bound"), [(sphere, 0.05), (rastrigin, 4.0)])
+def test_converges(fun, bound: float) -> None:
+    # Loose bounds: uniform sampling of as many points reaches about 2 and 23 here.
+    config = BBOConfig(population=100, iterations=150, mutation="gaussian", mutation_step=0.05)
+    assert minimize(fun, LOWER, UPPER, key=jax.random.key(0), config=config).cost < bound
+
+
+@pytest.mark.parametrize(
+    "setting",
+    [
+        {"population": 1},
+        {"iterations": -1},
+        {"elites": 100},
+        {"elites": -1},
+        {"immigration": 1.1},
+        {"emigration": 0.0},
+        {"mutation_max": -0.1},
+        {"mutation_genes": -1.0},
+        {"mutation_step": -1.0},
+        {"migration": "both"},
+        {"rates": "square"},
+        {"mutation_law": "none"},
+        {"mutation": "cauchy"},
+        {"replacement": "all"},
+    ],
+)
+def test_bad_settings_are_refused(setting: dict) -> None:
+    with pytest.raises(ValueError, match=next(iter(setting))):
+        BBOConfig(**setting)
+
+
+def test_bad_arguments_are_refused() -> None:
+    key = jax.random.key(0)
+    with pytest.raises(ValueError, match="one length"):
+        minimize(sphere, LOWER, UPPER[:3], key=key)
+    with pytest.raises(ValueError, match="must not exceed"):
+        minimize(sphere, UPPER, LOWER, key=key)
+    with pytest.raises(ValueError, match="population must be"):
+        minimize(sphere, LOWER, UPPER, key=key, config=SMALL, population=np.zeros((21, 6)))
+    with pytest.raises(ValueError, match="real SIVs"):
+        minimize(
+            integer_cost,
+            np.zeros(3, int),
+            np.ones(3, int),
+            key=key,
+            config=SMALL.replace(mutation="gaussian"),
+        )

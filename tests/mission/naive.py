@@ -1,0 +1,81 @@
+"""Plain NumPy twins of the mission layer, one order at a time, for the tests to compare with."""
+
+import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import dijkstra
+
+from auvplan.mission import MissionGraph
+
+
+def grid_graph(
+    seed: int, size: int, density: float, directed: bool = False, untasked: float = 0.2
+) -> MissionGraph:
+    """A random graph, possibly disconnected, some of whose edges carry no task."""
+    rng = np.random.default_rng(seed)
+    positions = rng.uniform(0.0, 1000.0, (size, 3))
+    adjacency = rng.random((size, size)) < density
+    priority = np.where(rng.random((size, size)) < untasked, 0.0, rng.integers(1, 6, (size, size)))
+    duration = rng.uniform(10.0, 100.0, (size, size))
+    if not directed:
+        upper = np.triu(np.ones((size, size), bool), 1)
+        adjacency = np.where(upper, adjacency, adjacency.T)
+        priority = np.where(upper, priority, priority.T)
+        duration = np.where(upper, duration, duration.T)
+    np.fill_diagonal(adjacency, False)
+    return MissionGraph(positions, adjacency, priority, duration)
+
+
+def time_to_go(legs: np.ndarray, goal: int) -> np.ndarray:
+    """[N] s by Dijkstra on the reversed graph."""
+    return dijkstra(csr_matrix(np.where(np.isfinite(legs), legs, 0.0).T), indices=goal)
+
+
+def decode(
+    habitat: np.ndarray,
+    graph: MissionGraph,
+    start: int,
+    goal: int,
+    budget: float,
+    speed: float,
+    decoder: str,
+    rate_weight: float,
+) -> list[int]:
+    """The order that one habitat stands for, following the text of section 3.3 step by step."""
+    legs = graph.leg_times(speed).copy()
+    legs[:, start] = np.inf
+    open_edges = np.isfinite(legs)
+    togo = time_to_go(legs, goal)
+    rate = np.where(open_edges, graph.priority / np.maximum(legs, 1.0), 0.0)
+    mean = rate[rate > 0].mean() if (rate > 0).any() else 1.0
+    share = rate_weight * (habitat[-1] + 200) / 300 if decoder == "rate" else 0.0
+    order, time = [start], 0.0
+    while order[-1] != goal:
+        here, best, value = order[-1], None, -np.inf
+        for j in range(graph.size):
+            if j in order or not graph.adjacency[here, j] or time + legs[here, j] + togo[j] >= budget:
+                continue
+            worth = habitat[j] + share * rate[here, j] / mean
+            if worth > value + 1e-4:
+                best, value = j, worth
+        if best is None:
+            break
+        time += legs[here, best]
+        order.append(best)
+    return order
+
+
+def best_priority(graph: MissionGraph, start: int, goal: int, budget: float, speed: float) -> float | None:
+    """Most total priority of any order within the budget, by depth-first search; None if there is none."""
+    legs = graph.leg_times(speed)
+    best: list[float] = []
+
+    def visit(here: int, seen: frozenset[int], time: float, worth: float) -> None:
+        if here == goal:
+            best.append(worth)
+            return
+        for j in np.flatnonzero(graph.adjacency[here]):
+            if j not in seen and time + legs[here, j] < budget:
+                visit(int(j), seen | {int(j)}, time + legs[here, j], worth + graph.priority[here, j])
+
+    visit(start, frozenset({start}), 0.0, 0.0)
+    return max(best, default=None)

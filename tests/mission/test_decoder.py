@@ -1,0 +1,154 @@
+"""Priority vectors into orders, and what the orders cost."""
+
+from itertools import pairwise
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from auvplan.mission import MissionGraph, check_order, objective
+from auvplan.mission.decoder import Decoded, decode, greedy_habitat, prepare, shortest_habitat, siv_count
+from tests.mission.naive import decode as naive_decode
+from tests.mission.naive import grid_graph
+from tests.mission.naive import time_to_go as dijkstra_time_to_go
+
+N, SPEED = 9, 2.0
+DECODERS = ["paper", "rate"]
+decode_now = jax.jit(decode, static_argnames=("decoder", "rate_weight"))
+
+
+def problem(graph: MissionGraph, start: int, goal: int, budget: float, visited=None):
+    closed = jnp.zeros(graph.size, bool) if visited is None else jnp.asarray(visited)
+    legs, priority = jnp.asarray(graph.leg_times(SPEED)), jnp.asarray(graph.priority)
+    return jax.jit(prepare)(legs, priority, start, goal, budget, closed)
+
+
+def check_figures(orders: Decoded, p: int, graph: MissionGraph, order: list[int]) -> None:
+    legs = list(pairwise(order))
+    rho = np.array([graph.priority[leg] for leg in legs])
+    assert float(orders.time[p]) == pytest.approx(sum(graph.leg_times(SPEED)[leg] for leg in legs), rel=1e-5)
+    assert float(orders.priority[p]) == pytest.approx(rho.sum())
+    assert int(orders.tasks[p]) == np.count_nonzero(rho)
+    assert float(orders.inverse_priority[p]) == pytest.approx((1.0 / rho[rho > 0]).sum(), rel=1e-5)
+
+
+@pytest.mark.parametrize("decoder", DECODERS)
+@settings(max_examples=25, deadline=None)
+@given(
+    seed=st.integers(0, 10_000),
+    density=st.sampled_from([0.25, 0.5, 1.0]),
+    directed=st.booleans(),
+    slack=st.floats(0.9, 6.0),
+)
+def test_against_the_naive_decoder(
+    decoder: str, seed: int, density: float, directed: bool, slack: float
+) -> None:
+    graph = grid_graph(seed, N, density, directed)
+    shortest = dijkstra_time_to_go(graph.leg_times(SPEED), N - 1)[0]
+    budget = slack * shortest if np.isfinite(shortest) else 1000.0
+    given_ = problem(graph, 0, N - 1, budget)
+    # Few distinct values, so that ties occur.
+    rng = np.random.default_rng(seed)
+    population = rng.integers(-4, 3, (8, siv_count(N, decoder))) * 50
+    orders = decode_now(jnp.asarray(population), given_, decoder=decoder)
+    for p, habitat in enumerate(population):
+        expected = naive_decode(habitat, graph, 0, N - 1, budget, SPEED, decoder, 100.0)
+        count = int(orders.count[p])
+        assert orders.nodes[p, :count].tolist() == expected
+        assert (orders.nodes[p, count:] == -1).all()
+        assert bool(orders.reached[p]) == (expected[-1] == N - 1)
+        check_figures(orders, p, graph, expected)
+        if orders.reached[p]:
+            check = check_order(graph, expected, 0, N - 1, budget, SPEED)
+            assert check.valid, check.reasons
+            assert orders.remaining[p] == 0.0
+
+
+@pytest.mark.parametrize("decoder", DECODERS)
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 10_000), density=st.sampled_from([0.2, 0.4, 1.0]), directed=st.booleans())
+def test_the_shortest_habitat_takes_the_shortest_way(
+    decoder: str, seed: int, density: float, directed: bool
+) -> None:
+    graph = grid_graph(seed, N, density, directed, untasked=0.5)
+    # Durations unrelated to distance make detours shorter than direct edges.
+    graph = MissionGraph(graph.positions / 20.0, graph.adjacency, graph.priority, graph.duration)
+    shortest = dijkstra_time_to_go(graph.leg_times(SPEED), N - 1)[0]
+    if not np.isfinite(shortest):
+        return
+    given_ = problem(graph, 0, N - 1, shortest * 10.0)
+    orders = decode_now(shortest_habitat(given_, decoder)[None], given_, decoder=decoder)
+    assert bool(orders.reached[0])
+    assert float(orders.time[0]) == pytest.approx(shortest, rel=1e-5)
+
+
+def test_legs_that_take_no_time_make_no_cycle() -> None:
+    graph = MissionGraph(np.zeros((N, 3)), np.ones((N, N), bool), np.ones((N, N)), np.zeros((N, N)))
+    given_ = problem(graph, 0, N - 1, 10.0)
+    assert bool(decode_now(shortest_habitat(given_, "rate")[None], given_, decoder="rate").reached[0])
+
+
+def test_the_greedy_habitat_follows_the_rate() -> None:
+    graph = grid_graph(1, N, 1.0, untasked=0.0)
+    given_ = problem(graph, 0, N - 1, 1e5)
+    order = decode_now(greedy_habitat(given_, "rate")[None], given_, decoder="rate").nodes[0]
+    rate = graph.priority[0] / graph.leg_times(SPEED)[0]
+    rate[N - 1] = 0.0
+    assert int(order[1]) == int(np.argmax(rate))
+
+
+def test_visited_waypoints_are_not_entered() -> None:
+    graph = grid_graph(2, N, 1.0)
+    visited = np.zeros(N, bool)
+    visited[[2, 5]] = True
+    given_ = problem(graph, 0, N - 1, 1e5, visited)
+    population = jax.random.randint(jax.random.key(0), (50, N), -200, 101)
+    nodes = np.asarray(decode_now(population, given_, decoder="paper").nodes)
+    assert not np.isin(nodes, [2, 5]).any()
+
+
+def test_a_dead_end_is_not_reached() -> None:
+    # 0 - 1 - 2 and 1 - 3: from 2 the only way back leads through 1, which has been visited.
+    edges = np.zeros((4, 4), bool)
+    for i, j in [(0, 1), (1, 2), (1, 3)]:
+        edges[i, j] = edges[j, i] = True
+    graph = MissionGraph(np.arange(12.0).reshape(4, 3), edges, edges * 1.0, edges * 10.0)
+    given_ = problem(graph, 0, 3, 1000.0)
+    population = jnp.array([[0, 0, 50, -50], [0, 0, -50, 50]])
+    orders = decode_now(population, given_, decoder="paper")
+    assert orders.reached.tolist() == [False, True]
+    assert orders.nodes[0].tolist() == [0, 1, 2, -1]
+    assert orders.remaining[0] > 0.0
+    for cost in (objective.total_priority(orders, given_), objective.eq15(orders, given_)):
+        assert cost[0] > cost[1]
+    assert (objective.violation(orders, given_) > 0.0).tolist() == [True, False]
+
+
+def test_objectives_by_hand() -> None:
+    # One line 0 - 1 - 2 of 100 m legs: 50 + 10 s and 50 + 20 s, priorities 4 and 2.
+    positions = [[0.0, 0.0, 0.0], [100.0, 0.0, 0.0], [200.0, 0.0, 0.0]]
+    priority = np.array([[0, 4, 0], [0, 0, 2], [0, 0, 0]])
+    duration = np.array([[0, 10, 0], [0, 0, 20], [0, 0, 0]])
+    graph = MissionGraph(positions, priority > 0, priority, duration)
+    given_ = problem(graph, 0, 2, 200.0)
+    orders = decode_now(jnp.zeros((1, 3), jnp.int32), given_, decoder="paper")
+    assert float(orders.time[0]) == pytest.approx(130.0)
+    priority = objective.total_priority(orders, given_, time_weight=0.1)
+    assert float(priority[0]) == pytest.approx(-6.0 + 0.1 * 4.0 * 130.0 / 200.0)
+    eq15 = objective.eq15(orders, given_, phi1=2.0, phi2=8.0)
+    assert float(eq15[0]) == pytest.approx(2.0 * 70.0 + 8.0 * (1 / 4 + 1 / 2))
+    assert float(objective.violation(orders, given_)[0]) == 0.0
+
+
+def test_any_order_that_arrives_costs_less_than_any_that_does_not() -> None:
+    graph = grid_graph(4, N, 0.25)
+    given_ = problem(graph, 0, N - 1, 2000.0)
+    orders = decode_now(jax.random.randint(jax.random.key(1), (300, N), -200, 101), given_, decoder="paper")
+    reached = np.asarray(orders.reached)
+    assert reached.any()
+    assert not reached.all()
+    for cost in (objective.total_priority(orders, given_), objective.eq15(orders, given_)):
+        assert cost[reached].max() < cost[~reached].min()

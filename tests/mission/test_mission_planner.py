@@ -1,0 +1,264 @@
+"""Mission planning as a whole."""
+
+import gzip
+import json
+from itertools import pairwise
+from pathlib import Path
+from types import SimpleNamespace
+
+import jax
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from auvplan.bbo import BBOConfig
+from auvplan.mission import (
+    MissionConfig,
+    MissionGraph,
+    MissionStatus,
+    check_order,
+    plan_mission,
+    plan_missions,
+    random_graph,
+)
+from auvplan.mission import planner as planner_module
+from tests.mission.naive import best_priority, grid_graph
+from tests.mission.naive import time_to_go as dijkstra_time_to_go
+
+GRAPHS = Path(__file__).parents[3] / "shared" / "data" / "missions" / "graphs.json.gz"
+SPEED = 2.0
+QUICK = MissionConfig(bbo=MissionConfig().bbo.replace(population=20, iterations=10))
+CONFIGS = {
+    "default": QUICK,
+    "paper": MissionConfig.paper().replace(
+        bbo=MissionConfig.paper().bbo.replace(population=20, iterations=10)
+    ),
+    "paper decoder": QUICK.replace(decoder="paper"),
+    "generational": QUICK.replace(bbo=QUICK.bbo.replace(replacement="generational", elites=1)),
+}
+
+
+def medium_graph(seed: int = 0, size: int = 15) -> MissionGraph:
+    rng = np.random.default_rng(seed)
+    return random_graph(rng, rng.uniform(0.0, 2000.0, (size, 3)), neighbours=4)
+
+
+def plan(graph: MissionGraph, budget: float = 3000.0, seed: int = 0, config: MissionConfig = QUICK, **more):
+    return plan_mission(
+        graph, 0, graph.size - 1, budget, speed=SPEED, key=jax.random.key(seed), config=config, **more
+    )
+
+
+@pytest.mark.parametrize("config", CONFIGS.values(), ids=CONFIGS)
+def test_an_order_keeps_all_rules_and_adds_up(config: MissionConfig) -> None:
+    graph = medium_graph()
+    order = plan(graph, config=config)
+    check = check_order(graph, order.nodes, 0, 14, 3000.0, SPEED)
+    assert check.valid, check.reasons
+    assert order.feasible
+    assert order.status is MissionStatus.OK
+    assert order.time == pytest.approx(check.time)
+    assert order.leg_times.sum() == pytest.approx(order.time)
+    assert len(order.leg_times) == len(order.nodes) - 1
+    rho = [graph.priority[i, j] for i, j in pairwise(order.nodes)]
+    assert order.priority == sum(rho)
+    assert order.tasks == len(rho)
+    assert order.history.best.shape == (11,)
+    assert order.history.best[-1] == np.float32(order.cost)
+
+
+@pytest.mark.parametrize("config", [CONFIGS["default"], CONFIGS["paper"], CONFIGS["generational"]])
+@settings(max_examples=25, deadline=None)
+@given(
+    seed=st.integers(0, 10_000),
+    density=st.sampled_from([0.2, 0.35, 0.6]),
+    directed=st.booleans(),
+    slack=st.sampled_from([0.8, 0.9999, 1.0, 1.0001, 1.01, 1.3]),
+)
+def test_feasible_whenever_a_feasible_mission_exists(
+    config: MissionConfig, seed: int, density: float, directed: bool, slack: float
+) -> None:
+    graph = grid_graph(seed, 12, density, directed)
+    shortest = dijkstra_time_to_go(graph.leg_times(SPEED), 11)[0]
+    order = plan(graph, budget=slack * shortest if np.isfinite(shortest) else 500.0, config=config)
+    if not np.isfinite(shortest):
+        assert order.status is MissionStatus.UNREACHABLE
+    elif slack > 1.0:
+        assert order.feasible
+    else:
+        assert order.status is MissionStatus.OUT_OF_TIME
+        assert order.least_time == pytest.approx(shortest, rel=1e-5)
+    if not order.feasible:
+        assert order.nodes.tolist() == [0]
+        assert order.time == order.priority == order.tasks == 0
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_optimum_of_small_graphs_is_found(seed: int) -> None:
+    graph = grid_graph(seed, 7, 0.7)
+    budget = 1500.0 + 200.0 * seed
+    expected = best_priority(graph, 0, 6, budget, SPEED)
+    order = plan(graph, budget=budget, config=MissionConfig())
+    assert expected is not None
+    assert order.priority == expected
+
+
+def test_failures_say_what_to_do() -> None:
+    graph = medium_graph()
+    cut = graph.without_edges([(j, 14) for j in range(14)])
+    order = plan(cut)
+    assert not order.feasible
+    assert "add edges" in order.reason
+    late = plan(graph, budget=10.0)
+    assert late.status is MissionStatus.OUT_OF_TIME
+    assert f"{late.least_time:.1f} s" in late.reason
+    assert "10.0 s are available" in late.reason
+    assert plan(graph, budget=-5.0).status is MissionStatus.OUT_OF_TIME
+
+
+def test_at_the_destination_the_mission_is_empty() -> None:
+    order = plan_mission(medium_graph(), 3, 3, 100.0, speed=SPEED, key=jax.random.key(0), config=QUICK)
+    assert order.feasible
+    assert order.nodes.tolist() == [3]
+    assert (order.time, order.priority, order.tasks, len(order.leg_times)) == (0.0, 0.0, 0, 0)
+
+
+def test_same_key_same_order() -> None:
+    graph = medium_graph(1, 30)
+    first, again, other = (plan(graph, 6000.0, seed) for seed in (1, 1, 2))
+    np.testing.assert_array_equal(first.nodes, again.nodes)
+    np.testing.assert_array_equal(first.population, again.population)
+    assert (first.population != other.population).any()
+
+
+def test_a_batch_equals_its_missions_one_by_one() -> None:
+    graphs = [medium_graph(seed) for seed in range(3)]
+    starts, goals, budgets, speeds = [0, 3, 5], [14, 1, 5], [3000.0, 2000.0, 9.0], [2.0, 2.5, 1.5]
+    keys = jax.random.split(jax.random.key(0), 3)
+    orders = plan_missions(MissionGraph.stack(graphs), starts, goals, budgets, speeds, keys, config=QUICK)
+    assert len(orders) == 3
+    for b, order in enumerate(orders):
+        alone = plan_mission(
+            graphs[b], starts[b], goals[b], budgets[b], speed=speeds[b], key=keys[b], config=QUICK
+        )
+        np.testing.assert_array_equal(order.nodes, alone.nodes)
+        np.testing.assert_array_equal(order.population, alone.population)
+        np.testing.assert_allclose(order.leg_times, alone.leg_times)
+        assert order.status is alone.status
+        assert order.time == pytest.approx(alone.time)
+    assert orders.feasible.tolist() == [order.feasible for order in orders]
+
+
+def test_planning_again_compiles_nothing() -> None:
+    graph = medium_graph()
+    first = plan(graph)
+    compiled = planner_module._plan._cache_size()
+    again = graph.without_edges([tuple(first.nodes[:2])]).with_travel_time(2, 3, 99.0)
+    visited = np.zeros(15, bool)
+    visited[0] = True
+    order = plan_mission(
+        again,
+        int(first.nodes[1]),
+        14,
+        2000.0,
+        SimpleNamespace(speed=3.0),
+        key=jax.random.key(9),
+        config=MissionConfig(bbo=BBOConfig(**vars(QUICK.bbo))),
+        population=first.population,
+        visited=visited,
+    )
+    assert order.feasible
+    assert 0 not in order.nodes
+    plan(graph, population=first.population[:5])
+    assert planner_module._plan._cache_size() == compiled
+
+
+def test_a_given_population_is_used() -> None:
+    graph = medium_graph(2, 30)
+    good = plan(graph, 6000.0, config=QUICK.replace(bbo=QUICK.bbo.replace(iterations=60)))
+    start = plan(graph, 6000.0, seed=5, config=QUICK.replace(bbo=QUICK.bbo.replace(iterations=0)))
+    kept = plan(
+        graph,
+        6000.0,
+        seed=5,
+        config=QUICK.replace(bbo=QUICK.bbo.replace(iterations=0)),
+        population=good.population,
+    )
+    assert kept.cost == pytest.approx(good.cost)
+    assert kept.cost < start.cost
+
+
+def test_edges_without_tasks_are_passed_but_not_counted() -> None:
+    graph = medium_graph()
+    bare = MissionGraph(graph.positions, graph.adjacency, np.zeros((15, 15)), graph.duration)
+    order = plan(bare)
+    assert order.feasible
+    assert (order.tasks, order.priority) == (0, 0.0)
+    assert order.time == pytest.approx(order.least_time, rel=1e-5), "nothing to gain: the shortest way"
+
+
+def test_one_way_edges_are_respected() -> None:
+    size = 6
+    ring = np.roll(np.eye(size, dtype=bool), 1, axis=1)
+    graph = MissionGraph(np.random.default_rng(0).uniform(0, 500, (size, 3)), ring, ring * 1.0, ring * 10.0)
+    order = plan_mission(graph, 2, 1, 1e4, speed=SPEED, key=jax.random.key(0), config=QUICK)
+    assert order.nodes.tolist() == [2, 3, 4, 5, 0, 1]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"start": 15}, "start must be an index"),
+        ({"goal": -1}, "goal must be an index"),
+        ({"goal": 1.5}, "goal must be an index"),
+        ({"time_available": np.nan}, "time_available must be finite"),
+        ({"speed": 0.0}, "speed must be positive"),
+        ({"speed": None}, "either vehicle or speed"),
+        ({"population": np.zeros((3, 4), int)}, r"population must be \[Q <= 20, 16\]"),
+        ({"visited": np.zeros(3, bool)}, "visited must be"),
+    ],
+)
+def test_bad_arguments_are_refused(change: dict, message: str) -> None:
+    arguments = {"start": 0, "goal": 14, "time_available": 100.0, "speed": 2.0, **change}
+    with pytest.raises(ValueError, match=message):
+        plan_mission(medium_graph(), key=jax.random.key(0), config=QUICK, **arguments)
+
+
+@pytest.mark.parametrize(
+    "setting",
+    [
+        {"decoder": "greedy"},
+        {"objective": "time"},
+        {"rate_weight": -1.0},
+        {"phi1": -1.0},
+        {"phi2": float("nan")},
+        {"time_weight": 1.0},
+        {"bbo": BBOConfig(elites=0)},
+        {"bbo": BBOConfig(mutation="gaussian")},
+    ],
+)
+def test_bad_settings_are_refused(setting: dict) -> None:
+    with pytest.raises(ValueError, match=next(iter(setting))):
+        MissionConfig(**setting)
+
+
+@pytest.mark.skipif(not GRAPHS.exists(), reason=f"task graphs with proven optima not found at {GRAPHS}")
+@pytest.mark.parametrize("name", ["full40-s0", "knn40-s0", "rnd40-s0"])
+def test_close_to_the_proven_optimum(name: str) -> None:
+    with gzip.open(GRAPHS) as file:
+        case = next(case for case in json.load(file) if case["name"] == name)
+    size = case["n"]
+    adjacency = np.zeros((size, size), bool)
+    priority, duration, travel = np.zeros((size, size)), np.zeros((size, size)), np.full((size, size), np.nan)
+    for i, j, length, rho, delta in case["edges"]:
+        for edge in ((i, j), (j, i)):
+            adjacency[edge], priority[edge], duration[edge] = True, rho, delta
+            travel[edge] = length / case["v"]
+    graph = MissionGraph(np.array(case["nodes"]), adjacency, priority, duration, travel)
+    order = plan_mission(
+        graph, case["start"], case["dest"], case["T"], speed=case["v"], key=jax.random.key(0)
+    )
+    assert check_order(graph, order.nodes, case["start"], case["dest"], case["T"], case["v"])
+    assert order.priority <= case["optimum"]
+    assert order.priority >= 0.93 * case["optimum"]

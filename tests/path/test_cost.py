@@ -1,0 +1,192 @@
+"""Path cost (Eqs 10-12) against a naive NumPy twin, closed forms and finite differences."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import auvplan as ap
+from auvplan.path import VIOLATIONS, habitats
+from auvplan.path.bspline import basis_at
+from auvplan.path.cost import CLEARANCE_SCALE, curves, fly, score, violations
+from tests.path.worlds import GOAL, LOWER, START, UPPER, world
+
+CONFIG = ap.PathConfig(samples=48)
+
+
+def population(count, env, seed=0):
+    start, goal = jnp.asarray(START), jnp.asarray(GOAL)
+    lower, upper = habitats.bounds(start, goal, env, CONFIG)
+    return habitats.initial(jax.random.key(seed), count, start, goal, lower, upper, CONFIG)
+
+
+def resolved(env):
+    return replace(env, obstacles=env.obstacles.resolved(env.current))
+
+
+def naive_flight(habitat, env, vehicle, depart, config):
+    """One path, segment by segment, in plain Python."""
+    free = config.control_points
+    points = np.vstack([START, np.asarray(habitat).reshape(3, free).T, GOAL])
+    path = basis_at(np.linspace(0, 1, config.samples), free + 2, config.degree) @ points
+    t, times, excess, last = depart, [depart], [], None
+    for a, b in zip(path[:-1], path[1:], strict=True):
+        step = b - a
+        gap = np.linalg.norm(step)
+        water = np.array([float(c) for c in env.current(*[jnp.asarray(v) for v in 0.5 * (a + b)], jnp.asarray(t))])
+        along = water @ step / gap
+        across = np.linalg.norm(water - along * step / gap)
+        raw = along + np.sqrt(max(vehicle.speed**2 - across**2, (0.05 * vehicle.speed) ** 2))
+        ground = max(raw, 0.05 * vehicle.speed)
+        lasts = gap / ground
+        yaw = np.arctan2(step[1], step[0])
+        turn = 0.0
+        if last is not None:
+            turn = abs((yaw - last[0] + np.pi) % (2 * np.pi) - np.pi) / (0.5 * (lasts + last[1]))
+        coast = 1e6
+        if env.chart is not None:
+            coast = min(float(env.chart.distance(p[0], p[1])) for p in (a, b)) - 0.5 * np.linalg.norm(step[:2])
+        clear = 1e6
+        o = env.obstacles
+        for m in range(len(o)):
+            speed = np.linalg.norm(o.velocity[m]) + float(o.growth[m])
+            near = np.inf
+            for p, when in ((a, t), (b, t + lasts)):
+                centre = np.asarray(o.position[m]) + np.asarray(o.velocity[m]) * (when - float(o.observed_at[m]))
+                near = min(near, np.linalg.norm(p - centre) - float(o.boundary(jnp.asarray(when))[m]))
+            clear = min(clear, near - 0.5 * (gap + speed * lasts))
+        excess.append(
+            [
+                max(ground / vehicle.surge_max - 1, 0),
+                max(across / vehicle.sway_max - 1, 0),
+                max(turn / vehicle.turn_rate_max - 1, 0),
+                max(config.coast_margin - coast, 0) / CLEARANCE_SCALE,
+                max(config.obstacle_margin - clear, 0) / CLEARANCE_SCALE,
+                max(0.05 - raw / vehicle.speed, 0),
+            ]
+        )
+        t, last = t + lasts, (yaw, lasts)
+        times.append(t)
+    return path, np.array(times), np.array(excess).T
+
+
+@pytest.mark.usefixtures("x64")
+@pytest.mark.parametrize(("chart", "obstacles"), [(True, True), (False, False)])
+def test_kernel_matches_naive_twin(chart, obstacles):
+    env = resolved(world(chart, obstacles))
+    vehicle = ap.Vehicle(surge_max=3.0, sway_max=0.5, turn_rate_max=0.005)
+    habitats_ = population(4, env)
+    flight = fly(*curves(habitats_, START, GOAL, CONFIG), 100.0, env, vehicle, CONFIG)
+    for p in range(4):
+        path, times, excess = naive_flight(habitats_[p], env, vehicle, 100.0, CONFIG)
+        np.testing.assert_allclose(np.stack([flight.x[p], flight.y[p], flight.z[p]], axis=1), path, atol=1e-8)
+        np.testing.assert_allclose(flight.times[p], times, rtol=1e-7)
+        np.testing.assert_allclose(flight.excess[:, p], excess, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("stream", "speed_over_ground"),
+    [((0.0, 0.0), 2.5), ((1.0, 0.0), 3.5), ((-1.0, 0.0), 1.5), ((0.0, 1.5), 2.0)],
+)
+@pytest.mark.usefixtures("x64")
+def test_straight_path_takes_the_closed_form_time(stream, speed_over_ground):
+    start, goal = jnp.array([0.0, 0.0, 10.0]), jnp.array([3000.0, 0.0, 10.0])
+    env = ap.Environment(ap.UniformCurrent(*stream), None, None, (-10, -10, 0), (3010, 10, 20))
+    line = habitats.straight_line(start, goal, CONFIG)[None]
+    cost, violation = score(line, start, goal, 0.0, env, ap.Vehicle(sway_max=2.0), CONFIG)
+    assert float(cost[0]) == pytest.approx(3000.0 / speed_over_ground, rel=1e-9)
+    assert float(violation[0]) == 0.0
+
+
+@pytest.mark.usefixtures("x64")
+def test_arrival_times_settle_in_a_changing_current():
+    # u = a t along a straight track: x(t) = V t + a t^2 / 2.
+    start, goal = jnp.array([0.0, 0.0, 0.0]), jnp.array([2000.0, 0.0, 0.0])
+    env = ap.Environment(lambda x, y, z, t: (1e-3 * t, 0.0, 0.0), None, None, (-1, -1, 0), (2001, 1, 0))
+    line = habitats.straight_line(start, goal, CONFIG)[None]
+    errors = []
+    exact = (-2.5 + np.sqrt(2.5**2 + 2 * 1e-3 * 2000.0)) / 1e-3
+    for sweeps in (1, 2, 3, 6):
+        cost, _ = score(line, start, goal, 0.0, env, ap.Vehicle(), CONFIG.replace(sweeps=sweeps))
+        errors.append(abs(float(cost[0]) / exact - 1))
+    assert errors[1] < 0.3 * errors[0]
+    assert errors[2] < 1e-3
+    assert errors[3] < 1e-4
+
+
+def _difference(fun, x, step):
+    return (fun(x + step) - fun(x - step)) / (2 * step)
+
+
+@pytest.mark.usefixtures("x64")
+@pytest.mark.parametrize("reading", ["track", "eq8", "eq11"])
+def test_gradients_match_finite_differences(reading):
+    env = world()
+    config = CONFIG.replace(speed_reading=reading)
+    habitat = population(3, env, seed=2)[1]
+    start, goal = jnp.asarray(START), jnp.asarray(GOAL)
+
+    def cost(habitat, speed, depart, strength):
+        moved = replace(env, current=env.current.scaled(strength))
+        seen = replace(moved, obstacles=env.obstacles.resolved(moved.current))
+        return score(habitat[None], start, goal, depart, seen, ap.Vehicle(speed=speed), config)[0][0]
+
+    at = (habitat, jnp.array(2.5), jnp.array(30.0), jnp.array(1.0))
+    slopes = jax.grad(cost, argnums=(0, 1, 2, 3))(*at)
+    for d in range(0, habitat.size, 5):
+        fd = _difference(lambda v, d=d: cost(habitat.at[d].set(v), *at[1:]), habitat[d], 1e-4)
+        np.testing.assert_allclose(slopes[0][d], fd, rtol=2e-4, atol=1e-4)
+    for arg, step in ((1, 1e-6), (2, 1e-3), (3, 1e-6)):
+        fd = _difference(lambda v, a=arg: cost(*(v if k == a else at[k] for k in range(4))), at[arg], step)
+        np.testing.assert_allclose(slopes[arg], fd, rtol=2e-4, atol=1e-4)
+
+
+def test_gradients_are_finite_at_awkward_places():
+    # Coinciding control points (zero-length segments), a path through a vortex centre, a current that wins.
+    start, goal = jnp.array([0.0, 0.0, 0.0]), jnp.array([1000.0, 0.0, 0.0])
+    strong = ap.LambVortices([[[500.0, 0.0]]], [[9000.0]], [[200.0]])
+    env = ap.Environment(
+        strong, None, ap.Obstacles.static([[0.0, 0.0, 0.0]], [10.0]), (-500, -500, 0), (1500, 500, 0)
+    )
+    for habitat in (jnp.zeros(30), habitats.straight_line(start, goal, CONFIG)):
+        slope = jax.grad(lambda h: score(h[None], start, goal, 0.0, env, ap.Vehicle(), CONFIG)[0][0])(habitat)
+        assert np.isfinite(slope).all()
+
+
+def test_batched_equals_looped():
+    env = resolved(world())
+    many = population(6, env)
+    together = score(many, START, GOAL, 0.0, env, ap.Vehicle(), CONFIG)
+    for p in range(6):
+        alone = score(many[p : p + 1], START, GOAL, 0.0, env, ap.Vehicle(), CONFIG)
+        np.testing.assert_allclose(alone[0][0], together[0][p], rtol=1e-5)
+        np.testing.assert_allclose(alone[1][0], together[1][p], rtol=1e-4, atol=1e-6)
+
+
+def test_coast_is_forbidden_and_shoals_are_priced():
+    env = world(obstacles=False)
+    start, goal = jnp.array([900.0, 200.0, 10.0]), jnp.array([900.0, 1900.0, 10.0])
+    line = habitats.straight_line(start, goal, CONFIG)[None]
+    flight = fly(*curves(line, start, goal, CONFIG), 0.0, env, ap.Vehicle(), CONFIG)
+    broken = dict(zip(VIOLATIONS, violations(flight)[:, 0], strict=True))
+    assert broken["coast"] > 0
+    assert broken["obstacle"] == 0
+    aside = line.at[0, : CONFIG.control_points].set(1300.0)  # passes over the shoal, clear of the island
+    over = fly(*curves(aside, start, goal, CONFIG), 0.0, env, ap.Vehicle(), CONFIG)
+    assert float(over.excess[VIOLATIONS.index("coast")].max()) == 0.0
+    free = fly(*curves(aside, start, goal, CONFIG), 0.0, env, ap.Vehicle(), CONFIG.replace(uncertain_price=0.0))
+    assert float(over.price[0]) > 0.0 == float(free.price[0])
+
+
+def test_obstacle_counts_at_the_time_of_arrival():
+    # It lies across the track at departure and is gone when the vehicle comes; the other one comes in time.
+    start, goal = jnp.array([0.0, 0.0, 0.0]), jnp.array([2000.0, 0.0, 0.0])
+    line = habitats.straight_line(start, goal, CONFIG)[None]
+    gone = ap.Obstacles.self_motivated([[1000.0, 0.0, 0.0]], [30.0], [[0.0, 1.0, 0.0]])
+    comes = ap.Obstacles.self_motivated([[1000.0, -400.0, 0.0]], [30.0], [[0.0, 1.0, 0.0]])
+    for obstacles, hit in ((gone, False), (comes, True)):
+        env = resolved(ap.Environment(None, None, obstacles, LOWER, UPPER))
+        flight = fly(*curves(line, start, goal, CONFIG), 0.0, env, ap.Vehicle(), CONFIG)
+        assert bool(flight.excess[VIOLATIONS.index("obstacle")].max() > 0) is hit

@@ -1,0 +1,159 @@
+"""Whole plans: safety, quality, determinism, batching, warm starts and bad input."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import auvplan as ap
+from auvplan.path import planner, replanner
+from tests.path.worlds import GOAL, LOWER, START, UPPER, world
+
+CONFIG = ap.PathConfig(
+    bbo=ap.bbo.BBOConfig(population=40, iterations=40, replacement="greedy", mutation="gaussian", mutation_step=0.05),
+    samples=64,
+    refine_steps=20,
+)
+
+
+def dense(plan, count=3000):
+    """Points every metre or less along a plan, with times."""
+    share = np.linspace(0, len(plan.times) - 1, count)
+    index = np.arange(len(plan.times))
+    points = np.stack([np.interp(share, index, plan.positions[:, k]) for k in range(3)], axis=1)
+    return points, np.interp(share, index, plan.times)
+
+
+def test_plan_is_feasible_and_truly_clear():
+    env = world()
+    plan = ap.plan_path(START, GOAL, env, key=jax.random.key(0), config=CONFIG)
+    assert plan.feasible
+    assert plan.status is ap.PathStatus.OK
+    np.testing.assert_allclose(plan.positions[[0, -1]], [START, GOAL], atol=1e-2)
+    assert (plan.positions >= np.asarray(LOWER) - 1e-2).all()
+    assert (plan.positions <= np.asarray(UPPER) + 1e-2).all()
+    points, times = dense(plan)
+    assert np.asarray(env.chart.is_water(points[:, 0], points[:, 1])).all()
+    seen = env.obstacles.resolved(env.current)
+    for m in range(len(seen)):
+        centre = np.asarray(seen.position[m]) + np.asarray(seen.velocity[m]) * times[:, None]
+        assert (np.linalg.norm(points - centre, axis=1) > float(seen.radius[m])).all()
+    assert plan.travel_time == pytest.approx(plan.times[-1] - plan.times[0], rel=1e-5)
+
+
+def test_same_key_same_plan_and_second_call_compiles_nothing():
+    env = world()
+    first = ap.plan_path(START, GOAL, env, key=jax.random.key(1), config=CONFIG)
+    compiled = planner._plan._cache_size()
+    again = ap.plan_path(START, GOAL, env, key=jax.random.key(1), config=CONFIG)
+    np.testing.assert_array_equal(first.positions, again.positions)
+    other = ap.plan_path(START + 50.0, GOAL - 50.0, env, key=jax.random.key(2), config=CONFIG, depart=60.0)
+    assert planner._plan._cache_size() == compiled
+    assert not np.array_equal(first.positions, other.positions)
+
+
+def test_batched_legs_equal_single_ones():
+    env = world()
+    starts = np.stack([START, START + [0, 100, 0]])
+    goals = np.stack([GOAL, GOAL - [100, 0, 0]])
+    keys = jax.random.split(jax.random.key(4), 2)
+    together = ap.plan_paths(starts, goals, env, key=keys, config=CONFIG, depart=[0.0, 50.0])
+    for b in range(2):
+        alone = ap.plan_paths(
+            starts[b : b + 1], goals[b : b + 1], env, key=keys[b : b + 1], config=CONFIG, depart=[50.0 * b]
+        )[0]
+        assert alone.travel_time == pytest.approx(together[b].travel_time, rel=2e-3)
+        assert alone.feasible == together[b].feasible
+
+
+def test_world_per_leg():
+    near, far = (ap.UniformCurrent(jnp.asarray(u), jnp.asarray(0.0), jnp.asarray(0.0)) for u in (1.0, -1.0))
+    both = jax.tree.map(lambda a, b: jnp.stack([a, b]), near, far)
+    none = jax.tree.map(lambda a: jnp.stack([a, a]), ap.Obstacles.none())
+    env = ap.Environment(both, None, none, (-100, -100, 0), (2100, 100, 0))
+    plans = ap.plan_paths(
+        [[0, 0, 0], [0, 0, 0]], [[2000, 0, 0]] * 2, env, key=jax.random.key(0), config=CONFIG, world_per_leg=True
+    )
+    np.testing.assert_allclose(plans.travel_time, [2000 / 3.5, 2000 / 1.5], rtol=5e-3)
+
+
+def test_planar_problem_stays_planar():
+    env = ap.Environment(lambda x, y, z, t: (0.0, 0.4, 0.0), lower=(0, 0, 5), upper=(2000, 2000, 5))
+    plan = ap.plan_path((200, 200, 5), (1800, 900, 5), env, key=jax.random.key(0), config=CONFIG)
+    assert plan.feasible
+    np.testing.assert_allclose(plan.positions[:, 2], 5.0, atol=1e-4)
+
+
+def test_paper_preset_is_the_plain_search():
+    paper = ap.PathConfig.paper()
+    assert (paper.bbo.population, paper.bbo.iterations, paper.bbo.mutation_max) == (100, 100, 0.1)
+    assert paper.refine_steps == 0
+    env = world(chart=False)
+    plan = ap.plan_path(START, GOAL, env, key=jax.random.key(0), config=paper)
+    assert plan.history.best.shape == (101,)
+    assert (np.diff(plan.history.best) <= 1e-3).all()
+    assert plan.violation_history[-1] < plan.violation_history[0]
+
+
+def test_default_is_no_worse_than_the_paper_preset():
+    env = world()
+    paper = ap.plan_path(START, GOAL, env, key=jax.random.key(0), config=ap.PathConfig.paper())
+    default = ap.plan_path(START, GOAL, env, key=jax.random.key(0))
+    assert default.feasible
+    assert default.cost <= paper.cost
+
+
+def test_current_that_wins_everywhere_is_named_with_its_place():
+    env = ap.Environment(lambda x, y, z, t: (-3.0, 0.0, 0.0), lower=(0, 0, 0), upper=(2000, 2000, 50))
+    plan = ap.plan_path((200, 200, 5), (1800, 900, 5), env, key=jax.random.key(0), config=CONFIG)
+    assert not plan.feasible
+    assert plan.status is ap.PathStatus.CURRENT
+    assert "current" in plan.reason
+    assert "km" in plan.reason
+    assert np.isfinite(plan.travel_time)
+
+
+def test_replanning_starts_at_the_vehicle_and_keeps_the_quality():
+    env = world()
+    plan = ap.plan_path(START, GOAL, env, key=jax.random.key(0), config=CONFIG)
+    here, now = plan.positions[25], float(plan.times[25])
+    rest = ap.replan_path(plan, here, now, env, key=jax.random.key(1), config=CONFIG)
+    np.testing.assert_allclose(rest.positions[0], here, atol=1e-2)
+    np.testing.assert_allclose(rest.positions[-1], GOAL, atol=1e-2)
+    assert rest.times[0] == pytest.approx(now)
+    assert rest.feasible
+    assert rest.travel_time <= (plan.times[-1] - now) * 1.01
+    assert len(rest.history.best) == CONFIG.window_iterations + 2  # the start, the windows' share, the polish
+    compiled = replanner._replan._cache_size()
+    ap.replan_path(rest, rest.positions[20], float(rest.times[20]), env, key=jax.random.key(2), config=CONFIG)
+    assert replanner._replan._cache_size() == compiled
+
+
+def test_given_population_is_used():
+    env = world()
+    plan = ap.plan_path(START, GOAL, env, key=jax.random.key(0), config=CONFIG)
+    lazy = CONFIG.replace(bbo=CONFIG.bbo.replace(iterations=0), refine_steps=0)
+    kept = ap.plan_path(START, GOAL, env, key=jax.random.key(9), config=lazy, population=plan.population)
+    assert kept.travel_time == pytest.approx(plan.travel_time, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("start", "goal", "message"),
+    [
+        ((900, 1050, 5), (1800, 1500, 5), "start .* on land"),
+        ((200, 300, 5), (900, 1050, 5), "goal .* on land"),
+        ((-50, 300, 5), (1800, 1500, 5), "start .* outside"),
+        ((200, 300, 500), (1800, 1500, 5), "start .* outside"),
+        ((200, 300, 5), (200, 300, 5), "coincide"),
+        ((float("nan"), 300, 5), (200, 300, 5), "not finite"),
+    ],
+)
+def test_bad_ends_are_named(start, goal, message):
+    with pytest.raises(ValueError, match=message):
+        ap.plan_path(start, goal, world(), key=jax.random.key(0), config=CONFIG)
+
+
+@pytest.mark.parametrize("changes", [{"control_points": 0}, {"samples": 5}, {"t_series": 0}, {"width": 0.0}])
+def test_bad_settings_are_refused(changes):
+    with pytest.raises(ValueError, match=next(iter(changes))):
+        ap.PathConfig(**changes)
