@@ -1,4 +1,4 @@
-"""Folders and files of results: written whole or not at all, and read with one clear line on what is wrong."""
+"""Folders and files of results: written whole or not at all, read with one clear line on what is wrong."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""A sailed mission as files: `summary.json` for its figures, `mission.nc` (CF-1.11 trajectories) for the rest."""
+"""A sailed mission as files: `summary.json` for its figures, `mission.nc` (CF trajectories) for the rest."""
 
 import json
 from collections.abc import Sequence
@@ -113,7 +113,8 @@ def _sailed(run: MissionRun) -> Variables:
         "x": _variable("obs", place[:, 0], "north", "m", standard_name="projection_y_coordinate", axis="Y"),
         "y": _variable("obs", place[:, 1], "east", "m", standard_name="projection_x_coordinate", axis="X"),
         "depth": _variable(
-            "obs", place[:, 2], "depth below the surface", "m", standard_name="depth", positive="down", axis="Z"
+            "obs", place[:, 2], "depth below the surface", "m",
+            standard_name="depth", positive="down", axis="Z",
         ),
         "leg_index": _variable("obs", index.astype(np.int32), "index of the leg"),
     }  # fmt: skip
@@ -126,7 +127,9 @@ def _legs(run: MissionRun) -> Variables:
     def column(values: list, name: str, units: str | None = None, dtype: Any = float) -> xr.Variable:
         return _variable("leg", np.asarray(values, dtype), name, units)
 
-    rows = column([len(leg.times) for leg in legs], "observations of the leg; none where it was refused", "1", np.int32)
+    rows = column(
+        [len(leg.times) for leg in legs], "observations of the leg; none where it was refused", "1", np.int32
+    )
     rows.attrs["sample_dimension"] = "obs"
     identity = column(list(range(len(legs))), "number of the leg", dtype=np.int32)
     identity.attrs["cf_role"] = "trajectory_id"
@@ -139,7 +142,7 @@ def _legs(run: MissionRun) -> Variables:
         "leg_t_path": column([leg.t_path for leg in legs], "travel time sailed", "s"),
         "leg_t_task": column([leg.t_task for leg in legs], "time of the task", "s"),
         "leg_priority": column([leg.priority for leg in legs], "priority of the task, 0 without one", "1"),
-        "leg_arrived": column([leg.arrived for leg in legs], "whether the waypoint was reached", dtype=bool),
+        "leg_arrived": _yes_or_no("leg", [leg.arrived for leg in legs], "whether the waypoint was reached"),
     }
 
 
@@ -177,7 +180,7 @@ def _graph(run: MissionRun) -> Variables:
         "waypoint_position": _variable(
             ("waypoint", "axis"), np.asarray(graph.positions, float), "place of the waypoint", "m"
         ),
-        "adjacency": _variable(square, np.asarray(graph.adjacency, bool), "whether an edge leads there"),
+        "adjacency": _yes_or_no(square, np.asarray(graph.adjacency), "whether an edge leads there"),
         "task_priority": _variable(
             square, np.asarray(graph.priority, float), "priority of the edge's task, 0 without one", "1"
         ),
@@ -196,7 +199,9 @@ def _orders(run: MissionRun) -> Variables:
     codes, flags = _flags(np.asarray([order.cause for order in orders]), _ORDER_CAUSES)
     return {
         "order_nodes": _variable(("order", "stop"), nodes, "waypoints in order of visit; -1 pads"),
-        "order_made_at": _variable("order", [order.made_at for order in orders], "when it was made", TIME_UNITS),
+        "order_made_at": _variable(
+            "order", [order.made_at for order in orders], "when it was made", TIME_UNITS
+        ),
         "order_time": _variable("order", [order.time for order in orders], "expected time", "s"),
         "order_priority": _variable("order", [order.priority for order in orders], "total priority", "1"),
         "order_cpu": _variable("order", [order.cpu for order in orders], "wall-clock time of planning", "s"),
@@ -220,9 +225,11 @@ def _plans(legs: Sequence[LegRecord]) -> Variables:
         "plan_position": _variable(("plan", "sample", "axis"), places, "planned place", "m"),
         "plan_time": _variable(("plan", "sample"), times, "planned time of the sample", TIME_UNITS),
         "plan_leg": _variable("plan", np.asarray([row for row, _ in plans], np.int32), "index of the leg"),
-        "plan_made_at": _variable("plan", [plan.made_at for _, plan in plans], "when it was made", TIME_UNITS),
-        "plan_feasible": _variable(
-            "plan", np.asarray([plan.feasible for _, plan in plans], bool), "whether the planner saw every limit kept"
+        "plan_made_at": _variable(
+            "plan", [plan.made_at for _, plan in plans], "when it was made", TIME_UNITS
+        ),
+        "plan_feasible": _yes_or_no(
+            "plan", [plan.feasible for _, plan in plans], "whether the planner saw every limit kept"
         ),
         "plan_cpu": _variable("plan", [plan.cpu for _, plan in plans], "wall-clock time of planning", "s"),
         "plan_cause": _variable("plan", codes, "why it was made", **flags),
@@ -239,15 +246,17 @@ def _chart(run: MissionRun) -> Variables:
     corner = np.asarray(run.chart.origin, float)
     north, east = (corner[k] + size * (np.arange(passability.shape[k]) + 0.5) for k in range(2))
     raster = _variable(
-        ("chart_x", "chart_y"), steps / LEVELS, "passability: 0 coast, up to 0.35 uncertain, 1 water", "1",
-        valid_range=np.asarray([0, LEVELS], np.uint8), comment="stored in steps of 1/255; coast alone is 0",
+        ("chart_x", "chart_y"), steps.astype(np.uint8), "passability", "1",
+        scale_factor=1.0 / LEVELS, valid_range=np.asarray([0, LEVELS], np.uint8),
+        comment="0 coast, up to 0.35 uncertain, 1 water; stored in steps of 1/255, coast alone is 0",
     )  # fmt: skip
-    raster.encoding = {"dtype": "uint8", "scale_factor": 1.0 / LEVELS, "add_offset": 0.0}
     return {
         "passability": raster,
         "chart_x": _variable("chart_x", north, "north of the pixel's centre", "m"),
         "chart_y": _variable("chart_y", east, "east of the pixel's centre", "m"),
-        "chart_origin": _variable("horizontal", corner[:2], "south-west corner of the raster: north, east", "m"),
+        "chart_origin": _variable(
+            "horizontal", corner[:2], "south-west corner of the raster: north, east", "m"
+        ),
         "chart_pixel_size": _variable((), size, "edge of a pixel", "m"),
     }
 
@@ -255,7 +264,15 @@ def _chart(run: MissionRun) -> Variables:
 def _variable(
     dims: str | tuple[str, ...], values: ArrayLike, name: str, units: str | None = None, **attrs: Any
 ) -> xr.Variable:
-    return xr.Variable(dims, np.asarray(values), {"long_name": name} | ({"units": units} if units else {}) | attrs)
+    return xr.Variable(
+        dims, np.asarray(values), {"long_name": name} | ({"units": units} if units else {}) | attrs
+    )
+
+
+def _yes_or_no(dims: str | tuple[str, ...], values: ArrayLike, name: str) -> xr.Variable:
+    """Truth values as 0 and 1: NetCDF has no type for them."""
+    flags = {"flag_values": np.asarray([0, 1], np.int8), "flag_meanings": "no yes"}
+    return _variable(dims, np.asarray(values, bool).astype(np.int8), name, **flags)
 
 
 def _flags(names: NDArray[np.str_], known: Sequence[str]) -> tuple[NDArray[np.int8], dict[str, Any]]:
@@ -271,9 +288,8 @@ def _flags(names: NDArray[np.str_], known: Sequence[str]) -> tuple[NDArray[np.in
 
 def _encoding(variable: xr.Variable) -> dict[str, Any]:
     """Compression, and a fill value only where something is missing."""
-    encoding = dict(variable.encoding)
     missing = variable.dtype.kind == "f" and bool(np.isnan(variable.values).any())
-    encoding["_FillValue"] = np.nan if missing else None
+    encoding: dict[str, Any] = {"_FillValue": np.nan if missing else None}
     if variable.ndim and variable.size:
         encoding |= {"zlib": True, "complevel": 4, "shuffle": True}
     return encoding

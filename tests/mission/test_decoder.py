@@ -53,7 +53,7 @@ def test_against_the_naive_decoder(
     # Few distinct values, so that ties occur.
     rng = np.random.default_rng(seed)
     population = rng.integers(-4, 3, (8, siv_count(N, decoder))) * 50
-    orders = decode_now(jnp.asarray(population), given_, decoder=decoder)
+    orders = jax.tree.map(np.asarray, decode_now(jnp.asarray(population), given_, decoder=decoder))
     for p, habitat in enumerate(population):
         expected = naive_decode(habitat, graph, 0, N - 1, budget, SPEED, decoder, 100.0)
         count = int(orders.count[p])

@@ -39,9 +39,10 @@ CONFIGS = {
 }
 
 
-def medium_graph(seed: int = 0, size: int = 15) -> MissionGraph:
+def medium_graph(seed: int = 0) -> MissionGraph:
+    """Fifteen waypoints, as most graphs here, so that one compilation serves many tests."""
     rng = np.random.default_rng(seed)
-    return random_graph(rng, rng.uniform(0.0, 2000.0, (size, 3)), neighbours=4)
+    return random_graph(rng, rng.uniform(0.0, 2000.0, (15, 3)), neighbours=4)
 
 
 def plan(graph: MissionGraph, budget: float = 3000.0, seed: int = 0, config: MissionConfig = QUICK, **more):
@@ -72,15 +73,15 @@ def test_an_order_keeps_all_rules_and_adds_up(config: MissionConfig) -> None:
 @settings(max_examples=25, deadline=None)
 @given(
     seed=st.integers(0, 10_000),
-    density=st.sampled_from([0.2, 0.35, 0.6]),
+    density=st.sampled_from([0.15, 0.3, 0.6]),
     directed=st.booleans(),
     slack=st.sampled_from([0.8, 0.9999, 1.0, 1.0001, 1.01, 1.3]),
 )
 def test_feasible_whenever_a_feasible_mission_exists(
     config: MissionConfig, seed: int, density: float, directed: bool, slack: float
 ) -> None:
-    graph = grid_graph(seed, 12, density, directed)
-    shortest = dijkstra_time_to_go(graph.leg_times(SPEED), 11)[0]
+    graph = grid_graph(seed, 15, density, directed)
+    shortest = dijkstra_time_to_go(graph.leg_times(SPEED), 14)[0]
     order = plan(graph, budget=slack * shortest if np.isfinite(shortest) else 500.0, config=config)
     if not np.isfinite(shortest):
         assert order.status is MissionStatus.UNREACHABLE
@@ -125,8 +126,8 @@ def test_at_the_destination_the_mission_is_empty() -> None:
 
 
 def test_same_key_same_order() -> None:
-    graph = medium_graph(1, 30)
-    first, again, other = (plan(graph, 6000.0, seed) for seed in (1, 1, 2))
+    graph = medium_graph(1)
+    first, again, other = (plan(graph, seed=seed) for seed in (1, 1, 2))
     np.testing.assert_array_equal(first.nodes, again.nodes)
     np.testing.assert_array_equal(first.population, again.population)
     assert (first.population != other.population).any()
@@ -175,18 +176,11 @@ def test_planning_again_compiles_nothing() -> None:
 
 
 def test_a_given_population_is_used() -> None:
-    graph = medium_graph(2, 30)
-    good = plan(graph, 6000.0, config=QUICK.replace(bbo=QUICK.bbo.replace(iterations=60)))
-    start = plan(graph, 6000.0, seed=5, config=QUICK.replace(bbo=QUICK.bbo.replace(iterations=0)))
-    kept = plan(
-        graph,
-        6000.0,
-        seed=5,
-        config=QUICK.replace(bbo=QUICK.bbo.replace(iterations=0)),
-        population=good.population,
-    )
-    assert kept.cost == pytest.approx(good.cost)
-    assert kept.cost < start.cost
+    graph = medium_graph(2)
+    first = plan(graph)
+    fresh, again = plan(graph, seed=5), plan(graph, seed=5, population=first.population)
+    assert again.history.best[0] == np.float32(first.cost) < fresh.history.best[0]
+    assert again.cost <= first.cost
 
 
 def test_edges_without_tasks_are_passed_but_not_counted() -> None:
@@ -199,11 +193,11 @@ def test_edges_without_tasks_are_passed_but_not_counted() -> None:
 
 
 def test_one_way_edges_are_respected() -> None:
-    size = 6
+    size = 15
     ring = np.roll(np.eye(size, dtype=bool), 1, axis=1)
     graph = MissionGraph(np.random.default_rng(0).uniform(0, 500, (size, 3)), ring, ring * 1.0, ring * 10.0)
-    order = plan_mission(graph, 2, 1, 1e4, speed=SPEED, key=jax.random.key(0), config=QUICK)
-    assert order.nodes.tolist() == [2, 3, 4, 5, 0, 1]
+    order = plan_mission(graph, 12, 3, 1e5, speed=SPEED, key=jax.random.key(0), config=QUICK)
+    assert order.nodes.tolist() == [12, 13, 14, 0, 1, 2, 3]
 
 
 @pytest.mark.parametrize(

@@ -45,8 +45,9 @@ class Walk:
             positions: [n, 3] m.
             obstacles: [n, M, 3] m.
         """
-        moves = [_lengths(np.diff(positions, axis=0)), *(_lengths(move) for move in np.diff(obstacles, axis=0).swapaxes(0, 1))]
-        steps = np.clip(np.ceil(np.max(moves, axis=0) / STEP), 1, _STEPS_MAX).astype(int)
+        everything = np.concatenate([positions[:, None], obstacles], axis=1)
+        moves = _lengths(np.diff(everything, axis=0)).max(axis=1)
+        steps = np.clip(np.ceil(moves / STEP), 1, _STEPS_MAX).astype(int)
         first = np.concatenate([[0], np.cumsum(steps)])
         # Where on the scale of observations each step ends: whole numbers are observations.
         scale = np.interp(np.arange(first[-1] + 1), first, np.arange(len(times)))
@@ -65,7 +66,8 @@ class Walk:
         """Words for the stretch from point `first` to point `last`."""
         x, y, z = self.positions[first]
         metres = self.metres[first : last + 1].sum()
-        return f"for {metres:.1f} m from north {x:.1f}, east {y:.1f}, depth {z:.1f} m at {self.times[first]:.1f} s"
+        place = f"north {x:.1f}, east {y:.1f}, depth {z:.1f} m"
+        return f"for {metres:.1f} m from {place} at {self.times[first]:.1f} s"
 
 
 @dataclass(frozen=True)
@@ -96,7 +98,8 @@ class Coast:
     def outside(self, positions: Array) -> NDArray[np.bool_]:
         """Whether positions [n, 3] lie beyond the chart, [n]."""
         place = positions[:, :2] - self.corner
-        return ((place < -_EDGE) | (place > self.size * np.asarray(self.land.shape) + _EDGE)).any(axis=1)
+        beyond = (place < -_EDGE) | (place > self.size * np.asarray(self.land.shape) + _EDGE)
+        return np.any(beyond, axis=1)
 
     def on_land(self, positions: Array) -> NDArray[np.bool_]:
         """Whether the pixels under positions [n, 3] are land, [n]."""
@@ -105,25 +108,26 @@ class Coast:
         return self.land[i, j] & ~self.outside(positions)
 
     def clearance(self, positions: Array) -> float:
-        """Least distance of positions [n, 3] to the edge of a land pixel, m; zero on land, infinite without any."""
+        """Least distance of positions [n, 3] to a land pixel, m; zero on land, infinite without any."""
         if not len(self.edge):
             return np.inf
         if self.on_land(positions).any():
             return 0.0
-        # Distance changes by no more than the way walked: only what a coarse look cannot rule out is seen closely.
+        # Distance changes by no more than the way walked: only what a coarse look cannot rule out is seen
+        # closely.
         coarse = np.arange(0, len(positions), _STRIDE)
         distance = self._distance(positions[coarse])
-        reach = 0.5 * _STRIDE * STEP + STEP
-        near = coarse[distance - _STRIDE * STEP <= distance.min() + reach]
+        near = coarse[distance - _STRIDE * STEP <= distance.min()]
         close = np.unique(np.clip(near[:, None] + np.arange(_STRIDE), 0, len(positions) - 1))
         return float(self._distance(positions[close]).min())
 
     def _distance(self, positions: Array) -> Array:
         """[n] m to the nearest edge of a land pixel."""
         nearest = np.full(len(positions), np.inf)
-        for part in range(0, len(positions), 256):
-            offset = np.abs(positions[part : part + 256, None, :2] - self.edge) - 0.5 * self.size
-            nearest[part : part + 256] = np.sqrt((np.maximum(offset, 0.0) ** 2).sum(axis=2).min(axis=1))
+        for first in range(0, len(positions), 64):
+            part = slice(first, first + 64)
+            offset = np.maximum(np.abs(positions[part, None, :2] - self.edge) - 0.5 * self.size, 0.0)
+            nearest[part] = np.sqrt((offset**2).sum(axis=2).min(axis=1))
         return nearest
 
 

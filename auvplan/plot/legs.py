@@ -1,0 +1,49 @@
+"""Which leg and which plans the figures of single legs show."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvplan.voyage.records import LegRecord, MissionRun, PlanRecord
+
+Array = NDArray[np.floating]
+
+
+def busiest_leg(run: MissionRun) -> LegRecord | None:
+    """The leg with most plans, then most obstacles; a sailed one where there is any. None without plans."""
+    planned = [leg for leg in run.legs if leg.plans]
+    if not planned:
+        return None
+    return max(planned, key=lambda leg: (len(leg.times) > 0, len(leg.plans), len(leg.obstacle_radii)))
+
+
+def chosen_plans(leg: LegRecord, most: int) -> list[int]:
+    """Indices of at most `most` plans: the first, those of the windows, then others, in the order of time."""
+    rank = {"leg": 0, "window": 1}
+    first = sorted(range(len(leg.plans)), key=lambda k: (rank.get(leg.plans[k].cause, 2), k))
+    return sorted(first[:most])
+
+
+def plan_name(leg: LegRecord, index: int) -> str:
+    """Words for a plan: what made it necessary, and when."""
+    plan = leg.plans[index]
+    causes = {"leg": "first plan", "window": f"re-plan {index}, window", "hazard": f"re-plan {index}, hazard"}
+    return f"{causes.get(plan.cause, plan.cause)}, t = {plan.made_at:,.0f} s"
+
+
+def sailed_until(leg: LegRecord, time: float) -> Array:
+    """[n, 3] m, the sailed positions up to a time."""
+    return leg.positions[leg.times <= time] if len(leg.times) else np.zeros((0, 3))
+
+
+def extent_points(leg: LegRecord) -> Array:
+    """[n, 3] m, all positions planned or sailed on a leg."""
+    return np.concatenate([leg.positions, *(plan.positions for plan in leg.plans)])
+
+
+def current_at(plan: PlanRecord, x: Array, y: Array, z: float) -> tuple[Array, Array, Array]:
+    """The true current when a plan was made, m/s north, east, down, on arrays x, y at depth z m."""
+    field: Any = plan.vortices
+    u, v, w = field(x, y, np.full_like(x, z), np.full_like(x, plan.made_at))
+    return np.asarray(u), np.asarray(v), np.asarray(w)

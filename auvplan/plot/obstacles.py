@@ -1,0 +1,130 @@
+"""A leg among its obstacles in three dimensions (Fig. 9)."""
+
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from mpl_toolkits.mplot3d import Axes3D
+
+from auvplan.plot import style
+from auvplan.plot.legs import busiest_leg, extent_points
+from auvplan.voyage.records import LegRecord, MissionRun
+
+#: Height of the box beside its longer horizontal edge.
+_HEIGHT = 0.5
+#: Obstacles farther than this many times the frame's edge are left out.
+_FAR = 0.6
+
+
+def plot_obstacles(run: MissionRun, leg: LegRecord | None = None) -> Figure:
+    """Sailed and earlier paths, and each obstacle where it was when the vehicle came nearest.
+
+    Args:
+        run: as sailed.
+        leg: the one with most re-plans where not given.
+    """
+    leg = leg or busiest_leg(run)
+    if leg is None:
+        return style.empty_figure("no path was planned")
+    figure = style.new_figure(8.4, 6.4)
+    axes: Any = figure.add_subplot(projection="3d", computed_zorder=False)
+    low, high = style.frame_of(extent_points(leg), margin=0.1)
+    unit = style.Unit.for_extent(float((high - low).max()))
+    tracks, nearest = _nearest(leg)
+    edge = float((high - low).max())
+    middle = 0.5 * (low + high)
+    seen = [k for k in range(len(nearest)) if np.abs(nearest[k, :2] - middle).max() < _FAR * edge]
+    depths = [extent_points(leg)[:, 2]]
+    depths += [nearest[k, 2] + leg.obstacle_radii[k] * np.array([-1.0, 1.0]) for k in seen]
+    top, bottom = min(d.min() for d in depths), max(d.max() for d in depths)
+    top, bottom = top - 0.1 * (bottom - top) - 5.0, bottom + 0.1 * (bottom - top) + 5.0
+    for k in seen:
+        _sphere(axes, nearest[k], float(leg.obstacle_radii[k]), leg.obstacle_kinds[k], unit)
+        near = np.abs(tracks[:, k, :2] - middle).max(axis=1) < _FAR * edge
+        _line(axes, tracks[near, k], unit, color=_colour(leg.obstacle_kinds[k]), lw=1.2, zorder=2)
+    for plan in leg.plans[:-1]:
+        _line(axes, plan.positions, unit, color=style.RED, ls="--", lw=1.2, zorder=3)
+    # A leg that was refused was never sailed: its plan is shown.
+    _line(axes, leg.positions if len(leg.positions) else leg.plans[-1].positions, unit, color="black", lw=2.6, zorder=4)
+    _ends(axes, leg, unit)
+    _set_up(axes, low, high, (top, bottom), unit)
+    figure.legend(
+        handles=_legend(leg, seen), loc="outside lower center", ncols=4, fontsize=8, frameon=False
+    )
+    hidden = len(leg.obstacle_radii) - len(seen)
+    note = f", {hidden} of {len(leg.obstacle_radii)} obstacles out of view" if hidden and len(nearest) else ""
+    stretch = _HEIGHT * edge / (bottom - top)
+    figure.suptitle(
+        f"Obstacles at their nearest, leg {leg.start} → {leg.goal}{note}\ndepth drawn {stretch:.1f} times as large",
+        fontsize=11,
+    )
+    return figure
+
+
+def _nearest(leg: LegRecord) -> tuple[style.Array, style.Array]:
+    """True tracks [n, M, 3] m, and places [M, 3] m at the time of least distance to the vehicle."""
+    tracks = np.asarray(leg.obstacle_positions, float)
+    if not len(leg.times) or not tracks.size:
+        return np.zeros((0, 0, 3)), np.zeros((0, 3))
+    when = np.linalg.norm(tracks - leg.positions[:, None], axis=2).argmin(axis=0)
+    return tracks, tracks[when, np.arange(tracks.shape[1])]
+
+
+def _colour(kind: str) -> str:
+    return style.KIND_COLOURS.get(kind, style.GREY)
+
+
+def _sphere(axes: Any, centre: style.Array, radius: float, kind: str, unit: style.Unit) -> None:
+    around, up = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 25), np.linspace(0.0, np.pi, 13))
+    east = centre[1] + radius * np.cos(around) * np.sin(up)
+    north = centre[0] + radius * np.sin(around) * np.sin(up)
+    axes.plot_surface(
+        east / unit.metres, north / unit.metres, centre[2] + radius * np.cos(up),
+        color=_colour(kind), alpha=0.45, linewidth=0.0, zorder=1,
+    )  # fmt: skip
+
+
+def _line(axes: Any, positions: style.Array, unit: style.Unit, **kind: Any) -> None:
+    axes.plot(positions[:, 1] / unit.metres, positions[:, 0] / unit.metres, positions[:, 2], **kind)
+
+
+def _ends(axes: Any, leg: LegRecord, unit: style.Unit) -> None:
+    path = leg.plans[0].positions
+    spots = [(path[0], style.START), (path[-1], style.GOAL)]
+    spots += [(plan.positions[0], style.VEHICLE) for plan in leg.plans[1:]]
+    for place, kind in spots:
+        axes.scatter(
+            place[1] / unit.metres, place[0] / unit.metres, place[2], zorder=5, depthshade=False, **kind
+        )
+
+
+def _set_up(
+    axes: Axes3D, low: style.Array, high: style.Array, depths: tuple[float, float], unit: style.Unit
+) -> None:
+    axes.set_xlim(low[1] / unit.metres, high[1] / unit.metres)
+    axes.set_ylim(low[0] / unit.metres, high[0] / unit.metres)
+    axes.set_zlim(depths[1], depths[0])
+    axes.set_box_aspect((1.0, 1.0, _HEIGHT))
+    axes.set_xlabel(f"east [{unit.name}]", labelpad=6)
+    axes.set_ylabel(f"north [{unit.name}]", labelpad=6)
+    axes.set_zlabel("depth [m]", labelpad=4)
+    axes.tick_params(labelsize=8)
+    axes.view_init(elev=28, azim=-60)
+
+
+def _legend(leg: LegRecord, seen: list[int]) -> list[Line2D | Patch]:
+    handles: list[Line2D | Patch] = [
+        Line2D([], [], color="black", lw=2.6, label="sailed" if len(leg.positions) else "planned, not sailed"),
+    ]
+    if len(leg.plans) > 1:
+        handles.append(Line2D([], [], color=style.RED, ls="--", lw=1.2, label="earlier plans"))
+    for label, kind, size in (("start", style.START, 8), ("target", style.GOAL, 12), ("re-plan", style.VEHICLE, 7)):
+        if label != "re-plan" or len(leg.plans) > 1:
+            handles.append(
+                Line2D([], [], ls="", marker=kind["marker"], ms=size, color=kind["color"], mec="black", label=label)
+            )
+    for kind in dict.fromkeys(leg.obstacle_kinds[k] for k in seen):
+        handles.append(Patch(facecolor=_colour(kind), alpha=0.6, label=f"{kind} obstacle and its track"))
+    return handles
