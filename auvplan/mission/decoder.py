@@ -40,6 +40,7 @@ DecoderName = Literal["paper", "rate"]
         "goal",
         "time_available",
         "deadline",
+        "return_margin",
     ),
     meta_fields=(),
 )
@@ -56,6 +57,7 @@ class Problem:
         start, goal: indices.
         time_available: s, T_available.
         deadline: s, T_available less the rounding error that a sum of N legs can have.
+        return_margin: share by which the way to the goal is taken to last longer than expected.
     """
 
     leg_times: jax.Array
@@ -67,6 +69,7 @@ class Problem:
     goal: jax.Array
     time_available: jax.Array
     deadline: jax.Array
+    return_margin: jax.Array
 
 
 @partial(
@@ -135,6 +138,7 @@ def prepare(
     goal: jax.Array,
     time_available: jax.Array,
     visited: jax.Array,
+    return_margin: jax.typing.ArrayLike = 0.0,
 ) -> Problem:
     """Work out what all orders on a graph have in common.
 
@@ -144,6 +148,7 @@ def prepare(
         start, goal: indices, may be traced.
         time_available: T_available, s.
         visited: [N] bool, waypoints not to be visited again.
+        return_margin: share by which the way to the goal is taken to last longer than expected.
     """
     size = leg_times.shape[0]
     chex.assert_shape([leg_times, priority], (size, size))
@@ -164,6 +169,7 @@ def prepare(
         goal=goal,
         time_available=time_available,
         deadline=time_available * (1.0 - rounding_margin(size, leg_times.dtype)),
+        return_margin=jnp.asarray(return_margin, leg_times.dtype),
     )
 
 
@@ -173,7 +179,7 @@ def decode(
     """Turn every habitat into an order of waypoints.
 
     A waypoint j qualifies at i if an edge leads there, it has not been visited, and the time so far plus t_ij
-    plus the shortest time from j to the goal is below the time available. The shortest time ignores which
+    plus the shortest time from j to the goal, lengthened by the return margin, is below the time available. The shortest time ignores which
     waypoints have been visited, so an order can still end in a dead end. Of equal values the lowest
     index goes first. A traversed edge needs no removal: it leads into a waypoint that has been visited.
 
@@ -191,7 +197,8 @@ def decode(
     chex.assert_shape(population, (None, siv_count(size, decoder)))
     index = jnp.arange(size, dtype=jnp.int32)
     genes = population[:, :size].astype(problem.leg_times.dtype)
-    latest = problem.deadline - (problem.leg_times + problem.time_to_go[None, :])
+    way_back = (1.0 + problem.return_margin) * problem.time_to_go
+    latest = problem.deadline - (problem.leg_times + way_back[None, :])
     habitats = population.shape[0]
     share = jnp.zeros(habitats)
     if decoder == "rate":

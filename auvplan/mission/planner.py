@@ -92,6 +92,7 @@ def plan_missions(
     populations: Any = None,
     config: MissionConfig | None = None,
     visited: Any = None,
+    return_margin: Any = 0.0,
 ) -> MissionOrders:
     """`plan_mission` for B missions in one compiled call.
 
@@ -104,6 +105,9 @@ def plan_missions(
         populations: [B, Q, D] habitats to start from, as `MissionOrders.population`.
         config: settings; defaults to `MissionConfig()`.
         visited: [B, N] bool, waypoints not to be visited again.
+        return_margin: [B] or one for all; share by which the way from any waypoint to the destination is
+            taken to last longer than expected. It keeps slack for bad surprises where they cannot be mended:
+            on the last legs. An order may then be reported out of time although it would just do.
 
     Raises:
         ValueError: an argument is out of range or of the wrong shape.
@@ -123,6 +127,7 @@ def plan_missions(
     closed = np.zeros((batch, size), bool) if visited is None else np.asarray(visited, bool)
     if closed.shape != (batch, size):
         raise ValueError(f"visited must be [{size}] for each of {batch} missions, got shape {closed.shape}")
+    margins = _figures("return_margin", return_margin, batch)
     given, count = _given(populations, batch, size, config)
 
     legs = graphs.leg_times(rate)
@@ -130,10 +135,10 @@ def plan_missions(
         np.asarray,
         _plan(
             keys, legs.astype(np.float32), graphs.priority.astype(np.float32), starts, goals,
-            budget.astype(np.float32), closed, given, count, config,
+            budget.astype(np.float32), closed, margins.astype(np.float32), given, count, config,
         ),
     )  # fmt: skip
-    return _collect(found, graphs, legs, starts, budget)
+    return _collect(found, graphs, legs, starts, budget, margins)
 
 
 @partial(jax.jit, static_argnames="config")
@@ -145,6 +150,7 @@ def _plan(
     goals: jax.Array,
     budgets: jax.Array,
     visited: jax.Array,
+    margins: jax.Array,
     given: jax.Array,
     count: jax.Array,
     config: MissionConfig,
@@ -153,9 +159,9 @@ def _plan(
 
     def one(
         key: jax.Array, legs: jax.Array, priority: jax.Array, start: jax.Array, goal: jax.Array,
-        budget: jax.Array, visited: jax.Array, given: jax.Array,
+        budget: jax.Array, visited: jax.Array, margin: jax.Array, given: jax.Array,
     ) -> tuple[search.Result, decoders.Decoded, jax.Array]:  # fmt: skip
-        problem = decoders.prepare(legs, priority, start, goal, budget, visited)
+        problem = decoders.prepare(legs, priority, start, goal, budget, visited, margin)
         lower = jnp.full(given.shape[1], decoders.LOWEST, jnp.int32)
         upper = jnp.full(given.shape[1], decoders.HIGHEST, jnp.int32)
         start_key, run_key = jax.random.split(key)
@@ -170,7 +176,7 @@ def _plan(
         best = decoders.decode(result.x[None], problem, config.decoder, config.rate_weight)
         return result, best, problem.time_to_go[start]
 
-    return jax.vmap(one)(keys, legs, priority, starts, goals, budgets, visited, given)
+    return jax.vmap(one)(keys, legs, priority, starts, goals, budgets, visited, margins, given)
 
 
 def _score(
@@ -191,6 +197,7 @@ def _collect(
     legs: np.ndarray,
     starts: np.ndarray,
     budget: np.ndarray,
+    margins: np.ndarray,
 ) -> MissionOrders:
     """Results of `_plan` as orders, added up in double precision."""
     result, best, least = found
@@ -203,7 +210,7 @@ def _collect(
     rows = np.arange(batch)[:, None]
     leg_times = np.where(taken, legs[rows, here, there], 0.0)
     rho = np.where(taken, graphs.priority[rows, here, there], 0.0)
-    late = least >= budget * (1.0 - 4.0 * decoders.rounding_margin(size))
+    late = (1.0 + margins) * least >= budget * (1.0 - 4.0 * decoders.rounding_margin(size))
     return MissionOrders(
         nodes=nodes,
         count=1 + taken.sum(axis=1),

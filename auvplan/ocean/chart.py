@@ -1,5 +1,6 @@
 """Charts: a picture or mask to a raster of passability and the signed distance to the coast (section 2)."""
 
+import warnings
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -20,6 +21,8 @@ from auvplan.ocean.classify import DEFAULT_CLUSTERS, UNCERTAIN_MAX, classify
 FAR = 1e6
 #: Larger pictures are refused before they are decoded.
 MAX_PIXELS = 64_000_000
+# Pillow's names of the modes that hold one grey level a pixel.
+_COLOURLESS = ("1", "L", "LA", "I", "F")
 
 
 class ChartError(ValueError):
@@ -39,9 +42,9 @@ class Chart:
     `from_mask`, `from_passability`, `from_rgb` or `from_image`.
 
     Attributes:
-        passability: [nx, ny]; 0 coast, (0, 0.35] uncertain, 1 water.
-        signed_distance: [nx, ny] m at pixel centres, positive in water; never more than the true distance
-            to the nearest coast pixel's edge.
+        passability: [nx, ny] float32; 0 coast, (0, 0.35] uncertain, 1 water.
+        signed_distance: [nx, ny] float32, m at pixel centres, positive in water; never more than the true
+            distance to the nearest coast pixel's edge.
         origin: [2] m, north and east of the corner of pixel (0, 0).
         pixel_size: m.
     """
@@ -63,16 +66,17 @@ class Chart:
         raster = np.asarray(passability, np.float32)
         if raster.ndim != 2 or raster.size == 0:
             raise ChartError(f"passability must be a non-empty [nx, ny] raster, got shape {raster.shape}")
-        allowed = (raster == 0.0) | (raster == 1.0) | ((raster > 0.0) & (raster <= np.float32(UNCERTAIN_MAX) + 1e-6))
-        if not allowed.all():
+        uncertain = (raster > 0.0) & (raster <= np.float32(UNCERTAIN_MAX) + 1e-6)
+        if not ((raster == 0.0) | (raster == 1.0) | uncertain).all():
             raise ChartError("passability must be 0 (coast), in (0, 0.35] (uncertain) or 1 (water)")
         if not (np.isfinite(pixel_size) and pixel_size > 0):
             raise ChartError(f"pixel_size must be positive, got {pixel_size}")
         return cls(
-            jnp.asarray(raster, float),
-            jnp.asarray(_signed_distance(raster == 0.0) * pixel_size, float),
-            jnp.asarray(origin, float),
-            jnp.asarray(pixel_size, float),
+            # Single precision whatever JAX's default: a chart that is kept must serve under both settings.
+            jnp.asarray(raster, jnp.float32),
+            jnp.asarray(_signed_distance(raster == 0.0) * pixel_size, jnp.float32),
+            jnp.asarray(origin, jnp.float32),
+            jnp.asarray(pixel_size, jnp.float32),
         )
 
     @classmethod
@@ -107,7 +111,7 @@ class Chart:
         """A chart from a picture file with north up: PNG, JPEG, TIFF or what else Pillow reads.
 
         Raises:
-            ChartError: the file is missing, no picture, or too large.
+            ChartError: the file is missing, no picture, damaged, too large, or has no colour.
         """
         return cls.from_rgb(_read_picture(path), pixel_size, origin, clusters, seed)
 
@@ -128,6 +132,9 @@ class Chart:
 
     def distance(self, x: ArrayLike, y: ArrayLike) -> jax.Array:
         """Signed distance to the coast, m, positive in water; bilinear, differentiable.
+
+        At pixel centres it never exceeds the true distance. Between them it may, by at most 0.199 pixels, the
+        worst being the corner of a coast pixel that stands alone.
 
         Args:
             x: north, m; any shape that broadcasts with `y`.
@@ -174,22 +181,26 @@ class Chart:
     def is_water(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
         """Whether positions lie on the chart and off the coast, by the pixel they are in, in NumPy."""
         size, origin = float(self.pixel_size), np.asarray(self.origin)
-        x, y = np.asarray(x), np.asarray(y)
-        i = np.clip(np.floor((x - origin[0]) / size).astype(int), 0, self.shape[0] - 1)
-        j = np.clip(np.floor((y - origin[1]) / size).astype(int), 0, self.shape[1] - 1)
-        return self.contains(x, y) & (np.asarray(self.passability)[i, j] > 0.0)
+        inside = self.contains(x, y)
+        # Positions off the chart, NaN among them, have no pixel: any will do.
+        i = np.floor(np.where(inside, np.asarray(x) - origin[0], 0.0) / size).astype(int)
+        j = np.floor(np.where(inside, np.asarray(y) - origin[1], 0.0) / size).astype(int)
+        raster = np.asarray(self.passability)
+        return inside & (raster[np.minimum(i, self.shape[0] - 1), np.minimum(j, self.shape[1] - 1)] > 0.0)
 
     def crop(self, i: int, j: int, north: int, east: int) -> Self:
         """The part of `north` by `east` pixels from pixel (i, j) on; positions keep their coordinates.
+
+        So do distances: a coast just beyond the part's edge is as near as it was.
 
         Raises:
             ChartError: the part reaches beyond the chart.
         """
         if i < 0 or j < 0 or north < 1 or east < 1 or i + north > self.shape[0] or j + east > self.shape[1]:
             raise ChartError(f"a crop of {north} x {east} pixels at ({i}, {j}) reaches beyond {self.shape}")
-        size = float(self.pixel_size)
-        origin = (float(self.origin[0]) + i * size, float(self.origin[1]) + j * size)
-        return self.from_passability(np.asarray(self.passability)[i : i + north, j : j + east], size, origin)
+        part = np.s_[i : i + north, j : j + east]
+        corner = self.origin + self.pixel_size * jnp.asarray((i, j), self.origin.dtype)
+        return type(self)(self.passability[part], self.signed_distance[part], corner, self.pixel_size)
 
     def shares(self) -> dict[str, float]:
         """Shares of coast, uncertain area and water."""
@@ -213,25 +224,34 @@ def _signed_distance(land: NDArray[np.bool_]) -> NDArray[np.floating]:
 
 
 def _read_picture(path: str | Path) -> NDArray[np.uint8]:
-    """[rows, columns, 3] RGB.
+    """[rows, columns, 3] RGB; see-through pixels become white, a colour that classes as coast.
 
     Raises:
-        ChartError: the file is missing, no picture, or too large.
+        ChartError: the file is missing, no picture, damaged, too large, or has no colour.
     """
     limit: Any = Image.MAX_IMAGE_PIXELS
     Image.MAX_IMAGE_PIXELS = None  # the size is checked here, from the header, with a message of our own
     try:
-        with Image.open(path) as picture:
-            width, height = picture.size
-            if width * height > MAX_PIXELS:
-                raise ChartError(f"{path}: {width} x {height} pixels are more than {MAX_PIXELS}")
-            return np.asarray(picture.convert("RGB"))
+        with warnings.catch_warnings():
+            # Pillow warns of odd metadata, which says nothing about the pixels; damage to those it raises.
+            warnings.simplefilter("ignore")
+            with Image.open(path) as picture:
+                width, height = picture.size
+                if width * height > MAX_PIXELS:
+                    raise ChartError(f"{path}: {width} x {height} pixels are more than {MAX_PIXELS}")
+                if picture.mode in _COLOURLESS or picture.mode.startswith("I;"):
+                    raise ChartError(f"{path}: a picture without colour: water cannot be told from land")
+                if not picture.has_transparency_data:
+                    return np.asarray(picture.convert("RGB"))
+                layer = picture.convert("RGBA")
+                white = Image.new("RGBA", layer.size, "white")
+                return np.asarray(Image.alpha_composite(white, layer).convert("RGB"))
     except UnidentifiedImageError:
         raise ChartError(f"{path}: not a picture that can be read") from None
-    except (OSError, SyntaxError, ValueError) as error:
-        if isinstance(error, ChartError):
-            raise
+    except ChartError:
+        raise
+    except Exception as error:  # a decoder may raise anything on a damaged file
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise ChartError(f"{path}: {reason}") from None
+        raise ChartError(f"{path}: {' '.join(reason.split()) or 'not a picture that can be read'}") from None
     finally:
         Image.MAX_IMAGE_PIXELS = limit

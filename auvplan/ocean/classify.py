@@ -59,7 +59,7 @@ def to_lab(rgb: NDArray[np.uint8]) -> NDArray[np.float32]:
 
 
 def blueness(lab: NDArray[np.floating]) -> NDArray[np.floating]:
-    """How blue a colour is, in [-1, 1]: ``-b / |(L, a, b)|``; 0 for greys, dark blue no less than bright blue.
+    """How blue a colour is, in [-1, 1]: ``-b / |(L, a, b)|``; 0 for greys, dark blue as much as bright.
 
     Args:
         lab: CIELAB colours, [..., 3].
@@ -74,9 +74,10 @@ def blueness(lab: NDArray[np.floating]) -> NDArray[np.floating]:
 def name_clusters(lab: NDArray[np.floating]) -> NDArray[np.uint8]:
     """The class of each cluster, from the colour of its centre alone.
 
-    The bluest cluster is water, if it is blue at all, and so are the sea tones that are not far less blue. Sea
-    tones (cyan to violet hues) that are much less blue, so pale or greenish, are uncertain. Everything else is
-    coast: warm and green hues, and greys too, because a colour that says nothing must not be sailed over.
+    The bluest cluster is water, if it is blue at all, and so are the sea tones that are not far less blue.
+    Sea tones (cyan to violet hues) that are much less blue, so pale or greenish, are uncertain. Everything
+    else is coast: warm and green hues, and greys too, because a colour that says nothing must not be sailed
+    over.
 
     Args:
         lab: cluster centres, [k, 3].
@@ -95,9 +96,9 @@ def name_clusters(lab: NDArray[np.floating]) -> NDArray[np.uint8]:
 def classify(rgb: NDArray[np.uint8], clusters: int = DEFAULT_CLUSTERS, seed: int = 0) -> NDArray[np.float32]:
     """Passability of every pixel of a chart picture.
 
-    A 3 x 3 median takes out single-pixel noise, k-means is fitted on a random subset of the pixels, every pixel
-    goes to its nearest cluster, and clusters are named by `name_clusters`. The passability of an uncertain pixel
-    is ``0.35 exp(-d / 50)`` with d the pixel's colour distance from the centre of the bluest cluster.
+    A 3 x 3 median takes out single-pixel noise, k-means is fitted on a random subset of the pixels, every
+    pixel goes to its nearest cluster, and clusters are named by `name_clusters`. The passability of an
+    uncertain pixel is ``0.35 exp(-d / 50)`` with d its colour distance from the centre of the bluest cluster.
 
     Args:
         rgb: the picture, [h, w, 3] uint8.

@@ -1,7 +1,7 @@
 """The shipped example: a chart-like picture of the Whitsunday Islands, drawn from real coast lines.
 
-The outlines are OpenStreetMap's (see `auvplan/data/NOTICE.md`). Colours, relief and noise are synthetic, and so
-is the uncertain area: a fringe along the coast that stands in for the shoals, which the data does not have.
+The outlines are OpenStreetMap's (see `auvplan/data/NOTICE.md`). Colours, relief and noise are synthetic, and
+so is the uncertain area: a fringe along the coast that stands in for the shoals, which the data lacks.
 """
 
 import json
@@ -50,7 +50,7 @@ def classes(size: int = 1000) -> NDArray[np.uint8]:
             outline = [(float(e * scale), float(size - n * scale)) for n, e in zip(north, east, strict=True)]
             draw.polygon(outline, fill=1 if k == 0 else 0)
     land = np.asarray(picture) > 0
-    shoal = ndimage.distance_transform_edt(~land) * (EXTENT / size) <= FRINGE
+    shoal = np.asarray(ndimage.distance_transform_edt(~land)) * (EXTENT / size) <= FRINGE
     return np.where(land, 0, np.where(shoal, 1, 2)).astype(np.uint8)
 
 

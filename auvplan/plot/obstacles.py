@@ -47,12 +47,17 @@ def plot_obstacles(run: MissionRun, leg: LegRecord | None = None) -> Figure:
     for plan in leg.plans[:-1]:
         _line(axes, plan.positions, unit, color=style.RED, ls="--", lw=1.2, zorder=3)
     # A leg that was refused was never sailed: its plan is shown.
-    _line(axes, leg.positions if len(leg.positions) else leg.plans[-1].positions, unit, color="black", lw=2.6, zorder=4)
+    _line(
+        axes,
+        leg.positions if len(leg.positions) else leg.plans[-1].positions,
+        unit,
+        color="black",
+        lw=2.6,
+        zorder=4,
+    )
     _ends(axes, leg, unit)
     _set_up(axes, low, high, (top, bottom), unit)
-    figure.legend(
-        handles=_legend(leg, seen), loc="outside lower center", ncols=4, fontsize=8, frameon=False
-    )
+    figure.legend(handles=_legend(leg, seen), loc="outside lower center", ncols=4, fontsize=8, frameon=False)
     hidden = len(leg.obstacle_radii) - len(seen)
     note = f", {hidden} of {len(leg.obstacle_radii)} obstacles out of view" if hidden and len(nearest) else ""
     stretch = _HEIGHT * edge / (bottom - top)
@@ -116,14 +121,29 @@ def _set_up(
 
 def _legend(leg: LegRecord, seen: list[int]) -> list[Line2D | Patch]:
     handles: list[Line2D | Patch] = [
-        Line2D([], [], color="black", lw=2.6, label="sailed" if len(leg.positions) else "planned, not sailed"),
+        Line2D(
+            [], [], color="black", lw=2.6, label="sailed" if len(leg.positions) else "planned, not sailed"
+        ),
     ]
     if len(leg.plans) > 1:
         handles.append(Line2D([], [], color=style.RED, ls="--", lw=1.2, label="earlier plans"))
-    for label, kind, size in (("start", style.START, 8), ("target", style.GOAL, 12), ("re-plan", style.VEHICLE, 7)):
+    for label, kind, size in (
+        ("start", style.START, 8),
+        ("target", style.GOAL, 12),
+        ("re-plan", style.VEHICLE, 7),
+    ):
         if label != "re-plan" or len(leg.plans) > 1:
             handles.append(
-                Line2D([], [], ls="", marker=kind["marker"], ms=size, color=kind["color"], mec="black", label=label)
+                Line2D(
+                    [],
+                    [],
+                    ls="",
+                    marker=kind["marker"],
+                    ms=size,
+                    color=kind["color"],
+                    mec="black",
+                    label=label,
+                )
             )
     for kind in dict.fromkeys(leg.obstacle_kinds[k] for k in seen):
         handles.append(Patch(facecolor=_colour(kind), alpha=0.6, label=f"{kind} obstacle and its track"))

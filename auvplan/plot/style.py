@@ -180,7 +180,9 @@ def place_labels(
                 room = box.padded(2.0 * pixel)
                 price = 10.0 * sum(box.overlaps(other) for other in boxes)
                 price += 3.0 * room.count_contains(points) + 0.1 * distance
-                price += 0.0 if axes.bbox.fully_contains(*box.min) and axes.bbox.fully_contains(*box.max) else 50.0
+                price += (
+                    0.0 if axes.bbox.fully_contains(*box.min) and axes.bbox.fully_contains(*box.max) else 50.0
+                )
                 if price < least:
                     best, least, chosen = middle, price, box
         assert chosen is not None

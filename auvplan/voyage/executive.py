@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from auvplan.mission import MissionConfig, MissionGraph, MissionOrder, plan_missions
+from auvplan.mission import MissionConfig, MissionGraph, MissionOrder, plan_missions, time_to_go
 from auvplan.path import PathConfig
 from auvplan.voyage.batching import Clock, chunks
 from auvplan.voyage.legs import Fleet, begin_legs, refusal, sail_legs
@@ -148,30 +148,28 @@ def _generator(key: jax.Array) -> np.random.Generator:
 def _order(fleet: Fleet, missions: list[Mission], due: list[int], config: MissionConfig) -> None:
     """Plan the order of tasks for the missions that need one, from where each stands."""
     planning = fleet.scenario.planning
-    # Some time is kept back for the last leg, which no re-planning can correct; where nothing fits into the
-    # rest, it is given up.
-    for reserve in (planning.reserve, 0.0):
-        due = [m for m in due if missions[m].needs_order]
+    # Slack is kept for the last legs, which no re-planning can mend; where nothing fits with it, it is halved
+    # and in the end given up.
+    for share in (1.0, 0.5, 0.0):
+        due = [m for m in due if missions[m].needs_order and not missions[m].ended]
         for batch, real in chunks(due):
-            left = [missions[m].run.t_available - fleet.now[m] - reserve for m in batch]
-            keys = [
-                jax.random.fold_in(jax.random.fold_in(fleet.keys[m], 0), missions[m].orders * 2 + (reserve == 0.0))
-                for m in batch
-            ]
+            left = [missions[m].run.t_available - fleet.now[m] - share * planning.reserve for m in batch]
+            keys = [jax.random.fold_in(jax.random.fold_in(fleet.keys[m], 0), missions[m].orders) for m in batch]
             orders, seconds = fleet.clock.time(
                 ("mission", len(batch), missions[batch[0]].graph.size, config),
-                lambda batch=batch, left=left, keys=keys: plan_missions(
+                lambda batch=batch, left=left, keys=keys, share=share: plan_missions(
                     MissionGraph.stack(missions[m].graph for m in batch),
                     np.asarray([missions[m].here for m in batch]),
                     np.asarray([missions[m].run.goal for m in batch]),
-                    np.asarray(left),
+                    np.maximum(left, 1.0),
                     speed=fleet.vehicle.speed,
                     keys=jnp.stack(keys),
                     config=config,
+                    return_margin=share * planning.return_margin,
                 ),
             )
             for m, order in list(zip(batch, orders, strict=True))[:real]:
-                _take_order(fleet, m, missions[m], order, seconds / real, final=reserve == 0.0)
+                _take_order(fleet, m, missions[m], order, seconds / real, final=share == 0.0)
 
 
 def _take_order(fleet: Fleet, m: int, mission: Mission, order: MissionOrder, seconds: float, final: bool) -> None:
@@ -232,12 +230,10 @@ def _refused(fleet: Fleet, m: int, mission: Mission, leg: Any, times: np.ndarray
         return why
     if leg.record.goal == mission.run.goal or mission.refusals >= _REFUSALS:
         return ""
-    from scipy.sparse.csgraph import dijkstra
-
-    weights = np.where(np.isfinite(times), times, 0.0).T
-    to_go = dijkstra(weights, indices=mission.run.goal)[leg.record.goal]
-    late = fleet.now[m] + leg.plan.travel_time + leg.record.t_task + to_go - mission.run.t_available
-    return f"its path would make the mission {late:.0f} s late" if late > 0.0 else ""
+    to_go = float(time_to_go(times, mission.run.goal)[leg.record.goal])
+    back = (1.0 + fleet.scenario.planning.return_margin) * to_go
+    late = fleet.now[m] + leg.plan.travel_time + leg.record.t_task + back - mission.run.t_available
+    return f"its path would leave {late:.0f} s too little for the way back" if late > 0.0 else ""
 
 
 def _turn_down(fleet: Fleet, m: int, mission: Mission, leg: Any, why: str) -> None:

@@ -118,7 +118,10 @@ class PlanningSettings(Section):
     preset: Literal["default", "paper"] = "default"
     objective: Literal["priority", "eq15"] | None = Field(None, description="of the preset if absent")
     t_series: Annotated[int, Field(ge=1, le=20)] = 4
-    reserve: NotNegative = Field(240.0, description="s kept back for the last leg")
+    reserve: NotNegative = Field(60.0, description="s of the available time that no order is planned to use")
+    return_margin: NotNegative = Field(
+        0.4, description="share by which the way back is taken to last longer than d / |v|"
+    )
     replan: Literal["late", "deviation"] = Field(
         "deviation", description="'late' as in the paper; 'deviation' also when much time was gained"
     )

@@ -83,7 +83,7 @@ def test_kernel_matches_naive_twin(chart, obstacles):
         path, times, excess = naive_flight(habitats_[p], env, vehicle, 100.0, CONFIG)
         np.testing.assert_allclose(np.stack([flight.x[p], flight.y[p], flight.z[p]], axis=1), path, atol=1e-8)
         np.testing.assert_allclose(flight.times[p], times, rtol=1e-7)
-        np.testing.assert_allclose(flight.excess[:, p], excess, atol=1e-6)
+        np.testing.assert_allclose(flight.excess[:, p], excess, atol=1e-4)  # float32 chart and 1e-8 guards
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,151 @@
+"""Orders of tasks over time (Fig. 15): every order as planned, and the mission as sailed under them."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import BoundaryNorm, LinearSegmentedColormap, Normalize
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from auvplan.plot import style
+from auvplan.voyage.records import MissionRun, OrderRecord
+
+#: Pale to dark blue: priorities.
+_PRIORITY = LinearSegmentedColormap.from_list("priority", ["#e3eef9", "#6aaed6", "#08306b"])
+#: Size of the labels on bars, points.
+_FONT = 7.0
+
+
+@dataclass(frozen=True)
+class Bar:
+    """One leg on the time line, s: `travel` and then `task`."""
+
+    start: int
+    goal: int
+    begin: float
+    travel: float
+    task: float
+    priority: float
+
+
+def plot_timeline(run: MissionRun) -> Figure:
+    """A row for each order, first at the top, as planned; the lowest row is the mission as sailed.
+
+    Args:
+        run: as sailed.
+    """
+    rows = len(run.orders) + 1
+    figure = style.new_figure(13.0, 1.9 + 0.55 * rows if rows <= 20 else 13.0)
+    axes = figure.subplots()
+    planned = [_planned(run, order) for order in run.orders]
+    sailed = _sailed(run)
+    bars = [bar for row in [*planned, sailed] for bar in row]
+    last = max([run.t_available, run.t_mission, *(bar.begin + bar.travel + bar.task for bar in bars)])
+    axes.set_xlim(0.0, 1.02 * last)
+    axes.set_ylim(rows - 0.35, -0.65)
+    norm = _norm(run)
+    # How wide a letter is on the time axis, with the axes taking about 85 % of the figure.
+    letter = 0.62 * _FONT / 72.0 / (0.85 * figure.get_figwidth()) * 1.02 * last
+    for row, order in enumerate(planned):
+        _draw(axes, row, order, norm, letter)
+    _draw(axes, rows - 1, sailed, norm, letter)
+    for row, order in enumerate(run.orders[1:], start=1):
+        axes.plot([order.made_at] * 2, [row - 0.48, row + 0.48], color=style.RED, lw=1.6, zorder=4)
+    axes.axhline(rows - 1.5, color="black", lw=0.8)
+    axes.axvline(run.t_available, color="red", lw=2.0, zorder=5)
+    axes.set_yticks(
+        range(rows), [*(_name(k, order) for k, order in enumerate(run.orders)), _sailed_name(run)]
+    )
+    axes.tick_params(labelsize=8)
+    axes.set_xlabel("time since the mission began [s]")
+    axes.xaxis.set_major_formatter(lambda value, _: f"{value:,.0f}")
+    axes.grid(axis="x", alpha=0.25)
+    axes.set_axisbelow(True)
+    bar = figure.colorbar(ScalarMappable(norm, _PRIORITY), ax=axes, pad=0.01, fraction=0.03)
+    bar.set_label("priority of the task [-]")
+    figure.legend(handles=_legend(run), loc="outside lower center", ncols=5, fontsize=8, frameon=False)
+    axes.set_title("Order of tasks, as planned and as sailed; legs from → to waypoint", fontsize=11)
+    return figure
+
+
+def _norm(run: MissionRun) -> Normalize:
+    """Priorities in steps where they are few whole numbers."""
+    priority = np.asarray(run.graph.priority, float)
+    top = max(float(priority.max()), 1.0)
+    if top <= 12 and (priority == np.rint(priority)).all():
+        return BoundaryNorm(np.arange(-0.5, top + 1.0), _PRIORITY.N)
+    return Normalize(0.0, top)
+
+
+def _planned(run: MissionRun, order: OrderRecord) -> list[Bar]:
+    """An order's legs by the times that were expected when it was made."""
+    times = np.asarray(run.graph.leg_times(float(run.vehicle.speed)))  # type: ignore[arg-type]
+    travel = times - np.asarray(run.graph.duration)
+    # A refused leg was planned after all, and later orders reckon with what its path takes.
+    for leg in run.legs:
+        if not len(leg.times) and leg.plans and leg.plans[-1].made_at <= order.made_at:
+            travel[leg.start, leg.goal] = leg.plans[-1].times[-1] - leg.plans[-1].times[0]
+    bars, now = [], order.made_at
+    for i, j in zip(order.nodes[:-1], order.nodes[1:], strict=True):
+        task = float(run.graph.duration[i, j])
+        bar = Bar(i, j, now, float(travel[i, j]), task, float(run.graph.priority[i, j]))
+        bars.append(bar)
+        now += bar.travel + bar.task
+    return bars
+
+
+def _sailed(run: MissionRun) -> list[Bar]:
+    return [
+        Bar(
+            leg.start, leg.goal, float(leg.times[0]), leg.t_path, leg.t_task if leg.arrived else 0.0, leg.priority
+        )
+        for leg in run.legs
+        if len(leg.times)
+    ]  # fmt: skip
+
+
+def _draw(axes: Axes, row: int, bars: list[Bar], norm: Normalize, letter: float) -> None:
+    for bar in bars:
+        colour = _PRIORITY(norm(bar.priority)) if bar.priority > 0 else (1.0, 1.0, 1.0, 1.0)
+        common: dict[str, Any] = {"height": 0.74, "color": colour, "edgecolor": "black", "linewidth": 0.7}
+        axes.barh(row, bar.travel, left=bar.begin, **common)
+        axes.barh(row, bar.task, left=bar.begin + bar.travel, hatch="////", **common)
+        text, width = f"{bar.start}→{bar.goal}", bar.travel + bar.task
+        if width < 1.1 * letter:
+            continue
+        upright = width < letter * (len(text) + 0.5)
+        dark = float(np.dot(colour[:3], [0.299, 0.587, 0.114])) < 0.55
+        axes.text(
+            bar.begin + 0.5 * width, row, text,
+            rotation=90 if upright else 0, ha="center", va="center", fontsize=_FONT - upright,
+            color="white" if dark else "black", clip_on=True, zorder=3,
+            path_effects=style.halo(2.0, _hex(colour)),
+        )  # fmt: skip
+
+
+def _hex(colour: tuple[float, ...]) -> str:
+    return "#" + "".join(f"{round(255 * part):02x}" for part in colour[:3])
+
+
+def _name(number: int, order: OrderRecord) -> str:
+    title = "first order" if number == 0 else f"re-plan R{number}, {order.cause}"
+    return f"{title}\npriority {order.priority:g}, {order.time:,.0f} s"
+
+
+def _sailed_name(run: MissionRun) -> str:
+    return f"sailed\npriority {sum(leg.priority for leg in run.done):g}, {run.t_mission:,.0f} s"
+
+
+def _legend(run: MissionRun) -> list[Any]:
+    handles: list[Any] = [
+        Patch(facecolor="#6aaed6", edgecolor="black", label="travel"),
+        Patch(facecolor="#6aaed6", edgecolor="black", hatch="////", label="task"),
+        Line2D([], [], color="red", lw=2.0, label=f"time available, {run.t_available:,.0f} s"),
+    ]
+    if len(run.orders) > 1:
+        handles.append(Line2D([], [], color=style.RED, lw=1.6, label="re-planned"))
+    return handles

@@ -1,0 +1,176 @@
+"""The hierarchical loop on small missions: success, safety, determinism, one compilation, failures."""
+
+import jax
+import numpy as np
+import pytest
+
+import auvplan as ap
+from auvplan.mission import planner as mission_planner
+from auvplan.path import planner, replanner
+from auvplan.voyage import ScenarioError, executive
+from auvplan.voyage.montecarlo import monte_carlo, statistics
+from auvplan.voyage.scenario import Scenario
+from auvplan.voyage.world import make_chart, make_graph
+
+SMALL = {
+    "name": "small",
+    "area": {"lower": [0, 0, 0], "upper": [4000, 4000, 50]},
+    "chart": {"source": "none"},
+    "current": {"vortices": 3, "layers": 1, "radius": [300, 600], "peak_speed": 0.8, "update_interval": 300},
+    "obstacles": {"static": 1, "afloat": 1, "self_motivated": 1},
+    "mission": {"waypoints": 8, "neighbours": 4, "time_available": 5000},
+    "planning": {"t_series": 3},
+}
+
+
+@pytest.fixture(autouse=True, scope="module")
+def light_search():
+    """The loop does not depend on how hard the planners search."""
+    original = executive.path_config
+
+    def light(settings):
+        config = original(settings)
+        bbo = config.bbo.replace(population=24, iterations=24)
+        return config.replace(bbo=bbo, samples=64, refine_steps=0, control_points=6)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(executive, "path_config", light)
+        yield
+
+
+def scenario(**sections):
+    return Scenario.model_validate(SMALL | sections)
+
+
+@pytest.fixture(scope="module")
+def three(light_search):
+    """Three missions in lockstep with a light search."""
+    return monte_carlo(scenario(), 3, seed=0)
+
+
+def test_missions_end_at_the_destination_in_time_and_unharmed(three):
+    for run in three:
+        assert run.success, run.reason
+        assert run.legs[-1].goal == run.goal
+        assert 0.0 < run.t_mission < run.t_available
+        assert run.collisions == 0
+
+
+def test_times_add_up_and_legs_connect(three):
+    for run in three:
+        assert run.t_mission == pytest.approx(sum(leg.t_path + leg.t_task for leg in run.done), abs=0.1)
+        assert [leg.start for leg in run.done] == [run.start, *(leg.goal for leg in run.done[:-1])]
+        clock = 0.0
+        for leg in run.done:
+            assert leg.times[0] == pytest.approx(clock, abs=0.1)
+            assert (np.diff(leg.times) > 0).all()
+            np.testing.assert_allclose(leg.positions[0], run.graph.positions[leg.start], atol=1.0)
+            np.testing.assert_allclose(leg.positions[-1], run.graph.positions[leg.goal], atol=1.0)
+            clock = leg.times[-1] + leg.t_task
+
+
+def test_no_task_is_done_twice(three):
+    for run in three:
+        used = [frozenset((leg.start, leg.goal)) for leg in run.done]
+        assert len(used) == len(set(used))
+
+
+def test_late_legs_cause_a_new_order(three):
+    """A leg that took longer than expected is followed by a new order from where it ended (3.3.2)."""
+    seen = 0
+    for run in three:
+        for leg in run.done[:-1]:
+            if leg.t_path + leg.t_task > leg.t_expected:
+                done_at = leg.times[-1] + leg.t_task
+                new = [o for o in run.orders if o.nodes[0] == leg.goal and o.made_at == pytest.approx(done_at, abs=0.1)]
+                assert new
+                assert new[0].cause == "late"
+                seen += 1
+    assert seen > 0
+
+
+def test_paths_are_replanned_at_every_window(three):
+    for run in three:
+        for leg in run.done:
+            causes = [plan.cause for plan in leg.plans]
+            assert causes[0] == "leg"
+            assert causes.count("window") <= 2
+            for plan in leg.plans[1:]:
+                place = [np.interp(plan.made_at, leg.times, leg.positions[:, k]) for k in range(3)]
+                np.testing.assert_allclose(plan.positions[0], place, atol=1.0)
+
+
+def test_single_mission_equals_its_place_in_a_batch(three):
+    alone = ap.run_mission(scenario(), key=jax.random.key(1), seed=1)
+    assert [leg.goal for leg in alone.done] == [leg.goal for leg in three[1].done]
+    assert alone.t_mission == pytest.approx(three[1].t_mission, rel=0.02)
+
+
+def test_same_key_same_mission_and_the_second_one_compiles_nothing():
+    first = ap.run_mission(scenario(), key=jax.random.key(5))
+    compiled = [f._cache_size() for f in (planner._plan, replanner._replan, mission_planner._plan)]
+    again = ap.run_mission(scenario(), key=jax.random.key(5))
+    other = ap.run_mission(scenario(), key=jax.random.key(6))
+    assert compiled == [f._cache_size() for f in (planner._plan, replanner._replan, mission_planner._plan)]
+    assert first.t_mission == again.t_mission
+    np.testing.assert_array_equal(first.legs[-1].positions, again.legs[-1].positions)
+    assert other.t_mission != first.t_mission
+
+
+def test_planning_time_is_charged_only_when_asked():
+    charged = ap.run_mission(
+        scenario(planning={"t_series": 3, "charge_compute": True}), key=jax.random.key(0)
+    )
+    assert charged.charged_compute > 0.0
+    total = sum(leg.t_path + leg.t_task for leg in charged.done) + charged.charged_compute
+    assert charged.t_mission == pytest.approx(total, abs=0.1)
+
+
+def test_a_current_that_wins_ends_the_mission_with_its_reason():
+    strong = SMALL["current"] | {"vortices": 0, "uniform": [-3.5, 0.0, 0.0]}
+    run = ap.run_mission(scenario(current=strong), key=jax.random.key(0))
+    assert not run.success
+    assert "current" in run.reason
+    assert "km" in run.reason
+
+
+def test_too_little_time_is_reported_before_sailing():
+    run = ap.run_mission(
+        scenario(mission=SMALL["mission"] | {"time_available": 60}), key=jax.random.key(0)
+    )
+    assert not run.success
+    assert not run.legs
+    assert "time" in run.reason
+
+
+def test_graph_keeps_to_the_water_and_is_connected():
+    real = Scenario.model_validate({"mission": {"waypoints": 20}})
+    chart = make_chart(real)
+    graph = make_graph(real, chart, np.random.default_rng(0))
+    assert (np.asarray(chart.distance(*graph.positions[:, :2].T)) >= 149.0).all()
+    for i, j in np.argwhere(graph.adjacency):
+        share = np.linspace(0, 1, 50)[:, None]
+        line = graph.positions[i] * (1 - share) + graph.positions[j] * share
+        assert np.asarray(chart.is_water(line[:, 0], line[:, 1])).all()
+
+
+@pytest.mark.parametrize(
+    ("sections", "message"),
+    [
+        ({"mission": {"start": [8000.0, 6500.0, 10.0]}}, "land"),
+        ({"area": {"lower": [0, 0, 0], "upper": [20000, 10000, 10]}}, "beyond the chart"),
+        ({"chart": {"clearance": 3000.0}}, "water|connected"),
+    ],
+)
+def test_scenarios_that_cannot_be_built(sections, message):
+    bad = Scenario.model_validate(sections)
+    with pytest.raises(ScenarioError, match=message):
+        ap.run_mission(bad, key=jax.random.key(0))
+
+
+def test_statistics_describe_the_missions(three):
+    report = statistics(three)
+    assert report["success"] == report["missions"] == 3
+    figures = report["figures"]
+    assert figures["use_of_time"]["mean"] == pytest.approx(np.mean([run.t_mission / 5000 for run in three]))
+    assert figures["tasks"]["q05"] <= figures["tasks"]["median"] <= figures["tasks"]["q95"]

@@ -1,0 +1,159 @@
+"""The simulator's truth and what a vehicle believes of it."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import auvplan as ap
+from auvplan.ocean import CurrentUpdate
+from auvplan.voyage.belief import ObstacleBelief, as_obstacles
+from auvplan.voyage.evasion import escape_track
+from auvplan.voyage.scenario import Scenario, SensorSettings
+from auvplan.voyage.simulator import TIME_STEP, TrueCurrent, sail
+from auvplan.voyage.world import TrueObstacles, draw_obstacles
+
+
+def uniform_field(u, v):
+    empty = jnp.zeros((1, 0))
+    return ap.LambVortices(jnp.zeros((1, 0, 2)), empty, empty, jnp.zeros(1), 0.0, jnp.array([u, v, 0.0]))
+
+
+def batch(tree):
+    return jax.tree.map(lambda a: jnp.asarray(a)[None], tree)
+
+
+def sail_one(field, track, steps, moving=True, obstacles=None, arc=0.0):
+    obstacles = obstacles or (jnp.zeros((1, 0, 3)), jnp.zeros((1, 0, 3)), jnp.zeros((1, 0)))
+    return sail(
+        jnp.asarray(track)[None], jnp.array([arc]), jnp.array([moving]), jnp.array([100.0]),
+        batch(field), obstacles, ap.Vehicle(), steps,
+    )  # fmt: skip
+
+
+TRACK = np.linspace([0.0, 0.0, 10.0], [600.0, 0.0, 10.0], 20)
+
+
+@pytest.mark.parametrize(("stream", "speed"), [((0, 0), 2.5), ((0.5, 0), 3.0), ((0, 1.5), 2.0)])
+def test_vehicle_holds_its_track_at_the_closed_form_speed(stream, speed):
+    out = sail_one(uniform_field(*stream), TRACK, 20)
+    expected = speed * TIME_STEP * np.arange(1, 21)
+    np.testing.assert_allclose(out.positions[0, :, 0], expected, rtol=1e-4)
+    np.testing.assert_allclose(out.positions[0, :, 1:], [[0.0, 10.0]] * 20, atol=1e-3)
+    np.testing.assert_allclose(out.times[0], 100.0 + TIME_STEP * np.arange(1, 21))
+
+
+def test_arrival_is_timed_within_the_step_and_time_then_stands_still():
+    out = sail_one(uniform_field(0.0, 0.0), TRACK, 100)
+    assert bool(out.arrived[0])
+    assert float(out.times[0, -1]) == pytest.approx(100.0 + 600.0 / 2.5, rel=1e-5)
+    np.testing.assert_allclose(out.positions[0, -1], TRACK[-1], atol=1e-3)
+
+
+def test_station_keeping_lets_time_pass():
+    out = sail_one(uniform_field(0.5, 0.5), TRACK, 10, moving=False, arc=30.0)
+    assert not bool(out.arrived[0])
+    np.testing.assert_allclose(out.positions[0], np.tile([30.0, 0.0, 10.0], (10, 1)), atol=1e-3)
+    assert float(out.times[0, -1]) == pytest.approx(130.0)
+
+
+def test_obstacles_drift_as_their_kind_says():
+    position = jnp.zeros((1, 3, 3))
+    velocity = jnp.array([[[0.0, 0, 0], [0, 0, 0], [0.0, 0.2, 0]]])
+    drift = jnp.array([[0.0, 1.0, 1.0]])
+    out = sail_one(uniform_field(0.4, 0.0), TRACK, 10, obstacles=(position, velocity, drift))
+    np.testing.assert_allclose(out.obstacles[0, -1], [[0, 0, 0], [12.0, 0, 0], [12.0, 6.0, 0]], atol=1e-4)
+    np.testing.assert_allclose(out.moves[0], [[0, 0, 0], [0.4, 0, 0], [0.4, 0.2, 0]], atol=1e-6)
+
+
+def test_a_current_that_wins_is_reported():
+    assert float(sail_one(uniform_field(-3.0, 0.0), TRACK, 2).shortfall[0]) > 0.0
+    assert float(sail_one(uniform_field(-1.0, 0.0), TRACK, 2).shortfall[0]) == 0.0
+
+
+def fields(count=3):
+    return [ap.random_vortices(jax.random.key(k), (0, 0, 0), (3000, 3000, 0), count=3) for k in range(count)]
+
+
+def test_current_updates_come_on_time_and_each_mission_has_its_own():
+    keys = jax.random.split(jax.random.key(0), 3)
+    sea = TrueCurrent(keys, fields(), CurrentUpdate(), 600.0)
+    before = np.asarray(sea.field.centers)
+    sea.advance(np.array([0.0, 599.0, 600.0]))
+    changed = (np.asarray(sea.field.centers) != before).any(axis=(1, 2, 3))
+    np.testing.assert_array_equal(changed, [False, False, True])
+    sea.advance(np.array([0.0, 1300.0, 1300.0]))
+    alone = TrueCurrent(keys[1:2], fields()[1:2], CurrentUpdate(), 600.0)
+    alone.advance(np.array([1300.0]))
+    np.testing.assert_allclose(alone.field.centers[0], sea.field.centers[1], rtol=1e-6)
+
+
+def test_telling_errs_by_the_asked_amount_and_not_by_company():
+    keys = jax.random.split(jax.random.key(0), 3)
+    sea, alone = (TrueCurrent(keys, fields(), CurrentUpdate(), 600.0) for _ in range(2))
+    told = sea.told([0, 2], 0.05)
+    np.testing.assert_allclose(alone.told([2], 0.05).strength[0], told.strength[1], rtol=1e-6)
+    error = np.asarray(told.strength) / np.asarray(sea.field.strength)[[0, 2]] - 1.0
+    assert 0.0 < np.abs(error).max() < 0.3
+    np.testing.assert_array_equal(sea.told([1], 0.0).strength[0], sea.field.strength[1])
+
+
+def some_truth():
+    return TrueObstacles(
+        np.array([[100.0, 0, 0], [5000.0, 0, 0]]), np.zeros((2, 3)), np.array([1.0, 0.0]), np.array([20.0, 30.0]),
+        ["afloat", "static"],
+    )  # fmt: skip
+
+
+def test_sensing_sharpens_only_what_is_in_range():
+    sensors = SensorSettings(range=500.0, prior_std=15.0, position_std=1.0)
+    moves = np.array([[0.3, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    belief = ObstacleBelief(some_truth(), moves, 0.0, sensors, np.random.default_rng(0))
+    np.testing.assert_array_equal(belief.std, [15.0, 15.0])
+    belief.look(np.zeros(3), some_truth(), moves, 60.0)
+    np.testing.assert_array_equal(belief.std, [1.0, 15.0])
+    np.testing.assert_array_equal(belief.observed_at, [60.0, 0.0])
+    assert np.linalg.norm(belief.position[0] - [100.0, 0, 0]) < 6.0
+    np.testing.assert_array_equal(belief.velocity[1], 0.0)  # what stands is known to stand
+
+
+def test_planner_and_belief_see_the_same_boundary():
+    sensors = SensorSettings(growth=0.2, growth_max=25.0)
+    belief = ObstacleBelief(some_truth(), np.zeros((2, 3)), 10.0, sensors, np.random.default_rng(1))
+    seen = jax.tree.map(lambda a: a[0], as_obstacles([belief], sensors))
+    for t in (10.0, 50.0, 1e4):
+        place = belief.position[0] + belief.velocity[0] * (t - 10.0)
+        inside = belief.clearance(place[None], np.array([t]))[0]
+        assert -inside == pytest.approx(float(seen.boundary(jnp.asarray(t))[0]), rel=1e-4)
+
+
+def test_escape_goes_away_from_what_comes():
+    sensors = SensorSettings(prior_std=0.0, velocity_std=0.0)
+    truth = TrueObstacles(
+        np.array([[60.0, 0, 0]]), np.array([[-1.0, 0, 0]]), np.ones(1), np.array([40.0]), ["self-motivated"]
+    )
+    belief = ObstacleBelief(truth, np.array([[-1.0, 0, 0]]), 0.0, sensors, np.random.default_rng(0))
+    box = (np.full(3, -1e4), np.full(3, 1e4))
+    track = escape_track(np.zeros(3), 0.0, 30.0, belief, None, 2.5, *box, 10)
+    assert track is not None
+    assert track[-1, 0] < 0
+    far = escape_track(np.array([-5e3, 0, 0]), 0.0, 30.0, belief, None, 2.5, *box, 10)
+    assert far is None or np.linalg.norm(far[-1] - [-5e3, 0, 0]) <= 0.4 * 2.5 * 30 + 1e-6
+
+
+def test_obstacles_are_drawn_between_the_waypoints_and_off_them():
+    scenario = Scenario.model_validate({"obstacles": {"static": 10, "afloat": 10, "self_motivated": 10}})
+    start, goal = np.array([0.0, 0, 50]), np.array([3000.0, 0, 50])
+    drawn = draw_obstacles(scenario, start, goal, np.random.default_rng(0))
+    near = drawn.position[:, 0] < 1e5
+    assert near.sum() > 20
+    assert (drawn.position[near, 0] > 0).all()
+    assert (drawn.position[near, 0] < 3000).all()
+    assert (np.linalg.norm(drawn.position - start, axis=1) > drawn.radius + 149).all()
+    assert np.std(drawn.position[near, 1]) < 12.0  # sigma^2 is about the radius
+    assert {kind: drawn.kinds.count(kind) for kind in drawn.kinds} == dict.fromkeys(
+        ("static", "afloat", "self-motivated"), 10
+    )
+    speeds = np.linalg.norm(drawn.velocity, axis=1)
+    np.testing.assert_allclose(speeds[-10:], 0.3)
+    np.testing.assert_array_equal(speeds[:20], 0.0)
