@@ -17,7 +17,7 @@ from scipy import ndimage
 
 from auvplan.ocean.classify import DEFAULT_CLUSTERS, UNCERTAIN_MAX, classify
 
-#: Distance to a coast that is nowhere, m.
+#: Distance to a coast that is nowhere, in pixels.
 FAR = 1e6
 #: Larger pictures are refused before they are decoded.
 MAX_PIXELS = 64_000_000
@@ -218,8 +218,8 @@ def _signed_distance(land: NDArray[np.bool_]) -> NDArray[np.floating]:
         return np.full(land.shape, FAR)
     if land.all():
         return np.full(land.shape, -FAR)
-    water = ndimage.distance_transform_edt(~land) - np.sqrt(0.5)
-    inland = ndimage.distance_transform_edt(land) - 0.5
+    water = np.asarray(ndimage.distance_transform_edt(~land)) - np.sqrt(0.5)
+    inland = np.asarray(ndimage.distance_transform_edt(land)) - 0.5
     return np.where(land, -inland, water)
 
 

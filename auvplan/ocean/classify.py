@@ -124,7 +124,8 @@ def classify(rgb: NDArray[np.uint8], clusters: int = DEFAULT_CLUSTERS, seed: int
     sample = pixels[np.random.default_rng(seed).integers(0, len(pixels), min(_SAMPLE, len(pixels)))]
     k = min(clusters, len(np.unique(sample, axis=0)))
     weight = np.array([_LIGHTNESS_WEIGHT, 1.0, 1.0], np.float32)
-    model = KMeans(n_clusters=k, n_init=2, random_state=seed).fit(to_lab(sample) * weight)
+    model = KMeans(n_clusters=k, n_init=2, random_state=seed)  # type: ignore[arg-type]
+    model.fit(to_lab(sample) * weight)
 
     centers = model.cluster_centers_ / weight
     names = name_clusters(centers)

@@ -47,17 +47,17 @@ def _draw(axes: Axes, leg: LegRecord, names: tuple[str, str, str], label: str) -
         part = slice(begin, begin + length)
         bars = np.unique(np.linspace(begin, begin + length - 1, max(2, _BARS // len(count))).astype(int))
         spread = np.where(np.isfinite(std[bars]), std[bars], 0.0)
-        once = {"label": "mean and standard deviation"} if k == 0 else {}
+        name_bars, name_best = ("mean and standard deviation", "best") if k == 0 else (None, None)
         axes.plot(iteration[part], _finite(mean[part]), color="black", lw=1.2, zorder=3)
         axes.errorbar(
-            iteration[bars], _finite(mean[bars]), yerr=[np.minimum(spread, 0.999 * np.abs(mean[bars])), spread],
-            fmt="none", ecolor=style.BLUE, elinewidth=0.9, capsize=1.8, zorder=2, **once,
+            iteration[bars], _finite(mean[bars]),
+            yerr=[np.minimum(spread, 0.999 * np.abs(mean[bars])), spread],
+            fmt="none", ecolor=style.BLUE, elinewidth=0.9, capsize=1.8, zorder=2, label=name_bars,
         )  # fmt: skip
-        once = {"label": "best"} if k == 0 else {}
-        axes.plot(iteration[part], _finite(best[part]), color=style.RED, lw=1.8, zorder=4, **once)
+        axes.plot(iteration[part], _finite(best[part]), color=style.RED, lw=1.8, zorder=4, label=name_best)
         if k:
-            mark = {"label": "re-plan"} if k == 1 else {}
-            axes.axvline(begin - 0.5, color=style.GREY, ls=":", lw=1.0, zorder=1, **mark)
+            name = "re-plan" if k == 1 else None
+            axes.axvline(begin - 0.5, color=style.GREY, ls=":", lw=1.0, zorder=1, label=name)
     _scale(axes, _finite(np.concatenate([best, mean])))
     axes.set_ylabel(label)
     axes.grid(alpha=0.25)

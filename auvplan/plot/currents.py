@@ -29,13 +29,13 @@ def plot_currents(run: MissionRun, leg: LegRecord | None = None) -> Figure:
     columns = min(len(chosen), 2)
     rows = -(-len(chosen) // columns)
     figure = style.new_figure(4.6 * columns + 1.0, 4.3 * rows + 0.9)
-    grid = np.atleast_1d(figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)).ravel()
+    grid = list(figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).flat)
     low, high = style.frame_of(extent_points(leg))
     unit = style.Unit.for_extent(float((high - low).max()))
     depth = float(np.mean(np.concatenate([plan.positions[:, 2] for plan in leg.plans])))
     north, east = (np.linspace(low[k], high[k], _FINE) for k in range(2))
     mesh = np.meshgrid(north, east, indexing="ij")
-    fields = [current_at(leg.plans[index], *mesh, depth) for index in chosen]
+    fields = [current_at(leg.plans[index], mesh[0], mesh[1], depth) for index in chosen]
     fastest = max(max(float(np.hypot(u, v).max()) for u, v, _ in fields), 1e-3)
     image = None
     for axes, index, (u, v, _) in zip(grid, chosen, fields, strict=False):
@@ -64,7 +64,7 @@ def plot_currents(run: MissionRun, leg: LegRecord | None = None) -> Figure:
     for axes in grid:
         axes.label_outer()
     assert image is not None
-    bar = figure.colorbar(image, ax=grid.tolist(), shrink=0.8, pad=0.02)
+    bar = figure.colorbar(image, ax=grid, shrink=0.8, pad=0.02)
     bar.set_label(f"current at {depth:.0f} m depth [m/s]")
     figure.legend(handles=_legend(), loc="outside lower center", ncols=6, fontsize=8, frameon=False)
     figure.suptitle(f"Paths and current, leg {leg.start} → {leg.goal}", fontsize=11)

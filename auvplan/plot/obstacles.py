@@ -62,7 +62,8 @@ def plot_obstacles(run: MissionRun, leg: LegRecord | None = None) -> Figure:
     note = f", {hidden} of {len(leg.obstacle_radii)} obstacles out of view" if hidden and len(nearest) else ""
     stretch = _HEIGHT * edge / (bottom - top)
     figure.suptitle(
-        f"Obstacles at their nearest, leg {leg.start} → {leg.goal}{note}\ndepth drawn {stretch:.1f} times as large",
+        f"Obstacles at their nearest, leg {leg.start} → {leg.goal}{note}\n"
+        f"depth drawn {stretch:.1f} times as large",
         fontsize=11,
     )
     return figure

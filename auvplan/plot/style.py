@@ -80,13 +80,13 @@ def halo(width: float = 2.5, colour: str = "white") -> list[Any]:
     return [withStroke(linewidth=width, foreground=colour)]
 
 
-def map_axes(axes: Axes, lower: Sequence[float], upper: Sequence[float], unit: Unit) -> None:
+def map_axes(axes: Axes, lower: Array, upper: Array, unit: Unit) -> None:
     """East to the right, north up, equal scales.
 
     Args:
         axes: to set up.
-        lower: (north, east) m.
-        upper: (north, east) m.
+        lower: [2] m, north and east.
+        upper: [2] m, north and east.
         unit: of both axes.
     """
     axes.set_aspect("equal")
@@ -188,6 +188,6 @@ def place_labels(
         assert chosen is not None
         boxes.append(chosen)
         at = axes.transData.inverted().transform(best)
-        note = axes.text(*at, text, ha="center", va="center", path_effects=halo(1.8), **style)
+        note = axes.text(at[0], at[1], text, ha="center", va="center", path_effects=halo(1.8), **style)
         note.set_in_layout(False)
     axes._labels_placed = boxes  # type: ignore[attr-defined]

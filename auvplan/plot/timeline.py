@@ -99,13 +99,12 @@ def _planned(run: MissionRun, order: OrderRecord) -> list[Bar]:
 
 
 def _sailed(run: MissionRun) -> list[Bar]:
-    return [
-        Bar(
-            leg.start, leg.goal, float(leg.times[0]), leg.t_path, leg.t_task if leg.arrived else 0.0, leg.priority
-        )
-        for leg in run.legs
-        if len(leg.times)
-    ]  # fmt: skip
+    bars = []
+    for leg in run.legs:
+        if len(leg.times):
+            task = leg.t_task if leg.arrived else 0.0
+            bars.append(Bar(leg.start, leg.goal, float(leg.times[0]), leg.t_path, task, leg.priority))
+    return bars
 
 
 def _draw(axes: Axes, row: int, bars: list[Bar], norm: Normalize, letter: float) -> None:
