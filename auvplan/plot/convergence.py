@@ -30,16 +30,16 @@ def plot_convergence(run: MissionRun, leg: LegRecord | None = None) -> Figure:
     _draw(lower, leg, ("violation_best", "violation_mean", "violation_std"), "violation [-]")
     lower.set_xlabel("iteration [-]")
     handles, labels = upper.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=8, frameon=False)
+    figure.legend(handles, labels, loc="outside lower center", ncols=5, fontsize=8, frameon=False)
     figure.suptitle(f"Convergence of the path planner, leg {leg.start} → {leg.goal}", fontsize=11)
     return figure
 
 
-def _draw(axes: Axes, leg: LegRecord, names: tuple[str, str, str], label: str) -> None:
+def _draw(axes: Axes, leg: LegRecord, keys: tuple[str, str, str], label: str) -> None:
     best, mean, std = (
-        np.concatenate([np.asarray(plan.history[name], float) for plan in leg.plans]) for name in names
+        np.concatenate([np.asarray(plan.history[key], float) for plan in leg.plans]) for key in keys
     )
-    count = np.asarray([len(plan.history[names[0]]) for plan in leg.plans])
+    count = np.asarray([len(plan.history[keys[0]]) for plan in leg.plans])
     first = np.concatenate([[0], np.cumsum(count)[:-1]])
     iteration = np.arange(len(best))
     # The plans of a leg have nothing between them: lines break where one ends.
@@ -47,14 +47,14 @@ def _draw(axes: Axes, leg: LegRecord, names: tuple[str, str, str], label: str) -
         part = slice(begin, begin + length)
         bars = np.unique(np.linspace(begin, begin + length - 1, max(2, _BARS // len(count))).astype(int))
         spread = np.where(np.isfinite(std[bars]), std[bars], 0.0)
-        name_bars, name_best = ("mean and standard deviation", "best") if k == 0 else (None, None)
-        axes.plot(iteration[part], _finite(mean[part]), color="black", lw=1.2, zorder=3)
+        names = ("mean", "standard deviation", "best") if k == 0 else (None, None, None)
+        axes.plot(iteration[part], _finite(mean[part]), color="black", lw=1.2, zorder=3, label=names[0])
         axes.errorbar(
             iteration[bars], _finite(mean[bars]),
             yerr=[np.minimum(spread, 0.999 * np.abs(mean[bars])), spread],
-            fmt="none", ecolor=style.BLUE, elinewidth=0.9, capsize=1.8, zorder=2, label=name_bars,
+            fmt="none", ecolor=style.BLUE, elinewidth=0.9, capsize=1.8, zorder=2, label=names[1],
         )  # fmt: skip
-        axes.plot(iteration[part], _finite(best[part]), color=style.RED, lw=1.8, zorder=4, label=name_best)
+        axes.plot(iteration[part], _finite(best[part]), color=style.RED, lw=1.8, zorder=4, label=names[2])
         if k:
             name = "re-plan" if k == 1 else None
             axes.axvline(begin - 0.5, color=style.GREY, ls=":", lw=1.0, zorder=1, label=name)
@@ -78,7 +78,10 @@ def _scale(axes: Axes, values: style.Array) -> None:
     if values.min() > 0.0:
         if values.max() > _WIDE * values.min():
             axes.set_yscale("log")
+            # A deviation larger than its mean would stretch the scale to nothing.
+            axes.set_ylim(bottom=0.6 * float(values.min()))
     elif values.max() > _WIDE * values[values > 0.0].min():
         # Zero, which is what a violation should come to, has no place on a logarithmic scale.
-        axes.set_yscale("symlog", linthresh=max(float(values.max()) * 1e-3, 1e-9), linscale=0.5)
-        axes.set_ylim(bottom=0.0)
+        least = max(float(values.max()) * 1e-3, 1e-9)
+        axes.set_yscale("symlog", linthresh=least, linscale=0.5)
+        axes.set_ylim(bottom=-0.2 * least)

@@ -37,7 +37,8 @@ def plot_currents(run: MissionRun, leg: LegRecord | None = None) -> Figure:
     mesh = np.meshgrid(north, east, indexing="ij")
     fields = [current_at(leg.plans[index], mesh[0], mesh[1], depth) for index in chosen]
     fastest = max(max(float(np.hypot(u, v).max()) for u, v, _ in fields), 1e-3)
-    image = None
+    slowest = min(float(np.hypot(u, v).min()) for u, v, _ in fields)
+    image, coast = None, []
     for axes, index, (u, v, _) in zip(grid, chosen, fields, strict=False):
         extent = (low[1], high[1], low[0], high[0])
         image = axes.imshow(
@@ -45,7 +46,7 @@ def plot_currents(run: MissionRun, leg: LegRecord | None = None) -> Figure:
             origin="lower",
             extent=tuple(edge / unit.metres for edge in extent),
             cmap="cividis",
-            vmin=0.0,
+            vmin=slowest,
             vmax=fastest,
             interpolation="bilinear",
         )
@@ -54,9 +55,9 @@ def plot_currents(run: MissionRun, leg: LegRecord | None = None) -> Figure:
         part = (slice(step // 2, None, step),) * 2
         axes.quiver(
             mesh[1][part] / unit.metres, mesh[0][part] / unit.metres, v[part], u[part],
-            color="white", alpha=0.75, scale=fastest * _COARSE * 1.1, width=0.003,
+            color="white", alpha=0.75, zorder=0.3, scale=fastest * _COARSE * 1.1, width=0.003,
         )  # fmt: skip
-        style.draw_coast(axes, run.chart, unit, see_through=True)
+        coast = style.draw_coast(axes, run.chart, unit, see_through=True)
         _draw_paths(axes, leg, index, unit)
         axes.set_title(plan_name(leg, index), fontsize=9)
     for axes in grid[len(chosen) :]:
@@ -66,7 +67,9 @@ def plot_currents(run: MissionRun, leg: LegRecord | None = None) -> Figure:
     assert image is not None
     bar = figure.colorbar(image, ax=grid, shrink=0.8, pad=0.02)
     bar.set_label(f"current at {depth:.0f} m depth [m/s]")
-    figure.legend(handles=_legend(), loc="outside lower center", ncols=6, fontsize=8, frameon=False)
+    figure.legend(
+        handles=[*_legend(), *coast], loc="outside lower center", ncols=4, fontsize=8, frameon=False
+    )
     figure.suptitle(f"Paths and current, leg {leg.start} → {leg.goal}", fontsize=11)
     return figure
 

@@ -28,14 +28,15 @@ def plot_mission(run: MissionRun) -> Figure:
             np.minimum(high, np.asarray(run.chart.upper)),
         )
     unit = style.Unit.for_extent(float((high - low).max()))
-    figure = style.new_figure(9.2, 9.2)
+    tall, wide = high - low
+    figure = style.new_figure(9.4, float(np.clip(7.9 * tall / wide, 4.0, 11.0)) + 1.1)
     axes = figure.subplots()
     style.map_axes(axes, low, high, unit)
     handles: list[Any] = list(style.draw_coast(axes, run.chart, unit))
     handles += _draw_graph(axes, run, unit)
     if sailed:
         route = _draw_route(axes, sailed, unit)
-        bar = figure.colorbar(route, ax=axes, shrink=0.75, pad=0.02)
+        bar = figure.colorbar(route, ax=axes, shrink=0.8, pad=0.02)
         bar.set_label("time [s]")
     handles += _draw_ends(axes, run, unit)
     marks = _replan_marks(run)

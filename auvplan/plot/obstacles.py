@@ -6,7 +6,6 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from mpl_toolkits.mplot3d import Axes3D
 
 from auvplan.plot import style
 from auvplan.plot.legs import busiest_leg, extent_points
@@ -14,6 +13,8 @@ from auvplan.voyage.records import LegRecord, MissionRun
 
 #: Height of the box beside its longer horizontal edge.
 _HEIGHT = 0.5
+#: Depths are drawn at most so many times as large as the horizontal.
+_STRETCH = 3.0
 #: Obstacles farther than this many times the frame's edge are left out.
 _FAR = 0.6
 
@@ -40,6 +41,10 @@ def plot_obstacles(run: MissionRun, leg: LegRecord | None = None) -> Figure:
     depths += [nearest[k, 2] + leg.obstacle_radii[k] * np.array([-1.0, 1.0]) for k in seen]
     top, bottom = min(d.min() for d in depths), max(d.max() for d in depths)
     top, bottom = top - 0.1 * (bottom - top) - 5.0, bottom + 0.1 * (bottom - top) + 5.0
+    # Room above and below keeps the spheres from being drawn out beyond recognition.
+    missing = max(_HEIGHT * edge / _STRETCH - (bottom - top), 0.0)
+    above = min(0.5 * missing, max(top + 5.0, 0.0))
+    top, bottom = top - above, bottom + missing - above
     for k in seen:
         _sphere(axes, nearest[k], float(leg.obstacle_radii[k]), leg.obstacle_kinds[k], unit)
         near = np.abs(tracks[:, k, :2] - middle).max(axis=1) < _FAR * edge
@@ -107,12 +112,12 @@ def _ends(axes: Any, leg: LegRecord, unit: style.Unit) -> None:
 
 
 def _set_up(
-    axes: Axes3D, low: style.Array, high: style.Array, depths: tuple[float, float], unit: style.Unit
+    axes: Any, low: style.Array, high: style.Array, depths: tuple[float, float], unit: style.Unit
 ) -> None:
     axes.set_xlim(low[1] / unit.metres, high[1] / unit.metres)
     axes.set_ylim(low[0] / unit.metres, high[0] / unit.metres)
     axes.set_zlim(depths[1], depths[0])
-    axes.set_box_aspect((1.0, 1.0, _HEIGHT))
+    axes.set_box_aspect((1.0, 1.0, _HEIGHT), zoom=1.12)
     axes.set_xlabel(f"east [{unit.name}]", labelpad=6)
     axes.set_ylabel(f"north [{unit.name}]", labelpad=6)
     axes.set_zlabel("depth [m]", labelpad=4)

@@ -29,6 +29,8 @@ BLACK, ORANGE, SKY, GREEN, YELLOW, BLUE, RED, PURPLE = (
     "#000000", "#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2", "#D55E00", "#CC79A7",
 )  # fmt: skip
 COAST, UNCERTAIN, WATER, GREY = "#b9a77c", "#e6dcc0", "#f2f7fb", "#8c8c8c"
+#: The coast over a colour map, none of whose colours it is.
+LAND = "#f0efec"
 
 #: The figures' own names for the kinds of obstacles.
 KIND_COLOURS = {"static": PURPLE, "afloat": ORANGE, "self-motivated": SKY}
@@ -104,14 +106,15 @@ def draw_coast(axes: Axes, chart: Chart | None, unit: Unit, see_through: bool = 
         axes: whose limits stay as they are.
         chart: or None for open water.
         unit: of the axes.
-        see_through: paint the coast alone, over something else.
+        see_through: paint the coast alone, with an outline, over something else.
     """
     if chart is None:
         return []
     passability = np.asarray(chart.passability)
     colours = np.zeros((*passability.shape, 4))
     uncertain = (passability > 0.0) & (passability < 1.0)
-    colours[passability == 0.0] = (*to_rgb(COAST), 1.0)
+    coast = LAND if see_through else COAST
+    colours[passability == 0.0] = (*to_rgb(coast), 1.0)
     if not see_through:
         colours[passability == 1.0] = (*to_rgb(WATER), 1.0)
         colours[uncertain] = (*to_rgb(UNCERTAIN), 1.0)
@@ -124,9 +127,14 @@ def draw_coast(axes: Axes, chart: Chart | None, unit: Unit, see_through: bool = 
         interpolation="nearest",
         zorder=0.5 if see_through else 0.0,
     )
+    if see_through and 0 < (passability == 0.0).sum() < passability.size:
+        centres = [np.linspace(low[k], high[k], 2 * passability.shape[k] + 1)[1::2] for k in range(2)]
+        axes.contour(
+            centres[1], centres[0], passability == 0.0, [0.5], colors="black", linewidths=0.9, zorder=0.6
+        )
     axes.set_xlim(*limits[0])
     axes.set_ylim(*limits[1])
-    found = [Patch(facecolor=COAST, edgecolor=GREY, label="coast")] if (passability == 0.0).any() else []
+    found = [Patch(facecolor=coast, edgecolor=GREY, label="coast")] if (passability == 0.0).any() else []
     if uncertain.any() and not see_through:
         found.append(Patch(facecolor=UNCERTAIN, edgecolor=GREY, label="uncertain area"))
     return found

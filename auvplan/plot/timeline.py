@@ -39,7 +39,7 @@ def plot_timeline(run: MissionRun) -> Figure:
         run: as sailed.
     """
     rows = len(run.orders) + 1
-    figure = style.new_figure(13.0, 1.9 + 0.55 * rows if rows <= 20 else 13.0)
+    figure = style.new_figure(13.0, 1.9 + rows * float(np.clip(8.0 / rows, 0.4, 0.6)))
     axes = figure.subplots()
     planned = [_planned(run, order) for order in run.orders]
     sailed = _sailed(run)
@@ -66,6 +66,8 @@ def plot_timeline(run: MissionRun) -> Figure:
     axes.grid(axis="x", alpha=0.25)
     axes.set_axisbelow(True)
     bar = figure.colorbar(ScalarMappable(norm, _PRIORITY), ax=axes, pad=0.01, fraction=0.03)
+    if isinstance(norm, BoundaryNorm):
+        bar.set_ticks((norm.boundaries[1:] - 0.5).tolist())
     bar.set_label("priority of the task [-]")
     figure.legend(handles=_legend(run), loc="outside lower center", ncols=5, fontsize=8, frameon=False)
     axes.set_title("Order of tasks, as planned and as sailed; legs from → to waypoint", fontsize=11)
@@ -77,7 +79,7 @@ def _norm(run: MissionRun) -> Normalize:
     priority = np.asarray(run.graph.priority, float)
     top = max(float(priority.max()), 1.0)
     if top <= 12 and (priority == np.rint(priority)).all():
-        return BoundaryNorm(np.arange(-0.5, top + 1.0), _PRIORITY.N)
+        return BoundaryNorm(np.arange(0.5, top + 1.0), _PRIORITY.N) if top > 1.0 else Normalize(0.0, 1.0)
     return Normalize(0.0, top)
 
 
@@ -110,24 +112,19 @@ def _sailed(run: MissionRun) -> list[Bar]:
 def _draw(axes: Axes, row: int, bars: list[Bar], norm: Normalize, letter: float) -> None:
     for bar in bars:
         colour = _PRIORITY(norm(bar.priority)) if bar.priority > 0 else (1.0, 1.0, 1.0, 1.0)
-        common: dict[str, Any] = {"height": 0.74, "color": colour, "edgecolor": "black", "linewidth": 0.7}
-        axes.barh(row, bar.travel, left=bar.begin, **common)
-        axes.barh(row, bar.task, left=bar.begin + bar.travel, hatch="////", **common)
-        text, width = f"{bar.start}→{bar.goal}", bar.travel + bar.task
-        if width < 1.1 * letter:
+        common: dict[str, Any] = {"color": colour, "edgecolor": "black", "linewidth": 0.7}
+        axes.barh(row, bar.travel, left=bar.begin, height=0.74, **common)
+        axes.barh(row, bar.task, left=bar.begin + bar.travel, height=0.3, **common)
+        text, width = f"{bar.start}→{bar.goal}", bar.travel
+        if width < 1.4 * letter:
             continue
-        upright = width < letter * (len(text) + 0.5)
+        upright = width < letter * (len(text) + 1.2)
         dark = float(np.dot(colour[:3], [0.299, 0.587, 0.114])) < 0.55
         axes.text(
             bar.begin + 0.5 * width, row, text,
             rotation=90 if upright else 0, ha="center", va="center", fontsize=_FONT - upright,
             color="white" if dark else "black", clip_on=True, zorder=3,
-            path_effects=style.halo(2.0, _hex(colour)),
         )  # fmt: skip
-
-
-def _hex(colour: tuple[float, ...]) -> str:
-    return "#" + "".join(f"{round(255 * part):02x}" for part in colour[:3])
 
 
 def _name(number: int, order: OrderRecord) -> str:
@@ -142,7 +139,7 @@ def _sailed_name(run: MissionRun) -> str:
 def _legend(run: MissionRun) -> list[Any]:
     handles: list[Any] = [
         Patch(facecolor="#6aaed6", edgecolor="black", label="travel"),
-        Patch(facecolor="#6aaed6", edgecolor="black", hatch="////", label="task"),
+        Patch(facecolor="#6aaed6", edgecolor="black", label="task (half height)"),
         Line2D([], [], color="red", lw=2.0, label=f"time available, {run.t_available:,.0f} s"),
     ]
     if len(run.orders) > 1:

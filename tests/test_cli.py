@@ -1,0 +1,198 @@
+"""The command line as a person meets it: results, exit codes, one clear line for bad input."""
+
+import json
+
+import numpy as np
+import pytest
+import yaml
+from PIL import Image
+from typer.testing import CliRunner
+
+from auvplan import cli
+from auvplan.voyage import executive
+
+LEG = {
+    "name": "leg",
+    "area": {"lower": [0, 0, 0], "upper": [1500, 1500, 40]},
+    "chart": {"source": "none"},
+    "current": {"vortices": 2, "layers": 1, "radius": [200, 400], "peak_speed": 0.6, "update_interval": 120},
+    "obstacles": {"static": 1, "afloat": 0, "self_motivated": 0},
+    "mission": {"waypoints": 2, "start": [100, 100, 10], "goal": [1300, 1300, 10], "time_available": 3000},
+}
+
+
+@pytest.fixture(autouse=True, scope="module")
+def light_search():
+    """Commands do not depend on how hard the planners search."""
+    original = executive.path_config
+
+    def light(settings):
+        config = original(settings)
+        bbo = config.bbo.replace(population=20, iterations=20)
+        return config.replace(bbo=bbo, samples=48, refine_steps=0, control_points=5)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(executive, "path_config", light)
+        patch.setenv("AUVPLAN_CACHE", "off")
+        yield
+
+
+def call(capsys, monkeypatch, *arguments):
+    """Exit status, standard output, standard error of a command."""
+    monkeypatch.setattr("sys.argv", ["auvplan", *map(str, arguments)])
+    with pytest.raises(SystemExit) as stop:
+        cli.main()
+    out, err = capsys.readouterr()
+    return stop.value.code, out, err
+
+
+def write(tmp_path, name="scenario.yaml", **sections):
+    path = tmp_path / name
+    path.write_text(yaml.safe_dump(LEG | sections))
+    return path
+
+
+def test_mission_check_and_files(tmp_path, capsys, monkeypatch):
+    code, out, err = call(capsys, monkeypatch, "mission", write(tmp_path), "--out", tmp_path / "out", "--seed", 3)
+    assert code in (0, None), err
+    assert "collisions" in out
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    fields = ("t_available", "t_mission", "t_residual", "success", "tasks", "total_priority", "path_calls")
+    for field in (*fields, "mission_replans", "legs", "cpu", "collisions", "seed", "version"):
+        assert field in summary
+    assert summary["success"] is True
+    assert summary["seed"] == 3
+    assert {"from", "to", "t_expected", "t_path", "cpu_s"} <= set(summary["legs"][0])
+    for name in ("mission.nc", "mission.png", "timeline.png", "currents.png", "obstacles.png", "convergence.png"):
+        assert (tmp_path / "out" / name).stat().st_size > 1000
+    code, out, _ = call(capsys, monkeypatch, "check", tmp_path / "out")
+    assert code in (0, None)
+    assert "collisions: 0" in out
+
+
+def test_path_and_quiet(tmp_path, capsys, monkeypatch):
+    code, out, err = call(capsys, monkeypatch, "path", write(tmp_path), "--out", tmp_path / "out", "--quiet")
+    assert code in (0, None), err
+    assert out == ""
+
+
+def test_montecarlo_reports_statistics(tmp_path, capsys, monkeypatch):
+    code, out, err = call(capsys, monkeypatch, "montecarlo", write(tmp_path), "-n", 3, "--out", tmp_path / "mc")
+    assert code in (0, None), err
+    report = json.loads((tmp_path / "mc" / "summary.json").read_text())
+    assert report["missions"] == 3
+    assert len(report["runs"]) == 3
+    assert "3 of 3 missions" in out
+
+
+def test_chart_command(tmp_path, capsys, monkeypatch):
+    picture = np.full((60, 80, 3), (60, 120, 200), np.uint8)
+    picture[:20] = (200, 180, 120)
+    Image.fromarray(picture).save(tmp_path / "map.png")
+    code, out, err = call(capsys, monkeypatch, "chart", tmp_path / "map.png", "--out", tmp_path / "chart")
+    assert code in (0, None), err
+    assert "coast 33.3" in out
+    assert (tmp_path / "chart" / "chart.png").is_file()
+
+
+def test_scenarios_are_listed(capsys, monkeypatch):
+    code, out, _ = call(capsys, monkeypatch, "scenarios")
+    assert code in (0, None)
+    for name in ("whitsunday", "scenario-1", "scenario-2", "scenario-3"):
+        assert name in out
+
+
+def test_help_names_every_command():
+    out = CliRunner().invoke(cli.app, ["--help"]).output
+    for command in ("mission", "path", "montecarlo", "chart", "check", "scenarios"):
+        assert command in out
+
+
+def test_a_current_that_wins_exits_1_and_names_the_place(tmp_path, capsys, monkeypatch):
+    strong = {"vortices": 0, "uniform": [-4.0, 0.0, 0.0]}
+    code, _, err = call(capsys, monkeypatch, "mission", write(tmp_path, current=strong), "--out", tmp_path / "out")
+    assert code == 1
+    assert "current" in err
+    assert "km" in err
+    assert "Traceback" not in err
+
+
+BAD_FIELDS = [
+    ({"mision": {}}, "mision: unknown key"),
+    ({"mission": {"waypoint": 3}}, "mission.waypoint: unknown key"),
+    ({"vehicle": {"speed": -1}}, "vehicle.speed"),
+    ({"vehicle": {"speed": "fast"}}, "vehicle.speed"),
+    ({"vehicle": {"speed": "2.5 knots"}}, "vehicle.speed"),
+    ({"vehicle": {"speed": float("nan")}}, "vehicle.speed"),
+    ({"mission": LEG["mission"] | {"time_available": -5}}, "mission.time_available"),
+    ({"mission": LEG["mission"] | {"start": [5000, 100, 10]}}, "mission.start"),
+    ({"mission": LEG["mission"] | {"start": [100, 100]}}, "mission.start"),
+    ({"area": {"lower": [0, 0, 0], "upper": [-1, 100, 0]}}, "area"),
+    ({"chart": {"source": "image"}}, "chart"),
+    ({"chart": {"source": "image", "image": "missing.png"}}, "missing.png"),
+    ({"planning": {"preset": "best"}}, "planning.preset"),
+    ({"chart": {"source": "whitsunday"}, "area": {"lower": [0, 0, 0], "upper": [99000, 99000, 10]}}, "chart"),
+    (
+        {
+            "chart": {"source": "whitsunday"},
+            "area": {"lower": [0, 0, 0], "upper": [10000, 10000, 10]},
+            "mission": LEG["mission"] | {"start": [8000, 6500, 5]},
+        },
+        "land",
+    ),
+]
+
+
+@pytest.mark.parametrize(("sections", "expected"), BAD_FIELDS, ids=[expected for _, expected in BAD_FIELDS])
+def test_bad_scenarios_exit_2_with_one_line(tmp_path, capsys, monkeypatch, sections, expected):
+    code, out, err = call(capsys, monkeypatch, "mission", write(tmp_path, **sections), "--out", tmp_path / "out", "--quiet")
+    assert code == 2, err
+    assert expected in err
+    assert len(err.strip().splitlines()) == 1
+    assert "Traceback" not in out + err
+    assert not list((tmp_path / "out").glob("*")) if (tmp_path / "out").exists() else True
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("[1, 2", "YAML"),
+        ("- just\n- a list", "mapping"),
+        ("name: !!python/object/apply:os.system ['true']", "YAML"),
+        ("a: &x [1]\nb: *x", "aliases"),
+        ("name: a\nname: b", "twice"),
+        ("\x00\x01", "YAML"),
+        ("[" * 5000, "YAML|deeply"),
+    ],
+)
+def test_hostile_yaml(tmp_path, capsys, monkeypatch, text, expected):
+    import re
+
+    path = tmp_path / "bad.yaml"
+    path.write_text(text)
+    code, _, err = call(capsys, monkeypatch, "mission", path, "--out", tmp_path / "out")
+    assert code == 2
+    assert "bad.yaml" in err
+    assert re.search(expected, err)
+    assert len(err.strip().splitlines()) == 1
+
+
+def test_unknown_scenario_lists_the_shipped_ones(tmp_path, capsys, monkeypatch):
+    code, _, err = call(capsys, monkeypatch, "mission", "nowhere", "--out", tmp_path / "out")
+    assert code == 2
+    assert "nowhere" in err
+    assert "whitsunday" in err
+
+
+def test_output_folder_that_cannot_be_made(tmp_path, capsys, monkeypatch):
+    (tmp_path / "file").write_text("in the way")
+    code, _, err = call(capsys, monkeypatch, "mission", write(tmp_path), "--out", tmp_path / "file")
+    assert code == 2
+    assert "file" in err
+    assert len(err.strip().splitlines()) == 1
+
+
+def test_check_of_nothing(tmp_path, capsys, monkeypatch):
+    code, _, err = call(capsys, monkeypatch, "check", tmp_path)
+    assert code == 2
+    assert len(err.strip().splitlines()) == 1
