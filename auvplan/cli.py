@@ -19,7 +19,8 @@ console = Console()
 errors = Console(stderr=True)
 
 ScenarioArgument = Annotated[
-    str, typer.Argument(help="A scenario file (YAML), or the name of a shipped scenario.", metavar="[SCENARIO]")
+    str,
+    typer.Argument(help="A scenario file (YAML), or the name of a shipped scenario.", metavar="[SCENARIO]"),
 ]
 OutOption = Annotated[Path, typer.Option("--out", help="Folder for results; made where missing.")]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of world, sensors and planners.")]
@@ -100,7 +101,9 @@ def _run(scenario: Any, folder: Path, out: Path, seed: int, quiet: bool) -> None
 
 
 def _print_summary(summary: dict[str, Any]) -> None:
-    table = Table(title=f"{summary['scenario']}, seed {summary['seed']}: {summary['reason']}", show_header=False)
+    table = Table(
+        title=f"{summary['scenario']}, seed {summary['seed']}: {summary['reason']}", show_header=False
+    )
     table.add_row("mission time", f"{summary['t_mission']:.0f} s of {summary['t_available']:.0f} s")
     table.add_row("time left", f"{summary['t_residual']:.0f} s")
     table.add_row("tasks, total priority", f"{summary['tasks']}, {summary['total_priority']:g}")
@@ -139,11 +142,14 @@ def montecarlo(
             advance(sum(clocks) / count, f"{count} missions")
 
         runs = monte_carlo(settings, count, seed=seed, folder=str(folder), progress=progress)
-    report = statistics(runs) | {"runs": [run.summary() for run in runs]}
+    report: dict[str, Any] = statistics(runs) | {"runs": [run.summary() for run in runs]}
     target = out / "summary.json"
-    write_atomically(target, lambda p: p.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8") and None)
+    text = json.dumps(report, indent=2) + "\n"
+    write_atomically(target, lambda part: part.write_text(text, encoding="utf-8"))
     if not quiet:
-        table = Table(title=f"{report['success']} of {count} missions on time, {report['collisions']} collisions")
+        table = Table(
+            title=f"{report['success']} of {count} missions on time, {report['collisions']} collisions"
+        )
         for column in ("figure", "mean", "std", "5 %", "median", "95 %"):
             table.add_column(column, justify="left" if column == "figure" else "right")
         for name, row in report["figures"].items():
@@ -212,8 +218,14 @@ class _bar:
     def __init__(self, title: str, total: float, quiet: bool):
         from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-        columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} % of mission time"))
-        self._progress = Progress(*columns, TimeElapsedColumn(), console=errors, disable=quiet, transient=True)
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TextColumn("{task.percentage:>3.0f} % of mission time"),
+        )
+        self._progress = Progress(
+            *columns, TimeElapsedColumn(), console=errors, disable=quiet, transient=True
+        )
         self._task = self._progress.add_task(title, total=total)
 
     def __enter__(self):

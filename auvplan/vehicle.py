@@ -11,8 +11,8 @@ from jax.typing import ArrayLike
 
 SpeedReading = Literal["track", "eq8", "eq11"]
 
-#: Least ground speed that travel times reckon with, as a share of the speed through the water. Slower progress
-#: is a violation; the floor keeps times and gradients finite.
+#: Least ground speed that travel times reckon with, as a share of the speed through the water. Slower
+#: progress is a violation; the floor keeps times and gradients finite.
 SPEED_FLOOR = 0.05
 
 
@@ -51,7 +51,7 @@ class Vehicle:
 
 
 def orientation(dx: ArrayLike, dy: ArrayLike, dz: ArrayLike) -> tuple[jax.Array, jax.Array]:
-    """Yaw psi and pitch theta of a displacement north, east, down (Eq. 10), rad; pitch is positive nose up."""
+    """Yaw psi and pitch theta of a displacement north, east, down (Eq. 10), rad; nose up is positive."""
     yaw = jnp.arctan2(dy, dx)
     pitch = jnp.arctan2(-jnp.asarray(dz), jnp.hypot(dx, dy))
     return yaw, pitch
@@ -70,12 +70,13 @@ def ground_velocity(
     """Velocity over ground, m/s north, east, down, of a vehicle that points along (yaw, pitch) (Eq. 8).
 
     Differences from the paper:
-        Eq. 8's third line adds |v| sin(theta) with theta positive nose up; depth is positive down, so the sign
-        turns.
+        Eq. 8's third line adds |v| sin(theta) with theta positive nose up; depth is positive down, so the
+        sign turns.
     """
-    north = speed * jnp.cos(pitch) * jnp.cos(yaw) + current[0]
-    east = speed * jnp.cos(pitch) * jnp.sin(yaw) + current[1]
-    down = -speed * jnp.sin(pitch) + current[2]
+    speed, u, v, w = (jnp.asarray(value) for value in (speed, *current))
+    north = speed * jnp.cos(pitch) * jnp.cos(yaw) + u
+    east = speed * jnp.cos(pitch) * jnp.sin(yaw) + v
+    down = -speed * jnp.sin(pitch) + w
     return north, east, down
 
 
@@ -97,8 +98,9 @@ def along_track(
         ``(ground_speed, shortfall)``: the speed that travel times use, at least `SPEED_FLOOR` times V, and by
         how much the current beats the vehicle, as a share of V; zero where the track can be held.
     """
+    speed = jnp.asarray(speed, along.dtype)
     if reading == "eq11":
-        still = jnp.broadcast_to(jnp.asarray(speed, along.dtype), along.shape)
+        still = jnp.broadcast_to(speed, along.shape)
         return still, jnp.zeros_like(along)
     floor = SPEED_FLOOR * speed
     if reading == "eq8":

@@ -53,7 +53,9 @@ def write(tmp_path, name="scenario.yaml", **sections):
 
 
 def test_mission_check_and_files(tmp_path, capsys, monkeypatch):
-    code, out, err = call(capsys, monkeypatch, "mission", write(tmp_path), "--out", tmp_path / "out", "--seed", 3)
+    code, out, err = call(
+        capsys, monkeypatch, "mission", write(tmp_path), "--out", tmp_path / "out", "--seed", 3
+    )
     assert code in (0, None), err
     assert "collisions" in out
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
@@ -63,7 +65,14 @@ def test_mission_check_and_files(tmp_path, capsys, monkeypatch):
     assert summary["success"] is True
     assert summary["seed"] == 3
     assert {"from", "to", "t_expected", "t_path", "cpu_s"} <= set(summary["legs"][0])
-    for name in ("mission.nc", "mission.png", "timeline.png", "currents.png", "obstacles.png", "convergence.png"):
+    for name in (
+        "mission.nc",
+        "mission.png",
+        "timeline.png",
+        "currents.png",
+        "obstacles.png",
+        "convergence.png",
+    ):
         assert (tmp_path / "out" / name).stat().st_size > 1000
     code, out, _ = call(capsys, monkeypatch, "check", tmp_path / "out")
     assert code in (0, None)
@@ -77,7 +86,9 @@ def test_path_and_quiet(tmp_path, capsys, monkeypatch):
 
 
 def test_montecarlo_reports_statistics(tmp_path, capsys, monkeypatch):
-    code, out, err = call(capsys, monkeypatch, "montecarlo", write(tmp_path), "-n", 3, "--out", tmp_path / "mc")
+    code, out, err = call(
+        capsys, monkeypatch, "montecarlo", write(tmp_path), "-n", 3, "--out", tmp_path / "mc"
+    )
     assert code in (0, None), err
     report = json.loads((tmp_path / "mc" / "summary.json").read_text())
     assert report["missions"] == 3
@@ -110,7 +121,9 @@ def test_help_names_every_command():
 
 def test_a_current_that_wins_exits_1_and_names_the_place(tmp_path, capsys, monkeypatch):
     strong = {"vortices": 0, "uniform": [-4.0, 0.0, 0.0]}
-    code, _, err = call(capsys, monkeypatch, "mission", write(tmp_path, current=strong), "--out", tmp_path / "out")
+    code, _, err = call(
+        capsys, monkeypatch, "mission", write(tmp_path, current=strong), "--out", tmp_path / "out"
+    )
     assert code == 1
     assert "current" in err
     assert "km" in err
@@ -145,7 +158,9 @@ BAD_FIELDS = [
 
 @pytest.mark.parametrize(("sections", "expected"), BAD_FIELDS, ids=[expected for _, expected in BAD_FIELDS])
 def test_bad_scenarios_exit_2_with_one_line(tmp_path, capsys, monkeypatch, sections, expected):
-    code, out, err = call(capsys, monkeypatch, "mission", write(tmp_path, **sections), "--out", tmp_path / "out", "--quiet")
+    code, out, err = call(
+        capsys, monkeypatch, "mission", write(tmp_path, **sections), "--out", tmp_path / "out", "--quiet"
+    )
     assert code == 2, err
     assert expected in err
     assert len(err.strip().splitlines()) == 1

@@ -76,7 +76,9 @@ def _read(source: str | Path) -> str:
         raise ScenarioError(f"{source}: not a text file") from None
     except OSError as error:
         names = ", ".join(sorted(e.name.removesuffix(".yaml") for e in shipped.parent.iterdir()))  # type: ignore[attr-defined]
-        raise ScenarioError(f"{source}: {error.strerror or 'cannot be read'}; shipped scenarios: {names}") from None
+        raise ScenarioError(
+            f"{source}: {error.strerror or 'cannot be read'}; shipped scenarios: {names}"
+        ) from None
 
 
 class _PlainLoader(yaml.SafeLoader):
@@ -92,6 +94,8 @@ class _PlainLoader(yaml.SafeLoader):
         seen = set()
         for key, _ in node.value:
             if key.value in seen:
-                raise yaml.constructor.ConstructorError(None, None, f"key {key.value!r} given twice", key.start_mark)
+                raise yaml.constructor.ConstructorError(
+                    None, None, f"key {key.value!r} given twice", key.start_mark
+                )
             seen.add(key.value)
         return super().construct_mapping(node, deep)

@@ -19,6 +19,8 @@ from auvplan.ocean.classify import DEFAULT_CLUSTERS, UNCERTAIN_MAX, classify
 
 #: Distance to a coast that is nowhere, in pixels.
 FAR = 1e6
+#: By how many pixels the interpolated distance may exceed the true one between pixel centres.
+INTERPOLATION_ERROR = 0.2
 #: Larger pictures are refused before they are decoded.
 MAX_PIXELS = 64_000_000
 # Pillow's names of the modes that hold one grey level a pixel.

@@ -1,14 +1,14 @@
 """Ocean currents as pure functions of position and time (Eqs 1-2).
 
-A current is any pytree callable ``current(x, y, z, t) -> (u, v, w)``: arrays broadcast elementwise, metres and
-seconds in, m/s north, east and down out. An attribute ``steady`` that is True says that t does not matter,
-which spares planners the arrival-time sweeps.
+A current is any pytree callable ``current(x, y, z, t) -> (u, v, w)``: arrays broadcast elementwise, metres
+and seconds in, m/s north, east and down out. An attribute ``steady`` that is True says that t does not
+matter, which spares planners the arrival-time sweeps.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import chex
 import jax
@@ -34,7 +34,7 @@ class Current(Protocol):
 class FunctionCurrent:
     """A plain Python function as a current; compiled code is reused for the same function object."""
 
-    function: Callable[..., tuple[ArrayLike, ArrayLike, ArrayLike]]
+    function: Callable[..., Any]
     steady: bool = False
 
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
@@ -74,7 +74,9 @@ def as_current(current: object) -> Current:
     leaves = jax.tree.leaves(current)
     if len(leaves) == 1 and leaves[0] is current:
         if not callable(current):
-            raise TypeError(f"current must be callable as (x, y, z, t) -> (u, v, w), got {type(current).__name__}")
+            raise TypeError(
+                f"current must be callable as (x, y, z, t) -> (u, v, w), got {type(current).__name__}"
+            )
         return FunctionCurrent(current)
     return current  # type: ignore[return-value]
 
@@ -131,7 +133,9 @@ class LambVortices:
             object.__setattr__(self, "strength", jnp.asarray(self.strength, float))
             object.__setattr__(self, "radius", jnp.asarray(self.radius, float))
             layers = self.centers.shape[0]
-            depths = jnp.arange(layers, dtype=float) if self.depths is None else jnp.asarray(self.depths, float)
+            depths = (
+                jnp.arange(layers, dtype=float) if self.depths is None else jnp.asarray(self.depths, float)
+            )
             object.__setattr__(self, "depths", depths)
             object.__setattr__(self, "uniform", jnp.asarray(self.uniform, float))
             chex.assert_rank([self.centers, self.strength, self.radius], [3, 2, 2])
@@ -141,17 +145,24 @@ class LambVortices:
 
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
         still = jnp.zeros(jnp.broadcast_shapes(jnp.shape(x), jnp.shape(y), jnp.shape(z)), jnp.result_type(x))
-        total = tuple(still + self.uniform[axis] for axis in range(3))  # type: ignore[index]
+        north, east, down = (still + self.uniform[axis] for axis in range(3))  # type: ignore[index]
+        total = (north, east, down)
+        gamma = jnp.asarray(self.vertical_scale)
         for layer, weight in enumerate(self._layer_weights(z)):
             # One small loop body whatever the number of vortices: quick to compile, and the planes stay in
             # cache. Recomputing it for gradients beats storing what every vortex would need.
             @jax.checkpoint
             def add(total: Velocity, vortex: tuple[jax.Array, ...], weight: ArrayLike = weight) -> Velocity:
                 center_x, center_y, strength, radius = vortex
-                parts = _vortex(x - center_x, y - center_y, strength * weight, radius, self.vertical_scale)
+                parts = _vortex(x - center_x, y - center_y, strength * weight, radius, gamma)
                 return total[0] + parts[0], total[1] + parts[1], total[2] + parts[2]
 
-            vortices = (self.centers[layer, :, 0], self.centers[layer, :, 1], self.strength[layer], self.radius[layer])
+            vortices = (
+                self.centers[layer, :, 0],
+                self.centers[layer, :, 1],
+                self.strength[layer],
+                self.radius[layer],
+            )
             total, _ = jax.lax.scan(lambda carry, one, add=add: (add(carry, one), None), total, vortices)
         return total
 
@@ -172,7 +183,9 @@ class LambVortices:
         return replace(self, strength=self.strength * factor)
 
 
-def _vortex(dx: jax.Array, dy: jax.Array, strength: jax.Array, radius: jax.Array, gamma: ArrayLike) -> Velocity:
+def _vortex(
+    dx: jax.Array, dy: jax.Array, strength: jax.Array, radius: jax.Array, gamma: ArrayLike
+) -> Velocity:
     """One vortex of Eq. 1 at offset (dx, dy) from its centre; smooth everywhere."""
     q = (dx * dx + dy * dy) / (radius * radius)
     half = jnp.exp(-0.5 * q)  # serves both exponentials: exp(-q) = half^2
@@ -182,7 +195,7 @@ def _vortex(dx: jax.Array, dy: jax.Array, strength: jax.Array, radius: jax.Array
     profile = jnp.where(near, series, (1.0 - half * half) / safe)
     scale = strength / (2.0 * jnp.pi * radius * radius)
     turn = scale * profile
-    return -turn * dy, turn * dx, gamma * scale * half
+    return -turn * dy, turn * dx, scale * half * gamma
 
 
 def strength_for_peak_speed(speed: ArrayLike, radius: ArrayLike) -> jax.Array:

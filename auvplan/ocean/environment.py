@@ -40,11 +40,14 @@ class Environment:
     upper: jax.Array = (np.inf, np.inf, 0.0)  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
-        # JAX rebuilds pytrees through the constructor, with placeholders or tracers inside: leave those alone.
+        # JAX rebuilds pytrees through the constructor, with placeholders or tracers inside: let be.
         if not isinstance(self.lower, (tuple, list, np.ndarray)):
             return
         corners = [np.asarray(corner, float) for corner in (self.lower, self.upper)]
-        if any(c.shape != (3,) or not np.isfinite(c).all() for c in corners) or (corners[0] > corners[1]).any():
+        if (
+            any(c.shape != (3,) or not np.isfinite(c).all() for c in corners)
+            or (corners[0] > corners[1]).any()
+        ):
             raise ValueError("environment lower and upper must be finite (x, y, z) with lower <= upper")
         object.__setattr__(self, "current", as_current(self.current))
         object.__setattr__(self, "obstacles", Obstacles.none() if self.obstacles is None else self.obstacles)

@@ -38,7 +38,9 @@ def basis_at(parameter: Array, controls: int, degree: int) -> Array:
     for order in range(1, degree + 1):
         left_width = knots[order:-1] - knots[: -order - 1]
         right_width = knots[order + 1 :] - knots[1:-order]
-        left = np.divide(u - knots[: -order - 1], left_width, out=np.zeros_like(basis[:, :-1]), where=left_width > 0)
+        left = np.divide(
+            u - knots[: -order - 1], left_width, out=np.zeros_like(basis[:, :-1]), where=left_width > 0
+        )
         right = np.divide(
             knots[order + 1 :] - u, right_width, out=np.zeros_like(basis[:, :-1]), where=right_width > 0
         )
@@ -65,7 +67,7 @@ def fit_matrix(samples: int, controls: int, degree: int) -> Array:
     inner = np.linalg.pinv(basis[:, 1:-1])
     fit = np.concatenate([inner, -inner @ basis[:, :1], -inner @ basis[:, -1:]], axis=1)
     fit.setflags(write=False)
-    return fit
+    return np.asarray(fit, float)
 
 
 def greville_abscissae(controls: int, degree: int) -> Array:

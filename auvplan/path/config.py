@@ -46,7 +46,9 @@ class PathConfig:
         ValueError: a setting is out of its range.
     """
 
-    bbo: BBOConfig = field(default_factory=lambda: BBOConfig(replacement="greedy", mutation="gaussian", mutation_step=0.05))
+    bbo: BBOConfig = field(
+        default_factory=lambda: BBOConfig(replacement="greedy", mutation="gaussian", mutation_step=0.05)
+    )
     control_points: int = 10
     degree: int = 3
     samples: int = 128
@@ -66,12 +68,14 @@ class PathConfig:
 
     def __post_init__(self) -> None:
         if self.control_points < 1 or self.control_points + 2 <= self.degree:
-            raise ValueError(f"control_points must be at least {max(1, self.degree - 1)} for degree {self.degree}")
+            raise ValueError(
+                f"control_points must be at least {max(1, self.degree - 1)} for degree {self.degree}"
+            )
         if self.samples < self.control_points + 2:
             raise ValueError(f"samples must be at least {self.control_points + 2}, got {self.samples}")
         if self.t_series < 1 or self.sweeps < 1:
             raise ValueError("t_series and sweeps must be at least 1")
-        if not 0.0 < self.width or not 0.0 <= self.depth_width:
+        if not self.width > 0.0 or not self.depth_width >= 0.0:
             raise ValueError("width must be positive and depth_width not negative")
 
     @classmethod

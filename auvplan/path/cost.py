@@ -11,14 +11,15 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 
+from auvplan.ocean.chart import INTERPOLATION_ERROR
 from auvplan.ocean.currents import is_steady
 from auvplan.ocean.environment import Environment
 from auvplan.path.bspline import basis_matrix
 from auvplan.path.config import PathConfig
 from auvplan.vehicle import Vehicle, along_track
 
-#: Limits of Eq. 12, in the order of every violation array. An excess of 1 means: surge, sway, turn rate - once
-#: the limit; coast, obstacle - `CLEARANCE_SCALE` metres too close; current - slower than the floor by |v|.
+#: Limits of Eq. 12, in the order of every violation array. What an excess of 1 means: surge, sway, turn rate -
+#: twice the limit; coast, obstacle - `CLEARANCE_SCALE` metres too close; current - slower than the floor by |v|.
 VIOLATIONS = ("surge", "sway", "turn_rate", "coast", "obstacle", "current")
 
 #: Metres of missing clearance that count as an excess of one.
@@ -61,7 +62,9 @@ class Flight:
         return self.times[:, -1] - self.times[:, 0]
 
 
-def curves(habitats: jax.Array, start: jax.Array, goal: jax.Array, config: PathConfig) -> tuple[jax.Array, ...]:
+def curves(
+    habitats: jax.Array, start: jax.Array, goal: jax.Array, config: PathConfig
+) -> tuple[jax.Array, ...]:
     """Positions on the B-splines of a population (Eq. 9).
 
     Args:
@@ -103,13 +106,13 @@ def fly(
     """
     dx, dy, dz = (jnp.diff(axis, axis=1) for axis in (x, y, z))
     gap = jnp.sqrt(dx * dx + dy * dy + dz * dz + _TINY)
-    middle = [0.5 * (axis[:, 1:] + axis[:, :-1]) for axis in (x, y, z)]
+    x_mid, y_mid, z_mid = (0.5 * (axis[:, 1:] + axis[:, :-1]) for axis in (x, y, z))
 
     steady = is_steady(env.current) or config.speed_reading == "eq11"
     duration = gap / vehicle.speed
     for _ in range(1 if steady else config.sweeps):
         middle_time = depart + jnp.cumsum(duration, axis=1) - 0.5 * duration
-        u, v, w = env.current(*middle, middle_time)
+        u, v, w = env.current(x_mid, y_mid, z_mid, middle_time)
         along = (u * dx + v * dy + w * dz) / gap
         across = jnp.sqrt(jnp.maximum(u * u + v * v + w * w - along * along, 0.0) + _TINY)
         ground, shortfall = along_track(config.speed_reading, vehicle.speed, along, across)
@@ -151,14 +154,20 @@ def _coast(
     """Certified clearance to the coast [P, S - 1] m, and the price of uncertain areas [P] s."""
     if env.chart is None:
         return jnp.full_like(gap, 1e6), jnp.zeros_like(gap[:, 0])
-    distance = env.chart.distance(x, y)
+    distance = env.chart.distance(x, y) - INTERPOLATION_ERROR * env.chart.pixel_size
     risk = 1.0 - env.chart.passability_at(x, y)
     price = config.uncertain_price * (0.5 * (risk[:, 1:] + risk[:, :-1]) * duration).sum(axis=1)
     return jnp.minimum(distance[:, 1:], distance[:, :-1]) - 0.5 * gap, price
 
 
 def _obstacles(
-    x: jax.Array, y: jax.Array, z: jax.Array, times: jax.Array, gap: jax.Array, duration: jax.Array, env: Environment
+    x: jax.Array,
+    y: jax.Array,
+    z: jax.Array,
+    times: jax.Array,
+    gap: jax.Array,
+    duration: jax.Array,
+    env: Environment,
 ) -> jax.Array:
     """Certified clearance to the collision boundaries at the time of arrival, [P, S - 1] m."""
     obstacles = env.obstacles
@@ -171,7 +180,9 @@ def _obstacles(
     since = times - plane(obstacles.observed_at)
     square = _TINY
     for k, axis in enumerate((x, y, z)):
-        square = square + (axis - plane(obstacles.position[:, k]) - plane(obstacles.velocity[:, k]) * since) ** 2
+        square = (
+            square + (axis - plane(obstacles.position[:, k]) - plane(obstacles.velocity[:, k]) * since) ** 2
+        )
     grown = jnp.minimum(plane(obstacles.growth) * jnp.maximum(since, 0.0), plane(obstacles.growth_max))
     distance = jnp.sqrt(square) - grown - plane(obstacles.boundary(obstacles.observed_at))
     # In the obstacle's frame a segment is no longer than the sum of both ways and the growth meanwhile.
@@ -208,7 +219,8 @@ def score(
     Returns:
         ``(cost [P] s, violation [P])``: the violation is the sum over all limits, zero for a feasible path.
     """
-    flight = fly(*curves(habitats, start, goal, config), depart, env, vehicle, config)
+    x, y, z = curves(habitats, start, goal, config)
+    flight = fly(x, y, z, depart, env, vehicle, config)
     broken = violations(flight)
     straight = jnp.sqrt(((goal - start) ** 2).sum() + _TINY) / vehicle.speed
     weights = jnp.asarray([getattr(config.penalties, name) for name in VIOLATIONS], broken.dtype)

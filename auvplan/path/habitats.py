@@ -18,7 +18,9 @@ def straight_line(start: jax.Array, goal: jax.Array, config: PathConfig) -> jax.
     return (start[:, None] + (goal - start)[:, None] * share).reshape(-1)
 
 
-def bounds(start: jax.Array, goal: jax.Array, env: Environment, config: PathConfig) -> tuple[jax.Array, jax.Array]:
+def bounds(
+    start: jax.Array, goal: jax.Array, env: Environment, config: PathConfig
+) -> tuple[jax.Array, jax.Array]:
     """Inclusive bounds of the free control points (beta of section 3.2), [3 n] m each.
 
     Every control point may leave its place on the straight line by a share of the distance, within the box of
@@ -34,7 +36,13 @@ def bounds(start: jax.Array, goal: jax.Array, env: Environment, config: PathConf
 
 
 def initial(
-    key: jax.Array, count: int, start: jax.Array, goal: jax.Array, lower: jax.Array, upper: jax.Array, config: PathConfig
+    key: jax.Array,
+    count: int,
+    start: jax.Array,
+    goal: jax.Array,
+    lower: jax.Array,
+    upper: jax.Array,
+    config: PathConfig,
 ) -> jax.Array:
     """A first population of `count` habitats, [count, 3 n] m, the straight line among them.
 

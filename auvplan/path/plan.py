@@ -18,7 +18,9 @@ class PathStatus(Enum):
 
     OK = "feasible path found"
     SURGE = "ground speed exceeds the surge limit: raise vehicle.surge_max or slow down"
-    SWAY = "the current across the track exceeds the sway limit: raise vehicle.sway_max or wait for slack water"
+    SWAY = (
+        "the current across the track exceeds the sway limit: raise vehicle.sway_max or wait for slack water"
+    )
     TURN_RATE = "the path turns too sharply: raise vehicle.turn_rate_max or move the waypoints apart"
     COAST = "no way clear of the coast was found: widen the search (PathConfig.width) or move the waypoints"
     OBSTACLE = "no way clear of the obstacles was found: widen the search, raise iterations, or wait"

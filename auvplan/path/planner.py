@@ -52,7 +52,8 @@ def plan_path(
 
     Example:
         >>> import jax, auvplan as ap
-        >>> env = ap.Environment(lambda x, y, z, t: (0.0, 0.5, 0.0), lower=(-500, -500, 0), upper=(2500, 1500, 0))
+        >>> stream = lambda x, y, z, t: (0.0, 0.5, 0.0)
+        >>> env = ap.Environment(stream, lower=(-500, -500, 0), upper=(2500, 1500, 0))
         >>> plan = ap.plan_path((0, 0, 0), (2000, 0, 0), env, key=jax.random.key(0))
         >>> plan.feasible, round(plan.travel_time)
         (True, 816)
@@ -109,7 +110,9 @@ def plan_paths(
         chex.assert_shape(population, (legs, config.bbo.population, 3 * config.control_points))
         population = jnp.asarray(population, float)
     departs = jnp.broadcast_to(jnp.asarray(depart, float), (legs,))
-    return assemble(_plan(keys, start, goal, departs, env, vehicle or Vehicle(), population, config, world_per_leg))
+    return assemble(
+        _plan(keys, start, goal, departs, env, vehicle or Vehicle(), population, config, world_per_leg)
+    )
 
 
 def check_ends(starts: ArrayLike, goals: ArrayLike, env: Environment) -> None:
@@ -189,7 +192,8 @@ def search_leg(
         result = _polished(result, cost, lower, upper, problem, config)
 
     best = result.state.population[:1]
-    flight = fly(*curves(best, start, goal, config), depart, env, vehicle, config)
+    x, y, z = curves(best, start, goal, config)
+    flight = fly(x, y, z, depart, env, vehicle, config)
     inner = best.reshape(3, -1).T
     return {
         "travel_time": flight.travel_time[0],
@@ -207,7 +211,12 @@ def search_leg(
 
 
 def _polished(
-    result: Result, cost: search.CostFunction, lower: jax.Array, upper: jax.Array, problem: tuple, config: PathConfig
+    result: Result,
+    cost: search.CostFunction,
+    lower: jax.Array,
+    upper: jax.Array,
+    problem: tuple,
+    config: PathConfig,
 ) -> Result:
     """Polish the elite and a spread of the ranking by gradients, and rank the outcome into the population."""
     state = result.state

@@ -51,7 +51,7 @@ def replan_path(
         ValueError: the position lies on land or outside, or at the goal.
     """
     position = np.asarray(position, float)
-    return replan_paths([plan], position[None], [now], env, vehicle, key=key, config=config)[0]
+    return replan_paths([plan], position[None], np.asarray([now]), env, vehicle, key=key, config=config)[0]
 
 
 def replan_paths(
@@ -87,7 +87,9 @@ def replan_paths(
         jnp.stack([plan.population for plan in plans]),
         jnp.asarray(np.stack([plan.control_points[0] for plan in plans]), float),
         goals,
-        jnp.asarray([progress(plan, point) for plan, point in zip(plans, np.asarray(position), strict=True)], float),
+        jnp.asarray(
+            [progress(plan, point) for plan, point in zip(plans, np.asarray(position), strict=True)], float
+        ),
         position,
         jnp.asarray(now, float),
         env,

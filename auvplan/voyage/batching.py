@@ -27,7 +27,7 @@ def chunks(items: Sequence[T]) -> list[tuple[list[T], int]]:
 
 
 class Clock:
-    """Times calls with compilation apart: a call of a new signature is made twice and the second one timed."""
+    """Times calls with compilation apart: a call of a new signature is made twice, the second one timed."""
 
     _seen: set[Hashable] = set()  # noqa: RUF012 - compiled code is shared by all voyages of the process
 

@@ -18,7 +18,14 @@ class ObstacleBelief:
     looks an obstacle is taken to go on as it was, inside a boundary that grows.
     """
 
-    def __init__(self, truth: TrueObstacles, moves: Array, now: float, sensors: SensorSettings, rng: np.random.Generator):
+    def __init__(
+        self,
+        truth: TrueObstacles,
+        moves: Array,
+        now: float,
+        sensors: SensorSettings,
+        rng: np.random.Generator,
+    ):
         """Prior knowledge at the start of a leg; `moves` [M, 3] m/s are the true velocities over ground."""
         self._sensors = sensors
         self._rng = rng
@@ -36,7 +43,9 @@ class ObstacleBelief:
         away = np.linalg.norm(truth.position - vehicle, axis=1) - truth.radius
         self._measure(away <= self._sensors.range, truth, moves, now, self._sensors.position_std)
 
-    def _measure(self, seen: NDArray[np.bool_], truth: TrueObstacles, moves: Array, now: float, std: float) -> None:
+    def _measure(
+        self, seen: NDArray[np.bool_], truth: TrueObstacles, moves: Array, now: float, std: float
+    ) -> None:
         # All draws are made whether seen or not: the stream of random numbers does not depend on the path.
         position = truth.position + std * self._rng.normal(size=truth.position.shape)
         radius = np.maximum(truth.radius + std * self._rng.normal(size=truth.radius.shape), 1.0)

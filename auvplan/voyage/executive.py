@@ -7,7 +7,6 @@ of all of them are planned in one batched call, and so are the orders that are d
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -15,8 +14,9 @@ import numpy as np
 
 from auvplan.mission import MissionConfig, MissionGraph, MissionOrder, plan_missions, time_to_go
 from auvplan.path import PathConfig
-from auvplan.voyage.batching import Clock, chunks
-from auvplan.voyage.legs import Fleet, begin_legs, refusal, sail_legs
+from auvplan.voyage.batching import chunks
+from auvplan.voyage.fleet import Fleet, Leg
+from auvplan.voyage.legs import begin_legs, refusal, sail_legs
 from auvplan.voyage.records import LegRecord, MissionRun, OrderRecord
 from auvplan.voyage.scenario import Scenario
 from auvplan.voyage.simulator import TrueCurrent
@@ -154,7 +154,9 @@ def _order(fleet: Fleet, missions: list[Mission], due: list[int], config: Missio
         due = [m for m in due if missions[m].needs_order and not missions[m].ended]
         for batch, real in chunks(due):
             left = [missions[m].run.t_available - fleet.now[m] - share * planning.reserve for m in batch]
-            keys = [jax.random.fold_in(jax.random.fold_in(fleet.keys[m], 0), missions[m].orders) for m in batch]
+            keys = [
+                jax.random.fold_in(jax.random.fold_in(fleet.keys[m], 0), missions[m].orders) for m in batch
+            ]
             orders, seconds = fleet.clock.time(
                 ("mission", len(batch), missions[batch[0]].graph.size, config),
                 lambda batch=batch, left=left, keys=keys, share=share: plan_missions(
@@ -172,7 +174,9 @@ def _order(fleet: Fleet, missions: list[Mission], due: list[int], config: Missio
                 _take_order(fleet, m, missions[m], order, seconds / real, final=share == 0.0)
 
 
-def _take_order(fleet: Fleet, m: int, mission: Mission, order: MissionOrder, seconds: float, final: bool) -> None:
+def _take_order(
+    fleet: Fleet, m: int, mission: Mission, order: MissionOrder, seconds: float, final: bool
+) -> None:
     """Book a new order, or end the mission where there is none."""
     run = mission.run
     if not order.feasible:
@@ -182,7 +186,9 @@ def _take_order(fleet: Fleet, m: int, mission: Mission, order: MissionOrder, sec
     mission.orders += 1
     nodes = [int(node) for node in order.nodes]
     now = float(fleet.now[m])
-    run.orders.append(OrderRecord(now, nodes, float(order.time), float(order.priority), seconds, mission.cause))
+    run.orders.append(
+        OrderRecord(now, nodes, float(order.time), float(order.priority), seconds, mission.cause)
+    )
     mission.order, mission.step, mission.cause = order, 0, ""
     mission.expected_end = now + float(order.time)
     if fleet.scenario.planning.charge_compute:
@@ -220,7 +226,7 @@ def _sail_next(fleet: Fleet, missions: list[Mission], active: list[int], progres
         _judge(fleet, leg.mission, missions[leg.mission], leg.record, leg.stopped)
 
 
-def _refused(fleet: Fleet, m: int, mission: Mission, leg: Any, times: np.ndarray) -> str:
+def _refused(fleet: Fleet, m: int, mission: Mission, leg: Leg, times: np.ndarray) -> str:
     """Why the planned leg should not be sailed, or an empty string.
 
     A leg is refused when its path is not feasible, or when the time that the path takes would leave too
@@ -230,13 +236,13 @@ def _refused(fleet: Fleet, m: int, mission: Mission, leg: Any, times: np.ndarray
         return why
     if leg.record.goal == mission.run.goal or mission.refusals >= _REFUSALS:
         return ""
-    to_go = float(time_to_go(times, mission.run.goal)[leg.record.goal])
+    to_go = float(time_to_go(jnp.asarray(times), mission.run.goal)[leg.record.goal])
     back = (1.0 + fleet.scenario.planning.return_margin) * to_go
-    late = fleet.now[m] + leg.plan.travel_time + leg.record.t_task + back - mission.run.t_available
+    late = fleet.now[m] + leg.followed.travel_time + leg.record.t_task + back - mission.run.t_available
     return f"its path would leave {late:.0f} s too little for the way back" if late > 0.0 else ""
 
 
-def _turn_down(fleet: Fleet, m: int, mission: Mission, leg: Any, why: str) -> None:
+def _turn_down(fleet: Fleet, m: int, mission: Mission, leg: Leg, why: str) -> None:
     """Ask for another order without the refused edge, or with the time that its path takes."""
     mission.refusals += 1
     i, j = leg.record.start, leg.record.goal
@@ -244,7 +250,7 @@ def _turn_down(fleet: Fleet, m: int, mission: Mission, leg: Any, why: str) -> No
     if refusal(leg):
         mission.graph = mission.graph.without_edges([(i, j)])
     else:
-        mission.graph = mission.graph.with_travel_time(i, j, leg.plan.travel_time)
+        mission.graph = mission.graph.with_travel_time(i, j, leg.followed.travel_time)
     mission.cause = "refused"
     if mission.refusals > _REFUSALS or (refusal(leg) and not mission.graph.adjacency[i].any()):
         _end(fleet, m, mission, f"leg {i} to {j} cannot be sailed: {why}")
@@ -285,6 +291,3 @@ def _end(fleet: Fleet, m: int, mission: Mission, reason: str) -> None:
         late = run.t_mission >= run.t_available
         reason = "destination reached" + (" too late" if late else " in time")
     run.reason = reason
-
-
-__all__ = ["Clock", "mission_config", "path_config", "run_mission", "run_missions"]

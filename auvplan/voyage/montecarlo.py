@@ -13,7 +13,7 @@ from auvplan.voyage.scenario import Scenario
 def monte_carlo(
     scenario: Scenario, count: int, *, seed: int = 0, folder: str = ".", progress: Progress | None = None
 ) -> list[MissionRun]:
-    """Run missions of seeds seed, seed + 1, ... in lockstep; mission k is the same as a single run of its seed."""
+    """Run missions of seeds seed, seed + 1, ... in lockstep; each is the same as a single run of its seed."""
     seeds = range(seed, seed + count)
     keys = jax.vmap(jax.random.key)(np.asarray(seeds))
     return run_missions(scenario, keys=keys, seeds=seeds, folder=folder, progress=progress)

@@ -134,14 +134,14 @@ class Scenario(Section):
 
     name: str = "unnamed"
     description: str = ""
-    area: Area = Area()
-    chart: ChartSettings = ChartSettings()
-    vehicle: VehicleSettings = VehicleSettings()
-    current: CurrentSettings = CurrentSettings()
-    obstacles: ObstacleSettings = ObstacleSettings()
-    sensors: SensorSettings = SensorSettings()
-    mission: MissionSettings = MissionSettings()
-    planning: PlanningSettings = PlanningSettings()
+    area: Area = Field(default_factory=lambda: Area.model_validate({}))
+    chart: ChartSettings = Field(default_factory=lambda: ChartSettings.model_validate({}))
+    vehicle: VehicleSettings = Field(default_factory=lambda: VehicleSettings.model_validate({}))
+    current: CurrentSettings = Field(default_factory=lambda: CurrentSettings.model_validate({}))
+    obstacles: ObstacleSettings = Field(default_factory=lambda: ObstacleSettings.model_validate({}))
+    sensors: SensorSettings = Field(default_factory=lambda: SensorSettings.model_validate({}))
+    mission: MissionSettings = Field(default_factory=lambda: MissionSettings.model_validate({}))
+    planning: PlanningSettings = Field(default_factory=lambda: PlanningSettings.model_validate({}))
 
     @model_validator(mode="after")
     def _consistent(self) -> "Scenario":
@@ -149,9 +149,7 @@ class Scenario(Section):
             point = getattr(self.mission, name)
             if point is None:
                 continue
-            inside = all(
-                a <= p <= b for a, p, b in zip(self.area.lower, point, self.area.upper, strict=True)
-            )
+            inside = all(a <= p <= b for a, p, b in zip(self.area.lower, point, self.area.upper, strict=True))
             if not inside:
                 raise ValueError(f"mission.{name} {point} lies outside the area")
         return self

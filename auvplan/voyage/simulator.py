@@ -100,7 +100,9 @@ def sail(
             return carry, (_along(track, marks, arc), now + elapsed, position)
 
         begin = (arc, now, position, jnp.array(False), jnp.array(0.0))
-        (arc, now, position, arrived, worst), (positions, times, trace) = jax.lax.scan(step, begin, length=steps)
+        (arc, now, position, arrived, worst), (positions, times, trace) = jax.lax.scan(
+            step, begin, length=steps
+        )
         moves = _over_ground(current, position, velocity, drift, now)
         return Sailed(positions, times, trace, moves, arc, arrived, worst)
 
@@ -130,7 +132,9 @@ def _evolve_due(
     changed = jax.vmap(lambda key, count, field: evolve(jax.random.fold_in(key, count), field, update))(
         keys, counts, current
     )
-    return jax.tree.map(lambda new, old: jnp.where(due.reshape(-1, *(1,) * (new.ndim - 1)), new, old), changed, current)
+    return jax.tree.map(
+        lambda new, old: jnp.where(due.reshape(-1, *(1,) * (new.ndim - 1)), new, old), changed, current
+    )
 
 
 @jax.jit
@@ -157,7 +161,9 @@ class TrueCurrent:
     """
 
     def __init__(self, keys: jax.Array, fields: list[LambVortices], update: CurrentUpdate, interval: float):
-        self.field: LambVortices = jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(a) for a in leaves]), *fields)
+        self.field: LambVortices = jax.tree.map(
+            lambda *leaves: jnp.stack([jnp.asarray(a) for a in leaves]), *fields
+        )
         self._keys = jax.vmap(lambda key: jax.random.split(key, 2))(keys)
         self._update = update
         self._interval = interval

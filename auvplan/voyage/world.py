@@ -63,10 +63,19 @@ def _chart(settings: ChartSettings, folder: str) -> Chart | None:
         # The window counts rows from the north, the raster from the south.
         row, column, rows, columns = settings.window
         north = chart.shape[0]
-        if row < 0 or column < 0 or rows < 2 or columns < 2 or row + rows > north or column + columns > chart.shape[1]:
-            raise ScenarioError(f"chart.window {settings.window} does not fit a chart of {chart.shape} pixels")
+        if (
+            row < 0
+            or column < 0
+            or rows < 2
+            or columns < 2
+            or row + rows > north
+            or column + columns > chart.shape[1]
+        ):
+            raise ScenarioError(
+                f"chart.window {settings.window} does not fit a chart of {chart.shape} pixels"
+            )
         chart = chart.crop(north - row - rows, column, rows, columns)
-        chart = Chart.from_passability(np.asarray(chart.passability), float(chart.pixel_size))
+        chart = replace(chart, origin=jnp.zeros_like(chart.origin))  # local metres from the window's corner
     return chart
 
 
@@ -77,7 +86,7 @@ def make_chart(scenario: Scenario, folder: str | Path = ".") -> Chart | None:
         ScenarioError: the area reaches beyond the chart.
         ChartError: the picture cannot be read.
     """
-    chart = _chart(scenario.chart, str(folder))
+    chart = _chart(scenario.chart, str(folder))  # type: ignore[arg-type] - frozen models are hashable
     if chart is None:
         return None
     low, high = np.asarray(chart.lower), np.asarray(chart.upper)
@@ -105,10 +114,11 @@ def make_graph(scenario: Scenario, chart: Chart | None, rng: np.random.Generator
         if point is not None and chart is not None and not bool(chart.is_water(point[0], point[1])):
             raise ScenarioError(f"mission.{name} {point} lies on land")
     margin = min(scenario.chart.clearance, 0.05 * float((upper - lower)[:2].min()))
+    inset = np.array([margin, margin, 0.0])
     for _ in range(_TRIES):
         positions = np.empty((0, 3))
         while len(positions) < settings.waypoints:
-            drawn = rng.uniform(lower + [margin, margin, 0], upper - [margin, margin, 0], (512, 3))
+            drawn = rng.uniform(lower + inset, upper - inset, (512, 3))
             if chart is not None:
                 drawn = drawn[np.asarray(chart.distance(drawn[:, 0], drawn[:, 1])) > scenario.chart.clearance]
             if not len(drawn):
@@ -152,8 +162,8 @@ def make_current(scenario: Scenario, key: jax.Array) -> LambVortices:
         return LambVortices(jnp.zeros((1, 0, 2)), empty, empty, jnp.zeros(1), 0.0, _uniform(scenario))
     field = random_vortices(
         key,
-        area.lower,
-        area.upper,
+        np.asarray(area.lower),
+        np.asarray(area.upper),
         count=settings.vortices,
         layers=settings.layers if area.upper[2] > area.lower[2] else 1,
         radius=settings.radius,
@@ -178,7 +188,7 @@ def current_update(scenario: Scenario) -> CurrentUpdate:
 def draw_obstacles(
     scenario: Scenario, start: np.ndarray, goal: np.ndarray, rng: np.random.Generator
 ) -> TrueObstacles:
-    """True obstacles of one leg: on the line between its waypoints, scattered by sigma^2 = Theta_r (section 2).
+    """True obstacles of one leg, on the line between its waypoints and scattered by sigma^2 = Theta_r.
 
     They keep off the two waypoints, where the vehicle has to be. On a leg too short for that there are none
     near: the obstacle is moved far away, so that all legs share one shape.

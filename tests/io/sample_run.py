@@ -1,5 +1,7 @@
 """A small hand-made run: four waypoints, three legs, a chart with a narrow spit, moving obstacles."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from auvplan.mission.graph import MissionGraph
@@ -25,13 +27,13 @@ def make_chart() -> Chart:
     return Chart.from_passability(passability, 10.0)
 
 
-def make_graph() -> MissionGraph:
+def make_graph(waypoints: np.ndarray = WAYPOINTS) -> MissionGraph:
     """All four waypoints linked but 0 and 2."""
     adjacency = ~np.eye(4, dtype=bool)
     adjacency[0, 2] = adjacency[2, 0] = False
     priority = np.where(adjacency, 3.0, 0.0)
     priority[1, 2] = priority[2, 1] = 0.0
-    return MissionGraph(WAYPOINTS, adjacency, priority, np.where(adjacency, 60.0, 0.0))
+    return MissionGraph(waypoints, adjacency, priority, np.where(adjacency, 60.0, 0.0))
 
 
 def make_vortices() -> LambVortices:
@@ -60,11 +62,13 @@ def make_plan(start: np.ndarray, goal: np.ndarray, made_at: float, cause: str, b
     return PlanRecord(made_at, positions, times, True, cause, 0.2, history, make_vortices())
 
 
-def make_leg(graph: MissionGraph, i: int, j: int, depart: float, obstacles: bool = True) -> LegRecord:
-    """Sailed straight at constant speed, a record every 3 s."""
+def make_leg(
+    graph: MissionGraph, i: int, j: int, depart: float, obstacles: bool = True, interval: float = 3.0
+) -> LegRecord:
+    """Sailed straight at constant speed, a record every `interval` s."""
     start, goal = graph.positions[i], graph.positions[j]
     length = float(np.linalg.norm(goal - start))
-    times = np.append(np.arange(0.0, length / SPEED, 3.0), length / SPEED)
+    times = np.append(np.arange(0.0, length / SPEED - 1e-6, interval), length / SPEED)
     positions = start + (goal - start) * (times / times[-1])[:, None]
     task = float(graph.duration[i, j])
     leg = LegRecord(i, j, length / SPEED + task + 5.0, task, float(graph.priority[i, j]), arrived=True)
@@ -83,16 +87,22 @@ def make_leg(graph: MissionGraph, i: int, j: int, depart: float, obstacles: bool
     return leg
 
 
-def make_run(nodes: tuple[int, ...] = (0, 1, 3, 2), chart: bool = True, obstacles: bool = True) -> MissionRun:
+def make_run(
+    nodes: tuple[int, ...] = (0, 1, 3, 2),
+    chart: bool = True,
+    obstacles: bool = True,
+    waypoints: np.ndarray = WAYPOINTS,
+    interval: float = 3.0,
+) -> MissionRun:
     """Sail the waypoints in order, without a fault."""
-    graph, now = make_graph(), 0.0
+    graph, now = make_graph(waypoints), 0.0
     run = MissionRun(
         {"name": "sample", "area": {"lower": [0.0, 0.0, 0.0], "upper": [2000.0, 2000.0, 100.0]}},
         7, Vehicle(speed=SPEED), graph, make_chart() if chart else None, nodes[0], nodes[-1], 3000.0,
     )  # fmt: skip
     run.orders.append(OrderRecord(0.0, list(nodes), 1500.0, 6.0, 0.3, "start"))
-    for k, (i, j) in enumerate(zip(nodes[:-1], nodes[1:], strict=True)):
-        leg = make_leg(graph, i, j, now, obstacles)
+    for k, (i, j) in enumerate(pairwise(nodes)):
+        leg = make_leg(graph, i, j, now, obstacles, interval)
         run.legs.append(leg)
         now = float(leg.times[-1]) + leg.t_task
         if k == 0 and len(nodes) > 2:

@@ -1,6 +1,7 @@
 """Path cost (Eqs 10-12) against a naive NumPy twin, closed forms and finite differences."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import jax
 import jax.numpy as jnp
@@ -32,10 +33,12 @@ def naive_flight(habitat, env, vehicle, depart, config):
     points = np.vstack([START, np.asarray(habitat).reshape(3, free).T, GOAL])
     path = basis_at(np.linspace(0, 1, config.samples), free + 2, config.degree) @ points
     t, times, excess, last = depart, [depart], [], None
-    for a, b in zip(path[:-1], path[1:], strict=True):
+    for a, b in pairwise(path):
         step = b - a
         gap = np.linalg.norm(step)
-        water = np.array([float(c) for c in env.current(*[jnp.asarray(v) for v in 0.5 * (a + b)], jnp.asarray(t))])
+        water = np.array(
+            [float(c) for c in env.current(*[jnp.asarray(v) for v in 0.5 * (a + b)], jnp.asarray(t))]
+        )
         along = water @ step / gap
         across = np.linalg.norm(water - along * step / gap)
         raw = along + np.sqrt(max(vehicle.speed**2 - across**2, (0.05 * vehicle.speed) ** 2))
@@ -47,14 +50,18 @@ def naive_flight(habitat, env, vehicle, depart, config):
             turn = abs((yaw - last[0] + np.pi) % (2 * np.pi) - np.pi) / (0.5 * (lasts + last[1]))
         coast = 1e6
         if env.chart is not None:
-            coast = min(float(env.chart.distance(p[0], p[1])) for p in (a, b)) - 0.5 * np.linalg.norm(step[:2])
+            coast = min(float(env.chart.distance(p[0], p[1])) for p in (a, b)) - 0.5 * np.linalg.norm(
+                step[:2]
+            )
         clear = 1e6
         o = env.obstacles
         for m in range(len(o)):
             speed = np.linalg.norm(o.velocity[m]) + float(o.growth[m])
             near = np.inf
             for p, when in ((a, t), (b, t + lasts)):
-                centre = np.asarray(o.position[m]) + np.asarray(o.velocity[m]) * (when - float(o.observed_at[m]))
+                centre = np.asarray(o.position[m]) + np.asarray(o.velocity[m]) * (
+                    when - float(o.observed_at[m])
+                )
                 near = min(near, np.linalg.norm(p - centre) - float(o.boundary(jnp.asarray(when))[m]))
             clear = min(clear, near - 0.5 * (gap + speed * lasts))
         excess.append(
@@ -176,7 +183,9 @@ def test_coast_is_forbidden_and_shoals_are_priced():
     aside = line.at[0, : CONFIG.control_points].set(1160.0)  # passes over the shoal, clear of the island
     over = fly(*curves(aside, start, goal, CONFIG), 0.0, env, ap.Vehicle(), CONFIG)
     assert float(over.excess[VIOLATIONS.index("coast")].max()) == 0.0
-    free = fly(*curves(aside, start, goal, CONFIG), 0.0, env, ap.Vehicle(), CONFIG.replace(uncertain_price=0.0))
+    free = fly(
+        *curves(aside, start, goal, CONFIG), 0.0, env, ap.Vehicle(), CONFIG.replace(uncertain_price=0.0)
+    )
     assert float(over.price[0]) > 0.0 == float(free.price[0])
 
 

@@ -10,7 +10,9 @@ from auvplan.path import planner, replanner
 from tests.path.worlds import GOAL, LOWER, START, UPPER, world
 
 CONFIG = ap.PathConfig(
-    bbo=ap.bbo.BBOConfig(population=40, iterations=40, replacement="greedy", mutation="gaussian", mutation_step=0.05),
+    bbo=ap.bbo.BBOConfig(
+        population=40, iterations=40, replacement="greedy", mutation="gaussian", mutation_step=0.05
+    ),
     samples=64,
     refine_steps=20,
 )
@@ -54,8 +56,8 @@ def test_same_key_same_plan_and_second_call_compiles_nothing():
 
 def test_batched_legs_equal_single_ones():
     env = world()
-    starts = np.stack([START, START + [0, 100, 0]])
-    goals = np.stack([GOAL, GOAL - [100, 0, 0]])
+    starts = np.stack([START, START + np.array([0, 100, 0])])
+    goals = np.stack([GOAL, GOAL - np.array([100, 0, 0])])
     keys = jax.random.split(jax.random.key(4), 2)
     together = ap.plan_paths(starts, goals, env, key=keys, config=CONFIG, depart=[0.0, 50.0])
     for b in range(2):
@@ -72,7 +74,12 @@ def test_world_per_leg():
     none = jax.tree.map(lambda a: jnp.stack([a, a]), ap.Obstacles.none())
     env = ap.Environment(both, None, none, (-100, -100, 0), (2100, 100, 0))
     plans = ap.plan_paths(
-        [[0, 0, 0], [0, 0, 0]], [[2000, 0, 0]] * 2, env, key=jax.random.key(0), config=CONFIG, world_per_leg=True
+        [[0, 0, 0], [0, 0, 0]],
+        [[2000, 0, 0]] * 2,
+        env,
+        key=jax.random.key(0),
+        config=CONFIG,
+        world_per_leg=True,
     )
     np.testing.assert_allclose(plans.travel_time, [2000 / 3.5, 2000 / 1.5], rtol=5e-3)
 

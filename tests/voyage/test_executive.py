@@ -82,7 +82,11 @@ def test_late_legs_cause_a_new_order(three):
         for leg in run.done[:-1]:
             if leg.t_path + leg.t_task > leg.t_expected:
                 done_at = leg.times[-1] + leg.t_task
-                new = [o for o in run.orders if o.nodes[0] == leg.goal and o.made_at == pytest.approx(done_at, abs=0.1)]
+                new = [
+                    o
+                    for o in run.orders
+                    if o.nodes[0] == leg.goal and o.made_at == pytest.approx(done_at, abs=0.1)
+                ]
                 assert new
                 assert new[0].cause == "late"
                 seen += 1
@@ -135,9 +139,7 @@ def test_a_current_that_wins_ends_the_mission_with_its_reason():
 
 
 def test_too_little_time_is_reported_before_sailing():
-    run = ap.run_mission(
-        scenario(mission=SMALL["mission"] | {"time_available": 60}), key=jax.random.key(0)
-    )
+    run = ap.run_mission(scenario(mission=SMALL["mission"] | {"time_available": 60}), key=jax.random.key(0))
     assert not run.success
     assert not run.legs
     assert "time" in run.reason

@@ -100,9 +100,12 @@ def test_telling_errs_by_the_asked_amount_and_not_by_company():
 
 def some_truth():
     return TrueObstacles(
-        np.array([[100.0, 0, 0], [5000.0, 0, 0]]), np.zeros((2, 3)), np.array([1.0, 0.0]), np.array([20.0, 30.0]),
+        np.array([[100.0, 0, 0], [5000.0, 0, 0]]),
+        np.zeros((2, 3)),
+        np.array([1.0, 0.0]),
+        np.array([20.0, 30.0]),
         ["afloat", "static"],
-    )  # fmt: skip
+    )
 
 
 def test_sensing_sharpens_only_what_is_in_range():

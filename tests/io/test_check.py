@@ -1,0 +1,329 @@
+"""The independent checker finds what is wrong, and only that."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from auvplan.io import save_run
+from auvplan.io.check import ResultError, check_run
+from auvplan.io.walk import Coast, Walk, events
+from tests.io.sample_run import WAYPOINTS, make_leg, make_run, refused_leg
+
+
+def check(run, folder):
+    save_run(run, folder)
+    return check_run(folder)
+
+
+def edit_summary(folder, **changes):
+    path = folder / "summary.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | changes))
+
+
+def moving_obstacle(run, track):
+    """Replace the obstacles of the first leg by one of 10 m radius that is at `track` [n, 3]."""
+    leg = run.legs[0]
+    leg.obstacle_positions, leg.obstacle_radii = track[:, None], np.array([10.0])
+    leg.obstacle_kinds = ["self-motivated"]
+
+
+def test_good_run(tmp_path):
+    run = make_run()
+    report = check(run, tmp_path)
+    assert report.ok, report
+    assert report.collisions == 0
+    assert report.legs == 3
+    length = sum(np.linalg.norm(leg.positions[-1] - leg.positions[0]) for leg in run.legs)
+    assert report.length == pytest.approx(length)
+    assert 0 < report.obstacle_clearance < 200
+    assert report.coast_clearance == pytest.approx(346.5, abs=0.1)
+    assert "no faults" in str(report)
+
+
+@pytest.mark.parametrize("nodes", [(0, 1), (0, 1, 3, 2)])
+def test_open_water_without_obstacles(tmp_path, nodes):
+    report = check(make_run(nodes, chart=False, obstacles=False), tmp_path)
+    assert report.ok, report
+    assert np.isinf([report.coast_clearance, report.obstacle_clearance]).all()
+
+
+def test_refused_leg_is_no_fault(tmp_path):
+    run = make_run()
+    run.legs.insert(1, refused_leg(run))
+    report = check(run, tmp_path)
+    assert report.ok, report
+    assert report.legs == 3
+
+
+def test_mission_that_never_began(tmp_path):
+    run = make_run()
+    run.legs, run.arrived, run.t_mission = [], False, 0.0
+    assert check(run, tmp_path).ok
+
+
+def test_land_between_two_samples_in_water(tmp_path):
+    waypoints = WAYPOINTS.copy()
+    waypoints[:2] = [[1500.0, 1400.0, 20.0], [1500.0, 1600.0, 20.0]]
+    run = make_run((0, 1), waypoints=waypoints, obstacles=False, interval=16.0)
+    leg = run.legs[0]
+    assert run.chart.is_water(leg.positions[:, 0], leg.positions[:, 1]).all()
+    assert run.collisions == 0
+    report = check(run, tmp_path)
+    assert report.coast_hits == 1
+    assert report.coast_metres == pytest.approx(10.0, abs=1.0)
+    assert report.coast_clearance == 0.0
+    assert not report.ok
+    assert "on land" in str(report)
+
+
+def test_obstacle_hit_only_between_two_samples(tmp_path):
+    run = make_run((0, 1))
+    leg = run.legs[0]
+    middle = len(leg.times) // 2
+    across = np.array([-0.8, 0.6, 0.0])
+    place = 0.5 * (leg.positions[middle] + leg.positions[middle + 1])
+    steps = np.arange(len(leg.times)) - middle - 0.5
+    moving_obstacle(run, place + 100.0 * steps[:, None] * across)
+    assert run.collisions == 0
+    report = check(run, tmp_path)
+    assert report.obstacle_hits == 1
+    assert report.obstacle_clearance == pytest.approx(-10.0, abs=0.6)
+    assert not report.ok
+
+
+def test_obstacle_that_passed_earlier_is_missed(tmp_path):
+    run = make_run((0, 1))
+    leg = run.legs[0]
+    middle = len(leg.times) // 2
+    across = np.array([-0.8, 0.6, 0.0])
+    steps = np.arange(len(leg.times)) - middle + 10
+    moving_obstacle(run, leg.positions[middle] + 10.0 * steps[:, None] * across)
+    gaps = np.linalg.norm(leg.obstacle_positions - leg.positions[middle], axis=2)
+    assert gaps.min() < 1e-6, "the obstacle does cross the route"
+    report = check(run, tmp_path)
+    assert report.ok, report
+    assert report.obstacle_hits == 0
+    assert report.obstacle_clearance > 10.0
+
+
+def test_two_hits_are_two_events(tmp_path):
+    run = make_run((0, 1))
+    leg = run.legs[0]
+    n = len(leg.times)
+    leg.obstacle_positions = np.broadcast_to(leg.positions[[n // 3, 2 * n // 3]], (n, 2, 3)).copy()
+    leg.obstacle_radii = np.array([20.0, 20.0])
+    report = check(run, tmp_path)
+    assert report.obstacle_hits == 2
+    assert report.obstacle_metres == pytest.approx(80.0, abs=4.0)
+
+
+def test_outside_the_chart(tmp_path):
+    waypoints = WAYPOINTS + np.array([0.0, -400.0, 0.0])
+    report = check(make_run((0, 1), waypoints=waypoints), tmp_path)
+    assert any("outside the chart" in fault for fault in report.faults)
+    assert report.coast_hits == 0
+
+
+def test_above_the_surface(tmp_path):
+    report = check(make_run(waypoints=WAYPOINTS - np.array([0.0, 0.0, 30.0])), tmp_path)
+    assert any("above the surface" in fault for fault in report.faults)
+
+
+def test_teleport(tmp_path):
+    run = make_run()
+    run.legs[0].positions[40:] += [300.0, 0.0, 0.0]
+    report = check(run, tmp_path)
+    assert any("too fast" in fault for fault in report.faults)
+    assert any("ends off waypoint 1" in fault for fault in report.faults)
+    assert any("from where the last leg ended" in fault for fault in report.faults)
+
+
+def test_not_a_number_is_a_fault(tmp_path):
+    run = make_run()
+    run.legs[0].positions[40] = np.nan
+    assert any("not a number" in fault for fault in check(run, tmp_path).faults)
+
+
+def test_time_that_does_not_advance(tmp_path):
+    run = make_run()
+    run.legs[0].times[40] = run.legs[0].times[42]
+    assert any("time does not advance" in fault for fault in check(run, tmp_path).faults)
+
+
+def test_gap_between_legs(tmp_path):
+    run = make_run()
+    run.legs[1].times = run.legs[1].times - 5.0
+    assert any("begins at" in fault for fault in check(run, tmp_path).faults)
+
+
+def test_charged_planning_time(tmp_path):
+    run = make_run()
+    for leg in run.legs:
+        leg.times = leg.times + 4.0
+    run.t_mission += 4.0
+    assert not check(run, tmp_path).ok
+    run.charged_compute = 4.0
+    report = check(run, tmp_path)
+    assert report.ok, report
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"t_mission": 900.0}, "add up"),
+        ({"t_residual": 1.0}, "t_residual"),
+        ({"t_available": 9000.0}, "t_available"),
+        ({"success": False}, "success"),
+        ({"tasks": 5}, "tasks"),
+        ({"total_priority": 50.0}, "tasks"),
+        ({"total_priority": float("nan")}, "tasks"),
+        ({"t_mission": float("nan")}, "add up"),
+        ({"legs": []}, "legs in"),
+    ],
+)
+def test_figures_that_do_not_add_up(tmp_path, changes, words):
+    save_run(make_run(), tmp_path)
+    edit_summary(tmp_path, **changes)
+    assert any(words in fault for fault in check_run(tmp_path).faults)
+
+
+def test_leg_time_in_the_summary(tmp_path):
+    save_run(make_run(), tmp_path)
+    rows = json.loads((tmp_path / "summary.json").read_text())["legs"]
+    rows[1]["t_path"] += 1.0
+    edit_summary(tmp_path, legs=rows)
+    assert any("times differ" in fault for fault in check_run(tmp_path).faults)
+
+
+def test_edge_used_twice(tmp_path):
+    run = make_run((0, 1, 0, 3))
+    assert any("taken before" in fault for fault in check(run, tmp_path).faults)
+
+
+def test_unknown_edge(tmp_path):
+    run = make_run((0, 2))
+    assert any("no such edge" in fault for fault in check(run, tmp_path).faults)
+
+
+def test_waypoint_skipped(tmp_path):
+    run = make_run()
+    run.legs = [run.legs[0], make_leg(run.graph, 3, 2, run.legs[1].times[0])]
+    assert any("the vehicle is at 1" in fault for fault in check(run, tmp_path).faults)
+
+
+def test_claimed_arrival(tmp_path):
+    run = make_run()
+    run.goal = 1
+    assert any("arrived is True" in fault for fault in check(run, tmp_path).faults)
+
+
+def test_stolen_priority(tmp_path):
+    run = make_run()
+    run.legs[0].priority = 5.0
+    assert any("not the edge's" in fault for fault in check(run, tmp_path).faults)
+
+
+@pytest.mark.parametrize("name", ["summary.json", "mission.nc"])
+def test_missing_file(tmp_path, name):
+    save_run(make_run(), tmp_path)
+    (tmp_path / name).unlink()
+    with pytest.raises(ResultError, match=rf"{re.escape(name)}: no such file"):
+        check_run(tmp_path)
+
+
+def test_missing_folder(tmp_path):
+    with pytest.raises(ResultError, match="nowhere: no such folder"):
+        check_run(tmp_path / "nowhere")
+
+
+@pytest.mark.parametrize("share", [0.0, 0.01, 0.5, 0.95])
+def test_truncated_netcdf(tmp_path, share):
+    save_run(make_run(), tmp_path)
+    path = tmp_path / "mission.nc"
+    content = path.read_bytes()
+    path.write_bytes(content[: int(share * len(content))])
+    with pytest.raises(ResultError, match=r"mission\.nc: not a readable NetCDF file") as raised:
+        check_run(tmp_path)
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize("text", ["", "{", "[1]", "\xff"])
+def test_damaged_summary(tmp_path, text):
+    save_run(make_run(), tmp_path)
+    (tmp_path / "summary.json").write_bytes(text.encode("latin-1"))
+    with pytest.raises(ResultError, match=r"summary\.json: "):
+        check_run(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "changes", [{"t_mission": "long"}, {"legs": 3}, {"cpu": {}}, {"legs": [{"from": 0}]}]
+)
+def test_incomplete_summary(tmp_path, changes):
+    save_run(make_run(), tmp_path)
+    edit_summary(tmp_path, **changes)
+    with pytest.raises(ResultError, match=r"summary\.json: "):
+        check_run(tmp_path)
+
+
+@pytest.mark.parametrize("name", ["obstacle_radius", "time", "passability", "adjacency"])
+def test_variable_missing(tmp_path, name):
+    save_run(make_run(), tmp_path)
+    path = tmp_path / "mission.nc"
+    with xr.open_dataset(path, engine="h5netcdf", decode_cf=False) as data:
+        less = data.load().drop_vars(name)
+    less.to_netcdf(path, engine="h5netcdf")
+    with pytest.raises(ResultError, match=rf"mission\.nc: variable {name} is missing"):
+        check_run(tmp_path)
+
+
+def test_attribute_missing(tmp_path):
+    save_run(make_run(), tmp_path)
+    path = tmp_path / "mission.nc"
+    with xr.open_dataset(path, engine="h5netcdf", decode_cf=False) as data:
+        less = data.load()
+    del less.attrs["vehicle_speed"]
+    less.to_netcdf(path, engine="h5netcdf")
+    with pytest.raises(ResultError, match="attribute vehicle_speed is missing"):
+        check_run(tmp_path)
+
+
+def test_walk_takes_steps_of_a_metre_at_most():
+    times = np.array([0.0, 3.0, 6.0, 9.0])
+    positions = np.array([[0.0, 0, 0], [7.4, 0, 0], [7.4, 0, 0], [7.4, 3.2, 1.0]])
+    obstacles = np.array([[[0.0, 0, 0]], [[0.0, 0, 0]], [[0.0, 12.5, 0]], [[0.0, 12.5, 0]]])
+    walk = Walk.of(times, positions, obstacles)
+    assert walk.metres.max() <= 1.0
+    assert np.linalg.norm(np.diff(walk.obstacles[:, 0], axis=0), axis=1).max() <= 1.0
+    assert walk.metres.sum() == pytest.approx(7.4 + np.hypot(3.2, 1.0))
+    for time in times:
+        assert np.isclose(walk.times, time).any()
+    np.testing.assert_allclose(np.interp(walk.times, times, positions[:, 0]), walk.positions[:, 0])
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_coast_clearance_against_all_pixels(seed):
+    rng = np.random.default_rng(seed)
+    land = rng.random((60, 60)) < 0.01
+    land[20:26, 30:36] = True
+    data = xr.Dataset(
+        {
+            "passability": (("chart_x", "chart_y"), np.where(land, 0.0, 1.0)),
+            "chart_origin": ("horizontal", np.array([100.0, -50.0])),
+            "chart_pixel_size": ((), 10.0),
+        }
+    )
+    coast = Coast.of(data)
+    steps = np.concatenate([np.zeros((1, 3)), rng.normal(size=(800, 3))])
+    steps /= np.maximum(np.linalg.norm(steps, axis=1, keepdims=True), 1.0)
+    walk = np.array([400.0, 250.0, 0.0]) + np.cumsum(steps, axis=0) * [1.0, 1.0, 0.0]
+    centres = np.array([100.0, -50.0]) + 10.0 * (np.argwhere(land) + 0.5)
+    gap = np.maximum(np.abs(walk[:, None, :2] - centres) - 5.0, 0.0)
+    assert coast.clearance(walk) == pytest.approx(np.hypot(*gap.T).min(), abs=1e-9)
+
+
+def test_events():
+    assert list(events(np.array([True, True, False, True, False, False, True]))) == [(0, 1), (3, 3), (6, 6)]
+    assert not list(events(np.zeros(4, bool)))

@@ -1,0 +1,156 @@
+"""Figures exist, can be read, and say what they show in which unit."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from auvplan.io import OutputError
+from auvplan.plot import (
+    busiest_leg,
+    draw_chart,
+    draw_run,
+    plot_convergence,
+    plot_currents,
+    plot_mission,
+    plot_obstacles,
+    plot_timeline,
+)
+from tests.io.sample_run import make_chart, make_run, refused_leg
+
+NAMES = ["mission.png", "timeline.png", "currents.png", "obstacles.png", "convergence.png"]
+
+
+def data_axes(figure):
+    """Axes that are no colour bar."""
+    return [axes for axes in figure.axes if axes.get_label() != "<colorbar>" and axes.get_visible()]
+
+
+def assert_pictures(paths):
+    assert [path.name for path in paths] == NAMES
+    for path in paths:
+        with Image.open(path) as picture:
+            pixels = np.asarray(picture.convert("RGB"))
+        assert min(pixels.shape[:2]) > 250
+        assert len(np.unique(pixels.reshape(-1, 3), axis=0)) > 20, f"{path.name} is empty"
+
+
+def test_all_figures(tmp_path):
+    assert_pictures(draw_run(make_run(), tmp_path))
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(NAMES)
+    assert all(path.stat().st_size > 20_000 for path in tmp_path.iterdir())
+
+
+def test_single_leg_in_open_water(tmp_path):
+    assert_pictures(draw_run(make_run((0, 1), chart=False, obstacles=False), tmp_path))
+
+
+def test_refused_leg(tmp_path):
+    run = make_run()
+    run.legs.insert(1, refused_leg(run))
+    assert_pictures(draw_run(run, tmp_path))
+
+
+def test_only_a_refused_leg(tmp_path):
+    run = make_run()
+    run.legs = [refused_leg(run)]
+    assert_pictures(draw_run(run, tmp_path))
+
+
+def test_mission_that_never_began(tmp_path):
+    run = make_run()
+    run.legs, run.orders = [], []
+    assert_pictures(draw_run(run, tmp_path))
+    assert "no path" in plot_currents(run).texts[0].get_text()
+
+
+def test_unwritable_folder(tmp_path):
+    (tmp_path / "taken").touch()
+    with pytest.raises(OutputError, match="taken"):
+        draw_run(make_run(), tmp_path / "taken")
+
+
+@pytest.mark.parametrize("plot", [plot_mission, plot_currents])
+def test_maps_have_east_right_and_north_up_in_equal_scale(plot):
+    figure = plot(make_run())
+    figure.draw_without_rendering()
+    panels = data_axes(figure)
+    assert any(axes.get_xlabel() == "east [m]" for axes in panels)
+    assert any(axes.get_ylabel() == "north [m]" for axes in panels)
+    for axes in panels:
+        assert axes.get_aspect() == 1.0
+        assert axes.get_xlim()[0] < axes.get_xlim()[1]
+        assert axes.get_ylim()[0] < axes.get_ylim()[1]
+
+
+@pytest.mark.parametrize(
+    "plot", [plot_mission, plot_timeline, plot_currents, plot_convergence, plot_obstacles]
+)
+def test_axes_have_labels_with_units(plot):
+    figure = plot(make_run())
+    labels = [text for axes in figure.axes for text in (axes.get_xlabel(), axes.get_ylabel()) if text]
+    assert labels
+    assert all("[" in label and "]" in label for label in labels), labels
+
+
+def test_route_is_where_it_was_sailed():
+    run = make_run()
+    axes = data_axes(plot_mission(run))[0]
+    lines = [line.get_xydata() for line in axes.lines if len(line.get_xydata()) == len(run.legs[0].times)]
+    assert any(np.allclose(line, run.legs[0].positions[:, [1, 0]]) for line in lines)
+
+
+def test_large_areas_are_in_kilometres():
+    from tests.io.sample_run import WAYPOINTS
+
+    figure = plot_mission(make_run(chart=False, waypoints=WAYPOINTS * [5.0, 5.0, 1.0]))
+    assert data_axes(figure)[0].get_xlabel() == "east [km]"
+
+
+def test_timeline_has_a_row_for_each_order_and_one_as_sailed():
+    run = make_run()
+    axes = data_axes(plot_timeline(run))[0]
+    rows = [label.get_text().splitlines()[0] for label in axes.get_yticklabels()]
+    assert rows == ["first order", "re-plan R1, late", "sailed"]
+    assert any(line.get_xdata()[0] == run.t_available for line in axes.lines)
+
+
+def test_depth_points_down():
+    axes = data_axes(plot_obstacles(make_run()))[0]
+    assert axes.get_zlim()[0] > axes.get_zlim()[1]
+    assert axes.get_zlabel() == "depth [m]"
+
+
+def test_a_panel_for_each_plan_up_to_four():
+    run = make_run()
+    assert len(data_axes(plot_currents(run))) == 2
+    leg = run.legs[0]
+    leg.plans = leg.plans * 4
+    assert busiest_leg(run) is leg
+    assert len(data_axes(plot_currents(run))) == 4
+
+
+def test_convergence_with_infinite_and_zero_values(tmp_path):
+    run = make_run()
+    history = run.legs[0].plans[0].history
+    history["mean"] = np.where(np.arange(21) < 3, np.inf, history["mean"])
+    history["std"] = np.where(np.arange(21) < 3, np.nan, history["std"])
+    for name in ("violation_best", "violation_mean", "violation_std"):
+        history[name] = np.zeros(21)
+    plot_convergence(run, run.legs[0]).savefig(tmp_path / "figure.png")
+
+
+def test_labels_do_not_overlap():
+    figure = plot_mission(make_run())
+    figure.draw_without_rendering()
+    axes = data_axes(figure)[0]
+    boxes = [text.get_window_extent() for text in axes.texts if text.get_text()]
+    assert len(boxes) >= 8
+    for k, box in enumerate(boxes):
+        assert not any(box.overlaps(other) for other in boxes[:k])
+
+
+def test_chart(tmp_path):
+    chart = make_chart()
+    Image.fromarray(np.full((200, 200, 3), 120, np.uint8)).save(tmp_path / "picture.png")
+    assert draw_chart(chart, tmp_path / "picture.png", tmp_path).stat().st_size > 10_000
+    assert draw_chart(chart, None, tmp_path).name == "chart.png"
