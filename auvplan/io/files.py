@@ -42,7 +42,7 @@ def output_folder(path: str | Path) -> Path:
     return folder
 
 
-def write_atomically(path: str | Path, write: Callable[[Path], None]) -> Path:
+def write_atomically(path: str | Path, write: Callable[[Path], object]) -> Path:
     """Write a file under a temporary name in the same folder and move it into place.
 
     Whoever reads `path` sees the old file or the new one whole, and a failing writer leaves nothing behind.

@@ -168,11 +168,14 @@ def place_labels(
     """
     figure = axes.figure.get_figure(root=True)
     assert figure is not None
-    figure.draw_without_rendering()
+    boxes: list[Bbox] | None = getattr(axes, "_labels_placed", None)
+    if boxes is None:
+        boxes = []
+        # The layout is settled by drawing; labels are no part of it.
+        figure.draw_without_rendering()
     pixel = figure.dpi / 72.0
     size = style.setdefault("fontsize", 7)
     points = axes.transData.transform(places if taken is None else np.concatenate([places, taken]))
-    boxes: list[Bbox] = list(getattr(axes, "_labels_placed", []))
     angles = np.deg2rad([45, 135, -45, -135, 0, 180, 90, -90])
     for (x, y), text in zip(axes.transData.transform(places), texts, strict=True):
         width, height = 0.62 * size * len(text) * pixel, 1.15 * size * pixel

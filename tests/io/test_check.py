@@ -9,7 +9,6 @@ import xarray as xr
 
 from auvplan.io import save_run
 from auvplan.io.check import ResultError, check_run
-from auvplan.io.walk import Coast, Walk, events
 from tests.io.sample_run import WAYPOINTS, make_leg, make_run, refused_leg
 
 
@@ -56,6 +55,16 @@ def test_refused_leg_is_no_fault(tmp_path):
     report = check(run, tmp_path)
     assert report.ok, report
     assert report.legs == 3
+
+
+def test_last_leg_unfinished(tmp_path):
+    run = make_run()
+    leg = run.legs[-1]
+    leg.times, leg.positions = leg.times[:30], leg.positions[:30]
+    leg.obstacle_positions, leg.arrived = leg.obstacle_positions[:30], False
+    run.t_mission, run.arrived = float(leg.times[-1]), False
+    report = check(run, tmp_path)
+    assert report.ok, report
 
 
 def test_mission_that_never_began(tmp_path):
@@ -288,42 +297,3 @@ def test_attribute_missing(tmp_path):
     less.to_netcdf(path, engine="h5netcdf")
     with pytest.raises(ResultError, match="attribute vehicle_speed is missing"):
         check_run(tmp_path)
-
-
-def test_walk_takes_steps_of_a_metre_at_most():
-    times = np.array([0.0, 3.0, 6.0, 9.0])
-    positions = np.array([[0.0, 0, 0], [7.4, 0, 0], [7.4, 0, 0], [7.4, 3.2, 1.0]])
-    obstacles = np.array([[[0.0, 0, 0]], [[0.0, 0, 0]], [[0.0, 12.5, 0]], [[0.0, 12.5, 0]]])
-    walk = Walk.of(times, positions, obstacles)
-    assert walk.metres.max() <= 1.0
-    assert np.linalg.norm(np.diff(walk.obstacles[:, 0], axis=0), axis=1).max() <= 1.0
-    assert walk.metres.sum() == pytest.approx(7.4 + np.hypot(3.2, 1.0))
-    for time in times:
-        assert np.isclose(walk.times, time).any()
-    np.testing.assert_allclose(np.interp(walk.times, times, positions[:, 0]), walk.positions[:, 0])
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_coast_clearance_against_all_pixels(seed):
-    rng = np.random.default_rng(seed)
-    land = rng.random((60, 60)) < 0.01
-    land[20:26, 30:36] = True
-    data = xr.Dataset(
-        {
-            "passability": (("chart_x", "chart_y"), np.where(land, 0.0, 1.0)),
-            "chart_origin": ("horizontal", np.array([100.0, -50.0])),
-            "chart_pixel_size": ((), 10.0),
-        }
-    )
-    coast = Coast.of(data)
-    steps = np.concatenate([np.zeros((1, 3)), rng.normal(size=(800, 3))])
-    steps /= np.maximum(np.linalg.norm(steps, axis=1, keepdims=True), 1.0)
-    walk = np.array([400.0, 250.0, 0.0]) + np.cumsum(steps, axis=0) * [1.0, 1.0, 0.0]
-    centres = np.array([100.0, -50.0]) + 10.0 * (np.argwhere(land) + 0.5)
-    gap = np.maximum(np.abs(walk[:, None, :2] - centres) - 5.0, 0.0)
-    assert coast.clearance(walk) == pytest.approx(np.hypot(*gap.T).min(), abs=1e-9)
-
-
-def test_events():
-    assert list(events(np.array([True, True, False, True, False, False, True]))) == [(0, 1), (3, 3), (6, 6)]
-    assert not list(events(np.zeros(4, bool)))
