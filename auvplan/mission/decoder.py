@@ -181,7 +181,8 @@ def decode(
     A waypoint j qualifies at i if an edge leads there, it has not been visited, and the time so far plus t_ij
     plus the shortest time from j to the goal, lengthened by the return margin, is below the time available.
     The shortest time ignores which waypoints have been visited, so an order can still end in a dead end.
-    Of equal values the lowest index goes first. A traversed edge needs no removal: it leads into a waypoint that has been visited.
+    Of equal values the lowest index goes first. A traversed edge needs no removal: it leads into a waypoint
+    that has been visited.
 
     Args:
         population: [P, D] integers in [-200, 100], D as `siv_count` has it.

@@ -18,9 +18,9 @@ from auvplan.path.bspline import basis_matrix
 from auvplan.path.config import PathConfig
 from auvplan.vehicle import Vehicle, along_track
 
-#: Limits of Eq. 12, in the order of every violation array. What an excess of 1 means: surge, sway, turn rate -
-#: twice the limit; coast, obstacle - `CLEARANCE_SCALE` metres too close; current - slower than the floor by
-#: the speed through the water.
+#: Limits of Eq. 12, in the order of every violation array. What an excess of 1 means: surge, sway, turn rate,
+#: twice the limit; coast, obstacle, `CLEARANCE_SCALE` metres too close; current, slower than the floor by the
+#: speed through the water.
 VIOLATIONS = ("surge", "sway", "turn_rate", "coast", "obstacle", "current")
 
 #: Metres of missing clearance that count as an excess of one.

@@ -28,7 +28,8 @@ def chosen_plans(leg: LegRecord, most: int) -> list[int]:
 def plan_name(leg: LegRecord, index: int) -> str:
     """Words for a plan: what made it necessary, and when."""
     plan = leg.plans[index]
-    causes = {"leg": "first plan", "window": f"re-plan {index}, window", "hazard": f"re-plan {index}, hazard"}
+    first = "first plan" if index == 0 else "first plan, tried again"
+    causes = {"leg": first, "window": f"re-plan {index}, window", "hazard": f"re-plan {index}, hazard"}
     return f"{causes.get(plan.cause, plan.cause)}, t = {plan.made_at:,.0f} s"
 
 

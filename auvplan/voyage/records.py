@@ -157,16 +157,26 @@ class MissionRun:
 
     @property
     def collisions(self) -> int:
-        """Sailed samples inside a true obstacle or on land, by the simulator's own count."""
+        """Points about a metre apart on the sailed tracks that lie inside a true obstacle or on land."""
         return sum(self._hits(leg) for leg in self.legs)
 
     def _hits(self, leg: LegRecord) -> int:
         if not len(leg.times):
             return 0
-        offset = leg.obstacle_positions - leg.positions[:, None]
-        hit = (np.linalg.norm(offset, axis=2) < leg.obstacle_radii).any(axis=1)
+        # Recorded positions are some metres apart: look between them as well.
+        steps = len(leg.times) - 1
+        place = np.linspace(0.0, steps, 12 * steps + 1)
+        left = np.minimum(place.astype(int), max(steps - 1, 0))
+        part = (place - left)[:, None]
+        right = np.minimum(left + 1, steps)
+        positions = (1 - part) * leg.positions[left] + part * leg.positions[right]
+        hit = np.zeros(len(place), bool)
+        for m, radius in enumerate(leg.obstacle_radii):
+            track = leg.obstacle_positions[:, m]
+            centre = (1 - part) * track[left] + part * track[right]
+            hit |= np.linalg.norm(positions - centre, axis=1) < radius
         if self.chart is not None:
-            hit |= ~np.asarray(self.chart.is_water(leg.positions[:, 0], leg.positions[:, 1]))
+            hit |= ~np.asarray(self.chart.is_water(positions[:, 0], positions[:, 1]))
         return int(hit.sum())
 
     def summary(self) -> dict[str, Any]:
