@@ -5,6 +5,8 @@ from pathlib import Path
 import jax
 import pytest
 
+from auvplan.voyage import executive
+
 SHARED = Path(__file__).resolve().parent.parent.parent / "shared"
 
 
@@ -21,3 +23,18 @@ def shared():
     if not SHARED.is_dir():
         pytest.skip(f"needs real data in {SHARED}")
     return SHARED
+
+
+@pytest.fixture(scope="module")
+def light_search():
+    """Path searches of the hierarchical loop become small: what is tested does not depend on their depth."""
+    original = executive.path_config
+
+    def light(settings):
+        config = original(settings)
+        bbo = config.bbo.replace(population=24, iterations=24)
+        return config.replace(bbo=bbo, samples=64, refine_steps=0, control_points=6)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(executive, "path_config", light)
+        yield

@@ -9,7 +9,8 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from auvplan import cli
-from auvplan.voyage import executive
+
+pytestmark = pytest.mark.usefixtures("light_search")
 
 LEG = {
     "name": "leg",
@@ -21,20 +22,10 @@ LEG = {
 }
 
 
-@pytest.fixture(autouse=True, scope="module")
-def light_search():
-    """Commands do not depend on how hard the planners search."""
-    original = executive.path_config
-
-    def light(settings):
-        config = original(settings)
-        bbo = config.bbo.replace(population=20, iterations=20)
-        return config.replace(bbo=bbo, samples=48, refine_steps=0, control_points=5)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(executive, "path_config", light)
-        patch.setenv("AUVPLAN_CACHE", "off")
-        yield
+@pytest.fixture(autouse=True)
+def no_cache(monkeypatch):
+    """Tests leave the user's cache alone."""
+    monkeypatch.setenv("AUVPLAN_CACHE", "off")
 
 
 def call(capsys, monkeypatch, *arguments):

@@ -7,10 +7,12 @@ import pytest
 import auvplan as ap
 from auvplan.mission import planner as mission_planner
 from auvplan.path import planner, replanner
-from auvplan.voyage import ScenarioError, executive
+from auvplan.voyage import ScenarioError
 from auvplan.voyage.montecarlo import monte_carlo, statistics
 from auvplan.voyage.scenario import Scenario
 from auvplan.voyage.world import make_chart, make_graph
+
+pytestmark = pytest.mark.usefixtures("light_search")
 
 SMALL = {
     "name": "small",
@@ -21,21 +23,6 @@ SMALL = {
     "mission": {"waypoints": 8, "neighbours": 4, "time_available": 5000},
     "planning": {"t_series": 3},
 }
-
-
-@pytest.fixture(autouse=True, scope="module")
-def light_search():
-    """The loop does not depend on how hard the planners search."""
-    original = executive.path_config
-
-    def light(settings):
-        config = original(settings)
-        bbo = config.bbo.replace(population=24, iterations=24)
-        return config.replace(bbo=bbo, samples=64, refine_steps=0, control_points=6)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(executive, "path_config", light)
-        yield
 
 
 def scenario(**sections):
