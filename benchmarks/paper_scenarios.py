@@ -1,8 +1,8 @@
 """The paper's three path scenarios with its own preset: does the violation of the best path reach zero?
 
 ``python -m benchmarks.paper_scenarios [--seeds 10] [--preset paper]`` prints one row a scenario: runs whose
-first plan and whose every plan kept all limits, runs that arrived without collision, and the iteration at which
-the best path of the first plan became free of violations.
+first plan and whose every plan kept all limits, runs that arrived without collision, and the iteration at
+which the best path of the first plan became free of violations.
 """
 
 import argparse

@@ -50,9 +50,8 @@ def naive_flight(habitat, env, vehicle, depart, config):
             turn = abs((yaw - last[0] + np.pi) % (2 * np.pi) - np.pi) / (0.5 * (lasts + last[1]))
         coast = 1e6
         if env.chart is not None:
-            coast = min(float(env.chart.distance(p[0], p[1])) for p in (a, b)) - 0.5 * np.linalg.norm(
-                step[:2]
-            )
+            coast = min(float(env.chart.distance(p[0], p[1])) for p in (a, b))
+            coast -= 0.5 * np.linalg.norm(step[:2]) + 0.2 * float(env.chart.pixel_size)
         clear = 1e6
         o = env.obstacles
         for m in range(len(o)):
