@@ -10,6 +10,7 @@ from functools import partial
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from auvplan.ocean.chart import INTERPOLATION_ERROR
 from auvplan.ocean.currents import is_steady
@@ -112,13 +113,13 @@ def fly(
     steady = is_steady(env.current) or config.speed_reading == "eq11"
     duration = gap / vehicle.speed
     for _ in range(1 if steady else config.sweeps):
-        middle_time = depart + jnp.cumsum(duration, axis=1) - 0.5 * duration
+        middle_time = depart + _cumulative(duration) - 0.5 * duration
         u, v, w = env.current(x_mid, y_mid, z_mid, middle_time)
         along = (u * dx + v * dy + w * dz) / gap
         across = jnp.sqrt(jnp.maximum(u * u + v * v + w * w - along * along, 0.0) + _TINY)
         ground, shortfall = along_track(config.speed_reading, vehicle.speed, along, across)
         duration = gap / ground
-    elapsed = jnp.cumsum(duration, axis=1)
+    elapsed = _cumulative(duration)
     times = depart + jnp.concatenate([jnp.zeros_like(elapsed[:, :1]), elapsed], axis=1)
 
     needed = (
@@ -138,13 +139,27 @@ def fly(
     return Flight(x, y, z, times, gap.sum(axis=1), jnp.stack(excess), clearance, price)
 
 
+def _cumulative(durations: jax.Array) -> jax.Array:
+    """Running sum along each path, [P, S - 1]; a triangular product is quicker than a scan at this length."""
+    ones = np.triu(np.ones((durations.shape[1],) * 2))
+    return jnp.dot(durations, jnp.asarray(ones, durations.dtype), precision=jax.lax.Precision.HIGHEST)
+
+
 def _turn_rate(dx: jax.Array, dy: jax.Array, duration: jax.Array) -> jax.Array:
-    """Change of yaw per second at the start of each segment, [P, S - 1] rad/s; zero for the first."""
+    """Change of yaw per second at the start of each segment, [P, S - 1] rad/s; zero for the first.
+
+    The turn by an angle a counts as 2 tan(a/2), the curvature of the circle that touches both segments in
+    their middles. It is no less than a, equal for small turns, and needs no inverse trigonometry.
+    """
     cross = dx[:, :-1] * dy[:, 1:] - dy[:, :-1] * dx[:, 1:]
     dot = dx[:, :-1] * dx[:, 1:] + dy[:, :-1] * dy[:, 1:]
-    # Samples that coincide, or a vertical dive, have no yaw: treat them as straight.
-    moving = jnp.abs(cross) + jnp.abs(dot) > 1e-6
-    turn = jnp.abs(jnp.arctan2(jnp.where(moving, cross, 0.0), jnp.where(moving, dot, 1.0)))
+    square = dx * dx + dy * dy
+    sides = jnp.sqrt(square[:, :-1] * square[:, 1:] + _TINY)
+    # tan(a/2) = |cross| / (sides + dot) = (sides - dot) / |cross|: each where it is well conditioned. Samples
+    # that coincide, or a vertical dive, have no yaw and count as straight; a turn about as a very sharp one.
+    mild = jnp.abs(cross) / (sides + jnp.maximum(dot, 0.0))
+    sharp = (sides - dot) / jnp.maximum(jnp.abs(cross), 1e-3 * sides)
+    turn = 2.0 * jnp.where(dot < 0.0, sharp, mild)
     rate = turn / (0.5 * (duration[:, :-1] + duration[:, 1:]))
     return jnp.concatenate([jnp.zeros_like(rate[:, :1]), rate], axis=1)
 

@@ -47,7 +47,8 @@ def naive_flight(habitat, env, vehicle, depart, config):
         yaw = np.arctan2(step[1], step[0])
         turn = 0.0
         if last is not None:
-            turn = abs((yaw - last[0] + np.pi) % (2 * np.pi) - np.pi) / (0.5 * (lasts + last[1]))
+            angle = abs((yaw - last[0] + np.pi) % (2 * np.pi) - np.pi)
+            turn = 2 * np.tan(0.5 * angle) / (0.5 * (lasts + last[1]))
         coast = 1e6
         if env.chart is not None:
             coast = min(float(env.chart.distance(p[0], p[1])) for p in (a, b))
@@ -186,6 +187,22 @@ def test_coast_is_forbidden_and_shoals_are_priced():
         *curves(aside, start, goal, CONFIG), 0.0, env, ap.Vehicle(), CONFIG.replace(uncertain_price=0.0)
     )
     assert float(over.price[0]) > 0.0 == float(free.price[0])
+
+
+@pytest.mark.parametrize(
+    ("degrees", "sharp"), [(0, False), (20, False), (60, True), (120, True), (180, True)]
+)
+def test_turn_rate_limit_catches_every_sharp_turn(degrees, sharp):
+    angle = np.radians(degrees)
+    legs = np.concatenate(
+        [np.tile([40.0, 0.0], (20, 1)), np.tile(40.0 * np.array([np.cos(angle), np.sin(angle)]), (20, 1))]
+    )
+    xy = np.concatenate([[[0.0, 0.0]], np.cumsum(legs, axis=0)])
+    x, y = (jnp.asarray(xy[None, :, k]) for k in range(2))
+    env = ap.Environment(None, None, None, (-3000, -3000, 0), (3000, 3000, 0))
+    vehicle = ap.Vehicle(turn_rate_max=np.radians(40.0) / 16.0)  # a segment lasts 16 s
+    flight = fly(x, y, jnp.zeros_like(x), 0.0, env, vehicle, CONFIG)
+    assert bool(flight.excess[VIOLATIONS.index("turn_rate")].max() > 0) is sharp
 
 
 def test_obstacle_counts_at_the_time_of_arrival():
