@@ -9,7 +9,7 @@ mission: $(VENV)/.installed
 	$(BIN)/auvplan mission --out $(OUT)
 
 test: $(VENV)/.installed-dev
-	$(BIN)/pytest -n 2 --dist loadfile --nbmake tests notebooks
+	$(BIN)/pytest -n 2 --dist loadfile --doctest-modules --nbmake auvplan tests notebooks
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .

@@ -82,7 +82,7 @@ def _run(scenario: Any, folder: Path, out: Path, seed: int, quiet: bool) -> None
     from auvplan.voyage import run_mission
 
     available = scenario.mission.time_available
-    with _bar("planning", available, quiet) as advance:
+    with _bar("compiling the planners", available, quiet) as advance:
         run = run_mission(
             scenario,
             key=jax.random.key(seed),
@@ -112,6 +112,7 @@ def _print_summary(summary: dict[str, Any]) -> None:
     table.add_row("collisions", str(summary["collisions"]))
     cpu = summary["cpu"]
     table.add_row("planning time", f"paths {cpu['path_s']:.2f} s, orders {cpu['mission_s']:.2f} s")
+    table.add_row("first calls, compilation", f"{cpu['compile_s']:.1f} s")
     console.print(table)
 
 
@@ -135,7 +136,7 @@ def montecarlo(
     from auvplan.voyage.montecarlo import monte_carlo, statistics
 
     clocks = [0.0] * count
-    with _bar(f"{count} missions", settings.mission.time_available, quiet) as advance:
+    with _bar("compiling the planners", settings.mission.time_available, quiet) as advance:
 
         def progress(mission: int, now: float, _: str) -> None:
             clocks[mission] = now

@@ -88,6 +88,8 @@ def run_missions(
     while active := [m for m, mission in enumerate(missions) if not mission.ended]:
         _order(fleet, missions, [m for m in active if missions[m].needs_order], config)
         _sail_next(fleet, missions, [m for m in active if not missions[m].ended], progress)
+    for mission in missions:
+        mission.run.compile_seconds = fleet.clock.compile_seconds
     return [mission.run for mission in missions]
 
 
