@@ -9,11 +9,14 @@ from auvplan.vehicle import SpeedReading
 
 @dataclass(frozen=True)
 class Penalties:
-    """Weights gamma of Eq. 12: a mean excess of 1 (see `cost.VIOLATIONS`) costs gamma straight-line times."""
+    """Weights gamma of Eq. 12: a mean excess of 1 (see `cost.VIOLATIONS`) costs gamma straight-line times.
 
-    surge: float = 100.0
-    sway: float = 100.0
-    turn_rate: float = 100.0
+    The values are chosen here, so large that breaking a limit on a single segment never pays.
+    """
+
+    surge: float = 1000.0
+    sway: float = 1000.0
+    turn_rate: float = 1000.0
     coast: float = 1000.0
     obstacle: float = 1000.0
     current: float = 1000.0
