@@ -79,17 +79,23 @@ class PathPlan:
 
     @property
     def reason(self) -> str:
-        """One line: the binding limit, by how much it is broken, and where along the leg."""
+        """One line: the binding limit, where along the leg it is broken most, and what to do."""
         if self.feasible:
             return self.status.value
-        limit = int(np.argmax(self.violations))
-        segment = int(np.argmax(self.excess[limit]))
+        return self.explain(VIOLATIONS[int(np.argmax(self.violations))])
+
+    def broken(self) -> tuple[str, ...]:
+        """Names of the limits that are not kept, the most broken first."""
+        order = np.argsort(-self.violations, kind="stable")
+        return tuple(VIOLATIONS[k] for k in order if self.violations[k] > 0.0)
+
+    def explain(self, limit: str) -> str:
+        """Where along the leg a limit of `VIOLATIONS` is broken most, and what to do about it."""
+        index = VIOLATIONS.index(limit)
+        segment = int(np.argmax(self.excess[index]))
         gaps = np.linalg.norm(np.diff(self.positions, axis=0), axis=1)
         place = float(gaps[:segment].sum()) / 1000.0
-        return (
-            f"{VIOLATIONS[limit]} limit broken at km {place:.1f} of {self.length / 1000.0:.1f}: "
-            f"{self.status.value}"
-        )
+        return f"{limit} limit broken at km {place:.1f} of {self.length / 1000.0:.1f}: {_STATUS[limit].value}"
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,6 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan.path import PathPlan
 from auvplan.voyage.batching import chunks
 from auvplan.voyage.belief import ObstacleBelief
 from auvplan.voyage.evasion import escape_track
@@ -43,7 +42,7 @@ def begin_legs(
         origin, target = (np.asarray(end) for end in ends[k])
         legs.append(Leg(mission, record, origin, target, truths[k], moves[k], belief))
     plan_legs(fleet, legs, "leg", cold=True)
-    again = [leg for leg in legs if not _sailable(leg.followed)]
+    again = [leg for leg in legs if refusal(leg)]
     if again:
         plan_legs(fleet, again, "leg", cold=True)
     for leg in legs:
@@ -52,14 +51,13 @@ def begin_legs(
     return legs
 
 
-def _sailable(plan: PathPlan) -> bool:
-    """Whether nothing but obstacles, which move and are known better from near, stands against the plan."""
-    return plan.feasible or plan.status.name == "OBSTACLE"
-
-
 def refusal(leg: Leg) -> str:
-    """Why a leg must not be begun, or an empty string."""
-    return "" if _sailable(leg.followed) else leg.followed.reason
+    """Why a leg must not be begun, or an empty string.
+
+    Obstacles alone do not stand against it: they move, and are known better from near.
+    """
+    broken = [limit for limit in leg.followed.broken() if limit != "obstacle"]
+    return leg.followed.explain(broken[0]) if broken else ""
 
 
 def sail_legs(
@@ -127,7 +125,7 @@ def _take(fleet: Fleet, leg: Leg, out: Sailed) -> None:
     # The end of an escape is not the goal.
     leg.record.arrived = bool(out.arrived) and not leg.escaping
     if out.shortfall > 0 and leg.moving:
-        leg.stopped = "the current beat the vehicle"
+        leg.stopped = f"the current beat the vehicle {leg.arc / 1000.0:.1f} km along its path"
 
 
 def _react(fleet: Fleet, legs: list[Leg]) -> None:
