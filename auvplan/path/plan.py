@@ -27,7 +27,7 @@ class PathStatus(Enum):
     CURRENT = "the current is stronger than the vehicle: wait for slack water or choose a faster vehicle"
 
 
-_STATUS = dict(zip(VIOLATIONS, list(PathStatus)[1:], strict=True))
+_STATUS: dict[str, PathStatus] = dict(zip(VIOLATIONS, list(PathStatus)[1:], strict=True))
 
 
 @dataclass(frozen=True)
