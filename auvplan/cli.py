@@ -2,6 +2,8 @@
 
 import os
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -143,7 +145,7 @@ def montecarlo(
             advance(sum(clocks) / count, f"{count} missions")
 
         runs = monte_carlo(settings, count, seed=seed, folder=str(folder), progress=progress)
-    report: dict[str, Any] = statistics(runs) | {"runs": [run.summary() for run in runs]}
+    report = statistics(runs)
     target = out / "summary.json"
     text = json.dumps(report, indent=2) + "\n"
     write_atomically(target, lambda part: part.write_text(text, encoding="utf-8"))
@@ -213,28 +215,20 @@ def scenarios() -> None:
     console.print(table)
 
 
-class _bar:
-    """A progress bar over mission time, or nothing at all; `advance(now, doing)` moves it."""
+@contextmanager
+def _bar(title: str, total: float, quiet: bool) -> Iterator[Callable[[float, str], None]]:
+    """A progress bar over mission time, or nothing at all; yields `advance(now, doing)`, which moves it."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    def __init__(self, title: str, total: float, quiet: bool):
-        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-        columns = (
-            TextColumn("{task.description}"),
-            BarColumn(),
-            TextColumn("{task.percentage:>3.0f} % of mission time"),
-        )
-        self._progress = Progress(
-            *columns, TimeElapsedColumn(), console=errors, disable=quiet, transient=True
-        )
-        self._task = self._progress.add_task(title, total=total)
-
-    def __enter__(self):
-        self._progress.start()
-        return lambda now, doing: self._progress.update(self._task, completed=now, description=doing)
-
-    def __exit__(self, *_: object) -> None:
-        self._progress.stop()
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f} % of mission time"),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=errors, disable=quiet, transient=True) as bar:
+        task = bar.add_task(title, total=total)
+        yield lambda now, doing: bar.update(task, completed=now, description=doing)
 
 
 def _enable_compilation_cache() -> None:

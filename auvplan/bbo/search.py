@@ -84,12 +84,17 @@ class Result:
     history: History
 
 
+def _worst_unless_finite(cost: jax.Array) -> jax.Array:
+    """A cost that is not finite becomes infinite: it ranks last and never wins."""
+    return jnp.where(jnp.isfinite(cost), cost, jnp.inf)
+
+
 def evaluate(fun: CostFunction, population: jax.Array, *args: Any) -> tuple[jax.Array, jax.Array]:
     """Score a population; a cost that is not a number becomes infinite. Returns (cost [P], violation [P])."""
     scored = fun(population, *args)
     cost, violation = scored if isinstance(scored, tuple) else (scored, jnp.zeros_like(scored))
     chex.assert_shape([cost, violation], (population.shape[0],))
-    return jnp.where(jnp.isfinite(cost), cost, jnp.inf), violation
+    return _worst_unless_finite(cost), violation
 
 
 def uniform_population(key: jax.Array, size: int, lower: jax.Array, upper: jax.Array) -> jax.Array:
@@ -102,7 +107,7 @@ def uniform_population(key: jax.Array, size: int, lower: jax.Array, upper: jax.A
 
 def init(population: jax.Array, cost: jax.Array, violation: jax.Array) -> State:
     """Rank a scored population into a state; a cost that is not finite becomes infinite and ranks last."""
-    cost = jnp.where(jnp.isfinite(cost), cost, jnp.inf)
+    cost = _worst_unless_finite(cost)
     order = jnp.argsort(cost)
     return State(population[order], cost[order], violation[order])
 
@@ -158,7 +163,7 @@ def tell(
         violation: [P].
         config: static settings.
     """
-    cost = jnp.where(jnp.isfinite(cost), cost, jnp.inf)
+    cost = _worst_unless_finite(cost)
     if config.replacement == "greedy":
         better = cost < state.cost
         merged = (

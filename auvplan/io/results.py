@@ -45,10 +45,10 @@ def save_run(run: MissionRun, folder: str | Path) -> Path:
     encoding: Any = {name: _encoding(variable) for name, variable in dataset.variables.items()}
     write_atomically(
         target / MISSION,
-        lambda path: _nothing(dataset.to_netcdf(path, engine="h5netcdf", encoding=encoding)),
+        lambda path: dataset.to_netcdf(path, engine="h5netcdf", encoding=encoding),
     )
     text = json.dumps(run.summary(), indent=2) + "\n"
-    write_atomically(target / SUMMARY, lambda path: _nothing(path.write_text(text, encoding="utf-8")))
+    write_atomically(target / SUMMARY, lambda path: path.write_text(text, encoding="utf-8"))
     return target
 
 
@@ -293,7 +293,3 @@ def _encoding(variable: xr.Variable) -> dict[str, Any]:
     if variable.ndim and variable.size:
         encoding |= {"zlib": True, "complevel": 4, "shuffle": True}
     return encoding
-
-
-def _nothing(_: object) -> None:
-    """Turn a writer that returns something into one that does not."""

@@ -65,9 +65,9 @@ def fit_matrix(samples: int, controls: int, degree: int) -> Array:
     """
     basis = basis_matrix(samples, controls, degree)
     inner = np.linalg.pinv(basis[:, 1:-1])
-    fit = np.concatenate([inner, -inner @ basis[:, :1], -inner @ basis[:, -1:]], axis=1)
+    fit = np.concatenate([inner, -inner @ basis[:, :1], -inner @ basis[:, -1:]], axis=1).astype(float)
     fit.setflags(write=False)
-    return np.asarray(fit, float)
+    return fit
 
 
 def greville_abscissae(controls: int, degree: int) -> Array:

@@ -75,19 +75,19 @@ class PathPlan:
         """OK, or the limit that is broken most."""
         if self.feasible:
             return PathStatus.OK
-        return _STATUS[VIOLATIONS[int(np.argmax(self.violations))]]
+        return _STATUS[self.broken()[0]]
 
     @property
     def reason(self) -> str:
         """One line: the binding limit, where along the leg it is broken most, and what to do."""
         if self.feasible:
             return self.status.value
-        return self.explain(VIOLATIONS[int(np.argmax(self.violations))])
+        return self.explain(self.broken()[0])
 
     def broken(self) -> tuple[str, ...]:
         """Names of the limits that are not kept, the most broken first."""
         order = np.argsort(-self.violations, kind="stable")
-        return tuple(VIOLATIONS[k] for k in order if self.violations[k] > 0.0)
+        return tuple(VIOLATIONS[k] for k in order if self.violations[k] != 0.0)
 
     def explain(self, limit: str) -> str:
         """Where along the leg a limit of `VIOLATIONS` is broken most, and what to do about it."""

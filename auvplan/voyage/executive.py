@@ -38,7 +38,6 @@ class Mission:
     order: MissionOrder | None = None
     step: int = 0
     cause: str = "start"
-    orders: int = 0
     refusals: int = 0
     ended: bool = False
     expected_end: float = 0.0
@@ -157,7 +156,8 @@ def _order(fleet: Fleet, missions: list[Mission], due: list[int], config: Missio
         for batch, real in chunks(due):
             left = [missions[m].run.t_available - fleet.now[m] - share * planning.reserve for m in batch]
             keys = [
-                jax.random.fold_in(jax.random.fold_in(fleet.keys[m], 0), missions[m].orders) for m in batch
+                jax.random.fold_in(jax.random.fold_in(fleet.keys[m], 0), len(missions[m].run.orders))
+                for m in batch
             ]
             orders, seconds = fleet.clock.time(
                 ("mission", len(batch), missions[batch[0]].graph.size, config),
@@ -172,7 +172,7 @@ def _order(fleet: Fleet, missions: list[Mission], due: list[int], config: Missio
                     return_margin=share * planning.return_margin,
                 ),
             )
-            for m, order in list(zip(batch, orders, strict=True))[:real]:
+            for m, order in zip(batch[:real], orders, strict=False):
                 _take_order(fleet, m, missions[m], order, seconds / real, final=share == 0.0)
 
 
@@ -185,7 +185,6 @@ def _take_order(
         if final:
             _end(fleet, m, mission, f"no order of tasks from waypoint {mission.here}: {order.reason}")
         return
-    mission.orders += 1
     nodes = [int(node) for node in order.nodes]
     now = float(fleet.now[m])
     run.orders.append(
@@ -249,12 +248,13 @@ def _turn_down(fleet: Fleet, m: int, mission: Mission, leg: Leg, why: str) -> No
     mission.refusals += 1
     i, j = leg.record.start, leg.record.goal
     mission.run.legs.append(leg.record)
-    if refusal(leg):
+    barred = bool(refusal(leg))
+    if barred:
         mission.graph = mission.graph.without_edges([(i, j)])
     else:
         mission.graph = mission.graph.with_travel_time(i, j, leg.followed.travel_time)
     mission.cause = "refused"
-    if mission.refusals > _REFUSALS or (refusal(leg) and not mission.graph.adjacency[i].any()):
+    if mission.refusals > _REFUSALS or (barred and not mission.graph.adjacency[i].any()):
         _end(fleet, m, mission, f"leg {i} to {j} cannot be sailed: {why}")
 
 

@@ -90,14 +90,14 @@ def sail_legs(
 def _advance(fleet: Fleet, legs: list[Leg], steps: int) -> None:
     """One stretch between two looks: sail, move the obstacles, look."""
     for batch, real in chunks(legs):
-        index = np.asarray([leg.mission for leg in batch])
+        index = [leg.mission for leg in batch]
         out: Sailed = jax.device_get(
             sail(
                 jnp.asarray(np.stack([leg.track for leg in batch])),
                 jnp.asarray([leg.arc for leg in batch], float),
                 jnp.asarray([leg.moving for leg in batch]),
                 jnp.asarray(fleet.now[index], float),
-                jax.tree.map(lambda a, index=index: a[index], fleet.current.field),
+                fleet.current.of(index),
                 _stacked([leg.truth for leg in batch]),
                 fleet.vehicle,
                 steps,
@@ -130,7 +130,7 @@ def _take(fleet: Fleet, leg: Leg, out: Sailed) -> None:
 
 def _react(fleet: Fleet, legs: list[Leg]) -> None:
     """Look, and re-plan where a window begins or where the belief sees a collision ahead."""
-    due, causes = [], []
+    due: dict[str, list[Leg]] = {"window": [], "hazard": []}
     for leg in legs:
         now = float(fleet.now[leg.mission])
         if leg.stretches:
@@ -140,28 +140,25 @@ def _react(fleet: Fleet, legs: list[Leg]) -> None:
         window = bool(leg.windows) and now >= leg.windows[0]
         if window:
             leg.windows = [t for t in leg.windows if t > now]
-        if _hazard(leg, now) or not leg.moving or leg.escaping:
-            due.append(leg)
-            causes.append("hazard")
+        if _hazard(fleet, leg) or not leg.moving or leg.escaping:
+            due["hazard"].append(leg)
         elif window:
-            due.append(leg)
-            causes.append("window")
-    for cause in ("window", "hazard"):
-        chosen = [leg for leg, why in zip(due, causes, strict=True) if why == cause]
+            due["window"].append(leg)
+    for cause, chosen in due.items():
         if chosen:
             plan_legs(fleet, chosen, cause)
     # What a warm plan cannot clear, a cold one may; what neither can, the vehicle waits for.
-    stuck = [leg for leg in due if _hazard(leg, float(fleet.now[leg.mission]))]
+    stuck = [leg for chosen in due.values() for leg in chosen if _hazard(fleet, leg)]
     if stuck:
         plan_legs(fleet, stuck, "hazard", cold=True)
     for leg in stuck:
-        if _hazard(leg, float(fleet.now[leg.mission])):
+        if _hazard(fleet, leg):
             _give_way(fleet, leg)
 
 
-def _hazard(leg: Leg, now: float) -> bool:
+def _hazard(fleet: Fleet, leg: Leg) -> bool:
     """Whether the belief sees the followed plan inside a collision boundary within the horizon."""
-    plan = leg.followed
+    plan, now = leg.followed, float(fleet.now[leg.mission])
     gaps = np.linalg.norm(np.diff(plan.positions, axis=0), axis=1)
     marks = np.concatenate([[0.0], np.cumsum(gaps)])
     arc = 0.0 if leg.escaping else leg.arc
@@ -205,10 +202,11 @@ def _over_ground(fleet: Fleet, missions: Sequence[int], truths: Sequence[TrueObs
     """True velocities of each leg's obstacles over ground, [M, 3] m/s."""
     moves: list[Array] = []
     for batch, real in chunks(list(zip(missions, truths, strict=True))):
-        index = np.asarray([mission for mission, _ in batch])
-        field = jax.tree.map(lambda a, index=index: a[index], fleet.current.field)
+        index = [mission for mission, _ in batch]
         out = over_ground(
-            field, *_stacked([truth for _, truth in batch]), jnp.asarray(fleet.now[index], float)
+            fleet.current.of(index),
+            *_stacked([truth for _, truth in batch]),
+            jnp.asarray(fleet.now[index], float),
         )
         moves.extend(np.asarray(out, float)[:real])
     return moves

@@ -20,7 +20,7 @@ def monte_carlo(
 
 
 def statistics(runs: list[MissionRun]) -> dict[str, Any]:
-    """Mean, standard deviation and quantiles of the missions' figures, ready for JSON."""
+    """Mean, standard deviation and quantiles of the missions' figures, and each summary, ready for JSON."""
     summaries = [run.summary() for run in runs]
     figures = {
         "use_of_time": [s["t_mission"] / s["t_available"] for s in summaries],
@@ -42,6 +42,7 @@ def statistics(runs: list[MissionRun]) -> dict[str, Any]:
         "collisions": sum(s["collisions"] for s in summaries),
         "failed_seeds": [s["seed"] for s in summaries if not s["success"]],
         "figures": {name: _describe(values) for name, values in figures.items()},
+        "runs": summaries,
     }
 
 

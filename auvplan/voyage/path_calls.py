@@ -1,5 +1,8 @@
 """Batched calls of the path planner on what the vehicles believe, timed and booked."""
 
+from functools import partial
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -24,37 +27,35 @@ def plan_legs(fleet: Fleet, legs: list[Leg], cause: str, cold: bool = False) -> 
     for batch, real in chunks(legs):
         fresh = {leg.mission: fleet.key(leg.mission) for leg in batch[:real]}
         keys = jnp.stack([fresh[leg.mission] for leg in batch])
-        signature = ("path", cold, len(batch), fleet.config, len(batch[0].truth.radius), fleet.chart is None)
-        call = _call(fleet, batch, keys, cold)
-        plans, seconds = fleet.clock.time(signature, call)
+        env = _believed(fleet, batch)
+        # What a compiled program is made for: the settings and the shapes of the world.
+        signature = ("path", cold, fleet.config, *(leaf.shape for leaf in jax.tree.leaves(env)))
+        plans, seconds = fleet.clock.time(signature, partial(_call, fleet, batch, env, keys, cold))
         for leg, plan in zip(batch[:real], plans, strict=False):
             _follow(fleet, leg, plan, cause, seconds / real)
 
 
-def _call(fleet: Fleet, batch: list[Leg], keys: jax.Array, cold: bool):
-    """The planning call of one padded batch, ready to be made."""
-    area = fleet.scenario.area
-    index = [leg.mission for leg in batch]
-    env = Environment(
+def _believed(fleet: Fleet, batch: list[Leg]) -> Environment:
+    """The world as the vehicles know it now; current and obstacles have a leading axis."""
+    area, index = fleet.scenario.area, [leg.mission for leg in batch]
+    return Environment(
         fleet.current.told(index, fleet.scenario.current.forecast_error),
         fleet.chart,
         as_obstacles([leg.belief for leg in batch], fleet.scenario.sensors),
         area.lower,  # type: ignore[arg-type]
         area.upper,  # type: ignore[arg-type]
     )
+
+
+def _call(fleet: Fleet, batch: list[Leg], env: Environment, keys: jax.Array, cold: bool) -> PathPlans:
+    """The planning call of one padded batch."""
+    area, now = fleet.scenario.area, fleet.now[[leg.mission for leg in batch]]
     places = np.stack([np.clip(leg.position, area.lower, area.upper) for leg in batch])
-    now, config, vehicle = fleet.now[index], fleet.config, fleet.vehicle
-
-    def call() -> PathPlans:
-        if cold:
-            goals = np.stack([leg.target for leg in batch])
-            return plan_paths(
-                places, goals, env, vehicle, key=keys, config=config, depart=now, world_per_leg=True
-            )
-        old = [leg.followed for leg in batch]
-        return replan_paths(old, places, now, env, vehicle, key=keys, config=config, world_per_leg=True)
-
-    return call
+    common: dict[str, Any] = {"key": keys, "config": fleet.config, "world_per_leg": True}
+    if cold:
+        goals = np.stack([leg.target for leg in batch])
+        return plan_paths(places, goals, env, fleet.vehicle, depart=now, **common)
+    return replan_paths([leg.followed for leg in batch], places, now, env, fleet.vehicle, **common)
 
 
 def _follow(fleet: Fleet, leg: Leg, plan: PathPlan, cause: str, seconds: float) -> None:

@@ -34,11 +34,11 @@ class ChartSettings(Section):
     """Where the coast comes from."""
 
     source: Literal["whitsunday", "image", "none"] = "whitsunday"
-    image: str | None = Field(None, description="path of a picture, relative to the scenario file")
-    pixel_size: Positive = Field(10.0, description="m")
-    clearance: NotNegative = Field(150.0, description="m, least distance of waypoints to the coast")
+    image: str | None = Field(default=None, description="path of a picture, relative to the scenario file")
+    pixel_size: Positive = Field(default=10.0, description="m")
+    clearance: NotNegative = Field(default=150.0, description="m, least distance of waypoints to the coast")
     window: tuple[int, int, int, int] | None = Field(
-        None, description="first row (north), first column (east), rows, columns to cut out, pixels"
+        default=None, description="first row (north), first column (east), rows, columns to cut out, pixels"
     )
 
     @model_validator(mode="after")
@@ -62,16 +62,18 @@ class CurrentSettings(Section):
 
     vortices: Annotated[int, Field(ge=0, le=64)] = 12
     layers: Annotated[int, Field(ge=1, le=10)] = 3
-    radius: tuple[Positive, Positive] = Field((500.0, 1500.0), description="m")
-    peak_speed: NotNegative = Field(1.25, description="m/s")
-    vertical_scale: NotNegative = Field(5.0, description="gamma of Eq. 1, m")
-    uniform: Point = Field((0.0, 0.0, 0.0), description="m/s north, east, down, added everywhere")
-    update_interval: Positive = Field(600.0, description="s")
-    update_rate: NotNegative = Field(1.0, description="U_R^C of Eq. 2")
-    center_std: NotNegative = Field(50.0, description="m per update")
-    radius_std: NotNegative = Field(20.0, description="m per update")
-    strength_std: NotNegative = Field(0.05, description="share per update")
-    forecast_error: NotNegative = Field(0.02, description="relative error of what the planner is told")
+    radius: tuple[Positive, Positive] = Field(default=(500.0, 1500.0), description="m")
+    peak_speed: NotNegative = Field(default=1.25, description="m/s")
+    vertical_scale: NotNegative = Field(default=5.0, description="gamma of Eq. 1, m")
+    uniform: Point = Field(default=(0.0, 0.0, 0.0), description="m/s north, east, down, added everywhere")
+    update_interval: Positive = Field(default=600.0, description="s")
+    update_rate: NotNegative = Field(default=1.0, description="U_R^C of Eq. 2")
+    center_std: NotNegative = Field(default=50.0, description="m per update")
+    radius_std: NotNegative = Field(default=20.0, description="m per update")
+    strength_std: NotNegative = Field(default=0.05, description="share per update")
+    forecast_error: NotNegative = Field(
+        default=0.02, description="relative error of what the planner is told"
+    )
 
 
 class ObstacleSettings(Section):
@@ -80,8 +82,8 @@ class ObstacleSettings(Section):
     static: Annotated[int, Field(ge=0, le=50)] = 2
     afloat: Annotated[int, Field(ge=0, le=50)] = 2
     self_motivated: Annotated[int, Field(ge=0, le=50)] = 2
-    radius: tuple[Positive, Positive] = Field((20.0, 60.0), description="m")
-    speed: NotNegative = Field(0.3, description="m/s, own speed of self-motivated ones")
+    radius: tuple[Positive, Positive] = Field(default=(20.0, 60.0), description="m")
+    speed: NotNegative = Field(default=0.3, description="m/s, own speed of self-motivated ones")
 
     @property
     def total(self) -> int:
@@ -91,13 +93,13 @@ class ObstacleSettings(Section):
 class SensorSettings(Section):
     """What the vehicle knows of obstacles, before and within sensor range."""
 
-    range: NotNegative = Field(600.0, description="m")
-    interval: Positive = Field(30.0, description="s between looks")
-    prior_std: NotNegative = Field(10.0, description="m, position and radius, known beforehand")
-    position_std: NotNegative = Field(2.0, description="m, within range")
-    velocity_std: NotNegative = Field(0.03, description="m/s")
-    growth: NotNegative = Field(0.1, description="m/s, growth of the boundary since the last look")
-    growth_max: NotNegative = Field(60.0, description="m")
+    range: NotNegative = Field(default=600.0, description="m")
+    interval: Positive = Field(default=30.0, description="s between looks")
+    prior_std: NotNegative = Field(default=10.0, description="m, position and radius, known beforehand")
+    position_std: NotNegative = Field(default=2.0, description="m, within range")
+    velocity_std: NotNegative = Field(default=0.03, description="m/s")
+    growth: NotNegative = Field(default=0.1, description="m/s, growth of the boundary since the last look")
+    growth_max: NotNegative = Field(default=60.0, description="m")
 
 
 class MissionSettings(Section):
@@ -106,27 +108,31 @@ class MissionSettings(Section):
     waypoints: Annotated[int, Field(ge=2, le=1000)] = 40
     neighbours: Annotated[int, Field(ge=1, le=100)] = 7
     priority: tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=0)]] = (1, 5)
-    duration: tuple[NotNegative, NotNegative] = Field((30.0, 300.0), description="s")
-    time_available: Positive = Field(14_400.0, description="s")
-    start: Point | None = Field(None, description="m north, east, depth; drawn if absent")
-    goal: Point | None = Field(None, description="m north, east, depth; drawn if absent")
+    duration: tuple[NotNegative, NotNegative] = Field(default=(30.0, 300.0), description="s")
+    time_available: Positive = Field(default=14_400.0, description="s")
+    start: Point | None = Field(default=None, description="m north, east, depth; drawn if absent")
+    goal: Point | None = Field(default=None, description="m north, east, depth; drawn if absent")
 
 
 class PlanningSettings(Section):
     """How the mission is planned and re-planned."""
 
     preset: Literal["default", "paper"] = "default"
-    objective: Literal["priority", "eq15"] | None = Field(None, description="of the preset if absent")
+    objective: Literal["priority", "eq15"] | None = Field(default=None, description="of the preset if absent")
     t_series: Annotated[int, Field(ge=1, le=20)] = 4
-    reserve: NotNegative = Field(60.0, description="s of the available time that no order is planned to use")
+    reserve: NotNegative = Field(
+        default=60.0, description="s of the available time that no order is planned to use"
+    )
     return_margin: NotNegative = Field(
-        0.4, description="share by which the way back is taken to last longer than d / |v|"
+        default=0.4, description="share by which the way back is taken to last longer than d / |v|"
     )
     replan: Literal["late", "deviation"] = Field(
-        "deviation", description="'late' as in the paper; 'deviation' also when much time was gained"
+        default="deviation", description="'late' as in the paper; 'deviation' also when much time was gained"
     )
-    gain: Positive = Field(120.0, description="s gained that make a new order worth planning")
-    charge_compute: bool = Field(False, description="charge planning time to the mission clock (Eq. 16)")
+    gain: Positive = Field(default=120.0, description="s gained that make a new order worth planning")
+    charge_compute: bool = Field(
+        default=False, description="charge planning time to the mission clock (Eq. 16)"
+    )
 
 
 class Scenario(Section):
@@ -134,14 +140,14 @@ class Scenario(Section):
 
     name: str = "unnamed"
     description: str = ""
-    area: Area = Field(default_factory=lambda: Area.model_validate({}))
-    chart: ChartSettings = Field(default_factory=lambda: ChartSettings.model_validate({}))
-    vehicle: VehicleSettings = Field(default_factory=lambda: VehicleSettings.model_validate({}))
-    current: CurrentSettings = Field(default_factory=lambda: CurrentSettings.model_validate({}))
-    obstacles: ObstacleSettings = Field(default_factory=lambda: ObstacleSettings.model_validate({}))
-    sensors: SensorSettings = Field(default_factory=lambda: SensorSettings.model_validate({}))
-    mission: MissionSettings = Field(default_factory=lambda: MissionSettings.model_validate({}))
-    planning: PlanningSettings = Field(default_factory=lambda: PlanningSettings.model_validate({}))
+    area: Area = Area()
+    chart: ChartSettings = ChartSettings()
+    vehicle: VehicleSettings = VehicleSettings()
+    current: CurrentSettings = CurrentSettings()
+    obstacles: ObstacleSettings = ObstacleSettings()
+    sensors: SensorSettings = SensorSettings()
+    mission: MissionSettings = MissionSettings()
+    planning: PlanningSettings = PlanningSettings()
 
     @model_validator(mode="after")
     def _consistent(self) -> "Scenario":

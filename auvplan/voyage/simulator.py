@@ -4,7 +4,7 @@ All B missions advance together; arrays carry a leading axis B, and a mission th
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import jax
@@ -141,13 +141,10 @@ def _evolve_due(
 def _told(keys: jax.Array, counts: jax.Array, current: LambVortices, error: float) -> LambVortices:
     def one(key: jax.Array, count: jax.Array, field: LambVortices) -> LambVortices:
         noise = error * jax.random.normal(jax.random.fold_in(key, count), (field.strength.shape[-1], 3))
-        return LambVortices(
-            field.centers + noise[:, :2] * field.radius[..., None],
-            field.strength * (1.0 + noise[:, 2]),
-            field.radius,
-            field.depths,
-            field.vertical_scale,
-            field.uniform,
+        return replace(
+            field,
+            centers=field.centers + noise[:, :2] * field.radius[..., None],
+            strength=field.strength * (1.0 + noise[:, 2]),
         )
 
     return jax.vmap(one)(keys, counts, current)
@@ -178,16 +175,17 @@ class TrueCurrent:
             )
             self._updates += due
 
-    def told(self, missions: Sequence[int], error: float) -> LambVortices:
-        """The fields of some missions as a planner is told them, in error by a relative `error`.
+    def of(self, missions: Sequence[int]) -> LambVortices:
+        """The true fields of some missions, which may repeat one to pad; leaves with a leading axis."""
+        index = np.asarray(missions)
+        return jax.tree.map(lambda a: a[index], self.field)
 
-        Returns the field with a leading axis as long as `missions`, which may repeat an index to pad.
-        """
+    def told(self, missions: Sequence[int], error: float) -> LambVortices:
+        """As `of`, but as a planner is told them, in error by a relative `error`."""
         index = np.asarray(missions)
         self._tellings[np.unique(index)] += 1
-        field = jax.tree.map(lambda a: a[index], self.field)
-        return _told(self._keys[index, 1], jnp.asarray(self._tellings[index]), field, error)
+        return _told(self._keys[index, 1], jnp.asarray(self._tellings[index]), self.of(missions), error)
 
     def at(self, mission: int) -> LambVortices:
-        """The true field of one mission."""
+        """The true field of one mission, in NumPy."""
         return jax.tree.map(lambda a: np.asarray(a[mission]), self.field)
