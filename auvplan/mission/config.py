@@ -26,6 +26,9 @@ class MissionConfig:
         time_weight: w of "priority", what T_available is worth as a share of the largest priority, in [0, 1).
         phi1: Phi_1 of "eq15", per second; the paper gives no value.
         phi2: Phi_2 of "eq15"; the paper gives no value.
+        seeds: habitats taken from a beam search before the evolution starts, see `auvplan.mission.beam`; none
+            if zero.
+        beam_width: partial orders that the beam keeps.
 
     Raises:
         ValueError: a setting is out of its range, or no elite would keep the shortest mission alive.
@@ -38,6 +41,8 @@ class MissionConfig:
     time_weight: float = 0.05
     phi1: float = 1.0
     phi2: float = 100.0
+    seeds: int = 20
+    beam_width: int = 512
 
     def __post_init__(self) -> None:
         if self.decoder not in ("paper", "rate"):
@@ -49,6 +54,10 @@ class MissionConfig:
                 raise ValueError(f"{name} must not be negative, got {getattr(self, name)}")
         if not 0.0 <= self.time_weight < 1.0:
             raise ValueError(f"time_weight must be in [0, 1), got {self.time_weight}")
+        if self.beam_width < 1:
+            raise ValueError(f"beam_width must be at least 1, got {self.beam_width}")
+        if not 0 <= self.seeds <= self.bbo.population - 4:
+            raise ValueError(f"seeds must be in [0, bbo.population - 4], got {self.seeds}")
         if self.bbo.replacement == "generational" and self.bbo.elites < 1:
             raise ValueError("bbo.elites must be at least 1, so that a feasible mission once found is kept")
         if self.bbo.mutation == "gaussian":
@@ -67,7 +76,11 @@ class MissionConfig:
             emigration=0.2,
             mutation_max=0.5,
         )
-        return cls(bbo=bbo, decoder="paper", objective="eq15")
+        return cls(bbo=bbo, decoder="paper", objective="eq15", seeds=0)
+
+    def places(self, size: int) -> int:
+        """How many partial orders of a beam may end at one waypoint of a graph of `size` waypoints."""
+        return max(2, 4 * self.beam_width // size)
 
     def replace(self, **changes: Any) -> Self:
         """A copy with some settings changed."""

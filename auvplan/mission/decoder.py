@@ -1,4 +1,4 @@
-"""Priority vectors into orders of waypoints (section 3.3): a whole population at once.
+"""Priority vectors into orders of waypoints (section 3.3), a whole population at once, and back.
 
 A habitat holds one integer SIV in [-200, 100] for each waypoint. From the start the vehicle moves on to the
 qualifying neighbour of highest value until it is at the destination. The destination competes through its own
@@ -14,62 +14,18 @@ Two decoders:
 
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Literal
+from typing import Literal
 
 import chex
 import jax
 import jax.numpy as jnp
 
-from auvplan.mission.graph import shortest_routes
+from auvplan.mission.problem import Problem
 
 #: Inclusive bounds of a SIV (section 3.3).
 LOWEST, HIGHEST = -200, 100
 
 DecoderName = Literal["paper", "rate"]
-
-
-@partial(
-    jax.tree_util.register_dataclass,
-    data_fields=(
-        "leg_times",
-        "priority",
-        "rate",
-        "time_to_go",
-        "following",
-        "start",
-        "goal",
-        "time_available",
-        "deadline",
-        "return_margin",
-    ),
-    meta_fields=(),
-)
-@dataclass(frozen=True)
-class Problem:
-    """A mission on one graph, prepared for decoding.
-
-    Attributes:
-        leg_times: [N, N] s, t_ij; infinite off the edges, into the start and into visited waypoints.
-        priority: [N, N] rho_ij; zero where there is no task.
-        rate: [N, N] rho_ij / t_ij over its mean on the edges that carry a task.
-        time_to_go: [N] s, shortest time to the goal.
-        following: [N] the next waypoint on the shortest way to the goal.
-        start, goal: indices.
-        time_available: s, T_available.
-        deadline: s, T_available less the rounding error that a sum of N legs can have.
-        return_margin: share by which the way to the goal is taken to last longer than expected.
-    """
-
-    leg_times: jax.Array
-    priority: jax.Array
-    rate: jax.Array
-    time_to_go: jax.Array
-    following: jax.Array
-    start: jax.Array
-    goal: jax.Array
-    time_available: jax.Array
-    deadline: jax.Array
-    return_margin: jax.Array
 
 
 @partial(
@@ -126,63 +82,15 @@ def siv_count(size: int, decoder: DecoderName) -> int:
     return size + (decoder == "rate")
 
 
-def rounding_margin(size: int, dtype: Any = jnp.float32) -> float:
-    """Relative error that bounds the sum of `size` leg times, forwards and as time to go."""
-    return size * float(jnp.finfo(dtype).eps)
-
-
-def prepare(
-    leg_times: jax.Array,
-    priority: jax.Array,
-    start: jax.Array,
-    goal: jax.Array,
-    time_available: jax.Array,
-    visited: jax.Array,
-    return_margin: jax.typing.ArrayLike = 0.0,
-) -> Problem:
-    """Work out what all orders on a graph have in common.
-
-    Args:
-        leg_times: [N, N] s, infinite off the edges (`MissionGraph.leg_times`).
-        priority: [N, N] rho_ij, zero where an edge carries no task.
-        start, goal: indices, may be traced.
-        time_available: T_available, s.
-        visited: [N] bool, waypoints not to be visited again.
-        return_margin: share by which the way to the goal is taken to last longer than expected.
-    """
-    size = leg_times.shape[0]
-    chex.assert_shape([leg_times, priority], (size, size))
-    closed = visited | (jnp.arange(size) == start)
-    leg_times = jnp.where(closed[None, :], jnp.inf, leg_times)
-    priority = jnp.where(jnp.isfinite(leg_times), priority, 0.0)
-    # A floor of one second keeps the rate of a leg that takes no time from drowning all others.
-    rate = priority / jnp.maximum(leg_times, 1.0)
-    mean = rate.sum() / jnp.maximum((rate > 0.0).sum(), 1)
-    time, following = shortest_routes(leg_times, goal)
-    return Problem(
-        leg_times=leg_times,
-        priority=priority,
-        rate=rate / jnp.where(mean > 0.0, mean, 1.0),
-        time_to_go=time,
-        following=following,
-        start=start,
-        goal=goal,
-        time_available=time_available,
-        deadline=time_available * (1.0 - rounding_margin(size, leg_times.dtype)),
-        return_margin=jnp.asarray(return_margin, leg_times.dtype),
-    )
-
-
 def decode(
     population: jax.Array, problem: Problem, decoder: DecoderName, rate_weight: float = 100.0
 ) -> Decoded:
     """Turn every habitat into an order of waypoints.
 
-    A waypoint j qualifies at i if an edge leads there, it has not been visited, and the time so far plus t_ij
-    plus the shortest time from j to the goal, lengthened by the return margin, is below the time available.
-    The shortest time ignores which waypoints have been visited, so an order can still end in a dead end.
-    Of equal values the lowest index goes first. A traversed edge needs no removal: it leads into a waypoint
-    that has been visited.
+    A waypoint j qualifies at i if an edge leads there, it has not been visited, and the edge is entered
+    before the latest time that leaves enough for the way to the goal. That way ignores which waypoints have been
+    visited, so an order can still end in a dead end. Of equal values the lowest index goes first. A traversed
+    edge needs no removal: it leads into a waypoint that has been visited.
 
     Args:
         population: [P, D] integers in [-200, 100], D as `siv_count` has it.
@@ -194,43 +102,44 @@ def decode(
         It adds waypoints without looking at the time and discards orders that are late; "rate" is not in
         it at all.
     """
-    size = problem.time_to_go.shape[0]
+    size, width = problem.neighbours.shape
     chex.assert_shape(population, (None, siv_count(size, decoder)))
-    index = jnp.arange(size, dtype=jnp.int32)
-    genes = population[:, :size].astype(problem.leg_times.dtype)
-    way_back = (1.0 + problem.return_margin) * problem.time_to_go
-    latest = problem.deadline - (problem.leg_times + way_back[None, :])
     habitats = population.shape[0]
+    rows = jnp.arange(habitats)
+    column = jnp.arange(width, dtype=jnp.int32)
+    genes = population[:, :size].astype(problem.leg_times.dtype)
     share = jnp.zeros(habitats)
     if decoder == "rate":
         share = rate_weight * (population[:, size] - LOWEST) / (HIGHEST - LOWEST)
 
     def advance(walk: _Walk) -> _Walk:
         here = walk.current
-        value = genes
+        onward = problem.neighbours[here]
+        value = genes[rows[:, None], onward]
         if decoder == "rate":
             value = value + share[:, None] * problem.rate[here]
-        qualifies = (walk.time[:, None] < latest[here]) & (walk.position < 0)
-        value = jnp.where(qualifies, value, -jnp.inf)
+        fresh = walk.position[rows[:, None], onward] < 0
+        value = jnp.where((walk.time[:, None] < problem.latest[here]) & fresh, value, -jnp.inf)
         best = value.max(axis=1)
-        # The first index of the highest value: two plain reductions run twice as fast as argmax on a CPU.
-        chosen = jnp.where(value == best[:, None], index, size - 1).min(axis=1)
+        # The first of the highest values: two plain reductions run twice as fast as argmax on a CPU.
+        edge = jnp.where(value == best[:, None], column, width - 1).min(axis=1)
         moves = walk.active & (best > -jnp.inf)
-        rho = jnp.where(moves, problem.priority[here, chosen], 0.0)
+        there = jnp.where(moves, onward[rows, edge], here)
+        rho = jnp.where(moves, problem.priority[here, edge], 0.0)
         task = rho > 0.0
-        arrives = moves[:, None] & (index == chosen[:, None])
         return _Walk(
-            position=jnp.where(arrives, walk.step + 1, walk.position),
-            current=jnp.where(moves, chosen, here),
-            time=walk.time + jnp.where(moves, problem.leg_times[here, chosen], 0.0),
+            position=walk.position.at[rows, jnp.where(moves, there, size)].set(walk.step + 1, mode="drop"),
+            current=there,
+            time=walk.time + jnp.where(moves, problem.leg_times[here, edge], 0.0),
             priority=walk.priority + rho,
             tasks=walk.tasks + task,
             inverse=walk.inverse + jnp.where(task, 1.0 / jnp.where(task, rho, 1.0), 0.0),
             step=walk.step + 1,
-            active=moves & (chosen != problem.goal),
+            active=moves & (there != problem.goal),
         )
 
     zero = jnp.zeros(habitats, problem.leg_times.dtype)
+    index = jnp.arange(size, dtype=jnp.int32)
     walk = jax.lax.while_loop(
         lambda walk: walk.active.any(),
         advance,
@@ -245,10 +154,9 @@ def decode(
             active=jnp.broadcast_to(problem.start != problem.goal, (habitats,)),
         ),
     )
-    column = jnp.where(walk.position < 0, size, walk.position)
-    rows = jnp.arange(habitats)[:, None]
+    place = jnp.where(walk.position < 0, size, walk.position)
     return Decoded(
-        nodes=jnp.full((habitats, size), -1, jnp.int32).at[rows, column].set(index, mode="drop"),
+        nodes=jnp.full((habitats, size), -1, jnp.int32).at[rows[:, None], place].set(index, mode="drop"),
         count=(walk.position >= 0).sum(axis=1),
         time=walk.time,
         priority=walk.priority,
@@ -259,29 +167,52 @@ def decode(
     )
 
 
-def shortest_habitat(problem: Problem, decoder: DecoderName) -> jax.Array:
-    """A habitat [D] that either decoder turns into the shortest way to the goal.
+def encode(nodes: jax.Array, population: jax.Array, decoder: DecoderName) -> jax.Array:
+    """Write orders into habitats that decode to them.
 
-    SIVs fall by one along the way and are lowest elsewhere, so that the next waypoint of the way beats the
-    later ones, whose SIVs are lower, and all others; the share of the rate is nothing. A way of more than 300
-    legs exhausts the range of a SIV and may decode differently.
+    SIVs fall by one from waypoint to waypoint along the order, those of the other waypoints keep their rank
+    below, and the share of the rate is nothing: the next waypoint beats the later ones and all others. An
+    order of 300 legs or more exhausts the range of a SIV and may decode differently.
+
+    Args:
+        nodes: [Q, N] orders, padded with -1.
+        population: [Q, D] habitats, for the SIVs of the waypoints that an order leaves out.
+        decoder: "paper" or "rate".
+
+    Returns:
+        [Q, D] habitats.
     """
-    size = problem.time_to_go.shape[0]
-    index = jnp.arange(size)
+    count, size = nodes.shape
+    rows = jnp.arange(count)[:, None]
+    unvisited = jnp.full((count, size), -1, jnp.int32)
+    place = unvisited.at[rows, jnp.where(nodes < 0, size, nodes)].set(
+        jnp.arange(size, dtype=jnp.int32), mode="drop"
+    )
+    length = (nodes >= 0).sum(axis=1, keepdims=True)
+    room = jnp.maximum(HIGHEST - length - LOWEST, 0)
+    below = LOWEST + (population[:, :size] - LOWEST) * room // (HIGHEST - LOWEST + 1)
+    genes = jnp.where(place >= 0, jnp.maximum(HIGHEST - place, LOWEST), below)
+    shares = jnp.full((count, siv_count(size, decoder) - size), LOWEST, genes.dtype)
+    return jnp.concatenate([genes, shares], axis=1)
+
+
+def shortest_order(problem: Problem) -> jax.Array:
+    """The shortest way from the start to the goal as an order [N], padded with -1."""
+    size = problem.size
 
     def step(k: jax.Array, state: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
-        genes, here = state
+        nodes, here = state
         onward = problem.following[here]
-        fresh = (index == onward) & (here != problem.goal)
-        return jnp.where(fresh, jnp.maximum(HIGHEST - k, LOWEST), genes), onward
+        return nodes.at[k].set(jnp.where(onward != here, onward, -1)), onward
 
-    lowest = jnp.full(size, LOWEST, jnp.int32)
-    genes, _ = jax.lax.fori_loop(0, size, step, (lowest, jnp.asarray(problem.start, jnp.int32)))
-    return jnp.concatenate([genes, jnp.full(siv_count(size, decoder) - size, LOWEST, jnp.int32)])
+    start = jnp.asarray(problem.start, jnp.int32)
+    nodes = jnp.full(size, -1, jnp.int32).at[0].set(start)
+    nodes, _ = jax.lax.fori_loop(1, size, step, (nodes, start))
+    return nodes
 
 
 def greedy_habitat(problem: Problem, decoder: DecoderName) -> jax.Array:
     """A habitat [D] of equal SIVs, the goal's lowest: "rate" goes where the rate is highest."""
-    size = problem.time_to_go.shape[0]
+    size = problem.size
     genes = jnp.where(jnp.arange(size) == problem.goal, LOWEST, 0).astype(jnp.int32)
     return jnp.concatenate([genes, jnp.full(siv_count(size, decoder) - size, HIGHEST, jnp.int32)])

@@ -11,6 +11,8 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.distance import cdist
 
+from auvplan.mission.problem import shortest_routes
+
 
 @partial(
     jax.tree_util.register_dataclass,
@@ -185,36 +187,6 @@ def random_graph(
     return MissionGraph(positions, adjacency, symmetric(rho.astype(float)), symmetric(delta))
 
 
-def shortest_routes(leg_times: jax.Array, goal: Any) -> tuple[jax.Array, jax.Array]:
-    """Shortest time to the goal from each waypoint, and the waypoint to take next.
-
-    Min-plus relaxation until nothing improves. The next waypoint changes only on strict improvement, which
-    keeps the routes free of cycles even where legs take no time.
-
-    Args:
-        leg_times: [N, N] s, infinite off the edges.
-        goal: index, may be traced.
-
-    Returns:
-        ``(time [N] s, next [N] int32)``; infinite, and the waypoint itself, where the goal is out of reach.
-    """
-    leg_times = jnp.asarray(leg_times)
-    size = leg_times.shape[0]
-    index = jnp.arange(size, dtype=jnp.int32)
-    start = jnp.where(index == goal, 0.0, jnp.inf).astype(leg_times.dtype)
-
-    def relax(state: tuple[jax.Array, jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array, jax.Array]:
-        time, following, _ = state
-        through = leg_times + time[None, :]
-        shortest = through.min(axis=1)
-        better = shortest < time
-        step = jnp.argmin(through, axis=1).astype(jnp.int32)
-        return jnp.where(better, shortest, time), jnp.where(better, step, following), better.any()
-
-    time, following, _ = jax.lax.while_loop(lambda state: state[2], relax, (start, index, jnp.array(True)))
-    return time, following
-
-
 def time_to_go(leg_times: jax.Array, goal: Any) -> jax.Array:
     """Shortest time from each waypoint to the goal, [N] s, infinite where it is out of reach.
 
@@ -222,4 +194,6 @@ def time_to_go(leg_times: jax.Array, goal: Any) -> jax.Array:
         leg_times: [N, N] s, infinite off the edges.
         goal: index, may be traced.
     """
-    return shortest_routes(leg_times, goal)[0]
+    leg_times = jnp.asarray(leg_times)
+    everywhere = jnp.broadcast_to(jnp.arange(leg_times.shape[0], dtype=jnp.int32), leg_times.shape)
+    return shortest_routes(everywhere, leg_times, goal)[0]

@@ -5,7 +5,8 @@ from typing import Literal
 import jax
 import jax.numpy as jnp
 
-from auvplan.mission.decoder import Decoded, Problem
+from auvplan.mission.decoder import Decoded
+from auvplan.mission.problem import Problem
 
 ObjectiveName = Literal["priority", "eq15"]
 
@@ -33,11 +34,13 @@ def total_priority(orders: Decoded, problem: Problem, time_weight: float = 0.05)
         Eq. 15 counts the unused time and sum(1 / rho), which grows with every task taken: its minimum is
         far from the most total priority. See `eq15`.
     """
-    largest = problem.priority.max()
-    unit = jnp.where(largest > 0.0, largest, 1.0)
-    used = orders.time / jnp.where(problem.time_available > 0.0, problem.time_available, 1.0)
-    cost = -orders.priority + time_weight * unit * used
-    return jnp.where(orders.reached, cost, unit * problem.time_to_go.shape[0])
+    cost = -orders.priority + _time_price(problem, time_weight) * orders.time
+    return jnp.where(orders.reached, cost, _largest_priority(problem) * problem.size)
+
+
+def total_priority_gain(problem: Problem, time_weight: float = 0.05) -> jax.Array:
+    """[N, K] by how much each edge lowers `total_priority`."""
+    return problem.priority - _time_price(problem, time_weight) * _finite(problem.leg_times)
 
 
 def eq15(orders: Decoded, problem: Problem, phi1: float = 1.0, phi2: float = 100.0) -> jax.Array:
@@ -53,8 +56,31 @@ def eq15(orders: Decoded, problem: Problem, phi1: float = 1.0, phi2: float = 100
         The path cost of a leg is read as its travel time. An order that does not arrive costs more than any
         that does. The paper gives no values for Phi_1 and Phi_2; the defaults are chosen here.
     """
-    size = problem.time_to_go.shape[0]
+    size = problem.size
     cost = phi1 * jnp.abs(orders.time - problem.time_available) + phi2 * orders.inverse_priority
     least = jnp.where(problem.priority > 0.0, problem.priority, jnp.inf).min()
     worst = 1.0 + phi1 * jnp.abs(problem.time_available) + phi2 * size / least
     return cost + jnp.where(orders.reached, 0.0, worst)
+
+
+def eq15_gain(problem: Problem, phi1: float = 1.0, phi2: float = 100.0) -> jax.Array:
+    """[N, K] by how much each edge lowers `eq15`, as long as the mission is not late."""
+    task = problem.priority > 0.0
+    inverse = jnp.where(task, 1.0 / jnp.where(task, problem.priority, 1.0), 0.0)
+    return phi1 * _finite(problem.leg_times) - phi2 * inverse
+
+
+def _largest_priority(problem: Problem) -> jax.Array:
+    largest = problem.priority.max()
+    return jnp.where(largest > 0.0, largest, 1.0)
+
+
+def _time_price(problem: Problem, time_weight: float) -> jax.Array:
+    """What `total_priority` asks for a second."""
+    available = jnp.where(problem.time_available > 0.0, problem.time_available, 1.0)
+    return time_weight * _largest_priority(problem) / available
+
+
+def _finite(leg_times: jax.Array) -> jax.Array:
+    """Leg times with zeros off the edges."""
+    return jnp.where(jnp.isfinite(leg_times), leg_times, 0.0)

@@ -1,19 +1,18 @@
 """The mission planner: a graph and a time budget into an order of tasks (section 3.3)."""
 
 from collections.abc import Sequence
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from auvplan.bbo import search
 from auvplan.mission import decoder as decoders
-from auvplan.mission import objective as objectives
 from auvplan.mission.config import MissionConfig
+from auvplan.mission.evolution import search_missions
 from auvplan.mission.graph import MissionGraph
 from auvplan.mission.order import MissionOrder, MissionOrders, MissionStatus
+from auvplan.mission.problem import Edges, rounding_margin
 
 if TYPE_CHECKING:
     from auvplan.vehicle import Vehicle
@@ -31,14 +30,17 @@ def plan_mission(
     population: Any = None,
     speed: float | None = None,
     visited: Any = None,
+    known_order: Sequence[int] | np.ndarray | None = None,
 ) -> MissionOrder:
     """Find the order of tasks of most total priority that reaches the destination in time.
 
-    The search starts from random habitats, the shortest mission and the greediest one, so that its answer is
-    feasible whenever a feasible mission exists (up to rounding of T_available in the last digits).
+    The search starts from random habitats, good orders of a beam search, the shortest mission and the
+    greediest one, so that its answer is feasible whenever a feasible mission exists (up to rounding of
+    T_available in the last digits).
 
     To re-plan on the way (section 3.3.2) call it again from the waypoint reached, with the passed edges taken
-    out (`MissionGraph.without_edges`), the time that is left, and `population` of the last order.
+    out (`MissionGraph.without_edges`), the time that is left, `population` of the last order, and the rest of
+    that order as `known_order`.
 
     Args:
         graph: N waypoints.
@@ -51,6 +53,7 @@ def plan_mission(
         population: [Q, D] habitats to start from, Q at most P, best first, as `MissionOrder.population`.
         speed: m/s, instead of `vehicle`.
         visited: [N] bool, waypoints not to be visited again; none by default.
+        known_order: [n] waypoints from start to goal; the answer costs no more, if it keeps all limits.
 
     Raises:
         ValueError: an argument is out of range or of the wrong shape.
@@ -78,6 +81,7 @@ def plan_mission(
         populations=None if population is None else np.asarray(population)[None],
         config=config,
         visited=None if visited is None else np.asarray(visited)[None],
+        known_orders=None if known_order is None else [known_order],
     )
     return orders[0]
 
@@ -93,6 +97,7 @@ def plan_missions(
     config: MissionConfig | None = None,
     visited: Any = None,
     return_margin: Any = 0.0,
+    known_orders: Sequence[Sequence[int] | np.ndarray | None] | None = None,
 ) -> MissionOrders:
     """`plan_mission` for B missions in one compiled call.
 
@@ -108,6 +113,7 @@ def plan_missions(
         return_margin: [B] or one for all; share by which the way from any waypoint to the destination is
             taken to last longer than expected. It keeps slack for bad surprises where they cannot be mended:
             on the last legs. An order may then be reported out of time although it would just do.
+        known_orders: for each mission the waypoints of an order from its start to its goal, or None.
 
     Raises:
         ValueError: an argument is out of range or of the wrong shape.
@@ -129,66 +135,17 @@ def plan_missions(
         raise ValueError(f"visited must be [{size}] for each of {batch} missions, got shape {closed.shape}")
     margins = _figures("return_margin", return_margin, batch)
     given, count = _given(populations, batch, size, config)
+    known = _known(known_orders, starts, goals, size)
 
     legs = graphs.leg_times(rate)
     found = jax.tree.map(
         np.asarray,
-        _plan(
-            keys, legs.astype(np.float32), graphs.priority.astype(np.float32), starts, goals,
-            budget.astype(np.float32), closed, margins.astype(np.float32), given, count, config,
+        search_missions(
+            keys, Edges.of(legs, graphs.priority), starts, goals, budget.astype(np.float32),
+            closed, margins.astype(np.float32), given, count, known, config,
         ),
     )  # fmt: skip
     return _collect(found, graphs, legs, starts, budget, margins)
-
-
-@partial(jax.jit, static_argnames="config")
-def _plan(
-    keys: jax.Array,
-    legs: jax.Array,
-    priority: jax.Array,
-    starts: jax.Array,
-    goals: jax.Array,
-    budgets: jax.Array,
-    visited: jax.Array,
-    margins: jax.Array,
-    given: jax.Array,
-    count: jax.Array,
-    config: MissionConfig,
-) -> tuple[search.Result, decoders.Decoded, jax.Array]:
-    """Search all missions; returns results, decoded best habitats [B, 1, ...] and least times [B]."""
-
-    def one(
-        key: jax.Array, legs: jax.Array, priority: jax.Array, start: jax.Array, goal: jax.Array,
-        budget: jax.Array, visited: jax.Array, margin: jax.Array, given: jax.Array,
-    ) -> tuple[search.Result, decoders.Decoded, jax.Array]:  # fmt: skip
-        problem = decoders.prepare(legs, priority, start, goal, budget, visited, margin)
-        lower = jnp.full(given.shape[1], decoders.LOWEST, jnp.int32)
-        upper = jnp.full(given.shape[1], decoders.HIGHEST, jnp.int32)
-        start_key, run_key = jax.random.split(key)
-        population = search.uniform_population(start_key, config.bbo.population, lower, upper)
-        # Early arrival wastes a random habitat: the destination starts as the last resort.
-        population = population.at[:, goal].set(decoders.LOWEST)
-        population = jnp.where(jnp.arange(config.bbo.population)[:, None] < count, given, population)
-        population = population.at[-2].set(decoders.greedy_habitat(problem, config.decoder))
-        population = population.at[-1].set(decoders.shortest_habitat(problem, config.decoder))
-        cost = partial(_score, config=config)
-        result = search.run(run_key, cost, population, lower, upper, config.bbo, (problem,))
-        best = decoders.decode(result.x[None], problem, config.decoder, config.rate_weight)
-        return result, best, problem.time_to_go[start]
-
-    return jax.vmap(one)(keys, legs, priority, starts, goals, budgets, visited, margins, given)
-
-
-def _score(
-    population: jax.Array, problem: decoders.Problem, config: MissionConfig
-) -> tuple[jax.Array, jax.Array]:
-    """Cost and violation [P] of habitats."""
-    orders = decoders.decode(population, problem, config.decoder, config.rate_weight)
-    if config.objective == "eq15":
-        cost = objectives.eq15(orders, problem, config.phi1, config.phi2)
-    else:
-        cost = objectives.total_priority(orders, problem, config.time_weight)
-    return cost, objectives.violation(orders, problem)
 
 
 def _collect(
@@ -210,7 +167,7 @@ def _collect(
     rows = np.arange(batch)[:, None]
     leg_times = np.where(taken, legs[rows, here, there], 0.0)
     rho = np.where(taken, graphs.priority[rows, here, there], 0.0)
-    late = (1.0 + margins) * least >= budget * (1.0 - 4.0 * decoders.rounding_margin(size))
+    late = (1.0 + margins) * least >= budget * (1.0 - 4.0 * rounding_margin(size))
     return MissionOrders(
         nodes=nodes,
         count=1 + taken.sum(axis=1),
@@ -265,3 +222,23 @@ def _given(populations: Any, batch: int, size: int, config: MissionConfig) -> tu
     count = populations.shape[1]
     padded[:, :count] = np.clip(populations, decoders.LOWEST, decoders.HIGHEST)
     return padded, count
+
+
+def _known(orders: Any, starts: np.ndarray, goals: np.ndarray, size: int) -> np.ndarray:
+    """Known orders padded to [B, N] with -1."""
+    padded = np.full((len(starts), size), -1, np.int32)
+    if orders is None:
+        return padded
+    if len(orders) != len(starts):
+        raise ValueError(f"known_orders must hold one order or None for each of {len(starts)} missions")
+    for row, order, start, goal in zip(padded, orders, starts, goals, strict=True):
+        if order is None:
+            continue
+        nodes = np.asarray(order)
+        fits = nodes.ndim == 1 and len(np.unique(nodes)) == len(nodes) <= size
+        if not fits or not np.isin(nodes, np.arange(size)).all() or tuple(nodes[[0, -1]]) != (start, goal):
+            raise ValueError(
+                f"known_order must lead from {start} to {goal} and visit no waypoint twice, got {order}"
+            )
+        row[: len(nodes)] = nodes
+    return padded

@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from auvplan.mission import MissionGraph, check_order, objective
-from auvplan.mission.decoder import Decoded, decode, greedy_habitat, prepare, shortest_habitat, siv_count
+from auvplan.mission.decoder import Decoded, decode, encode, greedy_habitat, shortest_order, siv_count
+from auvplan.mission.problem import Edges, prepare
 from tests.mission.naive import decode as naive_decode
 from tests.mission.naive import grid_graph
 from tests.mission.naive import time_to_go as dijkstra_time_to_go
@@ -22,8 +23,12 @@ decode_now = jax.jit(decode, static_argnames=("decoder", "rate_weight"))
 
 def problem(graph: MissionGraph, start: int, goal: int, budget: float, visited=None):
     closed = jnp.zeros(graph.size, bool) if visited is None else jnp.asarray(visited)
-    legs, priority = jnp.asarray(graph.leg_times(SPEED)), jnp.asarray(graph.priority)
-    return jax.jit(prepare)(legs, priority, start, goal, budget, closed)
+    return jax.jit(prepare)(Edges.of(graph.leg_times(SPEED), graph.priority), start, goal, budget, closed)
+
+
+def shortest_habitat(given_, decoder: str):
+    blank = jnp.zeros((1, siv_count(given_.size, decoder)), jnp.int32)
+    return encode(shortest_order(given_)[None], blank, decoder)
 
 
 def check_figures(orders: Decoded, p: int, graph: MissionGraph, order: list[int]) -> None:
@@ -70,7 +75,7 @@ def test_against_the_naive_decoder(
 @pytest.mark.parametrize("decoder", DECODERS)
 @settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 10_000), density=st.sampled_from([0.2, 0.4, 1.0]), directed=st.booleans())
-def test_the_shortest_habitat_takes_the_shortest_way(
+def test_the_shortest_order_is_the_shortest_way(
     decoder: str, seed: int, density: float, directed: bool
 ) -> None:
     graph = grid_graph(seed, N, density, directed, untasked=0.5)
@@ -80,7 +85,7 @@ def test_the_shortest_habitat_takes_the_shortest_way(
     if not np.isfinite(shortest):
         return
     given_ = problem(graph, 0, N - 1, shortest * 10.0)
-    orders = decode_now(shortest_habitat(given_, decoder)[None], given_, decoder=decoder)
+    orders = decode_now(shortest_habitat(given_, decoder), given_, decoder=decoder)
     assert bool(orders.reached[0])
     assert float(orders.time[0]) == pytest.approx(shortest, rel=1e-5)
 
@@ -88,7 +93,24 @@ def test_the_shortest_habitat_takes_the_shortest_way(
 def test_legs_that_take_no_time_make_no_cycle() -> None:
     graph = MissionGraph(np.zeros((N, 3)), np.ones((N, N), bool), np.ones((N, N)), np.zeros((N, N)))
     given_ = problem(graph, 0, N - 1, 10.0)
-    assert bool(decode_now(shortest_habitat(given_, "rate")[None], given_, decoder="rate").reached[0])
+    assert bool(decode_now(shortest_habitat(given_, "rate"), given_, decoder="rate").reached[0])
+
+
+@pytest.mark.parametrize("decoder", DECODERS)
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 10_000), density=st.sampled_from([0.25, 0.5, 1.0]), directed=st.booleans())
+def test_an_order_survives_encoding(decoder: str, seed: int, density: float, directed: bool) -> None:
+    graph = grid_graph(seed, N, density, directed)
+    given_ = problem(graph, 0, N - 1, 3000.0)
+    rng = np.random.default_rng(seed)
+    population = jnp.asarray(rng.integers(-200, 101, (8, siv_count(N, decoder))))
+    orders = decode_now(population, given_, decoder=decoder)
+    written = encode(orders.nodes, population, decoder)
+    assert written.shape == population.shape
+    assert int(written.min()) >= -200
+    assert int(written.max()) <= 100
+    again = decode_now(written, given_, decoder=decoder)
+    np.testing.assert_array_equal(again.nodes[orders.reached], orders.nodes[orders.reached])
 
 
 def test_the_greedy_habitat_follows_the_rate() -> None:

@@ -1,0 +1,181 @@
+"""Good first orders by beam search: many partial orders grow together, the most promising ones survive.
+
+All orders of a beam have the same number of waypoints. Their worth is what they have gained less a price for
+the time they have taken, so that short and long ones compare. Two partial orders that end at one waypoint and
+have visited the same others differ in nothing but worth: only the better one goes on. So that a few rich
+regions of a large graph do not fill the beam, each waypoint also has only so many places in it.
+"""
+
+from dataclasses import dataclass
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from auvplan.mission.problem import Problem
+
+#: A priority-to-time price that pays best lies around the yield of the whole mission; each beam tries one.
+PRICES = (1.0, 0.75, 1.25)
+
+
+@partial(
+    jax.tree_util.register_dataclass,
+    data_fields=("here", "time", "worth", "visited", "mark", "alive"),
+    meta_fields=(),
+)
+@dataclass(frozen=True)
+class _Beam:
+    """Partial orders; `visited` is [W, N], `mark` a hash of the waypoints visited, the rest [W]."""
+
+    here: jax.Array
+    time: jax.Array
+    worth: jax.Array
+    visited: jax.Array
+    mark: jax.Array
+    alive: jax.Array
+
+
+@partial(jax.tree_util.register_dataclass, data_fields=("parent", "node", "ended"), meta_fields=())
+@dataclass(frozen=True)
+class _Trace:
+    """Of each step, [N, W]: where an order came from, where it went, what ending it there is worth."""
+
+    parent: jax.Array
+    node: jax.Array
+    ended: jax.Array
+
+
+def beam_search(
+    problem: Problem, gain: jax.Array, price: jax.Array, width: int, places: int, count: int
+) -> tuple[jax.Array, jax.Array]:
+    """The best orders that a beam comes upon.
+
+    Args:
+        problem: of N waypoints, neighbour lists of length K.
+        gain: [N, K] what taking an edge is worth.
+        price: what a second is worth while orders are compared; the answer is ranked by gain alone.
+        width: W, number of partial orders that survive a step.
+        places: number of partial orders, of those W, that may end at one waypoint.
+        count: Q, number of orders wanted.
+
+    Returns:
+        ``(nodes [Q, N] int32 padded with -1, gain [Q])``, best first; minus infinity for an order that was
+        not found, whose row then starts at the start and means nothing.
+    """
+    size, edges = problem.neighbours.shape
+    codes = np.random.default_rng(0).integers(0, 2**32, size, dtype=np.uint32)
+    codes = jnp.asarray(codes)
+    width_index = jnp.arange(width)
+    candidate_index = jnp.arange(width * edges)
+    to_goal = problem.neighbours == problem.goal
+
+    def grow(state: tuple[_Beam, _Trace, jax.Array]) -> tuple[_Beam, _Trace, jax.Array]:
+        beam, trace, step = state
+        onward = problem.neighbours[beam.here]
+        times = problem.leg_times[beam.here]
+        open_ = (
+            beam.alive[:, None]
+            & (beam.time[:, None] < problem.latest[beam.here])
+            & ~beam.visited[width_index[:, None], onward]
+        )
+        gained = beam.worth[:, None] + gain[beam.here]
+        ends = open_ & to_goal[beam.here]
+        ended = jnp.where(ends, gained, -jnp.inf).max(axis=1)
+
+        open_ = open_ & ~to_goal[beam.here]
+        time = beam.time[:, None] + times
+        value = jnp.where(open_, gained - price * time, -jnp.inf).reshape(-1)
+        mark = (beam.mark[:, None] ^ codes[onward]).reshape(-1)
+        node = onward.reshape(-1)
+        # Equal visits share a slot; of those that meet in a slot the best goes on, of equal ones the first.
+        slot = node * places + (mark % places).astype(jnp.int32)
+        highest = jnp.full(size * places, -jnp.inf).at[slot].max(value)
+        leads = (value == highest[slot]) & (value > -jnp.inf)
+        first = (
+            jnp.full(size * places, width * edges)
+            .at[jnp.where(leads, slot, size * places)]
+            .min(candidate_index, mode="drop")
+        )
+        value = jnp.where(first[slot] == candidate_index, value, -jnp.inf)
+        best, chosen = jax.lax.top_k(value, width)
+        parent, here = chosen // edges, node[chosen]
+        trace = _Trace(
+            trace.parent.at[step].set(parent),
+            trace.node.at[step].set(here),
+            trace.ended.at[step - 1].set(ended),
+        )
+        beam = _Beam(
+            here=here,
+            time=time.reshape(-1)[chosen],
+            worth=gained.reshape(-1)[chosen],
+            visited=beam.visited[parent].at[width_index, here].set(True),
+            mark=mark[chosen],
+            alive=best > -jnp.inf,
+        )
+        return beam, trace, step + 1
+
+    start = jnp.asarray(problem.start, jnp.int32)
+    first = _Beam(
+        here=jnp.full(width, start),
+        time=jnp.zeros(width, problem.leg_times.dtype),
+        worth=jnp.zeros(width, gain.dtype),
+        visited=jnp.broadcast_to(jnp.arange(size) == start, (width, size)),
+        mark=jnp.broadcast_to(codes[start], (width,)),
+        alive=(width_index == 0) & (problem.start != problem.goal),
+    )
+    trace = _Trace(
+        jnp.zeros((size, width), jnp.int32),
+        jnp.full((size, width), start),
+        jnp.full((size, width), -jnp.inf, gain.dtype),
+    )
+    _, trace, _ = jax.lax.while_loop(
+        lambda state: state[0].alive.any() & (state[2] <= size), grow, (first, trace, jnp.int32(1))
+    )
+    gains, best = jax.lax.top_k(trace.ended.reshape(-1), count)
+    return _follow_back(trace, best // width, best % width, problem.goal), gains
+
+
+def _follow_back(trace: _Trace, step: jax.Array, row: jax.Array, goal: jax.Array) -> jax.Array:
+    """Orders [Q, N] that end at the goal right after place `row` [Q] of step `step` [Q]."""
+    size = trace.node.shape[0]
+    orders = jnp.arange(step.shape[0])
+    nodes = jnp.full((step.shape[0], size), -1, jnp.int32).at[orders, step + 1].set(goal, mode="drop")
+
+    def back(k: jax.Array, state: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
+        nodes, row = state
+        at = size - 1 - k
+        inside = at <= step
+        nodes = nodes.at[:, at].set(jnp.where(inside, trace.node[at, row], nodes[:, at]))
+        return nodes, jnp.where(inside, trace.parent[at, row], row)
+
+    return jax.lax.fori_loop(0, size, back, (nodes, row))[0]
+
+
+def seed_orders(
+    problem: Problem, gain: jax.Array, known: jax.Array, width: int, places: int, count: int
+) -> tuple[jax.Array, jax.Array]:
+    """Orders from one beam for each of `PRICES`, without repeats.
+
+    Args:
+        problem: of N waypoints, neighbour lists of length K.
+        gain: [N, K] what taking an edge is worth.
+        known: total gain of an order known beforehand; it sets the scale of the first price.
+        width, places, count: as in `beam_search`.
+
+    Returns:
+        ``(nodes [Q, N], gain [Q])``, best first, as in `beam_search`.
+    """
+
+    def search(best: jax.Array, factor: jax.Array) -> tuple[jax.Array, tuple[jax.Array, jax.Array]]:
+        price = factor * jnp.maximum(best, 0.0) / problem.time_available
+        nodes, gains = beam_search(problem, gain, price, width, places, count)
+        return jnp.maximum(best, gains[0]), (nodes, gains)
+
+    _, (nodes, gains) = jax.lax.scan(search, known, jnp.asarray(PRICES))
+    nodes, gains = nodes.reshape(-1, problem.size), gains.reshape(-1)
+    earlier = jnp.tril(jnp.ones((len(gains), len(gains)), bool), -1)
+    same = (nodes[:, None, :] == nodes[None, :, :]).all(axis=2)
+    gains = jnp.where((same & earlier).any(axis=1), -jnp.inf, gains)
+    best, chosen = jax.lax.top_k(gains, count)
+    return nodes[chosen], best

@@ -1,0 +1,115 @@
+"""The compiled search for an order of tasks: seeds from a beam, then biogeography-based optimisation."""
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+
+from auvplan.bbo import search
+from auvplan.mission import beam
+from auvplan.mission import decoder as decoders
+from auvplan.mission import objective as objectives
+from auvplan.mission.config import MissionConfig
+from auvplan.mission.problem import Edges, Problem, prepare
+
+
+@partial(jax.jit, static_argnames="config")
+def search_missions(
+    keys: jax.Array,
+    edges: Edges,
+    starts: jax.Array,
+    goals: jax.Array,
+    budgets: jax.Array,
+    visited: jax.Array,
+    margins: jax.Array,
+    given: jax.Array,
+    count: jax.Array,
+    known: jax.Array,
+    config: MissionConfig,
+) -> tuple[search.Result, decoders.Decoded, jax.Array]:
+    """Search B missions at once.
+
+    Args:
+        keys: [B].
+        edges: of the graphs, stacked.
+        starts, goals: [B] indices.
+        budgets: [B] s, T_available.
+        visited: [B, N] bool.
+        margins: [B] return margins.
+        given: [B, P, D] habitats to start from, of which the first `count` are used.
+        count: number of habitats given.
+        known: [B, N] orders to start from, padded with -1; all -1 where there is none.
+        config: static settings.
+
+    Returns:
+        Results, decoded best habitats [B, 1, ...] and least times to the goal [B] s.
+    """
+
+    def one(
+        key: jax.Array, edges: Edges, start: jax.Array, goal: jax.Array,
+        budget: jax.Array, visited: jax.Array, margin: jax.Array, given: jax.Array, known: jax.Array,
+    ) -> tuple[search.Result, decoders.Decoded, jax.Array]:  # fmt: skip
+        problem = prepare(edges, start, goal, budget, visited, margin)
+        lower = jnp.full(given.shape[1], decoders.LOWEST, jnp.int32)
+        upper = jnp.full(given.shape[1], decoders.HIGHEST, jnp.int32)
+        start_key, run_key = jax.random.split(key)
+        population = search.uniform_population(start_key, config.bbo.population, lower, upper)
+        # Early arrival wastes a random habitat: the destination starts as the last resort.
+        population = population.at[:, goal].set(decoders.LOWEST)
+        population = jnp.where(jnp.arange(config.bbo.population)[:, None] < count, given, population)
+        population = _seeded(population, known, problem, config)
+        cost = partial(_score, config=config)
+        result = search.run(run_key, cost, population, lower, upper, config.bbo, (problem,))
+        best = decoders.decode(result.x[None], problem, config.decoder, config.rate_weight)
+        return result, best, problem.time_to_go[start]
+
+    return jax.vmap(one)(keys, edges, starts, goals, budgets, visited, margins, given, known)
+
+
+def _seeded(population: jax.Array, known: jax.Array, problem: Problem, config: MissionConfig) -> jax.Array:
+    """Put the known, the shortest, the beam's and the greediest orders over the last habitats."""
+    greedy = decoders.greedy_habitat(problem, config.decoder)[None]
+    nodes = jnp.stack([known, decoders.shortest_order(problem)])
+    usable = nodes[:, 0] >= 0
+    if config.seeds:
+        order = decoders.decode(greedy, problem, config.decoder, config.rate_weight)
+        saved = jnp.where(order.reached, _idle_cost(problem, config) - _cost(order, problem, config)[0], 0.0)
+        found, gains = beam.seed_orders(
+            problem,
+            _gain(problem, config),
+            saved[0],
+            config.beam_width,
+            config.places(problem.size),
+            config.seeds,
+        )
+        nodes = jnp.concatenate([nodes, found])
+        usable = jnp.concatenate([usable, gains > -jnp.inf])
+    last = population[-len(nodes) :]
+    seeds = jnp.where(usable[:, None], decoders.encode(nodes, last, config.decoder), last)
+    return jnp.concatenate([population[: -len(nodes) - 1], greedy, seeds])
+
+
+def _score(population: jax.Array, problem: Problem, config: MissionConfig) -> tuple[jax.Array, jax.Array]:
+    """Cost and violation [P] of habitats."""
+    return _cost(decoders.decode(population, problem, config.decoder, config.rate_weight), problem, config)
+
+
+def _cost(orders: decoders.Decoded, problem: Problem, config: MissionConfig) -> tuple[jax.Array, jax.Array]:
+    """Cost and violation [P] of orders."""
+    if config.objective == "eq15":
+        cost = objectives.eq15(orders, problem, config.phi1, config.phi2)
+    else:
+        cost = objectives.total_priority(orders, problem, config.time_weight)
+    return cost, objectives.violation(orders, problem)
+
+
+def _gain(problem: Problem, config: MissionConfig) -> jax.Array:
+    """[N, K] by how much each edge lowers the cost."""
+    if config.objective == "eq15":
+        return objectives.eq15_gain(problem, config.phi1, config.phi2)
+    return objectives.total_priority_gain(problem, config.time_weight)
+
+
+def _idle_cost(problem: Problem, config: MissionConfig) -> jax.Array:
+    """Cost of an order that takes no time and does no task; each edge lowers it by `_gain`."""
+    return config.phi1 * problem.time_available if config.objective == "eq15" else jnp.zeros(())

@@ -1,0 +1,184 @@
+"""A mission on one graph as the compiled planner sees it: neighbour lists and shortest ways to the goal.
+
+Row i of a neighbour list holds the K waypoints to which an edge leads from i, so that a sparse graph of N
+waypoints costs N K instead of N N. Rows are padded with waypoint 0 and infinite times.
+"""
+
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import chex
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+#: Neighbour lists are no shorter than this, so that a graph that loses edges keeps its compiled programs.
+_LEAST_NEIGHBOURS = 16
+
+
+@partial(
+    jax.tree_util.register_dataclass,
+    data_fields=("neighbours", "leg_times", "priority"),
+    meta_fields=(),
+)
+@dataclass(frozen=True)
+class Edges:
+    """The edges of a graph as neighbour lists; graphs of one size are stacked along leading axes.
+
+    Attributes:
+        neighbours: [..., N, K] int32, waypoints in rising order.
+        leg_times: [..., N, K] s, t_ij; infinite where the list is padded.
+        priority: [..., N, K] rho_ij.
+    """
+
+    neighbours: Any
+    leg_times: Any
+    priority: Any
+
+    @classmethod
+    def of(cls, leg_times: np.ndarray, priority: np.ndarray) -> "Edges":
+        """Gather the finite entries of [..., N, N] leg times (NumPy) and their priorities."""
+        size = leg_times.shape[-1]
+        finite = np.isfinite(leg_times)
+        longest = max(int(finite.sum(axis=-1).max()), _LEAST_NEIGHBOURS)
+        width = min(size, 1 << (longest - 1).bit_length())
+        neighbours = np.argsort(~finite, axis=-1, kind="stable")[..., :width]
+        used = np.take_along_axis(finite, neighbours, axis=-1)
+        return cls(
+            np.where(used, neighbours, 0).astype(np.int32),
+            np.where(used, np.take_along_axis(leg_times, neighbours, axis=-1), np.inf).astype(np.float32),
+            np.where(used, np.take_along_axis(priority, neighbours, axis=-1), 0.0).astype(np.float32),
+        )
+
+
+@partial(
+    jax.tree_util.register_dataclass,
+    data_fields=(
+        "neighbours",
+        "leg_times",
+        "priority",
+        "rate",
+        "latest",
+        "time_to_go",
+        "following",
+        "start",
+        "goal",
+        "time_available",
+    ),
+    meta_fields=(),
+)
+@dataclass(frozen=True)
+class Problem:
+    """A mission on one graph, prepared for decoding.
+
+    Attributes:
+        neighbours: [N, K] int32.
+        leg_times: [N, K] s, t_ij; infinite off the edges, into the start and into visited waypoints.
+        priority: [N, K] rho_ij; zero where there is no task.
+        rate: [N, K] rho_ij / t_ij over its mean on the edges that carry a task.
+        latest: [N, K] s, the mission time before which an edge must be entered.
+        time_to_go: [N] s, shortest time to the goal.
+        following: [N] the next waypoint on the shortest way to the goal.
+        start, goal: indices.
+        time_available: s, T_available.
+    """
+
+    neighbours: jax.Array
+    leg_times: jax.Array
+    priority: jax.Array
+    rate: jax.Array
+    latest: jax.Array
+    time_to_go: jax.Array
+    following: jax.Array
+    start: jax.Array
+    goal: jax.Array
+    time_available: jax.Array
+
+    @property
+    def size(self) -> int:
+        """Number of waypoints N."""
+        return self.neighbours.shape[0]
+
+
+def rounding_margin(size: int, dtype: Any = jnp.float32) -> float:
+    """Relative error that bounds the sum of `size` leg times, forwards and as time to go."""
+    return size * float(jnp.finfo(dtype).eps)
+
+
+def prepare(
+    edges: Edges,
+    start: jax.Array,
+    goal: jax.Array,
+    time_available: jax.Array,
+    visited: jax.Array,
+    return_margin: jax.typing.ArrayLike = 0.0,
+) -> Problem:
+    """Work out what all orders on a graph have in common.
+
+    An edge from i to j must be entered so early that t_ij and the shortest time from j to the goal,
+    lengthened by the return margin, still fit. The shortest time ignores which waypoints an order has visited.
+
+    Args:
+        edges: of one graph.
+        start, goal: indices, may be traced.
+        time_available: T_available, s; less the rounding error that a sum of N legs can have it is the
+            deadline of all orders.
+        visited: [N] bool, waypoints not to be visited again.
+        return_margin: share by which the way to the goal is taken to last longer than expected.
+    """
+    neighbours = edges.neighbours
+    size = neighbours.shape[0]
+    chex.assert_equal_shape([neighbours, edges.leg_times, edges.priority])
+    closed = visited | (jnp.arange(size) == start)
+    leg_times = jnp.where(closed[neighbours], jnp.inf, edges.leg_times)
+    priority = jnp.where(jnp.isfinite(leg_times), edges.priority, 0.0)
+    # A floor of one second keeps the rate of a leg that takes no time from drowning all others.
+    rate = priority / jnp.maximum(leg_times, 1.0)
+    mean = rate.sum() / jnp.maximum((rate > 0.0).sum(), 1)
+    time, following = shortest_routes(neighbours, leg_times, goal)
+    deadline = time_available * (1.0 - rounding_margin(size, leg_times.dtype))
+    way_back = (1.0 + jnp.asarray(return_margin, leg_times.dtype)) * time
+    return Problem(
+        neighbours=neighbours,
+        leg_times=leg_times,
+        priority=priority,
+        rate=rate / jnp.where(mean > 0.0, mean, 1.0),
+        latest=deadline - (leg_times + way_back[neighbours]),
+        time_to_go=time,
+        following=following,
+        start=start,
+        goal=goal,
+        time_available=time_available,
+    )
+
+
+def shortest_routes(
+    neighbours: jax.Array, leg_times: jax.Array, goal: jax.typing.ArrayLike
+) -> tuple[jax.Array, jax.Array]:
+    """Shortest time to the goal from each waypoint, and the waypoint to take next.
+
+    Min-plus relaxation until nothing improves. The next waypoint changes only on strict improvement, which
+    keeps the routes free of cycles even where legs take no time.
+
+    Args:
+        neighbours: [N, K] int32.
+        leg_times: [N, K] s, infinite off the edges.
+        goal: index, may be traced.
+
+    Returns:
+        ``(time [N] s, next [N] int32)``; infinite, and the waypoint itself, where the goal is out of reach.
+    """
+    index = jnp.arange(neighbours.shape[0], dtype=jnp.int32)
+    at_goal = jnp.where(index == goal, 0.0, jnp.inf).astype(leg_times.dtype)
+
+    def relax(state: tuple[jax.Array, jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array, jax.Array]:
+        time, following, _ = state
+        through = leg_times + time[neighbours]
+        shortest = through.min(axis=1)
+        better = shortest < time
+        step = neighbours[index, jnp.argmin(through, axis=1)]
+        return jnp.where(better, shortest, time), jnp.where(better, step, following), better.any()
+
+    time, following, _ = jax.lax.while_loop(lambda state: state[2], relax, (at_goal, index, jnp.array(True)))
+    return time, following
