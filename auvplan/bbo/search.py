@@ -182,6 +182,17 @@ def tell(
     )
 
 
+def _take_in(state: State, found: jax.Array, cost: jax.Array, violation: jax.Array) -> State:
+    """Let Q habitats take the place of the worst Q where they are better."""
+    worst = slice(-found.shape[0], None)
+    better = _worst_unless_finite(cost) < state.cost[worst]
+    return init(
+        state.population.at[worst].set(jnp.where(better[:, None], found, state.population[worst])),
+        state.cost.at[worst].set(jnp.where(better, cost, state.cost[worst])),
+        state.violation.at[worst].set(jnp.where(better, violation, state.violation[worst])),
+    )
+
+
 def statistics(state: State) -> History:
     """One row of the history: scalars."""
     usable = jnp.isfinite(state.cost)
@@ -205,6 +216,8 @@ def run(
     upper: jax.Array,
     config: BBOConfig,
     args: tuple[Any, ...] = (),
+    improve: Callable[..., jax.Array] | None = None,
+    period: int = 20,
 ) -> Result:
     """Search from a given population; traceable, for use inside a larger compiled function.
 
@@ -216,6 +229,9 @@ def run(
         upper: [D] inclusive bounds.
         config: static settings.
         args: problem data passed on to `fun`.
+        improve: ``improve(population, *args)`` -> [Q, D], a local search from the best habitats: a memetic
+            step. What it finds takes the place of the worst Q habitats where it is better.
+        period: iterations between two memetic steps; the first comes before the first iteration.
     """
     chex.assert_shape(population, (config.population, lower.shape[0]))
     state = init(population, *evaluate(fun, population, *args))
@@ -226,7 +242,20 @@ def run(
         return state, statistics(state)
 
     first = statistics(state)
-    state, rows = jax.lax.scan(generation, state, jax.random.split(key, config.iterations))
+    keys = jax.random.split(key, config.iterations)
+    if improve is None:
+        state, rows = jax.lax.scan(generation, state, keys)
+    else:
+
+        def epoch(state: State, keys: jax.Array) -> tuple[State, History]:
+            found = improve(state.population, *args)
+            state = _take_in(state, found, *evaluate(fun, found, *args))
+            return jax.lax.scan(generation, state, keys)
+
+        whole = config.iterations // period * period
+        state, rows = jax.lax.scan(epoch, state, keys[:whole].reshape(-1, period))
+        state, rest = epoch(state, keys[whole:])
+        rows = jax.tree.map(lambda a, b: jnp.concatenate([a.reshape(-1), b]), rows, rest)
     history = jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first, rows)
     return Result(state.population[0], state.cost[0], state.violation[0], state, history)
 

@@ -43,6 +43,9 @@ class MissionConfig:
     phi2: float = 100.0
     seeds: int = 20
     beam_width: int = 512
+    local_rounds: int = 3
+    local_width: int = 20
+    local_period: int = 20
 
     def __post_init__(self) -> None:
         if self.decoder not in ("paper", "rate"):
@@ -76,7 +79,7 @@ class MissionConfig:
             emigration=0.2,
             mutation_max=0.5,
         )
-        return cls(bbo=bbo, decoder="paper", objective="eq15", seeds=0)
+        return cls(bbo=bbo, decoder="paper", objective="eq15", seeds=0, local_rounds=0)
 
     def places(self, size: int) -> int:
         """How many partial orders of a beam may end at one waypoint of a graph of `size` waypoints."""

@@ -88,9 +88,9 @@ def decode(
     """Turn every habitat into an order of waypoints.
 
     A waypoint j qualifies at i if an edge leads there, it has not been visited, and the edge is entered
-    before the latest time that leaves enough for the way to the goal. That way ignores which waypoints have been
-    visited, so an order can still end in a dead end. Of equal values the lowest index goes first. A traversed
-    edge needs no removal: it leads into a waypoint that has been visited.
+    before the latest time that leaves enough for the way to the goal. That way ignores which waypoints have
+    been visited, so an order can still end in a dead end. Of equal values the lowest index goes first. A
+    traversed edge needs no removal: it leads into a waypoint that has been visited.
 
     Args:
         population: [P, D] integers in [-200, 100], D as `siv_count` has it.

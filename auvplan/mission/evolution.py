@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 
 from auvplan.bbo import search
-from auvplan.mission import beam
+from auvplan.mission import beam, local_search
 from auvplan.mission import decoder as decoders
 from auvplan.mission import objective as objectives
 from auvplan.mission.config import MissionConfig
@@ -58,8 +58,17 @@ def search_missions(
         population = population.at[:, goal].set(decoders.LOWEST)
         population = jnp.where(jnp.arange(config.bbo.population)[:, None] < count, given, population)
         population = _seeded(population, known, problem, config)
-        cost = partial(_score, config=config)
-        result = search.run(run_key, cost, population, lower, upper, config.bbo, (problem,))
+        result = search.run(
+            run_key,
+            partial(_score, config=config),
+            population,
+            lower,
+            upper,
+            config.bbo,
+            (problem,),
+            partial(_improved, config=config) if config.local_rounds else None,
+            config.local_period,
+        )
         best = decoders.decode(result.x[None], problem, config.decoder, config.rate_weight)
         return result, best, problem.time_to_go[start]
 
@@ -87,6 +96,15 @@ def _seeded(population: jax.Array, known: jax.Array, problem: Problem, config: M
     last = population[-len(nodes) :]
     seeds = jnp.where(usable[:, None], decoders.encode(nodes, last, config.decoder), last)
     return jnp.concatenate([population[: -len(nodes) - 1], greedy, seeds])
+
+
+def _improved(population: jax.Array, problem: Problem, config: MissionConfig) -> jax.Array:
+    """The best habitats after local search on their orders, [local_width, D]."""
+    best = population[: config.local_width]
+    orders = decoders.decode(best, problem, config.decoder, config.rate_weight)
+    nodes = local_search.improve(orders.nodes, problem, _gain(problem, config), config.local_rounds)
+    changed = orders.reached & (nodes != orders.nodes).any(axis=1)
+    return jnp.where(changed[:, None], decoders.encode(nodes, best, config.decoder), best)
 
 
 def _score(population: jax.Array, problem: Problem, config: MissionConfig) -> tuple[jax.Array, jax.Array]:

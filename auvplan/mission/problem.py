@@ -60,6 +60,8 @@ class Edges:
         "priority",
         "rate",
         "latest",
+        "way_back",
+        "deadline",
         "time_to_go",
         "following",
         "start",
@@ -78,6 +80,8 @@ class Problem:
         priority: [N, K] rho_ij; zero where there is no task.
         rate: [N, K] rho_ij / t_ij over its mean on the edges that carry a task.
         latest: [N, K] s, the mission time before which an edge must be entered.
+        way_back: [N] s, time to the goal that is kept in reserve, `time_to_go` and the return margin.
+        deadline: s, T_available less the rounding error that a sum of N legs can have.
         time_to_go: [N] s, shortest time to the goal.
         following: [N] the next waypoint on the shortest way to the goal.
         start, goal: indices.
@@ -89,6 +93,8 @@ class Problem:
     priority: jax.Array
     rate: jax.Array
     latest: jax.Array
+    way_back: jax.Array
+    deadline: jax.Array
     time_to_go: jax.Array
     following: jax.Array
     start: jax.Array
@@ -117,7 +123,8 @@ def prepare(
     """Work out what all orders on a graph have in common.
 
     An edge from i to j must be entered so early that t_ij and the shortest time from j to the goal,
-    lengthened by the return margin, still fit. The shortest time ignores which waypoints an order has visited.
+    lengthened by the return margin, still fit. The shortest time ignores which waypoints an order has
+    visited.
 
     Args:
         edges: of one graph.
@@ -145,6 +152,8 @@ def prepare(
         priority=priority,
         rate=rate / jnp.where(mean > 0.0, mean, 1.0),
         latest=deadline - (leg_times + way_back[neighbours]),
+        way_back=way_back,
+        deadline=deadline,
         time_to_go=time,
         following=following,
         start=start,
