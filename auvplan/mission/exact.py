@@ -1,0 +1,221 @@
+"""The order of tasks of most total priority, with its proof: constraint programming by OR-Tools CP-SAT."""
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvplan.mission.bound import Array, IntArray, checked, common_step, edges_in_time
+
+LEAST_TICKS = 1e7
+MOST_TICKS = 1e15
+PRIORITY_UNITS = 1e6
+
+
+@dataclass(frozen=True)
+class ExactOrder:
+    """What the exact search found and proved.
+
+    Attributes:
+        nodes: [n] waypoints from the start to the goal; empty where none was found.
+        priority: sum of rho over the tasks taken; 0.0 where none was found.
+        bound: no order in time has more, up to rounding of the sum; 0.0 where there is none at all.
+        proved: whether the search ended with a proof that the order is of most total priority, or that there
+            is none.
+        infeasible: whether it is proved that no order reaches the goal in time.
+    """
+
+    nodes: IntArray
+    priority: float
+    bound: float
+    proved: bool
+    infeasible: bool
+
+
+def solve_exact(
+    leg_times: Any,
+    priority: Any,
+    start: int,
+    goal: int,
+    time_available: float,
+    *,
+    time_limit: float = 10.0,
+    hint: Sequence[int] | NDArray[np.integer] | None = None,
+    workers: int = 1,
+) -> ExactOrder:
+    """Search for the order of most total priority until it is proved or the time limit is reached.
+
+    Leg times are counted in whole ticks of a millisecond, or finer for short missions, and rounded down, so
+    that what is proved of the ticks holds of the seconds. Should the order found take T or more in seconds,
+    a second search rounds up. Priorities are counted exactly where they have a `common_step`; else they are
+    rounded up to millionths of the largest: `bound` holds, and `proved` means within N such millionths.
+    Orders of equal priority are not told apart by their times, as a second aim would slow the proof down.
+
+    Args:
+        leg_times: [N, N] s, t_ij with the task; infinite off the edges.
+        priority: [N, N] rho_ij >= 0.
+        start: index.
+        goal: index; equal to `start` it gives the empty mission.
+        time_available: T, s; the order takes strictly less.
+        time_limit: s of search; a second search gets what is left, and a tenth of it at least.
+        hint: waypoints of a known order, where the search begins; what does not fit is passed over.
+        workers: threads; with one the answer is the same each time unless the time limit ends the search.
+
+    Raises:
+        ImportError: OR-Tools is not installed.
+        ValueError: an argument is out of range or of the wrong shape.
+    """
+    load_cp_model()
+    times, rho = checked(leg_times, priority, start, goal, time_available)
+    if not time_limit > 0.0:
+        raise ValueError(f"time_limit must be positive, got {time_limit} s")
+    if workers < 1:
+        raise ValueError(f"workers must be at least 1, got {workers}")
+    if start == goal and time_available > 0.0:
+        return ExactOrder(np.array([start]), 0.0, 0.0, proved=True, infeasible=False)
+    nothing = np.zeros(0, int)
+    tails, heads = edges_in_time(times, start, goal, time_available)
+    if not len(tails):
+        return ExactOrder(nothing, 0.0, 0.0, proved=True, infeasible=True)
+
+    legs, profit = times[tails, heads], rho[tails, heads]
+    unit = common_step(profit)
+    if unit > 0.0:
+        units = np.round(profit / unit)
+    else:
+        unit = float(profit.max()) / PRIORITY_UNITS or 1.0
+        units = np.ceil(profit / unit)
+    begin, bound, route, proved = time.monotonic(), float(profit.sum()), None, False
+    for rounding in (np.floor, np.ceil):
+        paths = PathModel(tails, heads, start, goal)
+        ticks, budget = in_ticks(legs, time_available, rounding)
+        paths.model.add(paths.total(ticks) <= budget)
+        paths.model.maximize(paths.total(units))
+        if hint is not None:
+            paths.add_hint(hint)
+        left = max(time_limit - (time.monotonic() - begin), 0.1 * time_limit)
+        status = paths.solve(left, workers)
+        if rounding is np.floor:
+            if status == "INFEASIBLE":
+                return ExactOrder(nothing, 0.0, 0.0, proved=True, infeasible=True)
+            bound = min(bound, math.floor(paths.solver.best_objective_bound + 1e-6) * unit)
+        if status not in ("OPTIMAL", "FEASIBLE"):
+            break
+        route = paths.nodes()
+        if sum(times[leg] for leg in pairwise(route.tolist())) < time_available:
+            value = round(paths.solver.objective_value) * unit
+            proved = status == "OPTIMAL" and value >= bound * (1.0 - 1e-9)
+            break
+        route = None
+    if route is None:
+        return ExactOrder(nothing, 0.0, bound, proved=False, infeasible=False)
+    found = float(rho[route[:-1], route[1:]].sum())
+    return ExactOrder(route, found, max(bound, found), proved=proved, infeasible=False)
+
+
+class PathModel:
+    """Elementary paths from the start to the goal as a CP-SAT model, a Boolean for each edge.
+
+    The edges taken, one from the goal back to the start, and a loop on each waypoint left out are a circuit.
+
+    Args:
+        tails, heads: [M] waypoints that each edge leads from and to; none into the start or out of the goal.
+        start, goal: indices, not equal.
+
+    Attributes:
+        model: constraints and the aim are added here.
+        solver: holds the answer after `solve`.
+    """
+
+    def __init__(self, tails: IntArray, heads: IntArray, start: int, goal: int) -> None:
+        self._cp_model = load_cp_model()
+        self.model, self.solver = self._cp_model.CpModel(), self._cp_model.CpSolver()
+        self._edges = list(zip(tails.tolist(), heads.tolist(), strict=True))
+        self._start, self._goal = int(start), int(goal)
+        self._taken = [self.model.new_bool_var("") for _ in self._edges]
+        waypoints = np.unique(np.r_[tails, heads]).tolist()
+        number = {waypoint: k for k, waypoint in enumerate(waypoints)}
+        self._left_out = {
+            waypoint: self.model.new_bool_var("") for waypoint in waypoints if waypoint not in (start, goal)
+        }
+        arcs = [(number[i], number[j], take) for (i, j), take in zip(self._edges, self._taken, strict=True)]
+        arcs += [(number[waypoint], number[waypoint], skip) for waypoint, skip in self._left_out.items()]
+        self.model.add_circuit([*arcs, (number[self._goal], number[self._start], True)])
+
+    def total(self, weights: Array | IntArray) -> Any:
+        """Sum of whole weights [M] over the edges taken, as an expression of the model."""
+        return self._cp_model.LinearExpr.weighted_sum(self._taken, np.asarray(weights, np.int64).tolist())
+
+    def add_hint(self, nodes: Sequence[int] | NDArray[np.integer]) -> None:
+        """Begin the search at the order of waypoints `nodes`."""
+        order = [int(node) for node in nodes]
+        legs, visited = set(pairwise(order)), set(order)
+        for edge, take in zip(self._edges, self._taken, strict=True):
+            self.model.add_hint(take, edge in legs)
+        for waypoint, skip in self._left_out.items():
+            self.model.add_hint(skip, waypoint not in visited)
+
+    def solve(self, time_limit: float, workers: int = 1) -> str:
+        """Name of the solver's status: OPTIMAL, FEASIBLE, INFEASIBLE, UNKNOWN or MODEL_INVALID.
+
+        Args:
+            time_limit: s.
+            workers: threads.
+        """
+        parameters = self.solver.parameters
+        parameters.max_time_in_seconds = time_limit
+        parameters.num_workers = workers
+        parameters.random_seed = 0
+        parameters.linearization_level = 2
+        return self.solver.status_name(self.solver.solve(self.model))
+
+    def nodes(self) -> IntArray:
+        """Waypoints of the path found, from the start to the goal."""
+        following = {
+            i: j
+            for (i, j), take in zip(self._edges, self._taken, strict=True)
+            if self.solver.boolean_value(take)
+        }
+        order = [self._start]
+        while order[-1] != self._goal:
+            order.append(following[order[-1]])
+        return np.array(order)
+
+
+def in_ticks(leg_times: Array, time_available: float, rounding: np.ufunc) -> tuple[IntArray, int]:
+    """Leg times and the time available in whole ticks.
+
+    With `numpy.floor` each sum of legs strictly below T is within the budget; with `numpy.ceil` each sum
+    within the budget is strictly below T.
+
+    Args:
+        leg_times: [M] s, finite.
+        time_available: T, s, positive.
+        rounding: `numpy.floor` or `numpy.ceil`.
+
+    Returns:
+        ``(ticks [M], budget)``.
+    """
+    longest = min(time_available, float(leg_times.sum()) + 1.0)
+    exponent = max(3, math.ceil(math.log10(LEAST_TICKS / longest)))
+    exponent = min(exponent, math.floor(math.log10(MOST_TICKS / longest)))
+    per_second = 10.0**exponent
+    return rounding(leg_times * per_second).astype(np.int64), math.ceil(longest * per_second) - 1
+
+
+def load_cp_model() -> Any:
+    """The module `ortools.sat.python.cp_model`.
+
+    Raises:
+        ImportError: OR-Tools is not installed.
+    """
+    try:
+        from ortools.sat.python import cp_model
+    except ImportError as error:
+        raise ImportError("the exact search needs OR-Tools: pip install 'auvplan[exact]'") from error
+    return cp_model

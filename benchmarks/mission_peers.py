@@ -1,0 +1,157 @@
+"""Other people's solvers on the mission problem: CP-SAT, PyVRP and mealpy's BBO; each is optional."""
+
+from collections.abc import Callable
+from functools import cache
+from itertools import pairwise
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from auvplan.mission import time_to_go
+from auvplan.mission.bound import common_step, edges_in_time, upper_bound
+from auvplan.mission.exact import ExactOrder, PathModel, in_ticks, solve_exact
+from benchmarks.mission_sets import Case
+
+
+def cp_sat(case: Case, time_limit: float) -> ExactOrder:
+    """The exact search with one thread."""
+    return solve_exact(
+        case.leg_times, case.graph.priority, case.start, case.goal, case.time_available, time_limit=time_limit
+    )
+
+
+def reference(case: Case, time_limit: float) -> tuple[float, bool]:
+    """Most total priority and whether it is proved; else, and without OR-Tools, the least upper bound."""
+    bound = upper_bound(case.leg_times, case.graph.priority, case.start, case.goal, case.time_available)
+    try:
+        order = cp_sat(case, time_limit)
+    except ImportError:
+        return bound, False
+    return (order.priority, True) if order.proved else (min(bound, order.bound), False)
+
+
+def eq15_cost(case: Case, nodes: Any, phi1: float, phi2: float) -> float:
+    """Phi_1 |T_Mission - T_available| + Phi_2 sum(1 / rho) of an order (Eq. 15)."""
+    times, rho = case.leg_times, case.graph.priority
+    legs = [(int(i), int(j)) for i, j in pairwise(nodes)]
+    unused = case.time_available - sum(times[leg] for leg in legs)
+    return phi1 * abs(unused) + phi2 * sum(1.0 / rho[leg] for leg in legs if rho[leg] > 0.0)
+
+
+def cp_sat_eq15(case: Case, phi1: float, phi2: float, time_limit: float) -> tuple[list[int], float]:
+    """An order of low cost by Eq. 15, and a cost that none is below.
+
+    The unused time and the sum over tasks are both sums over edges, so that the aim is a longest path. The
+    bound is right to a tick for each leg.
+
+    Args:
+        case: mission.
+        phi1: Phi_1, per s.
+        phi2: Phi_2.
+        time_limit: s.
+
+    Returns:
+        ``(nodes, bound)``; no nodes where none were found.
+    """
+    tails, heads = edges_in_time(case.leg_times, case.start, case.goal, case.time_available)
+    if not len(tails):
+        return [], np.inf
+    legs, rho = case.leg_times[tails, heads], case.graph.priority[tails, heads]
+    ticks, budget = in_ticks(legs, case.time_available, np.ceil)
+    tick = case.time_available / (budget + 1)
+    inverse = np.divide(1.0, rho, out=np.zeros_like(rho), where=rho > 0.0)
+    gain = phi1 * legs - phi2 * inverse
+    paths = PathModel(tails, heads, case.start, case.goal)
+    paths.model.add(paths.total(ticks) <= budget)
+    paths.model.maximize(paths.total(np.round(gain / tick)))
+    status = paths.solve(time_limit)
+    bound = phi1 * case.time_available - paths.solver.best_objective_bound * tick
+    return (paths.nodes().tolist() if status in ("OPTIMAL", "FEASIBLE") else []), bound
+
+
+def pyvrp(case: Case, seed: int, time_limit: float) -> list[int]:
+    """PyVRP's prize collecting: one vehicle, optional clients. It knows prizes of waypoints only."""
+    import pyvrp
+    from pyvrp.stop import MaxRuntime
+
+    assert case.prizes is not None
+    size, times = case.graph.size, case.leg_times
+    clients = [k for k in range(size) if k not in (case.start, case.goal)]
+    scale = 1e5 / case.time_available
+    budget = int(np.ceil(case.time_available * scale)) - 1
+    model, place = pyvrp.Model(), {}
+    for k, (x, y, _) in enumerate(case.graph.positions):
+        place[k] = model.add_location(x=int(1000 * x), y=int(1000 * y))
+    depots = [model.add_depot(place[k]) for k in (case.start, case.goal)]
+    unit = common_step(case.prizes) or 1.0
+    for k in clients:
+        prize = round(float(case.prizes[k]) / unit) * (budget + 1)
+        model.add_client(place[k], prize=prize, required=False)
+    model.add_vehicle_type(1, start_depot=depots[0], end_depot=depots[1], max_distance=budget)
+    for i in range(size):
+        for j in range(size):
+            distance = 0 if i == j else int(np.ceil(times[i, j] * scale))
+            model.add_edge(place[i], place[j], distance=distance)
+    result = model.solve(MaxRuntime(time_limit), seed=seed, display=False, collect_stats=False)
+    if not result.best.is_feasible():
+        return []
+    visits = [clients[stop.idx] for route in result.best.routes() for stop in route if stop.is_client()]
+    return [case.start, *visits, case.goal]
+
+
+def mealpy_bbo(case: Case, seed: int, population: int = 150, iterations: int = 200) -> list[int]:
+    """mealpy's OriginalBBO on random keys: the open waypoint of the largest key comes next.
+
+    A waypoint is open that is not yet visited and leaves time to reach the goal; most total priority is the
+    aim, the unused time the second. The decoder is compiled by Numba.
+    """
+    from mealpy import BBO, FloatVar
+
+    decode, size, budget = _random_key_decoder(), case.graph.size, case.time_available
+    times, rho = case.leg_times, case.graph.priority
+    togo = np.asarray(time_to_go(jnp.asarray(times), case.goal), float)
+    second = 0.05 * rho.max() / budget
+
+    def cost(keys: np.ndarray) -> float:
+        nodes, time, priority = decode(keys, times, rho, togo, case.start, case.goal, budget)
+        return second * time - priority if nodes[-1] == case.goal else size * rho.max()
+
+    problem = {
+        "obj_func": cost,
+        "bounds": [FloatVar(lb=0.0, ub=1.0) for _ in range(size)],
+        "minmax": "min",
+        "log_to": None,
+    }
+    best = BBO.OriginalBBO(epoch=iterations, pop_size=population).solve(problem, seed=seed)
+    nodes, _, _ = decode(best.solution, times, rho, togo, case.start, case.goal, budget)
+    return nodes.tolist() if nodes[-1] == case.goal else []
+
+
+@cache
+def _random_key_decoder() -> Callable[..., tuple[np.ndarray, float, float]]:
+    """Keys [N] into ``(nodes [n], time, priority)``; the order ends early where nothing is open."""
+    import numba
+
+    @numba.njit
+    def decode(keys, times, rho, togo, start, goal, budget):
+        nodes, count = np.empty(len(keys), np.int64), 1
+        nodes[0] = here = start
+        visited = np.zeros(len(keys), np.bool_)
+        visited[start] = True
+        time = priority = 0.0
+        while here != goal:
+            chosen, largest = -1, -1.0
+            for j in range(len(keys)):
+                if not visited[j] and keys[j] > largest and time + times[here, j] + togo[j] < budget:
+                    chosen, largest = j, keys[j]
+            if chosen < 0:
+                break
+            time += times[here, chosen]
+            priority += rho[here, chosen]
+            visited[chosen] = True
+            nodes[count] = here = chosen
+            count += 1
+        return nodes[:count], time, priority
+
+    return decode

@@ -1,0 +1,115 @@
+"""Missions of the benchmark: shared task graphs, orienteering sets and generated graphs."""
+
+import gzip
+import json
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvplan.mission import MissionGraph, random_graph
+
+SHARED = Path(__file__).parents[2] / "shared" / "data"
+
+
+@dataclass(frozen=True)
+class Case:
+    """One mission to plan.
+
+    Attributes:
+        name: of the case.
+        family: cases of one family have one size N and share a row of the table.
+        graph: N waypoints.
+        start: index.
+        goal: index.
+        time_available: T_available, s; in the orienteering sets a length, sailed at speed 1.
+        speed: |v|, m/s.
+        optimum: most total priority, where it is known.
+        prizes: [N] prize of each waypoint, where the priorities rho_ij = (prize_i + prize_j) / 2 stand for
+            prizes of waypoints.
+    """
+
+    name: str
+    family: str
+    graph: MissionGraph
+    start: int
+    goal: int
+    time_available: float
+    speed: float
+    optimum: float | None = None
+    prizes: NDArray[np.floating] | None = None
+
+    @property
+    def leg_times(self) -> NDArray[np.floating]:
+        """[N, N] s."""
+        return self.graph.leg_times(self.speed)
+
+
+def shared_cases() -> list[Case]:
+    """Task graphs and orienteering sets of the shared data; none where they are absent."""
+    return [*_task_graphs(), *_orienteering()]
+
+
+def generated_cases(sizes: Iterable[int] = (40, 100), count: int = 3) -> list[Case]:
+    """Graphs of `random_graph` in a box of 10 km by 10 km by 100 m, four hours at 2.5 m/s."""
+    cases = []
+    for size in sizes:
+        for seed in range(count):
+            rng = np.random.default_rng(seed)
+            graph = random_graph(rng, rng.uniform(0.0, 10_000.0, (size, 3)) * [1.0, 1.0, 0.01])
+            cases.append(Case(f"random{size}-s{seed}", f"random{size}", graph, 0, size - 1, 14_400.0, 2.5))
+    return cases
+
+
+def _task_graphs() -> list[Case]:
+    path = SHARED / "missions" / "graphs.json.gz"
+    if not path.exists():
+        return []
+    with gzip.open(path) as file:
+        stored = json.load(file)
+    cases = []
+    for case in stored:
+        size = case["n"]
+        adjacency, travel = np.zeros((size, size), bool), np.full((size, size), np.nan)
+        priority, duration = np.zeros((size, size)), np.zeros((size, size))
+        for i, j, length, rho, delta in case["edges"]:
+            both = [i, j], [j, i]
+            adjacency[both], priority[both], duration[both] = True, rho, delta
+            travel[both] = length / case["v"]
+        graph = MissionGraph(np.array(case["nodes"], float), adjacency, priority, duration, travel)
+        family, optimum = f"{case['family']}{size}", float(case["optimum"])
+        ends = case["start"], case["dest"]
+        cases.append(Case(case["name"], family, graph, *ends, case["T"], case["v"], optimum))
+    return sorted(cases, key=lambda case: (case.graph.size, case.name))
+
+
+def _orienteering() -> list[Case]:
+    folder = SHARED / "orienteering"
+    if not folder.exists():
+        return []
+    optima = json.loads((folder / "optimal.json").read_text())
+    cases = []
+    for family, pattern, key in (
+        ("Tsiligirides 1", "Tsiligirides_1/*.txt", "tsiligirides_problem_1"),
+        ("Chao 64", "ChaoSet_64/*.txt", "set_64_1"),
+    ):
+        for path in sorted(folder.glob(pattern)):
+            rows = [line.split() for line in path.read_text().splitlines() if line.strip()]
+            points, budget = np.array(rows[1:], float), float(rows[0][0])
+            number = int(re.findall(r"\d+", path.stem)[-1])
+            prizes, size = points[:, 2], len(points)
+            priority = 0.5 * (prizes[:, None] + prizes[None, :])
+            np.fill_diagonal(priority, 0.0)
+            graph = MissionGraph(
+                np.c_[points[:, :2], np.zeros(size)],
+                ~np.eye(size, dtype=bool),
+                priority,
+                np.zeros((size, size)),
+            )
+            optimum = float(optima[key][str(number)])
+            name = f"{family} T={budget:g}"
+            cases.append(Case(name, family, graph, 0, 1, budget, 1.0, optimum, prizes))
+    return cases

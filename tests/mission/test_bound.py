@@ -1,0 +1,155 @@
+"""The upper bound against brute force and proven optima."""
+
+import gzip
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from auvplan.mission import MissionGraph
+from auvplan.mission.bound import common_step, edges_in_time, upper_bound
+from tests.mission.naive import best_priority, grid_graph
+from tests.mission.naive import time_to_go as dijkstra_time_to_go
+
+GRAPHS = Path(__file__).parents[3] / "shared" / "data" / "missions" / "graphs.json.gz"
+SPEED = 2.0
+
+
+def with_priority(graph: MissionGraph, priority: np.ndarray) -> MissionGraph:
+    return MissionGraph(graph.positions, graph.adjacency, priority, graph.duration)
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.5, 0.1, np.pi, None])
+@pytest.mark.parametrize("seed", range(10))
+def test_never_below_the_optimum(seed: int, scale: float | None) -> None:
+    graph = grid_graph(seed, 6 + seed % 3, 0.6, directed=seed % 2 == 0)
+    noise = np.random.default_rng(seed).uniform(0.0, 1.0, graph.priority.shape)
+    graph = with_priority(graph, graph.priority * (noise if scale is None else scale))
+    legs, goal = graph.leg_times(SPEED), graph.size - 1
+    budget = 700.0 + 150.0 * seed
+    optimum = best_priority(graph, 0, goal, budget, SPEED)
+    bound = upper_bound(legs, graph.priority, 0, goal, budget)
+    if optimum is None:
+        assert bound == 0.0
+    else:
+        assert optimum <= bound <= 1.5 * optimum + 5.0 * graph.priority.max()
+        assert bound <= upper_bound(legs, graph.priority, 0, goal, budget, rounds=1)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    seed=st.integers(0, 10_000),
+    density=st.sampled_from([0.2, 0.5, 0.9]),
+    directed=st.booleans(),
+    slack=st.sampled_from([0.5, 1.0, 1.0001, 1.2, 3.0]),
+)
+def test_valid_also_at_the_edge_of_time(seed: int, density: float, directed: bool, slack: float) -> None:
+    graph = grid_graph(seed, 7, density, directed)
+    legs = graph.leg_times(SPEED)
+    shortest = dijkstra_time_to_go(legs, 6)[0]
+    budget = slack * shortest if np.isfinite(shortest) else 500.0
+    optimum = best_priority(graph, 0, 6, budget, SPEED)
+    bound = upper_bound(legs, graph.priority, 0, 6, budget)
+    assert bound >= (optimum or 0.0)
+    assert (bound > 0.0) <= (optimum is not None)
+
+
+def test_a_detour_that_does_not_fit() -> None:
+    """0 -> 1 -> 3 takes 20 s for 3, 0 -> 2 -> 3 takes 30 s for 8; then 2 -> 4 -> 3 comes in."""
+    times, rho = np.full((5, 5), np.inf), np.zeros((5, 5))
+    for i, j, seconds, worth in [(0, 1, 10, 1), (1, 3, 10, 2), (0, 2, 15, 4), (2, 3, 15, 4)]:
+        times[i, j], rho[i, j] = seconds, worth
+    assert [upper_bound(times, rho, 0, 3, budget) for budget in (20.0, 21.0, 29.9, 31.0)] == [
+        0.0,
+        3.0,
+        3.0,
+        8.0,
+    ]
+    times[2, 4], rho[2, 4] = 11.0, 6.0
+    times[4, 3], rho[4, 3] = 11.0, 7.0
+    assert upper_bound(times, rho, 0, 3, 38.0) == 17.0
+    assert 8.0 <= upper_bound(times, rho, 0, 3, 36.0) < 17.0
+
+
+def test_cycles_apart_from_the_path_are_cut_off() -> None:
+    """A triangle of high priority, linked to the path by one slow edge, must be paid for."""
+    times, rho = np.full((5, 5), np.inf), np.zeros((5, 5))
+    times[0, 1], rho[0, 1] = 10.0, 1.0
+    for i, j in [(2, 3), (3, 4), (4, 2)]:
+        times[i, j], rho[i, j] = 1.0, 5.0
+    times[0, 2] = times[4, 1] = 100.0
+    assert upper_bound(times, rho, 0, 1, 1000.0) == 10.0
+    assert upper_bound(times, rho, 0, 1, 100.0) == 1.0
+
+
+def test_edges_of_no_duration_are_edges() -> None:
+    times, rho = np.full((3, 3), np.inf), np.ones((3, 3))
+    times[0, 1] = times[1, 2] = 0.0
+    tails, heads = edges_in_time(times, 0, 2, 1.0)
+    assert list(zip(tails, heads, strict=True)) == [(0, 1), (1, 2)]
+    assert upper_bound(times, rho, 0, 2, 1.0) == 2.0
+    assert upper_bound(times, rho, 0, 2, np.inf) == 2.0
+    assert upper_bound(times, rho, 0, 2, 0.0) == 0.0
+
+
+def test_nothing_to_gain() -> None:
+    graph = grid_graph(0, 7, 0.9)
+    legs = graph.leg_times(SPEED)
+    assert upper_bound(legs, np.zeros((7, 7)), 0, 6, 1e4) == 0.0
+    assert upper_bound(legs, graph.priority, 3, 3, 1e4) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("values", "step"),
+    [
+        ([0.0, 2.0, 4.0, 6.0], 2.0),
+        ([2.5, 10.0], 2.5),
+        ([1.0 / 3.0, 1.0], 1.0 / 3.0),
+        (np.arange(50) * 0.1, 0.1),
+        ([0.7312345678], 0.7312345678),
+        ([0.0], 0.0),
+        ([1.0, np.sqrt(2.0)], 0.0),
+        ([1.0, 1.0 + 1e-7], 0.0),
+    ],
+)
+def test_common_step(values: list[float], step: float) -> None:
+    assert common_step(values) == pytest.approx(step, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"leg_times": np.zeros((2, 3))}, r"leg_times must be \[N, N\]"),
+        ({"leg_times": np.full((7, 7), -1.0)}, "leg_times must not be negative"),
+        ({"priority": np.zeros(7)}, "priority must be"),
+        ({"priority": np.full((7, 7), np.nan)}, "priority must be finite"),
+        ({"start": 7}, "start must be an index"),
+        ({"goal": -1}, "goal must be an index"),
+        ({"time_available": np.nan}, "time_available"),
+        ({"rounds": 0}, "rounds must be at least 1"),
+    ],
+)
+def test_bad_arguments_are_refused(change: dict, message: str) -> None:
+    graph = grid_graph(0, 7, 0.9)
+    arguments = {
+        "leg_times": graph.leg_times(SPEED), "priority": graph.priority, "start": 0, "goal": 6,
+        "time_available": 1e4, **change,
+    }  # fmt: skip
+    with pytest.raises(ValueError, match=message):
+        upper_bound(**arguments)
+
+
+@pytest.mark.skipif(not GRAPHS.exists(), reason=f"task graphs with proven optima not found at {GRAPHS}")
+@pytest.mark.parametrize(("name", "gap"), [("full40-s0", 0.03), ("knn40-s0", 0.03), ("rnd40-s0", 0.06)])
+def test_close_to_the_proven_optimum(name: str, gap: float) -> None:
+    with gzip.open(GRAPHS) as file:
+        case = next(case for case in json.load(file) if case["name"] == name)
+    times, rho = np.full((case["n"], case["n"]), np.inf), np.zeros((case["n"], case["n"]))
+    for i, j, length, worth, delta in case["edges"]:
+        times[[i, j], [j, i]] = length / case["v"] + delta
+        rho[[i, j], [j, i]] = worth
+    bound = upper_bound(times, rho, case["start"], case["dest"], case["T"])
+    assert case["optimum"] <= bound <= (1.0 + gap) * case["optimum"]

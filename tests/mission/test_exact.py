@@ -1,0 +1,140 @@
+"""The exact search against brute force and proven optima."""
+
+import gzip
+import json
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from auvplan.mission import check_order
+from auvplan.mission.bound import upper_bound
+from auvplan.mission.exact import in_ticks, solve_exact
+from tests.mission.naive import best_priority, grid_graph
+
+pytest.importorskip("ortools", reason="the exact search needs OR-Tools")
+
+GRAPHS = Path(__file__).parents[3] / "shared" / "data" / "missions" / "graphs.json.gz"
+SPEED = 2.0
+
+
+def diamond() -> tuple[np.ndarray, np.ndarray]:
+    """0 -> 1 -> 3 takes 20 s for 3; 0 -> 2 -> 3 takes 30 s for 8."""
+    times, rho = np.full((4, 4), np.inf), np.zeros((4, 4))
+    for i, j, seconds, worth in [(0, 1, 10, 1), (1, 3, 10, 2), (0, 2, 15, 4), (2, 3, 15, 4)]:
+        times[i, j], rho[i, j] = seconds, worth
+    return times, rho
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.1, None])
+@pytest.mark.parametrize("seed", range(10))
+def test_equals_brute_force(seed: int, scale: float | None) -> None:
+    graph = grid_graph(seed, 6 + seed % 3, 0.6, directed=seed % 2 == 0)
+    noise = np.random.default_rng(seed).uniform(0.0, 1.0, graph.priority.shape)
+    rho = graph.priority * (noise if scale is None else scale)
+    graph = type(graph)(graph.positions, graph.adjacency, rho, graph.duration)
+    goal, budget = graph.size - 1, 700.0 + 150.0 * seed
+    optimum = best_priority(graph, 0, goal, budget, SPEED)
+    order = solve_exact(graph.leg_times(SPEED), rho, 0, goal, budget)
+    assert order.proved
+    assert order.infeasible == (optimum is None)
+    if optimum is not None:
+        assert check_order(graph, order.nodes, 0, goal, budget, SPEED)
+        assert order.priority == pytest.approx(optimum, rel=1e-5)
+        assert order.priority == pytest.approx(sum(rho[leg] for leg in pairwise(order.nodes)))
+        assert optimum * (1.0 - 1e-12) <= order.bound <= optimum * (1.0 + 1e-5)
+
+
+@pytest.mark.parametrize(
+    ("budget", "nodes", "priority"),
+    [(30.0, [0, 1, 3], 3.0), (30.0000001, [0, 2, 3], 8.0), (20.0, [], 0.0), (20.0005, [0, 1, 3], 3.0)],
+)
+def test_an_order_takes_strictly_less_than_the_time_available(
+    budget: float, nodes: list[int], priority: float
+) -> None:
+    order = solve_exact(*diamond(), 0, 3, budget)
+    assert order.nodes.tolist() == nodes
+    assert (order.priority, order.bound) == (priority, priority)
+    assert order.proved
+    assert order.infeasible == (not nodes)
+
+
+def test_no_way_and_the_empty_mission() -> None:
+    times, rho = diamond()
+    assert solve_exact(times, rho, 3, 0, 1e4).infeasible
+    at_goal = solve_exact(times, rho, 3, 3, 10.0)
+    assert (at_goal.nodes.tolist(), at_goal.proved, at_goal.infeasible) == ([3], True, False)
+    assert solve_exact(times, rho, 3, 3, 0.0).infeasible
+    bare = solve_exact(times, 0.0 * rho, 0, 3, np.inf)
+    assert (bare.nodes[0], bare.nodes[-1], bare.priority, bare.proved) == (0, 3, 0.0, True)
+
+
+def test_within_a_tick_the_second_search_answers() -> None:
+    times, rho = diamond()
+    times[0, 2] += 5e-8
+    order = solve_exact(times, rho, 0, 3, 30.0 + 2e-8)
+    assert order.nodes.tolist() == [0, 1, 3]
+    assert order.priority <= 3.0 <= order.bound <= 8.0
+
+
+@pytest.mark.parametrize("hint", [[0, 1, 3], [0, 2, 3], [0, 3, 9], []])
+def test_any_hint_is_accepted(hint: list[int]) -> None:
+    order = solve_exact(*diamond(), 0, 3, 40.0, hint=hint)
+    assert (order.nodes.tolist(), order.proved) == ([0, 2, 3], True)
+
+
+def test_the_same_answer_each_time() -> None:
+    graph = grid_graph(3, 15, 0.5)
+    first, again = (solve_exact(graph.leg_times(SPEED), graph.priority, 0, 14, 3000.0) for _ in range(2))
+    np.testing.assert_array_equal(first.nodes, again.nodes)
+    assert first.proved
+    assert first.priority <= upper_bound(graph.leg_times(SPEED), graph.priority, 0, 14, 3000.0)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_ticks_err_on_the_known_side(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    legs = rng.uniform(0.0, 10.0 ** rng.integers(-3, 6), 8)
+    budget = float(rng.choice([legs[:4].sum(), legs.sum(), 0.5 * legs.sum()]))
+    low, most = in_ticks(legs, budget, np.floor)
+    high, least = in_ticks(legs, budget, np.ceil)
+    assert most == least
+    for subset in rng.random((200, 8)) < 0.5:
+        time = legs[subset].sum()
+        assert low[subset].sum() <= most or time >= budget * (1.0 - 1e-12)
+        assert high[subset].sum() > most or time < budget * (1.0 + 1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"time_limit": 0.0}, "time_limit must be positive"),
+        ({"workers": 0}, "workers must be at least 1"),
+        ({"goal": 4}, "goal must be an index"),
+    ],
+)
+def test_bad_arguments_are_refused(change: dict, message: str) -> None:
+    times, rho = diamond()
+    arguments = {"start": 0, "goal": 3, "time_available": 40.0, **change}
+    with pytest.raises(ValueError, match=message):
+        solve_exact(times, rho, **arguments)
+
+
+def test_without_or_tools_one_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "ortools.sat.python", None)
+    with pytest.raises(ImportError, match=r"pip install 'auvplan\[exact\]'"):
+        solve_exact(*diamond(), 0, 3, 40.0)
+
+
+@pytest.mark.skipif(not GRAPHS.exists(), reason=f"task graphs with proven optima not found at {GRAPHS}")
+def test_the_proven_optimum_of_a_task_graph() -> None:
+    with gzip.open(GRAPHS) as file:
+        case = next(case for case in json.load(file) if case["name"] == "knn40-s0")
+    times, rho = np.full((case["n"], case["n"]), np.inf), np.zeros((case["n"], case["n"]))
+    for i, j, length, worth, delta in case["edges"]:
+        times[[i, j], [j, i]] = length / case["v"] + delta
+        rho[[i, j], [j, i]] = worth
+    order = solve_exact(times, rho, case["start"], case["dest"], case["T"], time_limit=30.0)
+    assert (order.priority, order.bound, order.proved) == (case["optimum"], case["optimum"], True)
