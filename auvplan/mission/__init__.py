@@ -1,6 +1,8 @@
 """Mission layer: a graph and a time budget into an ordered list of tasks (section 3.3)."""
 
+from auvplan.mission.bound import upper_bound
 from auvplan.mission.config import MissionConfig
+from auvplan.mission.exact import certify
 from auvplan.mission.feasibility import OrderCheck, check_order
 from auvplan.mission.graph import MissionGraph, random_graph, time_to_go
 from auvplan.mission.order import MissionOrder, MissionOrders, MissionStatus
@@ -13,9 +15,11 @@ __all__ = [
     "MissionOrders",
     "MissionStatus",
     "OrderCheck",
+    "certify",
     "check_order",
     "plan_mission",
     "plan_missions",
     "random_graph",
     "time_to_go",
+    "upper_bound",
 ]

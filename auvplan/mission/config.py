@@ -28,7 +28,14 @@ class MissionConfig:
         phi2: Phi_2 of "eq15"; the paper gives no value.
         seeds: habitats taken from a beam search before the evolution starts, see `auvplan.mission.beam`; none
             if zero.
-        beam_width: partial orders that the beam keeps.
+        beam_width: partial orders that the beam keeps; None is 512, or 2048 for "eq15", which rewards filling
+            the time to the second and so needs many orders to choose from.
+        local_rounds: changes that a memetic step makes to an order at most, see
+            `auvplan.mission.local_search`; no memetic steps if zero.
+        local_width: habitats that a memetic step starts from.
+        local_period: iterations between memetic steps.
+        degree: places for neighbours of a waypoint at least; set it to the largest degree of the first graph
+            where later ones lose edges, and nothing compiles again.
 
     Raises:
         ValueError: a setting is out of its range, or no elite would keep the shortest mission alive.
@@ -42,10 +49,11 @@ class MissionConfig:
     phi1: float = 1.0
     phi2: float = 100.0
     seeds: int = 20
-    beam_width: int = 512
+    beam_width: int | None = None
     local_rounds: int = 3
     local_width: int = 20
     local_period: int = 20
+    degree: int = 16
 
     def __post_init__(self) -> None:
         if self.decoder not in ("paper", "rate"):
@@ -57,8 +65,15 @@ class MissionConfig:
                 raise ValueError(f"{name} must not be negative, got {getattr(self, name)}")
         if not 0.0 <= self.time_weight < 1.0:
             raise ValueError(f"time_weight must be in [0, 1), got {self.time_weight}")
-        if self.beam_width < 1:
+        if self.beam_width is not None and self.beam_width < 1:
             raise ValueError(f"beam_width must be at least 1, got {self.beam_width}")
+        for name in ("local_period", "degree"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"{name} must be at least 1, got {getattr(self, name)}")
+        if self.local_rounds < 0:
+            raise ValueError(f"local_rounds must not be negative, got {self.local_rounds}")
+        if not 1 <= self.local_width <= self.bbo.population:
+            raise ValueError(f"local_width must be in [1, bbo.population], got {self.local_width}")
         if not 0 <= self.seeds <= self.bbo.population - 4:
             raise ValueError(f"seeds must be in [0, bbo.population - 4], got {self.seeds}")
         if self.bbo.replacement == "generational" and self.bbo.elites < 1:
@@ -81,9 +96,14 @@ class MissionConfig:
         )
         return cls(bbo=bbo, decoder="paper", objective="eq15", seeds=0, local_rounds=0)
 
+    @property
+    def width(self) -> int:
+        """Partial orders that the beam keeps."""
+        return self.beam_width or (2048 if self.objective == "eq15" else 512)
+
     def places(self, size: int) -> int:
         """How many partial orders of a beam may end at one waypoint of a graph of `size` waypoints."""
-        return max(2, 4 * self.beam_width // size)
+        return max(2, 4 * self.width // size)
 
     def replace(self, **changes: Any) -> Self:
         """A copy with some settings changed."""

@@ -87,7 +87,7 @@ def _seeded(population: jax.Array, known: jax.Array, problem: Problem, config: M
             problem,
             _gain(problem, config),
             saved[0],
-            config.beam_width,
+            config.width,
             config.places(problem.size),
             config.seeds,
         )

@@ -3,15 +3,14 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
+from functools import cached_property
 
 import jax
 import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.bbo import History
-
-Array = NDArray[np.floating]
-IntArray = NDArray[np.integer]
+from auvplan.mission.bound import Array, IntArray, upper_bound
 
 
 class MissionStatus(Enum):
@@ -42,6 +41,10 @@ class MissionOrder:
         time_available: T_available, s.
         population: [P, D] habitats, best first, to plan again from.
         history: cost and violation by iteration.
+        edge_times: [N, N] s, t_ij of all edges that were open to the mission; infinite elsewhere.
+        edge_priority: [N, N] rho_ij.
+        goal: index of the destination.
+        proven_bound: bound on the total priority that an exact search proved; None without one.
     """
 
     nodes: IntArray
@@ -55,11 +58,29 @@ class MissionOrder:
     time_available: float
     population: IntArray
     history: History
+    edge_times: Array
+    edge_priority: Array
+    goal: int
+    proven_bound: float | None = None
 
     @property
     def feasible(self) -> bool:
         """Whether the order leads to the destination in time."""
         return self.status is MissionStatus.OK
+
+    @cached_property
+    def bound(self) -> float:
+        """No order from here has more total priority; worked out on first use, see `upper_bound`."""
+        if self.proven_bound is not None:
+            return self.proven_bound
+        return upper_bound(
+            self.edge_times, self.edge_priority, int(self.nodes[0]), self.goal, self.time_available
+        )
+
+    @property
+    def gap(self) -> float:
+        """(bound - priority) / bound: at most this share of the attainable priority is missed."""
+        return max(0.0, 1.0 - self.priority / self.bound) if self.bound > 0.0 else 0.0
 
     @property
     def reason(self) -> str:
@@ -77,7 +98,7 @@ class MissionOrders:
     """B orders from one compiled call; `orders[b]` is a `MissionOrder`.
 
     Attributes: as in `MissionOrder`, with a leading axis B; `nodes` is [B, N], padded with -1, `leg_times`
-        [B, N - 1], padded with zeros, `count` [B] the number of waypoints of each order.
+        [B, N - 1], padded with zeros, `count` [B] the number of waypoints of each order, `goals` [B].
     """
 
     nodes: IntArray
@@ -92,6 +113,9 @@ class MissionOrders:
     time_available: Array
     population: IntArray
     history: History
+    edge_times: Array
+    edge_priority: Array
+    goals: IntArray
 
     def __len__(self) -> int:
         return len(self.status)
@@ -118,4 +142,7 @@ class MissionOrders:
             time_available=float(self.time_available[b]),
             population=self.population[b],
             history=jax.tree.map(lambda rows: rows[b], self.history),
+            edge_times=self.edge_times[b],
+            edge_priority=self.edge_priority[b],
+            goal=int(self.goals[b]),
         )

@@ -1,7 +1,7 @@
 """The mission planner: a graph and a time budget into an order of tasks (section 3.3)."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import jax
 import jax.numpy as jnp
@@ -10,6 +10,7 @@ import numpy as np
 from auvplan.mission import decoder as decoders
 from auvplan.mission.config import MissionConfig
 from auvplan.mission.evolution import search_missions
+from auvplan.mission.exact import certify
 from auvplan.mission.graph import MissionGraph
 from auvplan.mission.order import MissionOrder, MissionOrders, MissionStatus
 from auvplan.mission.problem import Edges, rounding_margin
@@ -31,6 +32,8 @@ def plan_mission(
     speed: float | None = None,
     visited: Any = None,
     known_order: Sequence[int] | np.ndarray | None = None,
+    method: Literal["search", "exact"] = "search",
+    time_limit: float = 10.0,
 ) -> MissionOrder:
     """Find the order of tasks of most total priority that reaches the destination in time.
 
@@ -54,9 +57,13 @@ def plan_mission(
         speed: m/s, instead of `vehicle`.
         visited: [N] bool, waypoints not to be visited again; none by default.
         known_order: [n] waypoints from start to goal; the answer costs no more, if it keeps all limits.
+        method: "exact" hands the order found to OR-Tools CP-SAT, which improves and proves it: `bound` of the
+            answer is what it proved. It needs the extra `auvplan[exact]` and objective "priority".
+        time_limit: s, of the exact method.
 
     Raises:
         ValueError: an argument is out of range or of the wrong shape.
+        ImportError: method "exact" without OR-Tools.
 
     Example:
         >>> import jax, numpy as np
@@ -66,7 +73,13 @@ def plan_mission(
         >>> order = plan_mission(graph, 0, 7, 1800.0, speed=2.5, key=jax.random.key(0))
         >>> order.feasible, bool(order.time < 1800.0)
         (True, True)
+        >>> order.priority <= order.bound
+        True
     """
+    if method not in ("search", "exact"):
+        raise ValueError(f'method must be "search" or "exact", got {method!r}')
+    if method == "exact" and config is not None and config.objective != "priority":
+        raise ValueError(f'method "exact" needs objective "priority", got {config.objective!r}')
     if np.ndim(graph.positions) != 2:
         raise ValueError("plan_mission takes one graph: give stacked graphs to plan_missions")
     if (vehicle is None) == (speed is None):
@@ -83,7 +96,7 @@ def plan_mission(
         visited=None if visited is None else np.asarray(visited)[None],
         known_orders=None if known_order is None else [known_order],
     )
-    return orders[0]
+    return certify(orders[0], time_limit) if method == "exact" else orders[0]
 
 
 def plan_missions(
@@ -141,11 +154,11 @@ def plan_missions(
     found = jax.tree.map(
         np.asarray,
         search_missions(
-            keys, Edges.of(legs, graphs.priority), starts, goals, budget.astype(np.float32),
+            keys, Edges.of(legs, graphs.priority, config.degree), starts, goals, budget.astype(np.float32),
             closed, margins.astype(np.float32), given, count, known, config,
         ),
     )  # fmt: skip
-    return _collect(found, graphs, legs, starts, budget, margins)
+    return _collect(found, graphs, np.where(closed[:, None, :], np.inf, legs), starts, goals, budget, margins)
 
 
 def _collect(
@@ -153,6 +166,7 @@ def _collect(
     graphs: MissionGraph,
     legs: np.ndarray,
     starts: np.ndarray,
+    goals: np.ndarray,
     budget: np.ndarray,
     margins: np.ndarray,
 ) -> MissionOrders:
@@ -181,6 +195,9 @@ def _collect(
         time_available=budget,
         population=result.state.population,
         history=result.history,
+        edge_times=legs,
+        edge_priority=graphs.priority,
+        goals=goals,
     )
 
 

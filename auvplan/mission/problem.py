@@ -13,9 +13,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-#: Neighbour lists are no shorter than this, so that a graph that loses edges keeps its compiled programs.
-_LEAST_NEIGHBOURS = 16
-
 
 @partial(
     jax.tree_util.register_dataclass,
@@ -37,11 +34,15 @@ class Edges:
     priority: Any
 
     @classmethod
-    def of(cls, leg_times: np.ndarray, priority: np.ndarray) -> "Edges":
-        """Gather the finite entries of [..., N, N] leg times (NumPy) and their priorities."""
+    def of(cls, leg_times: np.ndarray, priority: np.ndarray, least: int = 16) -> "Edges":
+        """Gather the finite entries of [..., N, N] leg times (NumPy) and their priorities.
+
+        The lists get a power of two of places (at most N), no fewer than `least`: a graph that loses edges
+        keeps its compiled programs.
+        """
         size = leg_times.shape[-1]
         finite = np.isfinite(leg_times)
-        longest = max(int(finite.sum(axis=-1).max()), _LEAST_NEIGHBOURS)
+        longest = max(int(finite.sum(axis=-1).max()), least)
         width = min(size, 1 << (longest - 1).bit_length())
         neighbours = np.argsort(~finite, axis=-1, kind="stable")[..., :width]
         used = np.take_along_axis(finite, neighbours, axis=-1)

@@ -28,7 +28,13 @@ from tests.mission.naive import time_to_go as dijkstra_time_to_go
 
 GRAPHS = Path(__file__).parents[3] / "shared" / "data" / "missions" / "graphs.json.gz"
 SPEED = 2.0
-QUICK = MissionConfig(bbo=MissionConfig().bbo.replace(population=20, iterations=10), seeds=4, beam_width=16)
+QUICK = MissionConfig(
+    bbo=MissionConfig().bbo.replace(population=20, iterations=10),
+    seeds=4,
+    beam_width=16,
+    local_width=5,
+    local_period=5,
+)
 CONFIGS = {
     "default": QUICK,
     "paper": MissionConfig.paper().replace(
@@ -258,3 +264,50 @@ def test_close_to_the_proven_optimum(name: str) -> None:
     assert check_order(graph, order.nodes, case["start"], case["dest"], case["T"], case["v"])
     assert order.priority <= case["optimum"]
     assert order.priority >= 0.93 * case["optimum"]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_bound_is_above_the_order(seed: int) -> None:
+    graph = medium_graph(seed)
+    order = plan(graph, budget=2200.0)
+    best = best_priority(graph, 0, 14, 2200.0, SPEED)
+    assert best is not None
+    assert order.priority <= best <= order.bound
+    assert order.gap == pytest.approx(1.0 - order.priority / order.bound)
+
+
+def test_the_exact_method_proves_the_optimum() -> None:
+    pytest.importorskip("ortools")
+    graph = medium_graph(1)
+    poor = QUICK.replace(seeds=0, local_rounds=0, bbo=QUICK.bbo.replace(iterations=0))
+    order = plan(graph, budget=2200.0, config=poor, method="exact")
+    assert order.priority == order.bound == best_priority(graph, 0, 14, 2200.0, SPEED)
+    assert order.gap == 0.0
+    assert check_order(graph, order.nodes, 0, 14, 2200.0, SPEED)
+    assert order.time == pytest.approx(order.leg_times.sum())
+
+
+@settings(max_examples=15, deadline=None)
+@given(seed=st.integers(0, 1000), passed=st.integers(1, 4), delay=st.floats(0.0, 200.0))
+def test_a_new_plan_is_no_worse_than_the_rest_of_the_old(seed: int, passed: int, delay: float) -> None:
+    graph = medium_graph(seed)
+    old = plan(graph)
+    passed = min(passed, len(old.nodes) - 1)
+    rest = old.nodes[passed:]
+    left = 3000.0 - float(old.leg_times[:passed].sum()) - delay
+    needs = float(old.leg_times[passed:].sum())
+    worth = sum(graph.priority[leg] for leg in pairwise(rest))
+    again = graph.without_edges(pairwise(old.nodes[: passed + 1].tolist()))
+    blind = QUICK.replace(seeds=0, local_rounds=0, bbo=QUICK.bbo.replace(iterations=0))
+    order = plan_mission(
+        again, int(rest[0]), 14, max(left, 1.0), speed=SPEED, key=jax.random.key(seed), config=blind,
+        known_order=rest,
+    )  # fmt: skip
+    if needs < left * (1.0 - 1e-5):
+        assert order.priority >= worth
+
+
+@pytest.mark.parametrize("known", [[0, 3], [3, 14], [0, 3, 3, 14], [0, 15, 14], [[0, 14]]])
+def test_a_known_order_must_fit(known: list) -> None:
+    with pytest.raises(ValueError, match="known_order must lead from 0 to 14"):
+        plan(medium_graph(), known_order=known)
