@@ -162,6 +162,30 @@ def checked(
     return times, rho
 
 
+def with_return_margin(leg_times: Array, start: int, goal: int, margin: float) -> Array:
+    """Leg times under which no order is late that keeps a return margin.
+
+    A waypoint is entered only if the shortest way from it to the goal, lengthened by the margin, still fits:
+    so the leg to the goal may be counted as that long.
+
+    Args:
+        leg_times: [N, N] s, infinite off the edges.
+        start: index; from there the margin is not asked for.
+        goal: index.
+        margin: share by which the way to the goal is taken to last longer.
+
+    Returns:
+        [N, N] s, longer on edges into the goal only.
+    """
+    tails, heads = np.nonzero(np.isfinite(leg_times))
+    graph = csr_matrix((leg_times[tails, heads], (heads, tails)), leg_times.shape)
+    lasts = (1.0 + margin) * dijkstra(graph, indices=goal)
+    lasts[start] = 0.0
+    times = leg_times.copy()
+    times[:, goal] = np.maximum(times[:, goal], np.where(np.isfinite(lasts), lasts, 0.0))
+    return times
+
+
 def edges_in_time(
     leg_times: Array, start: int, goal: int, time_available: float
 ) -> tuple[IntArray, IntArray]:

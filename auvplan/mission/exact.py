@@ -122,7 +122,8 @@ def solve_exact(
 def certify(order: MissionOrder, time_limit: float = 10.0) -> MissionOrder:
     """Improve an order and prove it by `solve_exact`, as far as that comes within the time limit.
 
-    Its cost, population and history remain those of the search.
+    Its cost, population and history remain those of the search. An order with a return margin keeps its
+    waypoints, since the exact search knows the margin on the last leg only: its bound is proved.
 
     Args:
         order: from `plan_mission`.
@@ -131,16 +132,17 @@ def certify(order: MissionOrder, time_limit: float = 10.0) -> MissionOrder:
     Raises:
         ImportError: OR-Tools is not installed: `pip install 'auvplan[exact]'`.
     """
-    times, rho, goal = order.edge_times, order.edge_priority, order.goal
+    times, rho, goal = order.limiting_times, order.edge_priority, order.goal
     start = int(order.nodes[0])
     hint = order.nodes if order.feasible else None
     found = solve_exact(times, rho, start, goal, order.time_available, time_limit=time_limit, hint=hint)
     if start == goal or found.infeasible:
         return order
     bound = min(found.bound, order.bound)
-    if len(found.nodes) == 0 or (order.feasible and found.priority <= order.priority):
+    worse = len(found.nodes) == 0 or (order.feasible and found.priority <= order.priority)
+    if worse or order.return_margin > 0.0:
         return replace(order, proven_bound=bound)
-    legs = times[found.nodes[:-1], found.nodes[1:]]
+    legs = order.edge_times[found.nodes[:-1], found.nodes[1:]]
     return replace(
         order,
         nodes=found.nodes,

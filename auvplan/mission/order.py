@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.bbo import History
-from auvplan.mission.bound import Array, IntArray, upper_bound
+from auvplan.mission.bound import Array, IntArray, upper_bound, with_return_margin
 
 
 class MissionStatus(Enum):
@@ -44,6 +44,7 @@ class MissionOrder:
         edge_times: [N, N] s, t_ij of all edges that were open to the mission; infinite elsewhere.
         edge_priority: [N, N] rho_ij.
         goal: index of the destination.
+        return_margin: share by which the way back was taken to last longer than expected.
         proven_bound: bound on the total priority that an exact search proved; None without one.
     """
 
@@ -61,6 +62,7 @@ class MissionOrder:
     edge_times: Array
     edge_priority: Array
     goal: int
+    return_margin: float = 0.0
     proven_bound: float | None = None
 
     @property
@@ -74,8 +76,14 @@ class MissionOrder:
         if self.proven_bound is not None:
             return self.proven_bound
         return upper_bound(
-            self.edge_times, self.edge_priority, int(self.nodes[0]), self.goal, self.time_available
+            self.limiting_times, self.edge_priority, int(self.nodes[0]), self.goal, self.time_available
         )
+
+    @property
+    def limiting_times(self) -> Array:
+        """[N, N] s, `edge_times` with the return margin on the last leg: no order that keeps it is late."""
+        start = int(self.nodes[0])
+        return with_return_margin(self.edge_times, start, self.goal, self.return_margin)
 
     @property
     def gap(self) -> float:
@@ -116,6 +124,7 @@ class MissionOrders:
     edge_times: Array
     edge_priority: Array
     goals: IntArray
+    return_margin: Array
 
     def __len__(self) -> int:
         return len(self.status)
@@ -145,4 +154,5 @@ class MissionOrders:
             edge_times=self.edge_times[b],
             edge_priority=self.edge_priority[b],
             goal=int(self.goals[b]),
+            return_margin=float(self.return_margin[b]),
         )

@@ -198,6 +198,7 @@ def _collect(
         edge_times=legs,
         edge_priority=graphs.priority,
         goals=goals,
+        return_margin=margins,
     )
 
 

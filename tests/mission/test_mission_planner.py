@@ -311,3 +311,14 @@ def test_a_new_plan_is_no_worse_than_the_rest_of_the_old(seed: int, passed: int,
 def test_a_known_order_must_fit(known: list) -> None:
     with pytest.raises(ValueError, match="known_order must lead from 0 to 14"):
         plan(medium_graph(), known_order=known)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_the_bound_holds_with_a_return_margin(seed: int) -> None:
+    graphs = MissionGraph.stack([medium_graph(seed)] * 2)
+    keys = jax.random.split(jax.random.key(seed), 2)
+    free, careful = plan_missions(
+        graphs, [0, 0], [14, 14], 2200.0, SPEED, keys, config=QUICK, return_margin=[0.0, 0.5]
+    )
+    assert careful.priority <= careful.bound <= free.bound + 1e-9
+    assert (careful.limiting_times >= free.edge_times).all()

@@ -1,0 +1,157 @@
+"""Travel times of a graph's edges: closed forms, closed edges, one compilation, stacks."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import auvplan as ap
+from auvplan.mission import MissionGraph
+from auvplan.mission.travel_times import TravelTimeConfig, programs
+from auvplan.ocean.currents import UniformCurrent
+
+BOX = {"lower": (-3000.0, -3000.0, 0.0), "upper": (3000.0, 3000.0, 50.0)}
+VEHICLE = ap.Vehicle(speed=2.5)
+
+
+def compass(half: float = 1000.0) -> MissionGraph:
+    """South, north, west and east, all linked; tasks of 30 s."""
+    places = [[-half, 0.0, 10.0], [half, 0.0, 10.0], [0.0, -half, 10.0], [0.0, half, 10.0]]
+    square = (4, 4)
+    return MissionGraph(places, ~np.eye(4, dtype=bool), np.ones(square), np.full(square, 30.0))
+
+
+def northward(speed: float) -> ap.Environment:
+    return ap.Environment(UniformCurrent(speed, 0.0, 0.0), **BOX)
+
+
+def vortices(key: int) -> ap.LambVortices:
+    return ap.random_vortices(jax.random.key(key), BOX["lower"], BOX["upper"], count=5, peak_speed=0.8)
+
+
+def test_times_along_against_and_across_a_uniform_current() -> None:
+    times = compass().with_travel_times(northward(0.5), VEHICLE).travel_time
+    assert times[0, 1] == pytest.approx(2000.0 / 3.0, rel=1e-4)
+    assert times[1, 0] == pytest.approx(2000.0 / 2.0, rel=1e-4)
+    across = 2000.0 / np.sqrt(2.5**2 - 0.5**2)
+    assert times[2, 3] == pytest.approx(across, rel=1e-4)
+    assert times[3, 2] == pytest.approx(across, rel=1e-4)
+    assert np.isnan(np.diag(times)).all()
+
+
+def test_still_water_gives_equation_13() -> None:
+    graph = compass()
+    known = graph.with_travel_times(northward(0.0), VEHICLE)
+    np.testing.assert_allclose(known.leg_times(2.5), graph.leg_times(2.5), rtol=1e-4)
+
+
+def test_only_edges_are_timed() -> None:
+    graph = compass().without_edges([(0, 1)], both_ways=False)
+    known = graph.with_travel_times(northward(0.5))
+    assert np.isnan(known.travel_time[0, 1])
+    np.testing.assert_array_equal(known.adjacency, graph.adjacency)
+
+
+def test_a_current_that_beats_the_vehicle_closes_the_way_against_it() -> None:
+    vehicle = ap.Vehicle(speed=2.5, surge_max=10.0)
+    known = compass().with_travel_times(northward(3.0), vehicle)
+    assert known.adjacency[0, 1]
+    assert not known.adjacency[1, 0]
+    assert np.isnan(known.travel_time[1, 0])
+    assert np.isinf(known.leg_times(2.5)[1, 0])
+    assert known.travel_time[0, 1] == pytest.approx(2000.0 / 5.5, rel=1e-4)
+
+
+def wall(gap: float) -> ap.Environment:
+    """Land along the y axis, 100 m thick, with open water beyond `gap` m from the middle."""
+    x, y = np.meshgrid(*[np.arange(-2995.0, 3000.0, 10.0)] * 2, indexing="ij")
+    chart = ap.Chart.from_mask(~((np.abs(x) < 50.0) & (np.abs(y) < gap)), 10.0, origin=(-3000.0, -3000.0))
+    return ap.Environment(UniformCurrent(), chart, **BOX)
+
+
+def test_land_closes_an_edge_that_cannot_go_round_it() -> None:
+    graph = compass(800.0).without_edges([(2, 3), (2, 0), (2, 1), (3, 0), (3, 1)])
+    closed = graph.with_travel_times(wall(3000.0))
+    assert not closed.adjacency.any()
+    round_it = graph.with_travel_times(wall(300.0))
+    assert round_it.adjacency[0, 1]
+    assert 1600.0 / 2.5 < round_it.travel_time[0, 1] < 1.5 * 1600.0 / 2.5
+
+
+def test_waypoints_outside_box_or_chart_have_no_edges() -> None:
+    graph = compass(1600.0)
+    small = ap.Environment(UniformCurrent(), lower=(-2000, -500, 0), upper=(2000, 500, 50))
+    known = graph.with_travel_times(small)
+    assert known.adjacency[0, 1]
+    assert not known.adjacency[2:].any()
+    assert not known.adjacency[:, 2:].any()
+
+
+def test_obstacles_are_left_out() -> None:
+    blocked = ap.Obstacles.static([[0.0, 0.0, 10.0]], [200.0])
+    env = ap.Environment(UniformCurrent(0.3, 0.2, 0.0), None, blocked, **BOX)
+    clear = ap.Environment(UniformCurrent(0.3, 0.2, 0.0), **BOX)
+    one, other = (compass().with_travel_times(world).travel_time for world in (env, clear))
+    np.testing.assert_array_equal(one, other)
+
+
+def test_bending_to_the_current_only_shortens_and_comes_near_the_planned_path() -> None:
+    env = ap.Environment(vortices(1), **BOX)
+    straight = compass().with_travel_times(env, config=TravelTimeConfig(steps=0))
+    bent = compass().with_travel_times(env, config=TravelTimeConfig(steps=8))
+    edges = straight.adjacency & bent.adjacency
+    assert (bent.travel_time[edges] <= straight.travel_time[edges] + 0.1).all()
+    config = ap.PathConfig(control_points=6, samples=64)
+    graph = compass()
+    for i, j in [(0, 1), (3, 2)]:
+        ends = graph.positions[i], graph.positions[j]
+        plan = ap.plan_path(*ends, env, key=jax.random.key(0), config=config)
+        assert bent.travel_time[i, j] == pytest.approx(plan.travel_time, rel=0.03)
+
+
+def test_a_later_call_compiles_nothing_and_repeats_itself() -> None:
+    box = BOX | {"upper": (3000.0, 3000.0, 40.0)}
+    first = compass().with_travel_times(ap.Environment(vortices(2), **box))
+    compiled = programs()
+    again = compass().with_travel_times(ap.Environment(vortices(2), **box))
+    smaller = compass(700.0).without_edges([(0, 1), (2, 3)])
+    smaller.with_travel_times(ap.Environment(vortices(3), **box), ap.Vehicle(speed=2.0), depart=600.0)
+    assert programs() == compiled
+    np.testing.assert_array_equal(first.travel_time, again.travel_time)
+
+
+def test_stacked_graphs_equal_single_ones() -> None:
+    seas = [vortices(4), vortices(5)]
+    graphs = [compass(), compass(1500.0).without_edges([(0, 2)])]
+    stacked = MissionGraph.stack(graphs).with_travel_times(
+        ap.Environment(jax.tree.map(lambda *leaves: jnp.stack(leaves), *seas), **BOX), world_per_graph=True
+    )
+    shared = MissionGraph.stack(graphs).with_travel_times(ap.Environment(seas[0], **BOX))
+    for row, (graph, sea) in enumerate(zip(graphs, seas, strict=True)):
+        single = graph.with_travel_times(ap.Environment(sea, **BOX))
+        np.testing.assert_array_equal(stacked.adjacency[row], single.adjacency)
+        np.testing.assert_allclose(stacked.travel_time[row], single.travel_time, rtol=1e-5)
+    np.testing.assert_allclose(shared.travel_time[0], stacked.travel_time[0], rtol=1e-5)
+
+
+def test_a_time_dependent_current_counts_at_departure() -> None:
+    def tide(x, y, z, t):
+        return jnp.where(t < 5000.0, 0.5, -0.5), 0.0, 0.0
+
+    env = ap.Environment(tide, **BOX)
+    early, late = (compass().with_travel_times(env, depart=t).travel_time[0, 1] for t in (0.0, 6000.0))
+    assert early == pytest.approx(2000.0 / 3.0, rel=1e-3)
+    assert late == pytest.approx(2000.0 / 2.0, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"), [({"steps": -1}, "negative"), ({"detours": 0}, "at least 1")]
+)
+def test_bad_settings_are_refused(changes, message) -> None:
+    with pytest.raises(ValueError, match=message):
+        TravelTimeConfig(**changes)
+
+
+def test_a_world_per_graph_needs_stacked_graphs() -> None:
+    with pytest.raises(ValueError, match="stacked along one axis"):
+        compass().with_travel_times(northward(0.5), world_per_graph=True)
