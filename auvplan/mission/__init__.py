@@ -7,6 +7,7 @@ from auvplan.mission.feasibility import OrderCheck, check_order
 from auvplan.mission.graph import MissionGraph, random_graph, time_to_go
 from auvplan.mission.order import MissionOrder, MissionOrders, MissionStatus
 from auvplan.mission.planner import plan_mission, plan_missions
+from auvplan.mission.tasks import task_graph
 
 __all__ = [
     "MissionConfig",
@@ -20,6 +21,7 @@ __all__ = [
     "plan_mission",
     "plan_missions",
     "random_graph",
+    "task_graph",
     "time_to_go",
     "upper_bound",
 ]
