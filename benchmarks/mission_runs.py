@@ -145,6 +145,32 @@ class Bench:
             gaps.append(bound / self._optima[case.name][0] - 1.0)
         self._add(family, "upper bound", cases, gaps, [True] * len(gaps), times)
 
+    def run_replanning(self, family: str, cases: list[Case], situations: int = 50) -> None:
+        """Plan again on the way; the gap is to the rest of the old order where that still fits the time."""
+        rng = np.random.default_rng(0)
+        gaps, kept, times = [], [], []
+        for turn in range(-1, situations):
+            case = cases[turn % len(cases)]
+            budget, key = case.time_available, jax.random.key(turn + 1)
+            old = plan_mission(case.graph, case.start, case.goal, budget, speed=case.speed, key=key)
+            passed = int(rng.integers(1, len(old.nodes) - 1))
+            left = budget - float(old.leg_times[:passed].sum()) * rng.uniform(0.9, 1.1)
+            graph = case.graph.without_edges(pairwise(old.nodes[: passed + 1].tolist()))
+            rest = old.nodes[passed:]
+            begin = time.perf_counter()
+            order = plan_mission(
+                graph, int(rest[0]), case.goal, left, speed=case.speed, key=key,
+                population=old.population, known_order=rest,
+            )  # fmt: skip
+            if turn < 0:
+                continue
+            times.append(time.perf_counter() - begin)
+            fits = old.leg_times[passed:].sum() < left * (1.0 - 1e-5)
+            remainder = sum(case.graph.priority[leg] for leg in pairwise(rest)) if fits else 0.0
+            gaps.append(max(0.0, 1.0 - order.priority / remainder) if remainder else 0.0)
+            kept.append(check_order(graph, order.nodes, rest[0], case.goal, left, case.speed).valid)
+        self._add(f"{family}, on the way", "re-plan against the old rest", cases, gaps, kept, times)
+
     def run_eq15(self, family: str, cases: list[Case], time_limit: float) -> None:
         """Eq. 15 as the aim: costs against the best and the bound that CP-SAT finds."""
         config = MissionConfig(objective="eq15", phi1=PHI1, phi2=PHI2)

@@ -1,10 +1,10 @@
 """Mission planning against proven optima and against other solvers.
 
-``python -m benchmarks.missions [--seeds 10] [--quick] [--peers] [--out FILE.json]`` prints one table and
-writes the same as JSON. The gap of a plan is 1 - priority / optimum; where no optimum is proved the least
-upper bound takes its place. A plan that was not found, or breaks a rule of section 3.3, counts as priority
-zero. PyVRP runs on the orienteering sets only, whose prizes sit on waypoints: it cannot express tasks on
-edges. The paper preset minimises Eq. 15, which is not the most total priority.
+``python -m benchmarks.missions`` prints one table and, with ``--out FILE.json``, writes the same as JSON. The
+gap of a plan is 1 - priority / optimum; where no optimum is proved the least upper bound takes its place. A
+plan that was not found, or breaks a rule of section 3.3, counts as priority zero. PyVRP runs on the
+orienteering sets only, whose prizes sit on waypoints: it cannot express tasks on edges. The paper preset
+minimises Eq. 15, which is not the most total priority.
 """
 
 import argparse
@@ -37,15 +37,30 @@ WIDTH = 120
 PACKAGES = ("auvplan", "jax", "numpy", "scipy", "ortools", "pyvrp", "mealpy", "numba")
 
 
+def variants() -> dict[str, ap.MissionConfig]:
+    """What each part of the default preset is worth, one step at a time from the paper's."""
+    paper, default = ap.MissionConfig.paper(), ap.MissionConfig()
+    evolution = default.replace(seeds=0, local_rounds=0)
+    return {
+        "paper, total priority": paper.replace(objective="priority"),
+        "and mutation of two SIVs": evolution.replace(decoder="paper"),
+        "and the rate decoder": evolution,
+        "and local search": default.replace(seeds=0),
+        "beam search alone": default.replace(local_rounds=0, bbo=default.bbo.replace(iterations=0)),
+        "evolution from the beam's orders": default.replace(local_rounds=0),
+    }
+
+
 def installed(package: str) -> bool:
     """Whether an optional package can be imported."""
     return importlib.util.find_spec(package) is not None
 
 
-def solvers(with_peers: bool, limit: float, console: Console) -> list[Solver]:
+def solvers(with_variants: bool, with_peers: bool, limit: float, console: Console) -> list[Solver]:
     """The presets, and with them the peers that are installed; a line for each that is not."""
     found = []
-    for name, config in (("default", ap.MissionConfig()), ("paper", ap.MissionConfig.paper())):
+    presets = {"default": ap.MissionConfig(), "paper": ap.MissionConfig.paper()}
+    for name, config in (presets | (variants() if with_variants else {})).items():
         plan = partial(preset, config=config)
         found.append(Solver(name, plan, compiles=partial(plan, seed=999)))
     if not with_peers:
@@ -135,6 +150,8 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=10, help="plans of each case")
     parser.add_argument("--quick", action="store_true", help="two cases of each set, two seeds, short limits")
     parser.add_argument("--peers", action="store_true", help="other solvers too")
+    parser.add_argument("--variants", action="store_true", help="what each part of the default is worth")
+    parser.add_argument("--only", nargs="+", help="families to run, such as knn40")
     parser.add_argument("--out", type=Path, help="JSON file to write")
     options = parser.parse_args()
     seeds, limit = (min(options.seeds, 2), 10.0) if options.quick else (options.seeds, 60.0)
@@ -144,8 +161,9 @@ def main() -> None:
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True) as progress:
         sets = dict(families(options.quick, console))
+        sets = {name: cases for name, cases in sets.items() if not options.only or name in options.only}
         bench = Bench(seeds, progress)
-        chosen = solvers(options.peers, limit, console)
+        chosen = solvers(options.variants, options.peers, limit, console)
         whole = progress.add_task("all", total=len(sets))
         for family, cases in sets.items():
             bench.compare_with({case.name: optimum(case, limit) for case in cases})
@@ -155,6 +173,8 @@ def main() -> None:
                     bench.run(family, cases, solver)
             if cases[0].graph.size <= LARGEST_BATCHED:
                 bench.run_batched(family, cases, repeats=1 if options.quick else 3)
+            if family == "knn40":
+                bench.run_replanning(family, cases)
             progress.advance(whole)
         if "knn40" in sets and installed("ortools"):
             bench.run_eq15("knn40", sets["knn40"], limit)
