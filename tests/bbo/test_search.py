@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from auvplan.bbo import BBOConfig, ask, init, minimize, tell
-from auvplan.bbo.search import evaluate, uniform_population
+from auvplan.bbo.search import evaluate, run, uniform_population
 
 LOWER, UPPER = np.full(6, -5.0, np.float32), np.full(6, 5.0, np.float32)
 SMALL = BBOConfig(population=20, iterations=15)
@@ -231,3 +231,29 @@ def test_bad_arguments_are_refused() -> None:
             key=key,
             config=SMALL.replace(mutation="gaussian"),
         )
+
+
+@pytest.mark.parametrize("period", [1, 4, 15, 40])
+def test_a_memetic_step_lowers_the_cost_and_keeps_the_history_whole(period: int) -> None:
+    """Halving the distance to the optimum is a local search that always succeeds."""
+    lower, upper = jnp.asarray(LOWER), jnp.asarray(UPPER)
+    population = uniform_population(jax.random.key(0), 20, lower, upper)
+
+    def halved(population: jax.Array) -> jax.Array:
+        return population[:5] / 2.0
+
+    arguments = (jax.random.key(1), sphere, population, lower, upper, SMALL)
+    plain, memetic = run(*arguments), run(*arguments, improve=halved, period=period)
+    assert memetic.history.best.shape == plain.history.best.shape == (SMALL.iterations + 1,)
+    assert memetic.cost < plain.cost
+    assert memetic.history.best[1] <= memetic.history.best[0] / 4.0 * (1.0 + 1e-5)
+    assert (jnp.diff(memetic.history.best) <= 0.0).all()
+
+
+def test_a_memetic_step_that_finds_nothing_changes_nothing() -> None:
+    lower, upper = jnp.asarray(LOWER), jnp.asarray(UPPER)
+    population = uniform_population(jax.random.key(0), 20, lower, upper)
+    arguments = (jax.random.key(1), sphere, population, lower, upper, SMALL)
+    plain = run(*arguments)
+    idle = run(*arguments, improve=lambda population: population[-3:], period=5)
+    np.testing.assert_array_equal(plain.state.population, idle.state.population)
