@@ -13,7 +13,7 @@ import chex
 import jax
 import jax.numpy as jnp
 
-from auvplan.bbo import operators
+from auvplan.bbo import operators, random
 from auvplan.bbo.config import BBOConfig
 
 CostFunction = Callable[..., jax.Array | tuple[jax.Array, jax.Array]]
@@ -131,7 +131,7 @@ def ask(key: jax.Array, state: State, lower: jax.Array, upper: jax.Array, config
     if config.mutation == "gaussian" and jnp.issubdtype(population.dtype, jnp.integer):
         raise ValueError('mutation="gaussian" needs real SIVs: use "uniform" for integers')
     draw_key, normal_key, fig6_key = jax.random.split(key, 3)
-    immigrate, donor, decide, value = jax.random.uniform(draw_key, (4, size, dim))
+    immigrate, donor, decide, value = random.uniform(draw_key, (4, size, dim))
     if config.migration == "fig6":
         who_key, from_key, siv_key = jax.random.split(fig6_key, 3)
         who = jax.random.uniform(who_key, (size,))
@@ -143,7 +143,7 @@ def ask(key: jax.Array, state: State, lower: jax.Array, upper: jax.Array, config
 
     rate = jnp.asarray(config.mutation_rate(dim), decide.dtype)
     if config.mutation == "gaussian":
-        normal = jax.random.normal(normal_key, (size, dim))
+        normal = random.normal(normal_key, (size, dim))
         step = config.mutation_step * (upper - lower)
         candidates = operators.mutate_gaussian(candidates, decide, normal, rate, step)
     else:
