@@ -56,9 +56,15 @@ def mission(
     preset: PresetOption = None,
     objective: ObjectiveOption = None,
     quiet: QuietOption = False,
+    certify: Annotated[
+        bool, typer.Option("--certify", help="Also say how far the first order can be from the best.")
+    ] = False,
 ) -> None:
     """Plan a whole mission, sail it in the simulator and draw it."""
-    _run(*_load(scenario, preset, objective), out, seed, quiet)
+    run = _run(*_load(scenario, preset, objective), out, seed, quiet)
+    if certify:
+        _print_certificate(run.first_order)
+    _exit_where_failed(run)
 
 
 @app.command()
@@ -70,11 +76,11 @@ def path(
     quiet: QuietOption = False,
 ) -> None:
     """Plan one leg, from the scenario's start to its goal, and sail it with re-planning windows."""
-    _run(*_load(scenario, preset, None, leg=True), out, seed, quiet)
+    _exit_where_failed(_run(*_load(scenario, preset, None, leg=True), out, seed, quiet))
 
 
-def _run(scenario: Any, folder: Path, out: Path, seed: int, quiet: bool) -> None:
-    """Run one mission, write its results, print its summary; exit 1 where it failed."""
+def _run(scenario: Any, folder: Path, out: Path, seed: int, quiet: bool) -> Any:
+    """Run one mission, write its results and print its summary."""
     from auvplan.io import output_folder, save_run
 
     output_folder(out)
@@ -97,9 +103,32 @@ def _run(scenario: Any, folder: Path, out: Path, seed: int, quiet: bool) -> None
     if not quiet:
         _print_summary(run.summary())
         console.print("pictures:", *(f"  {picture}" for picture in pictures), sep="\n", soft_wrap=True)
+    return run
+
+
+def _exit_where_failed(run: Any) -> None:
     if not run.success:
         errors.print(f"auvplan: mission failed: {run.reason}", soft_wrap=True, highlight=False)
         raise typer.Exit(1)
+
+
+def _print_certificate(order: Any) -> None:
+    """How far an order of tasks can be from the best, by CP-SAT or else by the bound that is always there."""
+    from auvplan.mission import certify
+
+    if order is None or not order.feasible:
+        console.print("no order of tasks to certify")
+        return
+    how = "proved by CP-SAT"
+    try:
+        order = certify(order, time_limit=30.0)
+    except ImportError as missing:
+        how = f"linear bound; for a proof: {missing}"
+    console.print(
+        f"first order: total priority {order.priority:g}, none has more than {order.bound:g}: "
+        f"gap {order.gap:.1%} ({how})",
+        soft_wrap=True,
+    )
 
 
 def _print_summary(summary: dict[str, Any]) -> None:

@@ -45,10 +45,12 @@ def write(tmp_path, name="scenario.yaml", **sections):
 
 def test_mission_check_and_files(tmp_path, capsys, monkeypatch):
     code, out, err = call(
-        capsys, monkeypatch, "mission", write(tmp_path), "--out", tmp_path / "out", "--seed", 3
+        capsys, monkeypatch, "mission", write(tmp_path), "--out", tmp_path / "out", "--seed", 3, "--certify"
     )
     assert code in (0, None), err
     assert "collisions" in out
+    assert "first order: total priority" in out
+    assert "gap 0.0%" in out, "two waypoints leave no choice"
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     fields = ("t_available", "t_mission", "t_residual", "success", "tasks", "total_priority", "path_calls")
     for field in (*fields, "mission_replans", "legs", "cpu", "collisions", "seed", "version"):

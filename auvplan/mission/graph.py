@@ -12,6 +12,9 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial.distance import cdist
 
 from auvplan.mission.problem import shortest_routes
+from auvplan.mission.travel_times import TravelTimeConfig, travel_times
+from auvplan.ocean.environment import Environment
+from auvplan.vehicle import Vehicle
 
 
 @partial(
@@ -128,6 +131,56 @@ class MissionGraph:
         travel_time = np.array(self.travel_time)
         travel_time[..., i, j] = seconds
         return replace(self, travel_time=travel_time)
+
+    def with_travel_times(
+        self,
+        env: Environment,
+        vehicle: Vehicle | None = None,
+        depart: Any = 0.0,
+        config: TravelTimeConfig | None = None,
+        world_per_graph: bool = False,
+    ) -> Self:
+        """A copy whose `travel_time` is estimated for the sea as it is, and without edges that it closes.
+
+        Every edge is timed in both of its directions, whatever was known before; a graph of any size and any
+        later call reuse the compiled programs. Edges are removed where no path tried keeps the limits of the
+        path planner: land lies between, the current is too strong. Obstacles belong to a leg and are met on
+        the way: those of `env` are left out.
+
+        Args:
+            env: current, chart and box; with `world_per_graph` its current carries a leading axis B.
+            vehicle: speed and limits; defaults to `Vehicle()`.
+            depart: s since the epoch, when every edge is taken to be entered, one or [B].
+            config: effort; defaults to `TravelTimeConfig()`.
+            world_per_graph: whether the current differs by graph; needs stacked graphs [B, N, ...].
+
+        Raises:
+            ValueError: `world_per_graph` is asked for a single graph, or more than one axis is stacked.
+
+        Differences from the paper:
+            Eq. 13 divides the distance by |v|, as if the sea stood still; there it is the default.
+        """
+        positions = np.asarray(self.positions, float)
+        if positions.ndim > 3 or (world_per_graph and positions.ndim != 3):
+            raise ValueError(f"graphs must be stacked along one axis, got positions {positions.shape}")
+        adjacency = np.array(self.adjacency) & ~np.eye(self.size, dtype=bool)
+        travel_time = np.full(adjacency.shape, np.nan)
+        stacked = positions.reshape(-1, self.size, 3)
+        edges = np.nonzero(adjacency.reshape(-1, self.size, self.size))
+        graph, i, j = edges
+        seconds, sailable = travel_times(
+            stacked[graph, i],
+            stacked[graph, j],
+            env,
+            vehicle or Vehicle(),
+            np.broadcast_to(np.asarray(depart, float), len(stacked))[graph],
+            config or TravelTimeConfig(),
+            graph if world_per_graph else None,
+        )
+        place = edges if positions.ndim == 3 else (i, j)
+        travel_time[place] = np.where(sailable, seconds, np.nan)
+        adjacency[place] = sailable
+        return replace(self, adjacency=adjacency, travel_time=travel_time)
 
 
 def random_graph(

@@ -5,19 +5,18 @@ of all of them are planned in one batched call, and so are the orders that are d
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from auvplan.mission import MissionConfig, MissionGraph, MissionOrder, plan_missions, time_to_go
+from auvplan.mission import MissionConfig, time_to_go
 from auvplan.path import PathConfig
-from auvplan.voyage.batching import chunks
-from auvplan.voyage.fleet import Fleet, Leg
+from auvplan.voyage.fleet import Fleet, Leg, Mission
 from auvplan.voyage.legs import begin_legs, refusal, sail_legs
-from auvplan.voyage.records import LegRecord, MissionRun, OrderRecord
+from auvplan.voyage.order_calls import plan_orders, return_margin, time_edges
+from auvplan.voyage.records import LegRecord, MissionRun
 from auvplan.voyage.scenario import Scenario
 from auvplan.voyage.simulator import TrueCurrent
 from auvplan.voyage.world import current_update, make_chart, make_current, make_graph, make_vehicle
@@ -26,25 +25,6 @@ from auvplan.voyage.world import current_update, make_chart, make_current, make_
 _REFUSALS = 8
 
 Progress = Callable[[int, float, str], None]
-
-
-@dataclass
-class Mission:
-    """One mission under way: its graph as it shrinks, where it stands, what it follows."""
-
-    run: MissionRun
-    graph: MissionGraph
-    here: int
-    order: MissionOrder | None = None
-    step: int = 0
-    cause: str = "start"
-    refusals: int = 0
-    ended: bool = False
-    expected_end: float = 0.0
-
-    @property
-    def needs_order(self) -> bool:
-        return bool(self.cause)
 
 
 def run_mission(
@@ -85,7 +65,8 @@ def run_missions(
     fleet, missions = _embark(scenario, keys, seeds or range(len(keys)), folder)
     config = mission_config(scenario)
     while active := [m for m, mission in enumerate(missions) if not mission.ended]:
-        _order(fleet, missions, [m for m in active if missions[m].needs_order], config)
+        _take_stock(fleet, missions, active)
+        plan_orders(fleet, missions, [m for m in active if missions[m].cause], config)
         _sail_next(fleet, missions, [m for m in active if not missions[m].ended], progress)
     for mission in missions:
         mission.run.compile_seconds = fleet.clock.compile_seconds
@@ -117,7 +98,7 @@ def _embark(
         graph = make_graph(scenario, chart, _generator(graph_key))
         last, available = graph.size - 1, scenario.mission.time_available
         run = MissionRun(plain, int(seed), vehicle, graph, chart, 0, last, available)
-        missions.append(Mission(run, graph, 0))
+        missions.append(Mission(run, graph, graph, 0))
         rngs.append(_generator(chance_key))
         fields.append(make_current(scenario, field_key))
         sea_keys.append(sea_key)
@@ -146,55 +127,22 @@ def _generator(key: jax.Array) -> np.random.Generator:
     return np.random.default_rng(np.asarray(jax.random.key_data(key)).tolist())
 
 
-def _order(fleet: Fleet, missions: list[Mission], due: list[int], config: MissionConfig) -> None:
-    """Plan the order of tasks for the missions that need one, from where each stands."""
+def _take_stock(fleet: Fleet, missions: list[Mission], active: list[int]) -> None:
+    """Time the edges in the sea as it is now, and see which orders no longer fit it."""
     planning = fleet.scenario.planning
-    # Slack is kept for the last legs, which no re-planning can mend; where nothing fits with it, it is halved
-    # and in the end given up.
-    for share in (1.0, 0.5, 0.0):
-        due = [m for m in due if missions[m].needs_order and not missions[m].ended]
-        for batch, real in chunks(due):
-            left = [missions[m].run.t_available - fleet.now[m] - share * planning.reserve for m in batch]
-            keys = [
-                jax.random.fold_in(jax.random.fold_in(fleet.keys[m], 0), len(missions[m].run.orders))
-                for m in batch
-            ]
-            orders, seconds = fleet.clock.time(
-                ("mission", len(batch), missions[batch[0]].graph.size, config),
-                lambda batch=batch, left=left, keys=keys, share=share: plan_missions(
-                    MissionGraph.stack(missions[m].graph for m in batch),
-                    np.asarray([missions[m].here for m in batch]),
-                    np.asarray([missions[m].run.goal for m in batch]),
-                    np.maximum(left, 1.0),
-                    speed=fleet.vehicle.speed,
-                    keys=jnp.stack(keys),
-                    config=config,
-                    return_margin=share * planning.return_margin,
-                ),
-            )
-            for m, order in zip(batch[:real], orders, strict=False):
-                _take_order(fleet, m, missions[m], order, seconds / real, final=share == 0.0)
-
-
-def _take_order(
-    fleet: Fleet, m: int, mission: Mission, order: MissionOrder, seconds: float, final: bool
-) -> None:
-    """Book a new order, or end the mission where there is none."""
-    run = mission.run
-    if not order.feasible:
-        if final:
-            _end(fleet, m, mission, f"no order of tasks from waypoint {mission.here}: {order.reason}")
-        return
-    nodes = [int(node) for node in order.nodes]
-    now = float(fleet.now[m])
-    run.orders.append(
-        OrderRecord(now, nodes, float(order.time), float(order.priority), seconds, mission.cause)
-    )
-    mission.order, mission.step, mission.cause = order, 0, ""
-    mission.expected_end = now + float(order.time)
-    if fleet.scenario.planning.charge_compute:
-        fleet.now[m] += seconds
-        run.charged_compute += seconds
+    time_edges(fleet, missions, active)
+    for m in active:
+        mission = missions[m]
+        if mission.cause or planning.replan != "deviation":
+            continue
+        times = mission.timed.leg_times(float(fleet.vehicle.speed))  # type: ignore[arg-type]
+        rest = mission.rest
+        ends = fleet.now[m] + times[rest[:-1], rest[1:]].sum()
+        slack = mission.run.t_available - planning.reserve - ends
+        if slack < min(mission.slack, 0.0) - planning.tolerance:
+            mission.cause = "late"
+        elif slack > planning.gain:
+            mission.cause = "early"
 
 
 def _sail_next(fleet: Fleet, missions: list[Mission], active: list[int], progress: Progress | None) -> None:
@@ -202,11 +150,10 @@ def _sail_next(fleet: Fleet, missions: list[Mission], active: list[int], progres
     if not active:
         return
     records, ends = [], []
-    times = {m: missions[m].graph.leg_times(float(fleet.vehicle.speed)) for m in active}  # type: ignore[arg-type]
+    times = {m: missions[m].timed.leg_times(float(fleet.vehicle.speed)) for m in active}  # type: ignore[arg-type]
     for m in active:
         mission = missions[m]
-        assert mission.order is not None
-        i, j = mission.here, int(mission.order.nodes[mission.step + 1])
+        i, j = mission.rest[:2]
         graph = mission.graph
         task, rho = float(graph.duration[i, j]), float(graph.priority[i, j])
         records.append(LegRecord(i, j, float(times[m][i, j]), task, rho))
@@ -238,7 +185,7 @@ def _refused(fleet: Fleet, m: int, mission: Mission, leg: Leg, times: np.ndarray
     if leg.record.goal == mission.run.goal or mission.refusals >= _REFUSALS:
         return ""
     to_go = float(time_to_go(jnp.asarray(times), mission.run.goal)[leg.record.goal])
-    back = (1.0 + fleet.scenario.planning.return_margin) * to_go
+    back = (1.0 + return_margin(fleet.scenario)) * to_go
     late = fleet.now[m] + leg.followed.travel_time + leg.record.t_task + back - mission.run.t_available
     return f"its path would leave {late:.0f} s too little for the way back" if late > 0.0 else ""
 
@@ -252,10 +199,10 @@ def _turn_down(fleet: Fleet, m: int, mission: Mission, leg: Leg, why: str) -> No
     if barred:
         mission.graph = mission.graph.without_edges([(i, j)])
     else:
-        mission.graph = mission.graph.with_travel_time(i, j, leg.followed.travel_time)
+        mission.learnt[i, j] = leg.followed.travel_time
     mission.cause = "refused"
     if mission.refusals > _REFUSALS or (barred and not mission.graph.adjacency[i].any()):
-        _end(fleet, m, mission, f"leg {i} to {j} cannot be sailed: {why}")
+        mission.end(float(fleet.now[m]), f"leg {i} to {j} cannot be sailed: {why}")
 
 
 def _judge(fleet: Fleet, m: int, mission: Mission, record: LegRecord, stopped: str) -> None:
@@ -265,7 +212,7 @@ def _judge(fleet: Fleet, m: int, mission: Mission, record: LegRecord, stopped: s
         fleet.now[m] += record.cpu
         run.charged_compute += record.cpu
     if not record.arrived:
-        _end(fleet, m, mission, f"leg {record.start} to {record.goal} was not finished: {stopped}")
+        mission.end(float(fleet.now[m]), f"leg {record.start} to {record.goal} was not finished: {stopped}")
         return
     fleet.now[m] += record.t_task
     mission.refusals = 0
@@ -273,23 +220,6 @@ def _judge(fleet: Fleet, m: int, mission: Mission, record: LegRecord, stopped: s
     mission.step += 1
     mission.graph = mission.graph.without_edges([(record.start, record.goal)])
     if record.goal == run.goal:
-        _end(fleet, m, mission, "")
-        return
-    taken = record.t_path + record.t_task
-    mission.expected_end += taken - record.t_expected
-    left = run.t_available - planning.reserve - mission.expected_end
-    if taken > record.t_expected:
+        mission.end(float(fleet.now[m]), "")
+    elif planning.replan == "late" and record.t_path + record.t_task > record.t_expected:
         mission.cause = "late"
-    elif planning.replan == "deviation" and left > planning.gain:
-        mission.cause = "early"
-
-
-def _end(fleet: Fleet, m: int, mission: Mission, reason: str) -> None:
-    run = mission.run
-    mission.ended = True
-    run.t_mission = float(fleet.now[m])
-    run.arrived = mission.here == run.goal and not reason
-    if not reason:
-        late = run.t_mission >= run.t_available
-        reason = "destination reached" + (" too late" if late else " in time")
-    run.reason = reason

@@ -1,4 +1,4 @@
-"""Missions under way together: what they share, and the leg that each is on."""
+"""Missions under way together: what they share, how far each one is, and the leg that it is on."""
 
 from dataclasses import dataclass, field
 
@@ -6,12 +6,13 @@ import jax
 import numpy as np
 from numpy.typing import NDArray
 
+from auvplan.mission import MissionGraph, MissionOrder
 from auvplan.ocean.chart import Chart
 from auvplan.path import PathConfig, PathPlan
 from auvplan.vehicle import Vehicle
 from auvplan.voyage.batching import Clock
 from auvplan.voyage.belief import ObstacleBelief
-from auvplan.voyage.records import LegRecord
+from auvplan.voyage.records import LegRecord, MissionRun
 from auvplan.voyage.scenario import Scenario
 from auvplan.voyage.simulator import TrueCurrent
 from auvplan.voyage.world import TrueObstacles
@@ -50,6 +51,49 @@ class Fleet:
         """A fresh key for the mission's next path planning call."""
         self.path_calls[mission] += 1
         return jax.random.fold_in(self.keys[mission], int(self.path_calls[mission]))
+
+
+@dataclass
+class Mission:
+    """One mission under way: its graph as it shrinks, where it stands, what it follows.
+
+    Attributes:
+        run: the record.
+        graph: waypoints and the tasks that are left.
+        timed: the same with the travel times expected now, and without edges that the sea closes.
+        here: waypoint reached.
+        order: of tasks that is followed, and `step` the place in it.
+        slack: s that the order left of the available time, less the reserve, when it was made.
+        cause: why a new order is due, or empty.
+        learnt: s, travel times of edges (i, j) whose planned path was refused for its time.
+        refusals: of legs in a row.
+    """
+
+    run: MissionRun
+    graph: MissionGraph
+    timed: MissionGraph
+    here: int
+    order: MissionOrder | None = None
+    step: int = 0
+    slack: float = 0.0
+    cause: str = "start"
+    learnt: dict[tuple[int, int], float] = field(default_factory=dict)
+    refusals: int = 0
+    ended: bool = False
+
+    @property
+    def rest(self) -> list[int]:
+        """Waypoints of the order from the one reached to the destination; empty without an order."""
+        return [] if self.order is None else [int(node) for node in self.order.nodes[self.step :]]
+
+    def end(self, now: float, reason: str) -> None:
+        """Book the end; an empty reason means that the destination was reached."""
+        run = self.run
+        self.ended = True
+        run.t_mission = now
+        run.arrived = self.here == run.goal and not reason
+        late = run.t_mission >= run.t_available
+        run.reason = reason or "destination reached" + (" too late" if late else " in time")
 
 
 @dataclass

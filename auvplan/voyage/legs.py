@@ -30,6 +30,7 @@ def begin_legs(
 ) -> list[Leg]:
     """Set the obstacles of each leg, believe them roughly, and plan the first path of all in one call."""
     legs = []
+    fleet.current.advance(fleet.now)
     sensors = fleet.scenario.sensors
     truths = [
         draw_obstacles(fleet.scenario, end[0], end[1], fleet.rngs[mission])

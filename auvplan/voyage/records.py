@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan.mission.graph import MissionGraph
+from auvplan.mission import MissionGraph, MissionOrder
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.currents import LambVortices
 from auvplan.vehicle import Vehicle
@@ -123,10 +123,12 @@ class MissionRun:
         start, goal: waypoint indices.
         t_available: s.
         orders: the first order of tasks and every re-plan.
+        first_order: the first of `orders` as planned, with its bound; None before.
         legs: as sailed.
         t_mission: s, travel and tasks (and planning time where it is charged).
         arrived: whether the destination was reached.
         reason: one line on how the mission ended.
+        estimate_seconds: s of wall-clock time of all estimates of travel times.
         charged_compute: s of planning time charged to the mission clock; zero unless asked for (Eq. 16).
         compile_seconds: s spent on first calls of the planners, which compile; shared by all missions of a
             batch and counted nowhere else.
@@ -141,10 +143,12 @@ class MissionRun:
     goal: int
     t_available: float
     orders: list[OrderRecord] = field(default_factory=list)
+    first_order: MissionOrder | None = None
     legs: list[LegRecord] = field(default_factory=list)
     t_mission: float = 0.0
     arrived: bool = False
     reason: str = ""
+    estimate_seconds: float = 0.0
     charged_compute: float = 0.0
     compile_seconds: float = 0.0
 
@@ -217,6 +221,7 @@ class MissionRun:
             "cpu": {
                 "path_s": sum(leg.cpu for leg in self.legs),
                 "mission_s": sum(order.cpu for order in self.orders),
+                "travel_times_s": self.estimate_seconds,
                 "charged_s": self.charged_compute,
                 "compile_s": self.compile_seconds,
             },

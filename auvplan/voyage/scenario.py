@@ -119,17 +119,34 @@ class PlanningSettings(Section):
 
     preset: Literal["default", "paper"] = "default"
     objective: Literal["priority", "eq15"] | None = Field(default=None, description="of the preset if absent")
+    travel_times: Literal["sea", "distance"] | None = Field(
+        default=None,
+        description="of the edges: 'sea' in the current as it is told, 'distance' d / |v| as in Eq. 13; "
+        "if absent 'sea', with the preset 'paper' 'distance'",
+    )
+    detour: NotNegative = Field(
+        default=3.5, description="s that each obstacle is taken to cost a leg; with travel_times 'sea'"
+    )
     t_series: Annotated[int, Field(ge=1, le=20)] = 4
     reserve: NotNegative = Field(
         default=60.0, description="s of the available time that no order is planned to use"
     )
-    return_margin: NotNegative = Field(
-        default=0.4, description="share by which the way back is taken to last longer than d / |v|"
+    return_margin: NotNegative | None = Field(
+        default=None,
+        description="share by which the way back is taken to last longer than expected; if absent 0.2 with "
+        "travel times of the sea, 0.4 by distance",
     )
     replan: Literal["late", "deviation"] = Field(
-        default="deviation", description="'late' as in the paper; 'deviation' also when much time was gained"
+        default="deviation",
+        description="'late' as in the paper, after every leg that took longer than expected; 'deviation' "
+        "when the rest of the order no longer fits the time that is left, or would leave much of it",
     )
-    gain: Positive = Field(default=120.0, description="s gained that make a new order worth planning")
+    tolerance: NotNegative = Field(
+        default=30.0, description="s by which the rest of an order may overrun the reserve ('deviation')"
+    )
+    gain: Positive = Field(
+        default=120.0, description="s left over that make a new order worth planning ('deviation')"
+    )
     charge_compute: bool = Field(
         default=False, description="charge planning time to the mission clock (Eq. 16)"
     )

@@ -5,28 +5,16 @@ import numpy as np
 import pytest
 
 import auvplan as ap
-from auvplan.mission import planner as mission_planner
+from auvplan.mission import evolution
+from auvplan.mission.travel_times import programs
 from auvplan.path import planner, replanner
 from auvplan.voyage import ScenarioError
 from auvplan.voyage.montecarlo import monte_carlo, statistics
 from auvplan.voyage.scenario import Scenario
 from auvplan.voyage.world import make_chart, make_graph
+from tests.voyage.small import SMALL, planning, scenario
 
 pytestmark = pytest.mark.usefixtures("light_search")
-
-SMALL = {
-    "name": "small",
-    "area": {"lower": [0, 0, 0], "upper": [4000, 4000, 50]},
-    "chart": {"source": "none"},
-    "current": {"vortices": 3, "layers": 1, "radius": [300, 600], "peak_speed": 0.8, "update_interval": 300},
-    "obstacles": {"static": 1, "afloat": 1, "self_motivated": 1},
-    "mission": {"waypoints": 8, "neighbours": 4, "time_available": 5000},
-    "planning": {"t_series": 3},
-}
-
-
-def scenario(**sections):
-    return Scenario.model_validate(SMALL | sections)
 
 
 @pytest.fixture(scope="module")
@@ -62,24 +50,6 @@ def test_no_task_is_done_twice(three):
         assert len(used) == len(set(used))
 
 
-def test_late_legs_cause_a_new_order(three):
-    """A leg that took longer than expected is followed by a new order from where it ended (3.3.2)."""
-    seen = 0
-    for run in three:
-        for leg in run.done[:-1]:
-            if leg.t_path + leg.t_task > leg.t_expected:
-                done_at = leg.times[-1] + leg.t_task
-                new = [
-                    o
-                    for o in run.orders
-                    if o.nodes[0] == leg.goal and o.made_at == pytest.approx(done_at, abs=0.1)
-                ]
-                assert new
-                assert new[0].cause == "late"
-                seen += 1
-    assert seen > 0
-
-
 def test_paths_are_replanned_at_every_window(three):
     for run in three:
         for leg in run.done:
@@ -97,21 +67,25 @@ def test_single_mission_equals_its_place_in_a_batch(three):
     assert alone.t_mission == pytest.approx(three[1].t_mission, rel=0.02)
 
 
+def compilations() -> list[int]:
+    """Programs compiled so far of each planner."""
+    planners = (planner._plan, replanner._replan, evolution.search_missions)
+    return [programs(), *(compiled._cache_size() for compiled in planners)]
+
+
 def test_same_key_same_mission_and_the_second_one_compiles_nothing():
     first = ap.run_mission(scenario(), key=jax.random.key(5))
-    compiled = [f._cache_size() for f in (planner._plan, replanner._replan, mission_planner._plan)]
+    compiled = compilations()
     again = ap.run_mission(scenario(), key=jax.random.key(5))
     other = ap.run_mission(scenario(), key=jax.random.key(6))
-    assert compiled == [f._cache_size() for f in (planner._plan, replanner._replan, mission_planner._plan)]
+    assert compiled == compilations()
     assert first.t_mission == again.t_mission
     np.testing.assert_array_equal(first.legs[-1].positions, again.legs[-1].positions)
     assert other.t_mission != first.t_mission
 
 
 def test_planning_time_is_charged_only_when_asked():
-    charged = ap.run_mission(
-        scenario(planning={"t_series": 3, "charge_compute": True}), key=jax.random.key(0)
-    )
+    charged = ap.run_mission(planning(charge_compute=True), key=jax.random.key(0))
     assert charged.charged_compute > 0.0
     total = sum(leg.t_path + leg.t_task for leg in charged.done) + charged.charged_compute
     assert charged.t_mission == pytest.approx(total, abs=0.1)

@@ -1,0 +1,190 @@
+"""Travel times of a graph's edges in the sea as it is now: every line scored at once, the blocked ones bent.
+
+The search for a path would cost tens of milliseconds an edge. Between waypoints with open water between them
+the straight line, with the current along and across it, is as good within a fraction of a per cent; only
+where it breaks a limit is a fan of detours scored and polished.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from auvplan.bbo.refine import refine
+from auvplan.ocean.chart import Chart
+from auvplan.ocean.currents import Current
+from auvplan.ocean.environment import Environment
+from auvplan.ocean.obstacles import Obstacles
+from auvplan.path import PathConfig, habitats
+from auvplan.path.cost import curves, fly, score, violations
+from auvplan.vehicle import Vehicle
+
+#: Numbers of edges that one call takes: batches are padded to them, so that no graph causes a compilation.
+_LINES = (64, 512, 4096)
+_FANS = (8, 64)
+
+#: Best detours of a fan that are polished, and the first step of the polish as a share of the bounds.
+_POLISHED = 4
+_STEP_SIZE = 0.03
+
+#: Edges of every program compiled so far.
+_programs: list[int] = []
+
+
+@dataclass(frozen=True)
+class TravelTimeConfig:
+    """Effort of the estimate; hashable, so that it is a static argument of `jax.jit`.
+
+    Attributes:
+        path: limits, margins, speed reading and bounds as the path planner has them; its search is not run,
+            and few control points and samples do.
+        steps: gradient steps that bend every line to the current; 0 keeps the straight lines.
+        detours: that are tried where the line breaks a limit.
+        detour_steps: gradient steps that polish the best of them.
+
+    Raises:
+        ValueError: a number is negative, or there is no detour.
+    """
+
+    path: PathConfig = field(default_factory=lambda: PathConfig(control_points=6, samples=64))
+    steps: int = 0
+    detours: int = 24
+    detour_steps: int = 16
+
+    def __post_init__(self) -> None:
+        if self.steps < 0 or self.detour_steps < 0:
+            raise ValueError("steps and detour_steps must not be negative")
+        if self.detours < 1:
+            raise ValueError(f"detours must be at least 1, got {self.detours}")
+
+
+def travel_times(
+    starts: NDArray[np.floating],
+    goals: NDArray[np.floating],
+    env: Environment,
+    vehicle: Vehicle,
+    depart: NDArray[np.floating],
+    config: TravelTimeConfig,
+    world: NDArray[np.int_] | None = None,
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Travel times of E edges in a few compiled calls.
+
+    Args:
+        starts: [E, 3] m, north, east, depth.
+        goals: [E, 3] m.
+        env: the sea; its obstacles are left out.
+        vehicle: speed and limits.
+        depart: [E] s since the epoch.
+        config: effort.
+        world: [E] index into the leading axis of the current's leaves; None for one current for all.
+
+    Returns:
+        ``(seconds [E], sailable [E])``; an edge is not sailable where no path tried keeps every limit, or
+        where an end lies outside the box or the chart.
+    """
+    sea = Environment(env.current, env.chart, Obstacles.none(), env.lower, env.upper)
+    inside = _inside(starts, env) & _inside(goals, env)
+
+    leaves, tree = jax.tree.flatten(env.current)
+    hosted = [np.asarray(leaf) for leaf in leaves] if world is not None else []
+
+    def estimated(
+        chosen: NDArray[np.int_], sizes: tuple[int, ...], detours: int, steps: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        seconds, sailable = np.zeros(len(chosen)), np.zeros(len(chosen), bool)
+        for part, real in _padded(len(chosen), sizes):
+            edges = chosen[part]
+            current = env.current
+            if world is not None:
+                current = tree.unflatten([jnp.asarray(leaf[world[edges]]) for leaf in hosted])
+            out = _estimate(
+                *(np.asarray(a[edges], np.float32) for a in (starts, goals, depart)),
+                currents=current,
+                sea=sea,
+                vehicle=vehicle,
+                config=config,
+                detours=detours,
+                steps=steps,
+                world_per_edge=world is not None,
+            )
+            seconds[part[:real]], sailable[part[:real]] = (np.asarray(a)[:real] for a in out)
+        return seconds, sailable
+
+    seconds, sailable = estimated(np.arange(len(starts)), _LINES, 0, config.steps)
+    if (blocked := np.flatnonzero(~sailable & inside)).size:
+        seconds[blocked], sailable[blocked] = estimated(blocked, _FANS, config.detours, config.detour_steps)
+    return seconds, sailable & inside
+
+
+def _inside(points: np.ndarray, env: Environment) -> NDArray[np.bool_]:
+    """Whether points [E, 3] m lie in the box and on the chart."""
+    inside = ((points >= np.asarray(env.lower) - 1e-3) & (points <= np.asarray(env.upper) + 1e-3)).all(axis=1)
+    if env.chart is not None:
+        inside &= env.chart.contains(points[:, 0], points[:, 1])
+    return np.asarray(inside)
+
+
+def _padded(count: int, sizes: tuple[int, ...]) -> Iterator[tuple[NDArray[np.int_], int]]:
+    """Indices below `count` in batches of the given sizes, padded by the first, and how many are real."""
+    begin = 0
+    while begin < count:
+        left = count - begin
+        # The largest size that is filled, or the smallest that holds the rest.
+        size = next((s for s in sizes if s >= left), sizes[-1])
+        real = min(size, left)
+        index = np.full(size, begin)
+        index[:real] = np.arange(begin, begin + real)
+        yield index, real
+        begin += real
+
+
+@partial(jax.jit, static_argnames=("config", "detours", "steps", "world_per_edge"))
+def _estimate(
+    starts: Any,
+    goals: Any,
+    departs: Any,
+    currents: Current,
+    sea: Environment,
+    vehicle: Vehicle,
+    config: TravelTimeConfig,
+    detours: int,
+    steps: int,
+    world_per_edge: bool,
+) -> tuple[jax.Array, jax.Array]:
+    """Time [E] s and whether it keeps every limit [E], of the straight lines or of the best detours."""
+    _programs.append(len(starts))  # runs when it is compiled, not when it is called
+
+    def one(
+        start: jax.Array, goal: jax.Array, depart: jax.Array, current: Current, chart: Chart | None
+    ) -> tuple[jax.Array, jax.Array]:
+        env = Environment(current, chart, sea.obstacles, sea.lower, sea.upper)
+        problem = (start, goal, depart, env, vehicle)
+        cost = partial(score, config=config.path)
+        lower, upper = habitats.bounds(start, goal, env, config.path)
+        if detours:
+            # The same fan for every edge: the key only shapes it.
+            fan = habitats.initial(jax.random.key(0), detours + 1, start, goal, lower, upper, config.path)
+            best = jnp.argsort(cost(fan, *problem)[0])[:_POLISHED]
+            tried = fan[best]
+        else:
+            tried = habitats.straight_line(start, goal, config.path)[None]
+        if steps:
+            tried, costs, _ = refine(cost, tried, lower, upper, steps, problem, _STEP_SIZE)
+            tried = tried[jnp.argmin(costs)][None]
+        x, y, z = curves(tried[:1], start, goal, config.path)
+        flight = fly(x, y, z, depart, env, vehicle, config.path)
+        return flight.travel_time[0], violations(flight).sum() == 0.0
+
+    return jax.vmap(one, in_axes=(0, 0, 0, 0 if world_per_edge else None, None))(
+        starts, goals, departs, currents, sea.chart
+    )
+
+
+def programs() -> int:
+    """How many programs have been compiled so far: a clock tells by it whether a call compiled."""
+    return len(_programs)

@@ -1,0 +1,23 @@
+"""A small mission in open water, for tests of the hierarchical loop."""
+
+from auvplan.voyage.scenario import Scenario
+
+SMALL = {
+    "name": "small",
+    "area": {"lower": [0, 0, 0], "upper": [4000, 4000, 50]},
+    "chart": {"source": "none"},
+    "current": {"vortices": 3, "layers": 1, "radius": [300, 600], "peak_speed": 0.8, "update_interval": 300},
+    "obstacles": {"static": 1, "afloat": 1, "self_motivated": 1},
+    "mission": {"waypoints": 8, "neighbours": 4, "time_available": 5000},
+    "planning": {"t_series": 3},
+}
+
+
+def scenario(**sections) -> Scenario:
+    """The small mission with whole sections replaced."""
+    return Scenario.model_validate(SMALL | sections)
+
+
+def planning(**settings) -> Scenario:
+    """The small mission with some planning settings changed."""
+    return scenario(planning=SMALL["planning"] | settings)
