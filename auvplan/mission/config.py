@@ -28,8 +28,8 @@ class MissionConfig:
         phi2: Phi_2 of "eq15"; the paper gives no value.
         seeds: habitats taken from a beam search before the evolution starts, see `auvplan.mission.beam`; none
             if zero.
-        beam_width: partial orders that the beam keeps; None is 512, or 2048 for "eq15", which rewards filling
-            the time to the second and so needs many orders to choose from.
+        beam_width: partial orders that the beam keeps; None is 512 on sparse graphs, fewer on dense ones, and
+            four times as many for "eq15", which rewards filling the time to the second.
         local_rounds: changes that a memetic step makes to an order at most, see
             `auvplan.mission.local_search`; no memetic steps if zero.
         local_width: habitats that a memetic step starts from.
@@ -52,7 +52,7 @@ class MissionConfig:
     beam_width: int | None = None
     local_rounds: int = 3
     local_width: int = 20
-    local_period: int = 20
+    local_period: int = 40
     degree: int = 16
 
     def __post_init__(self) -> None:
@@ -96,14 +96,17 @@ class MissionConfig:
         )
         return cls(bbo=bbo, decoder="paper", objective="eq15", seeds=0, local_rounds=0)
 
-    @property
-    def width(self) -> int:
-        """Partial orders that the beam keeps."""
-        return self.beam_width or (2048 if self.objective == "eq15" else 512)
+    def beam(self, size: int, degree: int) -> tuple[int, int]:
+        """Partial orders that a beam keeps, and how many of them may end at one waypoint.
 
-    def places(self, size: int) -> int:
-        """How many partial orders of a beam may end at one waypoint of a graph of `size` waypoints."""
-        return max(2, 4 * self.width // size)
+        Args:
+            size: number of waypoints N.
+            degree: places for neighbours K; denser graphs get narrower beams, for the same time.
+        """
+        width = self.beam_width
+        if width is None:
+            width = max(128, min(512, 10_240 // degree)) * (4 if self.objective == "eq15" else 1)
+        return width, max(2, 4 * width // size)
 
     def replace(self, **changes: Any) -> Self:
         """A copy with some settings changed."""

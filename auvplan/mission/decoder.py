@@ -20,7 +20,7 @@ import chex
 import jax
 import jax.numpy as jnp
 
-from auvplan.mission.problem import Problem
+from auvplan.mission.problem import Problem, highest
 
 #: Inclusive bounds of a SIV (section 3.3).
 LOWEST, HIGHEST = -200, 100
@@ -30,13 +30,18 @@ DecoderName = Literal["paper", "rate"]
 
 @partial(
     jax.tree_util.register_dataclass,
-    data_fields=("position", "current", "time", "priority", "tasks", "inverse", "step", "active"),
+    data_fields=("value", "position", "current", "time", "priority", "tasks", "inverse", "step", "active"),
     meta_fields=(),
 )
 @dataclass(frozen=True)
 class _Walk:
-    """Loop state: `position` [P, N] is the step at which a waypoint was visited, -1 if not; the rest [P]."""
+    """Loop state, [P, N] and [P].
 
+    `value` holds the SIVs, minus infinity for a waypoint that has been visited; `position` the step at which
+    a waypoint was visited, -1 if not.
+    """
+
+    value: jax.Array
     position: jax.Array
     current: jax.Array
     time: jax.Array
@@ -102,11 +107,10 @@ def decode(
         It adds waypoints without looking at the time and discards orders that are late; "rate" is not in
         it at all.
     """
-    size, width = problem.neighbours.shape
+    size = problem.size
     chex.assert_shape(population, (None, siv_count(size, decoder)))
     habitats = population.shape[0]
     rows = jnp.arange(habitats)
-    column = jnp.arange(width, dtype=jnp.int32)
     genes = population[:, :size].astype(problem.leg_times.dtype)
     share = jnp.zeros(habitats)
     if decoder == "rate":
@@ -115,20 +119,19 @@ def decode(
     def advance(walk: _Walk) -> _Walk:
         here = walk.current
         onward = problem.neighbours[here]
-        value = genes[rows[:, None], onward]
+        value = walk.value[rows[:, None], onward]
         if decoder == "rate":
             value = value + share[:, None] * problem.rate[here]
-        fresh = walk.position[rows[:, None], onward] < 0
-        value = jnp.where((walk.time[:, None] < problem.latest[here]) & fresh, value, -jnp.inf)
-        best = value.max(axis=1)
-        # The first of the highest values: two plain reductions run twice as fast as argmax on a CPU.
-        edge = jnp.where(value == best[:, None], column, width - 1).min(axis=1)
+        value = jnp.where(walk.time[:, None] < problem.latest[here], value, -jnp.inf)
+        best, edge = highest(value)
         moves = walk.active & (best > -jnp.inf)
         there = jnp.where(moves, onward[rows, edge], here)
         rho = jnp.where(moves, problem.priority[here, edge], 0.0)
         task = rho > 0.0
+        entered = jnp.where(moves, there, size)
         return _Walk(
-            position=walk.position.at[rows, jnp.where(moves, there, size)].set(walk.step + 1, mode="drop"),
+            value=walk.value.at[rows, entered].set(-jnp.inf, mode="drop"),
+            position=walk.position.at[rows, entered].set(walk.step + 1, mode="drop"),
             current=there,
             time=walk.time + jnp.where(moves, problem.leg_times[here, edge], 0.0),
             priority=walk.priority + rho,
@@ -144,6 +147,7 @@ def decode(
         lambda walk: walk.active.any(),
         advance,
         _Walk(
+            value=genes.at[:, problem.start].set(-jnp.inf),
             position=jnp.broadcast_to(jnp.where(index == problem.start, 0, -1), (habitats, size)),
             current=jnp.full(habitats, problem.start, jnp.int32),
             time=zero,

@@ -87,8 +87,7 @@ def _seeded(population: jax.Array, known: jax.Array, problem: Problem, config: M
             problem,
             _gain(problem, config),
             saved[0],
-            config.width,
-            config.places(problem.size),
+            *config.beam(*problem.neighbours.shape),
             config.seeds,
         )
         nodes = jnp.concatenate([nodes, found])

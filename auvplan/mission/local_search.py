@@ -9,7 +9,7 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 
-from auvplan.mission.problem import Problem
+from auvplan.mission.problem import Problem, highest
 
 #: Waypoints that one change may cut out.
 CUT = 2
@@ -55,8 +55,10 @@ def _change_all(
     gained = jnp.concatenate([zero, jnp.cumsum(jnp.where(legs, gains[here, onward], 0.0), axis=1)], axis=1)
     at = jnp.maximum(nodes, 0)
     inside = nodes >= 0
-    visited = jnp.zeros((count, size), bool).at[rows[:, None], jnp.where(inside, nodes, size)].set(
-        True, mode="drop"
+    visited = (
+        jnp.zeros((count, size), bool)
+        .at[rows[:, None], jnp.where(inside, nodes, size)]
+        .set(True, mode="drop")
     )
     # By how much everything from a place on may be delayed.
     due = problem.deadline - problem.way_back[at]
@@ -65,9 +67,7 @@ def _change_all(
 
     via = problem.neighbours[at]
     open_ = (
-        inside[:, :, None]
-        & ~visited[rows[:, None, None], via]
-        & (arrival[:, :, None] < problem.latest[at])
+        inside[:, :, None] & ~visited[rows[:, None, None], via] & (arrival[:, :, None] < problem.latest[at])
     )
     best = jnp.zeros(count)
     choice = (jnp.full(count, size), jnp.zeros(count, jnp.int32), jnp.zeros(count, jnp.int32))
@@ -88,15 +88,13 @@ def _change_all(
         longer = problem.leg_times[at] + times[via, there[:, :, None]] - old_time[:, :, None]
         richer = gain[at] + gains[via, there[:, :, None]] - old_gain[:, :, None]
         worth = jnp.where(open_ & fits[:, :, None] & (longer < room[:, :, None]), richer, -jnp.inf)
-        flat = worth.reshape(count, -1)
-        index = jnp.argmax(flat, axis=1)
+        value, index = highest(worth.reshape(count, -1))
         place, edge = index // via.shape[2], index % via.shape[2]
-        best, choice = consider(best, choice, flat[rows, index], place, cut, via[rows, place, edge])
+        best, choice = consider(best, choice, value, place, cut, via[rows, place, edge])
         if cut:
             longer, richer = times[at, there] - old_time, gains[at, there] - old_gain
             worth = jnp.where(inside & fits & (longer < room), richer, -jnp.inf)
-            place = jnp.argmax(worth, axis=1)
-            best, choice = consider(best, choice, worth[rows, place], place, cut, jnp.full(count, -1))
+            best, choice = consider(best, choice, *highest(worth), cut, jnp.full(count, -1))
 
     place, cut, node = (value[:, None] for value in choice)
     column = jnp.arange(size)
