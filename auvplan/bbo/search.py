@@ -254,8 +254,10 @@ def run(
 
         whole = config.iterations // period * period
         state, rows = jax.lax.scan(epoch, state, keys[:whole].reshape(-1, period))
-        state, rest = epoch(state, keys[whole:])
-        rows = jax.tree.map(lambda a, b: jnp.concatenate([a.reshape(-1), b]), rows, rest)
+        rows = jax.tree.map(jnp.ravel, rows)
+        if whole < config.iterations:
+            state, rest = epoch(state, keys[whole:])
+            rows = jax.tree.map(lambda *parts: jnp.concatenate(parts), rows, rest)
     history = jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first, rows)
     return Result(state.population[0], state.cost[0], state.violation[0], state, history)
 
