@@ -105,7 +105,7 @@ class MissionConfig:
         """
         width = self.beam_width
         if width is None:
-            width = max(128, min(512, 8192 // degree)) * (4 if self.objective == "eq15" else 1)
+            width = max(128, min(512, 10_240 // degree)) * (4 if self.objective == "eq15" else 1)
         return width, max(2, 4 * width // size)
 
     def replace(self, **changes: Any) -> Self:

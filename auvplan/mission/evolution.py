@@ -23,8 +23,8 @@ def search_missions(
     visited: jax.Array,
     margins: jax.Array,
     given: jax.Array,
-    count: jax.Array,
     known: jax.Array,
+    count: jax.Array,
     config: MissionConfig,
 ) -> tuple[search.Result, decoders.Decoded, jax.Array]:
     """Search B missions at once.
@@ -37,8 +37,8 @@ def search_missions(
         visited: [B, N] bool.
         margins: [B] return margins.
         given: [B, P, D] habitats to start from, of which the first `count` are used.
-        count: number of habitats given.
         known: [B, N] orders to start from, padded with -1; all -1 where there is none.
+        count: number of habitats given.
         config: static settings.
 
     Returns:

@@ -1,6 +1,7 @@
 """The mission planner: a graph and a time budget into an order of tasks (section 3.3)."""
 
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
 import jax
@@ -14,6 +15,7 @@ from auvplan.mission.exact import certify
 from auvplan.mission.graph import MissionGraph
 from auvplan.mission.order import MissionOrder, MissionOrders, MissionStatus
 from auvplan.mission.problem import Edges, rounding_margin
+from auvplan.rows import over_rows
 
 if TYPE_CHECKING:
     from auvplan.vehicle import Vehicle
@@ -112,7 +114,7 @@ def plan_missions(
     return_margin: Any = 0.0,
     known_orders: Sequence[Sequence[int] | np.ndarray | None] | None = None,
 ) -> MissionOrders:
-    """`plan_mission` for B missions in one compiled call.
+    """`plan_mission` for B missions with one compiled program, on all cores at once.
 
     Args:
         graphs: stacked along a leading axis B (`MissionGraph.stack`).
@@ -151,13 +153,18 @@ def plan_missions(
     known = _known(known_orders, starts, goals, size)
 
     legs = graphs.leg_times(rate)
-    found = jax.tree.map(
-        np.asarray,
-        search_missions(
-            keys, Edges.of(legs, graphs.priority, config.degree), starts, goals, budget.astype(np.float32),
-            closed, margins.astype(np.float32), given, count, known, config,
-        ),
-    )  # fmt: skip
+    found = over_rows(
+        partial(search_missions, count=count, config=config),
+        keys,
+        Edges.of(legs, graphs.priority, config.degree),
+        starts,
+        goals,
+        budget.astype(np.float32),
+        closed,
+        margins.astype(np.float32),
+        given,
+        known,
+    )
     return _collect(found, graphs, np.where(closed[:, None, :], np.inf, legs), starts, goals, budget, margins)
 
 

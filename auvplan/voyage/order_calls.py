@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -80,28 +81,29 @@ def plan_orders(fleet: Fleet, missions: list[Mission], due: Sequence[int], confi
         if final:
             for m in due:
                 missions[m].timed = replace(missions[m].timed, adjacency=missions[m].graph.adjacency)
-        for batch, real in chunks(due):
-            left = [missions[m].run.t_available - fleet.now[m] - share * planning.reserve for m in batch]
-            keys = [
-                jax.random.fold_in(jax.random.fold_in(fleet.keys[m], 0), len(missions[m].run.orders))
-                for m in batch
-            ]
-            orders, seconds = fleet.clock.time(
-                ("mission", len(batch), missions[batch[0]].graph.size, config),
-                lambda batch=batch, left=left, keys=keys, share=share: plan_missions(
-                    MissionGraph.stack(missions[m].timed for m in batch),
-                    np.asarray([missions[m].here for m in batch]),
-                    np.asarray([missions[m].run.goal for m in batch]),
-                    np.maximum(left, 1.0),
-                    speed=fleet.vehicle.speed,
-                    keys=jnp.stack(keys),
-                    config=config,
-                    return_margin=share * return_margin(fleet.scenario),
-                    known_orders=[missions[m].rest or None for m in batch],
-                ),
-            )
-            for m, order in zip(batch[:real], orders, strict=False):
-                _take(fleet, m, missions[m], order, seconds / real, final)
+        if not due:
+            return
+        left = [missions[m].run.t_available - fleet.now[m] - share * planning.reserve for m in due]
+        keys = [
+            jax.random.fold_in(jax.random.fold_in(fleet.keys[m], 0), len(missions[m].run.orders)) for m in due
+        ]
+        orders, seconds = fleet.clock.time(
+            ("mission", missions[due[0]].graph.size, config),
+            partial(
+                plan_missions,
+                MissionGraph.stack(missions[m].timed for m in due),
+                np.asarray([missions[m].here for m in due]),
+                np.asarray([missions[m].run.goal for m in due]),
+                np.maximum(left, 1.0),
+                speed=fleet.vehicle.speed,
+                keys=jnp.stack(keys),
+                config=config,
+                return_margin=share * return_margin(fleet.scenario),
+                known_orders=[missions[m].rest or None for m in due],
+            ),
+        )
+        for m, order in zip(due, orders, strict=True):
+            _take(fleet, m, missions[m], order, seconds / len(due), final)
 
 
 def return_margin(scenario: Scenario) -> float:

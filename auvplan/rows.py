@@ -1,0 +1,85 @@
+"""A compiled program over the rows of a batch, as the device does it best.
+
+XLA on a CPU runs the small operations of one program one after the other, so a batch in one call leaves cores
+idle. The same program on several rows at once, one a thread, keeps them all busy, and one compilation serves
+every number of rows. An accelerator takes all rows in one call.
+"""
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, TypeVar
+
+import jax
+import numpy as np
+from numpy.typing import NDArray
+
+#: Rows of a call on an accelerator: batches are padded to these sizes, so that few of them compile.
+SIZES = (1, 8, 32, 128)
+
+T = TypeVar("T")
+
+
+def over_rows(program: Callable[..., T], *rows: Any) -> T:
+    """Apply a compiled program to every row of a batch.
+
+    Args:
+        program: takes trees of arrays that share a leading axis, and returns such a tree, row by row.
+        rows: the trees, of arrays or PRNG keys with a leading axis B >= 1.
+
+    Returns:
+        What the program returns for all B rows, as NumPy arrays.
+    """
+    leaves, tree = jax.tree.flatten(rows)
+    leaves = [_Leaf(leaf) for leaf in leaves]
+    count = len(leaves[0].values)
+
+    def call(index: NDArray[np.int_]) -> T:
+        return jax.device_get(program(*tree.unflatten([leaf[index] for leaf in leaves])))
+
+    if jax.default_backend() == "cpu":
+        parts = _threaded(call, [np.array([row]) for row in range(count)])
+    else:
+        parts = [_padded(call, np.arange(count)[begin:][: SIZES[-1]]) for begin in range(0, count, SIZES[-1])]
+    return jax.tree.map(lambda *part: np.concatenate(part), *parts)
+
+
+class _Leaf:
+    """One array on the host; PRNG keys as their data."""
+
+    def __init__(self, leaf: Any):
+        keys = isinstance(leaf, jax.Array) and jax.dtypes.issubdtype(leaf.dtype, jax.dtypes.prng_key)
+        self.kind = jax.random.key_impl(leaf) if keys else None
+        self.values = np.asarray(jax.random.key_data(leaf) if keys else leaf)
+
+    def __getitem__(self, index: NDArray[np.int_]) -> Any:
+        chosen = self.values[index]
+        return chosen if self.kind is None else jax.random.wrap_key_data(chosen, impl=self.kind)
+
+
+def _threaded(call: Callable[[NDArray[np.int_]], T], rows: list[NDArray[np.int_]]) -> list[T]:
+    """Results in order; the first row goes ahead alone, so that the program is compiled once."""
+    first = [call(rows[0])]
+    if len(rows) == 1:
+        return first
+    precise = jax.config.read("jax_enable_x64")
+
+    def in_thread(index: NDArray[np.int_]) -> T:
+        # A thread does not inherit the precision that a context manager has chosen.
+        with jax.enable_x64(precise):
+            return call(index)
+
+    with ThreadPoolExecutor(min(len(rows) - 1, _cores())) as pool:
+        return first + list(pool.map(in_thread, rows[1:]))
+
+
+def _cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _padded(call: Callable[[NDArray[np.int_]], T], rows: NDArray[np.int_]) -> T:
+    """One call for all rows, padded by the first one."""
+    size = next(size for size in SIZES if size >= len(rows))
+    whole = call(np.pad(rows, (0, size - len(rows)), constant_values=rows[0]))
+    return jax.tree.map(lambda leaf: leaf[: len(rows)], whole)
