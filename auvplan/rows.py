@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
@@ -48,13 +49,13 @@ class _Leaf:
     """One array on the host; PRNG keys as their data."""
 
     def __init__(self, leaf: Any):
-        keys = isinstance(leaf, jax.Array) and jax.dtypes.issubdtype(leaf.dtype, jax.dtypes.prng_key)
+        keys = isinstance(leaf, jax.Array) and jnp.issubdtype(leaf.dtype, jax.dtypes.prng_key)
         self.kind = jax.random.key_impl(leaf) if keys else None
         self.values = np.asarray(jax.random.key_data(leaf) if keys else leaf)
 
     def __getitem__(self, index: NDArray[np.int_]) -> Any:
         chosen = self.values[index]
-        return chosen if self.kind is None else jax.random.wrap_key_data(chosen, impl=self.kind)
+        return chosen if self.kind is None else jax.random.wrap_key_data(jnp.asarray(chosen), impl=self.kind)
 
 
 def _threaded(call: Callable[[NDArray[np.int_]], T], rows: list[NDArray[np.int_]]) -> list[T]:

@@ -8,6 +8,7 @@ from auvplan.mission.graph import MissionGraph, random_graph, time_to_go
 from auvplan.mission.order import MissionOrder, MissionOrders, MissionStatus
 from auvplan.mission.planner import plan_mission, plan_missions
 from auvplan.mission.tasks import task_graph
+from auvplan.mission.travel_times import TravelTimeConfig
 
 __all__ = [
     "MissionConfig",
@@ -16,6 +17,7 @@ __all__ = [
     "MissionOrders",
     "MissionStatus",
     "OrderCheck",
+    "TravelTimeConfig",
     "certify",
     "check_order",
     "plan_mission",
