@@ -1,0 +1,285 @@
+"""Path problems of the benchmark: four of the literature, random ones in open water and on real coast.
+
+All are planar: the box has no depth. The vehicle's limits on surge, sway and turn rate are out of reach, so
+that the quickest path clear of coast and obstacles is an optimum that a reference can find on a grid. In the
+random problems no current is faster than 0.9 of the vehicle, so every track can be held.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import dijkstra
+
+import auvplan as ap
+from auvplan.ocean.currents import FunctionCurrent
+from benchmarks.mission_sets import SHARED
+
+Array = NDArray[np.floating]
+
+MAPS = SHARED / "maps"
+SITES = "hook_passage", "hamilton_dent"
+
+#: Metres, and seconds at 1 m/s, that stand for a unit of length and of time of the source papers.
+SCALE = 1000.0
+
+#: Shapes that all random problems share: vortices, obstacles, pixels of a chart to each side.
+VORTICES, OBSTACLES, PIXELS = 15, 15, 400
+
+#: Limits of a vehicle that is held back by none.
+UNLIMITED = 1e6
+
+#: m, distance of start and goal to coast and obstacles, and of some path between them.
+CLEAR_ENDS, CLEAR_WAY = 120.0, 60.0
+
+#: A random problem has some clear way that is at most so many times as long as the straight line.
+LONGEST = 1.6
+
+
+@dataclass(frozen=True, eq=False)
+class PathProblem:
+    """One path to plan.
+
+    Attributes:
+        name: of the problem.
+        family: problems of one family share a row of the table.
+        environment: the world.
+        start: north, east, depth, m.
+        goal: north, east, depth, m.
+        vehicle: speed and limits.
+        depart: s since the epoch.
+        changes: of settings of `PathConfig` that the problem needs.
+        best_known: s, least travel time known from elsewhere; None where there is none.
+    """
+
+    name: str
+    family: str
+    environment: ap.Environment
+    start: tuple[float, float, float]
+    goal: tuple[float, float, float]
+    vehicle: ap.Vehicle
+    depart: float = 0.0
+    changes: Mapping[str, Any] = field(default_factory=dict)
+    best_known: float | None = None
+
+    @property
+    def distance(self) -> float:
+        """Start to goal, m."""
+        return float(np.linalg.norm(np.subtract(self.goal, self.start)))
+
+
+def path_problems(count: int = 24) -> list[PathProblem]:
+    """All problems: those of the literature and `count` random ones, as far as charts are found."""
+    return literature() + random_problems(count)
+
+
+# The papers' x is east and their y north; here x is north and y east, so both pairs change places.
+
+
+def circular(x: Any, y: Any, z: Any, t: Any) -> tuple[Any, Any, Any]:
+    """A vortex that turns like a wheel, clockwise, 0.9 m/s at 1000 m."""
+    return -0.9 * y / SCALE, 0.9 * x / SCALE, 0.0
+
+
+def four_vortices(x: Any, y: Any, z: Any, t: Any) -> tuple[Any, Any, Any]:
+    """Ferraro et al. (2021)."""
+    east, north = y / SCALE, x / SCALE
+    u = v = 0.0
+    for sign, a, b in ((-1.0, 2.0, 2.0), (-1.0, 4.0, 4.0), (-1.0, 2.0, 5.0), (1.0, 5.0, 1.0)):
+        turn = sign * 1.7 / (3.0 * ((east - a) ** 2 + (north - b) ** 2) + 1.0)
+        u, v = u - turn * (north - b), v + turn * (east - a)
+    return v, u, 0.0
+
+
+def double_gyre(x: Any, y: Any, z: Any, t: Any) -> tuple[Any, Any, Any]:
+    """Shadden et al. (2005): two gyres side by side that swing to and fro."""
+    east, north, swing = y / SCALE, x / SCALE, 0.25 * jnp.sin(t / SCALE)
+    place = swing * east**2 + (1.0 - 2.0 * swing) * east
+    slope = 2.0 * swing * east + 1.0 - 2.0 * swing
+    u = -0.1 * jnp.pi * jnp.sin(jnp.pi * place) * jnp.cos(jnp.pi * north)
+    v = 0.1 * jnp.pi * jnp.cos(jnp.pi * place) * jnp.sin(jnp.pi * north) * slope
+    return v, u, 0.0
+
+
+def techy(x: Any, y: Any, z: Any, t: Any) -> tuple[Any, Any, Any]:
+    """Techy (2011): an inflow whose turn changes its sense half a time unit after departure."""
+    east, north, turn = y / SCALE, x / SCALE, t / SCALE - 0.5
+    return turn * east - 0.3 * north, -0.3 * east - turn * north, 0.0
+
+
+def literature() -> list[PathProblem]:
+    """Time-optimal paths of the literature at 1 m/s, a unit of length taken as `SCALE` metres.
+
+    The best time known of "techy" is not the least: shooting with Zermelo's equation finds 1030.084 s.
+    """
+    slant = (np.cos(np.pi / 6), np.sin(np.pi / 6))
+    cases = (
+        ("circular", circular, True, slant, (0.0, 1.0), (-2, -2), (2, 2), 1.97496),
+        ("four vortices", four_vortices, True, (0.0, 0.0), (6.0, 2.0), (-2, -4), (8, 7), 8.9496),
+        ("double gyre", double_gyre, False, (1.5, 0.5), (0.5, 0.5), (0, 0), (2, 1), 0.98881),
+        ("techy", techy, False, slant, (0.0, 1.0), (-2, -2), (2, 2), 1.0316),
+    )
+    problems = []
+    for name, function, steady, start, goal, low, high, best in cases:
+        corners = (_from_paper(corner) for corner in (low, high))
+        env = ap.Environment(FunctionCurrent(function, steady), None, None, *corners)  # type: ignore[arg-type]
+        ends = _from_paper(start), _from_paper(goal)
+        best_known = best * SCALE
+        problems.append(
+            PathProblem(name, "literature", env, *ends, unlimited_vehicle(1.0), best_known=best_known)
+        )
+    return problems
+
+
+def _from_paper(point: Iterable[float]) -> tuple[float, float, float]:
+    """East and north in units to north, east, depth in m."""
+    east, north = point
+    return float(north * SCALE), float(east * SCALE), 0.0
+
+
+def unlimited_vehicle(speed: float) -> ap.Vehicle:
+    """A vehicle that is held back by nothing but its speed, m/s."""
+    return ap.Vehicle(speed, surge_max=UNLIMITED, sway_max=UNLIMITED, turn_rate_max=UNLIMITED)
+
+
+def random_problems(count: int = 24, seed: int = 0) -> list[PathProblem]:
+    """Every other problem in open water, the others on real coast; none of these where there are no charts.
+
+    6 to 15 Lamb vortices whose fastest water moves at 0.2 to 0.9 of the vehicle's 2.5 m/s, 4 to 15 static
+    obstacles of 40 to 480 m, most of them near the straight line. A clear way of at most `LONGEST` times the
+    straight line always exists.
+    """
+    problems = []
+    for k in range(count):
+        rng, number = np.random.default_rng([seed, k]), k // 2
+        if k % 2 == 0:
+            problems.append(_random_problem(rng, f"open-{number:02d}", "open water"))
+        elif have_charts():
+            problems.append(_random_problem(rng, f"coast-{number:02d}", "coast", number))
+    return problems
+
+
+def have_charts() -> bool:
+    """Whether the maps of the shared data are there."""
+    return all((MAPS / f"whitsunday_{site}_class.tif").exists() for site in SITES)
+
+
+def _random_problem(rng: np.random.Generator, name: str, family: str, site: int | None = None) -> PathProblem:
+    """Drawn again until start and goal are joined by a clear way."""
+    while True:
+        if site is None:
+            chart, low, size = None, np.zeros(2), rng.uniform(3500.0, 10_000.0)
+        else:
+            chart = _cropped(rng, site)
+            low, size = np.asarray(chart.lower, float), PIXELS * float(chart.pixel_size)
+        ends = low + size * rng.uniform(0.05, 0.95, (2, 2))
+        if np.linalg.norm(ends[1] - ends[0]) < 0.55 * size:
+            continue
+        centres, radii = _obstacles(rng, ends)
+        # A third of the coast problems may have the straight line free of land.
+        blocked = site is not None and site % 3 != 0
+        if not _worth_planning(chart, low, size, ends, centres, radii, blocked):
+            continue
+        places = np.c_[centres, np.zeros(len(radii))]
+        obstacles = ap.Obstacles.static(places, radii).padded(OBSTACLES)
+        current = _vortices(rng, low, size)
+        corners = (*low, 0.0), (*(low + size), 0.0)
+        env = ap.Environment(current, chart, obstacles, *corners)  # type: ignore[arg-type]
+        start, goal = ((float(x), float(y), 0.0) for x, y in ends)
+        return PathProblem(name, family, env, start, goal, unlimited_vehicle(2.5))
+
+
+def _obstacles(rng: np.random.Generator, ends: Array) -> tuple[Array, Array]:
+    """Centres [M, 2] m and radii [M] m, clear of both ends [2, 2] m."""
+    way = ends[1] - ends[0]
+    aside = np.array([-way[1], way[0]])
+    count = rng.integers(4, OBSTACLES + 1)
+    centres, radii = [], []
+    while len(radii) < count:
+        radius = np.exp(rng.uniform(np.log(40.0), np.log(480.0)))
+        centre = ends[0] + rng.uniform(0.0, 1.0) * way + rng.normal(0.0, 0.15) * aside
+        if np.linalg.norm(ends - centre, axis=1).min() > radius + CLEAR_ENDS:
+            centres.append(centre)
+            radii.append(radius)
+    return np.array(centres), np.array(radii)
+
+
+def _vortices(rng: np.random.Generator, low: Array, size: float) -> ap.LambVortices:
+    """One layer of 6 to `VORTICES` vortices in a square, padded by ones without strength."""
+    count = rng.integers(6, VORTICES + 1)
+    centres, radius, strength = np.zeros((VORTICES, 2)), np.ones(VORTICES), np.zeros(VORTICES)
+    centres[:count] = low + size * rng.uniform(0.0, 1.0, (count, 2))
+    radius[:count] = size * rng.uniform(0.05, 0.15, count)
+    strength[:count] = radius[:count] * rng.uniform(0.5, 1.0, count) * rng.choice([-1.0, 1.0], count)
+    field = ap.LambVortices(centres[None], strength[None], radius[None])  # type: ignore[arg-type]
+    x, y = _lattice(low, size, 128)
+    u, v, _ = field(jnp.asarray(x), jnp.asarray(y), jnp.zeros(x.shape), jnp.zeros(x.shape))
+    fastest = float(jnp.sqrt(jnp.max(u * u + v * v)))
+    return field.scaled(2.5 * rng.uniform(0.2, 0.9) / fastest)
+
+
+@lru_cache(maxsize=8)
+def _chart(site: str, reefs: bool, coarse: bool) -> ap.Chart:
+    """The whole map: 10 m a pixel, or 20 m where it is coarse; reefs are coast or water."""
+    with Image.open(MAPS / f"whitsunday_{site}_class.tif") as picture:
+        classes = np.asarray(picture)[::-1]
+    water = classes == 2 if reefs else classes > 0
+    if coarse:
+        north, east = water.shape[0] // 2, water.shape[1] // 2
+        water = water[: 2 * north, : 2 * east].reshape(north, 2, east, 2).all(axis=(1, 3))
+    return ap.Chart.from_mask(water, 20.0 if coarse else 10.0)
+
+
+def _cropped(rng: np.random.Generator, number: int) -> ap.Chart:
+    """A square of `PIXELS` anywhere on a map; number picks the map, its scale and whether reefs are coast."""
+    chart = _chart(SITES[number % 2], reefs=number % 4 < 2, coarse=number % 3 != 1)
+    i, j = (int(rng.integers(0, side - PIXELS + 1)) for side in chart.shape)
+    return chart.crop(i, j, PIXELS, PIXELS)
+
+
+def _lattice(low: Array, size: float, count: int) -> tuple[Array, Array]:
+    """x, y [count, count] m over a square, edges included."""
+    line = np.linspace(0.0, size, count)
+    x, y = np.meshgrid(low[0] + line, low[1] + line, indexing="ij")
+    return x, y
+
+
+def _worth_planning(
+    chart: ap.Chart | None, low: Array, size: float, ends: Array, centres: Array, radii: Array, blocked: bool
+) -> bool:
+    """Whether the ends have room, a way of decent length joins them, and land lies between where it must."""
+
+    def clearance(x: Array, y: Array) -> Array:
+        away = np.hypot(x[..., None] - centres[:, 0], y[..., None] - centres[:, 1]) - radii
+        nearest = away.min(axis=-1)
+        return nearest if chart is None else np.minimum(nearest, np.asarray(chart.distance(x, y)))
+
+    if clearance(ends[:, 0], ends[:, 1]).min() < CLEAR_ENDS:
+        return False
+    straight = ends[0] + np.linspace(0.0, 1.0, 400)[:, None] * (ends[1] - ends[0])
+    if blocked and chart is not None and np.asarray(chart.distance(*straight.T)).min() > 0.0:
+        return False
+    count = 100
+    x, y = _lattice(low, size, count)
+    free = clearance(x, y) > CLEAR_WAY
+    nodes = [int(np.argmin((x - a) ** 2 + (y - b) ** 2)) for a, b in ends]
+    index = np.arange(count * count).reshape(count, count)
+    tails, heads, lengths = [], [], []
+    for a, b in ((0, 1), (1, 0), (1, 1), (1, -1)):
+        rows, columns = slice(0, count - a), slice(max(0, -b), count - max(0, b))
+        shifted = slice(a, count), slice(max(0, b), count + min(0, b))
+        joined = free[rows, columns] & free[shifted]
+        tails.append(index[rows, columns][joined])
+        heads.append(index[shifted][joined])
+        lengths.append(np.full(joined.sum(), np.hypot(a, b) * size / (count - 1)))
+    edges = coo_array(
+        (np.concatenate(lengths), (np.concatenate(tails), np.concatenate(heads))), shape=(count**2, count**2)
+    )
+    way = dijkstra(edges.tocsr(), directed=False, indices=nodes[0])[nodes[1]]
+    return way <= LONGEST * np.linalg.norm(ends[1] - ends[0])

@@ -1,0 +1,238 @@
+"""Path planning against global references.
+
+``python -m benchmarks.paths`` plans every problem of `path_problems` with `ap.plan_path` and prints a row for
+each family and preset; ``--each`` prints one for each problem, ``--out FILE.json`` writes both. The gap of a
+plan is travel time / reference - 1, both measured by `path_ruler`. A plan that breaks a limit has no gap and
+lowers the feasible share. Times are of one plan, the compilation apart.
+"""
+
+import argparse
+import json
+import time
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import jax
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+import auvplan as ap
+from benchmarks.missions import WIDTH, machine
+from benchmarks.path_problems import PathProblem, have_charts, path_problems
+from benchmarks.path_reference import stored_references
+from benchmarks.path_ruler import World, evaluate
+
+PRESETS = {"default": ap.PathConfig, "paper": ap.PathConfig.paper}
+
+
+@dataclass(frozen=True)
+class Run:
+    """One plan.
+
+    Attributes:
+        problem: name.
+        family: of the problem.
+        preset: name.
+        seed: of the search.
+        reference: s; None where no path is known.
+        travel_time: s, by the ruler; None where the current beats the vehicle.
+        claimed: whether the planner holds its plan feasible.
+        feasible: whether the ruler does.
+        seconds: the plan took.
+        compile_seconds: the first plan of the problem took longer than this one by so much.
+    """
+
+    problem: str
+    family: str
+    preset: str
+    seed: int
+    reference: float | None
+    travel_time: float | None
+    claimed: bool
+    feasible: bool
+    seconds: float
+    compile_seconds: float
+
+    @property
+    def gap(self) -> float | None:
+        """Share of the reference that the plan loses; None if it breaks a limit or no reference is known."""
+        if self.reference is None or self.travel_time is None or not self.feasible:
+            return None
+        return self.travel_time / self.reference - 1.0
+
+
+@dataclass(frozen=True)
+class Row:
+    """Runs of a family or of a problem with one preset.
+
+    Attributes:
+        name: of the family or problem.
+        preset: name.
+        mean_gap, median_gap, worst_gap, best_gap: over feasible plans; None without any.
+        feasible: share of plans that keep all limits by the ruler.
+        claimed: share that the planner holds feasible.
+        false_claims: plans that it holds feasible and the ruler does not.
+        milliseconds: median of a plan.
+        compile_seconds: summed over the problems.
+        plans: number.
+    """
+
+    name: str
+    preset: str
+    mean_gap: float | None
+    median_gap: float | None
+    worst_gap: float | None
+    best_gap: float | None
+    feasible: float
+    claimed: float
+    false_claims: int
+    milliseconds: float
+    compile_seconds: float
+    plans: int
+
+    @classmethod
+    def of(cls, name: str, runs: list[Run]) -> "Row":
+        """Sum up runs of one preset."""
+        gaps = [run.gap for run in runs if run.gap is not None]
+        mean, median, worst, best = (
+            float(figure(gaps)) if gaps else None for figure in (np.mean, np.median, np.max, np.min)
+        )
+        return cls(
+            name=name,
+            preset=runs[0].preset,
+            mean_gap=mean,
+            median_gap=median,
+            worst_gap=worst,
+            best_gap=best,
+            feasible=float(np.mean([run.feasible for run in runs])),
+            claimed=float(np.mean([run.claimed for run in runs])),
+            false_claims=sum(run.claimed and not run.feasible for run in runs),
+            milliseconds=1e3 * float(np.median([run.seconds for run in runs])),
+            compile_seconds=sum({run.problem: run.compile_seconds for run in runs}.values()),
+            plans=len(runs),
+        )
+
+
+def plan_all(
+    problem: PathProblem, preset: str, seeds: int, reference: float | None, world: World
+) -> list[Run]:
+    """Plan a problem from `seeds` keys, after a plan that compiles."""
+    config = PRESETS[preset]().replace(**problem.changes)
+
+    def plan(seed: int) -> tuple[ap.PathPlan, float]:
+        begin = time.perf_counter()
+        made = ap.plan_path(
+            np.asarray(problem.start),
+            np.asarray(problem.goal),
+            problem.environment,
+            problem.vehicle,
+            key=jax.random.key(seed),
+            config=config,
+            depart=problem.depart,
+        )
+        jax.block_until_ready(made.population)
+        return made, time.perf_counter() - begin
+
+    _, first = plan(10_000)
+    runs = []
+    for seed in range(seeds):
+        made, seconds = plan(seed)
+        score = evaluate(problem, made.positions, world)
+        travel_time = score.travel_time if np.isfinite(score.travel_time) else None
+        runs.append(
+            Run(
+                problem.name, problem.family, preset, seed, reference, travel_time, made.feasible,
+                score.feasible, seconds, max(first - seconds, 0.0),
+            )
+        )  # fmt: skip
+    return runs
+
+
+def rows(runs: Iterable[Run], by: str) -> list[Row]:
+    """A row for each family or problem, as `by` says, and preset."""
+    groups: dict[tuple[str, str], list[Run]] = {}
+    for run in runs:
+        groups.setdefault((getattr(run, by), run.preset), []).append(run)
+    return [Row.of(name, members) for (name, _), members in groups.items()]
+
+
+def table(shown: list[Row], title: str) -> Table:
+    """Rows as a table; a name is written once."""
+    made = Table(title=title)
+    for name in ("set", "preset"):
+        made.add_column(name)
+    for name in (
+        "mean gap",
+        "median",
+        "worst",
+        "best",
+        "feasible",
+        "claimed",
+        "ms a plan",
+        "compiling",
+        "plans",
+    ):
+        made.add_column(name, justify="right")
+    last = None
+    for row in shown:
+        gaps = (row.mean_gap, row.median_gap, row.worst_gap, row.best_gap)
+        wrong = f" ({row.false_claims} wrong)" if row.false_claims else ""
+        made.add_row(
+            "" if row.name == last else row.name, row.preset,
+            *("-" if gap is None else f"{gap:.2%}" for gap in gaps),
+            f"{row.feasible:.0%}", f"{row.claimed:.0%}{wrong}", f"{row.milliseconds:.0f}",
+            f"{row.compile_seconds:.1f} s", str(row.plans),
+        )  # fmt: skip
+        last = row.name
+    return made
+
+
+def main() -> None:
+    """Print the tables and write the file."""
+    parser = argparse.ArgumentParser(description="Paths against global references.")
+    parser.add_argument("--seeds", type=int, default=5, help="plans of each problem")
+    parser.add_argument("--only", nargs="+", help="families or problems, such as coast or open-03")
+    parser.add_argument("--preset", nargs="+", choices=list(PRESETS), default=list(PRESETS))
+    parser.add_argument("--each", action="store_true", help="a row for each problem too")
+    parser.add_argument("--out", type=Path, help="JSON file to write")
+    options = parser.parse_args()
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=WIDTH)
+    if not have_charts():
+        console.print("problems on real coast: left out, the shared maps were not found")
+    references = stored_references()
+    chosen = [
+        problem
+        for problem in path_problems()
+        if not options.only or {problem.family, problem.name} & set(options.only)
+    ]
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    runs: list[Run] = []
+    with Progress(*columns, console=console, transient=True) as progress:
+        for problem in progress.track(
+            sorted(chosen, key=lambda problem: problem.family), description="plans"
+        ):
+            world = World.of(problem)
+            for preset in options.preset:
+                runs += plan_all(problem, preset, options.seeds, references.get(problem.name), world)
+    families, problems = rows(runs, "family"), rows(runs, "problem")
+    if options.each:
+        console.print(table(problems, "Each problem: gap to the reference"))
+    console.print(table(families, "Paths: gap to the reference"))
+    if options.out:
+        content = {
+            "machine": machine(),
+            "seeds": options.seeds,
+            "families": [asdict(row) for row in families],
+            "problems": [asdict(row) for row in problems],
+            "runs": [asdict(run) for run in runs],
+        }
+        options.out.write_text(json.dumps(content, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,165 @@
+"""Whole path plans: the presets against other people's searches on the same problem.
+
+``python -m benchmarks.plans`` plans one leg past 12 vortices, 12 obstacles and a charted coast, each seed by
+every contender in turn: 100 habitats for 100 iterations, so 10,100 evaluations each; the default preset adds
+its gradient steps. Every plan is judged by the package's kernel. The compilation counts apart.
+"""
+
+import argparse
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+import auvplan as ap
+from benchmarks import path_peers
+from benchmarks.machine import bars, clock, console, installed, write
+from benchmarks.scoring import Problem, problem
+
+POPULATION, ITERATIONS = 100, 100
+BATCH = 32
+SEEDS = 10
+#: Calls of `BATCH` plans at most.
+BATCHED_SEEDS = 3
+
+
+@dataclass(frozen=True)
+class Row:
+    """One way to plan.
+
+    Attributes:
+        name: of the contender.
+        seconds: median time of a plan.
+        compile_seconds: how much longer the first call took.
+        cost: s, mean over all plans; broken limits weigh a multiple of the straight line's time.
+        median_cost: s.
+        best_cost: s.
+        feasible: share of plans that keep all limits.
+        plans: number of plans.
+    """
+
+    name: str
+    seconds: float
+    compile_seconds: float
+    cost: float
+    median_cost: float
+    best_cost: float
+    feasible: float
+    plans: int
+
+
+@dataclass(frozen=True)
+class Contender:
+    """A way to plan.
+
+    Attributes:
+        name: in the table.
+        search: ``search(seed) -> [N, 3 n]`` m, the best habitat of each of N plans.
+        plans: N.
+    """
+
+    name: str
+    search: path_peers.Search
+    plans: int = 1
+
+
+def contenders(leg: Problem, screen: Console) -> list[Contender]:
+    """The presets and the peers that are installed; a line for each that is not."""
+    found = []
+    for name, config in (("paper", ap.PathConfig.paper()), ("default", ap.PathConfig())):
+        bbo = config.bbo.replace(population=POPULATION, iterations=ITERATIONS)
+        sized = config.replace(bbo=bbo)
+        found.append(Contender(name, partial(_plan, leg, sized, 1)))
+        found.append(Contender(f"{name}, {BATCH} in one call", partial(_plan, leg, sized, BATCH), BATCH))
+    for name, packages, make in path_peers.PEERS:
+        missing = " and ".join(package for package in packages if not installed(package))
+        if missing:
+            screen.print(f"{name}: left out, {missing} not installed: pip install {missing}")
+        else:
+            found.append(Contender(name, make(leg, POPULATION, ITERATIONS)))
+    return found
+
+
+def _plan(leg: Problem, config: ap.PathConfig, count: int, seed: int) -> Any:
+    """Best habitats [count, 3 n] m of `count` plans in one call."""
+    starts, goals = (np.tile(np.asarray(end), (count, 1)) for end in (leg.start, leg.goal))
+    key = jax.random.key(seed)
+    plans = ap.plan_paths(starts, goals, leg.env, leg.vehicle, key=key, config=config)
+    return plans.population[:, 0]
+
+
+def rows(screen: Console, progress: Progress, seeds: int = SEEDS) -> list[Row]:
+    """All contenders with all seeds."""
+    leg = problem()
+    judge = jax.jit(leg.cost)
+    known = contenders(leg, screen)
+    bar = progress.add_task("plans", total=len(known) * (seeds + 1))
+    first: dict[str, float] = {}
+    times: dict[str, list[float]] = {one.name: [] for one in known}
+    scores: dict[str, list[Any]] = {one.name: [] for one in known}
+    for turn in range(-1, seeds):
+        for one in known:
+            progress.advance(bar)
+            if one.plans > 1 and turn >= BATCHED_SEEDS:
+                continue
+            seconds, best = clock(partial(one.search, turn % 1000))
+            if turn < 0:
+                first[one.name] = seconds
+                continue
+            times[one.name].append(seconds)
+            scores[one.name].append(np.stack(judge(np.asarray(best, np.float32))))
+    progress.remove_task(bar)
+    return [_row(one, first[one.name], times[one.name], scores[one.name]) for one in known]
+
+
+def _row(one: Contender, first: float, times: list[float], scores: list[Any]) -> Row:
+    cost, violation = np.concatenate(scores, axis=1)
+    seconds = float(np.median(times))
+    return Row(
+        name=one.name,
+        seconds=seconds / one.plans,
+        compile_seconds=max(0.0, first - seconds),
+        cost=float(cost.mean()),
+        median_cost=float(np.median(cost)),
+        best_cost=float(cost.min()),
+        feasible=float((violation == 0.0).mean()),
+        plans=len(cost),
+    )
+
+
+def table(rows: list[Row]) -> Table:
+    """All rows as one table."""
+    shown = Table(title=f"Plans of {POPULATION} habitats x {ITERATIONS} iterations, one leg with coast")
+    shown.add_column("planner")
+    for name in ("time per plan", "compilation", "mean cost", "median", "best", "feasible", "plans"):
+        shown.add_column(name, justify="right")
+    for row in rows:
+        shown.add_row(
+            row.name, f"{1e3 * row.seconds:.1f} ms", f"{row.compile_seconds:.1f} s", f"{row.cost:,.1f} s",
+            f"{row.median_cost:,.1f} s", f"{row.best_cost:,.1f} s", f"{row.feasible:.0%}", str(row.plans),
+        )  # fmt: skip
+    return shown
+
+
+def main() -> None:
+    """Print the table and write the file."""
+    parser = argparse.ArgumentParser(description="Whole path plans against other searches.")
+    parser.add_argument("--seeds", type=int, default=SEEDS, help="plans of each contender")
+    parser.add_argument("--out", type=Path, help="JSON file to write")
+    options = parser.parse_args()
+    screen = console()
+    with bars(screen) as progress:
+        found = rows(screen, progress, options.seeds)
+    screen.print(table(found))
+    if options.out:
+        write(options.out, {"seeds": options.seeds, "rows": [asdict(row) for row in found]})
+
+
+if __name__ == "__main__":
+    main()

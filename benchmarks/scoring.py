@@ -1,0 +1,298 @@
+"""Scoring a population of paths: the package's kernel against C and Numba, and the price of gradients.
+
+``python -m benchmarks.scoring`` times 100 and 10,000 paths of 128 samples with 10 free control points, past
+12 vortices, 12 obstacles and a chart of 350 x 350 pixels. The contenders take turns, so that all see the same
+machine; C and Numba run on one thread, JAX on as many as it likes. Before anything is timed all must agree:
+on every path that keeps the turn rate's limit, and on 99 % of all. At a cusp the turn rate is ill-conditioned
+in single precision, for the package's kernel as for its twins.
+"""
+
+import argparse
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+import auvplan as ap
+from auvplan.ocean.chart import INTERPOLATION_ERROR
+from auvplan.ocean.currents import LambVortices
+from auvplan.path import habitats
+from auvplan.path.bspline import basis_matrix
+from auvplan.path.cost import VIOLATIONS, curves, fly, score, violations
+from auvplan.vehicle import Vehicle
+from benchmarks import path_twins as twins
+from benchmarks.machine import bars, clock, console, write
+
+COUNTS = (100, 10_000)
+ROUNDS = 30
+#: s, length of a turn; at least one call.
+TURN = 0.1
+#: Largest relative difference of costs that counts as agreement, and the share of paths that must agree.
+AGREEMENT, AGREEING = 1e-4, 0.99
+SIDE, PIXEL = 3500.0, 10.0
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A leg to score paths for.
+
+    Attributes:
+        start, goal: [3] m.
+        env: the world, obstacles resolved.
+        vehicle: speed and limits.
+        config: control points and samples.
+    """
+
+    start: jax.Array
+    goal: jax.Array
+    env: ap.Environment
+    vehicle: Vehicle
+    config: ap.PathConfig
+
+    def cost(self, paths: jax.Array) -> tuple[jax.Array, jax.Array]:
+        """Cost [P] s and violation [P] of habitats [P, 3 n] m, by the kernel of the package."""
+        return score(paths, self.start, self.goal, jnp.zeros(()), self.env, self.vehicle, self.config)
+
+    def turns(self, paths: jax.Array) -> jax.Array:
+        """[P], mean excess of the turn rate of habitats [P, 3 n] m."""
+        x, y, z = curves(paths, self.start, self.goal, self.config)
+        flight = fly(x, y, z, jnp.zeros(()), self.env, self.vehicle, self.config)
+        return violations(flight)[VIOLATIONS.index("turn_rate")]
+
+    def bounds(self) -> tuple[jax.Array, jax.Array]:
+        """Least and largest habitat, [3 n] m each."""
+        return habitats.bounds(self.start, self.goal, self.env, self.config)
+
+    def paths(self, count: int, seed: int = 0) -> jax.Array:
+        """[count, 3 n] m, smooth detours of all sizes."""
+        key = jax.random.key(seed)
+        return habitats.initial(key, count, self.start, self.goal, *self.bounds(), self.config)
+
+    def numbers(self) -> dict[str, Any]:
+        """The problem as plain numbers and contiguous single-precision arrays, named as in score.c."""
+        env, config, vehicle = self.env, self.config, self.vehicle
+        current, balls, chart = env.current, env.obstacles, env.chart
+        assert isinstance(current, LambVortices)
+        assert chart is not None
+        assert current.strength.shape[0] == 1
+        radius2, strength = np.asarray(current.radius[0]) ** 2, np.asarray(current.strength[0])
+        scale = strength / (2.0 * np.pi * radius2)
+        rate = -np.log2(np.e) / (2.0 * radius2)
+        vortex = [*np.asarray(current.centers[0]).T, rate, scale, scale * np.asarray(current.vertical_scale)]
+        growth = np.asarray(balls.growth)
+        boundary = np.asarray(balls.boundary(balls.observed_at))
+        state = [*np.asarray(balls.position).T, *np.asarray(balls.velocity).T, growth]
+        obstacle = [*state, np.asarray(balls.growth_max), np.asarray(balls.observed_at), boundary]
+        order = config.degree + 1
+        dense = basis_matrix(config.samples, config.control_points + 2, config.degree)
+        first = np.minimum((dense > 0.0).argmax(axis=1), dense.shape[1] - order)
+        ends = np.stack([self.start, self.goal])
+        arrays = {
+            "basis": np.take_along_axis(dense, first[:, None] + np.arange(order), axis=1),
+            "ends": ends,
+            "vortex": np.stack(vortex, axis=1)[strength != 0.0],
+            "chart": np.stack([chart.signed_distance, chart.passability], axis=2),
+            "obstacle": np.stack(obstacle, axis=1)[np.asarray(balls.active)],
+        }
+        origin, pixel, speed = np.asarray(chart.origin), float(chart.pixel_size), np.asarray(vehicle.speed)
+        limits = ("speed", "surge_max", "sway_max", "turn_rate_max")
+        prices = ("coast_margin", "obstacle_margin", "uncertain_price")
+        return {
+            **{name: np.ascontiguousarray(array, np.float32) for name, array in arrays.items()},
+            "first": first.astype(np.int32),
+            "samples": config.samples,
+            "controls": config.control_points,
+            "order": order,
+            "vortices": len(arrays["vortex"]),
+            "obstacles": len(arrays["obstacle"]),
+            "north": chart.shape[0],
+            "east": chart.shape[1],
+            "depart": 0.0,
+            **{name: float(np.asarray(getattr(vehicle, name))) for name in limits},
+            **{name: getattr(config, name) for name in prices},
+            "chart_error": INTERPOLATION_ERROR * pixel,
+            "origin_north": float(origin[0]),
+            "origin_east": float(origin[1]),
+            "pixel_size": pixel,
+            "straight": float(np.linalg.norm(ends[1] - ends[0])) / float(speed),
+            "uniform": np.asarray(current.uniform, np.float32),
+            "weights": np.array([getattr(config.penalties, name) for name in VIOLATIONS], np.float32),
+        }
+
+
+def problem(seed: int = 0) -> Problem:
+    """A leg of 4 km past islands, shallows and drifting obstacles, on a chart of 350 x 350 pixels."""
+    rng = np.random.default_rng(seed)
+    start, goal = np.array([200.0, 300.0, 10.0]), np.array([3200.0, 3000.0, 50.0])
+    low, high = jnp.zeros(3), jnp.array([SIDE, SIDE, 100.0])
+    current, side = ap.random_vortices(jax.random.key(seed + 1), low, high, count=12), int(SIDE / PIXEL)
+    north, east = np.meshgrid(*[(np.arange(side) + 0.5) * PIXEL] * 2, indexing="ij")
+    raster = np.ones_like(north, np.float32)
+    for value, count, size in ((0.2, 6, 350.0), (0.0, 8, 200.0)):
+        for centre in rng.uniform(0.0, SIDE, (count, 2)):
+            if min(np.linalg.norm(centre - start[:2]), np.linalg.norm(centre - goal[:2])) > 2.0 * size:
+                raster[np.hypot(north - centre[0], east - centre[1]) < size * rng.uniform(0.5, 1.0)] = value
+    share = rng.uniform(0.2, 0.8, 12)[:, None]
+    places = start + (goal - start) * share + rng.normal(0.0, 150.0, (12, 3))
+    spheres = ap.Obstacles.afloat(places, rng.uniform(30.0, 120.0, 12), growth=0.05)
+    chart = ap.Chart.from_passability(raster, PIXEL)
+    env = ap.Environment(current, chart, spheres.resolved(current), low, high)
+    return Problem(jnp.asarray(start, float), jnp.asarray(goal, float), env, Vehicle(), ap.PathConfig())
+
+
+@dataclass(frozen=True)
+class Row:
+    """One way to score a population.
+
+    Attributes:
+        paths: P.
+        name: of the contender.
+        compile_seconds: how much longer the first call took.
+        seconds: median time of a call.
+        least_seconds: the shortest.
+        to_c: `seconds` over those of C; None without C.
+        to_value: `seconds` over those of the package's kernel.
+        difference: largest relative one to the package's costs, of paths that keep the turn rate's limit.
+        agreeing: share of all paths whose costs agree.
+    """
+
+    paths: int
+    name: str
+    compile_seconds: float
+    seconds: float
+    least_seconds: float
+    to_c: float | None
+    to_value: float
+    difference: float
+    agreeing: float
+
+
+Contender = Callable[[jax.Array, twins.Array], Any]
+
+
+def contenders(problem: Problem, screen: Console) -> dict[str, tuple[Contender, float]]:
+    """Ways to score and the s that making them took; a line for each that is missing.
+
+    Each takes the same habitats [P, 3 n] twice, on the device and on the host, and returns the costs first.
+    """
+    value = jax.jit(problem.cost)
+
+    def summed(paths: jax.Array) -> tuple[jax.Array, jax.Array]:
+        cost = problem.cost(paths)[0]
+        return cost.sum(), cost
+
+    gradient = jax.jit(jax.value_and_grad(summed, has_aux=True))
+
+    def costs_with_gradient(device: jax.Array, _: twins.Array) -> tuple[jax.Array, jax.Array]:
+        (_, cost), slope = gradient(device)
+        return cost, slope
+
+    found: dict[str, tuple[Contender, float]] = {
+        "JAX": (lambda device, _: value(device), 0.0),
+        "JAX, cost and gradient": (costs_with_gradient, 0.0),
+    }
+    seconds, compiled = clock(partial(twins.in_c, problem))
+    if compiled is None:
+        screen.print("C: left out, no C compiler that works was found")
+    else:
+        found["C, 1 thread"] = (lambda _, host: compiled(host), seconds)
+    with_numba = twins.in_numba(problem)
+    if with_numba is None:
+        screen.print("Numba: left out, not installed: pip install 'auvplan[bench]'")
+    else:
+        found["Numba, 1 thread"] = (lambda _, host: with_numba(host), 0.0)
+    return found
+
+
+def rows(screen: Console, progress: Progress, rounds: int = ROUNDS) -> list[Row]:
+    """All contenders at all sizes.
+
+    Raises:
+        RuntimeError: two contenders disagree on the costs.
+    """
+    leg, result = problem(), []
+    known = contenders(leg, screen)
+    for count in COUNTS:
+        device = leg.paths(count)
+        host = np.ascontiguousarray(device, np.float32)
+        first, then, costs = {}, {name: [] for name in known}, {}
+        for name, (call, made) in known.items():
+            first[name], scored = clock(partial(call, device, host))
+            first[name] += made
+            costs[name] = np.asarray(scored[0])
+        smooth = np.asarray(jax.jit(leg.turns)(device)) == 0.0
+        apart = {name: np.abs(cost - costs["JAX"]) / costs["JAX"] for name, cost in costs.items()}
+        for name, gap in apart.items():
+            if gap[smooth].max() > AGREEMENT or (gap < AGREEMENT).mean() < AGREEING:
+                raise RuntimeError(f"{name} and JAX disagree on the costs of {count} paths")
+        bar, shuffle = progress.add_task(f"{count:,} paths", total=rounds), np.random.default_rng(0)
+        for _ in range(rounds):
+            for name in shuffle.permutation(list(known)):
+                # The first call finds the caches as another contender left them.
+                call = known[name][0]
+                warm, _ = clock(partial(call, device, host))
+                for _ in range(max(1, int(TURN / warm))):
+                    then[name].append(clock(partial(call, device, host))[0])
+            progress.advance(bar)
+        progress.remove_task(bar)
+        median = {name: float(np.median(times)) for name, times in then.items()}
+        for name, seconds in median.items():
+            result.append(
+                Row(
+                    paths=count,
+                    name=name,
+                    compile_seconds=max(0.0, first[name] - seconds),
+                    seconds=seconds,
+                    least_seconds=min(then[name]),
+                    to_c=seconds / median["C, 1 thread"] if "C, 1 thread" in median else None,
+                    to_value=seconds / median["JAX"],
+                    difference=float(apart[name][smooth].max()),
+                    agreeing=float((apart[name] < AGREEMENT).mean()),
+                )
+            )
+    return result
+
+
+def table(rows: list[Row]) -> Table:
+    """All rows as one table."""
+    shown = Table(title="Scoring paths of 128 samples: 12 vortices, 12 obstacles, 350 x 350 chart")
+    shown.add_column("paths", justify="right")
+    shown.add_column("what")
+    for name in ("time", "least", "to C", "to JAX", "compilation", "difference of costs"):
+        shown.add_column(name, justify="right")
+    last = None
+    for row in rows:
+        shown.add_row(
+            "" if row.paths == last else f"{row.paths:,}", row.name,
+            f"{1e3 * row.seconds:.3f} ms", f"{1e3 * row.least_seconds:.3f} ms",
+            "-" if row.to_c is None else f"{row.to_c:.2f}", f"{row.to_value:.2f}",
+            f"{row.compile_seconds:.2f} s", f"{row.difference:.1e}",
+        )  # fmt: skip
+        last = row.paths
+    return shown
+
+
+def main() -> None:
+    """Print the table and write the file."""
+    parser = argparse.ArgumentParser(description="Scoring paths: JAX against C and Numba.")
+    parser.add_argument("--rounds", type=int, default=ROUNDS, help="turns that every contender takes")
+    parser.add_argument("--out", type=Path, help="JSON file to write")
+    options = parser.parse_args()
+    screen = console()
+    with bars(screen) as progress:
+        found = rows(screen, progress, options.rounds)
+    screen.print(table(found))
+    if options.out:
+        write(options.out, {"rows": [asdict(row) for row in found]})
+
+
+if __name__ == "__main__":
+    main()
