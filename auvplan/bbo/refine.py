@@ -1,5 +1,6 @@
 """Gradient polish of elite habitats with optax; for costs that are differentiable in real SIVs."""
 
+from collections.abc import Callable
 from typing import Any
 
 import jax
@@ -7,6 +8,8 @@ import jax.numpy as jnp
 import optax
 
 from auvplan.bbo.search import CostFunction, evaluate
+
+GuideFunction = Callable[..., tuple[jax.Array, tuple[jax.Array, jax.Array]]]
 
 
 def refine(
@@ -17,6 +20,7 @@ def refine(
     steps: int,
     args: tuple[Any, ...] = (),
     step_size: float = 0.01,
+    guide: GuideFunction | None = None,
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
     """Descend from several habitats at once and keep the best iterate of each; traceable.
 
@@ -30,6 +34,8 @@ def refine(
         steps: number of gradient steps.
         args: problem data passed on to `fun`.
         step_size: first step, as a share of each SIV's range.
+        guide: ``guide(population, *args)`` -> (guide [R], (cost [R], violation [R])). Descends on the guide
+            instead of the cost, as on one that is less stiff, but still keeps the iterate of least cost.
 
     Returns:
         ``(habitats [R, D], cost [R], violation [R])``, never worse in cost than the starts.
@@ -38,14 +44,19 @@ def refine(
     optimizer = optax.adam(optax.cosine_decay_schedule(step_size, steps))
 
     def total(unit: jax.Array) -> tuple[jax.Array, tuple[jax.Array, jax.Array]]:
-        cost, violation = evaluate(fun, lower + unit * span, *args)
-        return jnp.where(jnp.isfinite(cost), cost, 0.0).sum(), (cost, violation)
+        if guide is None:
+            cost, violation = evaluate(fun, lower + unit * span, *args)
+            slope = cost
+        else:
+            slope, (cost, violation) = guide(lower + unit * span, *args)
+            cost = jnp.where(jnp.isfinite(cost), cost, jnp.inf)
+        return jnp.where(jnp.isfinite(slope), slope, 0.0).sum(), (cost, violation)
 
-    slope = jax.value_and_grad(total, has_aux=True)
+    value_and_slope = jax.value_and_grad(total, has_aux=True)
 
     def descend(carry: Any, _: None) -> tuple[Any, None]:
         unit, memory, best = carry
-        (_, scored), gradient = slope(unit)
+        (_, scored), gradient = value_and_slope(unit)
         best = _keep_better(best, (unit, *scored))
         change, memory = optimizer.update(jnp.nan_to_num(gradient), memory)
         return (jnp.clip(unit + change, 0.0, 1.0), memory, best), None

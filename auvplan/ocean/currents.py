@@ -2,7 +2,7 @@
 
 A current is any pytree callable ``current(x, y, z, t) -> (u, v, w)``: arrays broadcast elementwise, metres
 and seconds in, m/s north, east and down out. An attribute ``steady`` that is True says that t does not
-matter, which spares planners the arrival-time sweeps.
+matter, which spares planners the sailing of segments one after the other.
 """
 
 from collections.abc import Callable
@@ -144,27 +144,34 @@ class LambVortices:
             chex.assert_shape(depths, (layers,))
 
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
-        still = jnp.zeros(jnp.broadcast_shapes(jnp.shape(x), jnp.shape(y), jnp.shape(z)), jnp.result_type(x))
+        shape = jnp.broadcast_shapes(jnp.shape(x), jnp.shape(y), jnp.shape(z))
+        # One long row of points makes longer vector loops than a plane of short ones.
+        x, y, z = (jnp.broadcast_to(axis, shape).reshape(-1) for axis in (x, y, z))
+        still = jnp.zeros(x.shape, jnp.result_type(x))
         north, east, down = (still + self.uniform[axis] for axis in range(3))  # type: ignore[index]
         total = (north, east, down)
         gamma = jnp.asarray(self.vertical_scale)
-        for layer, weight in enumerate(self._layer_weights(z)):
-            # One small loop body whatever the number of vortices: quick to compile, and the planes stay in
-            # cache. Recomputing it for gradients beats storing what every vortex would need.
-            @jax.checkpoint
-            def add(total: Velocity, vortex: tuple[jax.Array, ...], weight: ArrayLike = weight) -> Velocity:
-                center_x, center_y, strength, radius = vortex
-                parts = _vortex(x - center_x, y - center_y, strength * weight, radius, gamma)
-                return total[0] + parts[0], total[1] + parts[1], total[2] + parts[2]
 
+        # One small loop body whatever the number of vortices: quick to compile, and the planes stay in cache.
+        # Gradients recompute it, which beats storing what every vortex would need.
+        @jax.checkpoint
+        def part(x: jax.Array, y: jax.Array, vortex: tuple[jax.Array, ...]) -> Velocity:
+            center_x, center_y, strength, radius = vortex
+            return _vortex(x - center_x, y - center_y, strength, radius, gamma)
+
+        def add(total: Velocity, vortex: tuple[jax.Array, ...]) -> tuple[Velocity, None]:
+            return jax.tree.map(jnp.add, total, part(x, y, vortex)), None
+
+        for layer, weight in enumerate(self._layer_weights(z)):
             vortices = (
                 self.centers[layer, :, 0],
                 self.centers[layer, :, 1],
                 self.strength[layer],
                 self.radius[layer],
             )
-            total, _ = jax.lax.scan(lambda carry, one, add=add: (add(carry, one), None), total, vortices)
-        return total
+            found, _ = jax.lax.scan(add, (still, still, still), vortices)
+            total = jax.tree.map(lambda sum_, one, weight=weight: sum_ + weight * one, total, found)
+        return tuple(component.reshape(shape) for component in total)  # type: ignore[return-value]
 
     def _layer_weights(self, z: jax.Array) -> list[ArrayLike]:
         """Linear interpolation weights of the layers at depth z; they sum to one."""
@@ -187,15 +194,15 @@ def _vortex(
     dx: jax.Array, dy: jax.Array, strength: jax.Array, radius: jax.Array, gamma: ArrayLike
 ) -> Velocity:
     """One vortex of Eq. 1 at offset (dx, dy) from its centre; smooth everywhere."""
-    q = (dx * dx + dy * dy) / (radius * radius)
+    inverse = 1.0 / (radius * radius)
+    q = (dx * dx + dy * dy) * inverse
     half = jnp.exp(-0.5 * q)  # serves both exponentials: exp(-q) = half^2
     near = q < 0.02
-    safe = jnp.where(near, 1.0, q)
     series = 1.0 - q * (1 / 2 - q * (1 / 6 - q * (1 / 24 - q * (1 / 120 - q / 720))))
-    profile = jnp.where(near, series, (1.0 - half * half) / safe)
-    scale = strength / (2.0 * jnp.pi * radius * radius)
+    profile = jnp.where(near, series, (1.0 - half * half) / jnp.where(near, 1.0, q))
+    scale = strength * inverse / (2.0 * jnp.pi)
     turn = scale * profile
-    return -turn * dy, turn * dx, scale * half * gamma
+    return -turn * dy, turn * dx, (scale * gamma) * half
 
 
 def strength_for_peak_speed(speed: ArrayLike, radius: ArrayLike) -> jax.Array:

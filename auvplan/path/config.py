@@ -35,14 +35,18 @@ class PathConfig:
         start_shape: initial habitats as "smooth" detours of few bends, or "uniform" draws within bounds.
         width: half-width of each control point's bounds, as a share of the straight distance.
         depth_width: the same for depth.
-        sweeps: passes that settle arrival times where the current changes with time.
         t_series: re-planning windows of a leg; each gets iterations / t_series iterations (3.2.2).
         uncertain_price: extra seconds charged per second and unit of (1 - passability).
         coast_margin: m, least distance kept to the coast.
         obstacle_margin: m, least distance kept to collision boundaries.
         penalties: weights gamma of the violations.
-        refine_steps: gradient steps that polish the elite after the search; 0 leaves the search as it is.
-        refine_count: habitats that are polished.
+        passages: paths through different passages, from coarse time-to-reach fields, that the search starts
+            from; 0 for none.
+        field_cells: cells of these fields from start to goal.
+        refine_steps: gradient steps that polish the passages before the search and the elite after it; 0
+            leaves both as they are.
+        refine_step_size: of the first gradient step, as a share of the bounds.
+        refine_count: habitats that are polished after the search.
         fresh_share: share of a kept population that is redrawn when a path is re-planned.
 
     Raises:
@@ -50,23 +54,27 @@ class PathConfig:
     """
 
     bbo: BBOConfig = field(
-        default_factory=lambda: BBOConfig(replacement="greedy", mutation="gaussian", mutation_step=0.05)
+        default_factory=lambda: BBOConfig(
+            iterations=40, replacement="greedy", mutation="gaussian", mutation_step=0.05
+        )
     )
-    control_points: int = 10
+    control_points: int = 16
     degree: int = 3
     samples: int = 128
     speed_reading: SpeedReading = "track"
     start_shape: Literal["smooth", "uniform"] = "smooth"
-    width: float = 0.5
+    width: float = 0.75
     depth_width: float = 0.1
-    sweeps: int = 3
     t_series: int = 4
     uncertain_price: float = 1.0
     coast_margin: float = 10.0
     obstacle_margin: float = 5.0
     penalties: Penalties = field(default_factory=Penalties)
+    passages: int = 8
+    field_cells: int = 64
     refine_steps: int = 60
-    refine_count: int = 4
+    refine_step_size: float = 0.002
+    refine_count: int = 2
     fresh_share: float = 0.2
 
     def __post_init__(self) -> None:
@@ -76,8 +84,12 @@ class PathConfig:
             )
         if self.samples < self.control_points + 2:
             raise ValueError(f"samples must be at least {self.control_points + 2}, got {self.samples}")
-        if self.t_series < 1 or self.sweeps < 1:
-            raise ValueError("t_series and sweeps must be at least 1")
+        if self.t_series < 1:
+            raise ValueError(f"t_series must be at least 1, got {self.t_series}")
+        if self.passages < 0 or self.passages >= self.bbo.population:
+            raise ValueError(f"passages must be in [0, population), got {self.passages}")
+        if self.field_cells < 8:
+            raise ValueError(f"field_cells must be at least 8, got {self.field_cells}")
         if not self.width > 0.0 or not self.depth_width >= 0.0:
             raise ValueError("width must be positive and depth_width not negative")
 
@@ -86,7 +98,10 @@ class PathConfig:
         """Plain BBO as section 4.1 has it: 100 habitats, 100 iterations, linear rates, m_max 0.1."""
         return cls(
             bbo=BBOConfig(population=100, iterations=100, mutation_max=0.1),
+            control_points=10,
             start_shape="uniform",
+            width=0.5,
+            passages=0,
             refine_steps=0,
         )
 

@@ -1,8 +1,7 @@
 """Travel time, cost and violations of a population of paths (Eqs 10-12).
 
 The kernel works on planes [P, S]: P paths by S samples, with x, y and z apart, which the compiler turns into
-long vector loops. Limits are checked on every segment between samples: distances to the coast and to
-obstacles are 1-Lipschitz, so a clearance of half the gap at both ends proves the segment between them clear.
+long vector loops. Limits are checked on every segment between samples, not at the samples alone.
 """
 
 from dataclasses import dataclass
@@ -12,10 +11,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from auvplan.ocean.chart import INTERPOLATION_ERROR
 from auvplan.ocean.currents import is_steady
 from auvplan.ocean.environment import Environment
 from auvplan.path.bspline import basis_matrix
+from auvplan.path.clearance import TINY, coast_clearance, obstacle_clearance
 from auvplan.path.config import PathConfig
 from auvplan.vehicle import Vehicle, along_track
 
@@ -27,13 +26,13 @@ VIOLATIONS = ("surge", "sway", "turn_rate", "coast", "obstacle", "current")
 #: Metres of missing clearance that count as an excess of one.
 CLEARANCE_SCALE = 50.0
 
-#: Squared metres added under square roots: keeps gradients finite at coinciding samples.
-_TINY = 1e-8
+#: A polish charges this share of the penalties' weights, and for margins wider by so many metres.
+_GUIDE_SOFTNESS, _GUIDE_MARGIN = 0.003, 1.0
 
 
 @partial(
     jax.tree_util.register_dataclass,
-    data_fields=("x", "y", "z", "times", "length", "excess", "clearance", "price"),
+    data_fields=("x", "y", "z", "times", "length", "excess", "coast", "obstacles", "price"),
     meta_fields=(),
 )
 @dataclass(frozen=True)
@@ -45,7 +44,8 @@ class Flight:
         times: [P, S] s since the epoch, arrival at each sample.
         length: [P] m.
         excess: [V, P, S - 1], how far each segment breaks each limit of `VIOLATIONS`; zero where it is kept.
-        clearance: [P, S - 1] m, least certified distance of each segment to coast and collision boundaries.
+        coast: [P, S - 1] m, certified distance of each segment to the coast; 1e6 without a chart.
+        obstacles: [P, S - 1] m, the same to collision boundaries.
         price: [P] s, charged for uncertain areas.
     """
 
@@ -55,13 +55,19 @@ class Flight:
     times: jax.Array
     length: jax.Array
     excess: jax.Array
-    clearance: jax.Array
+    coast: jax.Array
+    obstacles: jax.Array
     price: jax.Array
 
     @property
     def travel_time(self) -> jax.Array:
         """[P] s (Eq. 11)."""
         return self.times[:, -1] - self.times[:, 0]
+
+    @property
+    def clearance(self) -> jax.Array:
+        """[P, S - 1] m, certified distance of each segment to whatever is nearest."""
+        return jnp.minimum(self.coast, self.obstacles)
 
 
 def curves(
@@ -107,18 +113,16 @@ def fly(
         config: static settings.
     """
     dx, dy, dz = (jnp.diff(axis, axis=1) for axis in (x, y, z))
-    gap = jnp.sqrt(dx * dx + dy * dy + dz * dz + _TINY)
+    gap = jnp.sqrt(dx * dx + dy * dy + dz * dz + TINY)
     x_mid, y_mid, z_mid = (0.5 * (axis[:, 1:] + axis[:, :-1]) for axis in (x, y, z))
 
-    steady = is_steady(env.current) or config.speed_reading == "eq11"
-    duration = gap / vehicle.speed
-    for _ in range(1 if steady else config.sweeps):
-        middle_time = depart + _cumulative(duration) - 0.5 * duration
-        u, v, w = env.current(x_mid, y_mid, z_mid, middle_time)
-        along = (u * dx + v * dy + w * dz) / gap
-        across = jnp.sqrt(jnp.maximum(u * u + v * v + w * w - along * along, 0.0) + _TINY)
-        ground, shortfall = along_track(config.speed_reading, vehicle.speed, along, across)
-        duration = gap / ground
+    middle, way = (x_mid, y_mid, z_mid), (dx, dy, dz)
+    if is_steady(env.current) or config.speed_reading == "eq11":
+        middle_time = depart + jnp.zeros_like(gap)
+    else:
+        middle_time = _middle_times(middle, way, gap, depart, env, vehicle, config)
+    ground, across, shortfall = _over_ground(middle, way, gap, middle_time, env, vehicle, config)
+    duration = gap / ground
     elapsed = _cumulative(duration)
     times = depart + jnp.concatenate([jnp.zeros_like(elapsed[:, :1]), elapsed], axis=1)
 
@@ -127,16 +131,76 @@ def fly(
         jnp.maximum(across / vehicle.sway_max - 1.0, 0.0),
         jnp.maximum(_turn_rate(dx, dy, duration) / vehicle.turn_rate_max - 1.0, 0.0),
     )
-    coast_clear, price = _coast(x, y, jnp.sqrt(dx * dx + dy * dy + _TINY), duration, env, config)
-    obstacle_clear = _obstacles(x, y, z, times, gap, duration, env)
+    coast_clear, price = coast_clearance(x, y, jnp.sqrt(dx * dx + dy * dy + TINY), duration, env, config)
+    starts = x[:, :-1], y[:, :-1], z[:, :-1]
+    obstacle_clear = obstacle_clearance(starts, (dx, dy, dz), times[:, :-1], duration, env)
     excess = (
         *needed,
-        jnp.maximum(config.coast_margin - coast_clear, 0.0) / CLEARANCE_SCALE,
-        jnp.maximum(config.obstacle_margin - obstacle_clear, 0.0) / CLEARANCE_SCALE,
+        _too_near(coast_clear, config.coast_margin),
+        _too_near(obstacle_clear, config.obstacle_margin),
         shortfall,
     )
-    clearance = jnp.minimum(coast_clear, obstacle_clear)
-    return Flight(x, y, z, times, gap.sum(axis=1), jnp.stack(excess), clearance, price)
+    return Flight(x, y, z, times, gap.sum(axis=1), jnp.stack(excess), coast_clear, obstacle_clear, price)
+
+
+def _too_near(clearance: jax.Array, margin: float) -> jax.Array:
+    """Excess of missing clearance."""
+    return jnp.maximum(margin - clearance, 0.0) / CLEARANCE_SCALE
+
+
+def _over_ground(
+    middle: tuple[jax.Array, ...],
+    way: tuple[jax.Array, ...],
+    gap: jax.Array,
+    time: jax.Array,
+    env: Environment,
+    vehicle: Vehicle,
+    config: PathConfig,
+) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """Ground speed, current across the track, both m/s, and shortfall of segments, in the current at a time.
+
+    Args:
+        middle: x, y, z, m, of segments' middles; any shape, the same for all.
+        way: x, y, z, m, from their first to their last ends.
+        gap: m, their lengths.
+        time: s since the epoch.
+        env: the world.
+        vehicle: speed and limits.
+        config: static settings.
+    """
+    x, y, z = middle
+    u, v, w = env.current(x, y, z, time)
+    along = (u * way[0] + v * way[1] + w * way[2]) / gap
+    across = jnp.sqrt(jnp.maximum(u * u + v * v + w * w - along * along, 0.0) + TINY)
+    ground, shortfall = along_track(config.speed_reading, vehicle.speed, along, across)
+    return ground, across, shortfall
+
+
+def _middle_times(
+    middle: tuple[jax.Array, ...],
+    way: tuple[jax.Array, ...],
+    gap: jax.Array,
+    depart: jax.Array,
+    env: Environment,
+    vehicle: Vehicle,
+    config: PathConfig,
+) -> jax.Array:
+    """[P, S - 1] s since the epoch, when each segment's middle is reached; planes [P, S - 1] m.
+
+    Segment by segment: how fast the next one is sailed depends on when. The way to its middle is taken at the
+    speed of the one before.
+    """
+
+    def sail(carry: tuple[jax.Array, jax.Array], segment: tuple) -> tuple[tuple, jax.Array]:
+        time, speed = carry
+        middle, way, gap = segment
+        half_way = time + 0.5 * gap / speed
+        ground = _over_ground(middle, way, gap, half_way, env, vehicle, config)[0]
+        return (time + gap / ground, ground), half_way
+
+    first = jnp.zeros_like(gap[:, 0])
+    segments = jax.tree.map(jnp.transpose, (middle, way, gap))
+    return jax.lax.scan(sail, (first + depart, first + vehicle.speed), segments)[1].T
 
 
 def _cumulative(durations: jax.Array) -> jax.Array:
@@ -154,7 +218,7 @@ def _turn_rate(dx: jax.Array, dy: jax.Array, duration: jax.Array) -> jax.Array:
     cross = dx[:, :-1] * dy[:, 1:] - dy[:, :-1] * dx[:, 1:]
     dot = dx[:, :-1] * dx[:, 1:] + dy[:, :-1] * dy[:, 1:]
     square = dx * dx + dy * dy
-    sides = jnp.sqrt(square[:, :-1] * square[:, 1:] + _TINY)
+    sides = jnp.sqrt(square[:, :-1] * square[:, 1:] + TINY)
     # tan(a/2) = |cross| / (sides + dot) = (sides - dot) / |cross|: each where it is well conditioned. Samples
     # that coincide, or a vertical dive, have no yaw and count as straight; a turn about as a very sharp one.
     mild = jnp.abs(cross) / (sides + jnp.maximum(dot, 0.0))
@@ -162,50 +226,6 @@ def _turn_rate(dx: jax.Array, dy: jax.Array, duration: jax.Array) -> jax.Array:
     turn = 2.0 * jnp.where(dot < 0.0, sharp, mild)
     rate = turn / (0.5 * (duration[:, :-1] + duration[:, 1:]))
     return jnp.concatenate([jnp.zeros_like(rate[:, :1]), rate], axis=1)
-
-
-def _coast(
-    x: jax.Array, y: jax.Array, gap: jax.Array, duration: jax.Array, env: Environment, config: PathConfig
-) -> tuple[jax.Array, jax.Array]:
-    """Certified clearance to the coast [P, S - 1] m, and the price of uncertain areas [P] s."""
-    if env.chart is None:
-        return jnp.full_like(gap, 1e6), jnp.zeros_like(gap[:, 0])
-    distance = env.chart.distance(x, y) - INTERPOLATION_ERROR * env.chart.pixel_size
-    risk = 1.0 - env.chart.passability_at(x, y)
-    price = config.uncertain_price * (0.5 * (risk[:, 1:] + risk[:, :-1]) * duration).sum(axis=1)
-    return jnp.minimum(distance[:, 1:], distance[:, :-1]) - 0.5 * gap, price
-
-
-def _obstacles(
-    x: jax.Array,
-    y: jax.Array,
-    z: jax.Array,
-    times: jax.Array,
-    gap: jax.Array,
-    duration: jax.Array,
-    env: Environment,
-) -> jax.Array:
-    """Certified clearance to the collision boundaries at the time of arrival, [P, S - 1] m."""
-    obstacles = env.obstacles
-    if len(obstacles) == 0:
-        return jnp.full_like(gap, 1e6)
-
-    def plane(per_obstacle: jax.Array) -> jax.Array:
-        return per_obstacle[:, None, None]  # [M, 1, 1], against [P, S]
-
-    since = times - plane(obstacles.observed_at)
-    square = _TINY
-    for k, axis in enumerate((x, y, z)):
-        square = (
-            square + (axis - plane(obstacles.position[:, k]) - plane(obstacles.velocity[:, k]) * since) ** 2
-        )
-    grown = jnp.minimum(plane(obstacles.growth) * jnp.maximum(since, 0.0), plane(obstacles.growth_max))
-    distance = jnp.sqrt(square) - grown - plane(obstacles.boundary(obstacles.observed_at))
-    # In the obstacle's frame a segment is no longer than the sum of both ways and the growth meanwhile.
-    speed = jnp.sqrt((obstacles.velocity**2).sum(axis=1) + _TINY) + obstacles.growth
-    way = gap + plane(speed) * duration
-    clear = jnp.minimum(distance[..., 1:], distance[..., :-1]) - 0.5 * way
-    return jnp.where(plane(obstacles.active), clear, 1e6).min(axis=0)
 
 
 def violations(flight: Flight) -> jax.Array:
@@ -236,9 +256,51 @@ def score(
         ``(cost [P] s, violation [P])``: the violation is the sum over all limits, zero for a feasible path.
     """
     x, y, z = curves(habitats, start, goal, config)
+    return _cost(fly(x, y, z, depart, env, vehicle, config), _straight_time(start, goal, vehicle), config)
+
+
+def guide(
+    habitats: jax.Array,
+    start: jax.Array,
+    goal: jax.Array,
+    depart: jax.Array,
+    env: Environment,
+    vehicle: Vehicle,
+    config: PathConfig,
+) -> tuple[jax.Array, tuple[jax.Array, jax.Array]]:
+    """What a polish descends on, and the cost that judges its steps; arguments as `score`.
+
+    The weights of the cost are so stiff that a descent jumps to and fro at every limit that it meets. The
+    guide has soft weights, and margins a little wider, so that it settles just inside what the cost allows.
+
+    Returns:
+        ``(guide [P] s, (cost [P] s, violation [P]))``.
+    """
+    x, y, z = curves(habitats, start, goal, config)
     flight = fly(x, y, z, depart, env, vehicle, config)
+    straight = _straight_time(start, goal, vehicle)
+    near = (
+        config.penalties.coast * _too_near(flight.coast, config.coast_margin + _GUIDE_MARGIN)
+        + config.penalties.obstacle * _too_near(flight.obstacles, config.obstacle_margin + _GUIDE_MARGIN)
+    ).mean(axis=1)
+    weights = (
+        _weights(config).at[VIOLATIONS.index("coast")].set(0.0).at[VIOLATIONS.index("obstacle")].set(0.0)
+    )
+    soft = _GUIDE_SOFTNESS * (weights @ violations(flight) + near)
+    return flight.travel_time + flight.price + straight * soft, _cost(flight, straight, config)
+
+
+def _cost(flight: Flight, straight: jax.Array, config: PathConfig) -> tuple[jax.Array, jax.Array]:
     broken = violations(flight)
-    straight = jnp.sqrt(((goal - start) ** 2).sum() + _TINY) / vehicle.speed
-    weights = jnp.asarray([getattr(config.penalties, name) for name in VIOLATIONS], broken.dtype)
-    cost = flight.travel_time + flight.price + straight * (weights @ broken)
+    cost = flight.travel_time + flight.price + straight * (_weights(config) @ broken)
     return cost, broken.sum(axis=0)
+
+
+def _weights(config: PathConfig) -> jax.Array:
+    """Weights gamma in the order of `VIOLATIONS`."""
+    return jnp.asarray([getattr(config.penalties, name) for name in VIOLATIONS], float)
+
+
+def _straight_time(start: jax.Array, goal: jax.Array, vehicle: Vehicle) -> jax.Array:
+    """s, straight from start to goal in still water."""
+    return jnp.sqrt(((goal - start) ** 2).sum() + TINY) / vehicle.speed

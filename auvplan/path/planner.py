@@ -16,7 +16,8 @@ from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.path import habitats
 from auvplan.path.config import PathConfig
-from auvplan.path.cost import curves, fly, score, violations
+from auvplan.path.cost import curves, fly, guide, score, violations
+from auvplan.path.passages import trace_passages
 from auvplan.path.plan import PathPlan, PathPlans
 from auvplan.vehicle import Vehicle
 
@@ -182,14 +183,16 @@ def search_leg(
     """One leg's search, traceable: the fields of a `PathPlan` by name. Obstacles must be resolved."""
     lower, upper = habitats.bounds(start, goal, env, config)
     first_key, run_key = jax.random.split(key)
+    problem = (start, goal, depart, env, vehicle)
     if population is None:
         population = habitats.initial(first_key, config.bbo.population, start, goal, lower, upper, config)
+        if config.passages:
+            population = _with_passages(population, lower, upper, problem, config)
     population = jnp.clip(population, lower, upper)
-    problem = (start, goal, depart, env, vehicle)
     cost = partial(score, config=config)
     result = search.run(run_key, cost, population, lower, upper, config.bbo, problem)
     if config.refine_steps:
-        result = _polished(result, cost, lower, upper, problem, config)
+        result = _polished(result, lower, upper, problem, config)
 
     best = result.state.population[:1]
     x, y, z = curves(best, start, goal, config)
@@ -210,19 +213,32 @@ def search_leg(
     }
 
 
+def _with_passages(
+    population: jax.Array, lower: jax.Array, upper: jax.Array, problem: tuple, config: PathConfig
+) -> jax.Array:
+    """Put polished paths through the passages that there are in place of random habitats."""
+    found, times = trace_passages(*problem, count=config.passages, config=config)
+    random = population[1 : 1 + config.passages]  # the first one is the straight line
+    found = jnp.where(jnp.isfinite(times)[:, None], jnp.clip(found, lower, upper), random)
+    if config.refine_steps:
+        found = _descend(found, lower, upper, problem, config, config.refine_step_size)[0]
+    return population.at[1 : 1 + config.passages].set(found)
+
+
+def _descend(
+    found: jax.Array, lower: jax.Array, upper: jax.Array, problem: tuple, config: PathConfig, step_size: float
+) -> tuple[jax.Array, jax.Array, jax.Array]:
+    cost, soft = partial(score, config=config), partial(guide, config=config)
+    return refine(cost, found, lower, upper, config.refine_steps, problem, step_size, soft)
+
+
 def _polished(
-    result: Result,
-    cost: search.CostFunction,
-    lower: jax.Array,
-    upper: jax.Array,
-    problem: tuple,
-    config: PathConfig,
+    result: Result, lower: jax.Array, upper: jax.Array, problem: tuple, config: PathConfig
 ) -> Result:
-    """Polish the elite and a spread of the ranking by gradients, and rank the outcome into the population."""
+    """Polish the elite by gradients, and rank the outcome into the population."""
     state = result.state
-    count = min(config.refine_count, config.bbo.population)
-    chosen = np.unique(np.linspace(0, config.bbo.population // 2, count).astype(int))
-    better = refine(cost, state.population[chosen], lower, upper, config.refine_steps, problem)
+    chosen = slice(0, config.refine_count)
+    better = _descend(state.population[chosen], lower, upper, problem, config, config.refine_step_size / 3.0)
     merged = (
         state.population.at[chosen].set(better[0]),
         state.cost.at[chosen].set(better[1]),

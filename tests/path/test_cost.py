@@ -27,6 +27,16 @@ def resolved(env):
     return replace(env, obstacles=env.obstacles.resolved(env.current))
 
 
+def naive_between(first, last, gap):
+    """Least distance on a segment to what lies outside both circles around its ends."""
+    if first + last <= gap:
+        return 0.5 * (first + last - gap)
+    meet = (first**2 - last**2 + gap**2) / (2 * gap)
+    if 0 < meet < gap:
+        return min(np.sqrt(first**2 - meet**2), first, last)
+    return min(first, last)
+
+
 def naive_flight(habitat, env, vehicle, depart, config):
     """One path, segment by segment, in plain Python."""
     free = config.control_points
@@ -48,22 +58,21 @@ def naive_flight(habitat, env, vehicle, depart, config):
         turn = 0.0
         if last is not None:
             angle = abs((yaw - last[0] + np.pi) % (2 * np.pi) - np.pi)
-            turn = 2 * np.tan(0.5 * angle) / (0.5 * (lasts + last[1]))
+            # A turn about counts as a very sharp one, but not as an endless one.
+            turn = 2 * min(np.tan(0.5 * angle), 2000.0) / (0.5 * (lasts + last[1]))
         coast = 1e6
         if env.chart is not None:
-            coast = min(float(env.chart.distance(p[0], p[1])) for p in (a, b))
-            coast -= 0.5 * np.linalg.norm(step[:2]) + 0.2 * float(env.chart.pixel_size)
+            ends = [float(env.chart.distance(p[0], p[1])) - 0.2 * float(env.chart.pixel_size) for p in (a, b)]
+            coast = naive_between(*ends, np.linalg.norm(step[:2]))
         clear = 1e6
         o = env.obstacles
         for m in range(len(o)):
-            speed = np.linalg.norm(o.velocity[m]) + float(o.growth[m])
-            near = np.inf
-            for p, when in ((a, t), (b, t + lasts)):
-                centre = np.asarray(o.position[m]) + np.asarray(o.velocity[m]) * (
-                    when - float(o.observed_at[m])
-                )
-                near = min(near, np.linalg.norm(p - centre) - float(o.boundary(jnp.asarray(when))[m]))
-            clear = min(clear, near - 0.5 * (gap + speed * lasts))
+            velocity, since = np.asarray(o.velocity[m]), t - float(o.observed_at[m])
+            first = a - np.asarray(o.position[m]) - velocity * since
+            last_end = b - np.asarray(o.position[m]) - velocity * (since + lasts)
+            share = np.clip(-first @ (last_end - first) / np.sum((last_end - first) ** 2), 0, 1)
+            near = np.linalg.norm(first + share * (last_end - first))
+            clear = min(clear, near - float(o.boundary(jnp.asarray(t + lasts))[m]))
         excess.append(
             [
                 max(ground / vehicle.surge_max - 1, 0),
@@ -90,7 +99,8 @@ def test_kernel_matches_naive_twin(chart, obstacles):
         path, times, excess = naive_flight(habitats_[p], env, vehicle, 100.0, CONFIG)
         np.testing.assert_allclose(np.stack([flight.x[p], flight.y[p], flight.z[p]], axis=1), path, atol=1e-8)
         np.testing.assert_allclose(flight.times[p], times, rtol=1e-7)
-        np.testing.assert_allclose(flight.excess[:, p], excess, atol=1e-4)  # float32 chart and 1e-8 guards
+        # float32 chart and 1e-8 guards
+        np.testing.assert_allclose(flight.excess[:, p], excess, rtol=1e-5, atol=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -113,14 +123,15 @@ def test_arrival_times_settle_in_a_changing_current():
     start, goal = jnp.array([0.0, 0.0, 0.0]), jnp.array([2000.0, 0.0, 0.0])
     env = ap.Environment(lambda x, y, z, t: (1e-3 * t, 0.0, 0.0), None, None, (-1, -1, 0), (2001, 1, 0))
     line = habitats.straight_line(start, goal, CONFIG)[None]
-    errors = []
     exact = (-2.5 + np.sqrt(2.5**2 + 2 * 1e-3 * 2000.0)) / 1e-3
-    for sweeps in (1, 2, 3, 6):
-        cost, _ = score(line, start, goal, 0.0, env, ap.Vehicle(), CONFIG.replace(sweeps=sweeps))
+    errors = []
+    for samples in (33, 65, 129):
+        config = CONFIG.replace(samples=samples)
+        cost, _ = score(line, start, goal, 0.0, env, ap.Vehicle(), config)
         errors.append(abs(float(cost[0]) / exact - 1))
-    assert errors[1] < 0.3 * errors[0]
-    assert errors[2] < 1e-3
-    assert errors[3] < 1e-4
+    assert errors[0] < 1e-4
+    # Middles of segments: the error falls with the square of their length.
+    assert errors[2] < 0.3 * errors[1] < 0.09 * errors[0]
 
 
 def _difference(fun, x, step):
@@ -157,7 +168,7 @@ def test_gradients_are_finite_at_awkward_places():
     env = ap.Environment(
         strong, None, ap.Obstacles.static([[0.0, 0.0, 0.0]], [10.0]), (-500, -500, 0), (1500, 500, 0)
     )
-    for habitat in (jnp.zeros(30), habitats.straight_line(start, goal, CONFIG)):
+    for habitat in (jnp.zeros(3 * CONFIG.control_points), habitats.straight_line(start, goal, CONFIG)):
         slope = jax.grad(lambda h: score(h[None], start, goal, 0.0, env, ap.Vehicle(), CONFIG)[0][0])(habitat)
         assert np.isfinite(slope).all()
 
