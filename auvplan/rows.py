@@ -6,7 +6,7 @@ every number of rows. An accelerator takes all rows in one call.
 """
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar
 
@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-#: Rows of a call on an accelerator: batches are padded to these sizes, so that few of them compile.
+#: Batches of one call are padded to these sizes, so that their number never causes a compilation.
 SIZES = (1, 8, 32, 128)
 
 T = TypeVar("T")
@@ -41,7 +41,10 @@ def over_rows(program: Callable[..., T], *rows: Any) -> T:
     if jax.default_backend() == "cpu":
         parts = _threaded(call, [np.array([row]) for row in range(count)])
     else:
-        parts = [_padded(call, np.arange(count)[begin:][: SIZES[-1]]) for begin in range(0, count, SIZES[-1])]
+        parts = [
+            jax.tree.map(lambda leaf, real=real: leaf[:real], call(index))
+            for index, real in padded_batches(count)
+        ]
     return jax.tree.map(lambda *part: np.concatenate(part), *parts)
 
 
@@ -79,8 +82,15 @@ def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _padded(call: Callable[[NDArray[np.int_]], T], rows: NDArray[np.int_]) -> T:
-    """One call for all rows, padded by the first one."""
-    size = next(size for size in SIZES if size >= len(rows))
-    whole = call(np.pad(rows, (0, size - len(rows)), constant_values=rows[0]))
-    return jax.tree.map(lambda leaf: leaf[: len(rows)], whole)
+def padded_batches(count: int, sizes: tuple[int, ...] = SIZES) -> Iterator[tuple[NDArray[np.int_], int]]:
+    """Indices below `count` in batches of the given sizes, padded by the first, and how many are real."""
+    begin = 0
+    while begin < count:
+        left = count - begin
+        # The smallest size that holds the rest, or else the largest.
+        size = next((s for s in sizes if s >= left), sizes[-1])
+        real = min(size, left)
+        index = np.full(size, begin)
+        index[:real] = np.arange(begin, begin + real)
+        yield index, real
+        begin += real

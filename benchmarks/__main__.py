@@ -5,47 +5,24 @@ the machine and the versions. Compile and run times stand apart in every row.
 """
 
 import argparse
-import importlib.util
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 from rich.progress import Progress
 
-from benchmarks import plans, scoring
+from benchmarks import paths, plans, scoring
 from benchmarks.machine import bars, console, write
+from benchmarks.path_problems import PathProblem, path_problems
 
 
-def against_references(screen: Console, progress: Progress, quick: bool) -> list[Any]:
-    """Rows of `benchmarks.paths` by family; none, and a line, where its parts are missing.
-
-    Quick: the first two problems of each family with one seed.
-    """
-    if importlib.util.find_spec("benchmarks.paths") is None:
-        screen.print("plans against references: left out, benchmarks.paths not found")
-        return []
-    from benchmarks import paths
-
-    try:
-        references = paths.stored_references()
-    except FileNotFoundError as error:
-        screen.print(f"plans against references: left out, {error}")
-        return []
-    families: dict[str, list[Any]] = {}
-    for problem in paths.path_problems():
+def against_references(screen: Console, progress: Progress, quick: bool) -> list[paths.Row]:
+    """Rows of `benchmarks.paths` by family; quick: two problems of each family with one seed."""
+    families: dict[str, list[PathProblem]] = {}
+    for problem in path_problems():
         families.setdefault(problem.family, []).append(problem)
     chosen = [problem for members in families.values() for problem in (members[:2] if quick else members)]
-    bar = progress.add_task("references", total=len(chosen) * len(paths.PRESETS))
-    runs = []
-    for problem in chosen:
-        world = paths.World.of(problem)
-        for preset in paths.PRESETS:
-            reference = references.get(problem.name)
-            runs += paths.plan_all(problem, preset, 1 if quick else 5, reference, world)
-            progress.advance(bar)
-    progress.remove_task(bar)
-    found = paths.rows(runs, "family")
+    found = paths.rows(paths.plan_all(chosen, list(paths.PRESETS), 1 if quick else 5, progress), "family")
     screen.print(paths.table(found, "Paths: gap to the reference"))
     return found
 

@@ -8,33 +8,23 @@ minimises Eq. 15, which is not the most total priority.
 """
 
 import argparse
-import importlib.metadata
-import importlib.util
-import json
-import os
-import platform
-import time
 from collections.abc import Iterator
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Any
 
-import jax
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 import auvplan as ap
 from benchmarks import mission_peers as peers
+from benchmarks.machine import bars, console, installed, write
 from benchmarks.mission_runs import Bench, Row, Solver, preset
 from benchmarks.mission_sets import SHARED, Case, generated_cases, shared_cases
 
 LARGEST_BATCHED = 100
 LARGEST_MEALPY = 64
 PEER_SEEDS = 2
-WIDTH = 120
-PACKAGES = ("auvplan", "jax", "numpy", "scipy", "ortools", "pyvrp", "mealpy", "numba")
 
 
 def variants() -> dict[str, ap.MissionConfig]:
@@ -49,11 +39,6 @@ def variants() -> dict[str, ap.MissionConfig]:
         "beam search alone": default.replace(local_rounds=0, bbo=default.bbo.replace(iterations=0)),
         "evolution from the beam's orders": default.replace(local_rounds=0),
     }
-
-
-def installed(package: str) -> bool:
-    """Whether an optional package can be imported."""
-    return importlib.util.find_spec(package) is not None
 
 
 def solvers(with_variants: bool, with_peers: bool, limit: float, console: Console) -> list[Solver]:
@@ -109,20 +94,6 @@ def optimum(case: Case, limit: float) -> tuple[float, bool]:
     return (case.optimum, True) if case.optimum is not None else peers.reference(case, limit)
 
 
-def machine() -> dict[str, Any]:
-    """What the figures depend on."""
-    versions = {package: importlib.metadata.version(package) for package in PACKAGES if installed(package)}
-    return {
-        "processor": platform.processor() or platform.machine(),
-        "cores": os.cpu_count(),
-        "system": platform.platform(),
-        "python": platform.python_version(),
-        "backend": jax.default_backend(),
-        "versions": versions,
-        "date": time.strftime("%Y-%m-%d"),
-    }
-
-
 def table(rows: list[Row]) -> Table:
     """All rows as one table."""
     shown = Table(title="Missions: gap to the proven optimum (* to a bound)")
@@ -155,15 +126,12 @@ def main() -> None:
     parser.add_argument("--out", type=Path, help="JSON file to write")
     options = parser.parse_args()
     seeds, limit = (min(options.seeds, 2), 10.0) if options.quick else (options.seeds, 60.0)
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=WIDTH)
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True) as progress:
-        sets = dict(families(options.quick, console))
+    screen = console()
+    with bars(screen) as progress:
+        sets = dict(families(options.quick, screen))
         sets = {name: cases for name, cases in sets.items() if not options.only or name in options.only}
         bench = Bench(seeds, progress)
-        chosen = solvers(options.variants, options.peers, limit, console)
+        chosen = solvers(options.variants, options.peers, limit, screen)
         whole = progress.add_task("all", total=len(sets))
         for family, cases in sets.items():
             bench.compare_with({case.name: optimum(case, limit) for case in cases})
@@ -179,11 +147,10 @@ def main() -> None:
         if "knn40" in sets and installed("ortools"):
             bench.run_eq15("knn40", sets["knn40"], limit)
         else:
-            console.print("Eq. 15: left out, it needs the shared graphs and OR-Tools")
-    console.print(table(bench.rows))
+            screen.print("Eq. 15: left out, it needs the shared graphs and OR-Tools")
+    screen.print(table(bench.rows))
     if options.out:
-        content = {"machine": machine(), "seeds": seeds, "rows": [asdict(row) for row in bench.rows]}
-        options.out.write_text(json.dumps(content, indent=1) + "\n")
+        write(options.out, {"seeds": seeds, "rows": [asdict(row) for row in bench.rows]})
 
 
 if __name__ == "__main__":

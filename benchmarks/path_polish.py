@@ -112,19 +112,6 @@ def _data(problem: PathProblem, world: World) -> tuple:
     return problem.environment.current, speed, problem.depart, centres, reach, coast, box
 
 
-@jax.jit
-def _slope(
-    amplitudes: jax.Array,
-    base: jax.Array,
-    normal: jax.Array,
-    shapes: jax.Array,
-    price: float,
-    extra: float,
-    data: tuple,
-) -> tuple[jax.Array, jax.Array]:
-    return jax.value_and_grad(_cost)(amplitudes, base, normal, shapes, price, extra, data)
-
-
 def _cost(
     amplitudes: jax.Array,
     base: jax.Array,
@@ -173,3 +160,6 @@ def _coast_distance(x: jax.Array, y: jax.Array, coast: tuple[Any, ...]) -> jax.A
     a, b, flat, corner = i - i0, j - j0, jnp.ravel(raster), i0 * east + j0
     south = (1.0 - b) * flat[corner] + b * flat[corner + 1]
     return (1.0 - a) * south + a * ((1.0 - b) * flat[corner + east] + b * flat[corner + east + 1])
+
+
+_slope = jax.jit(jax.value_and_grad(_cost))

@@ -7,20 +7,18 @@ lowers the feasible share. Times are of one plan, the compilation apart.
 """
 
 import argparse
-import json
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import jax
 import numpy as np
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import Progress
 from rich.table import Table
 
 import auvplan as ap
-from benchmarks.missions import WIDTH, machine
+from benchmarks.machine import bars, console, write
 from benchmarks.path_problems import PathProblem, have_charts, path_problems
 from benchmarks.path_reference import stored_references
 from benchmarks.path_ruler import World, evaluate
@@ -117,6 +115,21 @@ class Row:
 
 
 def plan_all(
+    problems: Sequence[PathProblem], presets: Sequence[str], seeds: int, progress: Progress
+) -> list[Run]:
+    """Plan problems with every preset, family by family."""
+    references, runs = stored_references(), []
+    bar = progress.add_task("references", total=len(problems) * len(presets))
+    for problem in sorted(problems, key=lambda problem: problem.family):
+        world = World.of(problem)
+        for preset in presets:
+            runs += plan_one(problem, preset, seeds, references.get(problem.name), world)
+            progress.advance(bar)
+    progress.remove_task(bar)
+    return runs
+
+
+def plan_one(
     problem: PathProblem, preset: str, seeds: int, reference: float | None, world: World
 ) -> list[Run]:
     """Plan a problem from `seeds` keys, after a plan that compiles."""
@@ -199,39 +212,28 @@ def main() -> None:
     parser.add_argument("--each", action="store_true", help="a row for each problem too")
     parser.add_argument("--out", type=Path, help="JSON file to write")
     options = parser.parse_args()
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=WIDTH)
+    screen = console()
     if not have_charts():
-        console.print("problems on real coast: left out, the shared maps were not found")
-    references = stored_references()
+        screen.print("problems on real coast: left out, the shared maps were not found")
     chosen = [
         problem
         for problem in path_problems()
         if not options.only or {problem.family, problem.name} & set(options.only)
     ]
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    runs: list[Run] = []
-    with Progress(*columns, console=console, transient=True) as progress:
-        for problem in progress.track(
-            sorted(chosen, key=lambda problem: problem.family), description="plans"
-        ):
-            world = World.of(problem)
-            for preset in options.preset:
-                runs += plan_all(problem, preset, options.seeds, references.get(problem.name), world)
+    with bars(screen) as progress:
+        runs = plan_all(chosen, options.preset, options.seeds, progress)
     families, problems = rows(runs, "family"), rows(runs, "problem")
     if options.each:
-        console.print(table(problems, "Each problem: gap to the reference"))
-    console.print(table(families, "Paths: gap to the reference"))
+        screen.print(table(problems, "Each problem: gap to the reference"))
+    screen.print(table(families, "Paths: gap to the reference"))
     if options.out:
         content = {
-            "machine": machine(),
             "seeds": options.seeds,
             "families": [asdict(row) for row in families],
             "problems": [asdict(row) for row in problems],
             "runs": [asdict(run) for run in runs],
         }
-        options.out.write_text(json.dumps(content, indent=1) + "\n")
+        write(options.out, content)
 
 
 if __name__ == "__main__":

@@ -7,8 +7,9 @@ import jax
 import jax.numpy as jnp
 import optax
 
-from auvplan.bbo.search import CostFunction, evaluate
+from auvplan.bbo.search import CostFunction, evaluate, worst_unless_finite
 
+#: ``guide(population, *args)`` -> (what to descend on [R], (cost [R], violation [R])).
 GuideFunction = Callable[..., tuple[jax.Array, tuple[jax.Array, jax.Array]]]
 
 
@@ -20,7 +21,6 @@ def refine(
     steps: int,
     args: tuple[Any, ...] = (),
     step_size: float = 0.01,
-    guide: GuideFunction | None = None,
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
     """Descend from several habitats at once and keep the best iterate of each; traceable.
 
@@ -34,27 +34,46 @@ def refine(
         steps: number of gradient steps.
         args: problem data passed on to `fun`.
         step_size: first step, as a share of each SIV's range.
-        guide: ``guide(population, *args)`` -> (guide [R], (cost [R], violation [R])). Descends on the guide
-            instead of the cost, as on one that is less stiff, but still keeps the iterate of least cost.
 
     Returns:
         ``(habitats [R, D], cost [R], violation [R])``, never worse in cost than the starts.
+    """
+
+    def guide(population: jax.Array, *args: Any) -> tuple[jax.Array, tuple[jax.Array, jax.Array]]:
+        cost, violation = evaluate(fun, population, *args)
+        return cost, (cost, violation)
+
+    return descend(guide, habitats, lower, upper, steps, args, step_size)
+
+
+def descend(
+    guide: GuideFunction,
+    habitats: jax.Array,
+    lower: jax.Array,
+    upper: jax.Array,
+    steps: int,
+    args: tuple[Any, ...] = (),
+    step_size: float = 0.01,
+) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """`refine` along the slope of a guide, such as a cost that is less stiff, judged by the cost itself.
+
+    Args:
+        guide: gives what to descend on, and the cost and violation that choose the iterate to keep.
+        habitats, lower, upper, steps, args, step_size: as for `refine`.
+
+    Returns:
+        As `refine`.
     """
     span = jnp.maximum(upper - lower, 1e-9)
     optimizer = optax.adam(optax.cosine_decay_schedule(step_size, steps))
 
     def total(unit: jax.Array) -> tuple[jax.Array, tuple[jax.Array, jax.Array]]:
-        if guide is None:
-            cost, violation = evaluate(fun, lower + unit * span, *args)
-            slope = cost
-        else:
-            slope, (cost, violation) = guide(lower + unit * span, *args)
-            cost = jnp.where(jnp.isfinite(cost), cost, jnp.inf)
-        return jnp.where(jnp.isfinite(slope), slope, 0.0).sum(), (cost, violation)
+        aim, (cost, violation) = guide(lower + unit * span, *args)
+        return jnp.where(jnp.isfinite(aim), aim, 0.0).sum(), (worst_unless_finite(cost), violation)
 
     value_and_slope = jax.value_and_grad(total, has_aux=True)
 
-    def descend(carry: Any, _: None) -> tuple[Any, None]:
+    def step(carry: Any, _: None) -> tuple[Any, None]:
         unit, memory, best = carry
         (_, scored), gradient = value_and_slope(unit)
         best = _keep_better(best, (unit, *scored))
@@ -65,7 +84,7 @@ def refine(
     worst = jnp.full(habitats.shape[0], jnp.inf, habitats.dtype)
     carry = (unit, optimizer.init(unit), (unit, worst, worst))
     # The last step only scores what the one before it reached.
-    (_, _, (unit, cost, violation)), _ = jax.lax.scan(descend, carry, length=steps + 1)
+    (_, _, (unit, cost, violation)), _ = jax.lax.scan(step, carry, length=steps + 1)
     return jnp.clip(lower + unit * span, lower, upper), cost, violation
 
 

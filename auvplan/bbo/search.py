@@ -84,7 +84,7 @@ class Result:
     history: History
 
 
-def _worst_unless_finite(cost: jax.Array) -> jax.Array:
+def worst_unless_finite(cost: jax.Array) -> jax.Array:
     """A cost that is not finite becomes infinite: it ranks last and never wins."""
     return jnp.where(jnp.isfinite(cost), cost, jnp.inf)
 
@@ -94,7 +94,7 @@ def evaluate(fun: CostFunction, population: jax.Array, *args: Any) -> tuple[jax.
     scored = fun(population, *args)
     cost, violation = scored if isinstance(scored, tuple) else (scored, jnp.zeros_like(scored))
     chex.assert_shape([cost, violation], (population.shape[0],))
-    return _worst_unless_finite(cost), violation
+    return worst_unless_finite(cost), violation
 
 
 def uniform_population(key: jax.Array, size: int, lower: jax.Array, upper: jax.Array) -> jax.Array:
@@ -107,7 +107,7 @@ def uniform_population(key: jax.Array, size: int, lower: jax.Array, upper: jax.A
 
 def init(population: jax.Array, cost: jax.Array, violation: jax.Array) -> State:
     """Rank a scored population into a state; a cost that is not finite becomes infinite and ranks last."""
-    cost = _worst_unless_finite(cost)
+    cost = worst_unless_finite(cost)
     order = jnp.argsort(cost)
     return State(population[order], cost[order], violation[order])
 
@@ -163,7 +163,7 @@ def tell(
         violation: [P].
         config: static settings.
     """
-    cost = _worst_unless_finite(cost)
+    cost = worst_unless_finite(cost)
     if config.replacement == "greedy":
         better = cost < state.cost
         merged = (
@@ -185,7 +185,7 @@ def tell(
 def _take_in(state: State, found: jax.Array, cost: jax.Array, violation: jax.Array) -> State:
     """Let Q habitats take the place of the worst Q where they are better."""
     worst = slice(-found.shape[0], None)
-    better = _worst_unless_finite(cost) < state.cost[worst]
+    better = worst_unless_finite(cost) < state.cost[worst]
     return init(
         state.population.at[worst].set(jnp.where(better[:, None], found, state.population[worst])),
         state.cost.at[worst].set(jnp.where(better, cost, state.cost[worst])),

@@ -5,7 +5,6 @@ the straight line, with the current along and across it, is as good within a fra
 where it breaks a limit is a fan of detours scored and polished.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
@@ -22,6 +21,7 @@ from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.path import PathConfig, habitats
 from auvplan.path.cost import curves, fly, score, violations
+from auvplan.rows import padded_batches
 from auvplan.vehicle import Vehicle
 
 #: Numbers of edges that one call takes: batches are padded to them, so that no graph causes a compilation.
@@ -97,7 +97,7 @@ def travel_times(
         chosen: NDArray[np.int_], sizes: tuple[int, ...], detours: int, steps: int
     ) -> tuple[np.ndarray, np.ndarray]:
         seconds, sailable = np.zeros(len(chosen)), np.zeros(len(chosen), bool)
-        for part, real in _padded(len(chosen), sizes):
+        for part, real in padded_batches(len(chosen), sizes):
             edges = chosen[part]
             current = env.current
             if world is not None:
@@ -127,20 +127,6 @@ def _inside(points: np.ndarray, env: Environment) -> NDArray[np.bool_]:
     if env.chart is not None:
         inside &= env.chart.contains(points[:, 0], points[:, 1])
     return np.asarray(inside)
-
-
-def _padded(count: int, sizes: tuple[int, ...]) -> Iterator[tuple[NDArray[np.int_], int]]:
-    """Indices below `count` in batches of the given sizes, padded by the first, and how many are real."""
-    begin = 0
-    while begin < count:
-        left = count - begin
-        # The largest size that is filled, or the smallest that holds the rest.
-        size = next((s for s in sizes if s >= left), sizes[-1])
-        real = min(size, left)
-        index = np.full(size, begin)
-        index[:real] = np.arange(begin, begin + real)
-        yield index, real
-        begin += real
 
 
 @partial(jax.jit, static_argnames=("config", "detours", "steps", "world_per_edge"))

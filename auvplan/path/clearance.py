@@ -7,7 +7,7 @@ coast, the circles around both samples that hold no land cover what lies between
 import jax
 import jax.numpy as jnp
 
-from auvplan.ocean.chart import INTERPOLATION_ERROR
+from auvplan.ocean.chart import INTERPOLATION_ERROR, Chart
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.path.config import PathConfig
@@ -19,13 +19,18 @@ TINY = 1e-8
 Segments = tuple[tuple[jax.Array, ...], tuple[jax.Array, ...], jax.Array, jax.Array]
 
 
+def distance_to_land(chart: Chart, x: jax.Array, y: jax.Array) -> jax.Array:
+    """Certified distance to the nearest land, m: never more than the true one."""
+    return chart.distance(x, y) - INTERPOLATION_ERROR * chart.pixel_size
+
+
 def coast_clearance(
     x: jax.Array, y: jax.Array, gap: jax.Array, duration: jax.Array, env: Environment, config: PathConfig
 ) -> tuple[jax.Array, jax.Array]:
     """Certified clearance to the coast [P, S - 1] m, and the price of uncertain areas [P] s."""
     if env.chart is None:
         return jnp.full_like(gap, 1e6), jnp.zeros_like(gap[:, 0])
-    distance = env.chart.distance(x, y) - INTERPOLATION_ERROR * env.chart.pixel_size
+    distance = distance_to_land(env.chart, x, y)
     risk = 1.0 - env.chart.passability_at(x, y)
     price = config.uncertain_price * (0.5 * (risk[:, 1:] + risk[:, :-1]) * duration).sum(axis=1)
     return _between(distance[:, :-1], distance[:, 1:], gap), price
@@ -74,31 +79,32 @@ def obstacle_clearance(
 def _nearest(obstacles: Obstacles, boundary: jax.Array, segments: Segments) -> jax.Array:
     """Least clearance of N segments to any obstacle, [N] m."""
 
-    def nearer(least: jax.Array, sphere: tuple[Obstacles, jax.Array]) -> tuple[jax.Array, None]:
-        return jnp.minimum(least, _clear_of(*sphere, segments)), None
-
-    return jax.lax.scan(nearer, jnp.full_like(segments[2], 1e6), (obstacles, boundary))[0]
+    return _least(obstacles, boundary, segments)[0]
 
 
 @_nearest.defjvp
 def _nearest_jvp(primals: tuple, tangents: tuple) -> tuple[jax.Array, jax.Array]:
     """Only the nearest obstacle of each segment counts: gradients look at no other."""
-    obstacles, boundary, segments = primals
-
-    def nearer(best: tuple, sphere: tuple) -> tuple[tuple, None]:
-        number, which, reach = sphere
-        clear = _clear_of(which, reach, segments)
-        return (jnp.minimum(best[0], clear), jnp.where(clear < best[0], number, best[1])), None
-
-    none = jnp.full_like(segments[2], jnp.inf), jnp.zeros(segments[2].shape, jnp.int32)
-    numbered = jnp.arange(len(obstacles), dtype=jnp.int32), obstacles, boundary
-    nearest = jax.lax.scan(nearer, none, numbered)[0][1]
+    nearest = _least(*primals)[1]
 
     def clear(obstacles: Obstacles, boundary: jax.Array, segments: Segments) -> jax.Array:
         chosen, reach = jax.tree.map(lambda field: field[nearest], (obstacles, boundary))
         return jnp.minimum(_clear_of(chosen, reach, segments), 1e6)
 
     return jax.jvp(clear, primals, tangents)
+
+
+def _least(obstacles: Obstacles, boundary: jax.Array, segments: Segments) -> tuple[jax.Array, jax.Array]:
+    """Least clearance [N] m of segments, 1e6 at most, and the number of the obstacle that it is to, [N]."""
+
+    def nearer(best: tuple, sphere: tuple) -> tuple[tuple, None]:
+        number, which, reach = sphere
+        clear = _clear_of(which, reach, segments)
+        return (jnp.minimum(best[0], clear), jnp.where(clear < best[0], number, best[1])), None
+
+    none = jnp.full_like(segments[2], 1e6), jnp.zeros(segments[2].shape, jnp.int32)
+    numbered = jnp.arange(len(obstacles), dtype=jnp.int32), obstacles, boundary
+    return jax.lax.scan(nearer, none, numbered)[0]
 
 
 def _clear_of(sphere: Obstacles, boundary: jax.Array, segments: Segments) -> jax.Array:

@@ -23,6 +23,9 @@ from auvplan.vehicle import Vehicle, along_track
 #: speed through the water.
 VIOLATIONS = ("surge", "sway", "turn_rate", "coast", "obstacle", "current")
 
+#: Place of the coast in `VIOLATIONS`; the obstacles come next.
+_COAST = VIOLATIONS.index("coast")
+
 #: Metres of missing clearance that count as an excess of one.
 CLEARANCE_SCALE = 50.0
 
@@ -114,9 +117,7 @@ def fly(
     """
     dx, dy, dz = (jnp.diff(axis, axis=1) for axis in (x, y, z))
     gap = jnp.sqrt(dx * dx + dy * dy + dz * dz + TINY)
-    x_mid, y_mid, z_mid = (0.5 * (axis[:, 1:] + axis[:, :-1]) for axis in (x, y, z))
-
-    middle, way = (x_mid, y_mid, z_mid), (dx, dy, dz)
+    middle, way = tuple(0.5 * (axis[:, 1:] + axis[:, :-1]) for axis in (x, y, z)), (dx, dy, dz)
     if is_steady(env.current) or config.speed_reading == "eq11":
         middle_time = depart + jnp.zeros_like(gap)
     else:
@@ -133,7 +134,7 @@ def fly(
     )
     coast_clear, price = coast_clearance(x, y, jnp.sqrt(dx * dx + dy * dy + TINY), duration, env, config)
     starts = x[:, :-1], y[:, :-1], z[:, :-1]
-    obstacle_clear = obstacle_clearance(starts, (dx, dy, dz), times[:, :-1], duration, env)
+    obstacle_clear = obstacle_clearance(starts, way, times[:, :-1], duration, env)
     excess = (
         *needed,
         _too_near(coast_clear, config.coast_margin),
@@ -280,13 +281,11 @@ def guide(
     flight = fly(x, y, z, depart, env, vehicle, config)
     straight = _straight_time(start, goal, vehicle)
     near = (
-        config.penalties.coast * _too_near(flight.coast, config.coast_margin + _GUIDE_MARGIN)
-        + config.penalties.obstacle * _too_near(flight.obstacles, config.obstacle_margin + _GUIDE_MARGIN)
-    ).mean(axis=1)
-    weights = (
-        _weights(config).at[VIOLATIONS.index("coast")].set(0.0).at[VIOLATIONS.index("obstacle")].set(0.0)
+        _too_near(flight.coast, config.coast_margin + _GUIDE_MARGIN),
+        _too_near(flight.obstacles, config.obstacle_margin + _GUIDE_MARGIN),
     )
-    soft = _GUIDE_SOFTNESS * (weights @ violations(flight) + near)
+    wider = flight.excess.at[_COAST : _COAST + 2].set(jnp.stack(near))
+    soft = _GUIDE_SOFTNESS * (_weights(config) @ wider.mean(axis=2))
     return flight.travel_time + flight.price + straight * soft, _cost(flight, straight, config)
 
 

@@ -6,13 +6,16 @@ way, a passage leads through. Paths traced through these minima let the search b
 there is, which neither random detours nor gradients find by themselves.
 """
 
+from collections.abc import Iterator
+from functools import reduce
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from auvplan.ocean.chart import INTERPOLATION_ERROR
 from auvplan.ocean.environment import Environment
 from auvplan.path.bspline import fit_matrix
+from auvplan.path.clearance import distance_to_land, obstacle_clearance
 from auvplan.path.config import PathConfig
 from auvplan.path.habitats import straight_line
 from auvplan.vehicle import Vehicle, along_track
@@ -131,19 +134,10 @@ def _clearance(
     inside = [x - env.lower[0], env.upper[0] - x, y - env.lower[1], env.upper[1] - y]
     clear = jnp.minimum(jnp.minimum(inside[0], inside[1]), jnp.minimum(inside[2], inside[3])) + 1e-3
     if env.chart is not None:
-        margin = config.coast_margin + INTERPOLATION_ERROR * env.chart.pixel_size
-        clear = jnp.minimum(clear, env.chart.distance(x, y) - margin)
-    spheres = env.obstacles
-    for k in range(len(spheres)):
-        since = when - spheres.observed_at[k]
-        square = sum(
-            (axis - spheres.position[k, n] - spheres.velocity[k, n] * since) ** 2
-            for n, axis in enumerate((x, y, z))
-        )
-        grown = jnp.minimum(spheres.growth[k] * jnp.maximum(since, 0.0), spheres.growth_max[k])
-        boundary = spheres.boundary(spheres.observed_at)[k] + grown + config.obstacle_margin
-        clear = jnp.minimum(clear, jnp.where(spheres.active[k], jnp.sqrt(square + 1e-8) - boundary, 1e6))
-    return clear
+        clear = jnp.minimum(clear, distance_to_land(env.chart, x, y) - config.coast_margin)
+    still = jnp.zeros_like(x)  # a point is a segment of no length
+    near = obstacle_clearance((x, y, z), (still, still, still), when, still, env)
+    return jnp.minimum(clear, near - config.obstacle_margin)
 
 
 def _shifted(plane: jax.Array, a: int, b: int, fill: float) -> jax.Array:
@@ -163,14 +157,17 @@ def _reversed(edges: jax.Array) -> jax.Array:
     return jnp.stack(turned[::-1])
 
 
+def _arrivals(field: jax.Array, edges: jax.Array) -> Iterator[jax.Array]:
+    """[A, B] s: times to every cell by each of `MOVES`."""
+    return (_shifted(field, a, b, jnp.inf) + edge for (a, b), edge in zip(MOVES, edges, strict=True))
+
+
 def _field(edges: jax.Array, source: tuple[int, int]) -> jax.Array:
     """Least time from a cell to every cell, [A, B] s, by min-plus sweeps until nothing changes."""
 
     def step(carry: tuple[jax.Array, jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array, jax.Array]:
         field, _, count = carry
-        new = field
-        for k, (a, b) in enumerate(MOVES):
-            new = jnp.minimum(new, _shifted(field, a, b, jnp.inf) + edges[k])
+        new = reduce(jnp.minimum, _arrivals(field, edges), field)
         return new, (new < field).any(), count + 1
 
     shape = edges.shape[1:]
@@ -198,8 +195,7 @@ def _minima(total: jax.Array, count: int, first: int, cells: int) -> tuple[jax.A
 def _previous(field: jax.Array, edges: jax.Array, source: tuple[int, int]) -> jax.Array:
     """[A * B] flat index of the cell before each on the best way; the source comes from itself."""
     best, move = jnp.full_like(field, jnp.inf), jnp.zeros(field.shape, jnp.int32)
-    for k, (a, b) in enumerate(MOVES):
-        time = _shifted(field, a, b, jnp.inf) + edges[k]
+    for (a, b), time in zip(MOVES, _arrivals(field, edges), strict=True):
         move = jnp.where(time < best, a * field.shape[1] + b, move)
         best = jnp.minimum(best, time)
     move = move.at[source].set(0)

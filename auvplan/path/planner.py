@@ -9,7 +9,7 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from auvplan.bbo import History, Result, search
-from auvplan.bbo.refine import refine
+from auvplan.bbo.refine import descend
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.currents import Current
 from auvplan.ocean.environment import Environment
@@ -228,8 +228,8 @@ def _with_passages(
 def _descend(
     found: jax.Array, lower: jax.Array, upper: jax.Array, problem: tuple, config: PathConfig, step_size: float
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
-    cost, soft = partial(score, config=config), partial(guide, config=config)
-    return refine(cost, found, lower, upper, config.refine_steps, problem, step_size, soft)
+    softened = partial(guide, config=config)
+    return descend(softened, found, lower, upper, config.refine_steps, problem, step_size)
 
 
 def _polished(

@@ -6,24 +6,18 @@ from typing import Any, TypeVar
 
 import jax
 
-#: Batches are padded to these sizes, so that the number of active missions never causes a compilation.
-SIZES = (1, 8, 32, 128)
+from auvplan.rows import padded_batches
 
 T = TypeVar("T")
 
 
 def chunks(items: Sequence[T]) -> list[tuple[list[T], int]]:
-    """Split into batches, each padded to a size of `SIZES` by repeating its first item.
+    """Split into batches, each padded to a size of `auvplan.rows.SIZES` by repeating its first item.
 
     Returns:
         Pairs of the padded batch and the number of real items at its front.
     """
-    batches = []
-    for begin in range(0, len(items), SIZES[-1]):
-        part = list(items[begin : begin + SIZES[-1]])
-        size = next(size for size in SIZES if size >= len(part))
-        batches.append((part + [part[0]] * (size - len(part)), len(part)))
-    return batches
+    return [([items[k] for k in index], real) for index, real in padded_batches(len(items))]
 
 
 class Clock:

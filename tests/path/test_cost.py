@@ -11,7 +11,7 @@ import pytest
 import auvplan as ap
 from auvplan.path import VIOLATIONS, habitats
 from auvplan.path.bspline import basis_at
-from auvplan.path.cost import CLEARANCE_SCALE, curves, fly, score, violations
+from auvplan.path.cost import CLEARANCE_SCALE, curves, fly, guide, score, violations
 from tests.path.worlds import GOAL, LOWER, START, UPPER, world
 
 CONFIG = ap.PathConfig(samples=48)
@@ -181,6 +181,22 @@ def test_batched_equals_looped():
         alone = score(many[p : p + 1], START, GOAL, 0.0, env, ap.Vehicle(), CONFIG)
         np.testing.assert_allclose(alone[0][0], together[0][p], rtol=1e-5)
         np.testing.assert_allclose(alone[1][0], together[1][p], rtol=1e-4, atol=1e-6)
+
+
+def test_guide_is_judged_by_the_score_and_is_less_stiff():
+    env = resolved(world())
+    many = population(6, env)
+    aim, judged = guide(many, START, GOAL, 0.0, env, ap.Vehicle(), CONFIG)
+    cost, violation = score(many, START, GOAL, 0.0, env, ap.Vehicle(), CONFIG)
+    np.testing.assert_allclose(judged[0], cost, rtol=1e-6)
+    np.testing.assert_allclose(judged[1], violation, rtol=1e-6)
+    flight = fly(*curves(many, START, GOAL, CONFIG), 0.0, env, ap.Vehicle(), CONFIG)
+    bare = flight.travel_time + flight.price
+    broken = np.asarray(violation) > 0.05
+    assert broken.any()
+    # Penalties are there, but a small share of those of the cost.
+    assert (np.asarray(aim - bare)[broken] > 0.0).all()
+    assert (np.asarray(aim - bare)[broken] < 0.05 * np.asarray(cost - bare)[broken]).all()
 
 
 def test_coast_is_forbidden_and_shoals_are_priced():
