@@ -14,7 +14,8 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from auvplan.ocean.currents import LambVortices, is_steady
+from auvplan.ocean.currents import is_steady
+from auvplan.ocean.vortices import LambVortices
 from benchmarks.path_problems import PathProblem
 from benchmarks.path_ruler import World, current_at
 

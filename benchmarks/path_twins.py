@@ -38,7 +38,7 @@ REALS = (
     "depart speed surge_max sway_max turn_rate_max coast_margin obstacle_margin uncertain_price chart_error "
     "origin_north origin_east pixel_size straight"
 )
-ARRAYS = "first basis ends vortex obstacle chart"
+ARRAYS = "first basis first_step step ends vortex obstacle chart"
 
 
 class Packed(ctypes.Structure):
@@ -137,7 +137,7 @@ def numba_kernel() -> Callable[[Array, Any], Scores] | None:
         return p * np.int32((whole + 127) << 23).view(np.float32)
 
     @compiled
-    def positions(q, habitat, control, x):
+    def positions(q, habitat, control, x, w):
         for axis in range(3):
             control[0], control[-1] = q.ends[0, axis], q.ends[1, axis]
             control[1:-1] = habitat[axis * q.controls : (axis + 1) * q.controls]
@@ -146,6 +146,11 @@ def numba_kernel() -> Callable[[Array, Any], Scores] | None:
             for k in range(q.order):
                 for s in range(q.samples):
                     x[axis, s] += q.basis[s, k] * control[q.first[s] + k]
+            for s in range(1, q.samples):
+                w[axis, s - 1] = zero
+            for k in range(q.order + 1):
+                for s in range(1, q.samples):
+                    w[axis, s - 1] += q.step[s, k] * control[q.first_step[s] + k]
 
     @compiled
     def current(q, x, u):
@@ -165,12 +170,12 @@ def numba_kernel() -> Callable[[Array, Any], Scores] | None:
                 u[2, s] += vertical * e
 
     @compiled
-    def kinematics(q, x, u, d, t):
+    def kinematics(q, w, u, d, t):
         """Rows of d: dx, dy, squared level way, way, duration. Returns the excess of surge, sway, current."""
         surge = sway = beaten = zero
         floor = floor_share * q.speed
         for s in range(q.samples - 1):
-            dx, dy, dz = x[0, s + 1] - x[0, s], x[1, s + 1] - x[1, s], x[2, s + 1] - x[2, s]
+            dx, dy, dz = w[0, s], w[1, s], w[2, s]
             level = dx * dx + dy * dy
             gap = np.sqrt(level + dz * dz + tiny)
             along = (u[0, s] * dx + u[1, s] * dy + u[2, s] * dz) / gap
@@ -265,12 +270,12 @@ def numba_kernel() -> Callable[[Array, Any], Scores] | None:
             np.empty((5, q.samples), np.float32),
         )
         t, c = np.empty(q.samples, np.float32), np.empty((2, q.samples), np.float32)
-        control = np.empty(q.controls + 2, np.float32)
+        control, way = np.empty(q.controls + 2, np.float32), np.empty((3, q.samples), np.float32)
         segments = np.float32(q.samples - 1)
         for p in range(len(paths)):
-            positions(q, paths[p], control, x)
+            positions(q, paths[p], control, x, way)
             current(q, x, u)
-            surge, sway, beaten = kinematics(q, x, u, d, t)
+            surge, sway, beaten = kinematics(q, way, u, d, t)
             turn = turns(q, d)
             shore, price = coast(q, x, d, c) if q.north else (zero, zero)
             near = obstacles(q, x, t, u, c)

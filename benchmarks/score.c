@@ -27,6 +27,8 @@ typedef struct {
     float uniform[3], weights[LIMITS];
     const int32_t *first;    /* [samples], first control point that a sample depends on */
     const float *basis;      /* [samples, order], weights of the control points from there on */
+    const int32_t *first_step; /* [samples], first control point that the way to a sample depends on */
+    const float *step;       /* [samples, order + 1], weights of the way from the sample before */
     const float *ends;       /* [2, 3] m, start and goal */
     const float *vortex;     /* [vortices, 5]: north, east, -log2(e) / (2 radius^2), scale, vertical scale */
     const float *obstacle;   /* [obstacles, 10]: position, velocity, growth, growth_max, observed_at,
@@ -84,6 +86,25 @@ static void positions(const Problem *q, Block *b, const Row *control, int sample
     }
 }
 
+/* Ways from sample to sample, as products: differences of positions would lose digits. */
+static void ways(const Problem *q, Block *b, const Row *control, int sample, int count) {
+    int points = q->controls + 2;
+    for (int r = 1; r <= count; r++) {
+        const float *weight = q->step + (sample + r) * (q->order + 1);
+        const Row *near = control + q->first_step[sample + r];
+        Row x = {0}, y = {0}, z = {0};
+        for (int k = 0; k <= q->order; k++)
+            for (int l = 0; l < LANES; l++) {
+                x[l] += weight[k] * near[k][l];
+                y[l] += weight[k] * near[points + k][l];
+                z[l] += weight[k] * near[2 * points + k][l];
+            }
+        memcpy(b->dx[r], x, sizeof x);
+        memcpy(b->dy[r], y, sizeof y);
+        memcpy(b->dz[r], z, sizeof z);
+    }
+}
+
 /* Current in the middle of each segment. */
 static void current(const Problem *q, Block *b, int count) {
     Plane x, y;
@@ -117,16 +138,14 @@ static void kinematics(const Problem *q, Block *b, int count) {
     const float speed = q->speed, floor = SPEED_FLOOR * speed;
     const float per_surge = 1.0f / q->surge_max, per_sway = 1.0f / q->sway_max, per_speed = 1.0f / speed;
     EACH(r, 1, count) {
-        float dx = b->x[r][l] - b->x[r - 1][l], dy = b->y[r][l] - b->y[r - 1][l];
-        float dz = b->z[r][l] - b->z[r - 1][l], u = b->u[r][l], v = b->v[r][l], w = b->w[r][l];
+        float dx = b->dx[r][l], dy = b->dy[r][l], dz = b->dz[r][l];
+        float u = b->u[r][l], v = b->v[r][l], w = b->w[r][l];
         float level = dx * dx + dy * dy, gap = sqrtf(level + dz * dz + TINY);
         float along = (u * dx + v * dy + w * dz) / gap;
         float across = sqrtf(largest(u * u + v * v + w * w - along * along, 0.0f) + TINY);
         float beaten = largest(across - (1.0f - SPEED_FLOOR * SPEED_FLOOR) * speed, 0.0f);
         float progress = along + sqrtf(largest((speed - across) * (speed + across), floor * floor));
         float ground = largest(progress, floor), duration = gap / ground;
-        b->dx[r][l] = dx;
-        b->dy[r][l] = dy;
         b->gap[r][l] = gap;
         b->level[r][l] = level;
         b->duration[r][l] = duration;
@@ -257,6 +276,7 @@ static void score_block(const Problem *q, const float *habitats, int lanes, Row 
         int count = segments - done < ROWS ? segments - done : ROWS;
         int from = done == 0 ? 0 : 1;
         positions(q, &b, control, done, from, count);
+        ways(q, &b, control, done, count);
         current(q, &b, count);
         kinematics(q, &b, count);
         turns(q, &b, done == 0 ? 2 : 1, count);

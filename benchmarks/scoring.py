@@ -22,8 +22,9 @@ from rich.progress import Progress
 from rich.table import Table
 
 import auvplan as ap
+from auvplan.compiled import compiled
 from auvplan.ocean.chart import INTERPOLATION_ERROR
-from auvplan.ocean.currents import LambVortices
+from auvplan.ocean.vortices import LambVortices
 from auvplan.path import habitats
 from auvplan.path.bspline import basis_matrix
 from auvplan.path.cost import VIOLATIONS, curves, fly, score, violations
@@ -63,8 +64,8 @@ class Problem:
 
     def turns(self, paths: jax.Array) -> jax.Array:
         """[P], mean excess of the turn rate of habitats [P, 3 n] m."""
-        x, y, z = curves(paths, self.start, self.goal, self.config)
-        flight = fly(x, y, z, jnp.zeros(()), self.env, self.vehicle, self.config)
+        track = curves(paths, self.start, self.goal, self.config)
+        flight = fly(track, jnp.zeros(()), self.env, self.vehicle, self.config)
         return violations(flight)[VIOLATIONS.index("turn_rate")]
 
     def bounds(self) -> tuple[jax.Array, jax.Array]:
@@ -94,9 +95,13 @@ class Problem:
         order = config.degree + 1
         dense = basis_matrix(config.samples, config.control_points + 2, config.degree)
         first = np.minimum((dense > 0.0).argmax(axis=1), dense.shape[1] - order)
+        between = np.diff(dense, axis=0, prepend=dense[:1])
+        first_step = np.minimum(np.roll(first, 1), dense.shape[1] - order - 1)
+        first_step[0] = 0
         ends = np.stack([self.start, self.goal])
         arrays = {
             "basis": np.take_along_axis(dense, first[:, None] + np.arange(order), axis=1),
+            "step": np.take_along_axis(between, first_step[:, None] + np.arange(order + 1), axis=1),
             "ends": ends,
             "vortex": np.stack(vortex, axis=1)[strength != 0.0],
             "chart": np.stack([chart.signed_distance, chart.passability], axis=2),
@@ -108,6 +113,7 @@ class Problem:
         return {
             **{name: np.ascontiguousarray(array, np.float32) for name, array in arrays.items()},
             "first": first.astype(np.int32),
+            "first_step": first_step.astype(np.int32),
             "samples": config.samples,
             "controls": config.control_points,
             "order": order,
@@ -183,13 +189,13 @@ def contenders(problem: Problem, screen: Console) -> dict[str, tuple[Contender, 
 
     Each takes the same habitats [P, 3 n] twice, on the device and on the host, and returns the costs first.
     """
-    value = jax.jit(problem.cost)
+    value = compiled(problem.cost)
 
     def summed(paths: jax.Array) -> tuple[jax.Array, jax.Array]:
         cost = problem.cost(paths)[0]
         return cost.sum(), cost
 
-    gradient = jax.jit(jax.value_and_grad(summed, has_aux=True))
+    gradient = compiled(jax.value_and_grad(summed, has_aux=True))
 
     def costs_with_gradient(device: jax.Array, _: twins.Array) -> tuple[jax.Array, jax.Array]:
         (_, cost), slope = gradient(device)
@@ -199,11 +205,11 @@ def contenders(problem: Problem, screen: Console) -> dict[str, tuple[Contender, 
         "JAX": (lambda device, _: value(device), 0.0),
         "JAX, cost and gradient": (costs_with_gradient, 0.0),
     }
-    seconds, compiled = clock(partial(twins.in_c, problem))
-    if compiled is None:
+    seconds, in_c = clock(partial(twins.in_c, problem))
+    if in_c is None:
         screen.print("C: left out, no C compiler that works was found")
     else:
-        found["C, 1 thread"] = (lambda _, host: compiled(host), seconds)
+        found["C, 1 thread"] = (lambda _, host: in_c(host), seconds)
     with_numba = twins.in_numba(problem)
     if with_numba is None:
         screen.print("Numba: left out, not installed: pip install 'auvplan[bench]'")

@@ -17,7 +17,7 @@ import numpy as np
 
 import auvplan as ap
 from auvplan.mission.travel_times import TravelTimeConfig, travel_times
-from auvplan.ocean.currents import LambVortices
+from auvplan.ocean.vortices import LambVortices
 from auvplan.path import PathConfig
 from auvplan.voyage import path_calls
 from auvplan.voyage.montecarlo import monte_carlo

@@ -162,8 +162,8 @@ def _estimate(
         if steps:
             tried, costs, _ = refine(cost, tried, lower, upper, steps, problem, _STEP_SIZE)
             tried = tried[jnp.argmin(costs)][None]
-        x, y, z = curves(tried[:1], start, goal, config.path)
-        flight = fly(x, y, z, depart, env, vehicle, config.path)
+        track = curves(tried[:1], start, goal, config.path)
+        flight = fly(track, depart, env, vehicle, config.path)
         return flight.travel_time[0], violations(flight).sum() == 0.0
 
     return jax.vmap(one, in_axes=(0, 0, 0, 0 if world_per_edge else None, None))(

@@ -4,19 +4,29 @@ An obstacle is passed at its nearest by the straight line between two samples, s
 coast, the circles around both samples that hold no land cover what lies between.
 """
 
+from dataclasses import dataclass
+from functools import partial
+
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from auvplan.ocean.chart import INTERPOLATION_ERROR, Chart
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.path.config import PathConfig
+from auvplan.path.kinematics import TINY, Axes, inner, norm
+from auvplan.tangents import fixed, instantiated
 
-#: Squared metres added under square roots: keeps gradients finite at coinciding samples.
-TINY = 1e-8
+#: m, to what is not there.
+FAR = 1e6
 
-#: First ends (x, y, z) and the ways (x, y, z) from there, m; arrival at the first ends and durations, s.
-Segments = tuple[tuple[jax.Array, ...], tuple[jax.Array, ...], jax.Array, jax.Array]
+#: Obstacles passed in one go of the loop: fewer, longer steps; more only makes compilation longer.
+_UNROLL = 2
+
+#: Of N segments: first ends (x, y, z) and the ways (x, y, z) from there, m; arrival at the first ends and
+#: durations, s.
+Segments = tuple[Axes, Axes, jax.Array, jax.Array]
 
 
 def distance_to_land(chart: Chart, x: jax.Array, y: jax.Array) -> jax.Array:
@@ -27,99 +37,160 @@ def distance_to_land(chart: Chart, x: jax.Array, y: jax.Array) -> jax.Array:
 def coast_clearance(
     x: jax.Array, y: jax.Array, gap: jax.Array, duration: jax.Array, env: Environment, config: PathConfig
 ) -> tuple[jax.Array, jax.Array]:
-    """Certified clearance to the coast [P, S - 1] m, and the price of uncertain areas [P] s."""
+    """Certified clearance of segments to the coast [S - 1, P] m, and the price of uncertain areas [P] s.
+
+    Args:
+        x, y: [S, P] m, samples.
+        gap: [S - 1, P] m, level lengths of the segments between them.
+        duration: [S - 1, P] s.
+        env: the world.
+        config: static settings.
+    """
     if env.chart is None:
-        return jnp.full_like(gap, 1e6), jnp.zeros_like(gap[:, 0])
+        return jnp.full_like(gap, FAR), jnp.zeros_like(gap[0])
     distance = distance_to_land(env.chart, x, y)
     risk = 1.0 - env.chart.passability_at(x, y)
-    price = config.uncertain_price * (0.5 * (risk[:, 1:] + risk[:, :-1]) * duration).sum(axis=1)
-    return _between(distance[:, :-1], distance[:, 1:], gap), price
+    price = config.uncertain_price * (0.5 * (risk[1:] + risk[:-1]) * duration).sum(axis=0)
+    return _between(distance[:-1], distance[1:], gap), price
 
 
+@jax.custom_jvp
 def _between(first: jax.Array, last: jax.Array, gap: jax.Array) -> jax.Array:
-    """Least distance to land on segments of length `gap`, from the distances at both ends; all [P, S - 1] m.
+    """Least distance to land on segments of length `gap`, from the distances at both ends; any shape, m.
 
     There is no land within either distance of its end. Where the two circles meet, at most that half of their
     common chord is certain on the segment; where they do not, half of what is missing between them.
     """
+    return _between_with_slopes(first, last, gap)[0]
+
+
+@_between.defjvp
+def _between_jvp(primals: Axes, tangents: Axes) -> tuple[jax.Array, jax.Array]:
+    """The slopes are planes of their own: the compiler would work them out anew for every shifted use."""
+    value, *slopes = _between_with_slopes(*primals)
+    terms = [slope * tangent for slope, tangent in zip(slopes, tangents, strict=True)]
+    return value, terms[0] + terms[1] + terms[2]
+
+
+def _between_with_slopes(first: jax.Array, last: jax.Array, gap: jax.Array) -> tuple[jax.Array, ...]:
+    """`_between`, and its slopes along its three arguments."""
     apart = 0.5 * (first + last - gap)
-    aside = (first * first - last * last + gap * gap) / (2.0 * gap)  # of the chord, from the first end
+    share = 0.5 * ((first * first - last * last) / (gap * gap) + 1.0)  # of the segment, up to the chord
+    aside = share * gap
     half_chord = jnp.sqrt(jnp.maximum(first * first - aside * aside, 0.0) + TINY)
     ends = jnp.minimum(first, last)
-    crossed = jnp.where((aside > 0.0) & (aside < gap), half_chord, ends)
-    return jnp.where(apart > 0.0, jnp.minimum(crossed, ends), apart)
+    missing = apart <= 0.0
+    crossed = (share > 0.0) & (share < 1.0) & (half_chord < ends) & ~missing
+    value = jnp.where(missing, apart, jnp.where(crossed, half_chord, ends))
+    nearer = jnp.asarray(first <= last, first.dtype)
+    chord = first * (1.0 - share), last * share, -aside * (1.0 - share)
+    end = nearer, 1.0 - nearer, jnp.zeros_like(gap)
+    over = jnp.where(crossed, half_chord, 1.0)
+    slopes = [
+        jnp.where(missing, half, jnp.where(crossed, c, e)) / over
+        for half, c, e in zip((0.5, 0.5, -0.5), chord, end, strict=True)
+    ]
+    return value, *slopes
 
 
-def obstacle_clearance(
-    starts: tuple[jax.Array, ...],
-    steps: tuple[jax.Array, ...],
-    begin: jax.Array,
-    duration: jax.Array,
-    env: Environment,
-) -> jax.Array:
-    """Certified clearance of segments to the collision boundaries at the time of arrival, [P, S - 1] m.
-
-    Args:
-        starts: x, y, z of the segments' first ends, [P, S - 1] m each.
-        steps: from there to the last ends, [P, S - 1] m each.
-        begin: [P, S - 1] s since the epoch, arrival at the first ends.
-        duration: [P, S - 1] s.
-        env: the world.
-    """
-    shape = begin.shape
+def obstacle_clearance(segments: Segments, env: Environment) -> jax.Array:
+    """Certified clearance of segments to the collision boundaries at the time of arrival, m, any shape."""
+    shape = segments[2].shape
     if len(env.obstacles) == 0:
-        return jnp.full(shape, 1e6, begin.dtype)
+        return jnp.full(shape, FAR, segments[2].dtype)
     # One long row of segments makes longer vector loops than a plane of short ones.
-    segments = jax.tree.map(jnp.ravel, (starts, steps, begin, duration))
+    row = jax.tree.map(jnp.ravel, segments)
     boundary = env.obstacles.boundary(env.obstacles.observed_at)
-    return _nearest(env.obstacles, boundary, segments).reshape(shape)
+    return _compiled_nearest(env.obstacles, boundary, row).reshape(shape)
 
 
 @jax.custom_jvp
 def _nearest(obstacles: Obstacles, boundary: jax.Array, segments: Segments) -> jax.Array:
-    """Least clearance of N segments to any obstacle, [N] m."""
+    """Least clearance of N segments to any obstacle, [N] m, 1e6 at most."""
 
-    return _least(obstacles, boundary, segments)[0]
+    def nearer(least: jax.Array, sphere: tuple) -> tuple[jax.Array, None]:
+        one, reach = sphere
+        return jnp.minimum(least, _Encounter.of(one, reach, segments).clearance), None
+
+    far = jnp.full_like(segments[2], FAR)
+    return jax.lax.scan(nearer, far, (obstacles, boundary), unroll=_UNROLL)[0]
 
 
-@_nearest.defjvp
+@partial(_nearest.defjvp, symbolic_zeros=True)
 def _nearest_jvp(primals: tuple, tangents: tuple) -> tuple[jax.Array, jax.Array]:
-    """Only the nearest obstacle of each segment counts: gradients look at no other."""
-    nearest = _least(*primals)[1]
+    """Only the nearest obstacle of each segment counts, and at its nearest only where and when that is."""
+    *of_spheres, moved = tangents
+    if not fixed(of_spheres):
+        return jax.jvp(_nearest.__wrapped__, primals, instantiated(tangents, primals))
+    obstacles, boundary, segments = primals
 
-    def clear(obstacles: Obstacles, boundary: jax.Array, segments: Segments) -> jax.Array:
-        chosen, reach = jax.tree.map(lambda field: field[nearest], (obstacles, boundary))
-        return jnp.minimum(_clear_of(chosen, reach, segments), 1e6)
+    def nearer(least: tuple, sphere: tuple) -> tuple[tuple, None]:
+        number, one, reach = sphere
+        clear = _Encounter.of(one, reach, segments).clearance
+        return (jnp.minimum(least[0], clear), jnp.where(clear < least[0], number, least[1])), None
 
-    return jax.jvp(clear, primals, tangents)
+    none = jnp.full_like(segments[2], FAR), jnp.full(segments[2].shape, -1, jnp.int32)
+    numbers = jnp.arange(len(obstacles), dtype=jnp.int32)
+    (clear, number), _ = jax.lax.scan(nearer, none, (numbers, obstacles, boundary), unroll=_UNROLL)
+    # A product with zeros and ones selects each segment's sphere: far cheaper than looking it up.
+    chosen = (numbers[:, None] == number).astype(clear.dtype)
+    one, reach = _mixed((obstacles, boundary), chosen)
+    met = _Encounter.of(one, reach, segments)
+    starts, steps, begin, duration = instantiated(moved, segments)
+    change = -met.approach * (begin + met.share * duration)
+    for axis, start, step in zip(met.away, starts, steps, strict=True):
+        change = change + axis * (start + met.share * step)
+    return clear, change / met.distance - met.growing * (begin + duration)
 
 
-def _least(obstacles: Obstacles, boundary: jax.Array, segments: Segments) -> tuple[jax.Array, jax.Array]:
-    """Least clearance [N] m of segments, 1e6 at most, and the number of the obstacle that it is to, [N]."""
-
-    def nearer(best: tuple, sphere: tuple) -> tuple[tuple, None]:
-        number, which, reach = sphere
-        clear = _clear_of(which, reach, segments)
-        return (jnp.minimum(best[0], clear), jnp.where(clear < best[0], number, best[1])), None
-
-    none = jnp.full_like(segments[2], 1e6), jnp.zeros(segments[2].shape, jnp.int32)
-    numbered = jnp.arange(len(obstacles), dtype=jnp.int32), obstacles, boundary
-    return jax.lax.scan(nearer, none, numbered)[0]
+#: Compiled, or every call outside a compiled program would compile its loop anew.
+_compiled_nearest = jax.jit(_nearest)
 
 
-def _clear_of(sphere: Obstacles, boundary: jax.Array, segments: Segments) -> jax.Array:
-    """Clearance of N segments to one sphere, or each to its own, [N] m.
+def _mixed(spheres: tuple[Obstacles, jax.Array], shares: jax.Array) -> tuple[Obstacles, jax.Array]:
+    """Fields [M, ...] of M spheres mixed for each of N segments, [N, ...], by their shares [M, N]."""
+    leaves, tree = jax.tree.flatten(spheres)
+    columns = [jnp.nan_to_num(leaf.astype(shares.dtype)).reshape(len(leaf), -1) for leaf in leaves]
+    rows = jnp.matmul(jnp.concatenate(columns, axis=1).T, shares, precision=jax.lax.Precision.HIGHEST)
+    parts = jnp.split(rows, np.cumsum([column.shape[1] for column in columns])[:-1])
+    mixed = [part.T.reshape(-1, *leaf.shape[1:]) for part, leaf in zip(parts, leaves, strict=True)]
+    return tree.unflatten(mixed)
+
+
+@dataclass(frozen=True)
+class _Encounter:
+    """How N segments pass a sphere that moves, or each its own.
 
     Seen from the sphere a segment is a straight line: its nearest point to the centre is exact.
+
+    Attributes:
+        clearance: [N] m to the collision boundary.
+        distance: [N] m to the centre, at the nearest.
+        share: [N], of the segment that is behind at the nearest point.
+        away: x, y, z [N] m, from the centre to the nearest point.
+        approach: [N] m^2/s, of `away` and the sphere's velocity.
+        growing: [N] m/s, growth of the boundary at the end of the segment.
     """
-    starts, steps, begin, duration = segments
-    since = begin - sphere.observed_at
-    inner, square, length = 0.0, 0.0, TINY
-    for k, (start, step) in enumerate(zip(starts, steps, strict=True)):
-        away = start - sphere.position[..., k] - sphere.velocity[..., k] * since
-        way = step - sphere.velocity[..., k] * duration
-        inner, square, length = inner + away * way, square + away * away, length + way * way
-    share = jnp.clip(-inner / length, 0.0, 1.0)
-    nearest = jnp.maximum(square + share * (2.0 * inner + share * length), 0.0)
-    grown = jnp.minimum(sphere.growth * jnp.maximum(since + duration, 0.0), sphere.growth_max)
-    return jnp.where(sphere.active, jnp.sqrt(nearest + TINY) - grown - boundary, 1e6)
+
+    clearance: jax.Array
+    distance: jax.Array
+    share: jax.Array
+    away: Axes
+    approach: jax.Array
+    growing: jax.Array
+
+    @classmethod
+    def of(cls, sphere: Obstacles, boundary: jax.Array, segments: Segments) -> "_Encounter":
+        (x, y, z), (dx, dy, dz), begin, duration = segments
+        since = begin - sphere.observed_at
+        u, v, w = (sphere.velocity[..., k] for k in range(3))
+        north, east, down = (sphere.position[..., k] for k in range(3))
+        first = x - north - u * since, y - east - v * since, z - down - w * since
+        way = dx - u * duration, dy - v * duration, dz - w * duration
+        share = jnp.clip(-inner(first, way) / (inner(way, way) + TINY), 0.0, 1.0)
+        away = first[0] + share * way[0], first[1] + share * way[1], first[2] + share * way[2]
+        distance, grown = norm(*away), sphere.growth * jnp.maximum(since + duration, 0.0)
+        clear = distance - jnp.minimum(grown, sphere.growth_max) - boundary
+        growing = jnp.where((grown > 0.0) & (grown < sphere.growth_max), sphere.growth, 0.0)
+        clear = jnp.where(sphere.active, clear, FAR)
+        return cls(clear, distance, share, away, inner(away, (u, v, w)), growing)

@@ -136,7 +136,7 @@ def _clearance(
     if env.chart is not None:
         clear = jnp.minimum(clear, distance_to_land(env.chart, x, y) - config.coast_margin)
     still = jnp.zeros_like(x)  # a point is a segment of no length
-    near = obstacle_clearance((x, y, z), (still, still, still), when, still, env)
+    near = obstacle_clearance(((x, y, z), (still, still, still), when, still), env)
     return jnp.minimum(clear, near - config.obstacle_margin)
 
 

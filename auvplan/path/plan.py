@@ -100,7 +100,7 @@ class PathPlan:
 
 @dataclass(frozen=True)
 class PathPlans:
-    """B plans from one compiled call; `plans[b]` is a `PathPlan`.
+    """B plans; `plans[b]` is a `PathPlan`.
 
     Attributes: as in `PathPlan`, with a leading axis B; `violations` is [B, V], `excess` [B, V, S - 1].
     """

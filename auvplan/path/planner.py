@@ -1,6 +1,8 @@
-"""Two points to a timed, checked trajectory: one compiled search for B legs at once (section 3.2)."""
+"""Two points to a timed, checked trajectory, for any number of legs by one compiled search (section 3.2)."""
 
+from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import chex
 import jax
@@ -8,9 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from auvplan.bbo import History, Result, search
+from auvplan.bbo import Result, search
 from auvplan.bbo.refine import descend
-from auvplan.ocean.chart import Chart
+from auvplan.compiled import compiled
 from auvplan.ocean.currents import Current
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
@@ -19,6 +21,7 @@ from auvplan.path.config import PathConfig
 from auvplan.path.cost import curves, fly, guide, score, violations
 from auvplan.path.passages import trace_passages
 from auvplan.path.plan import PathPlan, PathPlans
+from auvplan.rows import over_rows
 from auvplan.vehicle import Vehicle
 
 
@@ -84,7 +87,7 @@ def plan_paths(
     population: ArrayLike | None = None,
     world_per_leg: bool = False,
 ) -> PathPlans:
-    """Plan B legs in one compiled call.
+    """Plan B legs by one compiled program, as many at once as the device does best.
 
     Args:
         starts: [B, 3] m, north, east, depth.
@@ -109,11 +112,27 @@ def plan_paths(
     keys = jax.random.split(key, legs) if key.ndim == 0 else key
     if population is not None:
         chex.assert_shape(population, (legs, config.bbo.population, 3 * config.control_points))
-        population = jnp.asarray(population, float)
-    departs = jnp.broadcast_to(jnp.asarray(depart, float), (legs,))
-    return assemble(
-        _plan(keys, start, goal, departs, env, vehicle or Vehicle(), population, config, world_per_leg)
-    )
+    departs = np.broadcast_to(np.asarray(depart, float), (legs,))
+    world, shared = split(env, world_per_leg)
+    program = partial(_plan, shared=shared, vehicle=vehicle or Vehicle(), config=config)
+    return PathPlans(**over_rows(program, keys, start, goal, departs, population, world))
+
+
+#: Current and obstacles; None where the legs share them.
+World = tuple[Current, Obstacles] | None
+
+
+def split(env: Environment, world_per_leg: bool) -> tuple[World, Environment]:
+    """What differs by leg, and what is the same for all."""
+    if not world_per_leg:
+        return None, env
+    return (env.current, env.obstacles), replace(env, current=None, obstacles=None)
+
+
+def world_of(own: World, shared: Environment) -> Environment:
+    """The world of one leg, obstacles resolved."""
+    current, obstacles = own or (shared.current, shared.obstacles)
+    return Environment(current, shared.chart, obstacles.resolved(current), shared.lower, shared.upper)
 
 
 def check_ends(starts: ArrayLike, goals: ArrayLike, env: Environment) -> None:
@@ -139,35 +158,31 @@ def check_ends(starts: ArrayLike, goals: ArrayLike, env: Environment) -> None:
             raise ValueError(f"start and goal of leg {b} coincide")
 
 
-@partial(jax.jit, static_argnames=("config", "world_per_leg"))
+@partial(compiled, static_argnames=("config",))
 def _plan(
     keys: jax.Array,
     starts: jax.Array,
     goals: jax.Array,
     departs: jax.Array,
-    env: Environment,
+    populations: jax.Array | None,
+    worlds: World,
+    shared: Environment,
     vehicle: Vehicle,
-    population: jax.Array | None,
     config: PathConfig,
-    world_per_leg: bool,
-) -> dict[str, jax.Array | History]:
+) -> dict[str, Any]:
+    """The fields of `PathPlans` by name."""
+
     def one(
         key: jax.Array,
         start: jax.Array,
         goal: jax.Array,
         depart: jax.Array,
-        current: Current,
-        obstacles: Obstacles,
         population: jax.Array | None,
-        chart: Chart | None,
-    ) -> dict[str, jax.Array | History]:
-        world = Environment(current, chart, obstacles.resolved(current), env.lower, env.upper)
-        return search_leg(key, start, goal, depart, world, vehicle, population, config)
+        own: World,
+    ) -> dict[str, Any]:
+        return search_leg(key, start, goal, depart, world_of(own, shared), vehicle, population, config)
 
-    world = 0 if world_per_leg else None
-    return jax.vmap(one, in_axes=(0, 0, 0, 0, world, world, None if population is None else 0, None))(
-        keys, starts, goals, departs, env.current, env.obstacles, population, env.chart
-    )
+    return jax.vmap(one)(keys, starts, goals, departs, populations, worlds)
 
 
 def search_leg(
@@ -179,7 +194,7 @@ def search_leg(
     vehicle: Vehicle,
     population: jax.Array | None,
     config: PathConfig,
-) -> dict[str, jax.Array | History]:
+) -> dict[str, Any]:
     """One leg's search, traceable: the fields of a `PathPlan` by name. Obstacles must be resolved."""
     lower, upper = habitats.bounds(start, goal, env, config)
     first_key, run_key = jax.random.split(key)
@@ -195,21 +210,21 @@ def search_leg(
         result = _polished(result, lower, upper, problem, config)
 
     best = result.state.population[:1]
-    x, y, z = curves(best, start, goal, config)
-    flight = fly(x, y, z, depart, env, vehicle, config)
+    track = curves(best, start, goal, config)
+    flight = fly(track, depart, env, vehicle, config)
     inner = best.reshape(3, -1).T
     return {
         "travel_time": flight.travel_time[0],
         "length": flight.length[0],
-        "positions": jnp.stack([flight.x[0], flight.y[0], flight.z[0]], axis=1),
-        "times": flight.times[0],
+        "positions": jnp.stack([flight.x[:, 0], flight.y[:, 0], flight.z[:, 0]], axis=1),
+        "times": flight.times[:, 0],
         "control_points": jnp.concatenate([start[None], inner, goal[None]]),
         "violations": violations(flight)[:, 0],
-        "clearance": flight.clearance[0].min(),
+        "clearance": flight.clearance.min(),
         "cost": result.state.cost[0],
         "population": result.state.population,
         "history": result.history,
-        "excess": flight.excess[:, 0],
+        "excess": jnp.stack(flight.excess)[:, :, 0],
     }
 
 
@@ -248,9 +263,3 @@ def _polished(
     last = search.statistics(state)
     history = jax.tree.map(lambda a, b: jnp.concatenate([a, b[None]]), result.history, last)
     return Result(state.population[0], state.cost[0], state.violation[0], state, history)
-
-
-def assemble(fields: dict) -> PathPlans:
-    """Plans on the host: everything but the population, which stays on the device for the next call."""
-    host = jax.device_get({k: v for k, v in fields.items() if k != "population"})
-    return PathPlans(population=fields["population"], **host)

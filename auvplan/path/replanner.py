@@ -5,21 +5,20 @@ State in, plan out: nothing here needs the simulator, so a vehicle's software ca
 
 from collections.abc import Sequence
 from functools import partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from auvplan.bbo import History
-from auvplan.ocean.chart import Chart
-from auvplan.ocean.currents import Current
+from auvplan.compiled import compiled
 from auvplan.ocean.environment import Environment
-from auvplan.ocean.obstacles import Obstacles
 from auvplan.path import habitats
 from auvplan.path.config import PathConfig
 from auvplan.path.plan import PathPlan, PathPlans
-from auvplan.path.planner import assemble, check_ends, search_leg
+from auvplan.path.planner import World, check_ends, search_leg, split, world_of
+from auvplan.rows import over_rows
 from auvplan.vehicle import Vehicle
 
 
@@ -65,7 +64,7 @@ def replan_paths(
     config: PathConfig | None = None,
     world_per_leg: bool = False,
 ) -> PathPlans:
-    """Re-plan B legs in one compiled call; arguments as `replan_path` and `plan_paths`.
+    """Re-plan B legs by one compiled program; arguments as `replan_path` and `plan_paths`.
 
     Args:
         plans: B plans being followed.
@@ -78,26 +77,17 @@ def replan_paths(
         world_per_leg: whether current and obstacles differ by leg.
     """
     config = config or PathConfig()
-    position = jnp.asarray(positions, float)
-    goals = jnp.asarray(np.stack([plan.control_points[-1] for plan in plans]), float)
+    position = np.asarray(positions, float)
+    goals = np.stack([plan.control_points[-1] for plan in plans])
     check_ends(position, goals, env)
     keys = jax.random.split(key, len(plans)) if key.ndim == 0 else key
-    fields = _replan(
-        keys,
-        jnp.stack([plan.population for plan in plans]),
-        jnp.asarray(np.stack([plan.control_points[0] for plan in plans]), float),
-        goals,
-        jnp.asarray(
-            [progress(plan, point) for plan, point in zip(plans, np.asarray(position), strict=True)], float
-        ),
-        position,
-        jnp.asarray(now, float),
-        env,
-        vehicle or Vehicle(),
-        config,
-        world_per_leg,
-    )
-    return assemble(fields)
+    starts = np.stack([plan.control_points[0] for plan in plans])
+    reached = [progress(plan, point) for plan, point in zip(plans, position, strict=True)]
+    populations = np.stack([plan.population for plan in plans])
+    world, shared = split(env, world_per_leg)
+    program = partial(_replan, shared=shared, vehicle=vehicle or Vehicle(), config=config)
+    rows = keys, populations, starts, goals, np.asarray(reached), position, np.asarray(now, float), world
+    return PathPlans(**over_rows(program, *rows))
 
 
 def progress(plan: PathPlan, position: np.ndarray) -> float:
@@ -106,7 +96,7 @@ def progress(plan: PathPlan, position: np.ndarray) -> float:
     return min(nearest / (len(plan.positions) - 1), 0.999)
 
 
-@partial(jax.jit, static_argnames=("config", "world_per_leg"))
+@partial(compiled, static_argnames=("config",))
 def _replan(
     keys: jax.Array,
     populations: jax.Array,
@@ -115,11 +105,12 @@ def _replan(
     reached: jax.Array,
     positions: jax.Array,
     now: jax.Array,
-    env: Environment,
+    worlds: World,
+    shared: Environment,
     vehicle: Vehicle,
     config: PathConfig,
-    world_per_leg: bool,
-) -> dict[str, jax.Array | History]:
+) -> dict[str, Any]:
+    """The fields of `PathPlans` by name."""
     window = config.replace(bbo=config.bbo.replace(iterations=config.window_iterations))
     fresh = round(config.fresh_share * config.bbo.population)
 
@@ -131,11 +122,9 @@ def _replan(
         reached: jax.Array,
         position: jax.Array,
         now: jax.Array,
-        current: Current,
-        obstacles: Obstacles,
-        chart: Chart | None,
-    ) -> dict[str, jax.Array | History]:
-        world = Environment(current, chart, obstacles.resolved(current), env.lower, env.upper)
+        own: World,
+    ) -> dict[str, Any]:
+        world = world_of(own, shared)
         fresh_key, search_key = jax.random.split(key)
         kept = habitats.transfer(population, start, goal, reached, position, config)
         if fresh:
@@ -145,7 +134,4 @@ def _replan(
             kept = jnp.concatenate([kept[: kept.shape[0] - fresh], new])
         return search_leg(search_key, position, goal, now, world, vehicle, kept, window)
 
-    world = 0 if world_per_leg else None
-    return jax.vmap(one, in_axes=(0,) * 7 + (world, world, None))(
-        keys, populations, starts, goals, reached, positions, now, env.current, env.obstacles, env.chart
-    )
+    return jax.vmap(one)(keys, populations, starts, goals, reached, positions, now, worlds)

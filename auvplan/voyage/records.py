@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from auvplan.mission import MissionGraph, MissionOrder
 from auvplan.ocean.chart import Chart
-from auvplan.ocean.currents import LambVortices
+from auvplan.ocean.vortices import LambVortices
 from auvplan.vehicle import Vehicle
 
 Array = NDArray[np.floating]

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan.ocean.currents import CurrentUpdate, LambVortices, evolve
+from auvplan.ocean.vortices import CurrentUpdate, LambVortices, evolve
 from auvplan.vehicle import Vehicle, along_track
 
 #: Seconds between two recorded positions.

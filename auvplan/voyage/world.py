@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from auvplan.mission.graph import MissionGraph, random_graph
 from auvplan.ocean.chart import Chart
-from auvplan.ocean.currents import CurrentUpdate, LambVortices, random_vortices
+from auvplan.ocean.vortices import CurrentUpdate, LambVortices, random_vortices
 from auvplan.ocean.whitsunday import whitsunday_chart
 from auvplan.vehicle import Vehicle
 from auvplan.voyage.scenario import ChartSettings, Scenario

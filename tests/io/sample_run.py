@@ -6,7 +6,7 @@ import numpy as np
 
 from auvplan.mission.graph import MissionGraph
 from auvplan.ocean.chart import Chart
-from auvplan.ocean.currents import LambVortices
+from auvplan.ocean.vortices import LambVortices
 from auvplan.vehicle import Vehicle
 from auvplan.voyage.records import LegRecord, MissionRun, OrderRecord, PlanRecord
 

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 import auvplan as ap
 from auvplan.ocean import CurrentUpdate, FunctionCurrent, evolve
-from auvplan.ocean.currents import as_current, is_steady, strength_for_peak_speed
+from auvplan.ocean.currents import as_current, is_steady
+from auvplan.ocean.vortices import strength_for_peak_speed
 
 
 def naive(field, x, y, z):

@@ -41,9 +41,8 @@ def test_spheres_are_passed_at_their_nearest(seed):
     def planes(values):
         return tuple(jnp.asarray([[value]]) for value in values)
 
-    found = clearance.obstacle_clearance(
-        planes(start), planes(step), jnp.asarray([[begin]]), jnp.asarray([[lasts]]), env
-    )
+    segments = planes(start), planes(step), jnp.asarray([[begin]]), jnp.asarray([[lasts]])
+    found = clearance.obstacle_clearance(segments, env)
     share = np.linspace(0.0, 1.0, 401)
     true = np.inf
     for s in share:

@@ -10,11 +10,13 @@ import pytest
 
 import auvplan as ap
 from auvplan.path import VIOLATIONS, habitats
+from auvplan.path import cost as kernel
 from auvplan.path.bspline import basis_at
-from auvplan.path.cost import CLEARANCE_SCALE, curves, fly, guide, score, violations
+from auvplan.path.cost import CLEARANCE_SCALE, Track, curves, fly, guide, violations
 from tests.path.worlds import GOAL, LOWER, START, UPPER, world
 
 CONFIG = ap.PathConfig(samples=48)
+score = jax.jit(kernel.score, static_argnums=6)
 
 
 def population(count, env, seed=0):
@@ -94,13 +96,15 @@ def test_kernel_matches_naive_twin(chart, obstacles):
     env = resolved(world(chart, obstacles))
     vehicle = ap.Vehicle(surge_max=3.0, sway_max=0.5, turn_rate_max=0.005)
     habitats_ = population(4, env)
-    flight = fly(*curves(habitats_, START, GOAL, CONFIG), 100.0, env, vehicle, CONFIG)
+    flight = fly(curves(habitats_, START, GOAL, CONFIG), 100.0, env, vehicle, CONFIG)
     for p in range(4):
         path, times, excess = naive_flight(habitats_[p], env, vehicle, 100.0, CONFIG)
-        np.testing.assert_allclose(np.stack([flight.x[p], flight.y[p], flight.z[p]], axis=1), path, atol=1e-8)
-        np.testing.assert_allclose(flight.times[p], times, rtol=1e-7)
+        np.testing.assert_allclose(
+            np.stack([flight.x[:, p], flight.y[:, p], flight.z[:, p]], axis=1), path, atol=1e-8
+        )
+        np.testing.assert_allclose(flight.times[:, p], times, rtol=1e-7)
         # float32 chart and 1e-8 guards
-        np.testing.assert_allclose(flight.excess[:, p], excess, rtol=1e-5, atol=1e-4)
+        np.testing.assert_allclose(np.stack(flight.excess)[:, :, p], excess, rtol=1e-5, atol=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -183,6 +187,16 @@ def test_batched_equals_looped():
         np.testing.assert_allclose(alone[1][0], together[1][p], rtol=1e-4, atol=1e-6)
 
 
+def test_a_large_population_is_scored_in_parts():
+    env = resolved(world())
+    many = population(1203, env)
+    cost, violation = score(many, START, GOAL, 0.0, env, ap.Vehicle(), CONFIG)
+    for part in (slice(0, 300), slice(900, 1203)):
+        few = score(many[part], START, GOAL, 0.0, env, ap.Vehicle(), CONFIG)
+        np.testing.assert_allclose(cost[part], few[0], rtol=1e-4)
+        np.testing.assert_allclose(violation[part], few[1], rtol=1e-3, atol=1e-6)
+
+
 def test_guide_is_judged_by_the_score_and_is_less_stiff():
     env = resolved(world())
     many = population(6, env)
@@ -190,7 +204,7 @@ def test_guide_is_judged_by_the_score_and_is_less_stiff():
     cost, violation = score(many, START, GOAL, 0.0, env, ap.Vehicle(), CONFIG)
     np.testing.assert_allclose(judged[0], cost, rtol=1e-6)
     np.testing.assert_allclose(judged[1], violation, rtol=1e-6)
-    flight = fly(*curves(many, START, GOAL, CONFIG), 0.0, env, ap.Vehicle(), CONFIG)
+    flight = fly(curves(many, START, GOAL, CONFIG), 0.0, env, ap.Vehicle(), CONFIG)
     bare = flight.travel_time + flight.price
     broken = np.asarray(violation) > 0.05
     assert broken.any()
@@ -203,16 +217,15 @@ def test_coast_is_forbidden_and_shoals_are_priced():
     env = world(obstacles=False)
     start, goal = jnp.array([900.0, 200.0, 10.0]), jnp.array([900.0, 1900.0, 10.0])
     line = habitats.straight_line(start, goal, CONFIG)[None]
-    flight = fly(*curves(line, start, goal, CONFIG), 0.0, env, ap.Vehicle(), CONFIG)
+    flight = fly(curves(line, start, goal, CONFIG), 0.0, env, ap.Vehicle(), CONFIG)
     broken = dict(zip(VIOLATIONS, violations(flight)[:, 0], strict=True))
     assert broken["coast"] > 0
     assert broken["obstacle"] == 0
     aside = line.at[0, : CONFIG.control_points].set(1160.0)  # passes over the shoal, clear of the island
-    over = fly(*curves(aside, start, goal, CONFIG), 0.0, env, ap.Vehicle(), CONFIG)
+    over = fly(curves(aside, start, goal, CONFIG), 0.0, env, ap.Vehicle(), CONFIG)
     assert float(over.excess[VIOLATIONS.index("coast")].max()) == 0.0
-    free = fly(
-        *curves(aside, start, goal, CONFIG), 0.0, env, ap.Vehicle(), CONFIG.replace(uncertain_price=0.0)
-    )
+    unpriced = CONFIG.replace(uncertain_price=0.0)
+    free = fly(curves(aside, start, goal, CONFIG), 0.0, env, ap.Vehicle(), unpriced)
     assert float(over.price[0]) > 0.0 == float(free.price[0])
 
 
@@ -225,10 +238,10 @@ def test_turn_rate_limit_catches_every_sharp_turn(degrees, sharp):
         [np.tile([40.0, 0.0], (20, 1)), np.tile(40.0 * np.array([np.cos(angle), np.sin(angle)]), (20, 1))]
     )
     xy = np.concatenate([[[0.0, 0.0]], np.cumsum(legs, axis=0)])
-    x, y = (jnp.asarray(xy[None, :, k]) for k in range(2))
+    x, y = (jnp.asarray(xy[:, k : k + 1]) for k in range(2))
     env = ap.Environment(None, None, None, (-3000, -3000, 0), (3000, 3000, 0))
     vehicle = ap.Vehicle(turn_rate_max=np.radians(40.0) / 16.0)  # a segment lasts 16 s
-    flight = fly(x, y, jnp.zeros_like(x), 0.0, env, vehicle, CONFIG)
+    flight = fly(Track.through(x, y, jnp.zeros_like(x)), 0.0, env, vehicle, CONFIG)
     assert bool(flight.excess[VIOLATIONS.index("turn_rate")].max() > 0) is sharp
 
 
@@ -240,5 +253,5 @@ def test_obstacle_counts_at_the_time_of_arrival():
     comes = ap.Obstacles.self_motivated([[1000.0, -400.0, 0.0]], [30.0], [[0.0, 1.0, 0.0]])
     for obstacles, hit in ((gone, False), (comes, True)):
         env = resolved(ap.Environment(None, None, obstacles, LOWER, UPPER))
-        flight = fly(*curves(line, start, goal, CONFIG), 0.0, env, ap.Vehicle(), CONFIG)
+        flight = fly(curves(line, start, goal, CONFIG), 0.0, env, ap.Vehicle(), CONFIG)
         assert bool(flight.excess[VIOLATIONS.index("obstacle")].max() > 0) is hit

@@ -40,7 +40,7 @@ def test_passages_on_both_sides_of_an_obstacle():
         START, GOAL, 0.0, env, ap.Vehicle(), 4, CONFIG
     )
     assert (np.diff(times) >= 0.0).all()
-    x, y, _ = curves(found, START, GOAL, CONFIG)
+    x, y, _ = (axis.T for axis in curves(found, START, GOAL, CONFIG).places)
     beside = np.asarray(y)[np.arange(4), np.abs(np.asarray(x) - 1000.0).argmin(axis=1)]
     assert beside[0] < -200.0  # the shorter way, west of the rock
     assert beside[np.isfinite(times)].max() > 300.0
@@ -52,5 +52,5 @@ def test_the_way_follows_the_current():
         lambda x, y, z, t: (1.5 * jnp.exp(-(((y - 400.0) / 150.0) ** 2)), 0.0, 0.0), None, None, LOWER, UPPER
     )
     found, _ = passages.trace_passages(START, GOAL, 0.0, env, ap.Vehicle(), 1, CONFIG)
-    _, y, _ = curves(found, START, GOAL, CONFIG)
+    _, y, _ = (axis.T for axis in curves(found, START, GOAL, CONFIG).places)
     assert float(y.max()) > 250.0

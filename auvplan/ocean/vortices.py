@@ -1,0 +1,290 @@
+"""Layers of Lamb-Oseen vortices, random fields of them, and how they change (Eqs 1-2)."""
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import chex
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+
+from auvplan.ocean.currents import Velocity
+from auvplan.ocean.exponential import exponential
+from auvplan.tangents import fixed, instantiated
+
+#: Peak of (1 - exp(-s^2)) / s over s, reached at s = 1.1209: where a Lamb-Oseen vortex turns fastest.
+_LAMB_PEAK = 0.63817
+
+#: Vortices added up in one go of the loop: fewer, longer steps; more only makes compilation longer.
+_UNROLL = 4
+
+
+@partial(
+    jax.tree_util.register_dataclass,
+    data_fields=("centers", "strength", "radius", "depths", "vertical_scale", "uniform"),
+    meta_fields=(),
+)
+@dataclass(frozen=True)
+class LambVortices:
+    """Layers of Lamb-Oseen vortices, their fields added up and interpolated linearly in depth (Eq. 1).
+
+    With r^2 = (x - x0)^2 + (y - y0)^2 a vortex of strength G and radius l has
+
+        u = -G (y - y0) / (2 pi r^2) (1 - exp(-r^2 / l^2))
+        v = +G (x - x0) / (2 pi r^2) (1 - exp(-r^2 / l^2))
+        w = gamma G / (2 pi l^2) exp(-r^2 / (2 l^2))
+
+    Above the first and below the last layer the nearest layer holds.
+
+    Attributes:
+        centers: [L, K, 2] m, north and east.
+        strength: G, [L, K] m^2/s; zero pads.
+        radius: l, [L, K] m, positive.
+        depths: [L] m, rising.
+        vertical_scale: gamma, m; scales the vertical component.
+        uniform: [3] m/s north, east, down, added everywhere.
+
+    Differences from the paper:
+        As printed, the exponential is not multiplied by (y - y0) and the field is singular at the centre; the
+        covariance of w is read as l^2 I.
+    """
+
+    centers: jax.Array
+    strength: jax.Array
+    radius: jax.Array
+    depths: jax.Array | None = None
+    vertical_scale: ArrayLike = 0.0
+    uniform: ArrayLike = (0.0, 0.0, 0.0)  # type: ignore[assignment]
+    steady = True
+
+    def __post_init__(self) -> None:
+        # JAX rebuilds pytrees with placeholders in place of arrays: only real arrays are completed.
+        if isinstance(self.centers, (np.ndarray, list, tuple)) or (
+            isinstance(self.centers, jax.Array) and (self.depths is None or isinstance(self.uniform, tuple))
+        ):
+            object.__setattr__(self, "centers", jnp.asarray(self.centers, float))
+            object.__setattr__(self, "strength", jnp.asarray(self.strength, float))
+            object.__setattr__(self, "radius", jnp.asarray(self.radius, float))
+            layers = self.centers.shape[0]
+            depths = (
+                jnp.arange(layers, dtype=float) if self.depths is None else jnp.asarray(self.depths, float)
+            )
+            object.__setattr__(self, "depths", depths)
+            object.__setattr__(self, "uniform", jnp.asarray(self.uniform, float))
+            chex.assert_rank([self.centers, self.strength, self.radius], [3, 2, 2])
+            chex.assert_shape([self.strength, self.radius], self.centers.shape[:2])
+            chex.assert_shape(self.centers, (*self.strength.shape, 2))
+            chex.assert_shape(depths, (layers,))
+
+    def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
+        shape = jnp.broadcast_shapes(jnp.shape(x), jnp.shape(y), jnp.shape(z))
+        # One long row of points makes longer vector loops than a plane of short ones.
+        x, y, z = (jnp.broadcast_to(axis, shape).reshape(-1) for axis in (x, y, z))
+        total = [jnp.full_like(x, self.uniform[axis]) for axis in range(3)]  # type: ignore[index]
+        gamma = jnp.asarray(self.vertical_scale, x.dtype)
+        vortices = self.centers[..., 0], self.centers[..., 1], self.strength, self.radius
+        for layer, weight in enumerate(self._layer_weights(z)):
+            found = _compiled_layer(x, y, tuple(field[layer] for field in vortices), gamma)
+            total = [sum_ + weight * one for sum_, one in zip(total, found, strict=True)]
+        return tuple(component.reshape(shape) for component in total)  # type: ignore[return-value]
+
+    def _layer_weights(self, z: jax.Array) -> list[ArrayLike]:
+        """Linear interpolation weights of the layers at depth z; they sum to one."""
+        assert self.depths is not None
+        layers = self.strength.shape[0]
+        if layers == 1:
+            return [1.0]
+        below = [
+            jnp.clip((z - self.depths[k]) / (self.depths[k + 1] - self.depths[k]), 0.0, 1.0)
+            for k in range(layers - 1)
+        ]
+        return [1.0 - below[0], *(below[k - 1] - below[k] for k in range(1, layers - 1)), below[-1]]
+
+    def scaled(self, factor: ArrayLike) -> "LambVortices":
+        """The same vortices, `factor` times as strong."""
+        return replace(self, strength=self.strength * factor)
+
+
+#: North and east of the centre, strength and radius of the K vortices of a layer, [K] each.
+_Vortices = tuple[jax.Array, ...]
+
+
+@jax.custom_jvp
+def _layer(x: jax.Array, y: jax.Array, vortices: _Vortices, gamma: jax.Array) -> Velocity:
+    """Velocity of the vortices of one layer, added up, at N points; x and y [N] m."""
+
+    # Gradients recompute the loop's body, which beats storing what every vortex would need.
+    @jax.checkpoint
+    def add(total: Velocity, vortex: _Vortices) -> tuple[Velocity, None]:
+        found = _Vortex.at(x, y, *vortex).velocity(gamma)
+        return jax.tree.map(jnp.add, total, found), None
+
+    still = jnp.zeros_like(x)
+    return jax.lax.scan(add, (still, still, still), vortices, unroll=_UNROLL)[0]
+
+
+@partial(_layer.defjvp, symbolic_zeros=True)
+def _layer_jvp(primals: tuple, tangents: tuple) -> tuple[Velocity, Velocity]:
+    """Where the points alone move, one loop gives velocity and slopes; nothing is left to a backward loop."""
+    dx, dy, *others = tangents
+    if not fixed(others):
+        return jax.jvp(_layer.__wrapped__, primals, instantiated(tangents, primals))
+    x, y, vortices, gamma = primals
+
+    def add(total: tuple, vortex: _Vortices) -> tuple[tuple, None]:
+        one = _Vortex.at(x, y, *vortex)
+        return jax.tree.map(jnp.add, total, (*one.velocity(gamma), *one.slopes(gamma))), None
+
+    still = jnp.zeros_like(x)
+    sums, _ = jax.lax.scan(add, (still,) * 8, vortices, unroll=_UNROLL)
+    u, v, w, shear, u_y, v_x, w_x, w_y = sums
+    dx, dy = instantiated((dx, dy), (x, y))
+    return (u, v, w), (u_y * dy - shear * dx, v_x * dx + shear * dy, w_x * dx + w_y * dy)
+
+
+#: Compiled, or every call outside a compiled program would compile its loop anew.
+_compiled_layer = jax.jit(_layer)
+
+
+@dataclass(frozen=True)
+class _Vortex:
+    """One vortex of Eq. 1 seen from N points, smooth everywhere.
+
+    Attributes:
+        dx, dy: [N] m, from its centre.
+        inverse: 1 / l^2.
+        scale: G / (2 pi l^2), 1/s, how fast its core turns.
+        q: [N], r^2 / l^2.
+        half: [N], exp(-q / 2), which serves both exponentials.
+        profile: [N], (1 - exp(-q)) / q.
+    """
+
+    dx: jax.Array
+    dy: jax.Array
+    inverse: jax.Array
+    scale: jax.Array
+    q: jax.Array
+    half: jax.Array
+    profile: jax.Array
+
+    @classmethod
+    def at(cls, x: jax.Array, y: jax.Array, *vortex: jax.Array) -> "_Vortex":
+        center_x, center_y, strength, radius = vortex
+        dx, dy, inverse = x - center_x, y - center_y, 1.0 / (radius * radius)
+        # So near the centre the profile is one, less than rounding can tell of the speed.
+        q = jnp.maximum((dx * dx + dy * dy) * inverse, jnp.finfo(x.dtype).eps ** 0.5)
+        half = exponential(-0.5 * q)
+        scale = strength * inverse / (2.0 * jnp.pi)
+        return cls(dx, dy, inverse, scale, q, half, (1.0 - half * half) / q)
+
+    def velocity(self, gamma: jax.Array) -> Velocity:
+        turn = self.scale * self.profile
+        return -turn * self.dy, turn * self.dx, (self.scale * gamma) * self.half
+
+    def slopes(self, gamma: jax.Array) -> tuple[jax.Array, ...]:
+        """dv/dy = -du/dx, du/dy, dv/dx, dw/dx and dw/dy, [N] 1/s each."""
+        turn = self.scale * self.profile
+        # The slope of the profile is (exp(-q) - profile) / q.
+        bend = 2.0 * self.inverse * self.scale * (self.half * self.half - self.profile) / self.q
+        sink = -self.inverse * self.scale * gamma * self.half
+        return (
+            bend * self.dx * self.dy,
+            -turn - bend * self.dy * self.dy,
+            turn + bend * self.dx * self.dx,
+            sink * self.dx,
+            sink * self.dy,
+        )
+
+
+def strength_for_peak_speed(speed: ArrayLike, radius: ArrayLike) -> jax.Array:
+    """Strength G [m^2/s] of a vortex of radius l [m] whose fastest water moves at `speed` [m/s]."""
+    return jnp.asarray(speed) * 2.0 * jnp.pi * jnp.asarray(radius) / _LAMB_PEAK
+
+
+def random_vortices(
+    key: jax.Array,
+    lower: ArrayLike,
+    upper: ArrayLike,
+    *,
+    count: int = 12,
+    layers: int = 1,
+    radius: tuple[float, float] = (150.0, 500.0),
+    peak_speed: float = 1.25,
+    layer_noise: float = 0.1,
+    vertical_scale: float = 0.0,
+) -> LambVortices:
+    """A random layered field whose fastest water moves at `peak_speed`.
+
+    Each layer is a gentle perturbation of the one above. The whole field is scaled so that the largest speed
+    on a 64 x 64 grid of the first layer is `peak_speed`.
+
+    Args:
+        key: PRNG key, consumed.
+        lower: (x, y, z) m, lower corner.
+        upper: (x, y, z) m, upper corner; layers spread evenly from lower z to upper z.
+        count: vortices a layer K.
+        layers: depth layers L.
+        radius: range of l, m.
+        peak_speed: m/s.
+        layer_noise: relative change from one layer to the next.
+        vertical_scale: gamma, m.
+    """
+    low, high = jnp.asarray(lower, float), jnp.asarray(upper, float)
+    center_key, radius_key, speed_key, sign_key, layer_key = jax.random.split(key, 5)
+    first = jax.random.uniform(center_key, (count, 2), minval=low[:2], maxval=high[:2])
+    size = jax.random.uniform(radius_key, (count,), minval=radius[0], maxval=radius[1])
+    speed = jax.random.uniform(speed_key, (count,), minval=0.5, maxval=1.0)
+    sign = jax.random.rademacher(sign_key, (count,), float)
+    strength = sign * strength_for_peak_speed(speed, size)
+
+    noise = jnp.cumsum(jax.random.normal(layer_key, (layers, count, 4)).at[0].set(0.0), axis=0) * layer_noise
+    centers = first + noise[..., :2] * size[:, None]
+    radii = size * jnp.exp(noise[..., 2])
+    strengths = strength * (1.0 + noise[..., 3])
+    depths = jnp.linspace(low[2], high[2], layers) if layers > 1 else low[2:3]
+    field = LambVortices(centers, strengths, radii, depths, vertical_scale)
+
+    axes = [jnp.linspace(low[i], high[i], 64) for i in range(2)]
+    x, y = jnp.meshgrid(*axes, indexing="ij")
+    u, v, _ = field(x, y, jnp.full_like(x, low[2]), jnp.zeros_like(x))
+    return field.scaled(peak_speed / jnp.sqrt(jnp.max(u * u + v * v)))
+
+
+@dataclass(frozen=True)
+class CurrentUpdate:
+    """How the vortices change from one update to the next (Eq. 2).
+
+    Attributes:
+        rate: U_R^C, scales all steps; 0 freezes the field.
+        center_std: sigma_S, m.
+        radius_std: sigma_l, m.
+        strength_std: sigma_G as a share of each vortex's strength.
+        radius_floor: least l, m.
+    """
+
+    rate: float = 1.0
+    center_std: float = 50.0
+    radius_std: float = 20.0
+    strength_std: float = 0.05
+    radius_floor: float = 50.0
+
+
+def evolve(key: jax.Array, vortices: LambVortices, update: CurrentUpdate) -> LambVortices:
+    """One update of the field: centre, radius and strength take Gaussian steps (Eq. 2).
+
+    The layers of a vortex move together, so that the circulation still changes gently with depth.
+
+    Args:
+        key: PRNG key, consumed.
+        vortices: the field before.
+        update: sizes of the steps.
+    """
+    count = vortices.strength.shape[-1]
+    step = update.rate * jax.random.normal(key, (count, 4))
+    return replace(
+        vortices,
+        centers=vortices.centers + update.center_std * step[:, :2],
+        strength=vortices.strength * (1.0 + update.strength_std * step[:, 3]),
+        radius=jnp.maximum(vortices.radius + update.radius_std * step[:, 2], update.radius_floor),
+    )
