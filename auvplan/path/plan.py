@@ -1,6 +1,6 @@
 """What the path planner returns."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 import jax
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from auvplan.bbo import History
 from auvplan.path.cost import VIOLATIONS
+from auvplan.path.sensitivity import Conditions, Sensitivity, sensitivity
 
 Array = NDArray[np.floating]
 
@@ -46,6 +47,7 @@ class PathPlan:
         population: [P, 3 n] m, habitats to re-plan from.
         history: cost and violation by iteration.
         excess: [V, S - 1] excess of each limit on each segment.
+        conditions: what it was planned for.
     """
 
     travel_time: float
@@ -59,6 +61,7 @@ class PathPlan:
     population: jax.Array
     history: History
     excess: Array
+    conditions: Conditions = field(repr=False)
 
     @property
     def feasible(self) -> bool:
@@ -83,6 +86,24 @@ class PathPlan:
         if self.feasible:
             return self.status.value
         return self.explain(self.broken()[0])
+
+    def sensitivity(self) -> Sensitivity:
+        """How the travel time along this path answers to departure, vehicle speed and current strength.
+
+        Example:
+            >>> import jax, auvplan as ap
+            >>> stream = lambda x, y, z, t: (0.5, 0.0, 0.0)
+            >>> env = ap.Environment(stream, lower=(-500, -500, 0), upper=(3500, 500, 0))
+            >>> plan = ap.plan_path((0, 0, 0), (3000, 0, 0), env, key=jax.random.key(0))
+            >>> slopes = plan.sensitivity()
+            >>> round(plan.travel_time)  # 3000 m at 2.5 + 0.5 m/s
+            1000
+            >>> round(slopes.speed)  # -3000 / 3.0**2 s per m/s
+            -333
+            >>> round(slopes.current)  # -0.5 * 3000 / 3.0**2 s for a current twice as strong, at this rate
+            -167
+        """
+        return sensitivity(self.positions, float(self.times[0]), self.conditions)
 
     def broken(self) -> tuple[str, ...]:
         """Names of the limits that are not kept, the most broken first."""
@@ -116,6 +137,7 @@ class PathPlans:
     population: jax.Array
     history: History
     excess: Array
+    conditions: Conditions = field(repr=False)
 
     def __len__(self) -> int:
         return len(self.travel_time)
@@ -138,6 +160,7 @@ class PathPlans:
             self.population[b],
             jax.tree.map(lambda a: a[b], self.history),
             self.excess[b],
+            self.conditions if self.conditions.leg is None else replace(self.conditions, leg=b),
         )
 
     def __iter__(self):

@@ -21,6 +21,7 @@ from auvplan.path.config import PathConfig
 from auvplan.path.cost import curves, fly, guide, score, violations
 from auvplan.path.passages import trace_passages
 from auvplan.path.plan import PathPlan, PathPlans
+from auvplan.path.sensitivity import Conditions
 from auvplan.rows import over_rows
 from auvplan.vehicle import Vehicle
 
@@ -114,8 +115,10 @@ def plan_paths(
         chex.assert_shape(population, (legs, config.bbo.population, 3 * config.control_points))
     departs = np.broadcast_to(np.asarray(depart, float), (legs,))
     world, shared = split(env, world_per_leg)
-    program = partial(_plan, shared=shared, vehicle=vehicle or Vehicle(), config=config)
-    return PathPlans(**over_rows(program, keys, start, goal, departs, population, world))
+    conditions = Conditions(env, vehicle or Vehicle(), config, 0 if world_per_leg else None)
+    program = partial(_plan, shared=shared, vehicle=conditions.vehicle, config=config)
+    found = over_rows(program, keys, start, goal, departs, population, world)
+    return PathPlans(**found, conditions=conditions)
 
 
 #: Current and obstacles; None where the legs share them.

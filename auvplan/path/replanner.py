@@ -18,6 +18,7 @@ from auvplan.path import habitats
 from auvplan.path.config import PathConfig
 from auvplan.path.plan import PathPlan, PathPlans
 from auvplan.path.planner import World, check_ends, search_leg, split, world_of
+from auvplan.path.sensitivity import Conditions
 from auvplan.rows import over_rows
 from auvplan.vehicle import Vehicle
 
@@ -85,9 +86,10 @@ def replan_paths(
     reached = [progress(plan, point) for plan, point in zip(plans, position, strict=True)]
     populations = np.stack([plan.population for plan in plans])
     world, shared = split(env, world_per_leg)
-    program = partial(_replan, shared=shared, vehicle=vehicle or Vehicle(), config=config)
+    conditions = Conditions(env, vehicle or Vehicle(), config, 0 if world_per_leg else None)
+    program = partial(_replan, shared=shared, vehicle=conditions.vehicle, config=config)
     rows = keys, populations, starts, goals, np.asarray(reached), position, np.asarray(now, float), world
-    return PathPlans(**over_rows(program, *rows))
+    return PathPlans(**over_rows(program, *rows), conditions=conditions)
 
 
 def progress(plan: PathPlan, position: np.ndarray) -> float:

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 import auvplan as ap
 from auvplan.path import clearance
+from benchmarks.path_walks import walks
 
 metres = st.floats(0.0, 200.0)
 
@@ -52,3 +53,9 @@ def test_spheres_are_passed_at_their_nearest(seed):
         true = min(true, (away - np.asarray(spheres.boundary(jnp.asarray(t)))).min())
     assert float(found[0, 0]) <= true + 1e-3
     assert float(found[0, 0]) >= true - 0.2 * lasts - 0.5  # growth within the segment, and the grid of times
+
+
+def test_paths_called_clear_are_clear_when_walked():
+    found = walks(60)
+    assert found.paths == 60
+    assert found.collisions == 0

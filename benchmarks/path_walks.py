@@ -1,0 +1,123 @@
+"""Random paths that the planner calls clear, walked in steps of a metre by the checker of saved runs.
+
+``python -m benchmarks.path_walks`` draws smooth random paths past islands and obstacles that drift, takes
+those that the planner's kernel holds free of any violation with no margin at all, and walks every one. It
+prints how many were walked, how many of them touch coast or a collision boundary, and how near they come.
+"""
+
+import argparse
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+import auvplan as ap
+from auvplan.io.walk import Coast, Walk
+from auvplan.path.cost import Flight, curves, fly, violations
+from benchmarks.machine import bars, console
+from benchmarks.scoring import Problem, problem
+
+#: Paths drawn for each world; worlds are drawn until there are enough clear paths.
+_DRAWN = 2000
+
+
+@dataclass(frozen=True)
+class Walked:
+    """What the walks found.
+
+    Attributes:
+        drawn: random paths.
+        paths: of them that the planner called clear.
+        collisions: of those that touch something.
+        metres: walked.
+        nearest: m, least distance to a collision boundary.
+    """
+
+    drawn: int
+    paths: int
+    collisions: int
+    metres: float
+    nearest: float
+
+
+def walks(count: int, seed: int = 0, advance: Callable[[int], object] = lambda done: None) -> Walked:
+    """Walk at least `count` paths that the planner calls clear."""
+    drawn = found = hit = 0
+    metres, nearest = 0.0, np.inf
+    world = seed
+    while found < count:
+        leg = problem(world)
+        assert leg.env.chart is not None
+        coast = _coast(leg.env.chart)
+        positions, times = _clear_paths(leg, world)
+        drawn, world = drawn + _DRAWN, world + 1
+        for path, when in zip(positions[: count - found], times, strict=False):
+            touched, length, near = _walk(leg.env.obstacles, coast, path, when)
+            hit, metres, nearest = hit + touched, metres + length, min(nearest, near)
+        found += min(len(positions), count - found)
+        advance(found)
+    return Walked(drawn, found, hit, metres, nearest)
+
+
+def _clear_paths(leg: Problem, seed: int) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """Positions [P, S, 3] m and times [P, S] s of random paths that break no limit, without margins."""
+    config = leg.config.replace(coast_margin=0.0, obstacle_margin=0.0)
+    flight = jax.jit(_fly, static_argnums=5)(
+        leg.paths(_DRAWN, seed), leg.start, leg.goal, leg.env, ap.Vehicle(turn_rate_max=1e6), config
+    )
+    clear = np.asarray(violations(flight).sum(axis=0) == 0.0)
+    places = np.stack([np.asarray(axis, float).T for axis in (flight.x, flight.y, flight.z)], axis=2)
+    return places[clear], np.asarray(flight.times, float).T[clear]
+
+
+def _fly(
+    paths: jax.Array,
+    start: jax.Array,
+    goal: jax.Array,
+    env: ap.Environment,
+    vehicle: ap.Vehicle,
+    config: ap.PathConfig,
+) -> Flight:
+    return fly(curves(paths, start, goal, config), jnp.zeros(()), env, vehicle, config)
+
+
+def _coast(chart: ap.Chart) -> Coast:
+    land = np.asarray(chart.passability) == 0.0
+    return Coast(land, np.asarray(chart.origin, float), float(chart.pixel_size), np.zeros((0, 2)))
+
+
+def _walk(
+    obstacles: ap.Obstacles, coast: Coast, path: NDArray[np.floating], times: NDArray[np.floating]
+) -> tuple[bool, float, float]:
+    """Whether one path touches anything, m walked, and the least clearance to a boundary, m."""
+    since = times[:, None] - np.asarray(obstacles.observed_at, float)
+    centres = np.asarray(obstacles.position, float) + np.asarray(obstacles.velocity, float) * since[..., None]
+    walk = Walk.of(times, path, centres)
+    away = np.linalg.norm(walk.positions[:, None] - walk.obstacles, axis=2)
+    since = np.maximum(walk.times[:, None] - np.asarray(obstacles.observed_at, float), 0.0)
+    grown = np.minimum(np.asarray(obstacles.growth, float) * since, np.asarray(obstacles.growth_max, float))
+    boundary = np.asarray(obstacles.boundary(obstacles.observed_at), float)
+    clear = float((away - boundary - grown).min())
+    return clear < 0.0 or bool(coast.on_land(walk.positions).any()), float(walk.metres.sum()), clear
+
+
+def main() -> None:
+    """Print what was found."""
+    parser = argparse.ArgumentParser(description="Paths that the planner calls clear, walked.")
+    parser.add_argument("--count", type=int, default=10_000, help="paths to walk")
+    options = parser.parse_args()
+    screen = console()
+    with bars(screen) as progress:
+        bar = progress.add_task("walking", total=options.count)
+        found = walks(options.count, advance=lambda done: progress.update(bar, completed=done))
+    screen.print(
+        f"{found.paths:,} of {found.drawn:,} random paths called clear, {found.metres / 1000.0:,.0f} km "
+        f"walked: {found.collisions} collisions, nearest {found.nearest:.3f} m to a collision boundary"
+    )
+
+
+if __name__ == "__main__":
+    main()
