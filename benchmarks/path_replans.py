@@ -119,7 +119,8 @@ def ways() -> dict[str, Callable[[Situation, jax.Array], ap.PathPlan]]:
     """Ways to plan anew."""
     return {
         "warm": _warm,
-        "warm, no gradient": partial(_warm, refine_steps=0),
+        "warm, no passages": partial(_warm, passages=0),
+        "warm, no passages, no gradient": partial(_warm, passages=0, refine_steps=0),
         "warm, nothing fresh": partial(_warm, fresh_share=0.0),
         "cold, a window's budget": partial(_cold, times=1, passages=0),
         "cold, a window's budget, no gradient": partial(_cold, times=1, passages=0, refine_steps=0),
@@ -146,14 +147,17 @@ def _warm(situation: Situation, key: jax.Array, **changes: object) -> ap.PathPla
 
 def _cold(situation: Situation, key: jax.Array, times: int, **changes: object) -> ap.PathPlan:
     config = _config(situation, **changes)
-    bbo = config.bbo.replace(iterations=times * config.window_iterations)
+    window = config.window()
+    bbo = config.bbo.replace(iterations=times * window.bbo.iterations)
     return ap.plan_path(
         situation.position,
         np.asarray(situation.problem.goal),
         situation.env,
         situation.problem.vehicle,
         key=key,
-        config=config.replace(bbo=bbo, refine_steps=times * config.refine_steps),
+        config=window.replace(
+            bbo=bbo, refine_steps=times * window.refine_steps, passage_steps=times * window.passage_steps
+        ),
         depart=situation.now,
     )
 

@@ -33,7 +33,7 @@ def light_search():
     def light(settings):
         config = original(settings)
         bbo = config.bbo.replace(population=24, iterations=24)
-        return config.replace(bbo=bbo, samples=64, refine_steps=0, control_points=6)
+        return config.replace(bbo=bbo, samples=64, refine_steps=0, passage_steps=0, control_points=6)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(executive, "path_config", light)

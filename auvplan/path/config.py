@@ -43,8 +43,9 @@ class PathConfig:
         passages: paths through different passages, from coarse time-to-reach fields, that the search starts
             from; 0 for none.
         field_cells: cells of these fields from start to goal.
-        refine_steps: gradient steps that polish the passages before the search and the elite after it; 0
-            leaves both as they are.
+        passage_steps: gradient steps that polish the passages before the search, divided among the windows of
+            a leg as the iterations are.
+        refine_steps: gradient steps that polish the elite after the search.
         refine_step_size: of the first gradient step, as a share of the bounds.
         refine_count: habitats that are polished after the search.
         fresh_share: share of a kept population that is redrawn when a path is re-planned.
@@ -72,6 +73,7 @@ class PathConfig:
     penalties: Penalties = field(default_factory=Penalties)
     passages: int = 8
     field_cells: int = 64
+    passage_steps: int = 60
     refine_steps: int = 60
     refine_step_size: float = 0.002
     refine_count: int = 2
@@ -109,7 +111,10 @@ class PathConfig:
         """A copy with some settings changed."""
         return replace(self, **changes)
 
-    @property
-    def window_iterations(self) -> int:
-        """Iterations that a re-planning window gets."""
-        return max(1, self.bbo.iterations // self.t_series)
+    def window(self) -> Self:
+        """The settings of a window: its share of the iterations (3.2.2), and half the passages."""
+        return self.replace(
+            bbo=self.bbo.replace(iterations=max(1, self.bbo.iterations // self.t_series)),
+            passages=-(-self.passages // 2),
+            passage_steps=self.passage_steps // self.t_series,
+        )

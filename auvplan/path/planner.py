@@ -204,9 +204,9 @@ def search_leg(
     problem = (start, goal, depart, env, vehicle)
     if population is None:
         population = habitats.initial(first_key, config.bbo.population, start, goal, lower, upper, config)
-        if config.passages:
-            population = _with_passages(population, lower, upper, problem, config)
     population = jnp.clip(population, lower, upper)
+    if config.passages:
+        population = _with_passages(population, lower, upper, problem, config)
     cost = partial(score, config=config)
     result = search.run(run_key, cost, population, lower, upper, config.bbo, problem)
     if config.refine_steps:
@@ -234,20 +234,27 @@ def search_leg(
 def _with_passages(
     population: jax.Array, lower: jax.Array, upper: jax.Array, problem: tuple, config: PathConfig
 ) -> jax.Array:
-    """Put polished paths through the passages that there are in place of random habitats."""
+    """Put polished paths through the passages that there are in place of the last habitats."""
     found, times = trace_passages(*problem, count=config.passages, config=config)
-    random = population[1 : 1 + config.passages]  # the first one is the straight line
-    found = jnp.where(jnp.isfinite(times)[:, None], jnp.clip(found, lower, upper), random)
-    if config.refine_steps:
-        found = _descend(found, lower, upper, problem, config, config.refine_step_size)[0]
-    return population.at[1 : 1 + config.passages].set(found)
+    replaced = population[-config.passages :]
+    found = jnp.where(jnp.isfinite(times)[:, None], jnp.clip(found, lower, upper), replaced)
+    if config.passage_steps:
+        found = _descend(found, lower, upper, problem, config, config.passage_steps, config.refine_step_size)[
+            0
+        ]
+    return population.at[-config.passages :].set(found)
 
 
 def _descend(
-    found: jax.Array, lower: jax.Array, upper: jax.Array, problem: tuple, config: PathConfig, step_size: float
+    found: jax.Array,
+    lower: jax.Array,
+    upper: jax.Array,
+    problem: tuple,
+    config: PathConfig,
+    steps: int,
+    step_size: float,
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
-    softened = partial(guide, config=config)
-    return descend(softened, found, lower, upper, config.refine_steps, problem, step_size)
+    return descend(partial(guide, config=config), found, lower, upper, steps, problem, step_size)
 
 
 def _polished(
@@ -256,7 +263,8 @@ def _polished(
     """Polish the elite by gradients, and rank the outcome into the population."""
     state = result.state
     chosen = slice(0, config.refine_count)
-    better = _descend(state.population[chosen], lower, upper, problem, config, config.refine_step_size / 3.0)
+    step_size = config.refine_step_size / 3.0
+    better = _descend(state.population[chosen], lower, upper, problem, config, config.refine_steps, step_size)
     merged = (
         state.population.at[chosen].set(better[0]),
         state.cost.at[chosen].set(better[1]),

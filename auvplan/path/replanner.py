@@ -42,7 +42,7 @@ def replan_path(
         env: the updated world.
         vehicle: speed and limits.
         key: PRNG key, consumed.
-        config: settings; the search runs for `config.window_iterations`.
+        config: settings; the search runs for `config.window()`.
 
     Returns:
         A plan from `position` to the old goal, departing now.
@@ -113,7 +113,6 @@ def _replan(
     config: PathConfig,
 ) -> dict[str, Any]:
     """The fields of `PathPlans` by name."""
-    window = config.replace(bbo=config.bbo.replace(iterations=config.window_iterations))
     fresh = round(config.fresh_share * config.bbo.population)
 
     def one(
@@ -134,6 +133,6 @@ def _replan(
             lower, upper = habitats.bounds(position, goal, world, config)
             new = habitats.initial(fresh_key, fresh, position, goal, lower, upper, config)
             kept = jnp.concatenate([kept[: kept.shape[0] - fresh], new])
-        return search_leg(search_key, position, goal, now, world, vehicle, kept, window)
+        return search_leg(search_key, position, goal, now, world, vehicle, kept, config.window())
 
     return jax.vmap(one)(keys, populations, starts, goals, reached, positions, now, worlds)

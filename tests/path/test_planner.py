@@ -15,6 +15,7 @@ CONFIG = ap.PathConfig(
     ),
     samples=64,
     refine_steps=20,
+    passage_steps=20,
 )
 
 
@@ -130,7 +131,9 @@ def test_replanning_starts_at_the_vehicle_and_keeps_the_quality():
     assert rest.times[0] == pytest.approx(now)
     assert rest.feasible
     assert rest.travel_time <= (plan.times[-1] - now) * 1.01
-    assert len(rest.history.best) == CONFIG.window_iterations + 2  # the start, the windows' share, the polish
+    assert (
+        len(rest.history.best) == CONFIG.window().bbo.iterations + 2
+    )  # the start, the windows' share, the polish
     compiled = replanner._replan._cache_size()
     ap.replan_path(rest, rest.positions[20], float(rest.times[20]), env, key=jax.random.key(2), config=CONFIG)
     assert replanner._replan._cache_size() == compiled
@@ -139,7 +142,7 @@ def test_replanning_starts_at_the_vehicle_and_keeps_the_quality():
 def test_given_population_is_used():
     env = world()
     plan = ap.plan_path(START, GOAL, env, key=jax.random.key(0), config=CONFIG)
-    lazy = CONFIG.replace(bbo=CONFIG.bbo.replace(iterations=0), refine_steps=0)
+    lazy = CONFIG.replace(bbo=CONFIG.bbo.replace(iterations=0), refine_steps=0, passage_steps=0)
     kept = ap.plan_path(START, GOAL, env, key=jax.random.key(9), config=lazy, population=plan.population)
     assert kept.travel_time == pytest.approx(plan.travel_time, rel=1e-5)
 
