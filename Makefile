@@ -3,13 +3,17 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= out/whitsunday
 
-.PHONY: mission test lint clean
+.PHONY: mission test bench lint clean
 
 mission: $(VENV)/.installed
 	$(BIN)/auvplan mission --out $(OUT)
 
 test: $(VENV)/.installed-dev
 	$(BIN)/pytest -n 2 --dist loadfile --doctest-modules --nbmake auvplan tests notebooks
+
+bench: $(VENV)/.installed-bench
+	mkdir -p out
+	$(BIN)/python -m benchmarks --out out/bench.json
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
@@ -23,6 +27,10 @@ clean:
 $(VENV)/.installed: pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e .
+	touch $@
+
+$(VENV)/.installed-bench: $(VENV)/.installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'
 	touch $@
 
 $(VENV)/.installed-dev: $(VENV)/.installed

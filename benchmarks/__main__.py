@@ -1,7 +1,8 @@
 """All benchmarks of the path layer: ``python -m benchmarks [--out FILE.json] [--quick]``.
 
-Prints a table each of scoring, whole plans and plans against global references, and writes one JSON file with
-the machine and the versions. Compile and run times stand apart in every row.
+Prints a table each of scoring, whole plans, plans against global references and plans anew on the way, walks
+paths that are called clear, and writes one JSON file with the machine and the versions. Compile and run times
+stand apart in every row.
 """
 
 import argparse
@@ -11,20 +12,28 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import Progress
 
-from benchmarks import paths, plans, scoring
+from benchmarks import path_replans, path_walks, paths, plans, scoring
 from benchmarks.machine import bars, console, write
 from benchmarks.path_problems import PathProblem, path_problems
 
 
 def against_references(screen: Console, progress: Progress, quick: bool) -> list[paths.Row]:
-    """Rows of `benchmarks.paths` by family; quick: two problems of each family with one seed."""
+    """Rows of `benchmarks.paths` by family, and of the default's parts on the random problems.
+
+    Quick: two problems of each family with one seed, and the default alone.
+    """
     families: dict[str, list[PathProblem]] = {}
     for problem in path_problems():
         families.setdefault(problem.family, []).append(problem)
     chosen = [problem for members in families.values() for problem in (members[:2] if quick else members)]
     found = paths.rows(paths.plan_all(chosen, list(paths.PRESETS), 1 if quick else 5, progress), "family")
     screen.print(paths.table(found, "Paths: gap to the reference"))
-    return found
+    if quick:
+        return found
+    random = [problem for problem in chosen if problem.family != "literature"]
+    parts = paths.rows(paths.plan_all(random, list(paths.VARIANTS), 1, progress), "family")
+    screen.print(paths.table(parts, "Paths: the default without some of its parts"))
+    return found + parts
 
 
 def main() -> None:
@@ -40,10 +49,14 @@ def main() -> None:
         planned = plans.rows(screen, progress, 2 if options.quick else plans.SEEDS)
         screen.print(plans.table(planned))
         compared = against_references(screen, progress, options.quick)
+        anew = path_replans.rows(4 if options.quick else path_replans.SITUATIONS, progress)
+        screen.print(path_replans.table(anew))
+        walked = path_walks.walks(200 if options.quick else path_walks.COUNT)
+        screen.print(path_walks.said(walked))
     if options.out:
-        parts = {"scoring": scored, "plans": planned, "paths": compared}
+        parts = {"scoring": scored, "plans": planned, "paths": compared, "replans": anew}
         content = {name: [asdict(row) for row in rows] for name, rows in parts.items()}
-        write(options.out, {"quick": options.quick, **content})
+        write(options.out, {"quick": options.quick, **content, "walks": asdict(walked)})
 
 
 if __name__ == "__main__":

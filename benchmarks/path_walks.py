@@ -20,6 +20,8 @@ from auvplan.path.cost import Flight, curves, fly, violations
 from benchmarks.machine import bars, console
 from benchmarks.scoring import Problem, problem
 
+COUNT = 10_000
+
 #: Paths drawn for each world; worlds are drawn until there are enough clear paths.
 _DRAWN = 2000
 
@@ -104,19 +106,24 @@ def _walk(
     return clear < 0.0 or bool(coast.on_land(walk.positions).any()), float(walk.metres.sum()), clear
 
 
+def said(found: Walked) -> str:
+    """One line."""
+    return (
+        f"{found.paths:,} of {found.drawn:,} random paths called clear, {found.metres / 1000.0:,.0f} km "
+        f"walked: {found.collisions} collisions, nearest {found.nearest:.3f} m to a collision boundary"
+    )
+
+
 def main() -> None:
     """Print what was found."""
     parser = argparse.ArgumentParser(description="Paths that the planner calls clear, walked.")
-    parser.add_argument("--count", type=int, default=10_000, help="paths to walk")
+    parser.add_argument("--count", type=int, default=COUNT, help="paths to walk")
     options = parser.parse_args()
     screen = console()
     with bars(screen) as progress:
         bar = progress.add_task("walking", total=options.count)
         found = walks(options.count, advance=lambda done: progress.update(bar, completed=done))
-    screen.print(
-        f"{found.paths:,} of {found.drawn:,} random paths called clear, {found.metres / 1000.0:,.0f} km "
-        f"walked: {found.collisions} collisions, nearest {found.nearest:.3f} m to a collision boundary"
-    )
+    screen.print(said(found))
 
 
 if __name__ == "__main__":

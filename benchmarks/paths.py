@@ -8,9 +8,11 @@ lowers the feasible share. Times are of one plan, the compilation apart.
 
 import argparse
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import jax
 import numpy as np
@@ -24,6 +26,24 @@ from benchmarks.path_reference import stored_references
 from benchmarks.path_ruler import World, evaluate
 
 PRESETS = {"default": ap.PathConfig, "paper": ap.PathConfig.paper}
+
+
+def _without_search(**changes: Any) -> Callable[[], ap.PathConfig]:
+    bbo = ap.PathConfig().bbo.replace(iterations=0)
+    return partial(ap.PathConfig, bbo=bbo, **changes)
+
+
+#: The default without some of its parts.
+VARIANTS: dict[str, Callable[[], ap.PathConfig]] = {
+    "no evolution": _without_search(),
+    "no gradient before": partial(ap.PathConfig, passage_steps=0),
+    "no gradient after": partial(ap.PathConfig, refine_steps=0),
+    "no gradient": partial(ap.PathConfig, passage_steps=0, refine_steps=0),
+    "no passages": partial(ap.PathConfig, passages=0),
+    "no passages, 16 polished": partial(ap.PathConfig, passages=0, refine_count=16),
+    "no passages, 64 polished": _without_search(passages=0, refine_count=64),
+    "evolution only": partial(ap.PathConfig, passages=0, refine_steps=0),
+}
 
 
 @dataclass(frozen=True)
@@ -133,7 +153,7 @@ def plan_one(
     problem: PathProblem, preset: str, seeds: int, reference: float | None, world: World
 ) -> list[Run]:
     """Plan a problem from `seeds` keys, after a plan that compiles."""
-    config = PRESETS[preset]().replace(**problem.changes)
+    config = {**PRESETS, **VARIANTS}[preset]().replace(**problem.changes)
 
     def plan(seed: int) -> tuple[ap.PathPlan, float]:
         begin = time.perf_counter()
@@ -208,7 +228,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Paths against global references.")
     parser.add_argument("--seeds", type=int, default=5, help="plans of each problem")
     parser.add_argument("--only", nargs="+", help="families or problems, such as coast or open-03")
-    parser.add_argument("--preset", nargs="+", choices=list(PRESETS), default=list(PRESETS))
+    parser.add_argument("--preset", nargs="+", choices=[*PRESETS, *VARIANTS], default=list(PRESETS))
     parser.add_argument("--each", action="store_true", help="a row for each problem too")
     parser.add_argument("--out", type=Path, help="JSON file to write")
     options = parser.parse_args()
