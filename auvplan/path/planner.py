@@ -105,7 +105,7 @@ def plan_paths(
         ValueError: as `plan_path`, naming the leg.
     """
     config = config or PathConfig()
-    start, goal = jnp.asarray(starts, float), jnp.asarray(goals, float)
+    start, goal = np.asarray(starts, float), np.asarray(goals, float)
     if start.ndim != 2 or start.shape[1] != 3 or start.shape != goal.shape:
         raise ValueError(f"starts and goals must be [B, 3], got shapes {start.shape} and {goal.shape}")
     check_ends(start, goal, env)
@@ -239,9 +239,8 @@ def _with_passages(
     replaced = population[-config.passages :]
     found = jnp.where(jnp.isfinite(times)[:, None], jnp.clip(found, lower, upper), replaced)
     if config.passage_steps:
-        found = _descend(found, lower, upper, problem, config, config.passage_steps, config.refine_step_size)[
-            0
-        ]
+        steps, size = config.passage_steps, config.refine_step_size
+        found, _, _ = _descend(found, lower, upper, problem, config, steps, size)
     return population.at[-config.passages :].set(found)
 
 

@@ -70,20 +70,21 @@ class ObstacleBelief:
 def as_obstacles(beliefs: list[ObstacleBelief], sensors: SensorSettings) -> Obstacles:
     """Beliefs of B vehicles for the planner; leaves with a leading axis B."""
 
-    def stacked(name: str):
-        return jnp.asarray(np.stack([getattr(belief, name) for belief in beliefs]), float)
+    def stacked(name: str) -> Array:
+        return np.stack([getattr(belief, name) for belief in beliefs])
 
     radius, std = stacked("radius"), stacked("std")
-    constant = jnp.ones_like(radius)
-    return Obstacles(
-        position=stacked("position"),
-        velocity=stacked("velocity"),
-        drift=0.0 * constant,
-        radius=radius,
-        position_std=std,
-        radius_std=std,
-        growth=sensors.growth * constant,
-        growth_max=sensors.growth_max * constant,
-        observed_at=stacked("observed_at"),
-        active=jnp.ones(radius.shape, bool),
-    )
+    constant = np.ones_like(radius)
+    fields = {
+        "position": stacked("position"),
+        "velocity": stacked("velocity"),
+        "drift": 0.0 * constant,
+        "radius": radius,
+        "position_std": std,
+        "radius_std": std,
+        "growth": sensors.growth * constant,
+        "growth_max": sensors.growth_max * constant,
+        "observed_at": stacked("observed_at"),
+        "active": np.ones(radius.shape, bool),
+    }
+    return Obstacles(**{name: jnp.asarray(field) for name, field in fields.items()})

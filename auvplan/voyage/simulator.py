@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.ocean.vortices import CurrentUpdate, LambVortices, evolve
+from auvplan.rows import padded_batches
 from auvplan.vehicle import Vehicle, along_track
 
 #: Seconds between two recorded positions.
@@ -175,16 +176,27 @@ class TrueCurrent:
             )
             self._updates += due
 
-    def of(self, missions: Sequence[int]) -> LambVortices:
+    def of(self, missions: Sequence[int] | NDArray[np.int_]) -> LambVortices:
         """The true fields of some missions, which may repeat one to pad; leaves with a leading axis."""
         index = np.asarray(missions)
         return jax.tree.map(lambda a: a[index], self.field)
 
     def told(self, missions: Sequence[int], error: float) -> LambVortices:
         """As `of`, but as a planner is told them, in error by a relative `error`."""
-        index = np.asarray(missions)
-        self._tellings[np.unique(index)] += 1
-        return _told(self._keys[index, 1], jnp.asarray(self._tellings[index]), self.of(missions), error)
+        chosen = np.asarray(missions)
+        self._tellings[np.unique(chosen)] += 1
+        parts = []
+        for batch, real in padded_batches(len(chosen)):
+            index = chosen[batch]
+            told = _told(self._keys[index, 1], jnp.asarray(self._tellings[index]), self.of(index), error)
+            parts.append((told, real))
+
+        def joined(*leaves: jax.Array) -> jax.Array:
+            # In NumPy: a join of every size would be compiled.
+            kept = [np.asarray(leaf)[:real] for leaf, (_, real) in zip(leaves, parts, strict=True)]
+            return jnp.asarray(np.concatenate(kept))
+
+        return jax.tree.map(joined, *(told for told, _ in parts))
 
     def at(self, mission: int) -> LambVortices:
         """The true field of one mission, in NumPy."""
