@@ -1,9 +1,10 @@
 """Certified clearance never promises more than there is: land and moving spheres against brute force."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import auvplan as ap
@@ -59,3 +60,47 @@ def test_paths_called_clear_are_clear_when_walked():
     found = walks(60)
     assert found.paths == 60
     assert found.collisions == 0
+
+
+def _slope(fun, at, step=1e-5):
+    return (fun(at + step) - fun(at - step)) / (2 * step)
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.floats(-60.0, 90.0), st.floats(-60.0, 90.0), st.floats(1.0, 80.0))
+@pytest.mark.usefixtures("x64")
+def test_slopes_between_two_circles_match_finite_differences(first, last, gap):
+    at = np.array([first, last, gap])
+    slopes = jax.grad(lambda v: clearance._between(v[0], v[1], v[2]))(jnp.asarray(at))
+    for slope, unit in zip(slopes, np.eye(3), strict=True):
+
+        def along(d, unit=unit):
+            return float(clearance._between(*jnp.asarray(at + d * unit)))
+
+        below, above = _slope(along, -1e-4), _slope(along, 1e-4)
+        assume(abs(below - above) < 1e-3 * (1.0 + abs(above)))  # a kink has no slope
+        assert float(slope) == pytest.approx(0.5 * (below + above), rel=1e-2, abs=1e-3)
+
+
+@pytest.mark.usefixtures("x64")
+def test_slopes_past_moving_spheres_match_finite_differences():
+    rng = np.random.default_rng(4)
+    spheres = ap.Obstacles.create(
+        rng.uniform(-200, 200, (5, 3)), rng.uniform(5, 50, 5), velocity=rng.uniform(-3, 3, (5, 3)), growth=0.2
+    )
+    env = ap.Environment(None, None, spheres, (-500, -500, -500), (500, 500, 500))
+    values = np.concatenate([rng.uniform(-200, 200, 3), rng.uniform(-60, 60, 3), [20.0, 15.0]])
+
+    def clear(values, env):
+        x, y, z, dx, dy, dz, begin, lasts = (value[None] for value in values)
+        return clearance.obstacle_clearance(((x, y, z), (dx, dy, dz), begin, lasts), env)[0]
+
+    slopes = jax.grad(clear)(jnp.asarray(values), env)
+    for k in range(8):
+        unit = np.eye(8)[k]
+        difference = _slope(lambda d, u=unit: float(clear(jnp.asarray(values + d * u), env)), 0.0)
+        assert float(slopes[k]) == pytest.approx(difference, rel=1e-5, abs=1e-6)
+    # By the spheres as well, through the general rule.
+    joint = jax.grad(clear, argnums=(0, 1), allow_int=True)(jnp.asarray(values), env)
+    np.testing.assert_allclose(joint[0], slopes, rtol=1e-9)
+    np.testing.assert_allclose(joint[1].obstacles.position.sum(axis=0), -slopes[:3], rtol=1e-9)
