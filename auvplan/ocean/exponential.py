@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-#: Coefficients of 2^f on [-1/2, 1/2], lowest first, fitted at Chebyshev points: relative error 2e-7 at the most.
+#: Coefficients of 2^f on [-1/2, 1/2], lowest first, fitted at Chebyshev points to within 2e-7, relative.
 _COEFFICIENTS = (1.0, 0.69314695, 0.24022122, 0.05550743, 0.00967546, 0.0013267)
 
 
@@ -12,9 +12,9 @@ _COEFFICIENTS = (1.0, 0.69314695, 0.24022122, 0.05550743, 0.00967546, 0.0013267)
 def exponential(x: jax.Array) -> jax.Array:
     """exp(x) of numbers that are not positive.
 
-    In single precision within 4e-7 of it, relative, and 1e-7 more for each unit of x; 1e-38 in place of anything
-    less. That takes half the operations of the compiler's own, which also serves what never comes here. In
-    double precision `jnp.exp`.
+    In single precision within 4e-7 of it, relative, and 1e-7 more for each unit of x; 1e-38 in place of
+    anything less. That takes half the operations of the compiler's own, which also serves what never comes
+    here. In double precision `jnp.exp`.
     """
     if x.dtype != jnp.float32:
         return jnp.exp(x)
