@@ -12,7 +12,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import Progress
 
-from benchmarks import path_replans, path_walks, paths, plans, scoring
+from benchmarks import path_arrivals, path_replans, path_walks, paths, plans, scoring
 from benchmarks.machine import bars, console, write
 from benchmarks.path_problems import PathProblem, path_problems
 
@@ -51,10 +51,18 @@ def main() -> None:
         compared = against_references(screen, progress, options.quick)
         anew = path_replans.rows(4 if options.quick else path_replans.SITUATIONS, progress)
         screen.print(path_replans.table(anew))
-        walked = path_walks.walks(200 if options.quick else path_walks.COUNT)
+        arrivals = path_arrivals.rows()
+        screen.print(path_arrivals.table(arrivals))
+        walked = path_walks.watched(200 if options.quick else path_walks.COUNT, progress)
         screen.print(path_walks.said(walked))
     if options.out:
-        parts = {"scoring": scored, "plans": planned, "paths": compared, "replans": anew}
+        parts = {
+            "scoring": scored,
+            "plans": planned,
+            "paths": compared,
+            "replans": anew,
+            "arrivals": arrivals,
+        }
         content = {name: [asdict(row) for row in rows] for name, rows in parts.items()}
         write(options.out, {"quick": options.quick, **content, "walks": asdict(walked)})
 

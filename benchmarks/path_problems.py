@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
@@ -72,6 +73,18 @@ class PathProblem:
     def distance(self) -> float:
         """Start to goal, m."""
         return float(np.linalg.norm(np.subtract(self.goal, self.start)))
+
+    def plan(self, key: jax.Array, config: ap.PathConfig) -> ap.PathPlan:
+        """A plan by the package, with the settings that the problem needs."""
+        return ap.plan_path(
+            np.asarray(self.start),
+            np.asarray(self.goal),
+            self.environment,
+            self.vehicle,
+            key=key,
+            config=config.replace(**self.changes),
+            depart=self.depart,
+        )
 
 
 def path_problems(count: int = 24) -> list[PathProblem]:

@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
+from rich.progress import Progress
 
 import auvplan as ap
 from auvplan.io.walk import Coast, Walk
@@ -114,6 +115,14 @@ def said(found: Walked) -> str:
     )
 
 
+def watched(count: int, progress: Progress) -> Walked:
+    """`walks` with a bar."""
+    bar = progress.add_task("walking", total=count)
+    found = walks(count, advance=lambda done: progress.update(bar, completed=done))
+    progress.remove_task(bar)
+    return found
+
+
 def main() -> None:
     """Print what was found."""
     parser = argparse.ArgumentParser(description="Paths that the planner calls clear, walked.")
@@ -121,9 +130,7 @@ def main() -> None:
     options = parser.parse_args()
     screen = console()
     with bars(screen) as progress:
-        bar = progress.add_task("walking", total=options.count)
-        found = walks(options.count, advance=lambda done: progress.update(bar, completed=done))
-    screen.print(said(found))
+        screen.print(said(watched(options.count, progress)))
 
 
 if __name__ == "__main__":

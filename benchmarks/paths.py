@@ -7,7 +7,6 @@ lowers the feasible share. Times are of one plan, the compilation apart.
 """
 
 import argparse
-import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -20,7 +19,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 import auvplan as ap
-from benchmarks.machine import bars, console, write
+from benchmarks.machine import bars, clock, console, write
 from benchmarks.path_problems import PathProblem, have_charts, path_problems
 from benchmarks.path_reference import stored_references
 from benchmarks.path_ruler import World, evaluate
@@ -40,7 +39,6 @@ VARIANTS: dict[str, Callable[[], ap.PathConfig]] = {
     "no gradient after": partial(ap.PathConfig, refine_steps=0),
     "no gradient": partial(ap.PathConfig, passage_steps=0, refine_steps=0),
     "no passages": partial(ap.PathConfig, passages=0),
-    "no passages, 16 polished": partial(ap.PathConfig, passages=0, refine_count=16),
     "no passages, 64 polished": _without_search(passages=0, refine_count=64),
     "evolution only": partial(ap.PathConfig, passages=0, refine_steps=0),
 }
@@ -153,26 +151,11 @@ def plan_one(
     problem: PathProblem, preset: str, seeds: int, reference: float | None, world: World
 ) -> list[Run]:
     """Plan a problem from `seeds` keys, after a plan that compiles."""
-    config = {**PRESETS, **VARIANTS}[preset]().replace(**problem.changes)
-
-    def plan(seed: int) -> tuple[ap.PathPlan, float]:
-        begin = time.perf_counter()
-        made = ap.plan_path(
-            np.asarray(problem.start),
-            np.asarray(problem.goal),
-            problem.environment,
-            problem.vehicle,
-            key=jax.random.key(seed),
-            config=config,
-            depart=problem.depart,
-        )
-        jax.block_until_ready(made.population)
-        return made, time.perf_counter() - begin
-
-    _, first = plan(10_000)
+    config = {**PRESETS, **VARIANTS}[preset]()
+    first, _ = clock(lambda: problem.plan(jax.random.key(10_000), config))
     runs = []
     for seed in range(seeds):
-        made, seconds = plan(seed)
+        seconds, made = clock(partial(problem.plan, jax.random.key(seed), config))
         score = evaluate(problem, made.positions, world)
         travel_time = score.travel_time if np.isfinite(score.travel_time) else None
         runs.append(

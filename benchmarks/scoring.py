@@ -1,6 +1,6 @@
 """Scoring a population of paths: the package's kernel against C and Numba, and the price of gradients.
 
-``python -m benchmarks.scoring`` times 100 and 10,000 paths of 128 samples with 10 free control points, past
+``python -m benchmarks.scoring`` times 100 and 10,000 paths of 128 samples with 16 free control points, past
 12 vortices, 12 obstacles and a chart of 350 x 350 pixels. The contenders take turns, so that all see the same
 machine; C and Numba run on one thread, JAX on as many as it likes. Before anything is timed all must agree:
 on every path that keeps the turn rate's limit, and on 99 % of all. At a cusp the turn rate is ill-conditioned

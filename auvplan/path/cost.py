@@ -107,10 +107,8 @@ def curves(habitats: jax.Array, start: jax.Array, goal: jax.Array, config: PathC
         goal: [3] m, fixed last control point.
         config: static settings.
     """
-    free, basis = (
-        config.control_points,
-        basis_matrix(config.samples, config.control_points + 2, config.degree),
-    )
+    free = config.control_points
+    basis = basis_matrix(config.samples, free + 2, config.degree)
     # Ways are products as well: so their gradients are products, and not sums of shifted planes.
     along, between = (jnp.asarray(rows, habitats.dtype) for rows in (basis, np.diff(basis, axis=0)))
     product = partial(jnp.matmul, precision=jax.lax.Precision.HIGHEST)

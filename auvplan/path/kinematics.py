@@ -37,10 +37,10 @@ def over_ground(
     """Ground speed, current across the track, both m/s, and shortfall of segments, in the current of a time.
 
     Args:
-        middle: x, y, z, [N] m, of segments' middles.
-        way: x, y, z, [N] m, from their first to their last ends.
-        gap: [N] m, their lengths.
-        time: [N] s since the epoch.
+        middle: x, y, z, m, of segments' middles; any shape, the same for all.
+        way: x, y, z, m, from their first to their last ends.
+        gap: m, their lengths.
+        time: s since the epoch.
         env: the world.
         vehicle: speed and limits.
         config: static settings.
@@ -62,7 +62,7 @@ def middle_times(
     vehicle: Vehicle,
     config: PathConfig,
 ) -> jax.Array:
-    """[(S - 1) P] s since the epoch, when the middle of each segment of P paths is reached.
+    """[S - 1, P] s since the epoch, when the middle of each segment of P paths is reached.
 
     Segment by segment: how fast the next one is sailed depends on when. The way to its middle is taken at the
     speed of the one before.

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from auvplan.ocean.currents import Current, Velocity
+from auvplan.ocean.currents import Current, Velocity, is_steady
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.path.config import PathConfig
@@ -61,7 +61,7 @@ class _Scaled:
 
     @property
     def steady(self) -> bool:
-        return getattr(self.current, "steady", False)
+        return is_steady(self.current)
 
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
         u, v, w = self.current(x, y, z, t)
