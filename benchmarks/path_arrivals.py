@@ -1,8 +1,8 @@
 """When a path meets a changing current: its segments sailed one after the other, or all in sweeps.
 
-``python -m benchmarks.path_arrivals`` plans the problems of the literature whose current changes, and finds the
-travel time of each plan by both methods. It prints how far each is off the ruler's time in double precision,
-and what travel times and gradients of eight paths take by it, as a polish asks for them.
+``python -m benchmarks.path_arrivals`` plans the problems of the literature whose current changes, and finds
+each plan's travel time by both methods. It prints how far each is off the ruler, in double precision, and
+what travel times and gradients of eight paths take by it, as a polish asks for them.
 """
 
 import argparse
