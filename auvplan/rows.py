@@ -57,9 +57,8 @@ class _Leaf:
         self.values = np.asarray(jax.random.key_data(leaf) if keys else leaf)
 
     def __getitem__(self, index: NDArray[np.int_]) -> Any:
-        # On the device: classes of the package complete arrays of NumPy when they are rebuilt from them.
-        chosen = jnp.asarray(self.values[index])
-        return chosen if self.kind is None else jax.random.wrap_key_data(chosen, impl=self.kind)
+        chosen = self.values[index]
+        return chosen if self.kind is None else jax.random.wrap_key_data(jnp.asarray(chosen), impl=self.kind)
 
 
 def _threaded(call: Callable[[NDArray[np.int_]], T], rows: list[NDArray[np.int_]]) -> list[T]:

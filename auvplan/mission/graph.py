@@ -240,6 +240,7 @@ def random_graph(
     return MissionGraph(positions, adjacency, symmetric(rho.astype(float)), symmetric(delta))
 
 
+@jax.jit
 def time_to_go(leg_times: jax.Array, goal: Any) -> jax.Array:
     """Shortest time from each waypoint to the goal, [N] s, infinite where it is out of reach.
 

@@ -5,7 +5,7 @@ the straight line, with the current along and across it, is as good within a fra
 where it breaks a limit is a fan of detours scored and polished.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -25,7 +25,7 @@ from auvplan.rows import padded_batches
 from auvplan.vehicle import Vehicle
 
 #: Numbers of edges that one call takes: batches are padded to them, so that no graph causes a compilation.
-_LINES = (64, 512, 4096)
+_LINES = (64, 256, 384, 512, 4096)
 _FANS = (8, 64)
 
 #: Best detours of a fan that are polished, and the first step of the polish as a share of the bounds.
@@ -87,7 +87,7 @@ def travel_times(
         ``(seconds [E], sailable [E])``; an edge is not sailable where no path tried keeps every limit, or
         where an end lies outside the box or the chart.
     """
-    sea = Environment(env.current, env.chart, Obstacles.none(), env.lower, env.upper)
+    sea = replace(env, current=None, obstacles=None)
     inside = _inside(starts, env) & _inside(goals, env)
 
     leaves, tree = jax.tree.flatten(env.current)
@@ -148,7 +148,7 @@ def _estimate(
     def one(
         start: jax.Array, goal: jax.Array, depart: jax.Array, current: Current, chart: Chart | None
     ) -> tuple[jax.Array, jax.Array]:
-        env = Environment(current, chart, sea.obstacles, sea.lower, sea.upper)
+        env = Environment(current, chart, Obstacles.none(), sea.lower, sea.upper)
         problem = (start, goal, depart, env, vehicle)
         cost = partial(score, config=config.path)
         lower, upper = habitats.bounds(start, goal, env, config.path)

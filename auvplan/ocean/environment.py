@@ -1,7 +1,6 @@
 """The world that a planner is given: current, chart, obstacles and the box to stay in."""
 
 from dataclasses import dataclass
-from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -10,13 +9,10 @@ import numpy as np
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.currents import Current, as_current
 from auvplan.ocean.obstacles import Obstacles
+from auvplan.pytree import rebuilt_as_is
 
 
-@partial(
-    jax.tree_util.register_dataclass,
-    data_fields=("current", "chart", "obstacles", "lower", "upper"),
-    meta_fields=(),
-)
+@rebuilt_as_is("current", "chart", "obstacles", "lower", "upper")
 @dataclass(frozen=True)
 class Environment:
     """What a planner believes of the sea.
@@ -40,8 +36,7 @@ class Environment:
     upper: jax.Array = (np.inf, np.inf, 0.0)  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
-        # JAX rebuilds pytrees through the constructor, with placeholders or tracers inside: let be.
-        if not isinstance(self.lower, (tuple, list, np.ndarray)):
+        if isinstance(self.lower, jax.Array):  # made from another one, perhaps while JAX traces: complete
             return
         corners = [np.asarray(corner, float) for corner in (self.lower, self.upper)]
         if (

@@ -11,6 +11,7 @@ from jax.typing import ArrayLike
 
 from auvplan.ocean.currents import Velocity
 from auvplan.ocean.exponential import exponential
+from auvplan.pytree import rebuilt_as_is
 from auvplan.tangents import fixed, instantiated
 
 #: Peak of (1 - exp(-s^2)) / s over s, reached at s = 1.1209: where a Lamb-Oseen vortex turns fastest.
@@ -20,11 +21,7 @@ _LAMB_PEAK = 0.63817
 _UNROLL = 4
 
 
-@partial(
-    jax.tree_util.register_dataclass,
-    data_fields=("centers", "strength", "radius", "depths", "vertical_scale", "uniform"),
-    meta_fields=(),
-)
+@rebuilt_as_is("centers", "strength", "radius", "depths", "vertical_scale", "uniform")
 @dataclass(frozen=True)
 class LambVortices:
     """Layers of Lamb-Oseen vortices, their fields added up and interpolated linearly in depth (Eq. 1).
@@ -59,23 +56,14 @@ class LambVortices:
     steady = True
 
     def __post_init__(self) -> None:
-        # JAX rebuilds pytrees with placeholders in place of arrays: only real arrays are completed.
-        if isinstance(self.centers, (np.ndarray, list, tuple)) or (
-            isinstance(self.centers, jax.Array) and (self.depths is None or isinstance(self.uniform, tuple))
-        ):
-            object.__setattr__(self, "centers", jnp.asarray(self.centers, float))
-            object.__setattr__(self, "strength", jnp.asarray(self.strength, float))
-            object.__setattr__(self, "radius", jnp.asarray(self.radius, float))
-            layers = self.centers.shape[0]
-            depths = (
-                jnp.arange(layers, dtype=float) if self.depths is None else jnp.asarray(self.depths, float)
-            )
-            object.__setattr__(self, "depths", depths)
-            object.__setattr__(self, "uniform", jnp.asarray(self.uniform, float))
-            chex.assert_rank([self.centers, self.strength, self.radius], [3, 2, 2])
-            chex.assert_shape([self.strength, self.radius], self.centers.shape[:2])
-            chex.assert_shape(self.centers, (*self.strength.shape, 2))
-            chex.assert_shape(depths, (layers,))
+        depths = np.arange(len(self.centers)) if self.depths is None else self.depths
+        given = {name: getattr(self, name) for name in ("centers", "strength", "radius", "uniform")}
+        for name, value in (given | {"depths": depths}).items():
+            object.__setattr__(self, name, jnp.asarray(value, float))
+        chex.assert_rank([self.centers, self.strength, self.radius], [3, 2, 2])
+        chex.assert_shape([self.strength, self.radius], self.centers.shape[:2])
+        chex.assert_shape(self.centers, (*self.strength.shape, 2))
+        chex.assert_shape(self.depths, (self.centers.shape[0],))
 
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
         shape = jnp.broadcast_shapes(jnp.shape(x), jnp.shape(y), jnp.shape(z))

@@ -107,6 +107,20 @@ class PathConfig:
             refine_steps=0,
         )
 
+    @classmethod
+    def quick(cls) -> Self:
+        """A fifth of the effort, for legs that are planned anew several times on the way."""
+        return cls(
+            bbo=cls().bbo.replace(population=32, iterations=8),
+            control_points=8,
+            samples=64,
+            passages=4,
+            field_cells=24,
+            passage_steps=40,
+            refine_steps=40,
+            refine_count=1,
+        )
+
     def replace(self, **changes: Any) -> Self:
         """A copy with some settings changed."""
         return replace(self, **changes)

@@ -146,19 +146,23 @@ def check_ends(starts: ArrayLike, goals: ArrayLike, env: Environment) -> None:
     """
     start, goal = np.asarray(starts), np.asarray(goals)
     lower, upper = np.asarray(env.lower), np.asarray(env.upper)
-    for b in range(len(start)):
-        for name, point in (("start", start[b]), ("goal", goal[b])):
-            place = "({:.0f}, {:.0f}, {:.0f}) m".format(*point)
-            if not np.isfinite(point).all():
-                raise ValueError(f"{name} of leg {b} is not finite")
-            if (point < lower - 1e-3).any() or (point > upper + 1e-3).any():
-                raise ValueError(f"{name} of leg {b} at {place} lies outside the environment's bounds")
-            if env.chart is not None and not bool(env.chart.contains(point[0], point[1])):
-                raise ValueError(f"{name} of leg {b} at {place} lies outside the chart")
-            if env.chart is not None and not bool(env.chart.is_water(point[0], point[1])):
-                raise ValueError(f"{name} of leg {b} at {place} lies on land")
-        if np.linalg.norm(goal[b] - start[b]) < 1e-3:
-            raise ValueError(f"start and goal of leg {b} coincide")
+    for name, points in (("start", start), ("goal", goal)):
+        faults = {
+            "is not finite": ~np.isfinite(points).all(axis=1),
+            "lies outside the environment's bounds": ((points < lower - 1e-3) | (points > upper + 1e-3)).any(
+                axis=1
+            ),
+        }
+        if env.chart is not None:
+            x, y = points[:, 0], points[:, 1]
+            faults["lies outside the chart"] = ~np.asarray(env.chart.contains(x, y))
+            faults["lies on land"] = ~np.asarray(env.chart.is_water(x, y))
+        for fault, found in faults.items():
+            for b in np.flatnonzero(found)[:1]:
+                place = "({:.0f}, {:.0f}, {:.0f}) m".format(*points[b])
+                raise ValueError(f"{name} of leg {b} at {place} {fault}")
+    for b in np.flatnonzero(np.linalg.norm(goal - start, axis=1) < 1e-3)[:1]:
+        raise ValueError(f"start and goal of leg {b} coincide")
 
 
 @partial(compiled, static_argnames=("config",))

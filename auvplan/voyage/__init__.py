@@ -1,6 +1,6 @@
 """Planning meets a moving world: the truth, the belief, and the loop between them (Fig. 7)."""
 
-from auvplan.voyage.executive import mission_config, path_config, run_mission, run_missions
+from auvplan.voyage.executive import mission_configs, path_config, run_mission, run_missions, sail_missions
 from auvplan.voyage.records import LegRecord, MissionRun, OrderRecord, PlanRecord
 from auvplan.voyage.scenario import Scenario
 from auvplan.voyage.world import ScenarioError
@@ -12,8 +12,9 @@ __all__ = [
     "PlanRecord",
     "Scenario",
     "ScenarioError",
-    "mission_config",
+    "mission_configs",
     "path_config",
     "run_mission",
     "run_missions",
+    "sail_missions",
 ]

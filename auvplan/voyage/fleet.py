@@ -6,15 +6,15 @@ import jax
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan.mission import MissionGraph, MissionOrder
+from auvplan.mission import MissionConfig, MissionGraph, MissionOrder
 from auvplan.ocean.chart import Chart
 from auvplan.path import PathConfig, PathPlan
 from auvplan.vehicle import Vehicle
-from auvplan.voyage.batching import Clock
 from auvplan.voyage.belief import ObstacleBelief
+from auvplan.voyage.clock import Clock
 from auvplan.voyage.records import LegRecord, MissionRun
 from auvplan.voyage.scenario import Scenario
-from auvplan.voyage.simulator import TrueCurrent
+from auvplan.voyage.sea import Sea
 from auvplan.voyage.world import TrueObstacles
 
 Array = NDArray[np.floating]
@@ -22,85 +22,48 @@ Array = NDArray[np.floating]
 
 @dataclass
 class Fleet:
-    """B missions in one sea area: what they share, and each one's clock and sources of chance.
+    """What missions in one sea area share.
 
     Attributes:
         scenario: settings.
-        config: of the path planner.
+        path_config: of the path planner.
+        order_configs: of the mission planner, for the first order and for later ones.
         vehicle: speed and limits.
         chart: coast, or None.
-        current: the truth.
-        keys: [B] planner keys.
-        rngs: B generators for obstacles and sensors.
-        now: [B] s.
-        path_calls: [B] planning calls so far, which number the keys.
+        clock: that planning calls are timed by.
     """
 
     scenario: Scenario
-    config: PathConfig
+    path_config: PathConfig
+    order_configs: tuple[MissionConfig, MissionConfig]
     vehicle: Vehicle
     chart: Chart | None
-    current: TrueCurrent
-    keys: jax.Array
-    rngs: list[np.random.Generator]
-    now: Array
-    path_calls: NDArray[np.int_]
     clock: Clock = field(default_factory=Clock)
 
-    def key(self, mission: int) -> jax.Array:
-        """A fresh key for the mission's next path planning call."""
-        self.path_calls[mission] += 1
-        return jax.random.fold_in(self.keys[mission], int(self.path_calls[mission]))
-
-
-@dataclass
-class Mission:
-    """One mission under way: its graph as it shrinks, where it stands, what it follows.
-
-    Attributes:
-        run: the record.
-        graph: waypoints and the tasks that are left.
-        timed: the same with the travel times expected now, and without edges that the sea closes.
-        here: waypoint reached.
-        order: of tasks that is followed, and `step` the place in it.
-        slack: s that the order left of the available time, less the reserve, when it was made.
-        cause: why a new order is due, or empty.
-        learnt: s, travel times of edges (i, j) whose planned path was refused for its time.
-        refusals: of legs in a row.
-    """
-
-    run: MissionRun
-    graph: MissionGraph
-    timed: MissionGraph
-    here: int
-    order: MissionOrder | None = None
-    step: int = 0
-    slack: float = 0.0
-    cause: str = "start"
-    learnt: dict[tuple[int, int], float] = field(default_factory=dict)
-    refusals: int = 0
-    ended: bool = False
-
     @property
-    def rest(self) -> list[int]:
-        """Waypoints of the order from the one reached to the destination; empty without an order."""
-        return [] if self.order is None else [int(node) for node in self.order.nodes[self.step :]]
-
-    def end(self, now: float, reason: str) -> None:
-        """Book the end; an empty reason means that the destination was reached."""
-        run = self.run
-        self.ended = True
-        run.t_mission = now
-        run.arrived = self.here == run.goal and not reason
-        late = run.t_mission >= run.t_available
-        run.reason = reason or "destination reached" + (" too late" if late else " in time")
+    def speed(self) -> float:
+        """|v|, m/s."""
+        return float(self.vehicle.speed)  # type: ignore[arg-type]
 
 
 @dataclass
 class Leg:
-    """One vehicle on its way between two waypoints."""
+    """The leg that a vehicle is on, between two waypoints.
 
-    mission: int
+    Attributes:
+        record: what is kept of it.
+        origin, target: [3] m, the waypoints.
+        truth: its obstacles, and `moves` [M, 3] m/s their velocities over ground.
+        belief: of the obstacles.
+        plan: that is followed; `marks` [S] m are distances along it.
+        track: [S, 3] m that is sailed, and `arc` m how far: the plan's, or that of an escape.
+        moving: whether it sails; otherwise it keeps station.
+        escaping: whether the track gives way to an obstacle.
+        windows: s, times at which the path is planned anew.
+        stopped: why it was given up, or empty.
+        stretches: times [n] s, positions [n, 3] m and obstacles [n, M, 3] m as sailed.
+    """
+
     record: LegRecord
     origin: Array
     target: Array
@@ -108,6 +71,7 @@ class Leg:
     moves: Array
     belief: ObstacleBelief
     plan: PathPlan | None = None
+    marks: Array = field(default_factory=lambda: np.zeros(0))
     track: Array = field(default_factory=lambda: np.zeros((0, 3)))
     arc: float = 0.0
     moving: bool = True
@@ -130,3 +94,88 @@ class Leg:
     @property
     def under_way(self) -> bool:
         return not self.record.arrived and not self.stopped
+
+
+@dataclass
+class Mission:
+    """One mission under way: its clock and sources of chance, where it stands, what it follows.
+
+    Attributes:
+        number: its place among the missions asked for.
+        run: the record.
+        sea: the true current.
+        key: of the planners.
+        rng: of obstacles and sensors.
+        graph: waypoints and the tasks that are left.
+        timed: the same with the travel times expected now, and without edges that the sea closes.
+        now: s since the epoch.
+        here: waypoint reached.
+        leg: that it is on, or None at a waypoint.
+        order: of tasks that is followed, and `step` the place in it.
+        slack: s that the order left of the available time, less the reserve, when it was made.
+        cause: why a new order is due, or empty.
+        learnt: s, travel times of edges (i, j) whose planned path was refused for its time.
+        refusals: of legs in a row.
+        path_calls: planning calls so far, which number the keys.
+        ended: whether it is over.
+    """
+
+    number: int
+    run: MissionRun
+    sea: Sea
+    key: jax.Array
+    rng: np.random.Generator
+    graph: MissionGraph
+    timed: MissionGraph
+    now: float = 0.0
+    here: int = 0
+    leg: Leg | None = None
+    order: MissionOrder | None = None
+    step: int = 0
+    slack: float = 0.0
+    cause: str = "start"
+    learnt: dict[tuple[int, int], float] = field(default_factory=dict)
+    refusals: int = 0
+    path_calls: int = 0
+    ended: bool = False
+
+    @property
+    def rest(self) -> list[int]:
+        """Waypoints of the order from the one reached to the destination; empty without an order."""
+        return [] if self.order is None else [int(node) for node in self.order.nodes[self.step :]]
+
+    @property
+    def sailing(self) -> Leg:
+        """The leg that it is on."""
+        assert self.leg is not None
+        return self.leg
+
+    @property
+    def doing(self) -> str:
+        """What it does now, in a few words."""
+        if self.leg is None:
+            return f"at waypoint {self.here}"
+        return f"leg {self.leg.record.start} to {self.leg.record.goal}"
+
+    def path_key(self) -> jax.Array:
+        """A fresh key for the next path planning call."""
+        self.path_calls += 1
+        return jax.random.fold_in(self.key, self.path_calls)
+
+    def order_key(self) -> jax.Array:
+        """A key for the next order of tasks."""
+        return jax.random.fold_in(jax.random.fold_in(self.key, 0), len(self.run.orders))
+
+    def charge(self, seconds: float) -> None:
+        """Let the mission's clock pass planning time (Eq. 16)."""
+        self.now += seconds
+        self.run.charged_compute += seconds
+
+    def end(self, reason: str) -> None:
+        """Book the end; an empty reason means that the destination was reached."""
+        run = self.run
+        self.ended = True
+        run.t_mission = self.now
+        run.arrived = self.here == run.goal and not reason
+        late = run.t_mission >= run.t_available
+        run.reason = reason or "destination reached" + (" too late" if late else " in time")

@@ -1,20 +1,20 @@
-"""Plans and sails one leg of each of B missions in lockstep, re-planning paths on the way (section 3.2.2)."""
+"""Plans and sails the legs of B missions, re-planning paths on the way (section 3.2.2)."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan.voyage.batching import chunks
+from auvplan.path.outlook import outlook
+from auvplan.rows import padded_batches
 from auvplan.voyage.belief import ObstacleBelief
 from auvplan.voyage.evasion import escape_track
-from auvplan.voyage.fleet import Fleet, Leg
+from auvplan.voyage.fleet import Fleet, Leg, Mission
 from auvplan.voyage.path_calls import plan_legs
 from auvplan.voyage.records import LegRecord
-from auvplan.voyage.simulator import TIME_STEP, Sailed, over_ground, sail
-from auvplan.voyage.world import TrueObstacles, draw_obstacles
+from auvplan.voyage.simulator import TIME_STEP, WIDTH, Sailed, over_ground, sail
+from auvplan.voyage.world import draw_obstacles
 
 Array = NDArray[np.floating]
 
@@ -25,31 +25,25 @@ HORIZON = 180.0
 CLOSE = 40.0
 
 
-def begin_legs(
-    fleet: Fleet, missions: Sequence[int], records: Sequence[LegRecord], ends: Sequence[tuple]
-) -> list[Leg]:
-    """Set the obstacles of each leg, believe them roughly, and plan the first path of all in one call."""
-    legs = []
-    fleet.current.advance(fleet.now)
-    sensors = fleet.scenario.sensors
-    truths = [
-        draw_obstacles(fleet.scenario, end[0], end[1], fleet.rngs[mission])
-        for mission, end in zip(missions, ends, strict=True)
-    ]
-    moves = _over_ground(fleet, missions, truths)
-    for k, (mission, record) in enumerate(zip(missions, records, strict=True)):
-        record.obstacle_radii, record.obstacle_kinds = truths[k].radius, truths[k].kinds
-        belief = ObstacleBelief(truths[k], moves[k], fleet.now[mission], sensors, fleet.rngs[mission])
-        origin, target = (np.asarray(end) for end in ends[k])
-        legs.append(Leg(mission, record, origin, target, truths[k], moves[k], belief))
-    plan_legs(fleet, legs, "leg", cold=True)
-    again = [leg for leg in legs if refusal(leg)]
+def begin_legs(fleet: Fleet, missions: list[Mission], records: Sequence[LegRecord]) -> None:
+    """Set the obstacles of each mission's leg, believe them roughly, and plan all first paths in one call."""
+    scenario = fleet.scenario
+    for mission, record in zip(missions, records, strict=True):
+        mission.sea.advance(mission.now)
+        origin, target = (np.asarray(mission.graph.positions[k]) for k in (record.start, record.goal))
+        truth = draw_obstacles(scenario, origin, target, mission.rng)
+        record.obstacle_radii, record.obstacle_kinds = truth.radius, truth.kinds
+        moves = np.asarray(over_ground(mission.sea.field, *truth.motion, mission.now), float)
+        belief = ObstacleBelief(truth, moves, mission.now, scenario.sensors, mission.rng)
+        mission.leg = Leg(record, origin, target, truth, moves, belief)
+    plan_legs(fleet, missions, ["leg"] * len(missions), cold=True)
+    again = [mission for mission in missions if refusal(mission.sailing)]
     if again:
-        plan_legs(fleet, again, "leg", cold=True)
-    for leg in legs:
-        start, share = fleet.now[leg.mission], leg.followed.travel_time / fleet.config.t_series
-        leg.windows = [start + share * (k + 1) for k in range(fleet.config.t_series - 1)]
-    return legs
+        plan_legs(fleet, again, ["leg"] * len(again), cold=True)
+    parts = fleet.path_config.t_series
+    for mission in missions:
+        share = mission.sailing.followed.travel_time / parts
+        mission.sailing.windows = [mission.now + share * (k + 1) for k in range(parts - 1)]
 
 
 def refusal(leg: Leg) -> str:
@@ -61,153 +55,133 @@ def refusal(leg: Leg) -> str:
     return leg.followed.explain(broken[0]) if broken else ""
 
 
-def sail_legs(
-    fleet: Fleet, legs: list[Leg], deadline: float, tick: Callable[[int, float], None] | None = None
-) -> None:
-    """Sail until every vehicle has arrived or its time is out; records are filled in.
-
-    Args:
-        fleet: the missions.
-        legs: begun legs, at most one a mission.
-        deadline: s, when a mission's time is out.
-        tick: called with mission and time as vehicles advance.
-    """
+def sail_on(fleet: Fleet, missions: list[Mission]) -> None:
+    """One stretch of every mission's leg: look, re-plan where it is due, and sail to the next look."""
+    _react(fleet, missions)
     steps = max(1, round(fleet.scenario.sensors.interval / TIME_STEP))
-    while any(leg.under_way for leg in legs):
-        _react(fleet, [leg for leg in legs if leg.under_way])
-        fleet.current.advance(fleet.now)
-        _advance(fleet, [leg for leg in legs if leg.under_way], steps)
-        for leg in legs:
-            if leg.under_way and fleet.now[leg.mission] >= deadline:
-                leg.stopped = "time ran out"
-            if tick:
-                tick(leg.mission, fleet.now[leg.mission])
-    for leg in legs:
-        if leg.stretches:
-            parts = [np.concatenate(part) for part in zip(*leg.stretches, strict=True)]
-            leg.record.times, leg.record.positions, leg.record.obstacle_positions = parts
-
-
-def _advance(fleet: Fleet, legs: list[Leg], steps: int) -> None:
-    """One stretch between two looks: sail, move the obstacles, look."""
-    for batch, real in chunks(legs):
-        index = [leg.mission for leg in batch]
+    for batch, real in _batches(missions):
+        legs = [mission.sailing for mission in batch]
+        for mission in batch[:real]:
+            mission.sea.advance(mission.now)
+        fields = [mission.sea.field for mission in batch]
+        motions = zip(*(leg.truth.motion for leg in legs), strict=True)
         out: Sailed = jax.device_get(
             sail(
-                jnp.asarray(np.stack([leg.track for leg in batch])),
-                jnp.asarray([leg.arc for leg in batch], float),
-                jnp.asarray([leg.moving for leg in batch]),
-                jnp.asarray(fleet.now[index], float),
-                fleet.current.of(index),
-                _stacked([leg.truth for leg in batch]),
+                np.stack([leg.track for leg in legs]),
+                np.asarray([leg.arc for leg in legs]),
+                np.asarray([leg.moving for leg in legs]),
+                np.asarray([mission.now for mission in batch]),
+                jax.tree.map(lambda *leaves: np.stack(leaves), *fields),
+                tuple(np.stack(part) for part in motions),
                 fleet.vehicle,
                 steps,
             )
         )
-        for row, leg in enumerate(batch[:real]):
-            _take(fleet, leg, jax.tree.map(lambda a, row=row: a[row], out))
+        for row, mission in enumerate(batch[:real]):
+            _take(mission, jax.tree.map(lambda a, row=row: a[row], out))
+    for mission in missions:
+        if mission.sailing.under_way and mission.now >= fleet.scenario.mission.time_available:
+            mission.sailing.stopped = "time ran out"
 
 
-def _take(fleet: Fleet, leg: Leg, out: Sailed) -> None:
+def _batches(missions: list[Mission]) -> Iterator[tuple[list[Mission], int]]:
+    """Batches of one size, padded by their first mission, and how many of each are real."""
+    for index, real in padded_batches(len(missions), (WIDTH,)):
+        yield [missions[k] for k in index], real
+
+
+def _take(mission: Mission, out: Sailed) -> None:
     """Book one vehicle's stretch."""
-    times = np.asarray(out.times, float)
+    leg, times = mission.sailing, np.asarray(out.times, float)
     # Time stands still after the arrival: keep the steps that moved it.
-    fresh = np.diff(times, prepend=fleet.now[leg.mission]) > 0
+    fresh = np.diff(times, prepend=mission.now) > 0
     if not leg.stretches:
-        first = (np.asarray([fleet.now[leg.mission]]), leg.origin[None], leg.truth.position[None])
-        leg.stretches.append(first)
+        leg.stretches.append((np.asarray([mission.now]), leg.origin[None], leg.truth.position[None]))
     leg.stretches.append(
         (times[fresh], np.asarray(out.positions, float)[fresh], np.asarray(out.obstacles, float)[fresh])
     )
     leg.truth.position = np.asarray(out.obstacles[-1], float)
     leg.moves = np.asarray(out.moves, float)
     leg.arc = float(out.arc)
-    fleet.now[leg.mission] = float(times[-1])
+    mission.now = float(times[-1])
     # The end of an escape is not the goal.
     leg.record.arrived = bool(out.arrived) and not leg.escaping
     if out.shortfall > 0 and leg.moving:
         leg.stopped = f"the current beat the vehicle {leg.arc / 1000.0:.1f} km along its path"
 
 
-def _react(fleet: Fleet, legs: list[Leg]) -> None:
-    """Look, and re-plan where a window begins or where the belief sees a collision ahead."""
-    due: dict[str, list[Leg]] = {"window": [], "hazard": []}
-    for leg in legs:
-        now = float(fleet.now[leg.mission])
+def finish(leg: Leg) -> None:
+    """Write what was sailed into the leg's record."""
+    parts = [np.concatenate(part) for part in zip(*leg.stretches, strict=True)]
+    leg.record.times, leg.record.positions, leg.record.obstacle_positions = parts
+
+
+def _react(fleet: Fleet, missions: list[Mission]) -> None:
+    """Look, and re-plan where a window asks for it or where the belief sees a collision ahead."""
+    due: list[tuple[Mission, str]] = []
+    for mission in missions:
+        leg = mission.sailing
         if leg.stretches:
-            leg.belief.look(leg.position, leg.truth, leg.moves, now)
+            leg.belief.look(leg.position, leg.truth, leg.moves, mission.now)
         if np.linalg.norm(leg.target - leg.position) < CLOSE and leg.moving and not leg.escaping:
             continue
-        window = bool(leg.windows) and now >= leg.windows[0]
+        window = bool(leg.windows) and mission.now >= leg.windows[0]
         if window:
-            leg.windows = [t for t in leg.windows if t > now]
-        if _hazard(fleet, leg) or not leg.moving or leg.escaping:
-            due["hazard"].append(leg)
-        elif window:
-            due["window"].append(leg)
-    for cause, chosen in due.items():
-        if chosen:
-            plan_legs(fleet, chosen, cause)
+            leg.windows = [t for t in leg.windows if t > mission.now]
+        if _hazard(mission) or not leg.moving or leg.escaping:
+            due.append((mission, "hazard"))
+        elif window and not _holds(fleet, mission):
+            due.append((mission, "window"))
+    if due:
+        plan_legs(fleet, [mission for mission, _ in due], [cause for _, cause in due])
     # What a warm plan cannot clear, a cold one may; what neither can, the vehicle waits for.
-    stuck = [leg for chosen in due.values() for leg in chosen if _hazard(fleet, leg)]
+    stuck = [mission for mission, _ in due if _hazard(mission)]
     if stuck:
-        plan_legs(fleet, stuck, "hazard", cold=True)
-    for leg in stuck:
-        if _hazard(fleet, leg):
-            _give_way(fleet, leg)
+        plan_legs(fleet, stuck, ["hazard"] * len(stuck), cold=True)
+    for mission in stuck:
+        if _hazard(mission):
+            _give_way(fleet, mission)
 
 
-def _hazard(fleet: Fleet, leg: Leg) -> bool:
-    """Whether the belief sees the followed plan inside a collision boundary within the horizon."""
-    plan, now = leg.followed, float(fleet.now[leg.mission])
-    gaps = np.linalg.norm(np.diff(plan.positions, axis=0), axis=1)
-    marks = np.concatenate([[0.0], np.cumsum(gaps)])
+def _holds(fleet: Fleet, mission: Mission) -> bool:
+    """Whether the followed plan still does what it was planned to do, in the sea as it is told now."""
+    scenario, leg = fleet.scenario, mission.sailing
+    least = scenario.planning.least_window_change
+    if least == 0.0:
+        return False
+    told = mission.sea.told(scenario.current.forecast_error)
+    sample = float(np.interp(leg.arc, leg.marks, np.arange(len(leg.marks))))
+    rest = outlook(leg.followed, sample, told, fleet.vehicle, fleet.path_config)
+    return rest.change < least and not rest.broken and not _hazard(mission, np.inf)
+
+
+def _hazard(mission: Mission, horizon: float = HORIZON) -> bool:
+    """Whether the belief sees the followed plan inside a collision boundary within so many seconds."""
+    leg, now = mission.sailing, mission.now
+    plan = leg.followed
     arc = 0.0 if leg.escaping else leg.arc
     # The sea may have made the vehicle late: what counts is the time left on the plan from where it is.
-    times = now + plan.times - np.interp(arc, marks, plan.times)
-    ahead = (marks >= arc - 1.0) & (times <= now + HORIZON)
+    times = now + plan.times - np.interp(arc, leg.marks, plan.times)
+    ahead = (leg.marks >= arc - 1.0) & (times <= now + horizon)
     if not ahead.any():
         return False
     return bool(leg.belief.clearance(plan.positions[ahead], times[ahead]).min() < 0.0)
 
 
-def _give_way(fleet: Fleet, leg: Leg) -> None:
+def _give_way(fleet: Fleet, mission: Mission) -> None:
     """Keep station, or escape where something comes too near."""
-    area = fleet.scenario.area
+    area, leg = fleet.scenario.area, mission.sailing
     track = escape_track(
         leg.position,
-        fleet.now[leg.mission],
+        mission.now,
         fleet.scenario.sensors.interval,
         leg.belief,
         fleet.chart,
-        float(fleet.vehicle.speed),  # type: ignore[arg-type]
+        fleet.speed,
         np.asarray(area.lower),
         np.asarray(area.upper),
-        fleet.config.samples,
+        fleet.path_config.samples,
     )
     leg.moving, leg.escaping = track is not None, track is not None
     if track is not None:
         leg.track, leg.arc = track, 0.0
-
-
-def _stacked(truths: Sequence[TrueObstacles]) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """Position, own velocity and drift of B sets of obstacles."""
-    position, velocity, drift = (
-        jnp.asarray(np.stack([getattr(truth, name) for truth in truths]), float)
-        for name in ("position", "velocity", "drift")
-    )
-    return position, velocity, drift
-
-
-def _over_ground(fleet: Fleet, missions: Sequence[int], truths: Sequence[TrueObstacles]) -> list[Array]:
-    """True velocities of each leg's obstacles over ground, [M, 3] m/s."""
-    moves: list[Array] = []
-    for batch, real in chunks(list(zip(missions, truths, strict=True))):
-        index = [mission for mission, _ in batch]
-        out = over_ground(
-            fleet.current.of(index),
-            *_stacked([truth for _, truth in batch]),
-            jnp.asarray(fleet.now[index], float),
-        )
-        moves.extend(np.asarray(out, float)[:real])
-    return moves

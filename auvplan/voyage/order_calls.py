@@ -1,10 +1,8 @@
 """Batched calls of the mission planner: travel times in the sea as it is told, then orders of tasks."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -12,7 +10,6 @@ from auvplan.mission import MissionConfig, MissionGraph, MissionOrder, plan_miss
 from auvplan.mission.travel_times import TravelTimeConfig, programs
 from auvplan.ocean.environment import Environment
 from auvplan.path import PathConfig
-from auvplan.voyage.batching import chunks
 from auvplan.voyage.fleet import Fleet, Mission
 from auvplan.voyage.records import OrderRecord
 from auvplan.voyage.scenario import Scenario
@@ -29,81 +26,88 @@ def effort(config: PathConfig) -> TravelTimeConfig:
     return TravelTimeConfig(path=config.replace(control_points=6, samples=64))
 
 
-def time_edges(fleet: Fleet, missions: list[Mission], chosen: Sequence[int]) -> None:
+def time_edges(fleet: Fleet, missions: list[Mission]) -> None:
     """Estimate the travel times of the edges that are left, from what is told of the sea now."""
     scenario = fleet.scenario
-    fleet.current.advance(fleet.now)
-    for m in chosen:
-        missions[m].timed = missions[m].graph
-    for batch, real in chunks(list(chosen) if sea_times(scenario) else []):
-        told = fleet.current.told(batch, scenario.current.forecast_error)
-        area = scenario.area
-        env = Environment(told, fleet.chart, None, area.lower, area.upper)  # type: ignore[arg-type]
-        # The graphs need no padding: their edges are padded.
-        graphs = MissionGraph.stack(missions[m].graph for m in batch[:real])
-        timed, seconds = _timed(fleet, graphs, env, fleet.now[batch[:real]])
-        allowance = scenario.planning.detour * scenario.obstacles.total
-        for row, m in enumerate(batch[:real]):
-            graph = jax.tree.map(lambda field, row=row: field[row], timed)
-            missions[m].timed = replace(graph, travel_time=graph.travel_time + allowance)
-            missions[m].run.estimate_seconds += seconds / real
+    allowance = scenario.planning.detour * scenario.obstacles.total
+    for mission in missions:
+        mission.timed = mission.graph
+        if sea_times(scenario):
+            mission.sea.advance(mission.now)
+            timed, seconds = _timed(fleet, mission)
+            mission.timed = replace(timed, travel_time=timed.travel_time + allowance)
+            mission.run.estimate_seconds += seconds
             if scenario.planning.charge_compute:
-                fleet.now[m] += seconds / real
-                missions[m].run.charged_compute += seconds / real
-    for m in chosen:
-        for (i, j), seconds in missions[m].learnt.items():
-            missions[m].timed = missions[m].timed.with_travel_time(i, j, seconds)
+                mission.charge(seconds)
+        for (i, j), seconds in mission.learnt.items():
+            mission.timed = mission.timed.with_travel_time(i, j, seconds)
 
 
-def _timed(
-    fleet: Fleet, graphs: MissionGraph, env: Environment, now: np.ndarray
-) -> tuple[MissionGraph, float]:
-    """Timed graphs and the wall-clock seconds that took, free of compilation."""
+def _timed(fleet: Fleet, mission: Mission) -> tuple[MissionGraph, float]:
+    """The timed graph and the wall-clock seconds that took, free of compilation."""
+    area = fleet.scenario.area
+    told = mission.sea.told(fleet.scenario.current.forecast_error)
+    env = Environment(told, fleet.chart, None, area.lower, area.upper)  # type: ignore[arg-type]
+    config = effort(fleet.path_config)
     while True:
         # Which programs are needed shows only as blocked edges turn up.
         compiled = programs()
         timed, seconds = fleet.clock.time(
             ("travel times",),
-            lambda: graphs.with_travel_times(env, fleet.vehicle, now, effort(fleet.config), True),
+            lambda: mission.graph.with_travel_times(env, fleet.vehicle, mission.now, config),
         )
         if programs() == compiled:
             return timed, seconds
         fleet.clock.compile_seconds += seconds
 
 
-def plan_orders(fleet: Fleet, missions: list[Mission], due: Sequence[int], config: MissionConfig) -> None:
+def plan_orders(fleet: Fleet, missions: list[Mission]) -> None:
     """Plan the order of tasks for the missions that need one, from where each stands."""
-    planning = fleet.scenario.planning
     # Slack is kept for the last legs, which no re-planning can mend; where nothing fits with it, it is halved
     # and in the end given up. Then edges that the estimate closed are tried: a path may be found yet.
     for share, final in ((1.0, False), (0.5, False), (0.0, False), (0.0, True)):
-        due = [m for m in due if missions[m].cause and not missions[m].ended]
+        due = [mission for mission in missions if mission.cause and not mission.ended]
         if final:
-            for m in due:
-                missions[m].timed = replace(missions[m].timed, adjacency=missions[m].graph.adjacency)
-        if not due:
-            return
-        left = [missions[m].run.t_available - fleet.now[m] - share * planning.reserve for m in due]
-        keys = [
-            jax.random.fold_in(jax.random.fold_in(fleet.keys[m], 0), len(missions[m].run.orders)) for m in due
-        ]
-        orders, seconds = fleet.clock.time(
-            ("mission", missions[due[0]].graph.size, config),
-            partial(
-                plan_missions,
-                MissionGraph.stack(missions[m].timed for m in due),
-                np.asarray([missions[m].here for m in due]),
-                np.asarray([missions[m].run.goal for m in due]),
-                np.maximum(left, 1.0),
-                speed=fleet.vehicle.speed,
-                keys=jnp.stack(keys),
-                config=config,
-                return_margin=share * return_margin(fleet.scenario),
-                known_orders=[missions[m].rest or None for m in due],
-            ),
-        )
-        for m, order in zip(due, orders, strict=True):
-            _take(fleet, m, missions[m], order, seconds / len(due), final)
+            for mission in due:
+                mission.timed = replace(mission.timed, adjacency=mission.graph.adjacency)
+        groups: dict[MissionConfig, list[Mission]] = {}
+        for mission in due:
+            groups.setdefault(_config(fleet, mission), []).append(mission)
+        for config, group in groups.items():
+            _plan_orders(fleet, group, config, share, final)
+
+
+def _config(fleet: Fleet, mission: Mission) -> MissionConfig:
+    """Settings for the mission's next order; places for neighbours come from its own graph alone."""
+    first, later = fleet.order_configs
+    most = int(np.asarray(mission.run.graph.adjacency).sum(axis=1).max())
+    config = first if mission.order is None else later
+    return config.replace(degree=max(config.degree, 1 << (most - 1).bit_length()))
+
+
+def _plan_orders(
+    fleet: Fleet, missions: list[Mission], config: MissionConfig, share: float, final: bool
+) -> None:
+    """One call of the mission planner that keeps a share of the slack, and what it found."""
+    reserve = share * fleet.scenario.planning.reserve
+    left = [mission.run.t_available - mission.now - reserve for mission in missions]
+    orders, seconds = fleet.clock.time(
+        ("mission", missions[0].graph.size, config),
+        partial(
+            plan_missions,
+            MissionGraph.stack(mission.timed for mission in missions),
+            np.asarray([mission.here for mission in missions]),
+            np.asarray([mission.run.goal for mission in missions]),
+            np.maximum(left, 1.0),
+            speed=fleet.vehicle.speed,
+            keys=jnp.stack([mission.order_key() for mission in missions]),
+            config=config,
+            return_margin=share * return_margin(fleet.scenario),
+            known_orders=[mission.rest or None for mission in missions],
+        ),
+    )
+    for mission, order in zip(missions, orders, strict=True):
+        _take(fleet, mission, order, seconds / len(missions), final)
 
 
 def return_margin(scenario: Scenario) -> float:
@@ -114,20 +118,19 @@ def return_margin(scenario: Scenario) -> float:
     return 0.2 if sea_times(scenario) else 0.4
 
 
-def _take(fleet: Fleet, m: int, mission: Mission, order: MissionOrder, seconds: float, final: bool) -> None:
+def _take(fleet: Fleet, mission: Mission, order: MissionOrder, seconds: float, final: bool) -> None:
     """Book a new order, or end the mission where there is none."""
-    run, now = mission.run, float(fleet.now[m])
+    run, planning = mission.run, fleet.scenario.planning
     if not order.feasible:
         if final:
-            mission.end(now, f"no order of tasks from waypoint {mission.here}: {order.reason}")
+            mission.end(f"no order of tasks from waypoint {mission.here}: {order.reason}")
         return
     nodes = [int(node) for node in order.nodes]
     run.first_order = run.first_order or order
     run.orders.append(
-        OrderRecord(now, nodes, float(order.time), float(order.priority), seconds, mission.cause)
+        OrderRecord(mission.now, nodes, float(order.time), float(order.priority), seconds, mission.cause)
     )
     mission.order, mission.step, mission.cause = order, 0, ""
-    mission.slack = run.t_available - fleet.scenario.planning.reserve - (now + float(order.time))
-    if fleet.scenario.planning.charge_compute:
-        fleet.now[m] += seconds
-        run.charged_compute += seconds
+    mission.slack = run.t_available - planning.reserve - (mission.now + float(order.time))
+    if planning.charge_compute:
+        mission.charge(seconds)

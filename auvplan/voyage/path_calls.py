@@ -1,5 +1,6 @@
 """Batched calls of the path planner on what the vehicles believe, timed and booked."""
 
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
@@ -10,62 +11,75 @@ import numpy as np
 from auvplan.ocean.environment import Environment
 from auvplan.path import PathPlan, PathPlans, plan_paths, replan_paths
 from auvplan.voyage.belief import as_obstacles
-from auvplan.voyage.fleet import Fleet, Leg
+from auvplan.voyage.fleet import Fleet, Mission
 from auvplan.voyage.records import PlanRecord
 
 
-def plan_legs(fleet: Fleet, legs: list[Leg], cause: str, cold: bool = False) -> None:
+def plan_legs(fleet: Fleet, missions: list[Mission], causes: Sequence[str], cold: bool = False) -> None:
     """Plan paths from where the vehicles are, and follow them.
 
     Args:
-        fleet: the missions.
-        legs: that need a path.
-        cause: "leg", "window" or "hazard", for the record.
+        fleet: what the missions share.
+        missions: B missions on a leg that needs a path.
+        causes: [B], "leg", "window" or "hazard", for the record.
         cold: search afresh; otherwise from the kept population.
     """
-    keys = jnp.stack([fleet.key(leg.mission) for leg in legs])
-    env = _believed(fleet, legs)
+    keys = jnp.stack([mission.path_key() for mission in missions])
+    env = _believed(fleet, missions)
     # What a compiled program is made for: the settings and the shapes of the world.
     shapes = [leaf.shape[1:] for leaf in jax.tree.leaves((env.current, env.obstacles))]
-    signature = ("path", cold, fleet.config, *shapes, fleet.chart and fleet.chart.shape)
-    plans, seconds = fleet.clock.time(signature, partial(_call, fleet, legs, env, keys, cold))
-    for leg, plan in zip(legs, plans, strict=True):
-        _follow(fleet, leg, plan, cause, seconds / len(legs))
+    signature = ("path", cold, fleet.path_config, *shapes, fleet.chart and fleet.chart.shape)
+    plans, seconds = fleet.clock.time(signature, partial(_call, fleet, missions, env, keys, cold))
+    for mission, plan, cause in zip(missions, plans, causes, strict=True):
+        _follow(mission, plan, cause, seconds / len(missions))
 
 
-def _believed(fleet: Fleet, legs: list[Leg]) -> Environment:
+def _believed(fleet: Fleet, missions: list[Mission]) -> Environment:
     """The world as the vehicles know it now; current and obstacles have a leading axis."""
-    area, index = fleet.scenario.area, [leg.mission for leg in legs]
+    settings, area = fleet.scenario.sensors, fleet.scenario.area
+    told = [mission.sea.told(fleet.scenario.current.forecast_error) for mission in missions]
     return Environment(
-        fleet.current.told(index, fleet.scenario.current.forecast_error),
+        jax.tree.map(lambda *leaves: np.stack(leaves), *told),
         fleet.chart,
-        as_obstacles([leg.belief for leg in legs], fleet.scenario.sensors),
+        as_obstacles([mission.sailing.belief for mission in missions], settings),
         area.lower,  # type: ignore[arg-type]
         area.upper,  # type: ignore[arg-type]
     )
 
 
-def _call(fleet: Fleet, legs: list[Leg], env: Environment, keys: jax.Array, cold: bool) -> PathPlans:
+def _call(fleet: Fleet, missions: list[Mission], env: Environment, keys: jax.Array, cold: bool) -> PathPlans:
     """The planning call."""
-    area, now = fleet.scenario.area, fleet.now[[leg.mission for leg in legs]]
+    area, legs = fleet.scenario.area, [mission.sailing for mission in missions]
+    now = np.asarray([mission.now for mission in missions])
     places = np.stack([np.clip(leg.position, area.lower, area.upper) for leg in legs])
-    common: dict[str, Any] = {"key": keys, "config": fleet.config, "world_per_leg": True}
+    common: dict[str, Any] = {"key": keys, "config": fleet.path_config, "world_per_leg": True}
     if cold:
         goals = np.stack([leg.target for leg in legs])
         return plan_paths(places, goals, env, fleet.vehicle, depart=now, **common)
     return replan_paths([leg.followed for leg in legs], places, now, env, fleet.vehicle, **common)
 
 
-def _follow(fleet: Fleet, leg: Leg, plan: PathPlan, cause: str, seconds: float) -> None:
+def _follow(mission: Mission, plan: PathPlan, cause: str, seconds: float) -> None:
     """Take a new plan and book it."""
     history = {
         name: np.asarray(getattr(plan.history, name))
         for name in ("best", "mean", "std", "violation_best", "violation_mean", "violation_std")
     }
-    now = float(fleet.now[leg.mission])
-    record = PlanRecord(
-        now, plan.positions, plan.times, plan.feasible, cause, seconds, history, fleet.current.at(leg.mission)
+    leg = mission.sailing
+    leg.record.plans.append(
+        PlanRecord(
+            mission.now,
+            plan.positions,
+            plan.times,
+            float(plan.cost),
+            plan.feasible,
+            cause,
+            seconds,
+            history,
+            mission.sea.field,
+        )
     )
-    leg.record.plans.append(record)
-    leg.plan, leg.track, leg.arc = plan, plan.positions, 0.0
+    gaps = np.linalg.norm(np.diff(plan.positions, axis=0), axis=1)
+    leg.plan, leg.marks = plan, np.concatenate([[0.0], np.cumsum(gaps)])
+    leg.track, leg.arc = plan.positions, 0.0
     leg.moving, leg.escaping = True, False

@@ -23,6 +23,7 @@ class PlanRecord:
         made_at: s since the epoch.
         positions: [S, 3] m.
         times: [S] s.
+        cost: s, of Eq. 12: travel time and what broken limits cost.
         feasible: whether the belief saw every limit kept.
         cause: "leg", "window" or "hazard".
         cpu: s of wall-clock time.
@@ -33,6 +34,7 @@ class PlanRecord:
     made_at: float
     positions: Array
     times: Array
+    cost: float
     feasible: bool
     cause: str
     cpu: float

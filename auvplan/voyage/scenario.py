@@ -118,6 +118,10 @@ class PlanningSettings(Section):
     """How the mission is planned and re-planned."""
 
     preset: Literal["default", "paper"] = "default"
+    effort: Literal["quick", "full"] = Field(
+        default="quick",
+        description="of the preset 'default': 'quick' plans paths and later orders in a fifth of the time",
+    )
     objective: Literal["priority", "eq15"] | None = Field(default=None, description="of the preset if absent")
     travel_times: Literal["sea", "distance"] | None = Field(
         default=None,
@@ -128,6 +132,11 @@ class PlanningSettings(Section):
         default=3.5, description="s that each obstacle is taken to cost a leg; with travel_times 'sea'"
     )
     t_series: Annotated[int, Field(ge=1, le=20)] = 4
+    window_change: NotNegative | None = Field(
+        default=None,
+        description="share by which the time left on a path must have changed for a window to plan it anew; "
+        "0 does at every window, as the preset 'paper' does; if absent 0.02",
+    )
     reserve: NotNegative = Field(
         default=60.0, description="s of the available time that no order is planned to use"
     )
@@ -150,6 +159,13 @@ class PlanningSettings(Section):
     charge_compute: bool = Field(
         default=False, description="charge planning time to the mission clock (Eq. 16)"
     )
+
+    @property
+    def least_window_change(self) -> float:
+        """`window_change`, or what stands for it."""
+        if self.window_change is not None:
+            return self.window_change
+        return 0.0 if self.preset == "paper" else 0.02
 
 
 class Scenario(Section):

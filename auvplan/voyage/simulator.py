@@ -1,25 +1,23 @@
-"""The truth: the current changes, obstacles move, and vehicles sail their tracks through both.
+"""The truth: obstacles move, and vehicles sail their tracks through a true current.
 
 All B missions advance together; arrays carry a leading axis B, and a mission that has ended stands still.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 
 import jax
 import jax.numpy as jnp
-import numpy as np
-from numpy.typing import NDArray
 
-from auvplan.ocean.vortices import CurrentUpdate, LambVortices, evolve
-from auvplan.rows import padded_batches
+from auvplan.ocean.vortices import LambVortices
 from auvplan.vehicle import Vehicle, along_track
 
 #: Seconds between two recorded positions.
 TIME_STEP = 3.0
 
-Array = NDArray[np.floating]
+#: Missions that sail in one call. Fewer are padded to it: a mission's result then comes from the same program
+#: whatever sails beside it, to the last bit.
+WIDTH = 32
 
 
 @partial(
@@ -118,86 +116,9 @@ def _over_ground(
     return velocity + drift[:, None] * swept
 
 
-over_ground = jax.jit(jax.vmap(_over_ground))
+over_ground = jax.jit(_over_ground)
 
 
 def _along(track: jax.Array, marks: jax.Array, arc: jax.Array) -> jax.Array:
     """Position [3] at a distance along a track."""
     return jnp.stack([jnp.interp(arc, marks, track[:, axis]) for axis in range(3)])
-
-
-@partial(jax.jit, static_argnames=("update",))
-def _evolve_due(
-    keys: jax.Array, counts: jax.Array, due: jax.Array, current: LambVortices, update: CurrentUpdate
-) -> LambVortices:
-    changed = jax.vmap(lambda key, count, field: evolve(jax.random.fold_in(key, count), field, update))(
-        keys, counts, current
-    )
-    return jax.tree.map(
-        lambda new, old: jnp.where(due.reshape(-1, *(1,) * (new.ndim - 1)), new, old), changed, current
-    )
-
-
-@jax.jit
-def _told(keys: jax.Array, counts: jax.Array, current: LambVortices, error: float) -> LambVortices:
-    def one(key: jax.Array, count: jax.Array, field: LambVortices) -> LambVortices:
-        noise = error * jax.random.normal(jax.random.fold_in(key, count), (field.strength.shape[-1], 3))
-        return replace(
-            field,
-            centers=field.centers + noise[:, :2] * field.radius[..., None],
-            strength=field.strength * (1.0 + noise[:, 2]),
-        )
-
-    return jax.vmap(one)(keys, counts, current)
-
-
-class TrueCurrent:
-    """The true current of B missions and what is told of it.
-
-    Every mission draws from its own key by its own count of updates, so that its sea does not depend on which
-    missions run beside it.
-    """
-
-    def __init__(self, keys: jax.Array, fields: list[LambVortices], update: CurrentUpdate, interval: float):
-        self.field: LambVortices = jax.tree.map(
-            lambda *leaves: jnp.stack([jnp.asarray(a) for a in leaves]), *fields
-        )
-        self._keys = jax.vmap(lambda key: jax.random.split(key, 2))(keys)
-        self._update = update
-        self._interval = interval
-        self._updates = np.zeros(len(fields), int)
-        self._tellings = np.zeros(len(fields), int)
-
-    def advance(self, now: Array) -> None:
-        """Apply all updates due at each mission's time `now` [B] s (Eq. 2)."""
-        while (due := now >= (self._updates + 1) * self._interval).any():
-            self.field = _evolve_due(
-                self._keys[:, 0], jnp.asarray(self._updates), jnp.asarray(due), self.field, self._update
-            )
-            self._updates += due
-
-    def of(self, missions: Sequence[int] | NDArray[np.int_]) -> LambVortices:
-        """The true fields of some missions, which may repeat one to pad; leaves with a leading axis."""
-        index = np.asarray(missions)
-        return jax.tree.map(lambda a: a[index], self.field)
-
-    def told(self, missions: Sequence[int], error: float) -> LambVortices:
-        """As `of`, but as a planner is told them, in error by a relative `error`."""
-        chosen = np.asarray(missions)
-        self._tellings[np.unique(chosen)] += 1
-        parts = []
-        for batch, real in padded_batches(len(chosen)):
-            index = chosen[batch]
-            told = _told(self._keys[index, 1], jnp.asarray(self._tellings[index]), self.of(index), error)
-            parts.append((told, real))
-
-        def joined(*leaves: jax.Array) -> jax.Array:
-            # In NumPy: a join of every size would be compiled.
-            kept = [np.asarray(leaf)[:real] for leaf, (_, real) in zip(leaves, parts, strict=True)]
-            return jnp.asarray(np.concatenate(kept))
-
-        return jax.tree.map(joined, *(told for told, _ in parts))
-
-    def at(self, mission: int) -> LambVortices:
-        """The true field of one mission, in NumPy."""
-        return jax.tree.map(lambda a: np.asarray(a[mission]), self.field)

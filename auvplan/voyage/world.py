@@ -44,6 +44,11 @@ class TrueObstacles:
     radius: NDArray[np.floating]
     kinds: list[str]
 
+    @property
+    def motion(self) -> tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]]:
+        """Position, own velocity and drift, which say how they move."""
+        return self.position, self.velocity, self.drift
+
 
 def make_vehicle(scenario: Scenario) -> Vehicle:
     """The scenario's vehicle."""

@@ -1,27 +1,18 @@
-"""Fixed batch sizes and honest clocks for batched planning calls."""
+"""Honest clocks for planning calls."""
 
 import time
-from collections.abc import Callable, Hashable, Sequence
-from typing import Any, TypeVar
+from collections.abc import Callable, Hashable
+from typing import Any
 
 import jax
 
-from auvplan.rows import padded_batches
-
-T = TypeVar("T")
-
-
-def chunks(items: Sequence[T]) -> list[tuple[list[T], int]]:
-    """Split into batches, each padded to a size of `auvplan.rows.SIZES` by repeating its first item.
-
-    Returns:
-        Pairs of the padded batch and the number of real items at its front.
-    """
-    return [([items[k] for k in index], real) for index, real in padded_batches(len(items))]
-
 
 class Clock:
-    """Times calls with compilation apart: a call of a new signature is made twice, the second one timed."""
+    """Times calls with compilation apart: a call of a new signature is made twice, the second one timed.
+
+    Attributes:
+        compile_seconds: s of all first calls.
+    """
 
     _seen: set[Hashable] = set()  # noqa: RUF012 - compiled code is shared by all voyages of the process
 
