@@ -6,8 +6,10 @@ theirs cannot hide itself here.
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import xarray as xr
 
 from auvplan.io.files import ResultError, read_mission, read_summary
 from auvplan.io.ledger import Leg, figure_faults, graph_faults, place_faults, read_legs, require, time_faults
@@ -81,6 +83,11 @@ def check_run(folder: str | Path) -> CheckReport:
     """
     summary, dataset = read_summary(folder), read_mission(folder)
     require(summary, dataset, Path(folder))
+    return check_dataset(summary, dataset)
+
+
+def check_dataset(summary: dict[str, Any], dataset: xr.Dataset) -> CheckReport:
+    """`check_run` on a summary and a dataset as `save_run` writes them."""
     legs = list(read_legs(dataset))
     report = CheckReport()
     report.faults += graph_faults(dataset, legs)
@@ -135,4 +142,4 @@ def _metres(value: float) -> str:
     return "none near" if np.isinf(value) else f"{value:.1f} m"
 
 
-__all__ = ["CheckReport", "ResultError", "check_run"]
+__all__ = ["CheckReport", "ResultError", "check_dataset", "check_run"]

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import xarray as xr
 
 #: Names of the two files that hold a run.
@@ -91,12 +92,17 @@ def read_summary(folder: str | Path) -> dict[str, Any]:
 
 
 def read_mission(folder: str | Path) -> xr.Dataset:
-    """The NetCDF file of a saved run, loaded whole; times stay seconds since the scenario's epoch.
+    """The NetCDF file of a saved run, see `read_dataset`."""
+    return read_dataset(folder, MISSION)
+
+
+def read_dataset(folder: str | Path, name: str) -> xr.Dataset:
+    """A NetCDF file of results, loaded whole; times stay seconds since the scenario's epoch.
 
     Raises:
         ResultError: one line that names the file and the reason.
     """
-    path = _existing(folder, MISSION)
+    path = _existing(folder, name)
     try:
         with xr.open_dataset(path, engine="h5netcdf", decode_times=False) as dataset:
             return dataset.load()
@@ -104,6 +110,27 @@ def read_mission(folder: str | Path) -> xr.Dataset:
     except Exception as error:
         line = " ".join(str(error).split()) or type(error).__name__
         raise ResultError(f"{path}: not a readable NetCDF file ({line})") from None
+
+
+def write_dataset(dataset: xr.Dataset, path: str | Path) -> Path:
+    """Write a NetCDF file, compressed, under a temporary name that is moved into place.
+
+    Raises:
+        OutputError: the operating system refused; one line that names the file.
+    """
+    encoding: Any = {name: _encoding(variable) for name, variable in dataset.variables.items()}
+    return write_atomically(path, lambda part: dataset.to_netcdf(part, engine="h5netcdf", encoding=encoding))
+
+
+def _encoding(variable: xr.Variable) -> dict[str, Any]:
+    """Compression, and a fill value only where something is missing."""
+    if variable.dtype.kind == "O":
+        return {}
+    missing = variable.dtype.kind == "f" and bool(np.isnan(variable.values).any())
+    encoding: dict[str, Any] = {"_FillValue": np.nan if missing else None}
+    if variable.ndim and variable.size:
+        encoding |= {"zlib": True, "complevel": 4, "shuffle": True}
+    return encoding
 
 
 def _existing(folder: str | Path, name: str) -> Path:

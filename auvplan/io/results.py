@@ -10,7 +10,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from auvplan.io.files import MISSION, SUMMARY, output_folder, read_mission, write_atomically
+from auvplan.io.files import MISSION, SUMMARY, output_folder, read_mission, write_atomically, write_dataset
+from auvplan.ocean.chart import Chart
 from auvplan.voyage.records import LegRecord, MissionRun
 
 #: The scenario's epoch has no date of its own; this one stands for it.
@@ -41,12 +42,7 @@ def save_run(run: MissionRun, folder: str | Path) -> Path:
         OutputError: one line that names what cannot be written and why.
     """
     target = output_folder(folder)
-    dataset = to_dataset(run)
-    encoding: Any = {name: _encoding(variable) for name, variable in dataset.variables.items()}
-    write_atomically(
-        target / MISSION,
-        lambda path: dataset.to_netcdf(path, engine="h5netcdf", encoding=encoding),
-    )
+    write_dataset(to_dataset(run), target / MISSION)
     text = json.dumps(run.summary(), indent=2) + "\n"
     write_atomically(target / SUMMARY, lambda path: path.write_text(text, encoding="utf-8"))
     return target
@@ -64,7 +60,9 @@ def load_run(folder: str | Path) -> xr.Dataset:
 def to_dataset(run: MissionRun) -> xr.Dataset:
     """A run as CF trajectories, one a leg, contiguous and ragged along `obs`."""
     variables = _sailed(run) | _legs(run) | _obstacles(run.legs) | _graph(run)
-    variables |= _orders(run) | _plans(run.legs) | _chart(run)
+    variables |= _orders(run) | _plans(run.legs)
+    if run.chart is not None:
+        variables |= chart_variables(run.chart)
     dataset = xr.Dataset(variables, attrs=_attributes(run))
     places = [name for name in ("chart_x", "chart_y") if name in dataset]
     return dataset.set_coords(["time", "x", "y", "depth", *places])
@@ -236,14 +234,12 @@ def _plans(legs: Sequence[LegRecord]) -> Variables:
     }
 
 
-def _chart(run: MissionRun) -> Variables:
+def chart_variables(chart: Chart) -> Variables:
     """The passability raster in steps of 1/255, and the centres of its pixels."""
-    if run.chart is None:
-        return {}
-    passability = np.asarray(run.chart.passability, float)
+    passability = np.asarray(chart.passability, float)
     steps = np.where(passability > 0.0, np.clip(np.rint(passability * LEVELS), 1, LEVELS), 0)
-    size = float(np.asarray(run.chart.pixel_size))
-    corner = np.asarray(run.chart.origin, float)
+    size = float(np.asarray(chart.pixel_size))
+    corner = np.asarray(chart.origin, float)
     north, east = (corner[k] + size * (np.arange(passability.shape[k]) + 0.5) for k in range(2))
     raster = _variable(
         ("chart_x", "chart_y"), steps.astype(np.uint8), "passability", "1",
@@ -284,12 +280,3 @@ def _flags(names: NDArray[np.str_], known: Sequence[str]) -> tuple[NDArray[np.in
         "flag_values": np.arange(len(meanings), dtype=np.int8),
         "flag_meanings": " ".join(meaning.replace(" ", "_") for meaning in meanings),
     }
-
-
-def _encoding(variable: xr.Variable) -> dict[str, Any]:
-    """Compression, and a fill value only where something is missing."""
-    missing = variable.dtype.kind == "f" and bool(np.isnan(variable.values).any())
-    encoding: dict[str, Any] = {"_FillValue": np.nan if missing else None}
-    if variable.ndim and variable.size:
-        encoding |= {"zlib": True, "complevel": 4, "shuffle": True}
-    return encoding

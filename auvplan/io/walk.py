@@ -16,8 +16,8 @@ STEP = 1.0
 _STEPS_MAX = 10_000
 #: Positions are stored in single precision, which may put them beyond the chart's edge by so much, m.
 _EDGE = 0.01
-#: Steps between the coarse points at which the distance to the coast is looked up first.
-_STRIDE = 50
+#: Steps between the points at which the distance to the coast is looked up, coarse ones first.
+_STRIDES = (400, 40, 1)
 
 
 @dataclass(frozen=True)
@@ -113,13 +113,16 @@ class Coast:
             return np.inf
         if self.on_land(positions).any():
             return 0.0
-        # Distance changes by no more than the way walked: only what a coarse look cannot rule out is seen
-        # closely.
-        coarse = np.arange(0, len(positions), _STRIDE)
-        distance = self._distance(positions[coarse])
-        near = coarse[distance - _STRIDE * STEP <= distance.min()]
-        close = np.unique(np.clip(near[:, None] + np.arange(_STRIDE), 0, len(positions) - 1))
-        return float(self._distance(positions[close]).min())
+        # Distance changes by no more than the way walked: around a coarse point only what that point cannot
+        # rule out is looked at more closely.
+        points, reach = np.arange(0, len(positions), _STRIDES[0]), _STRIDES[0]
+        for stride in _STRIDES[1:]:
+            distance = self._distance(positions[points])
+            near = points[distance - reach * STEP <= distance.min()]
+            offsets = np.arange(0, reach, stride)
+            points = np.unique(np.minimum(near[:, None] + offsets, len(positions) - 1))
+            reach = stride
+        return float(self._distance(positions[points]).min())
 
     def _distance(self, positions: Array) -> Array:
         """[n] m to the nearest edge of a land pixel."""

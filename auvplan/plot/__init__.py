@@ -9,6 +9,7 @@ from auvplan.plot.currents import plot_currents
 from auvplan.plot.legs import busiest_leg
 from auvplan.plot.mission import plot_mission
 from auvplan.plot.obstacles import plot_obstacles
+from auvplan.plot.study import draw_study
 from auvplan.plot.style import save
 from auvplan.plot.timeline import plot_timeline
 from auvplan.voyage.records import MissionRun
@@ -43,6 +44,7 @@ __all__ = [
     "busiest_leg",
     "draw_chart",
     "draw_run",
+    "draw_study",
     "plot_chart",
     "plot_convergence",
     "plot_currents",

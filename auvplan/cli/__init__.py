@@ -1,0 +1,55 @@
+"""The command line: plan a mission, a path, many missions; draw a study; look at a chart; check a result."""
+
+import os
+import sys
+from pathlib import Path
+
+import typer
+
+from auvplan.cli import mission, study, tools
+from auvplan.cli.shared import errors
+
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    help="Mission and path planning for autonomous underwater vehicles in a moving sea.",
+    pretty_exceptions_enable=False,
+)
+for command in (
+    mission.mission,
+    mission.path,
+    study.montecarlo,
+    study.plot,
+    tools.chart,
+    tools.check,
+    tools.scenarios,
+):
+    app.command()(command)
+
+
+def _enable_compilation_cache() -> None:
+    """Keep compiled programs in the user's cache directory, unless AUVPLAN_CACHE says off."""
+    choice = os.environ.get("AUVPLAN_CACHE", "")
+    if choice.lower() in ("off", "0", "no"):
+        return
+    import jax
+
+    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    jax.config.update("jax_compilation_cache_dir", choice or str(base / "auvplan" / "jax"))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+
+
+def main() -> None:
+    """Entry point: bad input is one line and exit status 2."""
+    _enable_compilation_cache()
+    from auvplan.io import OutputError
+    from auvplan.io.check import ResultError
+    from auvplan.ocean.chart import ChartError
+    from auvplan.study import StudyError
+    from auvplan.voyage import ScenarioError
+
+    try:
+        app()
+    except (ScenarioError, ChartError, OutputError, ResultError, StudyError) as error:
+        errors.print(f"auvplan: {error}", soft_wrap=True, highlight=False, markup=False)
+        sys.exit(2)

@@ -1,0 +1,3 @@
+from auvplan.cli import main
+
+main()

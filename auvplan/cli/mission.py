@@ -1,0 +1,117 @@
+"""Commands for one mission or one leg."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+
+from auvplan.cli.shared import (
+    ObjectiveOption,
+    OutOption,
+    PresetOption,
+    QuietOption,
+    ScenarioArgument,
+    SeedOption,
+    console,
+    errors,
+    load,
+    time_bar,
+)
+
+
+def mission(
+    scenario: ScenarioArgument = "whitsunday",
+    out: OutOption = Path("out/mission"),
+    seed: SeedOption = 0,
+    preset: PresetOption = None,
+    objective: ObjectiveOption = None,
+    quiet: QuietOption = False,
+    certify: Annotated[
+        bool, typer.Option("--certify", help="Also say how far the first order can be from the best.")
+    ] = False,
+) -> None:
+    """Plan a whole mission, sail it in the simulator and draw it."""
+    run = _run(*load(scenario, preset, objective), out, seed, quiet)
+    if certify:
+        _print_certificate(run.first_order)
+    _exit_where_failed(run)
+
+
+def path(
+    scenario: ScenarioArgument = "whitsunday",
+    out: OutOption = Path("out/path"),
+    seed: SeedOption = 0,
+    preset: PresetOption = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Plan one leg, from the scenario's start to its goal, and sail it with re-planning windows."""
+    _exit_where_failed(_run(*load(scenario, preset, None, leg=True), out, seed, quiet))
+
+
+def _run(scenario: Any, folder: Path, out: Path, seed: int, quiet: bool) -> Any:
+    """Run one mission, write its results and print its summary."""
+    from auvplan.io import output_folder, save_run
+
+    output_folder(out)
+    import jax
+
+    from auvplan.plot import draw_run
+    from auvplan.voyage import run_mission
+
+    available = scenario.mission.time_available
+    with time_bar("compiling the planners", available, quiet) as advance:
+        run = run_mission(
+            scenario,
+            key=jax.random.key(seed),
+            seed=seed,
+            folder=folder,
+            progress=lambda _, now, doing: advance(now, doing),
+        )
+    save_run(run, out)
+    pictures = draw_run(run, out)
+    if not quiet:
+        _print_summary(run.summary())
+        console.print("pictures:", *(f"  {picture}" for picture in pictures), sep="\n", soft_wrap=True)
+    return run
+
+
+def _exit_where_failed(run: Any) -> None:
+    if not run.success:
+        errors.print(f"auvplan: mission failed: {run.reason}", soft_wrap=True, highlight=False)
+        raise typer.Exit(1)
+
+
+def _print_certificate(order: Any) -> None:
+    """How far an order of tasks can be from the best, by CP-SAT or else by the bound that is always there."""
+    from auvplan.mission import certify
+
+    if order is None or not order.feasible:
+        console.print("no order of tasks to certify")
+        return
+    how = "proved by CP-SAT"
+    try:
+        order = certify(order, time_limit=30.0)
+    except ImportError as missing:
+        how = f"linear bound; for a proof: {missing}"
+    console.print(
+        f"first order: total priority {order.priority:g}, none has more than {order.bound:g}: "
+        f"gap {order.gap:.1%} ({how})",
+        soft_wrap=True,
+    )
+
+
+def _print_summary(summary: dict[str, Any]) -> None:
+    table = Table(
+        title=f"{summary['scenario']}, seed {summary['seed']}: {summary['reason']}", show_header=False
+    )
+    table.add_row("mission time", f"{summary['t_mission']:.0f} s of {summary['t_available']:.0f} s")
+    table.add_row("time left", f"{summary['t_residual']:.0f} s")
+    table.add_row("tasks, total priority", f"{summary['tasks']}, {summary['total_priority']:g}")
+    table.add_row("path calls, path re-plans", f"{summary['path_calls']}, {summary['path_replans']}")
+    table.add_row("mission re-plans", str(summary["mission_replans"]))
+    table.add_row("collisions", str(summary["collisions"]))
+    cpu = summary["cpu"]
+    table.add_row("planning time", f"paths {cpu['path_s']:.2f} s, orders {cpu['mission_s']:.2f} s")
+    table.add_row("first calls, compilation", f"{cpu['compile_s']:.1f} s")
+    console.print(table)

@@ -1,0 +1,163 @@
+"""Commands for many missions."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+
+from auvplan.cli.shared import (
+    ObjectiveOption,
+    OutOption,
+    PresetOption,
+    QuietOption,
+    ScenarioArgument,
+    SeedOption,
+    console,
+    errors,
+    load,
+)
+
+#: Figures of a study's summary that the command prints, with the words for them.
+_SHOWN = {
+    "use_of_time_percent": "use of the available time, %",
+    "t_residual_s": "time left at the end, s",
+    "tasks": "tasks done",
+    "total_priority": "total priority",
+    "path_replans": "path re-plans a mission",
+    "mission_replans": "mission re-plans a mission",
+    "t_path_s": "T_path of a leg, s",
+    "path_call_cpu_s": "time of a path planning call, s",
+    "mission_call_cpu_s": "time of a mission planning call, s",
+}
+
+
+def montecarlo(
+    scenario: ScenarioArgument = "whitsunday",
+    count: Annotated[
+        int, typer.Option("--missions", "-n", min=1, help="Missions; of each swept value.")
+    ] = 100,
+    out: OutOption = Path("out/montecarlo"),
+    seed: SeedOption = 0,
+    preset: PresetOption = None,
+    objective: ObjectiveOption = None,
+    sweep: Annotated[
+        list[str] | None,
+        typer.Option("--sweep", help="Vary a setting: section.name=value,value,... May be given twice."),
+    ] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Continue the study in the folder.")] = False,
+    workers: Annotated[
+        int | None, typer.Option("--workers", min=1, help="Processes on this machine; one a core if absent.")
+    ] = None,
+    dask: Annotated[
+        str | None, typer.Option("--dask", help="Dask scheduler, tcp://host:port or a scheduler file.")
+    ] = None,
+    save_runs: Annotated[
+        bool, typer.Option("--save-runs", help="Also save each mission whole, as the mission command does.")
+    ] = False,
+    quiet: QuietOption = False,
+) -> None:
+    """Run many missions, of seeds that count up, and report what they tell together."""
+    from auvplan.study import Design, Sweep, run_study, summarise
+
+    settings, folder = load(scenario, preset, objective)
+    design = Design(settings, count, seed, tuple(Sweep.parse(text) for text in sweep or ()))
+    with _mission_bar(quiet) as progress:
+        dataset = run_study(
+            design,
+            out,
+            folder=folder,
+            resume=resume,
+            workers=workers,
+            dask=dask,
+            save_runs=save_runs,
+            progress=progress,
+        )
+    summary = summarise(dataset)
+    cases = summary.get("cases", [summary])
+    if not quiet:
+        for case in cases:
+            console.print(_table(case))
+        console.print(f"results: {out / 'missions.nc'}, {out / 'summary.json'}", soft_wrap=True)
+        console.print(f"pictures: auvplan plot {out}", soft_wrap=True)
+    failed = sum(case["missions"] - case["on_time"] for case in cases)
+    if failed:
+        seeds = sorted({seed for case in cases for seed in case["failed_seeds"]})
+        errors.print(f"auvplan: {failed} missions failed, seeds {seeds}", soft_wrap=True, highlight=False)
+        raise typer.Exit(1)
+
+
+def _table(case: dict[str, Any]) -> Table:
+    """The figures of one case."""
+    setting = ", ".join(f"{field} = {value}" for field, value in case.get("setting", {}).items())
+    share = case["on_time_percent"]
+    table = Table(
+        title=(f"{setting}\n" if setting else "")
+        + f"{case['on_time']} of {case['missions']} missions on time "
+        f"({share['low']:.1f} to {share['high']:.1f} %), {case['collisions']} collisions"
+    )
+    for column in ("figure", "mean", "95 % interval", "5 %", "median", "95 %"):
+        table.add_column(column, justify="left" if column == "figure" else "right")
+    for name, words in _SHOWN.items():
+        row = case["figures"][name]
+        if row:
+            interval = f"{row['low']:.4g} to {row['high']:.4g}"
+            quantiles = (f"{row[key]:.4g}" for key in ("q05", "median", "q95"))
+            table.add_row(words, f"{row['mean']:.4g}", interval, *quantiles)
+    legs = case["expected_against_sailed"]
+    if legs["correlation"] is not None:
+        interval = f"{legs['low']:.2f} to {legs['high']:.2f}"
+        median = f"{legs['median_relative_error_percent']:.2f}"
+        table.add_row("|T_path / t_ij - 1|, %", "", interval, "", median, "")
+        table.caption = f"correlation of T_path with t_ij {legs['correlation']:.4f}, {legs['legs']} legs"
+    return table
+
+
+@contextmanager
+def _mission_bar(quiet: bool) -> Iterator[Callable[[int, int, float], None]]:
+    """A progress bar over missions: how many are done, their rate, the time left."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("{task.fields[done]} of {task.fields[total_missions]} missions"),
+        BarColumn(),
+        TextColumn("{task.fields[rate]}"),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=errors, disable=quiet, transient=True) as bar:
+        task = bar.add_task("", total=1.0, done=0, total_missions=0, rate="compiling")
+        begun: list[int] = []
+
+        def advance(done: int, total: int, share: float) -> None:
+            if not begun:  # a study that is resumed has some done
+                begun.append(done)
+            elapsed = bar.tasks[0].elapsed or 0.0
+            rate = (
+                f"{(done - begun[0]) / elapsed:.2f} missions/s" if elapsed and done > begun[0] else "sailing"
+            )
+            bar.update(task, completed=share, done=done, total_missions=total, rate=rate)
+
+        yield advance
+
+
+def plot(
+    folder: Annotated[Path, typer.Argument(help="Folder of a study.")],
+    seed: Annotated[
+        int | None, typer.Option("--seed", help="Mission whose re-plans are drawn; a telling one if absent.")
+    ] = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Draw the figures of a study (Figs 12 to 15, and of a sweep) into its folder."""
+    from auvplan.plot import draw_study
+    from auvplan.study import StudyError, load_study
+
+    dataset = load_study(folder)
+    if seed is not None and seed not in dataset["seed"].values:
+        raise StudyError(f"{folder}: no mission of seed {seed} in the study")
+    pictures = draw_study(dataset, folder, seed)
+    if not quiet:
+        console.print("pictures:", *(f"  {picture}" for picture in pictures), sep="\n", soft_wrap=True)

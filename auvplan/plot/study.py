@@ -1,0 +1,231 @@
+"""Pictures of a Monte Carlo study: use of time, expected times, planning time, orders (Figs 12 to 15)."""
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator
+
+from auvplan.io.files import output_folder
+from auvplan.plot import style
+from auvplan.plot.replans import plot_replans, shown_mission
+from auvplan.plot.sweep import counted, plot_paired, plot_sweep, set_title
+from auvplan.study.statistics import leg_times, over_finite, relative_errors, sweep_dims, use_of_time
+
+Array = style.Array
+
+#: Missions that get boxes of their own.
+_BOXES = 25
+#: Failed missions that are named.
+_NAMED = 8
+_EXPECTED, _SAILED = "expected, $t_{ij}$ − $δ_{ij}$", "sailed, $T_{path}$"
+
+
+def draw_study(dataset: xr.Dataset, folder: str | Path, seed: int | None = None) -> list[Path]:
+    """Write all figures of a study; those of a single setting show the first values of a sweep.
+
+    Args:
+        dataset: of many missions, with or without leading dimensions of settings, which the attribute
+            `sweep` names.
+        folder: made where missing.
+        seed: of the mission whose orders are shown; that with most of them where not given.
+
+    Returns:
+        The paths of the pictures.
+
+    Raises:
+        ValueError: the study has no mission of that seed.
+        OutputError: the folder or a file cannot be written; one line that names it.
+    """
+    dataset = dataset.sortby("seed")
+    dims = sweep_dims(dataset)
+    first = dataset.isel(dict.fromkeys(dims, 0))
+    shown_mission(first, seed)
+    figures: dict[str, Callable[[], Figure]] = {
+        "time_use.png": partial(plot_time_use, first),
+        "expected_times.png": partial(plot_expected_times, first),
+        "planning_time.png": partial(plot_planning_time, first),
+        "replans.png": partial(plot_replans, first, seed),
+    }
+    if dims:
+        figures["sweep.png"] = partial(plot_sweep, dataset)
+        if dataset.sizes[dims[0]] > 1:
+            figures["sweep_paired.png"] = partial(plot_paired, dataset)
+    target = output_folder(folder)
+    return [style.save(plot(), target / name) for name, plot in figures.items()]
+
+
+def plot_time_use(dataset: xr.Dataset) -> Figure:
+    """Time of every mission against the time available, and what was left of it (Fig. 12).
+
+    Args:
+        dataset: without a sweep, missions in order of seed.
+    """
+    available, used, left = (dataset[f"t_{name}"].values for name in ("available", "mission", "residual"))
+    success = dataset["success"].values == 1
+    place = np.arange(len(used))
+    figure = style.new_figure(11.0, 6.4)
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3, 2])
+    size = _mark_size(len(place))
+    for kept, kind in (
+        (success, {"marker": "o", "ms": size, "color": style.BLUE, "label": "on time"}),
+        (~success, {"marker": "x", "ms": size + 3, "mew": 1.8, "color": style.RED, "label": "failed"}),
+    ):
+        if kept.any():
+            upper.plot(place[kept], used[kept], ls="none", **kind)
+        lower.bar(place[kept], left[kept], width=0.8, color=kind["color"])
+    _mission_axis(lower, dataset)
+    edges = np.concatenate([lower.get_xlim()[:1], place, lower.get_xlim()[1:]])
+    limit = np.concatenate([available[:1], available, available[-1:]])
+    upper.plot(edges, limit, color="red", lw=2.0, drawstyle="steps-mid", zorder=1, label="$T_{available}$")
+    lower.axhline(0.0, color="black", lw=0.8)
+    upper.set_ylabel("$T_{mission}$ [s]")
+    lower.set_ylabel("$T_{residual}$ [s]")
+    _dress(upper, lower)
+    upper.margins(y=0.12)
+    handles, labels = upper.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=8, frameon=False)
+    share = float(over_finite(use_of_time(dataset), np.nanmean))
+    text = f"mean use of time {share:.1f} %, {success.sum()} of {counted(len(place), 'mission')} on time"
+    failed = [str(seed) for seed in dataset["seed"].values[~success]]
+    if failed:
+        more = ", …" if len(failed) > _NAMED else ""
+        text += f"; failed: seed {', '.join(failed[:_NAMED])}{more}"
+    set_title(figure, dataset, text)
+    return figure
+
+
+def plot_expected_times(dataset: xr.Dataset) -> Figure:
+    """Travel times of legs as expected and as sailed, by mission and leg by leg (Fig. 13).
+
+    Args:
+        dataset: without a sweep, missions in order of seed.
+    """
+    expected, sailed = leg_times(dataset)
+    both = np.isfinite(expected) & np.isfinite(sailed)
+    if not both.any():
+        return style.empty_figure("no leg was sailed to its end")
+    figure = style.new_figure(14.5, 6.0)
+    left, right = figure.subplots(1, 2, width_ratios=[2.2, 1])
+    count = len(both)
+    shown = [mission for mission in range(min(count, _BOXES)) if both[mission].any()]
+    for times, name, width, face, edge, alpha in (
+        (sailed, _SAILED, 0.84, style.YELLOW, "#8a7d00", 0.55),
+        (expected, _EXPECTED, 0.34, style.BLUE, style.BLACK, 1.0),
+    ):
+        left.boxplot(
+            [times[mission][both[mission]] for mission in shown], positions=shown, widths=width,
+            patch_artist=True, manage_ticks=False, label=name,
+            boxprops={"facecolor": face, "edgecolor": edge, "alpha": alpha},
+            medianprops={"color": edge if alpha < 1.0 else "white", "lw": 1.8},
+            whiskerprops={"color": edge}, capprops={"color": edge},
+            flierprops={"marker": "o" if alpha < 1.0 else ".", "ms": 4, "mec": edge},
+        )  # fmt: skip
+    _mission_axis(left, dataset, _BOXES)
+    left.set_ylabel("travel time of a leg, without its task [s]")
+    left.legend(loc="upper left", ncols=2, fontsize=8)
+    low, high = left.get_ylim()
+    left.set_ylim(low, high + 0.1 * (high - low))
+    which = f"the first {_BOXES} of {count} missions" if count > _BOXES else counted(count, "mission")
+    left.set_title(f"legs of {which} in order of seed", fontsize=10)
+    _draw_scatter(right, expected[both], sailed[both], relative_errors(dataset)[both])
+    _dress(left, right)
+    set_title(figure, dataset, "travel times of legs as expected and as sailed")
+    return figure
+
+
+def plot_planning_time(dataset: xr.Dataset) -> Figure:
+    """CPU time of one path planning call beside that of all planning of its mission (Fig. 14).
+
+    Args:
+        dataset: without a sweep, missions in order of seed.
+    """
+    calls = _positive(dataset["plan_cpu"].values)
+    low, middle, high = (over_finite(calls, partial(np.nanquantile, q=q)) for q in (0.05, 0.5, 0.95))
+    parts = [dataset[name].values.astype(float) for name in ("path_cpu", "mission_cpu", "travel_time_cpu")]
+    whole = _positive(over_finite(np.stack(parts, axis=-1), np.nansum))
+    place = np.arange(len(whole))
+    figure = style.new_figure(11.0, 5.4)
+    axes = figure.subplots()
+    axes.set_yscale("log")
+    size = _mark_size(len(place))
+    marks: dict[str, Any] = {"ls": "none", "ms": size}
+    every = "all planning of the mission: paths, orders, travel times"
+    axes.plot(place, whole, marker="s", color=style.RED, label=every, **marks)
+    band = "path planning calls, 5 to 95 %"
+    axes.vlines(place, low, high, color=style.SKY, lw=max(0.8, 0.8 * size), label=band)
+    axes.plot(place, middle, marker="o", color=style.BLUE, label="one path planning call, median", **marks)
+    axes.set_ylabel("CPU time of planning [s]")
+    axes.tick_params(labelsize=8)
+    axes.grid(which="both", axis="y", alpha=0.25)
+    axes.set_axisbelow(True)
+    _mission_axis(axes, dataset)
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=8, frameon=False)
+    one, total = (float(over_finite(values.ravel(), np.nanmedian)) for values in (calls, whole))
+    text = f"median of a path planning call {one:.3g} s, of a mission's planning {total:.3g} s"
+    set_title(figure, dataset, text)
+    return figure
+
+
+def _draw_scatter(axes: Axes, expected: Array, sailed: Array, errors: Array) -> None:
+    """Every leg's time sailed against the time expected, [legs] s."""
+    axes.scatter(
+        expected, sailed, s=9, color=style.BLUE, alpha=float(np.clip(6.0 / len(sailed) ** 0.45, 0.12, 0.8)),
+        linewidths=0, rasterized=True,
+    )  # fmt: skip
+    ends = np.array([min(expected.min(), sailed.min()), max(expected.max(), sailed.max())])
+    axes.plot(ends, ends, color="black", lw=1.2, ls="--")
+    middle, half = 0.5 * ends.sum(), 0.54 * max(float(np.ptp(ends)), 1.0)
+    axes.set(xlim=(middle - half, middle + half), ylim=(middle - half, middle + half), box_aspect=1.0)
+    axes.set_xlabel(f"{_EXPECTED} [s]")
+    axes.set_ylabel(f"{_SAILED} [s]")
+    axes.xaxis.set_major_formatter(_seconds)
+    varied = len(sailed) > 2 and min(np.ptp(expected), np.ptp(sailed)) > 0.0
+    text = f"correlation {np.corrcoef(expected, sailed)[0, 1]:.3f}\n" if varied else ""
+    text += f"median relative error {100.0 * float(over_finite(errors, np.nanmedian)):.1f} %"
+    axes.text(0.03, 0.97, text, transform=axes.transAxes, va="top", fontsize=9, path_effects=style.halo())
+    axes.set_title(f"{counted(len(sailed), 'leg')} of all missions", fontsize=10)
+
+
+def _mission_axis(axes: Axes, dataset: xr.Dataset, most: int | None = None) -> None:
+    """Places 0, 1, ... along x are missions; the ticks are their seeds."""
+    seeds = dataset["seed"].values
+    count = min(len(seeds), most or len(seeds))
+    # Few missions stay slim, and the marks of many stay off the frame.
+    margin = max(0.5 * (8 - count), 0.005 * count)
+    axes.set_xlim(-0.6 - margin, count - 0.4 + margin)
+    every = count <= _BOXES
+    axes.xaxis.set_major_locator(FixedLocator(range(count)) if every else MaxNLocator(20, integer=True))
+    axes.xaxis.set_major_formatter(
+        FuncFormatter(lambda at, _: str(seeds[int(at)]) if at in range(count) else "")
+    )
+    axes.set_xlabel("seed of the mission [-]")
+
+
+def _dress(*panels: Axes) -> None:
+    """Grid and ticks of panels whose y axis is in s."""
+    for axes in panels:
+        axes.yaxis.set_major_formatter(_seconds)
+        axes.tick_params(labelsize=8)
+        axes.grid(axis="y", alpha=0.25)
+        axes.set_axisbelow(True)
+
+
+def _seconds(value: float, _: Any) -> str:
+    return f"{value:,.0f}".replace("-", "−")
+
+
+def _mark_size(count: int) -> float:
+    """Size of the marks of `count` missions side by side, points."""
+    return float(np.clip(400.0 / count, 1.8, 6.0))
+
+
+def _positive(values: Array) -> Array:
+    """What has a place on a logarithmic scale; the rest is NaN."""
+    return np.where(np.isfinite(values) & (values > 0.0), values, np.nan)

@@ -1,0 +1,53 @@
+"""A study on the workers of a Dask cluster, on one machine or many."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from auvplan.study.design import StudyError
+from auvplan.study.worker import Job, Report, sail_all
+
+#: Missions that a worker is handed at a time; so many are lost when it dies.
+CHUNK = 16
+
+#: Workers that may die over the same missions before the study gives up.
+_DEATHS = 5
+
+
+def sail_on_cluster(
+    address: str,
+    tasks: list[tuple[int, int]],
+    job: Callable[[list[tuple[int, int]]], Job],
+    take: Callable[[Report, Any], None],
+    chunk: int = CHUNK,
+) -> None:
+    """Hand chunks of missions to a cluster's workers; those of a lost worker go to another one.
+
+    Args:
+        address: of the scheduler, such as "tcp://host:8786", or the path of a scheduler file.
+        tasks: case and seed of each mission.
+        job: makes a job of some of them.
+        take: takes each report.
+        chunk: missions of one task.
+
+    Raises:
+        StudyError: Dask is not installed, or the scheduler cannot be reached.
+    """
+    try:
+        import dask.config as settings
+        from distributed import Client, as_completed
+    except ImportError:
+        raise StudyError("--dask needs the extra auvplan[dask]: pip install 'auvplan[dask]'") from None
+    place: dict[str, Any] = {"scheduler_file": address} if Path(address).is_file() else {"address": address}
+    try:
+        client = Client(**place, timeout="10s", set_as_default=False)
+    except (OSError, ValueError) as error:
+        line = " ".join(str(error).split())
+        raise StudyError(f"Dask scheduler {address} cannot be reached: {line}") from None
+    with client, settings.set({"distributed.scheduler.allowed-failures": _DEATHS}):
+        chunks = [tasks[first : first + chunk] for first in range(0, len(tasks), chunk)]
+        futures = [client.submit(sail_all, job(part), pure=False, retries=2) for part in chunks]
+        for future in as_completed(futures):
+            for report in future.result():
+                take(report, future.key)
+            future.release()

@@ -1,0 +1,128 @@
+"""What a study runs: which settings, swept over which values, for which seeds."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from typing import Any
+
+import yaml
+
+from auvplan.io.scenario_file import validate_scenario
+from auvplan.voyage.scenario import Scenario
+from auvplan.voyage.world import ScenarioError
+
+
+class StudyError(ValueError):
+    """A study that cannot be run or continued; the message is one line."""
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A setting and the values that it takes.
+
+    Attributes:
+        field: "section.name" of the scenario.
+        values: at least one.
+    """
+
+    field: str
+    values: tuple[Any, ...]
+
+    @property
+    def dim(self) -> str:
+        """Name of its dimension in a dataset."""
+        return self.field.replace(".", "_")
+
+    @classmethod
+    def parse(cls, text: str) -> "Sweep":
+        """From "section.name=1,2,3"; values are YAML, a list of lists is written in brackets.
+
+        Raises:
+            StudyError: the text has no values, or not the form.
+        """
+        field, mark, given = text.partition("=")
+        field = field.strip()
+        try:
+            values = yaml.safe_load(given if given.strip().startswith("[") else f"[{given}]")
+        except yaml.YAMLError:
+            values = None
+        if not mark or field.count(".") != 1 or not isinstance(values, list) or not values:
+            raise StudyError(f"sweep {text!r}: give it as section.name=value,value,...")
+        if len({str(value) for value in values}) < len(values):
+            raise StudyError(f"sweep {text!r}: a value is given twice")
+        return cls(field, tuple(values))
+
+
+@dataclass(frozen=True)
+class Design:
+    """All missions of a study: every combination of swept values, the same seeds in each.
+
+    Attributes:
+        scenario: settings that are not swept.
+        count: missions of each case, of seeds `seed`, `seed` + 1, ...
+        seed: the first one.
+        sweeps: settings that vary, the last one fastest.
+    """
+
+    scenario: Scenario
+    count: int
+    seed: int = 0
+    sweeps: tuple[Sweep, ...] = ()
+
+    @property
+    def seeds(self) -> range:
+        """Seeds of every case."""
+        return range(self.seed, self.seed + self.count)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Numbers of values of the sweeps."""
+        return tuple(len(sweep.values) for sweep in self.sweeps)
+
+    @cached_property
+    def cases(self) -> list[Scenario]:
+        """The scenario of every combination.
+
+        Raises:
+            ScenarioError: a value does not fit; one line that names the field and the reason.
+        """
+        cases = []
+        for values in product(*(sweep.values for sweep in self.sweeps)):
+            plain = self.scenario.model_dump(mode="json")
+            for sweep, value in zip(self.sweeps, values, strict=True):
+                section, name = sweep.field.split(".")
+                if not isinstance(plain.get(section), dict) or name not in plain[section]:
+                    raise ScenarioError(f"sweep: {sweep.field}: unknown key")
+                plain[section][name] = value
+            cases.append(validate_scenario(plain, "sweep"))
+        return cases
+
+    @property
+    def tasks(self) -> list[tuple[int, int]]:
+        """Case and seed of every mission."""
+        return [(case, seed) for case in range(len(self.cases)) for seed in self.seeds]
+
+    def plain(self) -> dict[str, Any]:
+        """Everything that decides the results, ready for JSON."""
+        return {
+            "scenario": self.scenario.model_dump(mode="json"),
+            "count": self.count,
+            "seed": self.seed,
+            "sweeps": {sweep.field: list(sweep.values) for sweep in self.sweeps},
+        }
+
+    @classmethod
+    def of(cls, plain: dict[str, Any]) -> "Design":
+        """Back from `plain`."""
+        sweeps = tuple(Sweep(field, tuple(values)) for field, values in plain["sweeps"].items())
+        scenario = validate_scenario(plain["scenario"], "study")
+        return cls(scenario, int(plain["count"]), int(plain["seed"]), sweeps)
+
+
+def by_case(tasks: Sequence[tuple[int, int]]) -> dict[int, list[int]]:
+    """Seeds of each case."""
+    found: dict[int, list[int]] = {}
+    for case, seed in tasks:
+        found.setdefault(case, []).append(seed)
+    return found

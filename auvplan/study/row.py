@@ -1,0 +1,154 @@
+"""One mission as a row of figures: arrays by name, of the lengths that the mission has."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvplan.io.check import CheckReport, check_dataset
+from auvplan.io.results import to_dataset
+from auvplan.voyage.records import MissionRun
+
+Row = dict[str, NDArray[Any]]
+
+#: Why a path or an order was planned; their place in the list, from 1, is the code that is stored.
+PLAN_CAUSES = ("leg", "window", "hazard")
+ORDER_CAUSES = ("start", "late", "early", "refused")
+
+
+@dataclass(frozen=True)
+class Variable:
+    """A variable of a study's dataset.
+
+    Attributes:
+        dims: after those of the missions.
+        long_name: what it is.
+        units: or None for indices and flags.
+        fill: what pads it.
+        clock: whether it is wall-clock time, which no second run repeats.
+        meanings: of flags from 1; 0 is none. Yes and no are ("yes",).
+    """
+
+    dims: tuple[str, ...]
+    long_name: str
+    units: str | None = None
+    fill: Any = np.nan
+    clock: bool = False
+    meanings: tuple[str, ...] = ()
+
+
+_EACH, _LEG, _PLAN, _ORDER = (), ("leg",), ("plan",), ("order",)
+
+#: Every variable of a row, in the order in which a dataset shows them.
+VARIABLES = {
+    "t_available": Variable(_EACH, "available time", "s"),
+    "t_mission": Variable(_EACH, "time of the mission", "s"),
+    "t_residual": Variable(_EACH, "time left at the end", "s"),
+    "success": Variable(_EACH, "destination reached with time left", fill=-1, meanings=("yes",)),
+    "reason": Variable(_EACH, "how the mission ended", fill=""),
+    "tasks": Variable(_EACH, "tasks done", "1", -1),
+    "total_priority": Variable(_EACH, "total priority of the tasks done", "1"),
+    "path_calls": Variable(_EACH, "legs planned", "1", -1),
+    "path_replans": Variable(_EACH, "paths planned anew on the way", "1", -1),
+    "mission_replans": Variable(_EACH, "orders planned anew", "1", -1),
+    "collisions": Variable(_EACH, "collisions found by the independent checker", "1", -1),
+    "faults": Variable(_EACH, "faults found by the independent checker", "1", -1),
+    "coast_clearance": Variable(_EACH, "least distance to the coast; infinite without one", "m"),
+    "obstacle_clearance": Variable(_EACH, "least distance to an obstacle; infinite without one", "m"),
+    "length": Variable(_EACH, "length sailed", "m"),
+    "path_cpu": Variable(_EACH, "wall-clock time of all path planning calls", "s", clock=True),
+    "mission_cpu": Variable(_EACH, "wall-clock time of all mission planning calls", "s", clock=True),
+    "travel_time_cpu": Variable(_EACH, "wall-clock time of all estimates of travel times", "s", clock=True),
+    "leg_from": Variable(_LEG, "waypoint left", fill=-1),
+    "leg_to": Variable(_LEG, "waypoint headed for", fill=-1),
+    "leg_t_expected": Variable(_LEG, "t_ij, expected time, the task included", "s"),
+    "leg_t_path": Variable(_LEG, "T_path, travel time sailed", "s"),
+    "leg_t_task": Variable(_LEG, "time of the task", "s"),
+    "leg_priority": Variable(_LEG, "priority of the task, 0 without one", "1"),
+    "leg_arrived": Variable(_LEG, "whether the waypoint was reached; -1 pads", fill=-1, meanings=("yes",)),
+    "leg_path_replans": Variable(_LEG, "paths planned anew on the way", "1", -1),
+    "leg_distance": Variable(_LEG, "straight line between the waypoints", "m"),
+    "leg_cpu": Variable(_LEG, "wall-clock time of the leg's path planning calls", "s", clock=True),
+    "plan_leg": Variable(_PLAN, "index of the leg; -1 pads", fill=-1),
+    "plan_cause": Variable(_PLAN, "why the path was planned", fill=0, meanings=PLAN_CAUSES),
+    "plan_cost": Variable(_PLAN, "cost of the path (Eq. 12), its fitness", "s"),
+    "plan_cpu": Variable(_PLAN, "wall-clock time of the call", "s", clock=True),
+    "order_made_at": Variable(_ORDER, "mission time when the order was made", "s"),
+    "order_time": Variable(_ORDER, "time that it was expected to take", "s"),
+    "order_priority": Variable(_ORDER, "total priority of its tasks", "1"),
+    "order_cause": Variable(_ORDER, "why the order was planned", fill=0, meanings=ORDER_CAUSES),
+    "order_cpu": Variable(_ORDER, "wall-clock time of the call", "s", clock=True),
+    "order_nodes": Variable(("order", "stop"), "waypoints in order of visit; -1 pads", fill=-1),
+    "waypoint_position": Variable(("waypoint", "axis"), "place of the waypoint: north, east, down", "m"),
+}
+
+
+def row_of(run: MissionRun) -> Row:
+    """The figures of a mission that was sailed, by the names of `VARIABLES`; the checker walks it first."""
+    summary = run.summary()
+    report = check_dataset(summary, to_dataset(run))
+    return _mission(run, summary, report) | _legs(run) | _plans(run) | _orders(run)
+
+
+def _mission(run: MissionRun, summary: dict[str, Any], report: CheckReport) -> Row:
+    names = ("t_available", "t_mission", "t_residual", "reason", "total_priority")
+    counts = ("success", "tasks", "path_calls", "path_replans", "mission_replans")
+    cpu = summary["cpu"]
+    return (
+        {name: np.asarray(summary[name]) for name in names}
+        | {name: np.asarray(summary[name], np.int32) for name in counts}
+        | {
+            "collisions": np.asarray(report.collisions, np.int32),
+            "faults": np.asarray(len(report.faults), np.int32),
+            "coast_clearance": np.asarray(report.coast_clearance),
+            "obstacle_clearance": np.asarray(report.obstacle_clearance),
+            "length": np.asarray(report.length),
+            "path_cpu": np.asarray(cpu["path_s"]),
+            "mission_cpu": np.asarray(cpu["mission_s"]),
+            "travel_time_cpu": np.asarray(cpu["travel_times_s"]),
+            "waypoint_position": np.asarray(run.graph.positions, float),
+        }
+    )
+
+
+def _legs(run: MissionRun) -> Row:
+    legs, places = run.legs, np.asarray(run.graph.positions, float)
+    ends = np.asarray([(leg.start, leg.goal) for leg in legs], np.int32).reshape(-1, 2)
+    return {
+        "leg_from": ends[:, 0],
+        "leg_to": ends[:, 1],
+        "leg_t_expected": np.asarray([leg.t_expected for leg in legs], float),
+        "leg_t_path": np.asarray([leg.t_path for leg in legs], float),
+        "leg_t_task": np.asarray([leg.t_task for leg in legs], float),
+        "leg_priority": np.asarray([leg.priority for leg in legs], float),
+        "leg_arrived": np.asarray([leg.arrived for leg in legs], np.int32),
+        "leg_path_replans": np.asarray([leg.path_replans for leg in legs], np.int32),
+        "leg_distance": np.linalg.norm(places[ends[:, 1]] - places[ends[:, 0]], axis=1),
+        "leg_cpu": np.asarray([leg.cpu for leg in legs], float),
+    }
+
+
+def _plans(run: MissionRun) -> Row:
+    plans = [(number, plan) for number, leg in enumerate(run.legs) for plan in leg.plans]
+    return {
+        "plan_leg": np.asarray([number for number, _ in plans], np.int32),
+        "plan_cause": np.asarray([PLAN_CAUSES.index(plan.cause) + 1 for _, plan in plans], np.int32),
+        "plan_cost": np.asarray([plan.cost for _, plan in plans], float),
+        "plan_cpu": np.asarray([plan.cpu for _, plan in plans], float),
+    }
+
+
+def _orders(run: MissionRun) -> Row:
+    orders = run.orders
+    nodes = np.full((len(orders), max((len(order.nodes) for order in orders), default=0)), -1, np.int32)
+    for row, order in zip(nodes, orders, strict=True):
+        row[: len(order.nodes)] = order.nodes
+    return {
+        "order_made_at": np.asarray([order.made_at for order in orders], float),
+        "order_time": np.asarray([order.time for order in orders], float),
+        "order_priority": np.asarray([order.priority for order in orders], float),
+        "order_cause": np.asarray([ORDER_CAUSES.index(order.cause) + 1 for order in orders], np.int32),
+        "order_cpu": np.asarray([order.cpu for order in orders], float),
+        "order_nodes": nodes,
+    }

@@ -1,0 +1,178 @@
+"""Runs a study: in this process, on all cores of this machine, or on the workers of a Dask cluster."""
+
+import multiprocessing
+import os
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection, wait
+from pathlib import Path
+from typing import Any
+
+import xarray as xr
+
+from auvplan.study.design import Design, StudyError
+from auvplan.study.statistics import summarise
+from auvplan.study.store import Store, load_study
+from auvplan.study.table import table
+from auvplan.study.worker import Done, Finished, Job, Report, UnderWay, sail, work
+from auvplan.voyage.executive import make_fleet
+from auvplan.voyage.world import make_chart
+
+#: Missions done, missions in all, and the share of the work that is done.
+Progress = Callable[[int, int, float], None]
+
+#: Settings of JAX that worker processes take over.
+_SETTINGS = (
+    "jax_compilation_cache_dir",
+    "jax_persistent_cache_min_compile_time_secs",
+    "jax_enable_x64",
+)
+
+
+@dataclass
+class _Tally:
+    """Takes reports: writes missions to the store and keeps count."""
+
+    store: Store
+    left: int
+    progress: Progress | None
+    done: int = 0
+    under_way: dict[Any, float] = field(default_factory=dict)
+    compile_seconds: float = 0.0
+
+    def take(self, report: Report, worker: Any = None) -> None:
+        """Book a report of a worker."""
+        if isinstance(report, Done):
+            self.store.add(report.case, report.seed, report.row)
+            self.done += 1
+        elif isinstance(report, UnderWay):
+            self.under_way[worker] = report.seconds
+        else:
+            # Workers compile side by side.
+            self.compile_seconds = max(self.compile_seconds, report.compile_seconds)
+            self.under_way.pop(worker, None)
+        if self.progress:
+            available = self.store.design.scenario.mission.time_available
+            share = (self.done + sum(self.under_way.values()) / available) / max(self.left, 1)
+            before = self.store.design.count * len(self.store.design.cases) - self.left
+            self.progress(before + self.done, before + self.left, min(share, 1.0))
+
+
+def run_study(
+    design: Design,
+    out: str | Path,
+    *,
+    folder: str | Path = ".",
+    resume: bool = False,
+    workers: int | None = None,
+    dask: str | None = None,
+    save_runs: bool = False,
+    progress: Progress | None = None,
+) -> xr.Dataset:
+    """Run the missions of a study, and write `missions.nc` and `summary.json`.
+
+    Finished missions are on disk as they finish; their results depend on settings and seed alone, not on
+    what runs beside them, on which machine's worker, or on how often the study was broken off.
+
+    Args:
+        design: what to run.
+        out: folder of the study, made where missing.
+        folder: that relative paths in the scenario start from.
+        resume: continue the study in `out`.
+        workers: processes on this machine; 1 runs in this one; None is one a core.
+        dask: address of a Dask scheduler, or path of its scheduler file, whose workers do the work instead.
+        save_runs: whether to save a whole result of each mission as well, in `runs/` of the folder.
+        progress: called with missions done, missions in all, and the share of the work that is done.
+
+    Returns:
+        The dataset, see `auvplan.study.row.VARIABLES`.
+
+    Raises:
+        StudyError: the folder holds another or an unfinished study, a worker died, Dask is not there.
+        ScenarioError, ChartError: a scenario cannot be built.
+        OutputError: the folder cannot be written.
+    """
+    for case in design.cases:  # a scenario that cannot be built is told before anything is written
+        make_fleet(case, folder)
+    store = Store(out, design, resume)
+    if resume and store.finished:
+        return load_study(out)
+    tasks = store.missing()
+    saves = str(Path(out) / "runs") if save_runs else None
+    tally = _Tally(store, len(tasks), progress)
+    begin = time.perf_counter()
+
+    def job(chosen: list[tuple[int, int]]) -> Job:
+        return Job(design.plain(), str(Path(folder).resolve()), tuple(chosen), saves)
+
+    count = _cores() if workers is None else workers
+    if dask is not None:
+        from auvplan.study.cluster import sail_on_cluster
+
+        sail_on_cluster(dask, tasks, job, tally.take)
+    elif count <= 1 or len(tasks) <= 1:
+        if tasks:
+            sail(job(tasks), tally.take)
+    else:
+        _sail_on_cores([job(tasks[k::count]) for k in range(min(count, len(tasks)))], tally.take)
+
+    swept = any(sweep.field.split(".")[0] in ("chart", "area") for sweep in design.sweeps)
+    dataset = table(design, store.rows(), None if swept else make_chart(design.scenario, folder))
+    clock = {
+        "missions": len(tasks),
+        "wall_s": time.perf_counter() - begin,
+        "compile_s": tally.compile_seconds,
+        "workers": count if dask is None else dask,
+    }
+    store.finish(dataset, summarise(dataset) | {"clock": clock})
+    return dataset
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _sail_on_cores(jobs: list[Job], take: Callable[[Report, Any], None]) -> None:
+    """A process a job, each on a core of its own."""
+    with _processes(jobs) as pipes:
+        while pipes:
+            for pipe in wait(list(pipes)):
+                assert isinstance(pipe, Connection)
+                try:
+                    report = pipe.recv()
+                except EOFError:
+                    raise StudyError(
+                        "a worker process died (out of memory?); continue the study with --resume"
+                    ) from None
+                if isinstance(report, Exception):
+                    raise report
+                take(report, pipe)
+                if isinstance(report, Finished):
+                    del pipes[pipe]
+
+
+@contextmanager
+def _processes(jobs: list[Job]) -> Iterator[dict[Connection, Any]]:
+    """Started processes by the pipes that their reports come through; none outlives the block."""
+    import jax
+
+    context = multiprocessing.get_context("spawn")
+    settings = {name: getattr(jax.config, name) for name in _SETTINGS}
+    cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else [None]
+    pipes = {}
+    try:
+        for number, job in enumerate(jobs):
+            ours, theirs = context.Pipe(duplex=False)
+            core = cores[number % len(cores)]
+            process = context.Process(target=work, args=(job, core, settings, theirs), daemon=True)
+            process.start()
+            theirs.close()
+            pipes[ours] = process
+        running = list(pipes.values())
+        yield pipes
+    finally:
+        for process in running:
+            process.terminate()
+            process.join()

@@ -1,0 +1,162 @@
+"""What the missions of a study tell together, with 95 % intervals."""
+
+from collections.abc import Callable
+from itertools import product
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.special import stdtrit
+
+Array = NDArray[np.floating]
+
+#: Normal quantile of two-sided 95 % intervals.
+_Z = 1.959964
+
+
+def sweep_dims(dataset: xr.Dataset) -> list[str]:
+    """Names of the leading dimensions that are settings swept over; none without a sweep."""
+    return [name.strip() for name in str(dataset.attrs.get("sweep", "")).split(",") if name.strip()]
+
+
+def leg_times(dataset: xr.Dataset) -> tuple[Array, Array]:
+    """Travel times expected, t_ij - delta_ij, and sailed, T_path, of the legs whose goal was reached.
+
+    Returns:
+        Two of [..., missions, legs] s; NaN for all other legs.
+    """
+    reached = dataset["leg_arrived"].values == 1
+    expected = dataset["leg_t_expected"].values - dataset["leg_t_task"].values
+    return np.where(reached, expected, np.nan), np.where(reached, dataset["leg_t_path"].values, np.nan)
+
+
+def relative_errors(dataset: xr.Dataset) -> Array:
+    """|T_path / (t_ij - delta_ij) - 1|, [..., missions, legs]; NaN for legs whose goal was not reached."""
+    expected, sailed = leg_times(dataset)
+    return np.abs(sailed / np.where(expected > 0.0, expected, np.nan) - 1.0)
+
+
+def over_finite(values: Array, reduce: Callable[..., Array]) -> Array:
+    """`reduce`, one of NumPy's NaN functions, along the last axis; NaN where no value is finite."""
+    values = np.where(np.isfinite(values), values, np.nan)
+    found = np.isfinite(values).any(axis=-1)
+    reduced = np.full(found.shape, np.nan)
+    if found.any():
+        reduced[found] = reduce(values[found], axis=-1)
+    return reduced
+
+
+def mean_interval(values: Array) -> tuple[Array, Array, Array]:
+    """Mean and its 95 % interval by Student's t, along the last axis; NaN ends where one value is alone."""
+    values = np.where(np.isfinite(values), values, np.nan)
+    count = np.isfinite(values).sum(axis=-1)
+    mean = over_finite(values, np.nanmean)
+    free = np.maximum(count - 1, 1)
+    error = np.sqrt(np.nansum((values - mean[..., None]) ** 2, axis=-1) / free / np.maximum(count, 1))
+    half = np.where(count > 1, stdtrit(free, 0.975) * error, np.nan)
+    return mean, mean - half, mean + half
+
+
+def wilson_interval(values: Array) -> tuple[Array, Array, Array]:
+    """Share and Wilson's 95 % interval of values 0 or 100 %, along the last axis, %."""
+    count = np.isfinite(values).sum(axis=-1)
+    count = np.where(count > 0, count, np.nan)
+    share = np.nansum(values, axis=-1) / 100.0 / count
+    middle = (share + _Z**2 / (2.0 * count)) / (1.0 + _Z**2 / count)
+    spread = share * (1.0 - share) / count + _Z**2 / (4.0 * count**2)
+    half = _Z / (1.0 + _Z**2 / count) * np.sqrt(spread)
+    return 100.0 * share, 100.0 * (middle - half), 100.0 * (middle + half)
+
+
+def median_interval(values: Array) -> tuple[float, float, float]:
+    """Median of the finite values and its 95 % interval by order statistics."""
+    found = np.sort(values[np.isfinite(values)])
+    if not len(found):
+        return np.nan, np.nan, np.nan
+    # Ranks of a binomial with p = 1/2, by its normal law.
+    half = 0.5 * _Z * np.sqrt(len(found))
+    low = max(int(np.floor(0.5 * len(found) - half)), 0)
+    high = min(int(np.ceil(0.5 * len(found) + half)), len(found) - 1)
+    return float(np.median(found)), float(found[low]), float(found[high])
+
+
+def use_of_time(dataset: xr.Dataset) -> Array:
+    """T_mission as a share of T_available, [..., missions] %."""
+    available = dataset["t_available"].values
+    return 100.0 * dataset["t_mission"].values / np.where(available > 0.0, available, np.nan)
+
+
+def summarise(dataset: xr.Dataset) -> dict[str, Any]:
+    """The figures of a study, ready for JSON; with a sweep a list of them under "cases"."""
+    dims = sweep_dims(dataset)
+    if not dims:
+        return _case(dataset)
+    cases = []
+    for index in product(*(range(dataset.sizes[dim]) for dim in dims)):
+        case = dataset.isel(dict(zip(dims, index, strict=True)))
+        setting = (
+            {str(case[dim].attrs.get("field", dim)): case[dim].values[()].item() for dim in dims}
+            if (all(hasattr(case[dim].values[()], "item") for dim in dims))
+            else {str(case[dim].attrs.get("field", dim)): str(case[dim].values[()]) for dim in dims}
+        )
+        cases.append({"setting": setting} | _case(case))
+    return {"sweep": [str(dataset[dim].attrs.get("field", dim)) for dim in dims], "cases": cases}
+
+
+def _case(dataset: xr.Dataset) -> dict[str, Any]:
+    """Figures of the missions of one case."""
+    success = dataset["success"].values == 1
+    share, low, high = (float(value) for value in wilson_interval(100.0 * success))
+    expected, sailed = leg_times(dataset)
+    both = np.isfinite(expected) & np.isfinite(sailed)
+    median, least, most = median_interval(relative_errors(dataset))
+    seeds = dataset["seed"].values
+    figures = {
+        "use_of_time_percent": use_of_time(dataset),
+        "t_residual_s": dataset["t_residual"].values,
+        "tasks": dataset["tasks"].values,
+        "total_priority": dataset["total_priority"].values,
+        "path_calls": dataset["path_calls"].values,
+        "path_replans": dataset["path_replans"].values,
+        "mission_replans": dataset["mission_replans"].values,
+        "t_expected_s": expected,
+        "t_path_s": sailed,
+        "path_call_cpu_s": dataset["plan_cpu"].values,
+        "mission_call_cpu_s": dataset["order_cpu"].values,
+        "coast_clearance_m": dataset["coast_clearance"].values,
+        "obstacle_clearance_m": dataset["obstacle_clearance"].values,
+    }
+    return {
+        "missions": int(success.size),
+        "on_time": int(success.sum()),
+        "on_time_percent": {"share": share, "low": low, "high": high},
+        "failed_seeds": [int(seed) for seed in seeds[~success]],
+        "failures": [str(reason) for reason in dataset["reason"].values[~success]],
+        "collisions": int(dataset["collisions"].values.sum()),
+        "faults": int(dataset["faults"].values.sum()),
+        "expected_against_sailed": {
+            "legs": int(both.sum()),
+            "correlation": float(np.corrcoef(expected[both], sailed[both])[0, 1]) if both.sum() > 2 else None,
+            "median_relative_error_percent": 100.0 * median,
+            "low": 100.0 * least,
+            "high": 100.0 * most,
+        },
+        "figures": {name: _describe(np.asarray(values, float)) for name, values in figures.items()},
+    }
+
+
+def _describe(values: Array) -> dict[str, float]:
+    """Mean with its interval, standard deviation and quantiles of the finite values."""
+    found = values[np.isfinite(values)]
+    if not len(found):
+        return {}
+    mean, low, high = (float(value) for value in mean_interval(found))
+    quantiles = np.quantile(found, [0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0])
+    names = ("least", "q05", "q25", "median", "q75", "q95", "most")
+    return {
+        "mean": mean,
+        "low": low if np.isfinite(low) else mean,
+        "high": high if np.isfinite(high) else mean,
+        "std": float(found.std(ddof=1)) if len(found) > 1 else 0.0,
+    } | dict(zip(names, quantiles.tolist(), strict=True))

@@ -1,0 +1,121 @@
+"""A study on disk: missions one by one as they end, then one dataset and its summary."""
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from auvplan.io.files import ResultError, output_folder, read_dataset, write_atomically, write_dataset
+from auvplan.study.design import Design, StudyError
+from auvplan.study.row import VARIABLES, Row
+
+#: Names in the folder of a study: what it runs, its missions while it runs, its results.
+DESIGN, PIECES, DATASET, SUMMARY = "study.json", "missions", "missions.nc", "summary.json"
+
+
+class Store:
+    """The folder of one study.
+
+    Attributes:
+        folder: with everything in it.
+        design: what is run.
+    """
+
+    def __init__(self, folder: str | Path, design: Design, resume: bool = False):
+        """Open a new study, or with `resume` the same one again.
+
+        Raises:
+            StudyError: the folder holds an unfinished study, or to resume another one or none.
+            OutputError: the folder cannot be written.
+        """
+        self.folder, self.design = Path(folder), design
+        # As it comes back from JSON: tuples are lists there.
+        plain = json.loads(json.dumps(design.plain()))
+        if resume:
+            _same(self.folder / DESIGN, plain)
+            return
+        pieces = self.folder / PIECES
+        if pieces.is_dir():
+            done = len(list(pieces.glob("*.npz")))
+            raise StudyError(
+                f"{self.folder} holds an unfinished study, {done} missions done: "
+                "continue it with --resume, or choose another folder with --out"
+            )
+        output_folder(pieces)
+        for name in (DATASET, SUMMARY):
+            (self.folder / name).unlink(missing_ok=True)
+        text = json.dumps(plain, indent=2) + "\n"
+        write_atomically(self.folder / DESIGN, lambda path: path.write_text(text, encoding="utf-8"))
+
+    @property
+    def finished(self) -> bool:
+        """Whether the dataset is written."""
+        return (self.folder / DATASET).is_file() and (self.folder / SUMMARY).is_file()
+
+    def missing(self) -> list[tuple[int, int]]:
+        """Case and seed of the missions that are not on disk yet."""
+        if self.finished:
+            return []
+        return [task for task in self.design.tasks if not self._piece(*task).is_file()]
+
+    def add(self, case: int, seed: int, row: Row) -> None:
+        """Write one mission."""
+        output_folder(self.folder / PIECES)
+        write_atomically(self._piece(case, seed), lambda path: np.savez_compressed(path, **row))  # type: ignore[arg-type]
+
+    def rows(self) -> list[Row]:
+        """All missions, in the order of `Design.tasks`.
+
+        Raises:
+            ResultError: a mission's file is damaged; one line that names it.
+        """
+        return [_read(self._piece(*task)) for task in self.design.tasks]
+
+    def finish(self, dataset: xr.Dataset, summary: dict[str, Any]) -> None:
+        """Write the results in place of the missions one by one."""
+        write_dataset(dataset, self.folder / DATASET)
+        text = json.dumps(summary, indent=2) + "\n"
+        write_atomically(self.folder / SUMMARY, lambda path: path.write_text(text, encoding="utf-8"))
+        shutil.rmtree(self.folder / PIECES, ignore_errors=True)
+
+    def _piece(self, case: int, seed: int) -> Path:
+        return self.folder / PIECES / f"{case:04d}-{seed:08d}.npz"
+
+
+def load_study(folder: str | Path) -> xr.Dataset:
+    """The dataset of a finished study, in memory.
+
+    Raises:
+        ResultError: one line that names the file and what is wrong with it.
+    """
+    return read_dataset(folder, DATASET)
+
+
+def _same(path: Path, plain: dict[str, Any]) -> None:
+    """Refuse to continue what is not there or is another study."""
+    try:
+        kept = json.loads(path.read_text(encoding="utf-8"))
+    except OSError:
+        raise StudyError(f"{path}: no study to resume") from None
+    except ValueError:
+        raise StudyError(f"{path}: not valid JSON") from None
+    for name, value in plain.items():
+        there = kept.get(name) if isinstance(kept, dict) else None
+        if there != value:
+            inner: list[str] = []
+            if isinstance(value, dict) and isinstance(there, dict):
+                inner = [key for key in value if there.get(key) != value[key]]
+            field = ".".join([name, *inner[:1]])
+            raise StudyError(f"{path}: {field} differs from the study asked for; run it in another folder")
+
+
+def _read(path: Path) -> Row:
+    try:
+        with np.load(path) as piece:
+            return {name: piece[name] for name in VARIABLES}
+    except Exception as error:
+        line = " ".join(str(error).split()) or type(error).__name__
+        raise ResultError(f"{path}: not a readable mission ({line}); remove it and use --resume") from None

@@ -1,0 +1,135 @@
+"""What a worker does: sail missions and hand back their rows."""
+
+import os
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+from auvplan.study.design import Design, by_case
+from auvplan.study.row import Row
+
+#: Seconds between two words on how far the missions under way have come.
+_INTERVAL = 0.5
+
+
+@dataclass(frozen=True)
+class Job:
+    """Missions for one worker, in plain data that travels between processes and machines.
+
+    Attributes:
+        design: as `Design.plain` gives it.
+        folder: that relative paths in the scenario start from.
+        tasks: case and seed of each mission.
+        saves: folder for a whole result of each mission, or None.
+    """
+
+    design: dict[str, Any]
+    folder: str
+    tasks: tuple[tuple[int, int], ...]
+    saves: str | None = None
+
+
+@dataclass(frozen=True)
+class Done:
+    """A mission that has ended."""
+
+    case: int
+    seed: int
+    row: Row
+
+
+@dataclass(frozen=True)
+class UnderWay:
+    """Mission time that the missions under way have come to, added up, s."""
+
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Finished:
+    """The job is done; `compile_seconds` of it went into first calls."""
+
+    compile_seconds: float
+
+
+Report = Done | UnderWay | Finished
+
+
+def sail(job: Job, report: Callable[[Report], None]) -> None:
+    """Sail the missions of a job, and report each one as it ends."""
+    import jax
+    import numpy as np
+
+    from auvplan.io.results import save_run
+    from auvplan.study.row import row_of
+    from auvplan.voyage import sail_missions
+
+    design, compile_seconds = Design.of(job.design), 0.0
+    watch = _Watch(report)
+    for case, seeds in by_case(job.tasks).items():
+        missions = sail_missions(
+            design.cases[case],
+            keys=jax.vmap(jax.random.key)(np.asarray(seeds)),
+            seeds=seeds,
+            folder=job.folder,
+            progress=watch,
+        )
+        spent = 0.0
+        for number, run in missions:
+            if job.saves is not None:
+                save_run(run, Path(job.saves) / f"{case:04d}-{seeds[number]:08d}")
+            watch.forget(number)
+            spent = run.compile_seconds
+            report(Done(case, seeds[number], row_of(run)))
+        compile_seconds += spent
+    report(Finished(compile_seconds))
+
+
+class _Watch:
+    """Follows the missions under way, and speaks of them now and then."""
+
+    def __init__(self, report: Callable[[Report], None]):
+        self._report, self._clocks, self._spoke = report, {}, 0.0
+
+    def __call__(self, number: int, now: float, _: str) -> None:
+        self._clocks[number] = now
+        if time.monotonic() - self._spoke > _INTERVAL:
+            self._spoke = time.monotonic()
+            self._report(UnderWay(sum(self._clocks.values())))
+
+    def forget(self, number: int) -> None:
+        self._clocks.pop(number, None)
+
+
+def sail_all(job: Job) -> Sequence[Report]:
+    """`sail` in one go, for workers on other machines."""
+    reports: list[Report] = []
+    sail(job, reports.append)
+    return [report for report in reports if not isinstance(report, UnderWay)]
+
+
+def work(job: Job, core: int | None, settings: dict[str, Any], pipe: Connection) -> None:
+    """Entry point of a process on this machine: sail a job on one core and send its reports.
+
+    Args:
+        job: what to sail.
+        core: to stay on, or None. A process a core, with JAX on that core alone, does more than the threads
+            of one process: these hand small operations to and fro.
+        settings: of `jax.config`.
+        pipe: that reports are sent through, and an error as it is.
+    """
+    if core is not None and hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {core})
+    import jax
+
+    for name, value in settings.items():
+        jax.config.update(name, value)
+    try:
+        sail(job, pipe.send)
+    except (BrokenPipeError, KeyboardInterrupt):  # nobody listens any more
+        return
+    except Exception as error:
+        pipe.send(error)

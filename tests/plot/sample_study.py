@@ -1,0 +1,172 @@
+"""A synthetic study: missions among random waypoints, with or without a sweep over settings."""
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+
+import numpy as np
+import xarray as xr
+
+AVAILABLE = 14400.0
+SPEED = 2.5
+WAYPOINTS = 20
+#: Room for legs, path plans, orders and stops of an order.
+LEGS, PLANS, ORDERS, STOPS = 14, 80, 9, 14
+
+_FLOATS = {
+    "t_available": "s", "t_mission": "s", "t_residual": "s", "total_priority": "1", "path_cpu": "s",
+    "mission_cpu": "s", "travel_time_cpu": "s",
+}  # fmt: skip
+_COUNTS = ("tasks", "path_calls", "path_replans", "mission_replans", "collisions")
+_LEG_FLOATS = ("leg_t_expected", "leg_t_path", "leg_t_task", "leg_priority", "leg_distance", "leg_cpu")
+_LEG_COUNTS = ("leg_from", "leg_to", "leg_path_replans")
+_ORDER_FLOATS = ("order_made_at", "order_time", "order_priority", "order_cpu")
+
+
+def make_study(
+    missions: int = 8,
+    sweep: Mapping[str, Sequence] | None = None,
+    chart: bool = True,
+    failed: Sequence[int] = (2,),
+    first_seed: int = 0,
+) -> xr.Dataset:
+    """A study whose missions lose time and re-plan more often the higher the index of a swept value.
+
+    Args:
+        missions: of seeds from `first_seed` on.
+        sweep: name of the setting, with dots, to its values.
+        chart: with a coast in the north.
+        failed: indices of missions that run out of time.
+        first_seed: of the first mission.
+    """
+    sweep = dict(sweep or {})
+    dims = [name.replace(".", "_") for name in sweep]
+    shape = (*(len(values) for values in sweep.values()), missions)
+    arrays = _empty(shape)
+    for index in np.ndindex(shape):
+        row = {name: values[(*index, ...)] for name, values in arrays.items()}
+        _sail(row, np.random.default_rng(first_seed + index[-1]), sum(index[:-1]))
+        if index[-1] in failed:
+            _fail(row)
+    dataset = xr.Dataset({name: _variable(name, values, dims) for name, values in arrays.items()})
+    dataset["order_cause"].attrs |= {
+        "flag_values": np.arange(5, dtype=np.int8), "flag_meanings": "none start late early refused"
+    }  # fmt: skip
+    dataset = dataset.assign_coords(seed=("mission", np.arange(first_seed, first_seed + missions)))
+    for dim, (field, values) in zip(dims, sweep.items(), strict=True):
+        dataset = dataset.assign_coords({dim: (dim, list(values), {"field": field, "long_name": field})})
+    if chart:
+        centres = np.arange(50.0, 10000.0, 100.0)
+        passability = np.ones((100, 100))
+        passability[80:, 30:60], passability[85:, 35:55] = 0.2, 0.0
+        dataset["passability"] = (("chart_x", "chart_y"), passability)
+        dataset = dataset.assign_coords(chart_x=centres, chart_y=centres)
+    title = f"Monte Carlo study of scenario sample, {missions} missions"
+    return dataset.assign_attrs(title=title, scenario="{}", sweep=",".join(dims))
+
+
+def without_legs(study: xr.Dataset) -> xr.Dataset:
+    """The same study, but no leg was sailed, no path planned and no order made."""
+    empty = _empty(study["t_mission"].shape)
+    kept = [name for name in empty if name.startswith(("leg", "plan", "order"))]
+    changed = {name: study[name].copy(data=empty[name]) for name in kept}
+    return study.assign(changed)
+
+
+def _empty(shape: tuple[int, ...]) -> dict[str, np.ndarray]:
+    def full(trail: tuple[int, ...], value: float, dtype: type = float) -> np.ndarray:
+        return np.full((*shape, *trail), value, dtype)
+
+    return {
+        **{name: full((), np.nan) for name in _FLOATS},
+        **{name: full((), 0, np.int32) for name in _COUNTS},
+        "success": full((), 1, np.int8),
+        **{name: full((LEGS,), np.nan) for name in _LEG_FLOATS},
+        **{name: full((LEGS,), -1, np.int32) for name in _LEG_COUNTS},
+        "leg_arrived": full((LEGS,), -1, np.int8),
+        "plan_cpu": full((PLANS,), np.nan),
+        "plan_cost": full((PLANS,), np.nan),
+        "plan_leg": full((PLANS,), -1, np.int32),
+        "plan_cause": full((PLANS,), 0, np.int8),
+        **{name: full((ORDERS,), np.nan) for name in _ORDER_FLOATS},
+        "order_cause": full((ORDERS,), 0, np.int8),
+        "order_nodes": full((ORDERS, STOPS), -1, np.int32),
+        "waypoint_position": full((WAYPOINTS, 3), 0.0),
+    }
+
+
+def _variable(name: str, values: np.ndarray, dims: list[str]) -> xr.Variable:
+    inner = {"order_nodes": ["order", "stop"], "waypoint_position": ["waypoint", "axis"]}
+    prefix = name.split("_")[0]
+    trail = inner.get(name, [prefix] if prefix in ("leg", "plan", "order") else [])
+    units = {"units": _FLOATS[name]} if name in _FLOATS else {}
+    return xr.Variable([*dims, "mission", *trail], values, units)
+
+
+def _sail(row: dict[str, np.ndarray], rng: np.random.Generator, harm: int) -> None:
+    """Fill one mission's arrays; `harm` makes paths longer and re-plans more frequent."""
+    places = rng.uniform([300, 300, 5], [7800, 9700, 90], (WAYPOINTS, 3))
+    row["waypoint_position"][:] = places
+    rest = [0, *rng.permutation(np.arange(1, WAYPOINTS - 1))[:7].tolist(), WAYPOINTS - 1]
+    now, plans, orders = 0.0, 0, 0
+    tasks = rng.uniform(30, 300, WAYPOINTS)
+    weights = rng.integers(1, 6, WAYPOINTS)
+    cause = 1
+    for leg in range(8):
+        if cause:
+            row["order_nodes"][orders, : len(rest)] = rest
+            gaps = [np.linalg.norm(places[i] - places[j]) / SPEED + tasks[j] for i, j in pairwise(rest)]
+            row["order_made_at"][orders], row["order_time"][orders] = now, sum(gaps)
+            row["order_priority"][orders] = weights[rest[1:]].sum()
+            row["order_cpu"][orders], row["order_cause"][orders] = rng.uniform(0.2, 0.4), cause
+            orders += 1
+        i, j = rest[0], rest[1]
+        distance = float(np.linalg.norm(places[i] - places[j]))
+        expected = distance / SPEED
+        sailed = expected * rng.normal(1.02 + 0.03 * harm, 0.05)
+        replans = int(rng.poisson(0.6 + 0.5 * harm))
+        for k in range(replans + 1):
+            row["plan_cpu"][plans], row["plan_cost"][plans] = (
+                rng.lognormal(-1.6, 0.5),
+                sailed * 1.01 / (k + 1),
+            )
+            row["plan_leg"][plans], row["plan_cause"][plans] = leg, 1 + min(k, 1)
+            plans += 1
+        values = (expected + tasks[j], sailed, tasks[j], weights[j], distance, 0.2 * (replans + 1))
+        for name, value in zip(_LEG_FLOATS, values, strict=True):
+            row[name][leg] = value
+        for name, value in zip((*_LEG_COUNTS, "leg_arrived"), (i, j, replans, 1), strict=True):
+            row[name][leg] = value
+        now += float(sailed + tasks[j])
+        rest = rest[1:]
+        cause = 2 if sailed > 1.06 * expected else 0
+        if cause and len(rest) > 3 and orders < ORDERS:
+            middle = rest[1:-1]
+            rest = [rest[0], *rng.permutation(middle)[: len(middle) - 1].tolist(), rest[-1]]
+        cause = cause if orders < ORDERS else 0
+        if len(rest) < 2:
+            break
+    _total(row, rng, plans, orders)
+
+
+def _total(row: dict[str, np.ndarray], rng: np.random.Generator, plans: int, orders: int) -> None:
+    """The figures of a mission; the time used is a little less than the time available."""
+    used = min(AVAILABLE - rng.gamma(2.0, 150.0), AVAILABLE - 1.0)
+    done = row["leg_arrived"] == 1
+    figures = {
+        "t_available": AVAILABLE, "t_mission": used, "t_residual": AVAILABLE - used, "tasks": done.sum(),
+        "total_priority": row["leg_priority"][done].sum(), "path_calls": done.sum(),
+        "path_replans": plans - done.sum(), "mission_replans": orders - 1, "collisions": 0,
+        "path_cpu": np.nansum(row["plan_cpu"]), "mission_cpu": np.nansum(row["order_cpu"]),
+        "travel_time_cpu": rng.uniform(0.5, 1.0),
+    }  # fmt: skip
+    for name, value in figures.items():
+        row[name][...] = value
+
+
+def _fail(row: dict[str, np.ndarray]) -> None:
+    """Too late: the last leg was not finished."""
+    last = int((row["leg_arrived"] == 1).sum()) - 1
+    row["leg_arrived"][last] = 0
+    row["t_mission"][...] = AVAILABLE + 350.0
+    row["t_residual"][...] = -350.0
+    row["success"][...] = 0
