@@ -91,6 +91,13 @@ class Leg:
         assert self.plan is not None
         return self.plan
 
+    def follow(self, plan: PathPlan) -> None:
+        """Sail along a plan from its beginning."""
+        gaps = np.linalg.norm(np.diff(plan.positions, axis=0), axis=1)
+        self.plan, self.marks = plan, np.concatenate([[0.0], np.cumsum(gaps)])
+        self.track, self.arc = plan.positions, 0.0
+        self.moving, self.escaping = True, False
+
     @property
     def under_way(self) -> bool:
         return not self.record.arrived and not self.stopped

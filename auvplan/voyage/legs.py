@@ -21,6 +21,9 @@ Array = NDArray[np.floating]
 #: Seconds ahead within which a believed collision makes the vehicle re-plan at once.
 HORIZON = 180.0
 
+#: A path that takes so many times as long as was expected of its leg is thought over.
+DETOUR = 1.2
+
 #: Within this distance of its goal, m, a vehicle sails on without re-planning.
 CLOSE = 40.0
 
@@ -40,10 +43,32 @@ def begin_legs(fleet: Fleet, missions: list[Mission], records: Sequence[LegRecor
     again = [mission for mission in missions if refusal(mission.sailing)]
     if again:
         plan_legs(fleet, again, ["leg"] * len(again), cold=True)
+    _hope(fleet, [mission for mission in missions if _detours(mission.sailing)])
     parts = fleet.path_config.t_series
     for mission in missions:
         share = mission.sailing.followed.travel_time / parts
         mission.sailing.windows = [mission.now + share * (k + 1) for k in range(parts - 1)]
+
+
+def _detours(leg: Leg) -> bool:
+    """Whether the planned path takes much longer than was expected of the leg."""
+    return leg.followed.travel_time > DETOUR * (leg.record.t_expected - leg.record.t_task)
+
+
+def _hope(fleet: Fleet, missions: list[Mission]) -> None:
+    """Look for a shorter path past obstacles as they will be seen from near, in boundaries that do not grow.
+
+    On a way around an island for the sake of an obstacle that is far away, a vehicle gives up the time that
+    a second look could save: what is in the way when it comes into sensor range is planned around then.
+    """
+    if not missions:
+        return
+    before = [mission.sailing.followed for mission in missions]
+    plan_legs(fleet, missions, ["leg"] * len(missions), cold=True, growing=False)
+    for mission, plan in zip(missions, before, strict=True):
+        leg = mission.sailing
+        if refusal(leg) or leg.followed.travel_time > plan.travel_time:
+            leg.follow(plan)
 
 
 def refusal(leg: Leg) -> str:
@@ -147,12 +172,14 @@ def _holds(fleet: Fleet, mission: Mission) -> bool:
     """Whether the followed plan still does what it was planned to do, in the sea as it is told now."""
     scenario, leg = fleet.scenario, mission.sailing
     least = scenario.planning.least_window_change
-    if least == 0.0:
+    if least == 0.0 or _detours(leg):
         return False
     told = mission.sea.told(scenario.current.forecast_error)
     sample = float(np.interp(leg.arc, leg.marks, np.arange(len(leg.marks))))
     rest = outlook(leg.followed, sample, told, fleet.vehicle, fleet.path_config)
-    return rest.change < least and not rest.broken and not _hazard(mission, np.inf)
+    # What is further away comes into sensor range before the vehicle is there.
+    near = max(HORIZON, scenario.sensors.range / fleet.speed)
+    return rest.change < least and not rest.broken and not _hazard(mission, near)
 
 
 def _hazard(mission: Mission, horizon: float = HORIZON) -> bool:

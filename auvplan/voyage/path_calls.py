@@ -1,6 +1,7 @@
 """Batched calls of the path planner on what the vehicles believe, timed and booked."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -15,7 +16,9 @@ from auvplan.voyage.fleet import Fleet, Mission
 from auvplan.voyage.records import PlanRecord
 
 
-def plan_legs(fleet: Fleet, missions: list[Mission], causes: Sequence[str], cold: bool = False) -> None:
+def plan_legs(
+    fleet: Fleet, missions: list[Mission], causes: Sequence[str], cold: bool = False, growing: bool = True
+) -> None:
     """Plan paths from where the vehicles are, and follow them.
 
     Args:
@@ -23,9 +26,12 @@ def plan_legs(fleet: Fleet, missions: list[Mission], causes: Sequence[str], cold
         missions: B missions on a leg that needs a path.
         causes: [B], "leg", "window" or "hazard", for the record.
         cold: search afresh; otherwise from the kept population.
+        growing: whether the boundaries of obstacles grow until they are seen again.
     """
     keys = jnp.stack([mission.path_key() for mission in missions])
     env = _believed(fleet, missions)
+    if not growing:
+        env = replace(env, obstacles=replace(env.obstacles, growth=0.0 * env.obstacles.growth))
     # What a compiled program is made for: the settings and the shapes of the world.
     shapes = [leaf.shape[1:] for leaf in jax.tree.leaves((env.current, env.obstacles))]
     signature = ("path", cold, fleet.path_config, *shapes, fleet.chart and fleet.chart.shape)
@@ -79,7 +85,4 @@ def _follow(mission: Mission, plan: PathPlan, cause: str, seconds: float) -> Non
             mission.sea.field,
         )
     )
-    gaps = np.linalg.norm(np.diff(plan.positions, axis=0), axis=1)
-    leg.plan, leg.marks = plan, np.concatenate([[0.0], np.cumsum(gaps)])
-    leg.track, leg.arc = plan.positions, 0.0
-    leg.moving, leg.escaping = True, False
+    leg.follow(plan)

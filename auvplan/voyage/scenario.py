@@ -99,7 +99,9 @@ class SensorSettings(Section):
     position_std: NotNegative = Field(default=2.0, description="m, within range")
     velocity_std: NotNegative = Field(default=0.03, description="m/s")
     growth: NotNegative = Field(default=0.1, description="m/s, growth of the boundary since the last look")
-    growth_max: NotNegative = Field(default=60.0, description="m")
+    growth_max: NotNegative = Field(
+        default=24.0, description="m; what grows while a vehicle sails as far as its sensors reach"
+    )
 
 
 class MissionSettings(Section):
@@ -135,7 +137,7 @@ class PlanningSettings(Section):
     window_change: NotNegative | None = Field(
         default=None,
         description="share by which the time left on a path must have changed for a window to plan it anew; "
-        "0 does at every window, as the preset 'paper' does; if absent 0.02",
+        "0 does at every window, as the preset 'paper' does; if absent 0.01",
     )
     reserve: NotNegative = Field(
         default=60.0, description="s of the available time that no order is planned to use"
@@ -165,7 +167,7 @@ class PlanningSettings(Section):
         """`window_change`, or what stands for it."""
         if self.window_change is not None:
             return self.window_change
-        return 0.0 if self.preset == "paper" else 0.02
+        return 0.0 if self.preset == "paper" else 0.01
 
 
 class Scenario(Section):
