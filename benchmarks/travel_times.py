@@ -19,8 +19,7 @@ import auvplan as ap
 from auvplan.mission.travel_times import TravelTimeConfig, travel_times
 from auvplan.ocean.vortices import LambVortices
 from auvplan.path import PathConfig
-from auvplan.voyage import path_calls
-from auvplan.voyage.montecarlo import monte_carlo
+from auvplan.voyage import path_calls, seed_keys
 from auvplan.voyage.records import LegRecord, MissionRun
 from auvplan.voyage.world import make_chart
 
@@ -52,17 +51,18 @@ def sailed_legs(count: int) -> tuple[list[Planned], list[MissionRun]]:
     planned: dict[int, Planned] = {}
     call = path_calls._call
 
-    def noting(fleet, batch, env, keys, cold):
-        plans = call(fleet, batch, env, keys, cold)
-        for row, leg in enumerate(batch):
+    def noting(fleet, missions, env, keys, cold):
+        plans = call(fleet, missions, env, keys, cold)
+        for row, mission in enumerate(missions):
+            leg = mission.sailing
             if not leg.stretches and id(leg.record) not in planned and plans.feasible[row]:
                 told = jax.tree.map(lambda a, row=row: np.asarray(a[row]), env.current)
-                now, seconds = float(fleet.now[leg.mission]), float(plans.travel_time[row])
+                now, seconds = mission.now, float(plans.travel_time[row])
                 planned[id(leg.record)] = Planned(leg.record, leg.origin, leg.target, now, told, seconds)
         return plans
 
     with patch.object(path_calls, "_call", noting):
-        runs = monte_carlo(ap.load_scenario("whitsunday"), count)
+        runs = ap.run_missions(ap.load_scenario("whitsunday"), keys=seed_keys(range(count)))
     return [leg for leg in planned.values() if leg.record.arrived], runs
 
 

@@ -78,15 +78,38 @@ def test_path_and_quiet(tmp_path, capsys, monkeypatch):
     assert out == ""
 
 
-def test_montecarlo_reports_statistics(tmp_path, capsys, monkeypatch):
-    code, out, err = call(
-        capsys, monkeypatch, "montecarlo", write(tmp_path), "-n", 3, "--out", tmp_path / "mc"
-    )
+def test_montecarlo_reports_statistics_and_plot_draws_them(tmp_path, capsys, monkeypatch):
+    out = tmp_path / "mc"
+    arguments = ("montecarlo", write(tmp_path), "-n", 3, "--workers", 1, "--out", out)
+    code, said, err = call(capsys, monkeypatch, *arguments)
     assert code in (0, None), err
-    report = json.loads((tmp_path / "mc" / "summary.json").read_text())
-    assert report["missions"] == 3
-    assert len(report["runs"]) == 3
-    assert "3 of 3 missions" in out
+    report = json.loads((out / "summary.json").read_text())
+    assert report["missions"] == report["on_time"] == 3
+    assert "3 of 3 missions" in said
+    code, said, err = call(capsys, monkeypatch, "plot", out)
+    assert code in (0, None), err
+    for name in ("time_use.png", "expected_times.png", "planning_time.png", "replans.png"):
+        assert (out / name).stat().st_size > 1000
+        assert name in said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--sweep", "current.update_rate"), "section.name=value"),
+        (("--sweep", "current.speed=1,2"), "current.speed: unknown key"),
+        (("--sweep", "current.vortices=1,-2"), "current.vortices"),
+        (("--resume",), "no study to resume"),
+        (("--dask", "tcp://127.0.0.1:1"), "cannot be reached"),
+    ],
+)
+def test_bad_studies_are_one_line_and_exit_2(tmp_path, capsys, monkeypatch, arguments, words):
+    out = tmp_path / "mc"
+    code, _, err = call(capsys, monkeypatch, "montecarlo", write(tmp_path), "-n", 2, "--out", out, *arguments)
+    assert code == 2
+    assert words in err
+    assert len(err.strip().splitlines()) == 1
+    assert not (out / "missions.nc").exists()
 
 
 def test_chart_command(tmp_path, capsys, monkeypatch):
@@ -108,7 +131,7 @@ def test_scenarios_are_listed(capsys, monkeypatch):
 
 def test_help_names_every_command():
     out = CliRunner().invoke(cli.app, ["--help"]).output
-    for command in ("mission", "path", "montecarlo", "chart", "check", "scenarios"):
+    for command in ("mission", "path", "montecarlo", "plot", "chart", "check", "scenarios"):
         assert command in out
 
 

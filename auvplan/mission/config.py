@@ -96,6 +96,11 @@ class MissionConfig:
         )
         return cls(bbo=bbo, decoder="paper", objective="eq15", seeds=0, local_rounds=0)
 
+    @classmethod
+    def plain(cls) -> Self:
+        """The search alone: neither orders from a beam nor local search."""
+        return cls(seeds=0, local_rounds=0)
+
     def quick(self) -> Self:
         """The same for a fifth of the time, as it does for an order that is planned anew from a known one."""
         return self.replace(bbo=self.bbo.replace(iterations=10), beam_width=256)

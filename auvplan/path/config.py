@@ -121,6 +121,11 @@ class PathConfig:
             refine_count=1,
         )
 
+    @classmethod
+    def plain(cls) -> Self:
+        """The search alone, with a hundred iterations: neither passages nor gradients."""
+        return cls(bbo=cls().bbo.replace(iterations=100), passages=0, passage_steps=0, refine_steps=0)
+
     def replace(self, **changes: Any) -> Self:
         """A copy with some settings changed."""
         return replace(self, **changes)

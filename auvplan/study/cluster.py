@@ -1,6 +1,7 @@
 """A study on the workers of a Dask cluster, on one machine or many."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -14,28 +15,18 @@ CHUNK = 16
 _DEATHS = 5
 
 
-def sail_on_cluster(
-    address: str,
-    tasks: list[tuple[int, int]],
-    job: Callable[[list[tuple[int, int]]], Job],
-    take: Callable[[Report, Any], None],
-    chunk: int = CHUNK,
-) -> None:
-    """Hand chunks of missions to a cluster's workers; those of a lost worker go to another one.
+@contextmanager
+def connected(address: str) -> Iterator[Any]:
+    """A client of a scheduler.
 
     Args:
         address: of the scheduler, such as "tcp://host:8786", or the path of a scheduler file.
-        tasks: case and seed of each mission.
-        job: makes a job of some of them.
-        take: takes each report.
-        chunk: missions of one task.
 
     Raises:
         StudyError: Dask is not installed, or the scheduler cannot be reached.
     """
     try:
-        import dask.config as settings
-        from distributed import Client, as_completed
+        from distributed import Client
     except ImportError:
         raise StudyError("--dask needs the extra auvplan[dask]: pip install 'auvplan[dask]'") from None
     place: dict[str, Any] = {"scheduler_file": address} if Path(address).is_file() else {"address": address}
@@ -44,7 +35,30 @@ def sail_on_cluster(
     except (OSError, ValueError) as error:
         line = " ".join(str(error).split())
         raise StudyError(f"Dask scheduler {address} cannot be reached: {line}") from None
-    with client, settings.set({"distributed.scheduler.allowed-failures": _DEATHS}):
+    with client:
+        yield client
+
+
+def sail_on_cluster(
+    client: Any,
+    tasks: list[tuple[int, int]],
+    job: Callable[[list[tuple[int, int]]], Job],
+    take: Callable[[Report, Any], None],
+    chunk: int = CHUNK,
+) -> None:
+    """Hand chunks of missions to a cluster's workers; those of a lost worker go to another one.
+
+    Args:
+        client: of the cluster, see `connected`.
+        tasks: case and seed of each mission.
+        job: makes a job of some of them.
+        take: takes each report.
+        chunk: missions of one task.
+    """
+    import dask.config
+    from distributed import as_completed
+
+    with dask.config.set({"distributed.scheduler.allowed-failures": _DEATHS}):
         chunks = [tasks[first : first + chunk] for first in range(0, len(tasks), chunk)]
         futures = [client.submit(sail_all, job(part), pure=False, retries=2) for part in chunks]
         for future in as_completed(futures):

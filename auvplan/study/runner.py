@@ -4,7 +4,7 @@ import multiprocessing
 import os
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
@@ -12,6 +12,7 @@ from typing import Any
 
 import xarray as xr
 
+from auvplan.study.cluster import connected, sail_on_cluster
 from auvplan.study.design import Design, StudyError
 from auvplan.study.statistics import summarise
 from auvplan.study.store import Store, load_study
@@ -94,29 +95,27 @@ def run_study(
         ScenarioError, ChartError: a scenario cannot be built.
         OutputError: the folder cannot be written.
     """
-    for case in design.cases:  # a scenario that cannot be built is told before anything is written
+    # What cannot be built or reached is told before anything is written.
+    for case in design.cases:
         make_fleet(case, folder)
-    store = Store(out, design, resume)
-    if resume and store.finished:
-        return load_study(out)
-    tasks = store.missing()
-    saves = str(Path(out) / "runs") if save_runs else None
-    tally = _Tally(store, len(tasks), progress)
-    begin = time.perf_counter()
+    with connected(dask) if dask is not None else nullcontext() as client:
+        store = Store(out, design, resume)
+        if resume and store.finished:
+            return load_study(out)
+        tasks, begin = store.missing(), time.perf_counter()
+        tally = _Tally(store, len(tasks), progress)
+        saves = str((Path(out) / "runs").resolve()) if save_runs else None
 
-    def job(chosen: list[tuple[int, int]]) -> Job:
-        return Job(design.plain(), str(Path(folder).resolve()), tuple(chosen), saves)
+        def job(chosen: list[tuple[int, int]]) -> Job:
+            return Job(design.plain(), str(Path(folder).resolve()), tuple(chosen), saves)
 
-    count = _cores() if workers is None else workers
-    if dask is not None:
-        from auvplan.study.cluster import sail_on_cluster
-
-        sail_on_cluster(dask, tasks, job, tally.take)
-    elif count <= 1 or len(tasks) <= 1:
-        if tasks:
+        count = min(workers or _cores(), len(tasks))
+        if client is not None:
+            sail_on_cluster(client, tasks, job, tally.take)
+        elif count == 1:
             sail(job(tasks), tally.take)
-    else:
-        _sail_on_cores([job(tasks[k::count]) for k in range(min(count, len(tasks)))], tally.take)
+        elif tasks:
+            _sail_on_cores([job(tasks[k::count]) for k in range(count)], tally.take)
 
     swept = any(sweep.field.split(".")[0] in ("chart", "area") for sweep in design.sweeps)
     dataset = table(design, store.rows(), None if swept else make_chart(design.scenario, folder))

@@ -60,19 +60,16 @@ Report = Done | UnderWay | Finished
 
 def sail(job: Job, report: Callable[[Report], None]) -> None:
     """Sail the missions of a job, and report each one as it ends."""
-    import jax
-    import numpy as np
-
     from auvplan.io.results import save_run
     from auvplan.study.row import row_of
-    from auvplan.voyage import sail_missions
+    from auvplan.voyage import sail_missions, seed_keys
 
     design, compile_seconds = Design.of(job.design), 0.0
     watch = _Watch(report)
     for case, seeds in by_case(job.tasks).items():
         missions = sail_missions(
             design.cases[case],
-            keys=jax.vmap(jax.random.key)(np.asarray(seeds)),
+            keys=seed_keys(seeds),
             seeds=seeds,
             folder=job.folder,
             progress=watch,

@@ -1,6 +1,13 @@
 """Planning meets a moving world: the truth, the belief, and the loop between them (Fig. 7)."""
 
-from auvplan.voyage.executive import mission_configs, path_config, run_mission, run_missions, sail_missions
+from auvplan.voyage.executive import (
+    mission_configs,
+    path_config,
+    run_mission,
+    run_missions,
+    sail_missions,
+    seed_keys,
+)
 from auvplan.voyage.records import LegRecord, MissionRun, OrderRecord, PlanRecord
 from auvplan.voyage.scenario import Scenario
 from auvplan.voyage.world import ScenarioError
@@ -17,4 +24,5 @@ __all__ = [
     "run_mission",
     "run_missions",
     "sail_missions",
+    "seed_keys",
 ]

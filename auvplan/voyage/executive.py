@@ -29,6 +29,11 @@ _REFUSALS = 8
 Progress = Callable[[int, float, str], None]
 
 
+def seed_keys(seeds: Sequence[int]) -> jax.Array:
+    """[B] PRNG keys of B seeds, as the commands make them."""
+    return jax.vmap(jax.random.key)(np.asarray(seeds))
+
+
 def run_mission(
     scenario: Scenario,
     *,
@@ -107,17 +112,18 @@ def sail_missions(
 def path_config(scenario: Scenario) -> PathConfig:
     """The path planner's settings under the scenario's preset and effort."""
     planning = scenario.planning
-    if planning.preset == "paper":
-        config = PathConfig.paper()
-    else:
-        config = PathConfig.quick() if planning.effort == "quick" else PathConfig()
+    efforts = {"quick": PathConfig.quick, "full": PathConfig, "plain": PathConfig.plain}
+    config = PathConfig.paper() if planning.preset == "paper" else efforts[planning.effort]()
     return config.replace(t_series=planning.t_series)
 
 
 def mission_configs(scenario: Scenario) -> tuple[MissionConfig, MissionConfig]:
     """The mission planner's settings under the scenario's preset and effort: first and later orders."""
     planning = scenario.planning
-    config = MissionConfig.paper() if planning.preset == "paper" else MissionConfig()
+    if planning.preset == "paper":
+        config = MissionConfig.paper()
+    else:
+        config = MissionConfig.plain() if planning.effort == "plain" else MissionConfig()
     if planning.objective is not None:
         config = config.replace(objective=planning.objective)
     quick = planning.preset != "paper" and planning.effort == "quick"

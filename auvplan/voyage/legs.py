@@ -158,7 +158,8 @@ def _react(fleet: Fleet, missions: list[Mission]) -> None:
         elif window and not _holds(fleet, mission):
             due.append((mission, "window"))
     if due:
-        plan_legs(fleet, [mission for mission, _ in due], [cause for _, cause in due])
+        cold = fleet.scenario.planning.replan_from == "fresh"
+        plan_legs(fleet, [mission for mission, _ in due], [cause for _, cause in due], cold)
     # What a warm plan cannot clear, a cold one may; what neither can, the vehicle waits for.
     stuck = [mission for mission, _ in due if _hazard(mission)]
     if stuck:

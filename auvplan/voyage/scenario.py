@@ -120,9 +120,10 @@ class PlanningSettings(Section):
     """How the mission is planned and re-planned."""
 
     preset: Literal["default", "paper"] = "default"
-    effort: Literal["quick", "full"] = Field(
+    effort: Literal["quick", "full", "plain"] = Field(
         default="quick",
-        description="of the preset 'default': 'quick' plans paths and later orders in a fifth of the time",
+        description="of the preset 'default': 'quick' plans paths and later orders in a fifth of the time of "
+        "'full'; 'plain' is the search alone, without passages, beams, local search and gradients",
     )
     objective: Literal["priority", "eq15"] | None = Field(default=None, description="of the preset if absent")
     travel_times: Literal["sea", "distance"] | None = Field(
@@ -134,6 +135,9 @@ class PlanningSettings(Section):
         default=3.5, description="s that each obstacle is taken to cost a leg; with travel_times 'sea'"
     )
     t_series: Annotated[int, Field(ge=1, le=20)] = 4
+    replan_from: Literal["kept", "fresh"] = Field(
+        default="kept", description="population that a path is planned anew from on the way"
+    )
     window_change: NotNegative | None = Field(
         default=None,
         description="share by which the time left on a path must have changed for a window to plan it anew; "

@@ -14,7 +14,8 @@ pytestmark = pytest.mark.usefixtures("light_search")
 
 
 def embark(settings: ap.Scenario):
-    return executive._embark(settings, jax.random.key(3)[None], [3], ".")
+    fleet = executive.make_fleet(settings, ".")
+    return fleet, executive._embark(fleet, 0, jax.random.key(3), 3)
 
 
 def whole_time(leg) -> float:
@@ -51,49 +52,49 @@ def test_by_the_papers_rule_every_late_leg_causes_a_new_order(paper):
 
 
 def test_the_preset_of_the_paper_times_by_distance():
-    fleet, missions = embark(planning(preset="paper"))
-    time_edges(fleet, missions, [0])
-    assert np.isnan(missions[0].timed.travel_time).all()
+    fleet, mission = embark(planning(preset="paper"))
+    time_edges(fleet, [mission])
+    assert np.isnan(mission.timed.travel_time).all()
 
 
 def test_times_of_the_sea_follow_from_what_is_told_of_the_current():
     exact = SMALL["current"] | {"forecast_error": 0.0}
-    fleet, missions = embark(scenario(current=exact))
-    time_edges(fleet, missions, [0])
+    fleet, mission = embark(scenario(current=exact))
+    time_edges(fleet, [mission])
     area = fleet.scenario.area
-    env = ap.Environment(fleet.current.at(0), None, None, area.lower, area.upper)
-    known = missions[0].graph.with_travel_times(env, fleet.vehicle, 0.0, effort(fleet.config))
+    env = ap.Environment(mission.sea.field, None, None, area.lower, area.upper)
+    known = mission.graph.with_travel_times(env, fleet.vehicle, 0.0, effort(fleet.path_config))
     allowance = fleet.scenario.planning.detour * fleet.scenario.obstacles.total
-    np.testing.assert_allclose(missions[0].timed.travel_time, known.travel_time + allowance, rtol=1e-4)
-    assert missions[0].run.estimate_seconds > 0.0
+    np.testing.assert_allclose(mission.timed.travel_time, known.travel_time + allowance, rtol=1e-4)
+    assert mission.run.estimate_seconds > 0.0
 
 
 def test_without_obstacles_no_detour_is_allowed_for():
     calm = scenario(
         obstacles={"static": 0, "afloat": 0, "self_motivated": 0}, current={"vortices": 0, "layers": 1}
     )
-    fleet, missions = embark(calm)
-    time_edges(fleet, missions, [0])
-    graph = missions[0].graph
-    np.testing.assert_allclose(missions[0].timed.leg_times(2.5), graph.leg_times(2.5), rtol=1e-4)
+    fleet, mission = embark(calm)
+    time_edges(fleet, [mission])
+    graph = mission.graph
+    np.testing.assert_allclose(mission.timed.leg_times(2.5), graph.leg_times(2.5), rtol=1e-4)
 
 
 @pytest.mark.parametrize("kind", ["sea", "distance"])
 def test_a_refused_edge_keeps_the_time_of_its_path(kind):
-    fleet, missions = embark(planning(travel_times=kind))
-    i, j = (int(node) for node in np.argwhere(missions[0].graph.adjacency)[0])
-    missions[0].learnt[i, j] = 9000.0
+    fleet, mission = embark(planning(travel_times=kind))
+    i, j = (int(node) for node in np.argwhere(mission.graph.adjacency)[0])
+    mission.learnt[i, j] = 9000.0
     for now in (0.0, 700.0):
-        fleet.now[:] = now
-        time_edges(fleet, missions, [0])
-        assert missions[0].timed.travel_time[i, j] == 9000.0
+        mission.now = now
+        time_edges(fleet, [mission])
+        assert mission.timed.travel_time[i, j] == 9000.0
 
 
 def test_an_edge_barred_for_good_does_not_come_back():
-    fleet, missions = embark(scenario())
-    missions[0].graph = missions[0].graph.without_edges([(0, int(np.argmax(missions[0].graph.adjacency[0])))])
-    time_edges(fleet, missions, [0])
-    assert not (missions[0].timed.adjacency & ~missions[0].graph.adjacency).any()
+    fleet, mission = embark(scenario())
+    mission.graph = mission.graph.without_edges([(0, int(np.argmax(mission.graph.adjacency[0])))])
+    time_edges(fleet, [mission])
+    assert not (mission.timed.adjacency & ~mission.graph.adjacency).any()
 
 
 def test_the_rest_of_an_order_is_kept_while_it_fits():
@@ -108,10 +109,11 @@ def test_planners_are_told_the_current_of_the_moment(monkeypatch):
     seen = []
     original = legs.plan_legs
 
-    def spy(fleet: Fleet, chosen, cause, cold=False):
-        if cause == "leg":
-            seen.extend((fleet.now[leg.mission], fleet.current._updates[leg.mission]) for leg in chosen)
-        return original(fleet, chosen, cause, cold)
+    def spy(fleet: Fleet, missions, causes, cold=False, growing=True):
+        seen.extend(
+            (m.now, m.sea._updates) for m, cause in zip(missions, causes, strict=True) if cause == "leg"
+        )
+        return original(fleet, missions, causes, cold, growing)
 
     monkeypatch.setattr(legs, "plan_legs", spy)
     settings = scenario(mission=SMALL["mission"] | {"duration": [600, 900]})

@@ -10,7 +10,8 @@ from auvplan.ocean import CurrentUpdate
 from auvplan.voyage.belief import ObstacleBelief, as_obstacles
 from auvplan.voyage.evasion import escape_track
 from auvplan.voyage.scenario import Scenario, SensorSettings
-from auvplan.voyage.simulator import TIME_STEP, TrueCurrent, sail
+from auvplan.voyage.sea import Sea
+from auvplan.voyage.simulator import TIME_STEP, sail
 from auvplan.voyage.world import TrueObstacles, draw_obstacles
 
 
@@ -71,31 +72,36 @@ def test_a_current_that_wins_is_reported():
     assert float(sail_one(uniform_field(-1.0, 0.0), TRACK, 2).shortfall[0]) == 0.0
 
 
-def fields(count=3):
-    return [ap.random_vortices(jax.random.key(k), (0, 0, 0), (3000, 3000, 0), count=3) for k in range(count)]
+def some_sea(interval=600.0, seed=0):
+    field = ap.random_vortices(jax.random.key(seed), (0, 0, 0), (3000, 3000, 0), count=3)
+    return Sea(jax.random.key(10 + seed), field, CurrentUpdate(), interval)
 
 
-def test_current_updates_come_on_time_and_each_mission_has_its_own():
-    keys = jax.random.split(jax.random.key(0), 3)
-    sea = TrueCurrent(keys, fields(), CurrentUpdate(), 600.0)
-    before = np.asarray(sea.field.centers)
-    sea.advance(np.array([0.0, 599.0, 600.0]))
-    changed = (np.asarray(sea.field.centers) != before).any(axis=(1, 2, 3))
-    np.testing.assert_array_equal(changed, [False, False, True])
-    sea.advance(np.array([0.0, 1300.0, 1300.0]))
-    alone = TrueCurrent(keys[1:2], fields()[1:2], CurrentUpdate(), 600.0)
-    alone.advance(np.array([1300.0]))
-    np.testing.assert_allclose(alone.field.centers[0], sea.field.centers[1], rtol=1e-6)
+def test_current_updates_come_on_time():
+    sea = some_sea()
+    before = sea.field.centers
+    sea.advance(599.0)
+    np.testing.assert_array_equal(sea.field.centers, before)
+    sea.advance(600.0)
+    assert (sea.field.centers != before).any()
 
 
-def test_telling_errs_by_the_asked_amount_and_not_by_company():
-    keys = jax.random.split(jax.random.key(0), 3)
-    sea, alone = (TrueCurrent(keys, fields(), CurrentUpdate(), 600.0) for _ in range(2))
-    told = sea.told([0, 2], 0.05)
-    np.testing.assert_allclose(alone.told([2], 0.05).strength[0], told.strength[1], rtol=1e-6)
-    error = np.asarray(told.strength) / np.asarray(sea.field.strength)[[0, 2]] - 1.0
+def test_the_current_does_not_depend_on_when_it_was_looked_at():
+    often, once = some_sea(), some_sea()
+    for now in np.arange(0.0, 1900.0, 100.0):
+        often.advance(now)
+    once.advance(1800.0)
+    np.testing.assert_array_equal(often.field.centers, once.field.centers)
+    np.testing.assert_array_equal(often.field.strength, once.field.strength)
+
+
+def test_telling_errs_by_the_asked_amount_and_anew_every_time():
+    sea = some_sea()
+    told, again = sea.told(0.05), sea.told(0.05)
+    error = told.strength / sea.field.strength - 1.0
     assert 0.0 < np.abs(error).max() < 0.3
-    np.testing.assert_array_equal(sea.told([1], 0.0).strength[0], sea.field.strength[1])
+    assert (told.strength != again.strength).any()
+    np.testing.assert_array_equal(sea.told(0.0).strength, sea.field.strength)
 
 
 def some_truth():
