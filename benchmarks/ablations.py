@@ -1,8 +1,8 @@
 """What each part of the planner is worth to whole missions: paired studies of the Whitsunday scenario.
 
 ``python -m benchmarks.ablations --out DIR [-n 100]`` sails the same missions with the default settings and
-with one of them changed, and prints the differences mission by mission with their 95 % intervals. Studies that
-are on disk already are not sailed again.
+with one of them changed, and prints the differences mission by mission with their 95 % intervals. Studies
+that are on disk already are not sailed again.
 """
 
 import argparse

@@ -226,6 +226,7 @@ def _plans(legs: Sequence[LegRecord]) -> Variables:
         "plan_made_at": _variable(
             "plan", [plan.made_at for _, plan in plans], "when it was made", TIME_UNITS
         ),
+        "plan_cost": _variable("plan", [plan.cost for _, plan in plans], "cost of the path (Eq. 12)", "s"),
         "plan_feasible": _yes_or_no(
             "plan", [plan.feasible for _, plan in plans], "whether the planner saw every limit kept"
         ),

@@ -113,23 +113,27 @@ class Coast:
             return np.inf
         if self.on_land(positions).any():
             return 0.0
+        # No edge further from the walk than the first point's nearest can be the nearest of all.
+        bound = self._distance(positions[:1], self.edge)[0] + self.size
+        low, high = positions[:, :2].min(axis=0) - bound, positions[:, :2].max(axis=0) + bound
+        edge = self.edge[((self.edge >= low) & (self.edge <= high)).all(axis=1)]
         # Distance changes by no more than the way walked: around a coarse point only what that point cannot
         # rule out is looked at more closely.
         points, reach = np.arange(0, len(positions), _STRIDES[0]), _STRIDES[0]
         for stride in _STRIDES[1:]:
-            distance = self._distance(positions[points])
+            distance = self._distance(positions[points], edge)
             near = points[distance - reach * STEP <= distance.min()]
             offsets = np.arange(0, reach, stride)
             points = np.unique(np.minimum(near[:, None] + offsets, len(positions) - 1))
             reach = stride
-        return float(self._distance(positions[points]).min())
+        return float(self._distance(positions[points], edge).min())
 
-    def _distance(self, positions: Array) -> Array:
-        """[n] m to the nearest edge of a land pixel."""
+    def _distance(self, positions: Array, edge: Array) -> Array:
+        """[n] m to the nearest of some land pixels, given by their centres [k, 2]."""
         nearest = np.full(len(positions), np.inf)
         for first in range(0, len(positions), 64):
             part = slice(first, first + 64)
-            offset = np.maximum(np.abs(positions[part, None, :2] - self.edge) - 0.5 * self.size, 0.0)
+            offset = np.maximum(np.abs(positions[part, None, :2] - edge) - 0.5 * self.size, 0.0)
             nearest[part] = np.sqrt((offset**2).sum(axis=2).min(axis=1))
         return nearest
 

@@ -109,7 +109,8 @@ class Obstacles:
     @classmethod
     def none(cls) -> "Obstacles":
         """No obstacle at all."""
-        return cls.create(jnp.zeros((0, 3)), jnp.zeros(0))
+        plane, row = jnp.zeros((0, 3)), jnp.zeros(0)
+        return cls(plane, plane, row, row, row, row, row, row, row, jnp.zeros(0, bool))
 
     @classmethod
     def static(cls, positions: ArrayLike, radii: ArrayLike, **uncertainty: ArrayLike) -> "Obstacles":

@@ -59,7 +59,8 @@ def make_plan(start: np.ndarray, goal: np.ndarray, made_at: float, cause: str, b
         "violation_best": np.maximum(5.0 * fall - 1.0, 0.0), "violation_mean": 40.0 * fall,
         "violation_std": 15.0 * fall,
     }  # fmt: skip
-    return PlanRecord(made_at, positions, times, True, cause, 0.2, history, make_vortices())
+    duration = float(times[-1] - times[0])
+    return PlanRecord(made_at, positions, times, duration, True, cause, 0.2, history, make_vortices())
 
 
 def make_leg(
