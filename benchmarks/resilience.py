@@ -1,0 +1,85 @@
+"""Studies that are broken off: killed at random moments and resumed, or robbed of a Dask worker.
+
+``python -m benchmarks.resilience [-n 30] [--kills 10]`` runs a study of the shipped Whitsunday scenario
+unbroken, then again with the command killed by SIGKILL at random moments and resumed, then on two Dask
+workers of which one is killed. It prints whether the datasets are the same to the last bit, wall-clock times
+apart.
+"""
+
+import argparse
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+import xarray as xr
+
+import auvplan as ap
+from auvplan.study import Design, load_study, run_study, without_clocks
+from auvplan.study.store import DATASET, PIECES
+from benchmarks.machine import console
+
+#: Shortest and longest life of a command, s.
+LIFE = (15.0, 60.0)
+
+
+def killed_and_resumed(count: int, kills: int, folder: Path) -> list[int]:
+    """Run the command, killing it so many times; missions on disk at each death."""
+    chance, found = random.Random(0), []
+    command = [sys.executable, "-m", "auvplan.cli", "montecarlo", "-n", str(count), "--quiet"]
+    command += ["--out", str(folder)]
+    for life in range(kills + 1):
+        process = subprocess.Popen(command + ["--resume"] * (life > 0))
+        if life < kills:
+            time.sleep(chance.uniform(*LIFE))
+            if process.poll() is not None:
+                break
+            process.send_signal(signal.SIGKILL)
+            found.append(len(list((folder / PIECES).glob("*.npz"))))
+        process.wait()
+    return found
+
+
+def on_a_cluster(count: int, folder: Path) -> xr.Dataset:
+    """The study on two Dask workers, one of which is killed in the middle."""
+    from distributed import Client, LocalCluster
+
+    design = Design(ap.load_scenario("whitsunday"), count)
+    with LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
+        with Client(cluster) as client:
+            workers = list(client.run(os.getpid).values())
+        threading.Timer(45.0, os.kill, (workers[0], signal.SIGKILL)).start()
+        return run_study(design, folder, dask=cluster.scheduler_address)
+
+
+def same(one: xr.Dataset, other: xr.Dataset) -> str:
+    """Words for whether two datasets agree."""
+    return "identical" if without_clocks(one).identical(without_clocks(other)) else "DIFFERENT"
+
+
+def main() -> None:
+    """Print what was compared."""
+    parser = argparse.ArgumentParser(description="Studies that are broken off.")
+    parser.add_argument("-n", type=int, default=30, help="missions of a study")
+    parser.add_argument("--kills", type=int, default=10)
+    options = parser.parse_args()
+    screen = console()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        unbroken = run_study(Design(ap.load_scenario("whitsunday"), options.n), folder / "unbroken")
+        on_disk = killed_and_resumed(options.n, options.kills, folder / "killed")
+        assert (folder / "killed" / DATASET).is_file()
+        said = same(unbroken, load_study(folder / "killed"))
+        screen.print(f"killed {len(on_disk)} times, missions on disk then {on_disk}: {said}")
+        screen.print(
+            f"Dask, one of two workers killed: {same(unbroken, on_a_cluster(options.n, folder / 'dask'))}"
+        )
+
+
+if __name__ == "__main__":
+    main()
