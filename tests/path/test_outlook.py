@@ -1,0 +1,55 @@
+"""How a followed plan fares in another current, against closed forms and the planner's own times."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import auvplan as ap
+from auvplan.path.config import PathConfig
+from auvplan.path.outlook import outlook
+
+START, GOAL = np.array([0.0, 0.0, 10.0]), np.array([2000.0, 0.0, 10.0])
+LIGHT = PathConfig.quick().replace(passages=0, refine_steps=0)
+VEHICLE = ap.Vehicle(speed=2.5)
+
+
+@pytest.fixture(scope="module")
+def plan():
+    """A plan in still water, which is all but straight."""
+    env = ap.Environment(None, lower=(-500, -500, 0), upper=(2500, 500, 50))
+    return ap.plan_path(START, GOAL, env, VEHICLE, key=jax.random.key(0), config=LIGHT, depart=100.0)
+
+
+def test_in_the_sea_it_was_planned_for_nothing_changes(plan):
+    for sample in (0.0, 10.5, 62.9):
+        rest = outlook(plan, sample, ap.UniformCurrent(), VEHICLE, LIGHT)
+        assert rest.time_left == pytest.approx(rest.planned, rel=1e-4, abs=0.01)
+        assert rest.change < 1e-3
+        assert not rest.broken
+
+
+def test_a_stream_along_the_way_changes_the_time_left_as_the_closed_form_has_it(plan):
+    for stream in (-0.5, 0.5):
+        rest = outlook(plan, 0.0, ap.UniformCurrent(stream), VEHICLE, LIGHT)
+        straight = 2000.0 / (2.5 + stream)
+        assert rest.time_left == pytest.approx(straight * plan.length / 2000.0, rel=0.01)
+        assert rest.change == pytest.approx(abs(rest.time_left / plan.travel_time - 1.0), rel=1e-3)
+
+
+def test_a_current_that_wins_breaks_a_limit_only_where_it_is_still_ahead(plan):
+    def at_first(x, y, z, t):
+        return jnp.where(x < 500.0, -3.0, 0.0), 0.0 * y, 0.0 * z
+
+    current = ap.Environment(at_first, lower=(0, 0, 0), upper=(1, 1, 1)).current
+    assert outlook(plan, 0.0, current, VEHICLE, LIGHT).broken
+    past = float(np.argmax(plan.positions[:, 0] > 600.0))
+    rest = outlook(plan, past, current, VEHICLE, LIGHT)
+    assert not rest.broken
+    assert rest.change < 1e-3
+
+
+def test_at_the_goal_nothing_is_left(plan):
+    rest = outlook(plan, len(plan.times) - 1.0, ap.UniformCurrent(1.0), VEHICLE, LIGHT)
+    assert rest.time_left == pytest.approx(0.0, abs=1e-3)
+    assert not rest.broken
