@@ -160,16 +160,17 @@ def _processes(jobs: list[Job]) -> Iterator[dict[Connection, Any]]:
     context = multiprocessing.get_context("spawn")
     settings = {name: getattr(jax.config, name) for name in _SETTINGS}
     cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else [None]
-    pipes = {}
+    pipes: dict[Connection, Any] = {}
+    running = []
     try:
         for number, job in enumerate(jobs):
             ours, theirs = context.Pipe(duplex=False)
             core = cores[number % len(cores)]
             process = context.Process(target=work, args=(job, core, settings, theirs), daemon=True)
             process.start()
+            running.append(process)
             theirs.close()
             pipes[ours] = process
-        running = list(pipes.values())
         yield pipes
     finally:
         for process in running:

@@ -95,13 +95,9 @@ def summarise(dataset: xr.Dataset) -> dict[str, Any]:
     cases = []
     for index in product(*(range(dataset.sizes[dim]) for dim in dims)):
         case = dataset.isel(dict(zip(dims, index, strict=True)))
-        setting = (
-            {str(case[dim].attrs.get("field", dim)): case[dim].values[()].item() for dim in dims}
-            if (all(hasattr(case[dim].values[()], "item") for dim in dims))
-            else {str(case[dim].attrs.get("field", dim)): str(case[dim].values[()]) for dim in dims}
-        )
+        setting = {str(case[dim].attrs.get("field", dim)): case[dim].item() for dim in dims}
         cases.append({"setting": setting} | _case(case))
-    return {"sweep": [str(dataset[dim].attrs.get("field", dim)) for dim in dims], "cases": cases}
+    return {"sweep": list(cases[0]["setting"]), "cases": cases}
 
 
 def _case(dataset: xr.Dataset) -> dict[str, Any]:
