@@ -66,7 +66,8 @@ def wilson_interval(values: Array) -> tuple[Array, Array, Array]:
     middle = (share + _Z**2 / (2.0 * count)) / (1.0 + _Z**2 / count)
     spread = share * (1.0 - share) / count + _Z**2 / (4.0 * count**2)
     half = _Z / (1.0 + _Z**2 / count) * np.sqrt(spread)
-    return 100.0 * share, 100.0 * (middle - half), 100.0 * (middle + half)
+    low, high = np.clip(middle - half, 0.0, 1.0), np.clip(middle + half, 0.0, 1.0)
+    return 100.0 * share, 100.0 * low, 100.0 * high
 
 
 def median_interval(values: Array) -> tuple[float, float, float]:
