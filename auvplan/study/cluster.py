@@ -11,9 +11,6 @@ from auvplan.study.worker import Job, Report, sail_all
 #: Missions that a worker is handed at a time; so many are lost when it dies.
 CHUNK = 16
 
-#: Workers that may die over the same missions before the study gives up.
-_DEATHS = 5
-
 
 @contextmanager
 def connected(address: str) -> Iterator[Any]:
@@ -32,8 +29,9 @@ def connected(address: str) -> Iterator[Any]:
     place: dict[str, Any] = {"scheduler_file": address} if Path(address).is_file() else {"address": address}
     try:
         client = Client(**place, timeout="10s", set_as_default=False)
-    except (OSError, ValueError) as error:
-        line = " ".join(str(error).split())
+    # A scheduler file without an address ends in an assertion.
+    except (OSError, ValueError, AssertionError) as error:
+        line = " ".join(str(error).split()) or "no address"
         raise StudyError(f"Dask scheduler {address} cannot be reached: {line}") from None
     with client:
         yield client
@@ -55,13 +53,19 @@ def sail_on_cluster(
         take: takes each report.
         chunk: missions of one task.
     """
-    import dask.config
     from distributed import as_completed
+    from distributed.scheduler import KilledWorker
 
-    with dask.config.set({"distributed.scheduler.allowed-failures": _DEATHS}):
-        chunks = [tasks[first : first + chunk] for first in range(0, len(tasks), chunk)]
-        futures = [client.submit(sail_all, job(part), pure=False, retries=2) for part in chunks]
-        for future in as_completed(futures):
-            for report in future.result():
-                take(report, future.key)
-            future.release()
+    chunks = [tasks[first : first + chunk] for first in range(0, len(tasks), chunk)]
+    futures = [client.submit(sail_all, job(part), pure=False) for part in chunks]
+    for future in as_completed(futures, loop=client.loop):
+        try:
+            reports = future.result()
+        except KilledWorker:
+            raise StudyError(
+                "the cluster's workers died over the same missions (out of memory?); "
+                "continue the study with --resume"
+            ) from None
+        for report in reports:
+            take(report, future.key)
+        future.release()

@@ -1,5 +1,6 @@
 """What a study runs: which settings, swept over which values, for which seeds."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -45,11 +46,12 @@ class Sweep:
         field = field.strip()
         try:
             values = yaml.safe_load(given if given.strip().startswith("[") else f"[{given}]")
-        except yaml.YAMLError:
+        except (yaml.YAMLError, RecursionError):
             values = None
         if not mark or field.count(".") != 1 or not isinstance(values, list) or not values:
             raise StudyError(f"sweep {text!r}: give it as section.name=value,value,...")
-        if len({str(value) for value in values}) < len(values):
+        values = [_number(value) for value in values]
+        if any(value in values[:place] for place, value in enumerate(values)):
             raise StudyError(f"sweep {text!r}: a value is given twice")
         return cls(field, tuple(values))
 
@@ -70,6 +72,10 @@ class Design:
     seed: int = 0
     sweeps: tuple[Sweep, ...] = ()
 
+    def __post_init__(self) -> None:
+        if self.count < 1:
+            raise StudyError(f"a study needs at least one mission, got {self.count}")
+
     @property
     def seeds(self) -> range:
         """Seeds of every case."""
@@ -87,6 +93,10 @@ class Design:
         Raises:
             ScenarioError: a value does not fit; one line that names the field and the reason.
         """
+        fields = [sweep.field for sweep in self.sweeps]
+        for field in fields:
+            if fields.count(field) > 1:
+                raise ScenarioError(f"sweep: {field}: swept twice")
         cases = []
         for values in product(*(sweep.values for sweep in self.sweeps)):
             plain = self.scenario.model_dump(mode="json")
@@ -118,6 +128,13 @@ class Design:
         sweeps = tuple(Sweep(field, tuple(values)) for field, values in plain["sweeps"].items())
         scenario = validate_scenario(plain["scenario"], "study")
         return cls(scenario, int(plain["count"]), int(plain["seed"]), sweeps)
+
+
+def _number(value: Any) -> Any:
+    """YAML takes 1e4, without a point, for text."""
+    if isinstance(value, str) and re.fullmatch(r"[-+]?\d+[eE][-+]?\d+", value):
+        return float(value)
+    return value
 
 
 def by_case(tasks: Sequence[tuple[int, int]]) -> dict[int, list[int]]:

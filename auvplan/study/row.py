@@ -92,21 +92,22 @@ def row_of(run: MissionRun) -> Row:
 
 
 def _mission(run: MissionRun, summary: dict[str, Any], report: CheckReport) -> Row:
-    names = ("t_available", "t_mission", "t_residual", "reason", "total_priority")
+    names = ("t_available", "t_mission", "t_residual", "total_priority")
     counts = ("success", "tasks", "path_calls", "path_replans", "mission_replans")
     cpu = summary["cpu"]
     return (
-        {name: np.asarray(summary[name]) for name in names}
+        {name: np.asarray(summary[name], float) for name in names}
         | {name: np.asarray(summary[name], np.int32) for name in counts}
         | {
+            "reason": np.asarray(summary["reason"]),
             "collisions": np.asarray(report.collisions, np.int32),
             "faults": np.asarray(len(report.faults), np.int32),
-            "coast_clearance": np.asarray(report.coast_clearance),
-            "obstacle_clearance": np.asarray(report.obstacle_clearance),
-            "length": np.asarray(report.length),
-            "path_cpu": np.asarray(cpu["path_s"]),
-            "mission_cpu": np.asarray(cpu["mission_s"]),
-            "travel_time_cpu": np.asarray(cpu["travel_times_s"]),
+            "coast_clearance": np.asarray(report.coast_clearance, float),
+            "obstacle_clearance": np.asarray(report.obstacle_clearance, float),
+            "length": np.asarray(report.length, float),
+            "path_cpu": np.asarray(cpu["path_s"], float),
+            "mission_cpu": np.asarray(cpu["mission_s"], float),
+            "travel_time_cpu": np.asarray(cpu["travel_times_s"], float),
             "waypoint_position": np.asarray(run.graph.positions, float),
         }
     )

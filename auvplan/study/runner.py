@@ -10,6 +10,7 @@ from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import xarray as xr
 
 from auvplan.study.cluster import connected, sail_on_cluster
@@ -19,7 +20,7 @@ from auvplan.study.store import Store, load_study
 from auvplan.study.table import table
 from auvplan.study.worker import Done, Finished, Job, Report, UnderWay, sail, work
 from auvplan.voyage.executive import make_fleet
-from auvplan.voyage.world import make_chart
+from auvplan.voyage.world import make_chart, make_graph
 
 #: Missions done, missions in all, and the share of the work that is done.
 Progress = Callable[[int, int, float], None]
@@ -97,7 +98,7 @@ def run_study(
     """
     # What cannot be built or reached is told before anything is written.
     for case in design.cases:
-        make_fleet(case, folder)
+        make_graph(case, make_fleet(case, folder).chart, np.random.default_rng(0))
     with connected(dask) if dask is not None else nullcontext() as client:
         store = Store(out, design, resume)
         if resume and store.finished:
@@ -141,7 +142,7 @@ def _sail_on_cores(jobs: list[Job], take: Callable[[Report, Any], None]) -> None
                 assert isinstance(pipe, Connection)
                 try:
                     report = pipe.recv()
-                except EOFError:
+                except (EOFError, OSError):
                     raise StudyError(
                         "a worker process died (out of memory?); continue the study with --resume"
                     ) from None

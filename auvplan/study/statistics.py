@@ -77,7 +77,7 @@ def median_interval(values: Array) -> tuple[float, float, float]:
         return np.nan, np.nan, np.nan
     # Ranks of a binomial with p = 1/2, by its normal law.
     half = 0.5 * _Z * np.sqrt(len(found))
-    low = max(int(np.floor(0.5 * len(found) - half)), 0)
+    low = max(int(np.floor(0.5 * len(found) - half)) - 1, 0)
     high = min(int(np.ceil(0.5 * len(found) + half)), len(found) - 1)
     return float(np.median(found)), float(found[low]), float(found[high])
 
@@ -135,9 +135,9 @@ def _case(dataset: xr.Dataset) -> dict[str, Any]:
         "expected_against_sailed": {
             "legs": int(both.sum()),
             "correlation": float(np.corrcoef(expected[both], sailed[both])[0, 1]) if both.sum() > 2 else None,
-            "median_relative_error_percent": 100.0 * median,
-            "low": 100.0 * least,
-            "high": 100.0 * most,
+            "median_relative_error_percent": 100.0 * median if np.isfinite(median) else None,
+            "low": 100.0 * least if np.isfinite(least) else None,
+            "high": 100.0 * most if np.isfinite(most) else None,
         },
         "figures": {name: _describe(np.asarray(values, float)) for name, values in figures.items()},
     }

@@ -36,19 +36,23 @@ class Store:
         plain = json.loads(json.dumps(design.plain()))
         if resume:
             _same(self.folder / DESIGN, plain)
+            if self.finished:  # broken off while it cleaned up
+                shutil.rmtree(self.folder / PIECES, ignore_errors=True)
             return
         pieces = self.folder / PIECES
         if pieces.is_dir():
-            done = len(list(pieces.glob("*.npz")))
+            done = len(list(pieces.glob("[0-9]*.npz")))
             raise StudyError(
                 f"{self.folder} holds an unfinished study, {done} missions done: "
                 "continue it with --resume, or choose another folder with --out"
             )
-        output_folder(pieces)
+        # In this order: whenever it is broken off, the folder can be resumed or begun again.
+        output_folder(self.folder)
         for name in (DATASET, SUMMARY):
             (self.folder / name).unlink(missing_ok=True)
         text = json.dumps(plain, indent=2) + "\n"
         write_atomically(self.folder / DESIGN, lambda path: path.write_text(text, encoding="utf-8"))
+        output_folder(pieces)
 
     @property
     def finished(self) -> bool:
@@ -104,7 +108,8 @@ def _same(path: Path, plain: dict[str, Any]) -> None:
         raise StudyError(f"{path}: not valid JSON") from None
     for name, value in plain.items():
         there = kept.get(name) if isinstance(kept, dict) else None
-        if there != value:
+        # The order of sweeps numbers the cases.
+        if json.dumps(there) != json.dumps(value):
             inner: list[str] = []
             if isinstance(value, dict) and isinstance(there, dict):
                 inner = [key for key in value if there.get(key) != value[key]]
@@ -114,7 +119,8 @@ def _same(path: Path, plain: dict[str, Any]) -> None:
 
 def _read(path: Path) -> Row:
     try:
-        with np.load(path) as piece:
+        # NumPy leaves a damaged file open that it has opened itself.
+        with path.open("rb") as file, np.load(file) as piece:
             return {name: piece[name] for name in VARIABLES}
     except Exception as error:
         line = " ".join(str(error).split()) or type(error).__name__

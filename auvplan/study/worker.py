@@ -4,8 +4,10 @@ import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from multiprocessing import parent_process
 from multiprocessing.connection import Connection
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 from auvplan.study.design import Design, by_case
@@ -108,6 +110,14 @@ def sail_all(job: Job) -> Sequence[Report]:
     return [report for report in reports if not isinstance(report, UnderWay)]
 
 
+def _end_with_parent() -> None:
+    """End this process when the one that started it is gone, also in the middle of a compilation."""
+    parent = parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
 def work(job: Job, core: int | None, settings: dict[str, Any], pipe: Connection) -> None:
     """Entry point of a process on this machine: sail a job on one core and send its reports.
 
@@ -118,6 +128,7 @@ def work(job: Job, core: int | None, settings: dict[str, Any], pipe: Connection)
         settings: of `jax.config`.
         pipe: that reports are sent through, and an error as it is.
     """
+    Thread(target=_end_with_parent, daemon=True).start()
     if core is not None and hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {core})
     import jax

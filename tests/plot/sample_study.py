@@ -14,9 +14,9 @@ LEGS, PLANS, ORDERS, STOPS = 14, 80, 9, 14
 
 _FLOATS = {
     "t_available": "s", "t_mission": "s", "t_residual": "s", "total_priority": "1", "path_cpu": "s",
-    "mission_cpu": "s", "travel_time_cpu": "s",
+    "mission_cpu": "s", "travel_time_cpu": "s", "coast_clearance": "m", "obstacle_clearance": "m",
 }  # fmt: skip
-_COUNTS = ("tasks", "path_calls", "path_replans", "mission_replans", "collisions")
+_COUNTS = ("tasks", "path_calls", "path_replans", "mission_replans", "collisions", "faults")
 _LEG_FLOATS = ("leg_t_expected", "leg_t_path", "leg_t_task", "leg_priority", "leg_distance", "leg_cpu")
 _LEG_COUNTS = ("leg_from", "leg_to", "leg_path_replans")
 _ORDER_FLOATS = ("order_made_at", "order_time", "order_priority", "order_cpu")
@@ -73,13 +73,14 @@ def without_legs(study: xr.Dataset) -> xr.Dataset:
 
 
 def _empty(shape: tuple[int, ...]) -> dict[str, np.ndarray]:
-    def full(trail: tuple[int, ...], value: float, dtype: type = float) -> np.ndarray:
+    def full(trail: tuple[int, ...], value: float | str, dtype: type = float) -> np.ndarray:
         return np.full((*shape, *trail), value, dtype)
 
     return {
         **{name: full((), np.nan) for name in _FLOATS},
         **{name: full((), 0, np.int32) for name in _COUNTS},
         "success": full((), 1, np.int8),
+        "reason": full((), "destination reached in time", object),
         **{name: full((LEGS,), np.nan) for name in _LEG_FLOATS},
         **{name: full((LEGS,), -1, np.int32) for name in _LEG_COUNTS},
         "leg_arrived": full((LEGS,), -1, np.int8),
@@ -157,7 +158,8 @@ def _total(row: dict[str, np.ndarray], rng: np.random.Generator, plans: int, ord
         "total_priority": row["leg_priority"][done].sum(), "path_calls": done.sum(),
         "path_replans": plans - done.sum(), "mission_replans": orders - 1, "collisions": 0,
         "path_cpu": np.nansum(row["plan_cpu"]), "mission_cpu": np.nansum(row["order_cpu"]),
-        "travel_time_cpu": rng.uniform(0.5, 1.0),
+        "travel_time_cpu": rng.uniform(0.5, 1.0), "faults": 0, "coast_clearance": np.inf,
+        "obstacle_clearance": rng.uniform(1.0, 30.0),
     }  # fmt: skip
     for name, value in figures.items():
         row[name][...] = value
@@ -170,3 +172,4 @@ def _fail(row: dict[str, np.ndarray]) -> None:
     row["t_mission"][...] = AVAILABLE + 350.0
     row["t_residual"][...] = -350.0
     row["success"][...] = 0
+    row["reason"][...] = "destination reached too late"

@@ -12,16 +12,10 @@ from scipy import stats
 from auvplan.io import OutputError
 from auvplan.plot import study as figures
 from auvplan.plot import style
-from auvplan.plot.study import draw_study, shown_mission
-from auvplan.plot.sweep import (
-    MEASURES,
-    leg_times,
-    mean_interval,
-    plot_paired,
-    plot_sweep,
-    relative_errors,
-    wilson_interval,
-)
+from auvplan.plot.replans import shown_mission
+from auvplan.plot.study import draw_study
+from auvplan.plot.sweep import MEASURES, plot_paired, plot_sweep
+from auvplan.study.statistics import leg_times, relative_errors
 from tests.plot.sample_study import AVAILABLE, SPEED, make_study, without_legs
 
 NAMES = ["time_use.png", "expected_times.png", "planning_time.png", "replans.png"]
@@ -346,18 +340,3 @@ def test_path_cost_is_of_the_first_plan_of_each_leg():
     rate = np.where(reached, 1.01 * study["leg_t_path"] / study["leg_distance"], np.nan)
     np.testing.assert_allclose(cost, np.nanmean(rate, axis=-1))
     assert np.nanmin(cost) > 0.9 / SPEED
-
-
-def test_intervals():
-    values = np.array([[1.0, 2.0, 4.0, np.nan], [3.0, np.nan, np.nan, np.inf], [np.nan] * 4])
-    mean, low, high = mean_interval(values)
-    np.testing.assert_allclose(mean, [7.0 / 3.0, 3.0, np.nan])
-    assert np.isnan(low[1:]).all()
-    spread = stats.t.interval(0.95, 2, mean[0], stats.sem(values[0, :3]))
-    np.testing.assert_allclose([low[0], high[0]], spread)
-    for kept in (0, 7, 10):
-        share, low, high = wilson_interval(np.repeat([100.0, 0.0], [kept, 10 - kept]))
-        wilson = stats.binomtest(kept, 10).proportion_ci(method="wilson")
-        np.testing.assert_allclose(
-            [share, low, high], [10 * kept, 100 * wilson.low, 100 * wilson.high], atol=1e-6
-        )

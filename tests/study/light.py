@@ -1,0 +1,160 @@
+"""Small studies with light searches: in worker processes, on a cluster, as a command that can be killed.
+
+`python -m tests.study.light OUT COUNT [--resume] [--workers N] [--slow]` sails in calm water.
+"""
+
+import argparse
+import os
+import struct
+import subprocess
+import sys
+import time
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from auvplan.study import Design, load_study, run_study, runner, without_clocks, worker
+from auvplan.voyage import Scenario, ScenarioError, executive
+from tests.voyage.small import SMALL, scenario
+
+#: Seconds until a test gives up on a process.
+PATIENCE = 300.0
+
+#: Seconds between two reports of a study that is to be killed between them.
+PAUSE = 0.2
+
+_path_config = executive.path_config
+
+
+def light_config(settings):
+    """Settings of a small path search, those of the fixture `light_search`."""
+    config = _path_config(settings)
+    bbo = config.bbo.replace(population=24, iterations=24)
+    return config.replace(bbo=bbo, samples=64, refine_steps=0, passage_steps=0, control_points=6)
+
+
+def lighten() -> None:
+    """Make path searches of this process light for good."""
+    executive.path_config = light_config
+
+
+def small(**sections) -> Scenario:
+    """The small mission with some settings changed; searches without extras compile faster."""
+    sections["planning"] = {"effort": "plain"} | sections.get("planning", {})
+    return scenario(**{name: SMALL[name] | settings for name, settings in sections.items()})
+
+
+def calm(count: int) -> Design:
+    """Missions that compile faster still: they meet no obstacle and plan no path anew."""
+    none = {"static": 0, "afloat": 0, "self_motivated": 0}
+    return Design(small(obstacles=none, planning={"t_series": 1}), count)
+
+
+def mission(dataset: xr.Dataset, seed: int) -> xr.Dataset:
+    """One mission of a dataset, as a dataset without padding, clocks and what tells of other missions."""
+    one = without_clocks(dataset).isel(mission=np.flatnonzero(dataset["seed"] == seed)).drop_attrs(deep=False)
+    orders = one["order_nodes"].values[0] >= 0
+    return one.isel(
+        leg=slice(int((one["leg_from"] >= 0).sum())),
+        plan=slice(int((one["plan_leg"] >= 0).sum())),
+        order=slice(int(orders.any(axis=1).sum())),
+        stop=slice(int(orders.any(axis=0).sum())),
+    )
+
+
+def cache_settings(tmp_path_factory) -> dict[str, str]:
+    """Environment of processes that share what they compile, in this session of tests."""
+    folder = str(tmp_path_factory.getbasetemp() / "jax")
+    return {"JAX_COMPILATION_CACHE_DIR": folder, "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0"}
+
+
+def begin(tmp_path_factory, out: Path, count: int, *options: str, **settings: str) -> subprocess.Popen:
+    """Start a calm study in a process of its own, with settings of its environment."""
+    command = [sys.executable, "-m", "tests.study.light", str(out), str(count), *options]
+    environment = os.environ | cache_settings(tmp_path_factory) | settings
+    return subprocess.Popen(command, cwd=Path(__file__).parents[2], env=environment)
+
+
+def unbroken(tmp_path_factory, count: int) -> xr.Dataset:
+    """A calm study in one go, sailed once in a session of tests."""
+    out = tmp_path_factory.getbasetemp() / f"unbroken{count}"
+    if not out.is_dir():
+        assert begin(tmp_path_factory, out, count).wait(PATIENCE) == 0
+    return without_clocks(load_study(out))
+
+
+class Slow:
+    """A pipe that takes its time, so that a test can come between two reports."""
+
+    def __init__(self, pipe: Connection):
+        self._pipe = pipe
+
+    def send(self, report) -> None:
+        self._pipe.send(report)
+        time.sleep(PAUSE)
+
+
+def work(job, core, settings, pipe: Connection) -> None:
+    """A worker process with light searches that reports slowly."""
+    lighten()
+    worker.work(job, core, settings, Slow(pipe))
+
+
+def work_and_die(job, core, settings, pipe: Connection) -> None:
+    """A worker process that is killed."""
+    os._exit(1)
+
+
+def work_and_die_speaking(job, core, settings, pipe: Connection) -> None:
+    """A worker process that is killed in the middle of a report."""
+    os.write(pipe.fileno(), struct.pack("!i", 1000) + b"a report")
+    os._exit(1)
+
+
+def work_and_fail(job, core, settings, pipe: Connection) -> None:
+    """A worker process whose missions cannot be built."""
+    worker.sail = sail_and_fail
+    worker.work(job, core, settings, pipe)
+
+
+def sail_all(job):
+    """What a cluster's worker does, with light searches."""
+    lighten()
+    return worker.sail_all(job)
+
+
+def sail_and_die(job):
+    """What a cluster's worker does that is killed."""
+    os._exit(1)
+
+
+def sail_and_fail(job, report=None):
+    """What a worker does whose missions cannot be built."""
+    raise ScenarioError("mission.start (0.0, 0.0, 0.0) lies on land")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("out")
+    parser.add_argument("count", type=int)
+    parser.add_argument("--resume", action="store_true")
+    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--slow", action="store_true")
+    given = parser.parse_args()
+    lighten()
+    from tests.study import light
+
+    runner.work = light.work
+    run_study(
+        calm(given.count),
+        given.out,
+        resume=given.resume,
+        workers=given.workers,
+        progress=lambda *_: time.sleep(PAUSE if given.slow else 0.0),
+    )
+
+
+if __name__ == "__main__":
+    main()
