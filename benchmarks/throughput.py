@@ -21,7 +21,7 @@ from auvplan.voyage import seed_keys
 from benchmarks.machine import console
 
 #: Missions that are sailed one after the other, and seconds between two looks at the memory.
-SINGLES, PERIOD = 20, 0.5
+SINGLES, PERIOD = 20, 3.0
 
 
 def one_after_the_other(count: int) -> tuple[float, float]:

@@ -8,6 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 from scipy.special import stdtrit
+from scipy.stats import binom
 
 Array = NDArray[np.floating]
 
@@ -75,10 +76,9 @@ def median_interval(values: Array) -> tuple[float, float, float]:
     found = np.sort(values[np.isfinite(values)])
     if not len(found):
         return np.nan, np.nan, np.nan
-    # Ranks of a binomial with p = 1/2, by its normal law.
-    half = 0.5 * _Z * np.sqrt(len(found))
-    low = max(int(np.floor(0.5 * len(found) - half)) - 1, 0)
-    high = min(int(np.ceil(0.5 * len(found) + half)), len(found) - 1)
+    # As many values lie below the true median as heads fall among as many coins.
+    low = max(int(binom.ppf(0.025, len(found), 0.5)) - 1, 0)
+    high = len(found) - 1 - low
     return float(np.median(found)), float(found[low]), float(found[high])
 
 
