@@ -6,6 +6,7 @@ import jax
 import pytest
 
 from auvplan.voyage import executive
+from tests.voyage.small import light_config
 
 SHARED = Path(__file__).resolve().parent.parent.parent / "shared"
 
@@ -28,13 +29,6 @@ def shared():
 @pytest.fixture(scope="module")
 def light_search():
     """Path searches of the hierarchical loop become small: what is tested does not depend on their depth."""
-    original = executive.path_config
-
-    def light(settings):
-        config = original(settings)
-        bbo = config.bbo.replace(population=24, iterations=24)
-        return config.replace(bbo=bbo, samples=64, refine_steps=0, passage_steps=0, control_points=6)
-
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(executive, "path_config", light)
+        patch.setattr(executive, "path_config", light_config)
         yield

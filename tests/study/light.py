@@ -17,22 +17,13 @@ import xarray as xr
 
 from auvplan.study import Design, load_study, run_study, runner, without_clocks, worker
 from auvplan.voyage import Scenario, ScenarioError, executive
-from tests.voyage.small import SMALL, scenario
+from tests.voyage.small import SMALL, light_config, scenario
 
 #: Seconds until a test gives up on a process.
 PATIENCE = 300.0
 
 #: Seconds between two reports of a study that is to be killed between them.
 PAUSE = 0.2
-
-_path_config = executive.path_config
-
-
-def light_config(settings):
-    """Settings of a small path search, those of the fixture `light_search`."""
-    config = _path_config(settings)
-    bbo = config.bbo.replace(population=24, iterations=24)
-    return config.replace(bbo=bbo, samples=64, refine_steps=0, passage_steps=0, control_points=6)
 
 
 def lighten() -> None:

@@ -15,7 +15,7 @@ from auvplan.io.files import ResultError, read_summary
 from auvplan.study import Design, StudyError, Sweep, load_study, run_study, summarise, without_clocks
 from auvplan.study import runner as runner_module
 from auvplan.study.row import VARIABLES
-from auvplan.voyage import ScenarioError, executive
+from auvplan.voyage import ScenarioError
 from auvplan.voyage.scenario import Scenario
 from tests.study import light
 from tests.study.light import mission, small
@@ -63,10 +63,6 @@ def three(light_search, tmp_path_factory):
     """A study of three missions: its folder and its dataset."""
     out = tmp_path_factory.mktemp("three")
     return out, run_here(Design(small(), 3), out)
-
-
-def test_searches_here_are_as_light_as_in_other_processes():
-    assert executive.path_config(small()) == light.light_config(small())
 
 
 def test_a_study_leaves_its_design_its_dataset_and_its_summary(seven):

@@ -1,5 +1,7 @@
-"""A small mission in open water, for tests of the hierarchical loop."""
+"""A small mission in open water and a light search, for tests of the hierarchical loop."""
 
+from auvplan.path import PathConfig
+from auvplan.voyage import path_config
 from auvplan.voyage.scenario import Scenario
 
 SMALL = {
@@ -21,3 +23,10 @@ def scenario(**sections) -> Scenario:
 def planning(**settings) -> Scenario:
     """The small mission with some planning settings changed."""
     return scenario(planning=SMALL["planning"] | settings)
+
+
+def light_config(settings: Scenario) -> PathConfig:
+    """Settings of a small path search: what is tested with it does not depend on the search's depth."""
+    config = path_config(settings)
+    bbo = config.bbo.replace(population=24, iterations=24)
+    return config.replace(bbo=bbo, samples=64, refine_steps=0, passage_steps=0, control_points=6)
