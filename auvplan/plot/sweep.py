@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 
 from auvplan.plot import style
 from auvplan.study.statistics import (
+    cost_per_metre,
     mean_interval,
     over_finite,
     relative_errors,
@@ -64,19 +65,6 @@ def set_title(figure: Figure, dataset: xr.Dataset, text: str) -> None:
     figure.suptitle(f"{title}\n" * bool(title) + "; ".join([*settings, text]), fontsize=11)
 
 
-def _cost_per_metre(dataset: xr.Dataset) -> Array:
-    """Cost of the first plan of each leg by the leg's straight line, mean over the legs reached, s/m."""
-    distance = dataset["leg_distance"].values
-    usable = (dataset["leg_arrived"].values == 1) & (distance > 0.0)
-    legs = distance.shape[-1]
-    made_for = dataset["plan_leg"].values[..., None] == np.arange(legs)
-    if not made_for.size:
-        return np.full(distance.shape[:-1], np.nan)
-    cost = np.take_along_axis(dataset["plan_cost"].values, made_for.argmax(axis=-2), axis=-1)
-    usable &= made_for.any(axis=-2)
-    return over_finite(np.where(usable, cost, np.nan) / np.where(usable, distance, 1.0), np.nanmean)
-
-
 def _plain(name: str, factor: float = 1.0) -> Callable[[xr.Dataset], Array]:
     return lambda dataset: factor * dataset[name].values.astype(float)
 
@@ -89,7 +77,7 @@ MEASURES = (
         "median |$T_{path}$ / ($t_{ij}$ − $δ_{ij}$) − 1| [%]",
         lambda dataset: 100.0 * over_finite(relative_errors(dataset), np.nanmedian),
     ),
-    Measure("path cost per metre of straight line [s/m]", _cost_per_metre),
+    Measure("path cost per metre of straight line [s/m]", cost_per_metre),
     Measure("path re-plans per mission [-]", _plain("path_replans")),
     Measure("mission re-plans per mission [-]", _plain("mission_replans")),
 )

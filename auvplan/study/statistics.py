@@ -88,16 +88,49 @@ def use_of_time(dataset: xr.Dataset) -> Array:
     return 100.0 * dataset["t_mission"].values / np.where(available > 0.0, available, np.nan)
 
 
+def cost_per_metre(dataset: xr.Dataset) -> Array:
+    """Cost of the first plan of each leg by the leg's straight line, mean over the legs reached, s/m."""
+    distance = dataset["leg_distance"].values
+    usable = (dataset["leg_arrived"].values == 1) & (distance > 0.0)
+    legs = distance.shape[-1]
+    made_for = dataset["plan_leg"].values[..., None] == np.arange(legs)
+    if not made_for.size:
+        return np.full(distance.shape[:-1], np.nan)
+    cost = np.take_along_axis(dataset["plan_cost"].values, made_for.argmax(axis=-2), axis=-1)
+    usable &= made_for.any(axis=-2)
+    return over_finite(np.where(usable, cost, np.nan) / np.where(usable, distance, 1.0), np.nanmean)
+
+
+def time_per_metre(dataset: xr.Dataset) -> Array:
+    """Time sailed on each leg by the leg's straight line, mean over the legs reached, s/m."""
+    distance = dataset["leg_distance"].values
+    usable = (dataset["leg_arrived"].values == 1) & (distance > 0.0)
+    sailed = np.where(usable, dataset["leg_t_path"].values, np.nan)
+    return over_finite(sailed / np.where(usable, distance, 1.0), np.nanmean)
+
+
+#: Figures of a mission that the cases of a sweep are compared by, seed by seed.
+_COMPARED: dict[str, Callable[[xr.Dataset], Array]] = {
+    "use_of_time_percent": use_of_time,
+    "total_priority": lambda dataset: dataset["total_priority"].values,
+    "path_replans": lambda dataset: dataset["path_replans"].values.astype(float),
+    "mission_replans": lambda dataset: dataset["mission_replans"].values.astype(float),
+    "path_cost_per_metre_s": cost_per_metre,
+    "sailed_time_per_metre_s": time_per_metre,
+}
+
+
 def summarise(dataset: xr.Dataset) -> dict[str, Any]:
     """The figures of a study, ready for JSON; with a sweep a list of them under "cases"."""
     dims = sweep_dims(dataset)
     if not dims:
         return _case(dataset)
-    cases = []
+    cases, first = [], {name: of(dataset.isel(dict.fromkeys(dims, 0))) for name, of in _COMPARED.items()}
     for index in product(*(range(dataset.sizes[dim]) for dim in dims)):
         case = dataset.isel(dict(zip(dims, index, strict=True)))
         setting = {str(case[dim].attrs.get("field", dim)): case[dim].item() for dim in dims}
-        cases.append({"setting": setting} | _case(case))
+        differences = {name: _interval(of(case) - first[name]) for name, of in _COMPARED.items()}
+        cases.append({"setting": setting} | _case(case) | {"differences_to_first": differences})
     return {"sweep": list(cases[0]["setting"]), "cases": cases}
 
 
@@ -141,6 +174,12 @@ def _case(dataset: xr.Dataset) -> dict[str, Any]:
         },
         "figures": {name: _describe(np.asarray(values, float)) for name, values in figures.items()},
     }
+
+
+def _interval(values: Array) -> dict[str, float | None]:
+    """Mean and its 95 % interval; None where there is none."""
+    found = zip(("mean", "low", "high"), mean_interval(values), strict=True)
+    return {name: float(value) if np.isfinite(value) else None for name, value in found}
 
 
 def _describe(values: Array) -> dict[str, float]:

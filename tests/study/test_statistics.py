@@ -181,6 +181,11 @@ def test_a_sweep_is_summarised_case_by_case():
     assert sweep_dims(study) == ["planning_objective", "current_update_rate"]
     assert summary["sweep"] == [*OBJECTIVES, *RATES]
     settings = [case.pop("setting") for case in summary["cases"]]
+    differences = [case.pop("differences_to_first")["total_priority"] for case in summary["cases"]]
+    priority = study["total_priority"].values.reshape(6, -1)
+    for difference, change in zip(differences, priority - priority[0], strict=True):
+        assert difference["mean"] == pytest.approx(change.mean())
+        assert difference["low"] <= difference["mean"] <= difference["high"]
     assert [list(setting.values()) for setting in settings] == [
         [objective, rate] for objective in ("priority", "eq15") for rate in (0.0, 0.1, 0.2)
     ]
