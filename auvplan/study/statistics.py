@@ -152,6 +152,8 @@ def _case(dataset: xr.Dataset) -> dict[str, Any]:
         "mission_replans": dataset["mission_replans"].values,
         "t_expected_s": expected,
         "t_path_s": sailed,
+        "path_cost_per_metre_s": cost_per_metre(dataset),
+        "sailed_time_per_metre_s": time_per_metre(dataset),
         "path_call_cpu_s": dataset["plan_cpu"].values,
         "mission_call_cpu_s": dataset["order_cpu"].values,
         "coast_clearance_m": dataset["coast_clearance"].values,
