@@ -24,19 +24,22 @@ from auvplan.study import Design, load_study, run_study, without_clocks
 from auvplan.study.store import DATASET, PIECES
 from benchmarks.machine import console
 
-#: Shortest and longest life of a command, s.
-LIFE = (15.0, 60.0)
+#: Shortest and longest life of a command that is killed, as shares of what the unbroken study took.
+LIFE = (0.3, 1.0)
 
 
-def killed_and_resumed(count: int, kills: int, folder: Path) -> list[int]:
-    """Run the command, killing it so many times; missions on disk at each death."""
+def killed_and_resumed(count: int, kills: int, seconds: float, folder: Path) -> list[int]:
+    """Run the command, killing it so many times; missions on disk at each death.
+
+    The unbroken study took so many seconds.
+    """
     chance, found = random.Random(0), []
     command = [sys.executable, "-m", "auvplan.cli", "montecarlo", "-n", str(count), "--quiet"]
     command += ["--out", str(folder)]
     for life in range(kills + 1):
         process = subprocess.Popen(command + ["--resume"] * (life > 0))
         if life < kills:
-            time.sleep(chance.uniform(*LIFE))
+            time.sleep(seconds * chance.uniform(*LIFE))
             if process.poll() is not None:
                 break
             process.send_signal(signal.SIGKILL)
@@ -71,8 +74,10 @@ def main() -> None:
     screen = console()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
+        begin = time.perf_counter()
         unbroken = run_study(Design(ap.load_scenario("whitsunday"), options.n), folder / "unbroken")
-        on_disk = killed_and_resumed(options.n, options.kills, folder / "killed")
+        seconds = time.perf_counter() - begin
+        on_disk = killed_and_resumed(options.n, options.kills, seconds, folder / "killed")
         assert (folder / "killed" / DATASET).is_file()
         said = same(unbroken, load_study(folder / "killed"))
         screen.print(f"killed {len(on_disk)} times, missions on disk then {on_disk}: {said}")

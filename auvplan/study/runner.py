@@ -127,7 +127,7 @@ def run_study(
         "workers": count if dask is None else dask,
     }
     store.finish(dataset, summarise(dataset) | {"clock": clock})
-    return dataset
+    return load_study(out)
 
 
 def _cores() -> int:
