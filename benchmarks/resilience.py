@@ -21,31 +21,39 @@ import xarray as xr
 
 import auvplan as ap
 from auvplan.study import Design, load_study, run_study, without_clocks
-from auvplan.study.store import DATASET, PIECES
+from auvplan.study.store import DATASET, DESIGN, PIECES
 from benchmarks.machine import console
 
 #: Shortest and longest life of a command that is killed, as shares of what the unbroken study took.
-LIFE = (0.3, 1.0)
+LIFE = (0.4, 1.0)
 
 
-def killed_and_resumed(count: int, kills: int, seconds: float, folder: Path) -> list[int]:
-    """Run the command, killing it so many times; missions on disk at each death.
+def killed_and_resumed(count: int, kills: int, seconds: float, folder: Path) -> tuple[list[int], list[Path]]:
+    """Run the command, killing it so many times in all; a study that ends is followed by a new one.
 
-    The unbroken study took so many seconds.
+    Args:
+        count: missions of a study.
+        kills: in all.
+        seconds: that the unbroken study took.
+        folder: of all studies.
+
+    Returns:
+        Missions on disk at each death, and the folders of the studies, all of them finished.
     """
-    chance, found = random.Random(0), []
-    command = [sys.executable, "-m", "auvplan.cli", "montecarlo", "-n", str(count), "--quiet"]
-    command += ["--out", str(folder)]
-    for life in range(kills + 1):
-        process = subprocess.Popen(command + ["--resume"] * (life > 0))
-        if life < kills:
+    chance, found, studies = random.Random(0), [], [folder / "0"]
+    while len(found) < kills or not (studies[-1] / DATASET).is_file():
+        if (studies[-1] / DATASET).is_file():
+            studies.append(folder / str(len(studies)))
+        command = [sys.executable, "-m", "auvplan.cli", "montecarlo", "-n", str(count), "--quiet"]
+        command += ["--out", str(studies[-1])] + ["--resume"] * (studies[-1] / DESIGN).is_file()
+        process = subprocess.Popen(command)
+        if len(found) < kills:
             time.sleep(seconds * chance.uniform(*LIFE))
-            if process.poll() is not None:
-                break
-            process.send_signal(signal.SIGKILL)
-            found.append(len(list((folder / PIECES).glob("*.npz"))))
+            if process.poll() is None:
+                process.send_signal(signal.SIGKILL)
+                found.append(len(list((studies[-1] / PIECES).glob("[0-9]*.npz"))))
         process.wait()
-    return found
+    return found, studies
 
 
 def on_a_cluster(count: int, folder: Path) -> xr.Dataset:
@@ -77,10 +85,12 @@ def main() -> None:
         begin = time.perf_counter()
         unbroken = run_study(Design(ap.load_scenario("whitsunday"), options.n), folder / "unbroken")
         seconds = time.perf_counter() - begin
-        on_disk = killed_and_resumed(options.n, options.kills, seconds, folder / "killed")
-        assert (folder / "killed" / DATASET).is_file()
-        said = same(unbroken, load_study(folder / "killed"))
-        screen.print(f"killed {len(on_disk)} times, missions on disk then {on_disk}: {said}")
+        on_disk, studies = killed_and_resumed(options.n, options.kills, seconds, folder / "killed")
+        said = {same(unbroken, load_study(study)) for study in studies}
+        screen.print(
+            f"{len(studies)} studies killed {len(on_disk)} times, missions on disk then {on_disk}: "
+            f"{', '.join(sorted(said))}"
+        )
         screen.print(
             f"Dask, one of two workers killed: {same(unbroken, on_a_cluster(options.n, folder / 'dask'))}"
         )
