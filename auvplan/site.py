@@ -1,0 +1,97 @@
+"""Where and when a mission is: local metres and seconds to longitude, latitude and time of day, and back."""
+
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from functools import cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pyproj import Geod, Proj, Transformer
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Site:
+    """A place on the WGS 84 ellipsoid and a moment, from which local coordinates count.
+
+    Local metres north and east come from the azimuthal equidistant projection about the place.
+
+    Attributes:
+        longitude: degrees east.
+        latitude: degrees north.
+        epoch: the moment of local time 0 s; None where missions have no date.
+        origin: local north and east of the place, m.
+
+    Example:
+        >>> site = Site(148.96, -20.34)
+        >>> [round(float(metres)) for metres in site.to_local(148.97, -20.34)]
+        [0, 1044]
+    """
+
+    longitude: float
+    latitude: float
+    epoch: datetime | None = None
+    origin: tuple[float, float] = (0.0, 0.0)
+
+    def to_local(self, longitude: ArrayLike, latitude: ArrayLike) -> tuple[Array, Array]:
+        """Local north and east, m, of places by longitude (-180 to 180 or 0 to 360) and latitude, degrees."""
+        east, north = _projection(self.longitude, self.latitude).transform(longitude, latitude)
+        return np.asarray(north) + self.origin[0], np.asarray(east) + self.origin[1]
+
+    def to_geographic(self, north: ArrayLike, east: ArrayLike) -> tuple[Array, Array]:
+        """Longitude in [-180, 180] and latitude, degrees, of local north and east, m."""
+        longitude, latitude = _projection(self.longitude, self.latitude).transform(
+            np.asarray(east) - self.origin[1], np.asarray(north) - self.origin[0], direction="INVERSE"
+        )
+        return np.asarray(longitude), np.asarray(latitude)
+
+    def true_north(self, longitude: ArrayLike, latitude: ArrayLike) -> Array:
+        """Bearing of true north in the local frame, rad clockwise from local north; 0 at the site.
+
+        A velocity (east e, north n) at that place is (n cos b - e sin b, n sin b + e cos b) in local north and
+        east, b being this bearing.
+        """
+        proj = _projection_of(self.longitude, self.latitude)
+        convergence = proj.get_factors(np.asarray(longitude), np.asarray(latitude)).meridian_convergence
+        return -np.deg2rad(np.asarray(convergence))  # it is where grid north points, seen from true north
+
+    def utc(self, seconds: float) -> datetime | None:
+        """The moment of a local time, or None where missions have no date."""
+        return None if self.epoch is None else self.epoch + timedelta(seconds=float(seconds))
+
+    def seconds(self, moment: datetime) -> float:
+        """Local time, s, of a moment; one without a time zone is taken as UTC.
+
+        Raises:
+            ValueError: the site has no epoch.
+        """
+        if self.epoch is None:
+            raise ValueError("the site has no epoch to count from")
+        return (as_utc(moment) - self.epoch).total_seconds()
+
+
+def as_utc(moment: datetime) -> datetime:
+    """A moment in UTC; one without a time zone is taken as UTC."""
+    return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
+
+
+def metres_between(
+    longitude: ArrayLike, latitude: ArrayLike, other: ArrayLike, other_latitude: ArrayLike
+) -> Array:
+    """Distance on the ellipsoid, m, between places in degrees."""
+    return np.asarray(Geod(ellps="WGS84").inv(longitude, latitude, other, other_latitude)[2])
+
+
+def _definition(longitude: float, latitude: float) -> str:
+    return f"+proj=aeqd +lon_0={longitude!r} +lat_0={latitude!r} +datum=WGS84 +units=m"
+
+
+@cache
+def _projection_of(longitude: float, latitude: float) -> Proj:
+    return Proj(_definition(longitude, latitude))
+
+
+@cache
+def _projection(longitude: float, latitude: float) -> Transformer:
+    return Transformer.from_crs("EPSG:4326", _definition(longitude, latitude), always_xy=True)
