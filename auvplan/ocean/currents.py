@@ -2,7 +2,8 @@
 
 A current is any pytree callable ``current(x, y, z, t) -> (u, v, w)``: arrays broadcast elementwise, metres
 and seconds in, m/s north, east and down out. An attribute ``steady`` that is True says that t does not
-matter, which spares planners the sailing of segments one after the other.
+matter, one ``gradual`` that it matters little within minutes: both spare planners the sailing of segments one
+after the other.
 """
 
 from collections.abc import Callable
@@ -79,3 +80,8 @@ def as_current(current: object) -> Current:
 def is_steady(current: Current) -> bool:
     """Whether the current is known not to depend on time."""
     return bool(getattr(current, "steady", False))
+
+
+def is_gradual(current: Current) -> bool:
+    """Whether the current changes in time, but little in the time that paths of one leg differ by."""
+    return bool(getattr(current, "gradual", False)) and not is_steady(current)

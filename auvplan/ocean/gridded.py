@@ -11,28 +11,34 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from auvplan.ocean.currents import Velocity
+from auvplan.ocean.interpolation import interpolated
 from auvplan.pytree import rebuilt_as_is
+
+#: Times whose steps differ by less than this share of a step are even.
+_EVEN = 1e-4
 
 
 class CurrentError(ValueError):
     """A current that cannot be read or used; the message is one line that names what is wrong."""
 
 
-@rebuilt_as_is("u", "v", "w", "water", "origin", "spacing", "depths", "times")
+@rebuilt_as_is("u", "v", "w", "water", "origin", "spacing", "depths", "times", "step")
 @dataclass(frozen=True)
 class GriddedCurrent:
     """A current on a grid of even metres north and east, rising depths and rising times.
 
-    Make one with `from_arrays`. Beyond the grid's edges the nearest edge holds.
+    Make one with `from_arrays`. Beyond the grid's edges, first and last level, first and last time, the
+    nearest holds; `covers` tells where that is. Differentiable in place and time, and in u, v and w.
 
     Attributes:
         u, v, w: [T, Z, X, Y] m/s north, east, down; w is None where there is no vertical velocity.
         water: [Z, X, Y] bool, where the data has a current; elsewhere - land, or below the sea bed - u, v and
-            w hold what the nearest water of that depth has, or the water above.
+            w hold what the nearest water of that depth has, or else the water above.
         origin: [2] m, north and east of node (0, 0).
         spacing: [2] m, north and east, between nodes.
         depths: [Z] m, positive down.
         times: [T] s since the epoch.
+        step: s between times, or None where they are not even.
     """
 
     u: jax.Array
@@ -43,3 +49,122 @@ class GriddedCurrent:
     spacing: jax.Array
     depths: jax.Array
     times: jax.Array
+    step: jax.Array | None
+    gradual = True
+
+    @classmethod
+    def from_arrays(
+        cls,
+        u: ArrayLike,
+        v: ArrayLike,
+        w: ArrayLike | None = None,
+        *,
+        origin: tuple[float, float] = (0.0, 0.0),
+        spacing: float | tuple[float, float],
+        depths: ArrayLike = (0.0,),
+        times: ArrayLike = (0.0,),
+    ) -> Self:
+        """A current from its values at the nodes.
+
+        Args:
+            u, v, w: [T, Z, X, Y] m/s north, east, down; X counts north, Y east. NaN where there is no water;
+                what is NaN at one time is taken to be so at all.
+            origin: m, north and east of node (0, 0).
+            spacing: m between nodes, one for both directions or north and east.
+            depths: [Z] m, rising, positive down.
+            times: [T] s since the epoch, rising.
+
+        Raises:
+            CurrentError: shapes do not fit, an axis does not rise, or there is no current anywhere.
+
+        Example:
+            >>> import numpy as np
+            >>> east = np.broadcast_to(np.arange(3.0), (1, 1, 2, 3))
+            >>> field = GriddedCurrent.from_arrays(0 * east, east, spacing=100.0)
+            >>> [float(c) for c in field(50.0, 150.0, 0.0, 0.0)]
+            [0.0, 1.5, 0.0]
+        """
+        fields = [np.asarray(values, np.float32) for values in ((u, v) if w is None else (u, v, w))]
+        axes = [np.asarray(axis, float).reshape(-1) for axis in (depths, times)]
+        shape = fields[0].shape
+        if len(shape) != 4 or 0 in shape or any(values.shape != shape for values in fields):
+            shapes = ", ".join(str(values.shape) for values in fields)
+            raise CurrentError(f"u, v and w must be [T, Z, X, Y] and of one shape, got {shapes}")
+        for name, axis, size in (("depths", axes[0], shape[1]), ("times", axes[1], shape[0])):
+            if len(axis) != size or not np.isfinite(axis).all() or (np.diff(axis) <= 0.0).any():
+                raise CurrentError(f"{name} must be {size} finite rising numbers, got {_brief(axis)}")
+        apart = np.broadcast_to(np.asarray(spacing, float), (2,))
+        if not (np.isfinite(apart).all() and (apart > 0.0).all()):
+            raise CurrentError(f"spacing must be positive, got {spacing}")
+        water = np.logical_and.reduce([np.isfinite(values).all(axis=0) for values in fields])
+        if not water.any():
+            raise CurrentError("the current has no value anywhere")
+        nearest = _nearest_water(water)
+        filled = [jnp.asarray(values[(slice(None), *nearest)]) for values in fields]
+        steps = np.diff(axes[1])
+        even = len(steps) == 0 or bool(np.ptp(steps) <= _EVEN * steps.mean())
+        step = jnp.asarray(steps.mean() if len(steps) else 1.0, jnp.float32) if even else None
+        places = (np.asarray(origin, float), apart, axes[0], axes[1])
+        return cls(
+            filled[0],
+            filled[1],
+            None if w is None else filled[2],
+            jnp.asarray(water),
+            *(jnp.asarray(values, jnp.float32) for values in places),
+            step,
+        )
+
+    @property
+    def steady(self) -> bool:
+        """Whether there is one time only."""
+        return self.u.shape[-4] == 1
+
+    @property
+    def fastest(self) -> float:
+        """Largest level speed at a node with water, m/s."""
+        squared = np.asarray(self.u) ** 2 + np.asarray(self.v) ** 2
+        return float(np.sqrt(np.where(np.asarray(self.water), squared, 0.0).max()))
+
+    def covers(self, x: ArrayLike, y: ArrayLike, t: ArrayLike) -> NDArray[np.bool_]:
+        """Whether places and times lie within the grid, in NumPy; a steady current holds at all times."""
+        first = np.asarray(self.origin)
+        last = first + np.asarray(self.spacing) * (np.asarray(self.u.shape[-2:]) - 1)
+        slack = 1e-3 * np.asarray(self.spacing)
+        inside = np.ones(np.broadcast_shapes(*map(np.shape, (x, y, t))), bool)
+        for axis, value in enumerate((x, y)):
+            inside &= (np.asarray(value) >= first[axis] - slack[axis]) & (
+                np.asarray(value) <= last[axis] + slack[axis]
+            )
+        if not self.steady:
+            inside &= (np.asarray(t) >= float(self.times[0])) & (np.asarray(t) <= float(self.times[-1]))
+        return inside
+
+    def __call__(self, x: ArrayLike, y: ArrayLike, z: ArrayLike, t: ArrayLike) -> Velocity:
+        given = [jnp.asarray(axis, jnp.result_type(float)) for axis in (x, y, z, t)]
+        shape = jnp.broadcast_shapes(*(axis.shape for axis in given))
+        places = tuple(jnp.broadcast_to(axis, shape).reshape(-1) for axis in given)
+        fields = (self.u, self.v) if self.w is None else (self.u, self.v, self.w)
+        axes = self.origin, self.spacing, self.depths, self.times, self.step
+        found = [component.reshape(shape) for component in interpolated(fields, axes, places)]
+        u, v, w = found if self.w is not None else (*found, jnp.zeros_like(found[0]))
+        return u, v, w
+
+
+def _nearest_water(water: NDArray[np.bool_]) -> tuple[NDArray[np.int_], ...]:
+    """Indices (level, north, east), [Z, X, Y] each, of the water whose values stand at each node."""
+    level, north, east = np.indices(water.shape)
+    for k, wet in enumerate(water):
+        if wet.any():
+            north[k], east[k] = ndimage.distance_transform_edt(
+                ~wet, return_distances=False, return_indices=True
+            )
+        elif k:
+            level[k], north[k], east[k] = level[k - 1], north[k - 1], east[k - 1]
+    first = int(np.argmax(water.any(axis=(1, 2))))
+    for k in range(first):
+        level[k], north[k], east[k] = level[first], north[first], east[first]
+    return level, north, east
+
+
+def _brief(axis: NDArray[np.floating]) -> str:
+    return str(axis.tolist()) if len(axis) <= 4 else f"{len(axis)} from {axis[0]:g} to {axis[-1]:g}"

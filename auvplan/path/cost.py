@@ -12,7 +12,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from auvplan.ocean.currents import is_steady
 from auvplan.ocean.environment import Environment
 from auvplan.path.bspline import basis_matrix
 from auvplan.path.clearance import coast_clearance, obstacle_clearance
@@ -135,11 +134,9 @@ def fly(track: Track, depart: jax.Array, env: Environment, vehicle: Vehicle, con
     starts = x[:-1], y[:-1], z[:-1]
     middle = starts[0] + 0.5 * dx, starts[1] + 0.5 * dy, starts[2] + 0.5 * dz
     gap = norm(dx, dy, dz)
-    if is_steady(env.current) or config.speed_reading == "eq11":
-        middle_time = depart + jnp.zeros_like(gap)
-    else:
-        middle_time = middle_times(middle, track.way, gap, depart, env, vehicle, config)
-    ground, across, shortfall = over_ground(middle, track.way, gap, middle_time, env, vehicle, config)
+    middle_time = middle_times(middle, track.way, gap, depart, env, vehicle, config)
+    water = env.current(*middle, middle_time)
+    ground, across, shortfall = over_ground(water, track.way, gap, vehicle, config)
     duration = gap / ground
     times = depart + elapsed(duration)
 

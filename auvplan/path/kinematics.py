@@ -1,9 +1,13 @@
 """How a vehicle moves along P paths of S samples: ground speed, times and turn rate on planes [S, P]."""
 
+from dataclasses import dataclass
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from auvplan.ocean.currents import Current, Velocity, is_steady
 from auvplan.ocean.environment import Environment
 from auvplan.path.config import PathConfig
 from auvplan.vehicle import Vehicle, along_track
@@ -26,29 +30,19 @@ def norm(*axes: jax.Array) -> jax.Array:
 
 
 def over_ground(
-    middle: Axes,
-    way: Axes,
-    gap: jax.Array,
-    time: jax.Array,
-    env: Environment,
-    vehicle: Vehicle,
-    config: PathConfig,
+    water: Velocity, way: Axes, gap: jax.Array, vehicle: Vehicle, config: PathConfig
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """Ground speed, current across the track, both m/s, and shortfall of segments, in the current of a time.
+    """Ground speed, current across the track, both m/s, and shortfall of segments.
 
     Args:
-        middle: x, y, z, m, of segments' middles; any shape, the same for all.
+        water: u, v, w, m/s, in segments' middles; any shape, the same for all.
         way: x, y, z, m, from their first to their last ends.
         gap: m, their lengths.
-        time: s since the epoch.
-        env: the world.
         vehicle: speed and limits.
         config: static settings.
     """
-    x, y, z = middle
-    u, v, w = env.current(x, y, z, time)
-    along = inner((u, v, w), way) / gap
-    across = jnp.sqrt(jnp.maximum(inner((u, v, w), (u, v, w)) - along * along, 0.0) + TINY)
+    along = inner(water, way) / gap
+    across = jnp.sqrt(jnp.maximum(inner(water, water) - along * along, 0.0) + TINY)
     ground, shortfall = along_track(config.speed_reading, vehicle.speed, along, across)
     return ground, across, shortfall
 
@@ -66,17 +60,48 @@ def middle_times(
 
     Segment by segment: how fast the next one is sailed depends on when. The way to its middle is taken at the
     speed of the one before.
+
+    Args:
+        middle: x, y, z, [S - 1, P] m, of segments' middles.
+        way: x, y, z, [S - 1, P] m, from their first to their last ends.
+        gap: [S - 1, P] m, their lengths.
+        depart: s since the epoch.
+        env: the world.
+        vehicle: speed and limits.
+        config: static settings.
     """
+    if is_steady(env.current) or config.speed_reading == "eq11":
+        return depart + jnp.zeros_like(gap)
+    if isinstance(env.current, PacedCurrent):
+        duration = jax.lax.stop_gradient(gap) / env.current.pace[:, None]
+        return depart + elapsed(duration)[:-1] + 0.5 * duration
 
     def sail(carry: tuple[jax.Array, jax.Array], segment: tuple) -> tuple[tuple, jax.Array]:
         time, speed = carry
-        middle, way, gap = segment
+        (x, y, z), way, gap = segment
         half_way = time + 0.5 * gap / speed
-        ground = over_ground(middle, way, gap, half_way, env, vehicle, config)[0]
+        ground = over_ground(env.current(x, y, z, half_way), way, gap, vehicle, config)[0]
         return (time + gap / ground, ground), half_way
 
     first = jnp.zeros_like(gap[0])
     return jax.lax.scan(sail, (first + depart, first + vehicle.speed), (middle, way, gap))[1]
+
+
+@partial(jax.tree_util.register_dataclass, data_fields=("current", "pace"), meta_fields=())
+@dataclass(frozen=True)
+class PacedCurrent:
+    """A gradual current, and by what pace the paths of a leg are taken to be sailed when it is looked up.
+
+    Attributes:
+        current: that it is.
+        pace: [S - 1] m/s over ground on the segments of a path.
+    """
+
+    current: Current
+    pace: jax.Array
+
+    def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
+        return self.current(x, y, z, t)
 
 
 def elapsed(durations: jax.Array) -> jax.Array:

@@ -13,12 +13,13 @@ from jax.typing import ArrayLike
 from auvplan.bbo import Result, search
 from auvplan.bbo.refine import descend
 from auvplan.compiled import compiled
-from auvplan.ocean.currents import Current
+from auvplan.ocean.currents import Current, is_gradual
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.path import habitats
 from auvplan.path.config import PathConfig
 from auvplan.path.cost import curves, fly, guide, score, violations
+from auvplan.path.kinematics import PacedCurrent, norm
 from auvplan.path.passages import trace_passages
 from auvplan.path.plan import PathPlan, PathPlans
 from auvplan.path.sensitivity import Conditions
@@ -165,6 +166,10 @@ def check_ends(starts: ArrayLike, goals: ArrayLike, env: Environment) -> None:
         raise ValueError(f"start and goal of leg {b} coincide")
 
 
+#: Paths of a leg are taken to make at least this share of the speed through the water over ground.
+_SLOWEST = 0.3
+
+
 @partial(compiled, static_argnames=("config",))
 def _plan(
     keys: jax.Array,
@@ -205,7 +210,7 @@ def search_leg(
     """One leg's search, traceable: the fields of a `PathPlan` by name. Obstacles must be resolved."""
     lower, upper = habitats.bounds(start, goal, env, config)
     first_key, run_key = jax.random.split(key)
-    problem = (start, goal, depart, env, vehicle)
+    problem = (start, goal, depart, _paced(start, goal, depart, env, vehicle, config), vehicle)
     if population is None:
         population = habitats.initial(first_key, config.bbo.population, start, goal, lower, upper, config)
     population = jnp.clip(population, lower, upper)
@@ -233,6 +238,27 @@ def search_leg(
         "history": result.history,
         "excess": jnp.stack(flight.excess)[:, :, 0],
     }
+
+
+def _paced(
+    start: jax.Array,
+    goal: jax.Array,
+    depart: jax.Array,
+    env: Environment,
+    vehicle: Vehicle,
+    config: PathConfig,
+) -> Environment:
+    """The world that paths are compared in: a gradual current is met at the pace of the straight line.
+
+    Which spares the search the sailing of segments one after the other; the path that it finds is timed so.
+    """
+    if not is_gradual(env.current):
+        return env
+    line = curves(habitats.straight_line(start, goal, config)[None], start, goal, config)
+    flight = fly(line, depart, replace(env, chart=None, obstacles=Obstacles.none()), vehicle, config)
+    gap = norm(*line.way)[:, 0]
+    pace = jnp.maximum(gap / jnp.diff(flight.times[:, 0]), _SLOWEST * vehicle.speed)
+    return replace(env, current=PacedCurrent(env.current, pace))
 
 
 def _with_passages(

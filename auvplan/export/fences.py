@@ -1,0 +1,160 @@
+"""Fences: polygons and circles not to enter, few and simple enough for autopilots, clear of planned paths."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+from shapely.geometry.base import BaseGeometry
+
+from auvplan.export.outline import outline
+from auvplan.ocean.chart import Chart
+
+Array = NDArray[np.floating]
+
+#: m around the paths within which coast and obstacles are fenced in.
+REACH = 1000.0
+
+#: Polygons at most.
+MOST = 100
+
+#: m, islands that a circle of this radius covers become circles.
+ISLET = 60.0
+
+#: m, islands nearer to each other than twice this become one where there are too many; then twice as far.
+_BRIDGE = 20.0
+
+#: m, room between a path and a fence that is drawn around land on its way.
+_LANE = 1.0
+
+
+@dataclass(frozen=True)
+class Polygon:
+    """Where not to go, by corners.
+
+    Attributes:
+        corners: [k, 2] m north, east, clockwise on the map; the last is joined to the first.
+    """
+
+    corners: Array
+
+
+@dataclass(frozen=True)
+class Circle:
+    """Where not to go, around a place.
+
+    Attributes:
+        centre: north, east, m.
+        radius: m.
+    """
+
+    centre: tuple[float, float]
+    radius: float
+
+
+Fence = Polygon | Circle
+
+
+def fences_around(
+    lines: Sequence[Array], chart: Chart | None = None, obstacles: Sequence[tuple[ArrayLike, float]] = ()
+) -> tuple[list[Fence], list[str]]:
+    """Fences around the coast and the obstacles within a kilometre of paths.
+
+    A fence covers all of its land and never a part of a path. It reaches into the water where that saves
+    corners.
+
+    Args:
+        lines: paths, [n, 3] m north, east, depth each.
+        chart: coast: pixels of no passability; None for open water.
+        obstacles: centres [3] m and radii, m, of what stands still.
+
+    Returns:
+        ``(fences, notes)``: the notes say what had to be left out.
+    """
+    paths = shapely.MultiLineString([np.asarray(line)[:, 1::-1] for line in lines])
+    shapely.prepare(paths)
+    west, south, east, north = shapely.bounds(paths)
+    area = shapely.box(west - REACH, south - REACH, east + REACH, north + REACH)
+    fences, notes = [], []
+    if chart is not None:
+        fences, notes = _around_coast(chart, paths, area)
+    for place, radius in obstacles:
+        x, y, depth = (float(value) for value in np.asarray(place))
+        centre = shapely.Point(y, x)
+        if shapely.distance(area, centre) > radius:
+            continue
+        # A fence knows no depth: it would forbid a path that passes above or below.
+        if shapely.distance(paths, centre) <= radius:
+            where = f"at ({x:.0f}, {y:.0f}, {depth:.0f}) m, radius {radius:.0f} m"
+            notes.append(f"no fence around the obstacle {where}: a planned path crosses its circle")
+        else:
+            fences.append(Circle((x, y), float(radius)))
+    return fences, notes
+
+
+def _around_coast(chart: Chart, paths: BaseGeometry, area: BaseGeometry) -> tuple[list[Fence], list[str]]:
+    """Fences around the land of a chart within an area."""
+    land, notes = _land(chart, area), []
+    if land.is_empty:
+        return [], notes
+    if shapely.intersects(land, paths):
+        notes.append("a planned path crosses land of the chart: the fence leaves a lane for it")
+    parts = _parts(land, paths)
+    bridge = _BRIDGE
+    while len(parts) > MOST and bridge <= REACH:
+        parts = _parts(land.buffer(bridge).buffer(-bridge).union(land), paths)
+        bridge *= 2.0
+    if len(parts) > MOST:
+        parts.sort(key=lambda part: shapely.distance(part, paths))
+        notes.append(f"{len(parts) - MOST} islands far from the paths have no fence: there are too many")
+    return [_fence(part, paths, float(np.asarray(chart.pixel_size))) for part in parts[:MOST]], notes
+
+
+def _land(chart: Chart, area: BaseGeometry) -> BaseGeometry:
+    """Land of a chart within a rectangle, as exact outlines of its pixels."""
+    size, corner = float(np.asarray(chart.pixel_size)), np.asarray(chart.origin, float)
+    west, south, east, north = shapely.bounds(area)
+    low = np.floor((np.array([south, west]) - corner) / size).astype(int)
+    high = np.ceil((np.array([north, east]) - corner) / size).astype(int)
+    (i, j), (m, n) = np.clip(low, 0, chart.shape), np.clip(high, 0, chart.shape)
+    land = np.asarray(chart.passability)[i:m, j:n] == 0.0
+    # Runs of land along each row: whole numbers of pixels join without gaps.
+    edges = np.diff(np.pad(land.astype(np.int8), ((0, 0), (1, 1))), axis=1)
+    (row, first), last = np.nonzero(edges == 1), np.nonzero(edges == -1)[1]
+    runs = shapely.union_all(shapely.box(first, row, last, row + 1))
+    return shapely.transform(runs, lambda place: (place + np.array([j, i])) * size + corner[::-1])
+
+
+def _parts(land: BaseGeometry, paths: BaseGeometry) -> list[shapely.Polygon]:
+    """Land in pieces that have no holes and keep off the paths."""
+    if shapely.intersects(land, paths):
+        land = land.difference(paths.buffer(_LANE))
+    pieces = [part for part in shapely.get_parts(land) if part.area > 0.0]
+    return [whole for piece in pieces for whole in _without_holes(piece, paths)]
+
+
+def _without_holes(land: shapely.Polygon, paths: BaseGeometry) -> list[shapely.Polygon]:
+    """Fill the lakes; cut the land where a path is in one: fences have no holes."""
+    lakes = [ring for ring in land.interiors if shapely.intersects(shapely.Polygon(ring), paths)]
+    if not lakes:
+        return [shapely.Polygon(land.exterior)]
+    west, south, east, north = land.bounds
+    middle = lakes[0].centroid.x
+    halves = (shapely.box(west, south, middle, north), shapely.box(middle, south, east, north))
+    pieces = [
+        part
+        for half in halves
+        for part in shapely.get_parts(shapely.Polygon(land.exterior, lakes).intersection(half))
+        if part.area > 0.0
+    ]
+    return [whole for piece in pieces for whole in _without_holes(piece, paths)]
+
+
+def _fence(land: shapely.Polygon, paths: BaseGeometry, pixel: float) -> Fence:
+    """A circle around an islet, or else a polygon of few corners around land."""
+    circle = shapely.minimum_bounding_circle(land)
+    centre, radius = circle.centroid, float(shapely.minimum_bounding_radius(land))
+    if radius <= ISLET and shapely.distance(paths, centre) > radius + _LANE:
+        return Circle((centre.y, centre.x), radius)
+    return Polygon(outline(land, paths, pixel)[:, ::-1])

@@ -1,0 +1,129 @@
+"""GeoJSON by RFC 7946: longitude, latitude, elevation; rings counter-clockwise; cut at the antimeridian."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from auvplan.export.fences import Circle, Fence
+from auvplan.export.itinerary import Itinerary
+from auvplan.export.places import DEGREES, elevation, moment, waypoints
+from auvplan.io.files import write_atomically
+from auvplan.site import Site
+
+Array = NDArray[np.floating]
+
+#: Corners of a polygon around a circle.
+_CORNERS = 48
+
+
+def geojson(itinerary: Itinerary) -> dict[str, Any]:
+    """A FeatureCollection: planned legs with all samples as lines, waypoints, sailed legs, fences."""
+    site = itinerary.site
+    features = []
+    for leg in itinerary.legs:
+        about = {
+            "kind": "plan", "leg": leg.number, "from": leg.start_name, "to": leg.goal_name, "note": leg.note,
+            "hold_s": leg.hold, "priority": leg.priority,
+        }  # fmt: skip
+        features.append(_feature(_line(leg.positions, site), about | _times(leg.times, site)))
+    for sequence, row in enumerate(waypoints(itinerary), 1):
+        about = {
+            "kind": "waypoint", "sequence": sequence, "leg": row.leg, "name": row.name, "depth_m": row.depth,
+            "hold_s": row.hold, "priority": row.priority, "task": row.task,
+            "seconds": round(row.seconds, 3), "time": moment(site, row.seconds),
+        }  # fmt: skip
+        place = [round(row.longitude, DEGREES), round(row.latitude, DEGREES), elevation(row.depth)]
+        features.append(_feature({"type": "Point", "coordinates": place}, about))
+    for number, track in enumerate(itinerary.sailed, 1):
+        about = {"kind": "sailed", "leg": number} | _times(track.times, site)
+        features.append(_feature(_line(track.positions, site), about))
+    features += [_fence(fence, site) for fence in itinerary.fences]
+    return {
+        "type": "FeatureCollection",
+        "name": itinerary.name,
+        "description": itinerary.description,
+        "configuration": itinerary.configuration,
+        "features": features,
+    }
+
+
+def write_geojson(itinerary: Itinerary, path: str | Path) -> Path:
+    """Write a `.geojson` file.
+
+    Raises:
+        OutputError: the operating system refused; one line that names the file.
+    """
+    text = json.dumps(geojson(itinerary), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+    return write_atomically(path, lambda part: part.write_text(text, encoding="utf-8"))
+
+
+def _feature(geometry: dict[str, Any], properties: dict[str, Any]) -> dict[str, Any]:
+    return {"type": "Feature", "geometry": geometry, "properties": properties}
+
+
+def _times(times: Array, site: Site) -> dict[str, Any]:
+    """When the samples are passed: s since the epoch, and times of day where there is an epoch."""
+    seconds = [round(float(time), 3) for time in times]
+    return {"seconds": seconds, "times": [moment(site, time) for time in times] if site.epoch else None}
+
+
+def _line(positions: Array, site: Site) -> dict[str, Any]:
+    """A line through positions [n, 3] m, in parts where it crosses the antimeridian."""
+    longitude, latitude = site.to_geographic(positions[:, 0], positions[:, 1])
+    rows = np.stack([longitude, latitude, -positions[:, 2]], axis=1)
+    parts, start = [], 0
+    steps = np.diff(rows[:, 0])
+    head: list[Array] = []
+    for k in np.flatnonzero(np.abs(steps) > 180.0):
+        edge = np.copysign(180.0, rows[k, 0])
+        there = rows[k + 1] + np.array([2.0 * edge, 0.0, 0.0])
+        share = (edge - rows[k, 0]) / (there[0] - rows[k, 0]) if there[0] != rows[k, 0] else 0.0
+        cut = rows[k] + share * (there - rows[k])
+        parts.append([*head, *rows[start : k + 1], np.array([edge, *cut[1:]])])
+        head, start = [np.array([-edge, *cut[1:]])], k + 1
+    parts.append([*head, *rows[start:]])
+    lines = [[_place(row) for row in part] for part in parts]
+    if len(lines) == 1:
+        return {"type": "LineString", "coordinates": lines[0]}
+    return {"type": "MultiLineString", "coordinates": lines}
+
+
+def _place(row: Array) -> list[float]:
+    return [round(float(row[0]), DEGREES), round(float(row[1]), DEGREES), elevation(-row[2])]
+
+
+def _fence(fence: Fence, site: Site) -> dict[str, Any]:
+    about: dict[str, Any] = {"kind": "exclusion"}
+    if isinstance(fence, Circle):
+        about["radius_m"] = fence.radius
+        angle = 2.0 * np.pi * np.arange(_CORNERS) / _CORNERS
+        # The polygon's sides touch the circle: it covers all of it.
+        reach = fence.radius / np.cos(np.pi / _CORNERS)
+        corners = np.asarray(fence.centre) + reach * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    else:
+        corners = fence.corners
+    return _feature(_area(corners, site), about)
+
+
+def _area(corners: Array, site: Site) -> dict[str, Any]:
+    """A polygon by corners [k, 2] m north, east; two where it lies across the antimeridian."""
+    longitude, latitude = site.to_geographic(corners[:, 0], corners[:, 1])
+    near = np.degrees(np.unwrap(np.radians(longitude)))
+    whole = shapely.Polygon(np.stack([near, latitude], axis=1))
+    rings = []
+    for turn in (-360.0, 0.0, 360.0):
+        world = shapely.box(turn - 180.0, -90.0, turn + 180.0, 90.0)
+        if whole.within(world):
+            parts = [whole]
+        else:
+            parts = [part for part in shapely.get_parts(whole.intersection(world)) if part.area > 0.0]
+        for part in parts:
+            ring = np.asarray(shapely.orient_polygons(part).exterior.coords) - (turn, 0.0)
+            rings.append([np.round(ring, DEGREES).tolist()])
+    if len(rings) == 1:
+        return {"type": "Polygon", "coordinates": rings[0]}
+    return {"type": "MultiPolygon", "coordinates": rings}

@@ -1,0 +1,224 @@
+"""A planned and sailed mission as plain data: what every export format is written from."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from importlib.metadata import version as installed_version
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from auvplan.export.fences import Fence, fences_around
+from auvplan.export.thin import thin
+from auvplan.ocean.chart import Chart
+from auvplan.ocean.environment import Environment
+from auvplan.site import Site
+from auvplan.vehicle import Vehicle
+
+Array = NDArray[np.floating]
+
+
+class ExportError(ValueError):
+    """A mission that cannot be exported; the message is one line that names the leg or field and why."""
+
+
+class Track(NamedTuple):
+    """A sailed leg: times [n] s since the epoch, and positions [n, 3] m north, east, depth."""
+
+    times: Array
+    positions: Array
+
+
+@dataclass(frozen=True)
+class PlannedLeg:
+    """The path of one leg as it was planned, and the waypoints that stand for it.
+
+    Attributes:
+        number: of the leg, from 1.
+        start, goal: indices of the waypoints at its ends.
+        start_name, goal_name: their names.
+        positions: [n, 3] m north, east, depth, samples of the path.
+        times: [n] s since the epoch.
+        kept: [k] indices of the samples that are waypoints, the first and the last among them.
+        kept_times: [k] s since the epoch, when they are reached along straight lines.
+        time_change: share by which the straight lines take longer than the path.
+        clearance: m, least certified distance of the straight lines to coast and obstacles; 1e6 for none.
+        hold: s, the task at the goal; 0 where there is none.
+        priority: of the task.
+    """
+
+    number: int
+    start: int
+    goal: int
+    start_name: str
+    goal_name: str
+    positions: Array
+    times: Array
+    kept: NDArray[np.intp]
+    kept_times: Array
+    time_change: float = 0.0
+    clearance: float = 1e6
+    hold: float = 0.0
+    priority: float = 0.0
+
+    @classmethod
+    def of(
+        cls,
+        number: int,
+        start: int,
+        goal: int,
+        positions: ArrayLike,
+        times: ArrayLike,
+        *,
+        names: Sequence[str] = (),
+        hold: float = 0.0,
+        priority: float = 0.0,
+    ) -> "PlannedLeg":
+        """A leg all of whose samples are waypoints.
+
+        Args:
+            number, start, goal, positions, times, hold, priority: as the attributes.
+            names: of the waypoints; those without are called by their index.
+
+        Raises:
+            ExportError: positions or times have a wrong shape, are not finite, or times go back.
+        """
+        places, moments = _track(f"leg {number}", positions, times)
+        if len(places) < 2:
+            raise ExportError(f"leg {number}: a path has at least two samples, got {len(places)}")
+        every = np.arange(len(places))
+        first, last = (names[k] if k < len(names) else f"waypoint {k}" for k in (start, goal))
+        return cls(
+            number, start, goal, first, last, places, moments, every, moments, hold=hold, priority=priority
+        )
+
+    def thinned(
+        self, env: Environment, vehicle: Vehicle, tolerance: float = 0.02, margin: float = 10.0
+    ) -> "PlannedLeg":
+        """The same leg with the fewest waypoints, see `thin`."""
+        few = thin(self.positions, self.times, env, vehicle, tolerance=tolerance, margin=margin)
+        return replace(
+            self,
+            kept=few.indices,
+            kept_times=few.times,
+            time_change=few.time_change,
+            clearance=few.clearance,
+        )
+
+    @property
+    def waypoints(self) -> Array:
+        """[k, 3] m, the samples kept."""
+        return self.positions[self.kept]
+
+    @property
+    def note(self) -> str:
+        """One line on the thinning."""
+        return (
+            f"leg {self.number}: {len(self.kept)} of {len(self.positions)} samples kept as waypoints, "
+            f"which changes the travel time by {100.0 * self.time_change:+.2f} %"
+        )
+
+
+@dataclass(frozen=True)
+class Itinerary:
+    """A mission to be exported.
+
+    Attributes:
+        name: of the mission.
+        site: where and when local coordinates are.
+        speed: m/s through the water.
+        legs: as planned, at least one.
+        sailed: the legs as sailed; none where the mission was only planned.
+        fences: where not to go.
+        seed: that the mission was made from.
+        configuration: JSON of the settings that it was made from.
+        version: of auvplan.
+        notes: lines for whoever exports, such as what had to be left out.
+
+    Raises:
+        ExportError: there is no leg, or a sailed track has a wrong shape or is not finite.
+    """
+
+    name: str
+    site: Site
+    speed: float
+    legs: tuple[PlannedLeg, ...]
+    sailed: tuple[Track, ...] = ()
+    fences: tuple[Fence, ...] = ()
+    seed: int = 0
+    configuration: str = "{}"
+    version: str = ""
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not self.legs:
+            raise ExportError(f"mission {self.name or 'unnamed'}: no leg was planned and sailed to its end")
+        tracks = [
+            _track(f"sailed track {k}", track.positions, track.times) for k, track in enumerate(self.sailed)
+        ]
+        object.__setattr__(self, "sailed", tuple(Track(times, places) for places, times in tracks))
+
+    @property
+    def description(self) -> str:
+        """What every file says of itself: origin, and what was kept of the paths."""
+        kept, samples = (
+            sum(len(part) for part in parts)
+            for parts in zip(*((leg.kept, leg.positions) for leg in self.legs), strict=True)
+        )
+        worst = max((leg.time_change for leg in self.legs), key=abs)
+        return (
+            f"auvplan {self.version}, seed {self.seed}: {len(self.legs)} legs, {kept} of {samples} samples "
+            f"kept as waypoints; travel times of legs change by {100.0 * worst:+.2f} % at most"
+        )
+
+
+def itinerary_of_parts(
+    name: str,
+    site: Site,
+    speed: float,
+    legs: Sequence[PlannedLeg],
+    sailed: Sequence[Track] = (),
+    *,
+    chart: Chart | None = None,
+    obstacles: Sequence[tuple[ArrayLike, float]] = (),
+    seed: int = 0,
+    configuration: str = "{}",
+    version: str | None = None,
+    notes: Sequence[str] = (),
+) -> Itinerary:
+    """An itinerary whose fences are drawn around the coast and obstacles near its legs.
+
+    Args:
+        name, site, speed, legs, sailed, seed, configuration, notes: as in `Itinerary`.
+        chart: coast, or None.
+        obstacles: centres [3] m and radii, m, of what stands still.
+        version: of the auvplan that made the mission; the installed one where not given.
+
+    Raises:
+        ExportError: as `Itinerary`.
+    """
+    bare = Itinerary(
+        name, site, speed, tuple(legs), tuple(sailed), (), seed, configuration,
+        installed_version("auvplan") if version is None else version,
+    )  # fmt: skip
+    lines = [line for leg in bare.legs for line in (leg.positions, leg.waypoints)]
+    fences, left_out = fences_around(lines, chart, obstacles)
+    return replace(bare, fences=tuple(fences), notes=(*notes, *left_out))
+
+
+def _track(what: str, positions: ArrayLike, times: ArrayLike) -> tuple[Array, Array]:
+    """Positions [n, 3] and times [n] in double precision.
+
+    Raises:
+        ExportError: a shape is wrong, a value is not finite, or times go back.
+    """
+    places, moments = np.asarray(positions, float), np.asarray(times, float)
+    if places.ndim != 2 or places.shape[1] != 3 or moments.shape != places.shape[:1]:
+        raise ExportError(
+            f"{what}: positions must be [n, 3] and times [n], got {places.shape}, {moments.shape}"
+        )
+    if not (np.isfinite(places).all() and np.isfinite(moments).all()):
+        raise ExportError(f"{what}: positions and times must be finite, got NaN or infinity")
+    if (np.diff(moments) < 0.0).any():
+        raise ExportError(f"{what}: times must not go back")
+    return places, moments

@@ -1,0 +1,131 @@
+"""KML 2.2 with Google's tracks: plan and sailed legs that can be played in time, waypoints and fences.
+
+Altitudes are absolute, minus depth: by default they would be ignored and everything be laid on the ground.
+"""
+
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvplan.export.fences import Circle, Fence
+from auvplan.export.itinerary import Itinerary
+from auvplan.export.markup import Element, child, write_xml
+from auvplan.export.places import degrees, metres, moment, waypoints
+from auvplan.site import Site
+
+Array = NDArray[np.floating]
+
+_KML, _GX = "http://www.opengis.net/kml/2.2", "http://www.google.com/kml/ext/2.2"
+
+#: Colours, aabbggrr: plan, sailed, fences.
+_COLOURS = {"plan": "ffb8680a", "sailed": "ff2b9af2", "fence": "ff3030c0"}
+
+#: Corners of a polygon around a circle.
+_CORNERS = 48
+
+
+def write_kml(itinerary: Itinerary, path: str | Path) -> Path:
+    """Write a `.kml` file; where the site has no epoch, lines without times take the place of tracks.
+
+    Raises:
+        OutputError: the operating system refused; one line that names the file.
+    """
+    ElementTree.register_namespace("", _KML)
+    ElementTree.register_namespace("gx", _GX)
+    root = ElementTree.Element(f"{{{_KML}}}kml")
+    document = _add(root, "Document")
+    _add(document, "name", itinerary.name)
+    _add(document, "description", itinerary.description)
+    for name, colour in _COLOURS.items():
+        _style(document, name, colour)
+    site = itinerary.site
+    plan = _folder(document, "plan")
+    for leg in itinerary.legs:
+        title = f"leg {leg.number}: {leg.start_name} to {leg.goal_name}"
+        _path(_placemark(plan, title, "plan", leg.note), leg.positions, leg.times, site)
+    marks = _folder(document, "waypoints")
+    for row in waypoints(itinerary):
+        mark = _placemark(
+            marks, row.name, "plan", f"depth {row.depth:.1f} m, leg {row.leg}. {row.task}".strip()
+        )
+        when = moment(site, row.seconds)
+        if when is not None:
+            # A time comes before a style in the schema's order of elements.
+            stamp = ElementTree.Element(f"{{{_KML}}}TimeStamp")
+            _add(stamp, "when", when)
+            mark.insert(len(mark) - 1, stamp)
+        point = _add(mark, "Point")
+        _add(point, "altitudeMode", "absolute")
+        _add(point, "coordinates", _tuples(row.position[None], site, ","))
+    sailed = _folder(document, "sailed")
+    for number, track in enumerate(itinerary.sailed, 1):
+        _path(_placemark(sailed, f"leg {number}, sailed", "sailed"), track.positions, track.times, site)
+    fences = _folder(document, "fences")
+    for number, fence in enumerate(itinerary.fences, 1):
+        polygon = _add(_placemark(fences, f"exclusion {number}", "fence"), "Polygon")
+        ring = _add(_add(polygon, "outerBoundaryIs"), "LinearRing")
+        _add(ring, "coordinates", _tuples(_ring(fence), site, ","))
+    return write_xml(root, path)
+
+
+def _add(parent: Element, name: str, text: str | None = None, space: str = _KML) -> Element:
+    return child(parent, f"{{{space}}}{name}", text)
+
+
+def _folder(document: Element, name: str) -> Element:
+    folder = _add(document, "Folder")
+    _add(folder, "name", name)
+    return folder
+
+
+def _placemark(folder: Element, name: str, style: str, description: str | None = None) -> Element:
+    mark = _add(folder, "Placemark")
+    _add(mark, "name", name)
+    if description is not None:
+        _add(mark, "description", description)
+    _add(mark, "styleUrl", f"#{style}")
+    return mark
+
+
+def _style(document: Element, name: str, colour: str) -> None:
+    style = child(document, f"{{{_KML}}}Style", None, {"id": name})
+    line = _add(style, "LineStyle")
+    _add(line, "color", colour)
+    _add(line, "width", "2")
+    _add(_add(style, "PolyStyle"), "color", "60" + colour[2:])
+
+
+def _path(mark: Element, positions: Array, times: Array, site: Site) -> None:
+    """A track in time, or a line where there is no epoch."""
+    if site.epoch is None:
+        line = _add(mark, "LineString")
+        _add(line, "altitudeMode", "absolute")
+        _add(line, "coordinates", _tuples(positions, site, ","))
+        return
+    track = _add(mark, "Track", space=_GX)
+    _add(track, "altitudeMode", "absolute")
+    for time in times:
+        _add(track, "when", moment(site, float(time)))
+    for place in _tuples(positions, site, " ", "\n").split("\n"):
+        _add(track, "coord", place, _GX)
+
+
+def _tuples(positions: Array, site: Site, comma: str, between: str = " ") -> str:
+    """Longitude, latitude, altitude of positions [n, 3] m, as text."""
+    longitude, latitude = site.to_geographic(positions[:, 0], positions[:, 1])
+    rows = zip(longitude, latitude, -positions[:, 2], strict=True)
+    return between.join(comma.join((degrees(x), degrees(y), metres(z))) for x, y, z in rows)
+
+
+def _ring(fence: Fence) -> Array:
+    """A closed ring [k, 3] m at the surface, counter-clockwise; around a circle its sides touch it."""
+    if isinstance(fence, Circle):
+        angle = -2.0 * np.pi * np.arange(_CORNERS) / _CORNERS
+        reach = fence.radius / np.cos(np.pi / _CORNERS)
+        corners = np.asarray(fence.centre) + reach * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    else:
+        corners = fence.corners[::-1]
+    closed = np.concatenate([corners, corners[:1]])
+    return np.column_stack([closed, np.zeros(len(closed))])

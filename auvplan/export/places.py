@@ -1,0 +1,103 @@
+"""Waypoints of an itinerary in a row, with longitude, latitude and time of day as files give them."""
+
+from dataclasses import dataclass
+from datetime import UTC
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvplan.export.itinerary import Itinerary
+from auvplan.site import Site, as_utc
+
+Array = NDArray[np.floating]
+
+#: m within which the end of a leg and the start of the next are one waypoint.
+_SAME = 1.0
+
+#: Decimal places of degrees in files: a millimetre.
+DEGREES = 8
+
+
+@dataclass(frozen=True)
+class Waypoint:
+    """A waypoint of the whole itinerary.
+
+    Attributes:
+        leg: number of the leg that ends there or passes it, from 1.
+        name: of the mission's waypoint; of those between, the leg and their number on it.
+        position: [3] m, north, east, depth.
+        longitude, latitude: degrees.
+        seconds: since the epoch, arrival.
+        hold: s, of the task there; 0 where there is none.
+        priority: of that task.
+        ends_leg: whether the leg ends there.
+    """
+
+    leg: int
+    name: str
+    position: Array
+    longitude: float
+    latitude: float
+    seconds: float
+    hold: float = 0.0
+    priority: float = 0.0
+    ends_leg: bool = False
+
+    @property
+    def depth(self) -> float:
+        """m, positive down, to a tenth of a millimetre and never -0."""
+        return round(float(self.position[2]), 4) + 0.0
+
+    @property
+    def task(self) -> str:
+        """One line on the task, or nothing."""
+        return f"task of priority {self.priority:g}, {self.hold:.0f} s" if self.hold or self.priority else ""
+
+
+def waypoints(itinerary: Itinerary) -> list[Waypoint]:
+    """All waypoints in order; where a leg begins at the end of the one before, that place comes once."""
+    rows: list[Waypoint] = []
+    for leg in itinerary.legs:
+        longitude, latitude = itinerary.site.to_geographic(leg.waypoints[:, 0], leg.waypoints[:, 1])
+        last = len(leg.kept) - 1
+        for k, place in enumerate(leg.waypoints):
+            if k == 0 and rows and np.linalg.norm(rows[-1].position - place) < _SAME:
+                continue
+            between = f"leg {leg.number}, {k}"
+            rows.append(
+                Waypoint(
+                    leg.number,
+                    leg.start_name if k == 0 else leg.goal_name if k == last else between,
+                    place,
+                    float(longitude[k]),
+                    float(latitude[k]),
+                    float(leg.kept_times[k]),
+                    leg.hold if k == last else 0.0,
+                    leg.priority if k == last else 0.0,
+                    k == last,
+                )
+            )
+    return rows
+
+
+def moment(site: Site, seconds: float) -> str | None:
+    """Time of day by ISO 8601 in UTC, to the millisecond; None where the site has no epoch."""
+    then = site.utc(seconds)
+    if then is None:
+        return None
+    return as_utc(then).astimezone(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+def elevation(depth: float) -> float:
+    """m above the surface, to a tenth of a millimetre and never -0."""
+    return round(-float(depth), 4) + 0.0
+
+
+def degrees(value: float) -> str:
+    """Degrees in decimal notation, as XML schemas ask for it."""
+    return f"{value:.{DEGREES}f}"
+
+
+def metres(value: float) -> str:
+    """Metres in decimal notation, never -0."""
+    return f"{round(float(value), 4) + 0.0:.4f}"

@@ -1,0 +1,229 @@
+"""QGroundControl's plan files for ArduSub, by its developer guide ("Plan File Format", versions 1 and 2).
+
+Waypoints are MAV_CMD_NAV_WAYPOINT in the frame of altitudes above home, and home is taken to be at the
+surface, so that altitude is minus depth.
+"""
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+
+from auvplan.export.fences import Circle, Fence
+from auvplan.export.itinerary import ExportError, Itinerary
+from auvplan.export.places import DEGREES, Waypoint, waypoints
+from auvplan.io.files import write_atomically
+from auvplan.site import Site
+
+#: MAV_AUTOPILOT_ARDUPILOTMEGA and MAV_TYPE_SUBMARINE.
+_ARDUPILOT, _SUBMARINE = 3, 12
+
+#: MAV_CMD_NAV_WAYPOINT and MAV_CMD_DO_CHANGE_SPEED.
+_WAYPOINT, _CHANGE_SPEED = 16, 178
+
+#: MAV_FRAME_GLOBAL_RELATIVE_ALT, MAV_FRAME_MISSION; QGroundControl's altitude mode of the first.
+_ABOVE_HOME, _NO_PLACE, _RELATIVE = 3, 2, 1
+
+#: m from a waypoint at which it counts as reached.
+ACCEPTANCE = 5.0
+
+#: s, longest hold that ArduPilot stores.
+_LONGEST_HOLD = 65_535
+
+#: m; a depth that small is the surface.
+_SURFACE = 1e-3
+
+
+def qgc_plan(itinerary: Itinerary) -> dict[str, Any]:
+    """A plan as the data of its JSON file.
+
+    Raises:
+        ExportError: a waypoint is above the surface, or a task is longer than ArduPilot can hold.
+    """
+    rows = waypoints(itinerary)
+    home = [round(rows[0].latitude, DEGREES), round(rows[0].longitude, DEGREES), 0.0]
+    items = [_speed(itinerary.speed)] + [_item(row, number) for number, row in enumerate(rows, 2)]
+    fences = [_fence(fence, itinerary.site) for fence in itinerary.fences]
+    return {
+        "fileType": "Plan",
+        "version": 1,
+        "groundStation": "QGroundControl",
+        "comment": itinerary.description,
+        "mission": {
+            "version": 2,
+            "firmwareType": _ARDUPILOT,
+            "vehicleType": _SUBMARINE,
+            "globalPlanAltitudeMode": _RELATIVE,
+            "cruiseSpeed": itinerary.speed,
+            "hoverSpeed": itinerary.speed,
+            "items": items,
+            "plannedHomePosition": home,
+        },
+        "geoFence": {
+            "version": 2,
+            "circles": [fence for fence in fences if "circle" in fence],
+            "polygons": [fence for fence in fences if "polygon" in fence],
+        },
+        "rallyPoints": {"version": 2, "points": []},
+    }
+
+
+def write_qgc(itinerary: Itinerary, path: str | Path) -> Path:
+    """Write a `.plan` file.
+
+    Raises:
+        ExportError: as `qgc_plan`.
+        OutputError: the operating system refused; one line that names the file.
+    """
+    text = json.dumps(qgc_plan(itinerary), indent=2, allow_nan=False) + "\n"
+    return write_atomically(path, lambda part: part.write_text(text, encoding="utf-8"))
+
+
+def qgc_notes(itinerary: Itinerary) -> list[str]:
+    """What whoever uploads the plan ought to know."""
+    notes = [".plan: the speed is through the water in the plan, over the ground to ArduPilot"]
+    shallow = [row.name for row in waypoints(itinerary) if abs(row.depth) <= _SURFACE]
+    if shallow:
+        notes.append(
+            f".plan: {len(shallow)} waypoints lie at altitude 0, the surface, which ArduSub may not hold "
+            f"(ArduPilot issue 30823); the first is {shallow[0]}"
+        )
+    return notes
+
+
+def _speed(speed: float) -> dict[str, Any]:
+    """Set the ground speed, and leave the throttle."""
+    return {
+        "type": "SimpleItem", "autoContinue": True, "command": _CHANGE_SPEED, "doJumpId": 1,
+        "frame": _NO_PLACE, "params": [1, speed, -1, 0, 0, 0, 0],
+    }  # fmt: skip
+
+
+def _item(row: Waypoint, number: int) -> dict[str, Any]:
+    altitude = -row.depth
+    if abs(altitude) <= _SURFACE:
+        altitude = 0.0
+    if altitude > 0.0:
+        raise ExportError(f".plan: {row.name} (leg {row.leg}) lies {altitude:g} m above the surface")
+    hold = math.ceil(row.hold)
+    if hold > _LONGEST_HOLD:
+        raise ExportError(
+            f".plan: the task at {row.name} (leg {row.leg}) takes {hold} s, at most {_LONGEST_HOLD}"
+        )
+    place = [round(row.latitude, DEGREES), round(row.longitude, DEGREES)]
+    return {
+        "type": "SimpleItem", "autoContinue": True, "command": _WAYPOINT, "doJumpId": number,
+        "frame": _ABOVE_HOME, "params": [hold, ACCEPTANCE, 0, None, *place, altitude],
+        "Altitude": altitude, "AltitudeMode": _RELATIVE, "AMSLAltAboveTerrain": None,
+    }  # fmt: skip
+
+
+def _fence(fence: Fence, site: Site) -> dict[str, Any]:
+    """An exclusion; polygons run clockwise."""
+    if isinstance(fence, Circle):
+        longitude, latitude = site.to_geographic(*fence.centre)
+        centre = [round(float(latitude), DEGREES), round(float(longitude), DEGREES)]
+        return {"circle": {"center": centre, "radius": fence.radius}, "inclusion": False, "version": 1}
+    ring = shapely.LinearRing(fence.corners[:, ::-1])
+    corners = fence.corners[::-1] if shapely.is_ccw(ring) else fence.corners
+    longitude, latitude = site.to_geographic(corners[:, 0], corners[:, 1])
+    places = np.round(np.stack([latitude, longitude], axis=1), DEGREES).tolist()
+    return {"polygon": places, "inclusion": False, "version": 1}
+
+
+def validate_plan(plan: Any) -> None:
+    """Check a plan against the fields that QGroundControl's developer guide documents.
+
+    Raises:
+        ExportError: one line that names the first field at fault.
+    """
+    _check(plan, "plan", {
+        "fileType": "Plan".__eq__, "version": 1 .__eq__, "groundStation": _is_text,
+        "mission": _is_mapping, "geoFence": _is_mapping, "rallyPoints": _is_mapping,
+    })  # fmt: skip
+    mission = plan["mission"]
+    _check(mission, "mission", {
+        "version": 2 .__eq__, "firmwareType": _is_count, "vehicleType": _is_count,
+        "globalPlanAltitudeMode": _is_count, "cruiseSpeed": _is_number, "hoverSpeed": _is_number,
+        "items": lambda value: isinstance(value, list) and len(value) > 0,
+        "plannedHomePosition": lambda value: _is_place(value, 3),
+    })  # fmt: skip
+    for k, item in enumerate(mission["items"]):
+        _validate_item(item, k)
+    fences = plan["geoFence"]
+    _check(fences, "geoFence", {"version": (2).__eq__, "circles": _is_list, "polygons": _is_list})
+    for k, fence in enumerate(fences["circles"]):
+        _check(fence, f"geoFence.circles[{k}]", {
+            "version": 1 .__eq__, "inclusion": _is_flag,
+            "circle": lambda value: _is_mapping(value) and _is_place(value.get("center"), 2)
+            and _is_number(value.get("radius")) and value["radius"] > 0,
+        })  # fmt: skip
+    for k, fence in enumerate(fences["polygons"]):
+        _check(fence, f"geoFence.polygons[{k}]", {
+            "version": 1 .__eq__, "inclusion": _is_flag,
+            "polygon": lambda value: _is_list(value) and len(value) >= 3
+            and all(_is_place(v, 2) for v in value),
+        })  # fmt: skip
+    _check(plan["rallyPoints"], "rallyPoints", {"version": (2).__eq__, "points": _is_list})
+
+
+def _validate_item(item: Any, index: int) -> None:
+    name = f"mission.items[{index}]"
+    _check(item, name, {
+        "type": "SimpleItem".__eq__, "autoContinue": _is_flag, "command": _is_count, "frame": _is_count,
+        "doJumpId": (index + 1).__eq__,
+        "params": lambda value: _is_list(value) and len(value) == 7
+        and all(v is None or _is_number(v) for v in value),
+    })  # fmt: skip
+    if item["command"] != _WAYPOINT:
+        return
+    _check(item, name, {
+        "Altitude": lambda value: _is_number(value) and value == item["params"][6], "AltitudeMode": _is_count,
+        "AMSLAltAboveTerrain": lambda value: value is None or _is_number(value),
+        "params": lambda value: _is_place(value[4:6], 2),
+    })  # fmt: skip
+
+
+def _check(found: Any, name: str, fields: dict[str, Callable[[Any], Any]]) -> None:
+    if not _is_mapping(found):
+        raise ExportError(f"{name}: must be a mapping, got {type(found).__name__}")
+    for field, holds in fields.items():
+        if field not in found:
+            raise ExportError(f"{name}.{field}: is missing")
+        if holds(found[field]) is not True:
+            raise ExportError(f"{name}.{field}: cannot be {found[field]!r}")
+
+
+def _is_text(value: Any) -> bool:
+    return isinstance(value, str)
+
+
+def _is_mapping(value: Any) -> bool:
+    return isinstance(value, dict)
+
+
+def _is_list(value: Any) -> bool:
+    return isinstance(value, list)
+
+
+def _is_flag(value: Any) -> bool:
+    return isinstance(value, bool)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _is_count(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and value >= 0
+
+
+def _is_place(value: Any, length: int) -> bool:
+    """Latitude, longitude and perhaps altitude."""
+    if not (_is_list(value) and len(value) == length and all(map(_is_number, value))):
+        return False
+    return abs(value[0]) <= 90.0 and abs(value[1]) <= 180.0

@@ -1,0 +1,108 @@
+"""NetCDF by the CF conventions: planned and sailed legs as trajectories in a contiguous ragged array."""
+
+from datetime import UTC
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
+
+from auvplan.export.itinerary import ExportError, Itinerary, Track
+from auvplan.io.files import OutputError, write_dataset
+from auvplan.io.results import TIME_UNITS
+from auvplan.site import as_utc
+
+
+def trajectories(itinerary: Itinerary) -> xr.Dataset:
+    """All samples of all legs, planned first, then sailed; `waypoint` marks what was kept."""
+    planned = [Track(leg.times, leg.positions) for leg in itinerary.legs]
+    tracks = [*planned, *itinerary.sailed]
+    names = [f"plan, leg {leg.number}" for leg in itinerary.legs]
+    names += [f"sailed, leg {number}" for number in range(1, len(itinerary.sailed) + 1)]
+    places = np.concatenate([track.positions for track in tracks])
+    longitude, latitude = itinerary.site.to_geographic(places[:, 0], places[:, 1])
+    kept = [np.isin(np.arange(len(leg.times)), leg.kept) for leg in itinerary.legs]
+    kept += [np.zeros(len(track.times), bool) for track in itinerary.sailed]
+    flags = {"flag_values": np.asarray([0, 1], np.int8)}
+    dataset = xr.Dataset({
+        "trajectory": _variable(
+            "trajectory", np.asarray(names, object), "name of the leg", cf_role="trajectory_id"
+        ),
+        "row_size": _variable(
+            "trajectory", np.asarray([len(track.times) for track in tracks], np.int32), "samples of the leg",
+            units="1", sample_dimension="obs",
+        ),
+        "kind": _variable(
+            "trajectory", np.repeat(np.asarray([0, 1], np.int8), [len(planned), len(itinerary.sailed)]),
+            "whether the leg is planned or was sailed", flag_meanings="planned sailed", **flags,
+        ),
+        "time": _variable(
+            "obs", np.concatenate([track.times for track in tracks]), "time", standard_name="time",
+            units=_units(itinerary), calendar="standard", axis="T",
+        ),
+        "lon": _variable(
+            "obs", longitude, "longitude", standard_name="longitude", units="degrees_east", axis="X"
+        ),
+        "lat": _variable(
+            "obs", latitude, "latitude", standard_name="latitude", units="degrees_north", axis="Y"
+        ),
+        "depth": _variable(
+            "obs", places[:, 2], "depth below the surface", standard_name="depth", units="m", positive="down",
+            axis="Z",
+        ),
+        "north": _variable("obs", places[:, 0], "north in the local frame", units="m"),
+        "east": _variable("obs", places[:, 1], "east in the local frame", units="m"),
+        "waypoint": _variable(
+            "obs", np.concatenate(kept).astype(np.int8), "whether the sample was kept as a waypoint",
+            flag_meanings="no yes", **flags,
+        ),
+    }, attrs=_attributes(itinerary))  # fmt: skip
+    return dataset.set_coords(["time", "lon", "lat", "depth"])
+
+
+def write_netcdf(itinerary: Itinerary, path: str | Path) -> Path:
+    """Write a `.nc` file.
+
+    Raises:
+        OutputError: the operating system refused; one line that names the file.
+        ExportError: the data cannot be written; one line that names the file.
+    """
+    try:
+        return write_dataset(trajectories(itinerary), path)
+    except (OutputError, ExportError):
+        raise
+    except Exception as error:  # what HDF5 and xarray raise is not theirs to tell an operator
+        raise ExportError(f"{path}: {' '.join(str(error).split()) or type(error).__name__}") from None
+
+
+def _variable(dims: str, values: ArrayLike, name: str, **attrs: Any) -> xr.Variable:
+    return xr.Variable(dims, np.asarray(values), {"long_name": name} | attrs)
+
+
+def _units(itinerary: Itinerary) -> str:
+    epoch = itinerary.site.epoch
+    if epoch is None:
+        return TIME_UNITS
+    return f"seconds since {as_utc(epoch).astimezone(UTC).replace(tzinfo=None).isoformat(' ')}"
+
+
+def _attributes(itinerary: Itinerary) -> dict[str, Any]:
+    site = itinerary.site
+    comment = f"{itinerary.description}. {'; '.join(leg.note for leg in itinerary.legs)}."
+    if site.epoch is None:
+        comment += " The mission has no date: its epoch is written as 2000-01-01."
+    return {
+        "Conventions": "CF-1.11",
+        "featureType": "trajectory",
+        "title": f"AUV mission {itinerary.name}",
+        "source": f"auvplan {itinerary.version}",
+        "comment": comment,
+        "auvplan_version": itinerary.version,
+        "configuration": itinerary.configuration,
+        "seed": np.int64(itinerary.seed),
+        "vehicle_speed": float(itinerary.speed),
+        "site_longitude": float(site.longitude),
+        "site_latitude": float(site.latitude),
+        "site_origin": np.asarray(site.origin, float),
+    }

@@ -1,0 +1,242 @@
+"""The places of a source's points: finding the points around a place, and which indices to read for them."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from auvplan.io.currents.opening import Pick
+from auvplan.io.currents.weights import Array, Index, Weights, along, barycentric, weights_of
+from auvplan.site import Site
+
+#: Metres in a degree of latitude, near enough for telling how far outside a place is.
+DEGREE = 111_195.0
+#: Places beyond an axis by less, in degrees, are taken to be on its end.
+_SLACK = 1e-6
+
+
+@dataclass(frozen=True)
+class Window:
+    """The part of a source that is read.
+
+    Attributes:
+        picks: indices by dimension of the points.
+        index: source points, numbered as in the window.
+        points: how many the window has; they are in the order of the dimensions.
+    """
+
+    picks: dict[str, Pick]
+    index: Index
+    points: int
+
+
+class Geometry(Protocol):
+    """The places of a source's points, in degrees."""
+
+    @property
+    def kind(self) -> str:
+        """Name of the kind of grid."""
+        ...
+
+    @property
+    def dims(self) -> tuple[str, ...]:
+        """Dimensions of the points."""
+        ...
+
+    @property
+    def longitude(self) -> Array:
+        """Of the points, or of the columns."""
+        ...
+
+    @property
+    def latitude(self) -> Array:
+        """Of the points, or of the rows."""
+        ...
+
+    def locate(self, longitude: Array, latitude: Array) -> Weights:
+        """Places [M] as mixtures of source points."""
+        ...
+
+    def window(self, index: Index) -> Window:
+        """The part that holds some source points."""
+        ...
+
+    def places(self, index: Index) -> tuple[Array, Array]:
+        """Longitude and latitude of source points."""
+        ...
+
+
+@dataclass(frozen=True)
+class Regular:
+    """Points at every pair of a latitude and a longitude, which may rise or fall and cross 0 or 180 degrees.
+
+    Attributes:
+        dims: of latitude and longitude.
+        longitude: [nx] degrees.
+        latitude: [ny] degrees.
+    """
+
+    dims: tuple[str, ...]
+    longitude: Array
+    latitude: Array
+    kind: str = "regular"
+
+    @cached_property
+    def _axes(self) -> tuple[Array, Index, Array, Index]:
+        """Rising latitudes and longitudes, and the row or column of each; round the globe the first again."""
+        rows, columns = np.arange(len(self.latitude)), np.arange(len(self.longitude))
+        east = np.unwrap(self.longitude, period=360.0)
+        if self.latitude[0] > self.latitude[-1]:
+            rows = rows[::-1]
+        if east[0] > east[-1]:
+            columns = columns[::-1]
+        north, east = self.latitude[rows], east[columns]
+        gap = east[0] + 360.0 - east[-1]
+        if len(east) > 1 and 1e-6 < gap <= 1.5 * float(np.median(np.diff(east))):
+            columns, east = np.append(columns, columns[0]), np.append(east, east[0] + 360.0)
+        return north, rows, east, columns
+
+    def locate(self, longitude: Array, latitude: Array) -> Weights:
+        """Bilinear in latitude and longitude."""
+        north, rows, east, columns = self._axes
+        turned = east[0] + np.mod(longitude - east[0], 360.0)
+        turned = np.where(turned - east[-1] > east[0] + 360.0 - turned, turned - 360.0, turned)
+        row, up, north_of = along(north, latitude)
+        column, right, east_of = along(east, turned)
+        next_row, next_column = np.minimum(row + 1, len(north) - 1), np.minimum(column + 1, len(east) - 1)
+        width = len(self.longitude)
+        index = np.stack(
+            [
+                rows[j] * width + columns[i]
+                for j, i in ((row, column), (row, next_column), (next_row, column), (next_row, next_column))
+            ],
+            axis=1,
+        )
+        weight = [(1 - up) * (1 - right), (1 - up) * right, up * (1 - right), up * right]
+        beyond = np.stack([north_of, east_of], axis=1)
+        beyond = np.where(np.abs(beyond) < _SLACK, 0.0, beyond) * DEGREE
+        beyond[:, 1] *= np.cos(np.deg2rad(latitude))
+        return weights_of(index, np.stack(weight, axis=1), beyond)
+
+    def window(self, index: Index) -> Window:
+        """The rows and columns that hold some points, over the seam where that is shorter."""
+        row, column = np.divmod(index, len(self.longitude))
+        rows, columns = _run(row, None), _run(column, len(self.longitude))
+        inner = _position(rows, row) * len(columns) + _position(columns, column)
+        picks: dict[str, Pick] = {self.dims[0]: rows, self.dims[1]: columns}
+        return Window(picks, inner, len(rows) * len(columns))
+
+    def places(self, index: Index) -> tuple[Array, Array]:
+        """Longitude and latitude of points, degrees."""
+        row, column = np.divmod(index, len(self.longitude))
+        return self.longitude[column], self.latitude[row]
+
+
+@dataclass(frozen=True)
+class Curvilinear:
+    """Points in rows and columns that lie as they please.
+
+    Attributes:
+        dims: of rows and columns.
+        longitude, latitude: [ny, nx] degrees.
+        kind: "curvilinear", or "roms" where velocities are on the cells' edges.
+    """
+
+    dims: tuple[str, ...]
+    longitude: Array
+    latitude: Array
+    kind: str = "curvilinear"
+
+    def locate(self, longitude: Array, latitude: Array) -> Weights:
+        """Linear in the two triangles of each cell, in metres about the places."""
+        middle, apart = bounds(longitude, latitude)
+        near = np.ones(self.longitude.shape, bool)
+        for degrees, half in zip(offset(middle, self.longitude, self.latitude), apart, strict=True):
+            # A cell may hold a place though none of its corners lies among the places.
+            near &= np.abs(degrees) <= half + 2.0 * _cell_size(degrees) + 1e-9
+        if not near.any():
+            near.flat[nearest(self, middle)] = True
+        row, column = np.nonzero(near[:-1, :-1] | near[1:, :-1] | near[:-1, 1:] | near[1:, 1:])
+        width = self.longitude.shape[1]
+        first = row * width + column
+        corners = np.stack([first, first + 1, first + width + 1, first + width], axis=1)
+        triangles = np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]])
+        return within(self, triangles, middle, longitude, latitude)
+
+    def window(self, index: Index) -> Window:
+        """The rows and columns that hold some points."""
+        row, column = np.divmod(index, self.longitude.shape[1])
+        rows, columns = (slice(int(k.min()), int(k.max()) + 1) for k in (row, column))
+        width = columns.stop - columns.start
+        inner = (row - rows.start) * width + column - columns.start
+        picks: dict[str, Pick] = {self.dims[0]: rows, self.dims[1]: columns}
+        return Window(picks, inner, (rows.stop - rows.start) * width)
+
+    def places(self, index: Index) -> tuple[Array, Array]:
+        """Longitude and latitude of points, degrees."""
+        return self.longitude.ravel()[index], self.latitude.ravel()[index]
+
+
+def bounds(longitude: Array, latitude: Array) -> tuple[Array, Array]:
+    """Middle [2] and half the extent [2] of places, degrees east and north."""
+    # Places on both sides of the date line are turned to the first of them before they are compared.
+    east = longitude[0] + _wrapped(longitude - longitude[0])
+    spans = [(values.min(), values.max()) for values in (east, latitude)]
+    return np.asarray([sum(span) / 2 for span in spans]), np.asarray([np.ptp(span) / 2 for span in spans])
+
+
+def metres(middle: Array, longitude: Array, latitude: Array) -> Array:
+    """[M, 2] m north and east of a place."""
+    return np.stack(Site(float(middle[0]), float(middle[1])).to_local(longitude, latitude), axis=-1)
+
+
+def offset(middle: Array, longitude: Array, latitude: Array) -> tuple[Array, Array]:
+    """Degrees east, the shorter way round, and north of a place."""
+    return _wrapped(longitude - middle[0]), latitude - middle[1]
+
+
+def nearest(geometry: Geometry, middle: Array) -> int:
+    """The point nearest to a place, near enough for telling how far it is."""
+    east, north = offset(middle, geometry.longitude, geometry.latitude)
+    return int(np.hypot(east * np.cos(np.deg2rad(middle[1])), north).argmin())
+
+
+def within(geometry: Geometry, triangles: Index, middle: Array, longitude: Array, latitude: Array) -> Weights:
+    """Linear in triangles [N, 3] of a source's points, in metres about a place."""
+    used, local = np.unique(triangles, return_inverse=True)
+    points = metres(middle, *geometry.places(used))
+    found = barycentric(points, local.reshape(-1, 3), metres(middle, longitude, latitude))
+    return Weights(used[found.index], found.weight, found.beyond)
+
+
+def _wrapped(degrees: Array) -> Array:
+    """Angles the shorter way round, in [-180, 180)."""
+    return np.mod(degrees + 180.0, 360.0) - 180.0
+
+
+def _cell_size(degrees: Array) -> Array:
+    """[ny, nx], how far a coordinate moves to the next node, along rows plus along columns, at most."""
+    size = np.zeros(degrees.shape)
+    for axis in range(2):
+        step = np.abs(_wrapped(np.diff(degrees, axis=axis)))
+        ends = [[(0, 0), (0, 0)] for _ in range(2)]
+        ends[0][axis], ends[1][axis] = (1, 0), (0, 1)
+        size += np.maximum(*(np.pad(step, end) for end in ends))
+    return size
+
+
+def _run(used: Index, around: int | None) -> Index:
+    """The shortest run of indices that holds some; it may go over the end of an axis round the globe."""
+    values = np.unique(used)
+    if around is None or len(values) == 1:
+        return np.arange(values[0], values[-1] + 1)
+    gaps = np.diff(np.append(values, values[0] + around))
+    first = (int(gaps.argmax()) + 1) % len(values)
+    return (values[first] + np.arange(around - int(gaps.max()) + 1)) % around
+
+
+def _position(run: Index, index: Index) -> Index:
+    """Where in a run of indices each of some is."""
+    order = np.argsort(run)
+    return order[np.searchsorted(run[order], index)]

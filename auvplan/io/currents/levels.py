@@ -1,0 +1,214 @@
+"""Depths of a model's levels: fixed, ROMS' s-levels, sigma levels, or heights that the file tells."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from auvplan.io.currents.geometry import Window
+from auvplan.io.currents.names import standard_name
+from auvplan.io.currents.opening import text
+from auvplan.io.currents.points import Points
+from auvplan.io.currents.s_levels import s_levels
+from auvplan.io.currents.series import Array
+from auvplan.ocean.gridded import CurrentError
+
+#: Heights of levels above the datum, as SCHISM and SELFE tell them.
+_HEIGHTS = ("zcor", "zCoordinates")
+_SIGMAS = ("siglay", "sigma", "siglev")
+
+
+@dataclass(frozen=True)
+class Levels:
+    """Depths of levels below the instantaneous surface.
+
+    Attributes:
+        dim: of the levels; None where there is one level and no such dimension.
+        order: the levels in the order in which their depths rise.
+        fixed: [K] m rising, or None where they follow the sea bed.
+        read: depths [1 or T, K, 1 or P] m of the levels in a window in that order, and of the sea bed
+            [1 or T, P] m below the surface, or None where that is not known.
+    """
+
+    dim: str | None
+    order: slice
+    fixed: Array | None
+    read: Callable[[slice, Window], tuple[Array, Array | None]]
+
+
+def find_levels(points: Points, name: str, dim: str | None, notes: list[str]) -> Levels:
+    """The levels of a velocity component.
+
+    Args:
+        points: where it is told.
+        name: of the component.
+        dim: of its levels; None where it has none.
+        notes: get what has to be assumed.
+
+    Raises:
+        CurrentError: the levels have no depths, or such as contradict themselves.
+    """
+    if dim is None:
+        return _single(points, name, notes)
+    file = points.series.files[0]
+    for heights in _HEIGHTS:
+        if heights in file.variables and dim in file.variables[heights].dims:
+            return _told(points, heights, dim)
+    found = s_levels(points.series, dim, notes)
+    if found is not None:
+        return _following(points, name, dim, found, notes)
+    for sigma, variable in file.variables.items():
+        told = standard_name(file, sigma).startswith("ocean_sigma") or sigma in _SIGMAS
+        if told and dim in variable.dims and (variable.ndim == 1 or points.has(sigma)):
+            return _sigma(points, name, sigma, dim, notes)
+    return _fixed(points, _axis(points, name, dim), dim, notes)
+
+
+def _axis(points: Points, name: str, dim: str) -> str:
+    """The variable that tells the depths along a dimension."""
+    file = points.series.files[0]
+    found = []
+    for candidate, variable in file.variables.items():
+        if variable.dims == (dim,):
+            standard = standard_name(file, candidate) in ("depth", "height", "altitude")
+            likely = candidate == dim or standard or text(variable.attrs, "axis") == "Z"
+            if likely or text(variable.attrs, "positive") or "depth" in candidate.lower():
+                found.append((standard, candidate == dim, candidate))
+    if not found:
+        raise points.series.fail(f"{name} has levels along {dim}, but no depths of them")
+    return max(found)[2]
+
+
+def _fixed(points: Points, axis: str, dim: str | None, notes: list[str]) -> Levels:
+    file, series = points.series.files[0], points.series
+    values = np.atleast_1d(file.coordinate(axis))
+    if not text(series.attrs(axis), "units"):
+        notes.append(f"{axis} has no units: taken as metres")
+    depths = _downward(points, axis, values * points.metres(axis), notes)
+    steps = np.diff(depths)
+    if len(steps) and not ((steps > 0).all() or (steps < 0).all()):
+        raise series.fail(f"depths {axis} neither rise nor fall throughout")
+    order = slice(None, None, -1 if len(steps) and steps[0] < 0 else 1)
+    rising = depths[order]
+
+    def read(frames: slice, window: Window) -> tuple[Array, Array | None]:
+        floor = points.floor(window)
+        return rising[None, :, None], None if floor is None else floor[None]
+
+    return Levels(dim, order, rising, read)
+
+
+def _downward(points: Points, axis: str, values: Array, notes: list[str]) -> Array:
+    """Depths, positive down, by the attribute `positive` or, without one, by their signs."""
+    attributes, file = points.series.attrs(axis), points.series.files[0]
+    positive = text(attributes, "positive").lower()
+    signs = {bool(value > 0) for value in values if value != 0}
+    if len(signs) > 1:
+        raise points.series.fail(f"depths {axis} are of both signs")
+    above = signs == {False}
+    if positive not in ("", "up", "down"):
+        raise points.series.fail(f"{axis} has positive = {positive!r}, neither up nor down")
+    if positive == "":
+        notes.append(f"{axis} does not say which way is positive: {'up' if above else 'down'}, by its values")
+    elif signs and above != (positive == "up"):
+        kind = "negative" if above else "positive"
+        raise points.series.fail(f"{axis} says positive = {positive}, but its values are {kind}")
+    elif signs and positive == "up" and standard_name(file, axis) == "depth":
+        notes.append(f"{axis} is called depth and is positive up: taken by the attribute positive")
+    return -values + 0.0 if above else values + 0.0
+
+
+def _single(points: Points, name: str, notes: list[str]) -> Levels:
+    """One level: at the depth of a scalar coordinate, or else at the surface."""
+    file = points.series.files[0]
+    for candidate, variable in file.variables.items():
+        if variable.size == 1 and variable.ndim == 0 and standard_name(file, candidate) == "depth":
+            return _fixed(points, candidate, None, notes)
+    notes.append(f"{name} has no levels: taken as the current at the surface")
+    fixed = np.zeros(1)
+
+    def read(frames: slice, window: Window) -> tuple[Array, Array | None]:
+        floor = points.floor(window)
+        return fixed[None, :, None], None if floor is None else floor[None]
+
+    return Levels(None, slice(None), fixed, read)
+
+
+def _following(
+    points: Points, name: str, dim: str, depths: Callable[[Array, Array], Array], notes: list[str]
+) -> Levels:
+    """Levels whose depths [T, K, P] follow from the sea bed's [P] and the surface's height [T, P]."""
+    if points.floor_name() is None:
+        raise points.series.fail(f"{name} has levels that follow the sea bed, but h is missing")
+    if points.rise_name() is None:
+        notes.append("the surface's height zeta is not told: taken as 0")
+
+    def read(frames: slice, window: Window) -> tuple[Array, Array | None]:
+        floor, rise = points.floor(window), points.rise(frames, window)
+        assert floor is not None
+        return depths(floor, rise), floor + rise
+
+    # Whether the file counts from the bed or from the surface shows in any column.
+    probe = depths(np.full(1, 100.0), np.zeros((1, 1)))[0, :, 0]
+    steps = np.diff(probe)
+    if not ((steps > 0).all() or (steps < 0).all()):
+        raise points.series.fail(f"levels along {dim} neither rise nor fall throughout")
+    if (steps > 0).all():
+        return Levels(dim, slice(None), None, read)
+
+    def flipped(frames: slice, window: Window) -> tuple[Array, Array | None]:
+        levels, floor = read(frames, window)
+        return levels[:, ::-1], floor
+
+    return Levels(dim, slice(None, None, -1), None, flipped)
+
+
+def _sigma(points: Points, name: str, sigma: str, dim: str, notes: list[str]) -> Levels:
+    """Shares of the water's depth, the same everywhere or told for each point; FVCOM, SELFE, POM."""
+    series = points.series
+    if series.dims(sigma) == (dim,):
+        shares = np.abs(series.files[0].coordinate(sigma))
+        _check_shares(series.fail, sigma, shares)
+        return _following(
+            points, name, dim, lambda floor, rise: shares[None, :, None] * (floor + rise)[:, None], notes
+        )
+    if not points.has(sigma):
+        raise series.fail(f"levels {sigma} are not told where {name} is")
+    if points.floor_name() is None:
+        raise series.fail(f"{name} has levels that follow the sea bed, but h is missing")
+    if points.rise_name() is None:
+        notes.append("the surface's height zeta is not told: taken as 0")
+    column = np.abs(series.files[0].coordinate(sigma))
+    _check_shares(series.fail, sigma, column)
+    column = np.moveaxis(column, series.dims(sigma).index(dim), 0)
+    order = slice(None, None, 1 if column[0].mean() < column[-1].mean() else -1)
+
+    def read(frames: slice, window: Window) -> tuple[Array, Array | None]:
+        floor, rise = points.floor(window), points.rise(frames, window)
+        assert floor is not None
+        shares = np.abs(points.read(sigma, slice(0, 1), window, (dim,)))[:, order]
+        return shares * (floor + rise)[:, None], floor + rise
+
+    return Levels(dim, order, None, read)
+
+
+def _check_shares(fail: Callable[[str], CurrentError], sigma: str, shares: Array) -> None:
+    if shares.max() > 1.0 + 1e-6:
+        raise fail(f"levels {sigma} are no shares of the depth: they reach {shares.max():g}")
+
+
+def _told(points: Points, heights: str, dim: str) -> Levels:
+    """Heights above the datum for each time, level and point; missing below the sea bed."""
+
+    def read(frames: slice, window: Window) -> tuple[Array, Array | None]:
+        height = points.read(heights, frames, window, (dim,)) * points.metres(heights)
+        there = np.isfinite(height)
+        top = np.where(there, height, -np.inf).max(axis=1)
+        rise = np.where(np.isfinite(top), top, 0.0)
+        if points.rise_name() is not None:
+            rise = points.rise(frames, window)
+        depths = np.where(there, rise[:, None] - height, np.inf)
+        bed = np.where(there, depths, -np.inf).max(axis=1)
+        return depths[:, ::-1], np.where(np.isfinite(bed), bed, np.nan)
+
+    return Levels(dim, slice(None, None, -1), None, read)

@@ -1,0 +1,182 @@
+"""Which variables of a file are the current and its places: by CF standard name first, then by name."""
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from auvplan.io.currents.opening import File, text
+from auvplan.ocean.gridded import CurrentError
+
+#: Standard names of velocities to true east.
+_TRUE = re.compile(r"(surface_)?eastward_sea_water_velocity(_assuming_no_tide)?")
+#: Standard names of velocities along the grid's own axes, by their partner across.
+_ALONG = {
+    "sea_water_x_velocity": "sea_water_y_velocity",
+    "x_sea_water_velocity": "y_sea_water_velocity",
+    "surface_sea_water_x_velocity": "surface_sea_water_y_velocity",
+}
+#: Names of the two components, the likeliest first.
+_PAIRS = (
+    ("uo", "vo"), ("utotal", "vtotal"), ("water_u", "water_v"), ("u_eastward", "v_northward"),
+    ("u", "v"), ("u_sur", "v_sur"), ("horizontalVelX", "horizontalVelY"), ("U_hvel", "V_hvel"),
+)  # fmt: skip
+#: SCHISM's velocity, both components in one variable along a last dimension.
+_BOTH = "hvel"
+_UPWARD = ("w", "wo", "ww", "vertical_velocity", "verticalVelocity")
+_LONGITUDES = (
+    "longitude", "lon", "nav_lon", "lon_rho", "Longitude", "lonc", "LON", "LONGITUDE", "SCHISM_hgrid_node_x",
+)  # fmt: skip
+_LATITUDES = (
+    "latitude", "lat", "nav_lat", "lat_rho", "Latitude", "latc", "LAT", "LATITUDE", "SCHISM_hgrid_node_y",
+)  # fmt: skip
+_DEGREES = {
+    "longitude": re.compile(r"degrees?_?(e|east)", re.IGNORECASE),
+    "latitude": re.compile(r"degrees?_?(n|north)", re.IGNORECASE),
+}
+_FLOOR_NAMES = ("sea_floor_depth_below_sea_level", "sea_floor_depth_below_geoid", "sea_floor_depth",
+                "model_sea_floor_depth_below_geoid")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Names:
+    """The variables that are the current.
+
+    Attributes:
+        east, north: names of the components; the same where one variable holds both.
+        both: the dimension that tells the components of one variable apart, or None.
+        along_grid: whether they may follow the grid's axes rather than east and north.
+    """
+
+    east: str
+    north: str
+    both: str | None
+    along_grid: bool
+
+
+def standard_name(file: File, name: str) -> str:
+    """A variable's CF standard name in lower case, without a modifier; empty where there is none."""
+    words = text(file.variables[name].attrs, "standard_name").lower().split()
+    return words[0] if words else ""
+
+
+def find_current(file: File) -> Names:
+    """The level components of the current.
+
+    Raises:
+        CurrentError: there are none, or one without the other.
+    """
+    by_standard: dict[str, list[str]] = {}
+    for name in file.variables:
+        by_standard.setdefault(standard_name(file, name), []).append(name)
+    for candidates in (
+        {name: name.replace("eastward", "northward") for name in by_standard if _TRUE.fullmatch(name)},
+        {name: other for name, other in _ALONG.items() if name in by_standard},
+    ):
+        for standard in sorted(candidates, key=len):
+            east = _best(file, by_standard[standard])
+            partners = [
+                name
+                for name in by_standard.get(candidates[standard], [])
+                if file.variables[name].ndim == file.variables[east].ndim
+            ]
+            if not partners:
+                raise CurrentError(f"{file.path}: {east} has no partner {candidates[standard]}")
+            return Names(east, _best(file, partners), None, standard in _ALONG)
+    return _by_name(file)
+
+
+def _by_name(file: File) -> Names:
+    for east, north in _PAIRS:
+        if east in file.variables and north in file.variables:
+            names = [standard_name(file, name) for name in (east, north)]
+            # u and v are also winds, ice and waves.
+            if all(not name or "sea_water" in name for name in names):
+                return Names(east, north, None, "east" not in east)
+    if _BOTH in file.variables:
+        last = str(file.variables[_BOTH].dims[-1])
+        if file.variables[_BOTH].shape[-1] == 2:
+            return Names(_BOTH, _BOTH, last, True)
+    for east, north in _PAIRS:
+        for present, missing in ((east, north), (north, east)):
+            if present in file.variables and missing not in file.variables:
+                raise CurrentError(f"{file.path}: {present} has no partner {missing}")
+    raise CurrentError(
+        f"{file.path}: no current: neither a variable with standard_name eastward_sea_water_velocity "
+        f"nor one named {', '.join(east for east, _ in _PAIRS)}"
+    )
+
+
+def _best(file: File, names: Sequence[str]) -> str:
+    """The variable with most dimensions; among equals a well-known name, then the first."""
+    known = [name for pair in _PAIRS for name in pair]
+
+    def rank(name: str) -> tuple[int, int]:
+        return -file.variables[name].ndim, known.index(name) if name in known else len(known)
+
+    return min(names, key=rank)
+
+
+def find_upward(file: File) -> str | None:
+    """The vertical velocity, positive up, or None."""
+    named = [name for name in file.variables if standard_name(file, name) == "upward_sea_water_velocity"]
+    plain = [name for name in _UPWARD if name in file.variables and not standard_name(file, name)]
+    return (named + plain + [None])[0]
+
+
+def find_places(file: File, name: str, staggered: bool = False) -> tuple[str, str]:
+    """The longitude and latitude of a variable's points.
+
+    Args:
+        file: opened.
+        name: of a velocity component.
+        staggered: whether the places are those of ROMS' rho points, not of the variable itself.
+
+    Raises:
+        CurrentError: they are missing.
+    """
+    if staggered:
+        pair = ("lon_rho", "lat_rho")
+        for place in pair:
+            if place not in file.variables or not file.coordinate(place).any():
+                raise CurrentError(f"{file.path}: {name} is on a staggered grid, but {place} is missing")
+        return pair
+    hints = text(file.variables[name].attrs, "coordinates").split()
+    found = [
+        _place(file, name, "longitude", _LONGITUDES, hints),
+        _place(file, name, "latitude", _LATITUDES, hints),
+    ]
+    for kind, place in zip(("longitude", "latitude"), found, strict=True):
+        if place is None:
+            raise CurrentError(f"{file.path}: {name} has no {kind}")
+    return str(found[0]), str(found[1])
+
+
+def _place(file: File, of: str, kind: str, names: Iterable[str], hints: Sequence[str]) -> str | None:
+    order, dims, ranked = list(names), set(file.variables[of].dims), []
+    for name, variable in file.variables.items():
+        if variable.ndim not in (1, 2) or not set(variable.dims) <= dims or name == of:
+            continue
+        standard = standard_name(file, name) == kind
+        degrees = _DEGREES[kind].fullmatch(text(variable.attrs, "units")) is not None
+        if standard or degrees or name in order:
+            rank = (name not in hints, not standard, not degrees)
+            ranked.append((*rank, order.index(name) if name in order else len(order), name))
+    for *_, name in sorted(ranked):
+        # Models leave coordinates of grids that they do not write at zero.
+        if file.variables[name].ndim == 1 and file.variables[name].size == 1:
+            return name
+        if np.any(file.coordinate(name)):
+            return name
+    return None
+
+
+def find_floor(file: File, dims: Sequence[str]) -> str | None:
+    """The depth of the sea bed on the dimensions of places, by standard name or ROMS' and FVCOM's h."""
+    fitting = [name for name, variable in file.variables.items() if set(variable.dims) == set(dims)]
+    named = [name for name in fitting if standard_name(file, name) in _FLOOR_NAMES]
+    plain = [name for name in ("h", "deptho", "bathymetry") if name in fitting]
+    if "SCHISM_hgrid" in file.variables and "depth" in fitting:
+        plain.append("depth")
+    return (named + plain + [None])[0]

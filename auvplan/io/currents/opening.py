@@ -1,0 +1,206 @@
+"""Opening NetCDF files and Zarr folders: lazily, by the first bytes, with one clear line on what is wrong."""
+
+import contextlib
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from glob import glob
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from auvplan.ocean.gridded import CurrentError
+
+#: Coordinates with more values are refused before they are read.
+MAX_COORDINATE = 50_000_000
+#: Up to so many values are read in one piece though only some of them are wanted.
+_AT_ONCE = 20_000_000
+
+Paths = str | Path | Sequence[str | Path]
+#: Which indices of a dimension are wanted.
+Pick = slice | NDArray[np.int64]
+
+_ZARR_FILES = ("zarr.json", ".zgroup", ".zmetadata")
+
+
+@dataclass(frozen=True)
+class File:
+    """An opened file, nothing of which is read but its head.
+
+    Attributes:
+        path: as given, for messages.
+        variables: by name; packing and fill values are decoded, times are not.
+        attributes: of the whole file.
+        close: lets go of the file.
+    """
+
+    path: str
+    variables: Mapping[str, xr.Variable]
+    attributes: Mapping[str, Any]
+    close: Callable[[], None]
+
+    def read(
+        self, name: str, picks: Mapping[str, Pick] | None = None, dims: Sequence[str] | None = None
+    ) -> NDArray[np.float64]:
+        """A variable's values, or those of some indices of its dimensions.
+
+        Args:
+            name: of the variable.
+            picks: indices by dimension; dimensions that are not named are read whole.
+            dims: order of the result's dimensions; the variable's own by default.
+
+        Raises:
+            CurrentError: the values cannot be read or are no numbers.
+        """
+        if name not in self.variables:
+            raise CurrentError(f"{self.path}: has no {name}")
+        variable = self.variables[name]
+        chosen = {dim: pick for dim, pick in (picks or {}).items() if dim in variable.dims}
+        after: dict[str, NDArray[np.int64]] = {}
+        for dim, pick in chosen.items():
+            if isinstance(pick, np.ndarray) and len(pick):
+                # A run is read in one piece and thinned in memory: files read scattered indices one by one.
+                first, last = int(pick.min()), int(pick.max()) + 1
+                run = chosen | {dim: slice(first, last)}
+                if last - first <= 4 * len(pick) or variable.isel(run).size <= _AT_ONCE:
+                    chosen, after[dim] = run, pick - first
+        with self.guarded(name):
+            part = variable.isel(chosen)
+            if dims is not None:
+                part = part.transpose(*dims)
+            values = np.asarray(part.values)
+        if values.dtype.kind not in "fiub":
+            raise CurrentError(f"{self.path}: variable {name} holds no numbers")
+        values = values.astype(float)
+        for dim, pick in after.items():
+            values = np.take(values, pick, axis=part.dims.index(dim))
+        return values
+
+    def coordinate(self, name: str) -> NDArray[np.float64]:
+        """All values of a coordinate.
+
+        Raises:
+            CurrentError: they are too many, cannot be read, or are not finite.
+        """
+        size = self.variables[name].size
+        if size > MAX_COORDINATE:
+            raise CurrentError(
+                f"{self.path}: coordinate {name} has {size} values, more than {MAX_COORDINATE} are not read"
+            )
+        values = self.read(name)
+        if not np.isfinite(values).all():
+            raise CurrentError(f"{self.path}: coordinate {name} has values that are not finite")
+        return values
+
+    @contextlib.contextmanager
+    def guarded(self, name: str) -> Iterator[None]:
+        """Turn whatever a library stumbles over into one line that names the file and the variable."""
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                yield
+        except CurrentError:
+            raise
+        except Exception as error:
+            raise CurrentError(f"{self.path}: variable {name} cannot be read ({_line(error)})") from None
+
+
+def text(attributes: Mapping[str, Any], name: str) -> str:
+    """An attribute as text without blanks around it; empty where there is none."""
+    value = attributes.get(name, "")
+    value = value.decode("utf-8", "replace") if isinstance(value, bytes) else value
+    return str(value).strip()
+
+
+def open_files(paths: Paths) -> tuple[File, ...]:
+    """Open one file, all files of a glob pattern, or a list of either.
+
+    Raises:
+        CurrentError: there is no such file, or one is no readable NetCDF file or Zarr folder.
+    """
+    given = [paths] if isinstance(paths, str | Path) else list(paths)
+    names: list[str] = []
+    for path in map(str, given):
+        found = [path] if Path(path).exists() else sorted(glob(path))
+        if not found:
+            raise CurrentError(f"{path}: no such file")
+        names += [name for name in found if name not in names]
+    if not names:
+        raise CurrentError("no file of currents is named")
+    files: list[File] = []
+    try:
+        for name in names:
+            files.append(_open(name))
+    except CurrentError:
+        for file in files:
+            file.close()
+        raise
+    return tuple(files)
+
+
+def _open(path: str) -> File:
+    reasons = []
+    for engine in _engines(path):
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                dataset = _dataset(path, engine)
+                variables = {str(name): variable for name, variable in dataset.variables.items()}
+        # Damaged files are answered with whatever a library's layers stumble over.
+        except Exception as error:
+            reasons.append(_line(error))
+            continue
+        return File(path, variables, dataset.attrs, dataset.close)
+    raise CurrentError(f"{path}: not a readable NetCDF file ({reasons[0]})")
+
+
+def _dataset(path: str, engine: str) -> xr.Dataset:
+    # Without indexes nothing but the head is read, however large a damaged head says that an axis is.
+    options: dict[str, Any] = {"consolidated": False} if engine == "zarr" else {}
+    return xr.open_dataset(
+        path, engine=engine, decode_times=False, decode_timedelta=False, decode_coords=False,
+        create_default_indexes=False, cache=False, **options,
+    )  # fmt: skip
+
+
+def _engines(path: str) -> list[str]:
+    """xarray's engines that may open a file, the most likely one first, told by its first bytes."""
+    place = Path(path)
+    if place.is_dir():
+        if not any((place / name).is_file() for name in _ZARR_FILES):
+            raise CurrentError(f"{path}: a folder that is no Zarr store")
+        if find_spec("zarr") is None:
+            raise CurrentError(f"{path}: Zarr needs a further package: pip install 'auvplan[readers]'")
+        return ["zarr"]
+    try:
+        with place.open("rb") as file:
+            head = file.read(8)
+    except OSError as error:
+        raise CurrentError(f"{path}: {error.strerror or _line(error)}") from None
+    fallback = ["netcdf4"] if find_spec("netCDF4") is not None else []
+    if head.startswith(b"\x89HDF\r\n\x1a\n"):
+        # What is no HDF5 at all is not tried by others, which may take minutes over a damaged file.
+        try:
+            with h5py.File(path, "r") as file:
+                # What h5netcdf asks first; its answer to an error there is one more, on the way out.
+                file.attrs.get("_nc3_strict")
+        except Exception as error:
+            raise CurrentError(f"{path}: not a readable NetCDF file ({_line(error)})") from None
+        return ["h5netcdf", *fallback]
+    if head[:4] in (b"CDF\x01", b"CDF\x02"):
+        return ["scipy"]
+    if head[:4] == b"CDF\x05":
+        if not fallback:
+            raise CurrentError(f"{path}: NetCDF of type CDF-5 needs: pip install 'auvplan[readers]'")
+        return fallback
+    kind = "a GRIB file, " if head[:4] == b"GRIB" else ""
+    raise CurrentError(f"{path}: {kind}not a NetCDF file")
+
+
+def _line(error: Exception) -> str:
+    return " ".join(str(error).split()) or type(error).__name__

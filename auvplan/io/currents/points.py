@@ -1,0 +1,118 @@
+"""Reading variables at the points where the current is told."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvplan.io.currents.geometry import Geometry, Window
+from auvplan.io.currents.names import find_floor, standard_name
+from auvplan.io.currents.opening import text
+from auvplan.io.currents.series import Array, Series
+from auvplan.io.currents.triangles import Triangles, cell_means
+from auvplan.io.currents.units import length_factor
+
+_SURFACES = ("zeta", "elev", "elevation", "ssh", "zos")
+_SURFACE_NAMES = ("sea_surface_height_above_geoid", "sea_surface_height_above_mean_sea_level",
+                  "sea_surface_height", "sea_surface_elevation")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Points:
+    """The points of a series where its current is told.
+
+    Attributes:
+        series: the files.
+        geometry: the places of the points.
+    """
+
+    series: Series
+    geometry: Geometry
+
+    def has(self, name: str) -> bool:
+        """Whether a variable is told at the points, or at the corners of their cells."""
+        dims = set(self.series.dims(name))
+        return set(self.geometry.dims) <= dims or (self._corners is not None and self._corners in dims)
+
+    @property
+    def _corners(self) -> str | None:
+        """The dimension of the cells' corners, where the points are the cells' middles."""
+        grid = self.geometry
+        return grid.cells.dim if isinstance(grid, Triangles) and grid.in_cells and grid.cells else None
+
+    def read(self, name: str, frames: slice, window: Window, extra: tuple[str, ...] = ()) -> Array:
+        """Values [T, *extra, P] at a window's points; T is 1 where the variable knows no time.
+
+        What is told at nodes is the mean of a cell's corners where the points are cells.
+
+        Raises:
+            CurrentError: the variable has other dimensions, or cannot be read.
+        """
+        dims = self.series.dims(name)
+        along = self.geometry.dims if set(self.geometry.dims) <= set(dims) else (self._corners or "",)
+        if sorted(dims) != sorted((*extra, *along)):
+            fitting = ", ".join((*extra, *along))
+            raise self.series.fail(f"{name} has dimensions {', '.join(dims)}, not {fitting}")
+        if along == self.geometry.dims:
+            values = self.series.read(name, window.picks, frames, (*extra, *along))
+            return values.reshape(*values.shape[: 1 + len(extra)], window.points)
+        grid = self.geometry
+        assert isinstance(grid, Triangles)
+        assert grid.cells is not None
+        nodes = self.series.read(name, {}, frames, (*extra, *along))
+        return cell_means(grid.cells, nodes, np.asarray(window.picks[self.geometry.dims[0]]))
+
+    def metres(self, name: str) -> float:
+        """Metres in a variable's unit of length; variables without units are in metres.
+
+        Raises:
+            CurrentError: the unit is no length.
+        """
+        units = text(self.series.attrs(name), "units")
+        factor = length_factor(units) if units else 1.0
+        if factor is None:
+            raise self.series.fail(f"{name} has units {units!r}, which are no length")
+        return factor
+
+    def floor_name(self) -> str | None:
+        """The variable that tells the depth of the sea bed, or None."""
+        names = [find_floor(self.series.files[0], self.geometry.dims)]
+        if self._corners is not None:
+            names.append(find_floor(self.series.files[0], (self._corners,)))
+        return next((name for name in names if name is not None), None)
+
+    def floor(self, window: Window) -> Array | None:
+        """Depth [P] m of the sea bed below the datum; NaN on land, None where it is not told."""
+        name = self.floor_name()
+        if name is None:
+            return None
+        depth = self.read(name, slice(0, 1), window)[0] * self.metres(name)
+        return np.where(self.water(window), depth, np.nan)
+
+    def rise_name(self) -> str | None:
+        """The variable that tells the height of the surface, or None."""
+        file = self.series.files[0]
+        fitting = [
+            name for name in file.variables if self.has(name) and len(self.series.dims(name)) in (1, 2)
+        ]
+        fitting = [n for n in fitting if len(self.series.dims(n)) <= len(self.geometry.dims)]
+        named = [name for name in fitting if standard_name(file, name) in _SURFACE_NAMES]
+        plain = [name for name in _SURFACES if name in fitting]
+        return (plain + named + [None])[0]
+
+    def rise(self, frames: slice, window: Window) -> Array:
+        """Height [T, P] m of the surface above the datum; 0 where it is not told."""
+        name = self.rise_name()
+        if name is None:
+            return np.zeros((1, window.points))
+        return np.nan_to_num(self.read(name, frames, window) * self.metres(name))
+
+    def water(self, window: Window) -> NDArray[np.bool_]:
+        """[P], False where a mask of the file says land."""
+        file = self.series.files[0]
+        dims = set(self.geometry.dims)
+        for name, variable in file.variables.items():
+            masks = name == "mask_rho" or standard_name(file, name) == "sea_binary_mask"
+            if masks and set(variable.dims) == dims:
+                return np.nan_to_num(self.read(name, slice(0, 1), window)[0]) > 0.5
+        return np.ones(window.points, bool)

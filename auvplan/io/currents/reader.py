@@ -1,0 +1,285 @@
+"""Reading ocean currents onto a grid of local metres, for planning."""
+
+from dataclasses import dataclass
+from datetime import datetime
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import csr_array
+
+from auvplan.io.currents.columns import at_depth
+from auvplan.io.currents.ocean import MAX_VALUES, OceanData, describe, misunderstood, open_ocean
+from auvplan.io.currents.opening import Paths
+from auvplan.io.currents.series import Array
+from auvplan.io.currents.times import moment_of, seconds_of
+from auvplan.io.currents.velocity import Block
+from auvplan.io.currents.weights import Weights, mix
+from auvplan.ocean.gridded import CurrentError, GriddedCurrent
+from auvplan.site import Site
+
+#: Nodes a side of a local grid.
+MAX_NODES = 512
+#: Depths, m, onto which levels that follow the sea bed are interpolated.
+STANDARD_DEPTHS = (0, 2, 5, 10, 15, 20, 30, 50, 75, 100, 150, 200, 300, 400, 500, 750, 1000, 1500, 2000, 3000,
+                   4000, 5000, 6000, 8000, 11000)  # fmt: skip
+
+#: So many values are read at a time.
+_CHUNK = 4_000_000
+
+
+@dataclass(frozen=True)
+class CurrentFile:
+    """Currents of a file on a local grid of X nodes north and Y nodes east.
+
+    Attributes:
+        field: the current; its times are s since `epoch`.
+        epoch: the moment of time 0, UTC.
+        water: [X, Y] bool, whether there is water at the first depth at all times.
+        sea_floor: [X, Y] m below the datum, positive down, NaN on land; None where the file does not tell it.
+        origin: m, north and east of node (0, 0).
+        spacing: m between nodes, north and east.
+        notes: every assumption that was made.
+        source: the file as opened, with its exact sampler.
+    """
+
+    field: GriddedCurrent
+    epoch: datetime
+    water: NDArray[np.bool_]
+    sea_floor: Array | None
+    origin: tuple[float, float]
+    spacing: tuple[float, float]
+    notes: tuple[str, ...]
+    source: OceanData
+
+
+def read_current(
+    paths: Paths,
+    site: Site,
+    *,
+    lower: ArrayLike,
+    upper: ArrayLike,
+    times: tuple[float, float] | None = None,
+    spacing: float | None = None,
+    depths: ArrayLike | None = None,
+    outside: str = "refuse",
+) -> CurrentFile:
+    """Read the currents of a box onto a local grid.
+
+    NetCDF-3, NetCDF-4 and Zarr; CF on regular and curvilinear grids, native ROMS, UGRID, FVCOM, SCHISM and
+    SELFE. Only the needed times and area are read. Each column is interpolated in depth, then the columns in
+    the horizontal, linearly; velocities are turned into the local frame at each node. Depths are below the
+    instantaneous surface.
+
+    Args:
+        paths: one path, a glob pattern, or a list of such; files may be split over time.
+        site: of the local frame. Where it has no epoch, the first time of the data is the epoch.
+        lower, upper: [3] m north, east, depth, the corners of the box that must be covered.
+        times: first and last s since the epoch that must be covered; all of the data's by default.
+        spacing: m between nodes at most, so that they fit the box; the source's median by default.
+        depths: m, rising; by default the source's levels down to the box's end and the next one, or standard
+            depths where the levels follow the sea bed.
+        outside: "refuse" what the data does not cover, or "clamp": the nearest value holds.
+
+    Raises:
+        CurrentError: one line that names the file, the variable and what is wrong.
+
+    Example:
+        >>> read_current("norkyst.nc", Site(5.95, 55.95), lower=(-2e3, -2e3, 0), upper=(2e3, 2e3, 7)).notes
+        ... # doctest: +SKIP
+        ()
+    """
+    low, high = _box(lower, upper)
+    if outside not in ("refuse", "clamp"):
+        raise CurrentError(f"outside must be 'refuse' or 'clamp', got {outside!r}")
+    source = open_ocean(paths)
+    try:
+        return _read(source, site, low, high, times, spacing, depths, outside == "clamp")
+    except CurrentError:
+        source.close()
+        raise
+    except Exception as error:
+        source.close()
+        raise misunderstood(source.series.label, error) from None
+
+
+def _read(
+    source: OceanData,
+    site: Site,
+    low: Array,
+    high: Array,
+    times: tuple[float, float] | None,
+    spacing: float | None,
+    depths: ArrayLike | None,
+    clamp: bool,
+) -> CurrentFile:
+    notes = list(source.notes)
+    epoch = moment_of(source.times[0]) if site.epoch is None else site.epoch
+    start = float(seconds_of(epoch))
+    frames = _frames(source, start, times, clamp, notes)
+    nodes, apart = _nodes(source, site, low, high, spacing)
+    north, east = (axis.ravel() for axis in np.meshgrid(*nodes, indexing="ij"))
+    longitude, latitude = site.to_geographic(north, east)
+    weights = source.geometry.locate(longitude, latitude)
+    if weights.outside.any() and not clamp:
+        share = weights.outside.mean()
+        raise source.series.fail(
+            f"{share:.0%} of the box is not covered: it reaches beyond the data {describe(weights.beyond)}"
+        )
+    if weights.outside.any():
+        notes.append("beyond the data's area its nearest value holds")
+    wanted = _depths(source, high[2], depths, notes)
+    velocities, floor = _gridded(source, weights, frames, wanted, notes)
+    bearing = site.true_north(longitude, latitude)
+    cos, sin = np.cos(bearing), np.sin(bearing)
+    to_north, to_east, down = velocities
+    shape = (len(to_north), len(wanted), len(nodes[0]), len(nodes[1]))
+    u = (to_north * cos - to_east * sin).reshape(shape)
+    v = (to_north * sin + to_east * cos).reshape(shape)
+    if not np.isfinite(u).any():
+        raise source.series.fail("the current is missing everywhere in the box: there is land only")
+    origin = (float(nodes[0][0]), float(nodes[1][0]))
+    field = GriddedCurrent.from_arrays(
+        u, v, None if down is None else down.reshape(shape),
+        origin=origin, spacing=apart, depths=wanted, times=source.times[frames] - start,
+    )  # fmt: skip
+    sea_floor = None if floor is None else floor.reshape(shape[2:])
+    water = np.asarray(np.isfinite(u[:, 0]).all(axis=0))
+    return CurrentFile(field, epoch, water, sea_floor, origin, apart, tuple(dict.fromkeys(notes)), source)
+
+
+def _box(lower: ArrayLike, upper: ArrayLike) -> tuple[Array, Array]:
+    low, high = np.asarray(lower, float), np.asarray(upper, float)
+    if low.shape != (3,) or high.shape != (3,) or not np.isfinite([low, high]).all():
+        raise CurrentError("lower and upper must be three finite numbers each: m north, east, depth")
+    if not (low[:2] < high[:2]).all() or low[2] > high[2] or high[2] < 0:
+        raise CurrentError(f"upper must exceed lower, got {low.tolist()} and {high.tolist()}")
+    return low, high
+
+
+def _frames(
+    source: OceanData, start: float, times: tuple[float, float] | None, clamp: bool, notes: list[str]
+) -> slice:
+    """The data's times that are needed."""
+    if times is None:
+        return slice(0, len(source.times))
+    if len(times) != 2 or not np.isfinite(times).all() or times[0] > times[1]:
+        raise CurrentError(f"times must be the first and the last, s, got {times}")
+    first, last = start + times[0], start + times[1]
+    if clamp:
+        try:
+            source.check_times(first, last)
+        except CurrentError:
+            notes.append("beyond the data's times its nearest value holds")
+    else:
+        source.check_times(first, last)
+    return source.frames(first, last)
+
+
+def _nodes(
+    source: OceanData, site: Site, low: Array, high: Array, spacing: float | None
+) -> tuple[tuple[Array, Array], tuple[float, float]]:
+    """North and east of the grid's nodes, m, from edge to edge of the box, and their spacing."""
+    extent = high[:2] - low[:2]
+    if spacing is None:
+        step = max(_source_spacing(source, site, low, high), float(extent.max()) / (MAX_NODES - 1))
+    elif np.isfinite(spacing) and spacing > 0:
+        step = float(spacing)
+    else:
+        raise CurrentError(f"spacing must be positive, got {spacing}")
+    # A share of a spacing that rounding adds is no reason for one more node.
+    counts = [max(2, int(np.ceil(length / step - 1e-6)) + 1) for length in extent]
+    if max(counts) > MAX_NODES:
+        raise CurrentError(f"a spacing of {step:g} m makes {max(counts)} nodes a side, more than {MAX_NODES}")
+    nodes = (np.linspace(low[0], high[0], counts[0]), np.linspace(low[1], high[1], counts[1]))
+    return nodes, (float(extent[0] / (counts[0] - 1)), float(extent[1] / (counts[1] - 1)))
+
+
+def _source_spacing(source: OceanData, site: Site, low: Array, high: Array) -> float:
+    """Median distance, m, between neighbours among the source's points around the box."""
+    axes = [np.linspace(low[k], high[k], 24) for k in range(2)]
+    north, east = (axis.ravel() for axis in np.meshgrid(*axes, indexing="ij"))
+    weights = source.geometry.locate(*site.to_geographic(north, east))
+    index = weights.index
+    ring = (0, 1, 2, 0) if index.shape[1] == 3 else (0, 1, 3, 2, 0)
+    pairs = np.concatenate([index[:, [a, b]] for a, b in pairwise(ring)])
+    pairs = np.unique(np.sort(pairs, axis=1), axis=0)
+    ends = [np.stack(site.to_local(*source.geometry.places(pairs[:, k])), axis=1) for k in range(2)]
+    length = np.linalg.norm(ends[0] - ends[1], axis=1)
+    length = length[length > 1e-3]
+    return float(np.median(length)) if len(length) else float((high - low)[:2].max())
+
+
+def _depths(source: OceanData, deepest: float, depths: ArrayLike | None, notes: list[str]) -> Array:
+    """Depths of the local grid, m."""
+    if depths is not None:
+        wanted = np.atleast_1d(np.asarray(depths, float))
+        if wanted.ndim != 1 or not np.isfinite(wanted).all() or (np.diff(wanted, prepend=-1e-9) <= 0).any():
+            raise CurrentError("depths must be rising numbers that are not negative")
+        return wanted
+    levels = np.asarray(STANDARD_DEPTHS, float) if source.levels is None else source.levels
+    if source.levels is not None and deepest > levels[-1]:
+        notes.append(f"below the deepest level, {levels[-1]:g} m, its current holds")
+    return levels[: int(np.searchsorted(levels, deepest)) + 1]
+
+
+def _gridded(
+    source: OceanData, weights: Weights, frames: slice, wanted: Array, notes: list[str]
+) -> tuple[tuple[Array, Array, Array | None], Array | None]:
+    """North, east and down [T, D, M] m/s at M places and D depths, and the sea bed [M] m."""
+    window = source.geometry.window(weights.index)
+    count = frames.stop - frames.start
+    each = window.points * max(1, _level_count(source))
+    values = count * each * (2 if source.velocity.up is None else 3)
+    grid = count * len(wanted) * len(weights.index) * 3
+    if max(values, grid) > MAX_VALUES:
+        raise source.series.fail(
+            f"{count} times and {window.points} points are {max(values, grid)} values, more than {MAX_VALUES}"
+        )
+    matrix = Weights(window.index, weights.weight, weights.beyond).matrix(window.points)
+    step = max(1, _CHUNK // each)
+    parts = [
+        _block_at(source.velocity.read(slice(k, min(k + step, frames.stop)), window), matrix, wanted)
+        for k in range(frames.start, frames.stop, step)
+    ]
+    east, north, up = (np.concatenate(part) for part in zip(*parts, strict=True))
+    floor = source.velocity.points.floor(window)
+    if floor is not None:
+        floor = mix(matrix, floor[None])[0][0]
+    if source.velocity.up is None:
+        return (north, east, None), floor
+    # The field's mask is one for all components.
+    lacking = np.isnan(up) & np.isfinite(east)
+    if lacking.any():
+        notes.append("where the level current is told and the vertical one is not, that is taken as 0")
+    return (north, east, np.where(lacking, 0.0, -up)), floor
+
+
+def _level_count(source: OceanData) -> int:
+    part = source.velocity.east
+    return int(source.series.variables[part.name].sizes[part.levels.dim]) if part.levels.dim else 1
+
+
+def _block_at(block: Block, matrix: csr_array, wanted: Array) -> tuple[Array, Array, Array]:
+    """East, north and up [T, D, M] m/s of a block of times."""
+    count, _, points = block.east.shape
+
+    def columns(field: Array) -> Array:
+        """[T, K, P] as [K, T P]; what is the same in all columns stays [K, 1]."""
+        if field.shape[0] == 1 and field.shape[2] == 1:
+            return field[0]
+        full = np.broadcast_to(field, (count, field.shape[1], points))
+        return np.moveaxis(full, 1, 0).reshape(field.shape[1], count * points)
+
+    floor = None if block.floor is None else columns(block.floor[:, None])[0]
+    level = columns(block.east), columns(block.north)
+    depths = columns(block.depths)
+    found = np.empty((3, count, len(wanted), len(matrix.indptr) - 1))
+    for k, depth in enumerate(wanted):
+        pair = at_depth(level, depths, np.full(1, depth), floor)
+        found[:2, :, k] = mix(matrix, *(values.reshape(count, points) for values in pair))
+        found[2, :, k] = np.nan
+        if block.up is not None and block.depths_up is not None:
+            (up,) = at_depth((columns(block.up),), columns(block.depths_up), np.full(1, depth), floor)
+            (found[2, :, k],) = mix(matrix, up.reshape(count, points))
+    return found[0], found[1], np.where(np.isnan(found[0]), np.nan, found[2])

@@ -1,0 +1,162 @@
+"""Times of ocean files: CF units and calendars to UTC moments and seconds since 1970."""
+
+from datetime import UTC, datetime, timedelta
+from importlib.util import find_spec
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from auvplan.io.currents.opening import MAX_COORDINATE, File, text
+from auvplan.ocean.gridded import CurrentError
+from auvplan.site import as_utc
+
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_REAL_CALENDARS = ("", "standard", "gregorian", "proleptic_gregorian", "julian")
+#: Calendars that xarray decodes by itself.
+_WITHOUT_CFTIME = ("", "standard", "gregorian", "proleptic_gregorian")
+_NAMES = ("time", "ocean_time", "Time", "TIME", "t", "time_counter", "MT")
+
+
+def find_time(file: File, dims: tuple[str, ...]) -> str:
+    """The variable that tells the times of a field with these dimensions: one-dimensional, or one value.
+
+    Raises:
+        CurrentError: there is none.
+    """
+    found = []
+    for name, variable in file.variables.items():
+        fits = variable.ndim == 0 or (variable.ndim == 1 and variable.dims[0] in dims)
+        if not fits or " since " not in f" {text(variable.attrs, 'units')} ".lower():
+            continue
+        likely = (
+            text(variable.attrs, "standard_name") == "time",
+            name in _NAMES,
+            text(variable.attrs, "axis") == "T",
+            name in variable.dims,
+            variable.ndim,
+        )
+        # HYCOM's tau, "hours since analysis", is no date.
+        if any(likely[:4]) or any(letter.isdigit() for letter in text(variable.attrs, "units")):
+            found.append((likely, name))
+    if not found:
+        raise CurrentError(f"{file.path}: no time coordinate with units like 'seconds since 1970-01-01'")
+    return max(found)[1]
+
+
+def decode_times(file: File, name: str) -> tuple[NDArray[np.float64], list[str]]:
+    """Seconds since 1970-01-01 UTC of the values of a time coordinate [T], and notes on how they were read.
+
+    Raises:
+        CurrentError: dates are missing, cannot be understood, or run backwards.
+    """
+    variable = file.variables[name]
+    units, calendar = text(variable.attrs, "units"), text(variable.attrs, "calendar").lower()
+    notes = []
+    exact = _modified_julian(file, variable.dims)
+    if exact is not None:
+        seconds = exact
+    else:
+        if variable.size > MAX_COORDINATE:
+            raise CurrentError(f"{file.path}: {name} has {variable.size} values, which are not read")
+        values = np.atleast_1d(file.read(name) if variable.size else np.zeros(0))
+        if not values.size:
+            raise CurrentError(f"{file.path}: {name} has no times")
+        if not np.isfinite(values).all():
+            raise CurrentError(f"{file.path}: {name} has missing dates")
+        # 1e30 and the like would overflow before it is refused.
+        if np.abs(values).max() > 1e17:
+            far = np.abs(values).max()
+            raise CurrentError(f"{file.path}: {name} has dates that are none: {far:g} {units}")
+        seconds = _decoded(file, name, values, units, calendar)
+    if calendar not in _REAL_CALENDARS:
+        notes.append(f"{name}: dates of the calendar {calendar} are taken as UTC dates by their fields")
+    if (np.diff(seconds) < 0).any():
+        raise CurrentError(f"{file.path}: {name} does not rise")
+    return seconds, notes
+
+
+def moment_of(seconds: float) -> datetime:
+    """The moment, UTC, of seconds since 1970."""
+    return _EPOCH + timedelta(seconds=float(seconds))
+
+
+def seconds_of(moment: Any) -> NDArray[np.float64]:
+    """Seconds since 1970 of datetimes (without a time zone: UTC), datetime64, or such seconds, of any shape.
+
+    Raises:
+        CurrentError: it is neither.
+    """
+    values = np.asarray(moment)
+    if values.dtype.kind == "M":
+        seconds = (values - np.datetime64(0, "s")) / np.timedelta64(1, "s")
+    elif values.dtype == object:
+        try:
+            flat = [(as_utc(value) - _EPOCH).total_seconds() for value in values.ravel()]
+        except (AttributeError, TypeError):
+            raise CurrentError(f"a moment must be a datetime or seconds since 1970, got {moment!r}") from None
+        seconds = np.asarray(flat).reshape(values.shape)
+    elif values.dtype.kind in "fiu":
+        seconds = values
+    else:
+        raise CurrentError(f"a moment must be a datetime or seconds since 1970, got {moment!r}")
+    seconds = np.asarray(seconds, float)
+    if not np.isfinite(seconds).all():
+        raise CurrentError("a moment must be a date, got a missing one")
+    return seconds
+
+
+def stamp(seconds: float) -> str:
+    """A moment in ISO 8601, UTC, to the second."""
+    return moment_of(round(float(seconds))).strftime("%Y-%m-%dT%H:%M:%SZ")
+
+
+def _decoded(
+    file: File, name: str, values: NDArray[np.float64], units: str, calendar: str
+) -> NDArray[np.float64]:
+    attributes = {"units": units} | ({"calendar": calendar} if calendar else {})
+    try:
+        with file.guarded(name):
+            found = xr.decode_cf(xr.Dataset({"time": ("time_", values, attributes)}))["time"].values
+            if found.dtype.kind == "M":
+                # Whole microseconds: days as floating point numbers are good for no more.
+                return np.round((found - np.datetime64(0, "s")) / np.timedelta64(1, "us")) / 1e6
+    except CurrentError:
+        if calendar not in _WITHOUT_CFTIME and find_spec("cftime") is None:
+            raise CurrentError(
+                f"{file.path}: {name}: calendar {calendar} needs a further package: "
+                "pip install 'auvplan[readers]'"
+            ) from None
+        raise CurrentError(f"{file.path}: {name}: dates cannot be understood: {units!r}") from None
+    if found.dtype != object:
+        raise CurrentError(f"{file.path}: {name}: dates cannot be understood: {units!r}")
+    return np.asarray([_by_fields(file, name, date, calendar) for date in found])
+
+
+def _by_fields(file: File, name: str, date: Any, calendar: str) -> float:
+    """Seconds since 1970 of a cftime date; a Julian one stands for its day, others for their fields."""
+    fields = (date.year, date.month, date.day, date.hour, date.minute, date.second, date.microsecond)
+    if calendar == "julian":
+        date = date.change_calendar("proleptic_gregorian")
+        fields = (date.year, date.month, date.day, date.hour, date.minute, date.second, date.microsecond)
+    try:
+        return (datetime(*fields, tzinfo=UTC) - _EPOCH).total_seconds()
+    except ValueError:
+        day = f"{fields[0]}-{fields[1]:02d}-{fields[2]:02d}"
+        raise CurrentError(f"{file.path}: {name}: {day} of the calendar {calendar} is no UTC date") from None
+
+
+def _modified_julian(file: File, dims: tuple) -> NDArray[np.float64] | None:
+    """FVCOM's whole days and milliseconds, where it gives them: its float32 days are minutes off."""
+    days, rest = (file.variables.get(name) for name in ("Itime", "Itime2"))
+    if days is None or rest is None or days.dims != dims or rest.dims != dims:
+        return None
+    if not text(days.attrs, "units").lower().startswith("days since 1858-11-17"):
+        return None
+    if not text(rest.attrs, "units").lower().startswith("msec"):
+        return None
+    seconds = (file.read("Itime") - 40587.0) * 86400.0 + file.read("Itime2") / 1000.0
+    if not np.isfinite(seconds).all():
+        raise CurrentError(f"{file.path}: Itime has missing dates")
+    return np.atleast_1d(seconds)

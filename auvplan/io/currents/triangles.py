@@ -1,0 +1,238 @@
+"""Unstructured grids: UGRID, FVCOM, SCHISM and SELFE, with values at nodes or in cells."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
+
+from auvplan.io.currents.geometry import Window, bounds, metres, nearest, offset, within
+from auvplan.io.currents.opening import File, text
+from auvplan.io.currents.weights import Array, Index, Weights, find_triangle, triangulate
+from auvplan.ocean.gridded import CurrentError
+
+#: Connectivity where no mesh topology names it.
+_CONNECTIVITY = ("nv", "SCHISM_hgrid_face_nodes", "ele", "elem", "element", "tri")
+_NODES = (("lon", "lat"), ("longitude", "latitude"), ("SCHISM_hgrid_node_x", "SCHISM_hgrid_node_y"))
+
+
+@dataclass(frozen=True)
+class Cells:
+    """The cells of an unstructured grid.
+
+    Attributes:
+        dim, cell_dim: of the nodes and of the cells.
+        longitude, latitude: [nodes] degrees.
+        triangles: [N, 3] nodes.
+        cell: [N], the cell that each triangle is of: a cell with four corners is two triangles.
+        corners: [cells, 3 or 4] nodes, -1 where a cell has fewer.
+    """
+
+    dim: str
+    cell_dim: str
+    longitude: Array
+    latitude: Array
+    triangles: Index
+    cell: Index
+    corners: Index
+
+
+@dataclass(frozen=True)
+class Triangles:
+    """Points without rows and columns.
+
+    Attributes:
+        dims: of the points.
+        longitude, latitude: [P] degrees.
+        cells: the grid's cells, whose nodes or middles the points are; None where the file has none.
+        in_cells: whether the points are the cells' middles.
+    """
+
+    dims: tuple[str, ...]
+    longitude: Array
+    latitude: Array
+    cells: Cells | None = None
+    in_cells: bool = False
+    kind: str = "triangles"
+
+    @cached_property
+    def triangles(self) -> Index:
+        """[N, 3] points: the grid's triangles, or Delaunay's in metres about the middle of all points."""
+        if self.cells is not None and not self.in_cells:
+            return self.cells.triangles
+        return triangulate(self._about_middle(self.longitude, self.latitude))
+
+    @cached_property
+    def _hull(self) -> Array:
+        """[H, 3] half-planes, whose first two columns point outwards, that hold all points and nodes."""
+        nodes = self if self.cells is None else self.cells
+        try:
+            return ConvexHull(self._about_middle(nodes.longitude, nodes.latitude)).equations
+        except (QhullError, ValueError):
+            return np.zeros((0, 3))
+
+    def _about_middle(self, longitude: Array, latitude: Array) -> Array:
+        return metres(bounds(self.longitude, self.latitude)[0], longitude, latitude)
+
+    def locate(self, longitude: Array, latitude: Array) -> Weights:
+        """Linear in triangles, in metres about the places.
+
+        Values in cells are linear between the cells' middles; at the rim, where there is no triangle of
+        middles, a cell's own value holds. Holes and bays of the grid are land: their weights are 0.
+        """
+        middle, apart = bounds(longitude, latitude)
+        near = _near(self, self.triangles, middle, apart)
+        triangles = self.triangles[near] if len(near) else np.full((1, 3), nearest(self, middle))
+        found = within(self, triangles, middle, longitude, latitude)
+        index, weight, beyond = found.index.copy(), found.weight.copy(), found.beyond.copy()
+        dry = found.outside
+        if self.in_cells and self.cells is not None:
+            held = self._cell_of(longitude, latitude, middle, apart)
+            rim = (held >= 0) & found.outside
+            index[rim], weight[rim] = held[rim, None], (1.0, 0.0, 0.0)
+            beyond[held >= 0] = 0.0
+            dry = held < 0
+        inland = dry & self._in_hull(longitude, latitude)
+        weight[inland], beyond[inland] = 0.0, 0.0
+        return Weights(index, weight, beyond)
+
+    def _cell_of(self, longitude: Array, latitude: Array, middle: Array, apart: Array) -> Index:
+        """The cell [M] that holds each place, -1 where there is none."""
+        cells = self.cells
+        assert cells is not None
+        near = _near(cells, cells.triangles, middle, apart)
+        if not len(near):
+            return np.full(len(longitude), -1, np.int64)
+        used, local = np.unique(cells.triangles[near], return_inverse=True)
+        points = metres(middle, cells.longitude[used], cells.latitude[used])
+        found = find_triangle(points, local.reshape(-1, 3), metres(middle, longitude, latitude))
+        return np.where(found >= 0, cells.cell[near[found]], -1)
+
+    def _in_hull(self, longitude: Array, latitude: Array) -> NDArray[np.bool_]:
+        hull = self._hull
+        if not len(hull):
+            return np.zeros(len(longitude), bool)
+        beyond = self._about_middle(longitude, latitude) @ hull[:, :2].T + hull[:, 2]
+        return np.asarray((beyond <= 0.01).all(axis=1))
+
+    def window(self, index: Index) -> Window:
+        """Just the points."""
+        used, inner = np.unique(index, return_inverse=True)
+        return Window({self.dims[0]: used}, inner.reshape(index.shape), len(used))
+
+    def places(self, index: Index) -> tuple[Array, Array]:
+        """Longitude and latitude of points, degrees."""
+        return self.longitude[index], self.latitude[index]
+
+
+def cell_means(cells: Cells, values: Array, index: Index) -> Array:
+    """Means [..., M] of nodes' values [..., nodes] over the corners of some cells."""
+    corners = cells.corners[index]
+    there = corners >= 0
+    return (values[..., corners] * there).sum(axis=-1) / there.sum(axis=-1)
+
+
+def find_triangles(file: File, name: str, places: tuple[str, str] | None) -> Triangles | None:
+    """The geometry of a variable along one dimension, or None where the file has no places for it.
+
+    Args:
+        file: opened.
+        name: of a velocity component.
+        places: longitude and latitude of its values; None where they are not told.
+
+    Raises:
+        CurrentError: the connectivity does not fit the nodes.
+    """
+    cells = find_cells(file)
+    if places is None:
+        if cells is None or cells.cell_dim not in file.variables[name].dims:
+            return None
+        everything = np.arange(len(cells.corners))
+        # As directions, longitudes on both sides of the date line have a middle.
+        turned = np.exp(1j * np.deg2rad(cells.longitude))
+        longitude = np.rad2deg(np.angle(cell_means(cells, turned, everything)))
+        latitude = cell_means(cells, cells.latitude, everything)
+        return Triangles((cells.cell_dim,), longitude, latitude, cells, True)
+    dim = str(file.variables[places[0]].dims[0])
+    longitude, latitude = (file.coordinate(place) for place in places)
+    if longitude.shape != latitude.shape or len(longitude) < 3:
+        raise CurrentError(f"{file.path}: {places[0]} and {places[1]} are no three places or more")
+    if cells is not None and dim == cells.dim:
+        return Triangles((dim,), longitude, latitude, cells)
+    if cells is not None and dim == cells.cell_dim:
+        return Triangles((dim,), longitude, latitude, cells, True)
+    return Triangles((dim,), longitude, latitude)
+
+
+def find_cells(file: File) -> Cells | None:
+    """The cells that a file tells: of UGRID's mesh topology, or by FVCOM's, SCHISM's and SELFE's names.
+
+    Raises:
+        CurrentError: the connectivity does not fit the nodes.
+    """
+    found = _topology(file) or _by_name(file)
+    if found is None:
+        return None
+    name, places = found
+    variable = file.variables[name]
+    if variable.ndim != 2:
+        raise CurrentError(f"{file.path}: connectivity {name} has {variable.ndim} dimensions, not 2")
+    rows, columns = variable.shape
+    by_corner = rows < columns or (rows == columns and name == "nv")
+    dims = [str(dim) for dim in variable.dims]
+    values = file.read(name, dims=dims[::-1] if by_corner else dims)
+    nodes = file.variables[places[0]].size
+    finite = values[np.isfinite(values)]
+    start = text(variable.attrs, "start_index")
+    first = float(start) if start else float(len(finite) > 0 and finite.max() == nodes)
+    corners = np.where(np.isfinite(values) & (values >= first), values - first, -1.0).astype(np.int64)
+    if corners.shape[1] < 3 or (corners[:, :3] < 0).any() or corners.max() >= nodes:
+        raise CurrentError(f"{file.path}: connectivity {name} does not fit the {nodes} nodes of {places[0]}")
+    fans = [(k, np.flatnonzero(corners[:, k + 1] >= 0)) for k in range(1, corners.shape[1] - 1)]
+    triangles = [np.stack([corners[at, 0], corners[at, k], corners[at, k + 1]], axis=1) for k, at in fans]
+    node_dim, cell_dim = str(file.variables[places[0]].dims[0]), dims[1 if by_corner else 0]
+    longitude, latitude = (file.coordinate(place) for place in places)
+    cell = np.concatenate([at for _, at in fans])
+    return Cells(node_dim, cell_dim, longitude, latitude, np.concatenate(triangles), cell, corners)
+
+
+def _topology(file: File) -> tuple[str, tuple[str, str]] | None:
+    for variable in file.variables.values():
+        if text(variable.attrs, "cf_role") != "mesh_topology":
+            continue
+        name = text(variable.attrs, "face_node_connectivity")
+        nodes = text(variable.attrs, "node_coordinates").split()
+        for missing in [part for part in (name, *nodes) if part not in file.variables]:
+            told = missing or "no cells"
+            raise CurrentError(f"{file.path}: the mesh topology names {told}, which is missing")
+        if len(nodes) == 2:
+            northern = [_is_latitude(file, node) for node in nodes]
+            return name, (nodes[1], nodes[0]) if northern[0] and not northern[1] else (nodes[0], nodes[1])
+    return None
+
+
+def _by_name(file: File) -> tuple[str, tuple[str, str]] | None:
+    for name in _CONNECTIVITY:
+        variable = file.variables.get(name)
+        if variable is None or variable.ndim != 2:
+            continue
+        for places in _NODES:
+            known = [file.variables.get(place) for place in places]
+            if all(place is not None and place.ndim == 1 for place in known):
+                return name, places
+    return None
+
+
+def _is_latitude(file: File, name: str) -> bool:
+    words = text(file.variables[name].attrs, "standard_name") + text(file.variables[name].attrs, "units")
+    return "lat" in words or "north" in words or ("lat" in name.lower() and "lon" not in name.lower())
+
+
+def _near(nodes: Triangles | Cells, triangles: Index, middle: Array, apart: Array) -> Index:
+    """Triangles that may touch a box about a place."""
+    near = np.ones(len(triangles), bool)
+    for degrees, half in zip(offset(middle, nodes.longitude, nodes.latitude), apart, strict=True):
+        corners = degrees[triangles]
+        near &= (corners.min(axis=1) <= half + 1e-9) & (corners.max(axis=1) >= -half - 1e-9)
+    return np.flatnonzero(near)

@@ -1,0 +1,283 @@
+"""Velocities as a file holds them to m/s east, north and up at its points."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from auvplan.io.currents.geometry import Curvilinear, Geometry, Window
+from auvplan.io.currents.levels import Levels, find_levels
+from auvplan.io.currents.names import Names, find_upward, standard_name
+from auvplan.io.currents.opening import Pick, text
+from auvplan.io.currents.points import Points
+from auvplan.io.currents.series import Array, Series
+from auvplan.io.currents.units import speed_factor
+
+#: Faster water, m/s, is a fill value that the file does not declare.
+FASTEST = 20.0
+#: Velocities without units are taken as m/s if none is as fast.
+FASTEST_UNITLESS = 10.0
+
+
+@dataclass(frozen=True)
+class Component:
+    """A velocity component.
+
+    Attributes:
+        name: of the variable.
+        dims: of its points: those of the geometry, or of the edges of its cells.
+        extra: its dimensions besides time and points: those with one index, and that of its levels.
+        levels: its depths.
+        factor: m/s in its unit.
+        limit: m/s, at which it is no velocity of water.
+    """
+
+    name: str
+    dims: tuple[str, ...]
+    extra: tuple[str, ...]
+    levels: Levels
+    factor: float
+    limit: float
+
+
+@dataclass(frozen=True)
+class Block:
+    """What is read of some times and points, T times, K levels, P points.
+
+    Attributes:
+        east, north: [T, K, P] m/s; both NaN where there is no water.
+        depths: [1 or T, K, 1 or P] m below the surface, rising.
+        floor: [1 or T, P] m, the sea bed below the surface; None where it is not known.
+        up: [T, Ku, P] m/s, or None.
+        depths_up: [1 or T, Ku, 1 or P] m, those of `up`.
+    """
+
+    east: Array
+    north: Array
+    depths: Array
+    floor: Array | None
+    up: Array | None
+    depths_up: Array | None
+
+
+@dataclass(frozen=True)
+class Velocity:
+    """The current of a series.
+
+    Attributes:
+        points: where it is told.
+        east, north: components, along the grid's rows and columns where `angle` is named.
+        up: vertical velocity, or None.
+        both: the dimension that tells the components of one variable apart, or None.
+        angle: the variable that holds the angle from east to the grid's rows, counter-clockwise; or None.
+        radians: radians in that angle's unit.
+        staggered: whether the components are on the edges of the cells, as in ROMS.
+    """
+
+    points: Points
+    east: Component
+    north: Component
+    up: Component | None
+    both: str | None
+    angle: str | None
+    radians: float
+    staggered: bool
+
+    def read(self, frames: slice, window: Window) -> Block:
+        """Everything about a window at some times.
+
+        Raises:
+            CurrentError: values cannot be read, or are no velocities of water.
+        """
+        if self.staggered:
+            east = _between(self._edges(self.east, frames, window, 1), 1)
+            north = _between(self._edges(self.north, frames, window, 0), 0)
+            east, north = (values.reshape(*values.shape[:2], window.points) for values in (east, north))
+        else:
+            east, north = (
+                self._values(part, frames, window, k) for k, part in enumerate((self.east, self.north))
+            )
+        land = ~(np.isfinite(east) & np.isfinite(north) & self.points.water(window))
+        if self.angle is not None:
+            turn = self.points.read(self.angle, slice(0, 1), window)[:, None] * self.radians
+            east, north = (
+                east * np.cos(turn) - north * np.sin(turn),
+                east * np.sin(turn) + north * np.cos(turn),
+            )
+        depths, floor = self.east.levels.read(frames, window)
+        up, depths_up = None, None
+        if self.up is not None:
+            up = self._values(self.up, frames, window, 0)
+            depths_up = self.up.levels.read(frames, window)[0]
+        east, north = (np.where(land, np.nan, values) for values in (east, north))
+        return Block(east, north, depths, floor, up, depths_up)
+
+    def _values(self, part: Component, frames: slice, window: Window, which: int) -> Array:
+        """[T, K, P] m/s of a component that is told at the points."""
+        if self.both is not None and part is not self.up:
+            chosen = {**window.picks, self.both: np.asarray([which])}
+            values = self._read(part, frames, chosen, (*part.extra, self.both, *part.dims))
+        else:
+            values = self._read(part, frames, window.picks, (*part.extra, *part.dims))
+        return values.reshape(len(values), -1, window.points)[:, part.levels.order]
+
+    def _edges(self, part: Component, frames: slice, window: Window, axis: int) -> Array:
+        """[T, K, rows, columns] m/s on the edges before and after a window's points along an axis of them."""
+        grid = self.points.geometry
+        picks: dict[str, Pick] = {}
+        ends = [False, False]
+        for k, dim in enumerate(grid.dims):
+            pick = window.picks[dim]
+            assert isinstance(pick, slice)
+            if k == axis:
+                count = grid.longitude.shape[axis] - 1
+                ends = [pick.start == 0, pick.stop > count]
+                pick = slice(max(pick.start - 1, 0), min(pick.stop, count))
+            picks[part.dims[k]] = pick
+        values = self._read(part, frames, picks, (*part.extra, *part.dims))
+        values = values.reshape(len(values), -1, *values.shape[-2:])
+        if "mask_rho" in self.points.series.variables:
+            # Without fill values the walls of land hold zeros, which are no current.
+            water = np.nan_to_num(self.points.series.read("mask_rho", {}, slice(0, 1), grid.dims)[0]) > 0.5
+            water = np.moveaxis(water, axis, 0)
+            open_ = np.moveaxis(water[1:] & water[:-1], 0, axis)
+            values = np.where(open_[tuple(picks[dim] for dim in part.dims)], values, np.nan)
+        # The grid's own rim has an edge on one side only.
+        pad = [(0, 0)] * 4
+        pad[2 + axis] = (int(ends[0]), int(ends[1]))
+        return np.pad(values, pad, constant_values=np.nan)[:, part.levels.order]
+
+    def _read(self, part: Component, frames: slice, picks: dict[str, Pick], dims: Sequence[str]) -> Array:
+        values = self.points.series.read(part.name, picks, frames, dims) * part.factor
+        fastest = float(np.nanmax(np.abs(values), initial=0.0))
+        if fastest >= part.limit:
+            if part.limit == FASTEST_UNITLESS:
+                raise self.points.series.fail(f"{part.name} has no units and reaches {fastest:g}: not m/s")
+            raise self.points.series.fail(
+                f"{part.name} reaches {fastest:g} m/s, which no current does: a fill value is not declared"
+            )
+        return values
+
+
+def _between(edges: Array, axis: int) -> Array:
+    """Means of neighbours along an axis of the last two; of one of them where the other is land."""
+    edges = np.moveaxis(edges, 2 + axis, -1)
+    pair = np.stack([edges[..., :-1], edges[..., 1:]])
+    there = np.isfinite(pair)
+    count = there.sum(axis=0)
+    mean = np.where(there, pair, 0.0).sum(axis=0) / np.maximum(count, 1)
+    return np.moveaxis(np.where(count > 0, mean, np.nan), -1, 2 + axis)
+
+
+def find_velocity(series: Series, names: Names, geometry: Geometry, notes: list[str]) -> Velocity:
+    """How the current of a series is read.
+
+    Args:
+        series: the files.
+        names: of its components.
+        geometry: the places of its points.
+        notes: get what has to be assumed.
+
+    Raises:
+        CurrentError: units, dimensions, levels or angles are missing or contradict themselves.
+    """
+    points = Points(series, geometry)
+    staggered = isinstance(geometry, Curvilinear) and geometry.kind == "roms"
+    east = _component(points, names.east, names.both, notes, 1 if staggered else None)
+    north = _component(points, names.north, names.both, notes, 0 if staggered else None, east.levels)
+    if (
+        names.along_grid
+        and not isinstance(geometry, Curvilinear)
+        and standard_name(series.files[0], names.east)
+    ):
+        notes.append(f"{names.east} and {names.north} are along x and y: taken as east and north")
+    angle, radians = None, 1.0
+    if isinstance(geometry, Curvilinear) and (names.along_grid or staggered):
+        angle, radians = _angle(points, names, notes)
+    return Velocity(points, east, north, _upward(points, notes), names.both, angle, radians, staggered)
+
+
+def _component(
+    points: Points,
+    name: str,
+    both: str | None,
+    notes: list[str],
+    edge: int | None,
+    levels: Levels | None = None,
+) -> Component:
+    """A component, told at the points or, along axis `edge` of them, on the edges between them.
+
+    Its levels must be the other component's, where that is given.
+    """
+    series, grid = points.series, points.geometry
+    dims = [dim for dim in series.dims(name) if dim != both]
+    if edge is None:
+        own = grid.dims
+    else:
+        own = tuple(dims[-2:])
+        wanted = [size - (k == edge) for k, size in enumerate(grid.longitude.shape)]
+        sizes = [series.variables[name].sizes[dim] for dim in own]
+        if sizes != wanted:
+            shapes = [" x ".join(map(str, shape)) for shape in (sizes, wanted)]
+            raise series.fail(f"{name} has {shapes[0]} points, {shapes[1]} fit the grid")
+    rest = [dim for dim in dims if dim not in own]
+    if not set(own) <= set(dims):
+        raise series.fail(f"{name} has dimensions {', '.join(dims)}, not those of its longitude and latitude")
+    # A dimension of one member, ensemble or the like is no level where another one is left.
+    sizes = series.variables[name].sizes
+    long = [dim for dim in rest if sizes[dim] > 1]
+    if len(long) > 1:
+        odd = " and ".join(long)
+        raise series.fail(f"{name} has dimensions {odd}, of which one is neither level nor place")
+    level = (long or rest[-1:] or [None])[0]
+    extra = (*(dim for dim in rest if dim != level), *([] if level is None else [level]))
+    factor, limit = _speed(points, name, notes)
+    if levels is None:
+        levels = find_levels(points, name, level, notes)
+    elif levels.dim != level:
+        raise series.fail(f"{name} has levels along {level}, the other component along {levels.dim}")
+    return Component(name, own, extra, levels, factor, limit)
+
+
+def _speed(points: Points, name: str, notes: list[str]) -> tuple[float, float]:
+    units = text(points.series.attrs(name), "units")
+    if not units:
+        notes.append(f"{name} has no units: taken as m/s")
+        return 1.0, FASTEST_UNITLESS
+    factor = speed_factor(units)
+    if factor is None:
+        raise points.series.fail(f"{name} has units {units!r}, which are no speed that is known")
+    return factor, FASTEST
+
+
+def _angle(points: Points, names: Names, notes: list[str]) -> tuple[str, float]:
+    series, name = points.series, "angle"
+    if name not in series.variables or not points.has(name):
+        raise series.fail(
+            f"{names.east} and {names.north} may follow the grid's axes: angle, which tells how, is missing"
+        )
+    values = series.files[0].coordinate(name)
+    units = text(series.attrs(name), "units").lower()
+    if units.startswith("deg"):
+        return name, float(np.pi / 180.0)
+    if np.abs(values).max() > 2.0 * np.pi + 1e-6:
+        if units.startswith("rad"):
+            raise series.fail(f"angle is in radians and reaches {np.abs(values).max():g}")
+        notes.append("angle has no units: taken as degrees, by its values")
+        return name, float(np.pi / 180.0)
+    if not units.startswith("rad"):
+        notes.append("angle has no units: taken as radians, by its values")
+    return name, 1.0
+
+
+def _upward(points: Points, notes: list[str]) -> Component | None:
+    """The vertical velocity, where it is told at the same points."""
+    series = points.series
+    name = find_upward(series.files[0])
+    if name is None:
+        return None
+    dims = series.dims(name)
+    if not set(points.geometry.dims) <= set(dims) or len(dims) > len(points.geometry.dims) + 1:
+        notes.append(f"{name} is not told where the level components are: left out")
+        return None
+    return _component(points, name, None, notes, None)

@@ -1,0 +1,249 @@
+"""Depth of the sea floor on local pixels, from NetCDF (GEBCO, ETOPO, EMODnet, ROMS, CF) and GeoTIFF."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvplan.io.geo.error import GeoError, reading
+from auvplan.io.geo.field import DOWN, SPELT_OUT, UP, Field, netcdf_field, sense_of_standard_name
+from auvplan.io.geo.geotiff import is_tiff
+from auvplan.io.geo.grid import LocalGrid, local_grid, refuse_beyond, steps
+from auvplan.io.geo.raster import read_raster
+from auvplan.io.geo.sampling import bilinear
+from auvplan.ocean.chart import MAX_PIXELS
+from auvplan.site import Site
+
+Array = NDArray[np.floating]
+
+#: Default pixels are half the source's spacing, within these bounds, m, and so many a side at most.
+SMALLEST_PIXEL, LARGEST_PIXEL, MOST_PIXELS = 10.0, 500.0, 1024
+# No sea floor lies deeper and no mountain higher, m: such values stand for none, and so do these.
+_EXTREME, _SENTINELS = 12_000.0, (-9999.0, 9999.0)
+_UNITS = {
+    "m": 1.0,
+    "metre": 1.0,
+    "metres": 1.0,
+    "meter": 1.0,
+    "meters": 1.0,
+    "km": 1000.0,
+    "kilometre": 1000.0,
+    "kilometres": 1000.0,
+    "kilometer": 1000.0,
+    "kilometers": 1000.0,
+    "cm": 0.01,
+    "centimetre": 0.01,
+    "centimetres": 0.01,
+    "centimeter": 0.01,
+    "centimeters": 0.01,
+    "ft": 0.3048,
+    "foot": 0.3048,
+    "feet": 0.3048,
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Bathymetry:
+    """Depth of the sea floor on a raster indexed [north, east].
+
+    Attributes:
+        depth: [nx, ny] float32, m at pixel centres, positive down: negative above the sea, NaN where it
+            is not known.
+        origin: (north, east) of the corner of pixel (0, 0), m.
+        pixel_size: m.
+        notes: what was taken for granted, a line each.
+    """
+
+    depth: NDArray[np.float32]
+    origin: tuple[float, float]
+    pixel_size: float
+    notes: tuple[str, ...] = ()
+
+
+def read_bathymetry(
+    path: str | Path,
+    site: Site,
+    *,
+    lower: Any,
+    upper: Any,
+    pixel_size: float | None = None,
+    variable: str | None = None,
+    positive: str | None = None,
+    crs: Any = None,
+) -> Bathymetry:
+    """Read the sea floor under a local rectangle; bilinear in the file's own coordinates.
+
+    Which way values count is told by the attributes `positive` and `standard_name`, else by `positive`, else
+    by the variable's name (elevation, z: up; h, depth: down), else by the sign that most values have, with a
+    note. Units are m, km, cm or ft. A pixel is NaN where one of the values that bear on it is missing. Of
+    NetCDF only the window that is needed is read.
+
+    Args:
+        path: NetCDF-3 or -4 with longitude and latitude as two axes or two grids, or GeoTIFF of one band.
+        site: where local coordinates count from.
+        lower: south-western corner (north, east), m.
+        upper: north-eastern corner, m; the last pixels may reach beyond it.
+        pixel_size: m; None for half the file's spacing, from 10 to 500 m and no more than 1024 pixels a side.
+        variable: name of the variable in a NetCDF file.
+        positive: "up" or "down", which way the file's values count, where it does not tell.
+        crs: coordinate reference system of a GeoTIFF that tells none.
+
+    Raises:
+        GeoError: one line; what is wrong with the file, or on which side and by how much the rectangle
+            reaches beyond its outer cells.
+    """
+    path = Path(path)
+    if positive not in (None, "up", "down"):
+        raise GeoError(f'positive must be "up" or "down", got {positive!r}')
+    with reading(path):
+        # Where no size is given these pixels only stand for the rectangle.
+        provisional = local_grid(lower, upper, pixel_size)
+        with _opened(path, variable, site, provisional, crs) as field:
+            nodes = field.nodes
+            find = nodes.seen_from(site, provisional)
+            refuse_beyond(path, "data", find, provisional, nodes, 0.5 + 1e-6)
+            grid = provisional
+            if pixel_size is None:
+                spacing = float(np.nanmin(np.hypot(*steps(find, provisional).T)))
+                size = float(np.clip(spacing / 2, SMALLEST_PIXEL, LARGEST_PIXEL))
+                longest = max(b - a for a, b in zip(grid.lower, grid.upper, strict=True))
+                grid = local_grid(lower, upper, max(size, longest / MOST_PIXELS))
+            window = _window(path, find, grid, field)
+            values = field.load(*window)
+        factor, notes = _factor(path, field)
+        values, missing = _without_sentinels(values * factor)
+        notes += missing
+        if not np.isfinite(values).any():
+            raise GeoError(f"{path}: {field.name or 'the band'} has no values in the area")
+        sense, told = _sense(path, field, values, positive)
+        depth = np.empty(grid.shape, np.float32)
+        for rows, north, east in grid.blocks():
+            row, column = find(north, east)
+            depth[rows] = sense * bilinear(values, row - window[0], column - window[2])
+    unknown = int(np.isnan(depth).sum())
+    if unknown == depth.size:
+        raise GeoError(f"{path}: {field.name or 'the band'} has no values in the area")
+    if unknown:
+        notes += (f"{unknown} of {depth.size} pixels have no depth: NaN",)
+    if not (depth > 0.0).any():
+        notes += ("no pixel lies below the sea surface",)
+    return Bathymetry(depth, grid.lower, grid.pixel_size, (*field.notes, *told, *notes))
+
+
+@contextmanager
+def _opened(path: Path, variable: str | None, site: Site, grid: LocalGrid, crs: Any) -> Iterator[Field]:
+    with path.open("rb") as file:
+        tiff = is_tiff(file.read(4))
+    if not tiff:
+        with netcdf_field(path, variable, site, grid) as field:
+            yield field
+        return
+    raster = read_raster(path, crs, indices=True)
+    if raster.values.ndim != 2:
+        raise GeoError(f"{path}: three bands are colours, not depths")
+    told = raster.attributes
+    name = told.get("netcdf_varname") or told.get("description") or ""
+    if variable is not None and variable != name:
+        raise GeoError(f"{path}: a GeoTIFF has no variable {variable!r}")
+    attributes = {key: told[key] for key in ("standard_name", "positive") if key in told}
+    attributes["units"] = told.get("unittype") or told.get("units") or ""
+    gain, offset = (float(told.get(key, default)) for key, default in (("scale", 1.0), ("offset", 0.0)))
+
+    def load(first: int, last: int, left: int, right: int) -> Array:
+        columns = np.arange(left, right + 1) % raster.values.shape[1]
+        raw = raster.values[first : last + 1][:, columns]
+        values = raw.astype(float) * gain + offset
+        if raster.nodata is not None:
+            values[raw == _as_stored(raster.nodata, raw.dtype)] = np.nan
+        return values
+
+    yield Field(name, attributes, raster.nodes(), load)
+
+
+def _as_stored(number: float, dtype: np.dtype) -> Any:
+    """A number as a raster keeps it: in single precision -3.4e38 is not quite what the tag tells."""
+    with np.errstate(over="ignore"):
+        return dtype.type(number) if dtype.kind == "f" else number
+
+
+def _window(path: Path, find: Any, grid: LocalGrid, field: Field) -> tuple[int, int, int, int]:
+    """First and last row, first and last column, of the nodes that bear on a grid."""
+    spans = []
+    for _, north, east in grid.blocks():
+        row, column = find(north, east)
+        if np.isnan(row).all():
+            continue
+        spans.append((np.nanmin(row), np.nanmax(row), np.nanmin(column), np.nanmax(column)))
+    if not spans:
+        raise GeoError(f"{path}: the area lies wholly beyond the data")
+    low, high = np.min(spans, axis=0), np.max(spans, axis=0)
+    first, left = int(np.floor(low[0])), int(np.floor(low[2]))
+    last, right = int(np.ceil(high[1])), int(np.ceil(high[3]))
+    rows, columns = field.nodes.shape
+    first, last = (min(max(k, 0), rows - 1) for k in (first, last))
+    if not field.nodes.cyclic:
+        left, right = (min(max(k, 0), columns - 1) for k in (left, right))
+    if (last - first + 1) * (right - left + 1) > MAX_PIXELS:
+        raise GeoError(f"{path}: the area holds more than {MAX_PIXELS} values")
+    return first, last, left, right
+
+
+def _factor(path: Path, field: Field) -> tuple[float, tuple[str, ...]]:
+    """Metres in the file's unit."""
+    unit = str(field.attributes.get("units", "")).strip()
+    if not unit:
+        return 1.0, ("units are not told: metres",)
+    factor = _UNITS.get(unit.lower().rstrip("."))
+    if factor is None:
+        raise GeoError(f"{path}: {field.name or 'the band'} is in {unit!r}, not in m, km, cm or ft")
+    return factor, ()
+
+
+def _without_sentinels(values: Array) -> tuple[Array, tuple[str, ...]]:
+    """NaN for numbers that stand for none without the file saying so; metres."""
+    with np.errstate(invalid="ignore"):
+        odd = (np.abs(values) > _EXTREME) | np.isin(values, _SENTINELS)
+    count = int(odd.sum())
+    notes = (
+        (f"{count} values that no sea floor has, such as {values[odd][0]:g} m, were taken as missing",)
+        if count
+        else ()
+    )
+    return np.where(odd, np.nan, values), notes
+
+
+def _sense(path: Path, field: Field, values: Array, positive: str | None) -> tuple[float, tuple[str, ...]]:
+    """The factor that makes values positive down, and what was taken for granted."""
+    what = f"{path}: {field.name or 'the band'}"
+    told = {}
+    attribute = str(field.attributes.get("positive", "")).strip().lower()
+    if attribute in ("up", "down"):
+        told["its attribute positive"] = attribute
+    standard = str(field.attributes.get("standard_name", ""))
+    if sense := sense_of_standard_name(standard):
+        told[f"its standard_name {standard}"] = sense
+    if positive is not None:
+        told["the argument positive"] = positive
+    if len(set(told.values())) > 1:
+        listed = ", ".join(f"{source} says {sense}" for source, sense in told.items())
+        raise GeoError(f"{what} counts both ways: {listed}")
+    name = field.name.lower()
+    if not told and (name in (*UP, *DOWN) or name.startswith(SPELT_OUT)):
+        told["its name"] = "up" if name in UP else "down"
+    if told:
+        source, sense = next(iter(told.items()))
+        if sense == "down" and positive is None and (values[np.isfinite(values)] < 0.0).all():
+            raise GeoError(
+                f'{what} is positive down by {source}, but all its values are negative: say positive="up"'
+            )
+        return (1.0 if sense == "down" else -1.0), ()
+    below = float(np.mean(values[np.isfinite(values)] < 0.0))
+    sense = "up" if below >= 0.5 else "down"
+    share = f"{max(below, 1 - below):.0%} of its values are {'negative' if sense == 'up' else 'positive'}"
+    return (-1.0 if sense == "up" else 1.0), (
+        f"{field.name or 'the band'} was taken as positive {sense}: {share}",
+    )

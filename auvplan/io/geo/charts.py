@@ -1,0 +1,238 @@
+"""Charts from georeferenced pictures and from polygons of land, reefs and closed areas."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy import ndimage
+from shapely.geometry import MultiPolygon, Polygon
+
+from auvplan.io.geo.error import GeoError, as_chart, reading
+from auvplan.io.geo.geojson import read_polygons
+from auvplan.io.geo.grid import LocalGrid, Nodes, local_grid, refuse_beyond, steps
+from auvplan.io.geo.raster import Raster, read_raster
+from auvplan.io.geo.sampling import nearest
+from auvplan.io.geo.shapes import near, to_local, touched
+from auvplan.ocean.chart import Chart, ChartError
+from auvplan.ocean.classify import UNCERTAIN_MAX, classify
+from auvplan.site import Site
+
+# A picture's corner pixels may stick out by so many pixels: half of one is the picture's own edge.
+_SLACK = 1.0
+
+
+@dataclass(frozen=True)
+class Zone:
+    """A closed area.
+
+    Attributes:
+        name: as in the file, or its number there.
+        polygon: shapely Polygon or MultiPolygon in local (north, east), m.
+    """
+
+    name: str
+    polygon: Any
+
+
+def chart_from_raster(
+    path: str | Path,
+    site: Site,
+    *,
+    lower: Any,
+    upper: Any,
+    pixel_size: float = 10.0,
+    crs: Any = None,
+    classes: Mapping[int, float] | None = None,
+) -> Chart:
+    """A chart of a local rectangle from a georeferenced picture, or from a raster of classes.
+
+    A colour picture is clustered as a whole, on its own pixels (`auvplan.ocean.classify`), and every pixel
+    of the chart takes the passability of the picture's nearest one. Where the chart's pixels are coarser than
+    the picture's, it takes the least of those that it covers: land is not to fall between them.
+
+    Args:
+        path: GeoTIFF, or PNG, JPEG or TIFF with a world file; see `read_raster`.
+        site: where local coordinates count from.
+        lower: south-western corner (north, east), m.
+        upper: north-eastern corner, m; the last pixels may reach beyond it.
+        pixel_size: of the chart, m.
+        crs: coordinate reference system, where the file tells none.
+        classes: pixel value to passability (0 coast, (0, 0.35] uncertain, 1 water) of a single-band raster.
+            What the file marks as no data is coast, unless it is named here.
+
+    Raises:
+        ChartError: one line; what is wrong with the file, or on which side and by how much the rectangle
+            reaches beyond it.
+    """
+    with as_chart(), reading(path):
+        grid = local_grid(lower, upper, pixel_size)
+        raster = read_raster(path, crs, indices=classes is not None)
+        nodes = raster.nodes()
+        find = nodes.seen_from(site, grid)
+        # Before the clustering, which takes longer than anything else.
+        refuse_beyond(path, "picture", find, grid, nodes, _SLACK)
+        passability = _passability(path, raster, classes)
+        return _chart(_least(passability, find, grid, nodes), grid)
+
+
+def chart_from_polygons(
+    path: str | Path,
+    site: Site,
+    *,
+    lower: Any,
+    upper: Any,
+    pixel_size: float = 10.0,
+    fringe: float = 0.0,
+    uncertain: str | Path | None = None,
+) -> Chart:
+    """A chart of a local rectangle from polygons of land: every pixel that land reaches into is coast.
+
+    Land just beyond the rectangle has its fringe inside it, but is not in the chart's distance to the coast.
+
+    Args:
+        path: GeoJSON of Polygon or MultiPolygon, in features and collections or bare.
+        site: where local coordinates count from.
+        lower: south-western corner (north, east), m.
+        upper: north-eastern corner, m; the last pixels may reach beyond it.
+        pixel_size: m.
+        fringe: m; water within so far of land is uncertain.
+        uncertain: a second such file, of reefs and shoals, which are uncertain.
+
+    Raises:
+        ChartError: one line that names the file and the number of the feature that is at fault.
+    """
+    with as_chart(), reading(path):
+        grid = local_grid(lower, upper, pixel_size)
+        if not (np.isfinite(fringe) and fringe >= 0.0):
+            raise GeoError(f"fringe must not be negative, got {fringe}")
+        shapes = [polygon for _, polygon in read_polygons(path)]
+        land = near(shapes, site, grid, fringe + pixel_size)
+        doubtful = touched(land.buffer(fringe), grid) if fringe > 0.0 else np.zeros(grid.shape, bool)
+        if uncertain is not None:
+            reefs = [polygon for _, polygon in read_polygons(uncertain)]
+            doubtful |= touched(near(reefs, site, grid, pixel_size), grid)
+        coast = touched(land, grid)
+        return _chart(np.where(coast, 0.0, np.where(doubtful, UNCERTAIN_MAX, 1.0)), grid)
+
+
+def with_no_go(
+    chart: Chart | None,
+    polygons: Iterable[Any],
+    *,
+    lower: Any = None,
+    upper: Any = None,
+    pixel_size: float = 10.0,
+) -> Chart:
+    """A chart on which closed areas are coast: every pixel that one reaches into.
+
+    Args:
+        chart: the chart; None for open water over the rectangle that the other arguments tell.
+        polygons: zones, or shapely polygons in local (north, east), m; what lies off the chart is left.
+        lower: south-western corner (north, east), m, of a chart of open water; not used with `chart`.
+        upper: its north-eastern corner, m.
+        pixel_size: of its pixels, m.
+
+    Raises:
+        ChartError: a polygon is none, is empty or crosses itself, or the corners are no corners.
+    """
+    with as_chart():
+        if chart is None:
+            if lower is None or upper is None:
+                raise GeoError("without a chart, lower and upper tell the area")
+            grid = local_grid(lower, upper, pixel_size)
+        else:
+            grid = _grid_of(chart)
+        closed = np.zeros(grid.shape, bool)
+        for number, given in enumerate(polygons, 1):
+            closed |= touched(_closed_area(given, number), grid)
+    if chart is None:
+        return _chart(np.where(closed, 0.0, 1.0), grid)
+    burnt = Chart.from_passability(np.where(closed, 0.0, np.asarray(chart.passability)), grid.pixel_size)
+    # What the chart knew of a coast beyond its edge stays known.
+    distance = jnp.minimum(chart.signed_distance, burnt.signed_distance)
+    return replace(chart, passability=burnt.passability, signed_distance=distance)
+
+
+def read_zones(path: str | Path, site: Site) -> list[Zone]:
+    """Closed areas from GeoJSON: Polygon or MultiPolygon, named by their property `name`.
+
+    Raises:
+        GeoError: one line that names the file and the number of the feature that is at fault.
+    """
+    with reading(path):
+        return [
+            Zone(str(feature.properties.get("name", feature.number)), to_local(polygon, site))
+            for feature, polygon in read_polygons(path)
+        ]
+
+
+def _passability(
+    path: str | Path, raster: Raster, classes: Mapping[int, float] | None
+) -> NDArray[np.float32]:
+    """[rows, columns] of a raster's own pixels."""
+    values = raster.values
+    if values.ndim == 3:
+        if classes is not None:
+            raise GeoError(f"{path}: classes give a meaning to one band, and it has three")
+        return classify(values)
+    if classes is None:
+        raise GeoError(
+            f"{path}: a single band of values: say by classes which are coast, uncertain and water"
+        )
+    if values.dtype.kind not in "iub":
+        raise GeoError(f"{path}: classes are whole numbers, and its values are {values.dtype}")
+    for value, meaning in classes.items():
+        if not (meaning in (0.0, 1.0) or 0.0 < meaning <= UNCERTAIN_MAX):
+            raise GeoError(f"{path}: class {value} must be 0, in (0, {UNCERTAIN_MAX}] or 1, got {meaning}")
+    found, place = np.unique(values, return_inverse=True)
+    unknown = [int(value) for value in found if int(value) not in classes and value != raster.nodata]
+    if unknown:
+        listed = ", ".join(map(str, unknown[:8])) + (" ..." if len(unknown) > 8 else "")
+        raise GeoError(f"{path}: classes give no meaning to the values {listed}")
+    meanings = np.array([classes.get(int(value), 0.0) for value in found], np.float32)
+    return meanings[place].reshape(values.shape)
+
+
+def _least(passability: NDArray, find: Any, grid: LocalGrid, nodes: Nodes) -> NDArray[np.float32]:
+    """[nx, ny]: the nearest pixel's, or the least over as many as a pixel of the chart covers."""
+    ratio = grid.pixel_size / np.hypot(*steps(find, grid).T)
+    # A tenth of a pixel more or less, as between two projections, is no reason to look at its neighbours.
+    window = tuple(2 * max(int(np.ceil((r - 1.0) / 2.0 - 0.1)), 0) + 1 for r in ratio)
+    if max(window) > 1:
+        passability = ndimage.minimum_filter(passability, size=window, mode="nearest")
+    out = np.empty(grid.shape, np.float32)
+    for rows, north, east in grid.blocks():
+        row, column = find(north, east)
+        out[rows] = nearest(passability, row, column, nodes.cyclic)
+    return out
+
+
+def _chart(passability: NDArray, grid: LocalGrid) -> Chart:
+    return Chart.from_passability(passability, grid.pixel_size, grid.lower)
+
+
+def _grid_of(chart: Chart) -> LocalGrid:
+    (south, west), (north, east) = (
+        np.asarray(corner, float).tolist() for corner in (chart.lower, chart.upper)
+    )
+    return LocalGrid((south, west), (north, east), float(chart.pixel_size), chart.shape)
+
+
+def _closed_area(given: Any, number: int) -> Polygon | MultiPolygon:
+    shape = given.polygon if isinstance(given, Zone) else given
+    what = f"no-go area {given.name!r}" if isinstance(given, Zone) else f"no-go area {number}"
+    if not isinstance(shape, Polygon | MultiPolygon) or shape.is_empty:
+        raise GeoError(f"{what}: is no polygon with an area")
+    if not np.isfinite(shapely.get_coordinates(shape)).all():
+        raise GeoError(f"{what}: a coordinate is not finite")
+    if not shape.is_valid:
+        raise GeoError(f"{what}: {shapely.is_valid_reason(shape)}")
+    return shape
+
+
+__all__ = ["ChartError", "Zone", "chart_from_polygons", "chart_from_raster", "read_zones", "with_no_go"]

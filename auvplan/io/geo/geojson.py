@@ -1,0 +1,237 @@
+"""GeoJSON (RFC 7946) read strictly: every fault is one line with the file and the number of the feature."""
+
+import json
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from shapely.geometry import MultiPolygon, Polygon
+
+from auvplan.io.geo.error import GeoError, read_text
+
+#: Larger files are no charts of a mission's area.
+MAX_BYTES = 200_000_000
+# CRS 84 and WGS 84 by their names in the old member "crs"; RFC 7946 knows no other.
+_WGS84 = re.compile(r"(CRS:?84h?|EPSG[:/]+([\d.]+[:/]+)?4326|^WGS ?84)$", re.IGNORECASE)
+_GEOMETRIES = (
+    "Point",
+    "MultiPoint",
+    "LineString",
+    "MultiLineString",
+    "Polygon",
+    "MultiPolygon",
+    "GeometryCollection",
+)
+
+
+@dataclass(frozen=True)
+class Feature:
+    """A geometry of a GeoJSON file that is no collection.
+
+    Attributes:
+        where: file and number, as messages name it.
+        number: of the feature in the file, from 1.
+        kind: the geometry's type.
+        coordinates: as in the file.
+        properties: of the feature, by lower-case name; those that are null left out.
+    """
+
+    where: str
+    number: int
+    kind: str
+    coordinates: Any
+    properties: dict[str, Any]
+
+
+def read_features(path: str | Path, kinds: tuple[str, ...]) -> list[Feature]:
+    """The features of a GeoJSON file, a bare geometry being one without properties.
+
+    Args:
+        path: of the file.
+        kinds: the types of geometry that are wanted, in collections too; any other is refused.
+
+    Raises:
+        GeoError: one line; the file is missing, no GeoJSON, empty, in other coordinates than WGS 84, or holds
+            something else.
+    """
+    try:
+        root = json.loads(read_text(path, MAX_BYTES))
+    except (json.JSONDecodeError, RecursionError):
+        raise GeoError(f"{path}: not valid JSON") from None
+    if not isinstance(root, dict) or "type" not in root:
+        raise GeoError(f"{path}: not GeoJSON: it has no type")
+    _check_crs(path, root.get("crs"))
+    if root["type"] == "FeatureCollection":
+        features = root.get("features")
+        if not isinstance(features, list):
+            raise GeoError(f"{path}: a FeatureCollection without a list of features")
+    elif root["type"] == "Feature":
+        features = [root]
+    elif root["type"] in _GEOMETRIES:
+        features = [{"type": "Feature", "geometry": root, "properties": {}}]
+    else:
+        raise GeoError(f"{path}: {root['type']!r} is no type of GeoJSON")
+    if not features:
+        raise GeoError(f"{path}: has no features")
+    found: list[Feature] = []
+    for number, feature in enumerate(features, 1):
+        where = f"{path}: feature {number}"
+        if not isinstance(feature, dict) or feature.get("type") != "Feature":
+            raise GeoError(f"{where}: is no Feature")
+        _check_crs(where, feature.get("crs"))
+        properties = feature.get("properties")
+        if properties is not None and not isinstance(properties, dict):
+            raise GeoError(f"{where}: properties must be a mapping, got {type(properties).__name__}")
+        kept = {
+            str(name).strip().lower(): value
+            for name, value in (properties or {}).items()
+            if value is not None
+        }
+        for geometry in _simple(where, feature.get("geometry"), kinds):
+            found.append(Feature(where, number, geometry["type"], geometry.get("coordinates"), kept))
+    return found
+
+
+def positions(where: str, coordinates: Any, least: int = 1) -> np.ndarray:
+    """[n, 3]: longitude and latitude, degrees, and elevation, m, which is NaN where none is given.
+
+    Raises:
+        GeoError: fewer than `least`, no numbers, or off the Earth.
+    """
+    if not isinstance(coordinates, list) or len(coordinates) < least:
+        count = len(coordinates) if isinstance(coordinates, list) else "no"
+        raise GeoError(f"{where}: needs at least {least} positions, got {count}")
+    for position in coordinates:
+        if (
+            not isinstance(position, list)
+            or len(position) < 2
+            or not all(_is_number(c) for c in position[:3])
+        ):
+            raise GeoError(f"{where}: {_short(position)} is no position [longitude, latitude]")
+        if not np.isfinite(position[:3]).all():
+            raise GeoError(f"{where}: {_short(position)} is not finite")
+        check_place(where, position[0], position[1])
+    return np.array(
+        [[*position[:2], position[2] if len(position) > 2 else np.nan] for position in coordinates]
+    )
+
+
+def check_place(where: str, longitude: float, latitude: float) -> None:
+    """Refuse what lies off the Earth.
+
+    Raises:
+        GeoError: longitude not in [-180, 360] or latitude not in [-90, 90], degrees.
+    """
+    if not (-180.0 <= longitude <= 360.0 and -90.0 <= latitude <= 90.0):
+        raise GeoError(
+            f"{where}: ({longitude:g}, {latitude:g}) is no longitude in [-180, 360] and latitude in [-90, 90]"
+        )
+
+
+def read_polygons(path: str | Path) -> list[tuple[Feature, Polygon | MultiPolygon]]:
+    """The polygons of a GeoJSON file in longitude and latitude, degrees, with the features that they are of.
+
+    Empty ones, which clipping leaves behind, are passed over.
+
+    Raises:
+        GeoError: see `read_features` and `polygon_of`; or every one is empty.
+    """
+    found = [
+        (feature, polygon_of(feature))
+        for feature in read_features(path, ("Polygon", "MultiPolygon"))
+        if feature.coordinates != []
+    ]
+    if not found:
+        raise GeoError(f"{path}: every polygon is empty")
+    return found
+
+
+def polygon_of(feature: Feature) -> Polygon | MultiPolygon:
+    """The shape of a Polygon or MultiPolygon feature in longitude and latitude.
+
+    Raises:
+        GeoError: rings that are not closed or cross, coordinates off the Earth, or no area.
+    """
+    coordinates = feature.coordinates
+    parts = coordinates if feature.kind == "MultiPolygon" else [coordinates]
+    if not isinstance(parts, list) or not parts:
+        raise GeoError(f"{feature.where}: a {feature.kind} without coordinates")
+    polygons = [_polygon(feature.where, rings) for rings in parts]
+    shape = polygons[0] if feature.kind == "Polygon" else MultiPolygon(polygons)
+    if not shapely.is_valid(shape):
+        raise GeoError(f"{feature.where}: {_fault(shapely.is_valid_reason(shape))}")
+    return shape
+
+
+def _simple(where: str, geometry: Any, kinds: tuple[str, ...]) -> Iterator[dict]:
+    """The geometries of a geometry, those of collections one by one."""
+    stack = [geometry]
+    while stack:
+        part = stack.pop()
+        if part is None:
+            raise GeoError(f"{where}: has no geometry")
+        kind = part.get("type") if isinstance(part, dict) else None
+        if kind == "GeometryCollection":
+            inner = part.get("geometries")
+            if not isinstance(inner, list) or not inner:
+                raise GeoError(f"{where}: an empty GeometryCollection")
+            stack += inner[::-1]
+        elif kind in kinds:
+            yield part
+        elif kind in _GEOMETRIES:
+            raise GeoError(f"{where}: a {kind}, where {' or '.join(kinds)} is wanted")
+        else:
+            raise GeoError(f"{where}: {_short(kind)} is no type of geometry")
+
+
+def _polygon(where: str, rings: Any) -> Polygon:
+    if not isinstance(rings, list) or not rings:
+        raise GeoError(f"{where}: a polygon without rings")
+    closed = []
+    for ring in rings:
+        places = positions(where, ring, 4)[:, :2]
+        if (places[0] != places[-1]).any():
+            raise GeoError(f"{where}: a ring is not closed: its last position is not its first")
+        leap = np.abs(np.diff(places[:, 0])).max()
+        if 180.0 < leap < 359.9:
+            raise GeoError(
+                f"{where}: an edge spans {leap:g} degrees of longitude: split it at the antimeridian"
+            )
+        closed.append(places)
+    return Polygon(closed[0], closed[1:])
+
+
+def _check_crs(where: str | Path, member: Any) -> None:
+    if member is None:
+        return
+    properties = member.get("properties") if isinstance(member, dict) else None
+    name = properties.get("name") if isinstance(properties, dict) else None
+    if not isinstance(name, str) or not _WGS84.search(name.strip()):
+        raise GeoError(
+            f"{where}: crs is {_short(name or member)}: GeoJSON is in WGS 84 longitude and latitude"
+        )
+
+
+def _fault(said: str) -> str:
+    """Shapely's reason in words of the field, with the place."""
+    what, _, place = said.partition("[")
+    words = {
+        "Self-intersection": "the polygon crosses itself",
+        "Ring Self-intersection": "a ring touches itself",
+    }
+    told = words.get(what.strip(), f"no valid polygon: {what.strip().lower()}")
+    return f"{told} at ({', '.join(place.rstrip(']').split())})" if place else told
+
+
+def _is_number(value: Any) -> bool:
+    # A whole number beyond all floats cannot even be compared with one.
+    return isinstance(value, float) or (type(value) is int and abs(value) < 10**300)
+
+
+def _short(value: Any) -> str:
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 60 else f"{text[:57]}..."

@@ -1,0 +1,249 @@
+"""Jobs from files: GeoJSON (RFC 7946) and CSV (RFC 4180, or as spreadsheets write it)."""
+
+import csv
+import difflib
+import io
+from collections import Counter
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from auvplan.io.geo.error import GeoError, read_text, reading
+from auvplan.io.geo.geojson import Feature, check_place, positions, read_features
+from auvplan.mission.jobs import JobLine, JobPoint, Jobs, Position
+from auvplan.site import Site
+
+_MAX_BYTES = 50_000_000
+_HEADINGS = {
+    "lon": "lon",
+    "longitude": "lon",
+    "lat": "lat",
+    "latitude": "lat",
+    "x": "north",
+    "north": "north",
+    "y": "east",
+    "east": "east",
+    "depth": "depth",
+    "priority": "priority",
+    "duration": "duration",
+    "name": "name",
+    "line": "line",
+}
+_PROPERTIES = ("depth", "priority", "duration", "name")
+#: By how much a depth and an elevation may differ and still say the same, m.
+_SAME = 1e-3
+
+
+def read_jobs(path: str | Path, site: Site | None, *, default_depth: float = 0.0) -> Jobs:
+    """Read points to visit and lines to survey.
+
+    GeoJSON: Point, MultiPoint (a job each, named "name 1", "name 2", ...) and LineString with the properties
+    `depth` m, `priority`, `duration` s and `name`; a third coordinate is the elevation, less the depth. CSV,
+    with commas, semicolons or tabs: columns lon and lat (or longitude, latitude), or x and y (or north,
+    east) in local metres; depth, priority, duration, name; rows with the same value in the column `line`
+    are the vertices of a survey line of that name, in order, and tell its priority and duration. Headings
+    and properties are read in either case; other ones are left, unless they look like a slip of the pen. A
+    name that is missing is the job's number in the file; priority is 1 and duration 0 s by default.
+
+    Args:
+        path: .csv or .txt for CSV, else GeoJSON.
+        site: where local coordinates count from; None where the file has local metres.
+        default_depth: m, of places for which the file tells none.
+
+    Returns:
+        The jobs, in the order of the file; positions are local north, east, down, m.
+
+    Raises:
+        GeoError: one line that names the file and the row or the number of the feature.
+    """
+    if not (np.isfinite(default_depth) and default_depth >= 0.0):
+        raise GeoError(f"default_depth must not be negative, got {default_depth}")
+    path = Path(path)
+    with reading(path):
+        if path.suffix.lower() in (".csv", ".txt", ".tsv"):
+            jobs = _table(path, site, default_depth)
+        else:
+            jobs = _features(path, site, default_depth)
+        counts = Counter(job.name for job in (*jobs.points, *jobs.lines))
+        twice = [name for name, count in counts.items() if count > 1]
+        if twice:
+            raise GeoError(f"{path}: two jobs are named {twice[0]!r}")
+        return jobs
+
+
+def _features(path: Path, site: Site | None, default_depth: float) -> Jobs:
+    if site is None:
+        raise GeoError(f"{path}: GeoJSON is in longitude and latitude, which need a site")
+    points, lines = [], []
+    for feature in read_features(path, ("Point", "MultiPoint", "LineString")):
+        where, told = feature.where, feature.properties
+        _refuse_slips(where, told, _PROPERTIES)
+        depth = _number(where, told, "depth", None)
+        priority, duration = _number(where, told, "priority", 1.0), _number(where, told, "duration", 0.0)
+        name = str(told.get("name", "")).strip() or str(feature.number)
+        places = _places(feature, site, depth, default_depth)
+        if feature.kind == "LineString":
+            lines.append(_line(where, name, places, priority, duration))
+        elif feature.kind == "Point":
+            points.append(JobPoint(name, places[0], priority, duration))
+        else:
+            points += [
+                JobPoint(f"{name} {k}", place, priority, duration) for k, place in enumerate(places, 1)
+            ]
+    return Jobs(tuple(points), tuple(lines))
+
+
+def _places(feature: Feature, site: Site, depth: float | None, default_depth: float) -> list[Position]:
+    """Local positions of a feature, whose depth may be told by its property or by its elevations."""
+    coordinates = [feature.coordinates] if feature.kind == "Point" else feature.coordinates
+    at = positions(feature.where, coordinates, 2 if feature.kind == "LineString" else 1)
+    north, east = site.to_local(at[:, 0], at[:, 1])
+    if not np.isfinite((north, east)).all():
+        raise GeoError(f"{feature.where}: has no place in the site's local metres")
+    return [
+        (float(n), float(e), _depth(feature.where, depth, elevation, default_depth))
+        for n, e, elevation in zip(north, east, at[:, 2], strict=True)
+    ]
+
+
+def _depth(where: str, depth: float | None, elevation: float, default_depth: float) -> float:
+    if np.isnan(elevation):
+        return default_depth if depth is None else depth
+    if depth is not None and abs(depth + elevation) > _SAME:
+        raise GeoError(
+            f"{where}: depth {depth:g} m contradicts the elevation {elevation:g} m, which is its negative"
+        )
+    if elevation > _SAME:
+        raise GeoError(f"{where}: elevation {elevation:g} m is above the sea: a depth of 5 m is -5")
+    return max(0.0, -elevation) if depth is None else depth
+
+
+def _table(path: Path, site: Site | None, default_depth: float) -> Jobs:
+    rows = _rows(path)
+    points: list[JobPoint] = []
+    vertices: dict[str, list[Position]] = {}
+    shared: dict[str, dict[str, float | None]] = {}
+    last = ""
+    for where, row in rows:
+        north, east = _place(where, row, site)
+        depth = _number(where, row, "depth", default_depth)
+        told = {name: _number(where, row, name, None) for name in ("priority", "duration")}
+        line = row.get("line", "")
+        if not line:
+            priority, duration = (
+                (1.0 if told["priority"] is None else told["priority"]),
+                told["duration"] or 0.0,
+            )
+            name = row.get("name") or str(len(points) + len(vertices) + 1)
+            points.append(JobPoint(name, (north, east, depth), priority, duration))
+        elif line in vertices and line != last:
+            raise GeoError(f"{where}: line {line!r} goes on after other rows")
+        else:
+            vertices.setdefault(line, []).append((north, east, depth))
+            _agree(where, line, shared.setdefault(line, dict.fromkeys(told)), told)
+        last = line
+    lines = []
+    for name, places in vertices.items():
+        priority, duration = shared[name]["priority"], shared[name]["duration"]
+        priority = 1.0 if priority is None else priority
+        lines.append(_line(f"{path}: line {name!r}", name, places, priority, duration or 0.0))
+    return Jobs(tuple(points), tuple(lines))
+
+
+def _rows(path: Path) -> list[tuple[str, dict[str, str]]]:
+    """Each row with what messages call it, and its filled cells by their plain heading."""
+    text = read_text(path, _MAX_BYTES)
+    heading = next((line for line in text.splitlines() if line.strip()), "")
+    separator = next((mark for mark in (";", "\t") if mark in heading), ",")
+    table = list(csv.reader(io.StringIO(text, newline=""), delimiter=separator, skipinitialspace=True))
+    filled = [(number, row) for number, row in enumerate(table, 1) if any(cell.strip() for cell in row)]
+    if len(filled) < 2:
+        raise GeoError(f"{path}: has no rows of jobs under a row of headings")
+    given = [cell.strip().lower() for cell in filled[0][1]]
+    _refuse_slips(str(path), given, tuple(_HEADINGS))
+    columns = [_HEADINGS.get(name) for name in given]
+    used = Counter(name for name in columns if name)
+    for name, count in used.items():
+        if count > 1:
+            raise GeoError(f"{path}: two columns tell {name}")
+    pairs = [pair for pair in (("lon", "lat"), ("north", "east")) if set(pair) & used.keys()]
+    if len(pairs) != 1 or not set(pairs[0]) <= used.keys():
+        raise GeoError(f"{path}: needs the columns lon and lat, or x and y; it has {', '.join(given)[:80]}")
+    rows = []
+    for number, row in filled[1:]:
+        where = f"{path}: row {number}"
+        if len(row) > len(columns) and any(cell.strip() for cell in row[len(columns) :]):
+            raise GeoError(f"{where}: has {len(row)} cells under {len(columns)} headings")
+        cells = {
+            name: cell.strip() for name, cell in zip(columns, row, strict=False) if name and cell.strip()
+        }
+        if separator == ";":
+            # Where commas do not part cells they part decimals.
+            for name in cells.keys() - {"name", "line"}:
+                cells[name] = cells[name].replace(",", ".")
+        rows.append((where, cells))
+    return rows
+
+
+def _place(where: str, row: dict[str, str], site: Site | None) -> tuple[float, float]:
+    """Local north and east of a row, m."""
+    names = ("lon", "lat") if {"lon", "lat"} & row.keys() else ("north", "east")
+    a, b = (_number(where, row, name, None, least=-np.inf) for name in names)
+    if a is None or b is None:
+        raise GeoError(f"{where}: {names[0] if a is None else names[1]} is missing")
+    if names[0] == "north":
+        return a, b
+    check_place(where, a, b)
+    if site is None:
+        raise GeoError(f"{where}: longitude and latitude need a site")
+    north, east = (float(c) for c in site.to_local(a, b))
+    if not np.isfinite((north, east)).all():
+        raise GeoError(f"{where}: has no place in the site's local metres")
+    return north, east
+
+
+def _agree(where: str, line: str, known: dict[str, float | None], told: dict[str, float | None]) -> None:
+    for name, value in told.items():
+        if value is None:
+            continue
+        if known[name] is not None and known[name] != value:
+            raise GeoError(
+                f"{where}: line {line!r} has {name} {known[name]:g} in an earlier row, {value:g} in this"
+            )
+        known[name] = value
+
+
+def _line(where: str, name: str, places: list[Position], priority: float, duration: float) -> JobLine:
+    if len(places) < 2:
+        raise GeoError(f"{where}: a survey line needs at least two positions, got {len(places)}")
+    for k, (a, b) in enumerate(pairwise(places), 1):
+        if a == b:
+            raise GeoError(f"{where}: positions {k} and {k + 1} are the same place")
+    return JobLine(name, tuple(places), priority, duration)
+
+
+def _number(where: str, told: dict[str, Any], name: str, default: Any, least: float = 0.0) -> Any:
+    """A finite number >= `least`, or the default where there is none."""
+    value = told.get(name)
+    if value is None or value == "":
+        return default
+    try:
+        number = float("nan") if isinstance(value, bool) else float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = float("nan")
+    if not np.isfinite(number):
+        raise GeoError(f"{where}: {name} must be a finite number, got {str(value)[:40]!r}")
+    if number < least:
+        raise GeoError(f"{where}: {name} must be at least {least:g}, got {number:g}")
+    return number
+
+
+def _refuse_slips(where: str, given: Any, known: tuple[str, ...]) -> None:
+    """Refuse a name that is all but one that means something: it would be left unread."""
+    for name in given:
+        if len(name) > 3 and name not in known:
+            meant = difflib.get_close_matches(name, [k for k in known if len(k) > 3], 1, cutoff=0.8)
+            if meant:
+                raise GeoError(f"{where}: {name!r} means nothing here: {meant[0]!r} does")

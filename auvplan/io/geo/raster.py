@@ -1,0 +1,190 @@
+"""Georeferenced rasters: GeoTIFF (OGC GeoTIFF 1.1), and pictures with a world file (ESRI's six numbers)."""
+
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, UnidentifiedImageError
+from pyproj import CRS, Transformer
+
+from auvplan.io.geo.error import GeoError, read_text, reading, reason
+from auvplan.io.geo.geotiff import is_tiff, read_geotiff
+from auvplan.io.geo.grid import Nodes
+from auvplan.ocean.chart import MAX_PIXELS
+
+_WORLD_FILES = {
+    ".png": (".pgw", ".pngw"),
+    ".jpg": (".jgw", ".jpgw"),
+    ".jpeg": (".jgw", ".jpegw"),
+    ".tif": (".tfw", ".tifw"),
+    ".tiff": (".tfw", ".tiffw"),
+}
+_TEXT_LIMIT = 100_000
+
+
+@dataclass(frozen=True, eq=False)
+class Raster:
+    """Values on a georeferenced raster, row 0 first in the file, which is mostly the northernmost.
+
+    Attributes:
+        values: [rows, columns], or [rows, columns, 3] uint8 of a colour picture.
+        affine: (a, b, c, d, e, f): a point that lies `column` and `row` pixels from the outer corner of the
+            first pixel has x = a column + b row + c and y = d column + e row + f.
+        crs: of x and y, x being east or longitude.
+        nodata: the value that stands for none, or None.
+        attributes: what the file tells of its band (GDAL's names), lower case.
+    """
+
+    values: NDArray
+    affine: tuple[float, float, float, float, float, float]
+    crs: CRS
+    nodata: float | None = None
+    attributes: Any = None
+
+    def nodes(self) -> Nodes:
+        """Where the pixels' centres lie."""
+        a, b, c, d, e, f = self.affine
+        inverse = np.linalg.inv([[a, b], [d, e]])
+        transformer = Transformer.from_crs("EPSG:4326", self.crs, always_xy=True)
+        rows, columns = self.values.shape[:2]
+        degrees = self.crs.is_geographic and np.isclose(
+            self.crs.axis_info[0].unit_conversion_factor, np.pi / 180
+        )
+
+        def find(longitude: NDArray, latitude: NDArray) -> tuple[NDArray, NDArray]:
+            x, y = transformer.transform(longitude, latitude)
+            if degrees:
+                x = x + 360.0 * np.round((longitude - x) / 360.0)
+            column = inverse[0, 0] * (x - c) + inverse[0, 1] * (y - f) - 0.5
+            row = inverse[1, 0] * (x - c) + inverse[1, 1] * (y - f) - 0.5
+            return row, column
+
+        middle = a * columns / 2 + b * rows / 2 + c if degrees else None
+        around = degrees and b == 0.0 and abs(abs(a) * columns - 360.0) < 0.01 * abs(a)
+        return Nodes(find, (rows, columns), middle, bool(around))
+
+
+def read_raster(path: str | Path, crs: Any = None, *, indices: bool = False) -> Raster:
+    """Read a picture or grid that knows where on Earth it lies.
+
+    GeoTIFF by its own keys; PNG, JPEG and TIFF by a world file beside it (.pgw, .jgw, .tfw, .wld), whose
+    coordinates are those of `crs` or of a .prj file. A world file gives the centre of the first pixel.
+    See-through pixels become white.
+
+    Args:
+        path: of the file.
+        crs: coordinate reference system, as pyproj takes it (32755, "EPSG:4326"), where the file tells none.
+        indices: whether a picture with a table of colours is wanted as numbers, not colours.
+
+    Raises:
+        GeoError: one line; the file is missing, damaged or too large, tells not where it lies, or tells other
+            coordinates than `crs`.
+    """
+    path = Path(path)
+    with reading(path):
+        wanted = None if crs is None else as_crs(crs, "crs")
+        with path.open("rb") as file:
+            start = file.read(4)
+        if is_tiff(start):
+            tiff = read_geotiff(path, indices)
+            affine, own, values = tiff.affine, tiff.crs, tiff.values
+            nodata, attributes = tiff.nodata, tiff.attributes
+            trouble = tiff.crs_trouble
+        else:
+            values, affine, own, nodata, attributes = _picture(path, indices), None, None, None, {}
+            trouble = "no coordinate reference system in a .prj file beside it"
+        if affine is None:
+            affine, own = _world_file(path), own or _projection_file(path)
+        if own is not None and wanted is not None and not own.equals(wanted, ignore_axis_order=True):
+            raise GeoError(f"{path}: is in {own.name}, not in {wanted.name} as crs says")
+        system = own or wanted
+        if system is None:
+            raise GeoError(f"{path}: {trouble}: say it by crs, such as crs=32755")
+        if not (system.is_geographic or system.is_projected):
+            raise GeoError(f"{path}: {system.name} is neither geographic nor projected")
+        determinant = affine[0] * affine[4] - affine[1] * affine[3]
+        if not np.isfinite(affine).all() or not abs(determinant) > 0.0:
+            raise GeoError(f"{path}: its pixels have no size: {[float(c) for c in affine]}")
+        return Raster(values, affine, system, nodata, attributes)
+
+
+def as_crs(given: Any, what: str) -> CRS:
+    """A coordinate reference system of whatever pyproj understands.
+
+    Raises:
+        GeoError: pyproj does not.
+    """
+    try:
+        return CRS.from_user_input(given)
+    except Exception as error:
+        raise GeoError(f"{what}: {given!r} is no coordinate reference system ({reason(error)})") from None
+
+
+def _picture(path: Path, indices: bool) -> NDArray:
+    """[rows, columns, 3] uint8; [rows, columns] without colour or, if asked for, with a table of it."""
+    limit: Any = Image.MAX_IMAGE_PIXELS
+    Image.MAX_IMAGE_PIXELS = None  # the size is checked here, from the header, with a message of our own
+    try:
+        with warnings.catch_warnings():
+            # Pillow warns of odd metadata, which says nothing about the pixels; damage to those it raises.
+            warnings.simplefilter("ignore")
+            with Image.open(path) as picture:
+                width, height = picture.size
+                if width * height > MAX_PIXELS:
+                    raise GeoError(f"{path}: {width} x {height} pixels are more than {MAX_PIXELS}")
+                single = picture.mode in ("1", "L", "I", "F") or picture.mode.startswith("I;")
+                if single or (indices and picture.mode == "P"):
+                    return np.asarray(picture)
+                if picture.mode == "LA":
+                    return np.asarray(picture)[..., 0]
+                if not picture.has_transparency_data:
+                    return np.asarray(picture.convert("RGB"))
+                layer = picture.convert("RGBA")
+                white = Image.new("RGBA", layer.size, "white")
+                return np.asarray(Image.alpha_composite(white, layer).convert("RGB"))
+    except UnidentifiedImageError:
+        raise GeoError(f"{path}: not a picture that can be read") from None
+    finally:
+        Image.MAX_IMAGE_PIXELS = limit
+
+
+def _world_file(path: Path) -> tuple[float, float, float, float, float, float]:
+    names = [path.stem + suffix for suffix in (*_WORLD_FILES.get(path.suffix.lower(), ()), ".wld")]
+    names.append(path.name + "w")
+    found = _beside(path, names)
+    if found is None:
+        listed = ", ".join(dict.fromkeys(names))
+        raise GeoError(
+            f"{path}: tells not where it lies: no GeoTIFF keys, and no world file ({listed}) beside it"
+        )
+    words = read_text(found, _TEXT_LIMIT).split()
+    try:
+        a, d, b, e, x, y = (float(word) for word in words)
+    except ValueError:
+        raise GeoError(f"{found}: a world file holds six numbers, got {' '.join(words)[:80]!r}") from None
+    # x and y are the centre of the first pixel, half a pixel from its corner.
+    return a, b, x - (a + b) / 2, d, e, y - (d + e) / 2
+
+
+def _projection_file(path: Path) -> CRS | None:
+    found = _beside(path, [path.stem + ".prj"])
+    if found is None:
+        return None
+    try:
+        return CRS.from_user_input(read_text(found, _TEXT_LIMIT).strip())
+    except GeoError:
+        raise
+    except Exception:
+        raise GeoError(f"{found}: holds no coordinate reference system") from None
+
+
+def _beside(path: Path, names: list[str]) -> Path | None:
+    """The first of some files in the same folder, whichever case their names are in."""
+    wanted = [name.lower() for name in names]
+    there = {
+        entry.name.lower(): entry for entry in sorted(path.absolute().parent.iterdir()) if entry.is_file()
+    }
+    return next((there[name] for name in wanted if name in there), None)

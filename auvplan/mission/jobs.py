@@ -1,0 +1,198 @@
+"""Jobs by place: points to visit and lines to survey, as an operation graph between a start and a goal."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial.distance import cdist
+
+from auvplan.mission.graph import MissionGraph
+from auvplan.mission.tasks import task_graph
+from auvplan.ocean.chart import Chart
+
+#: Of so many waypoints or fewer every pair is joined by default; of more, each with so many nearest ones.
+COMPLETE, NEIGHBOURS = 40, 7
+
+Position = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class JobPoint:
+    """A place to visit.
+
+    Attributes:
+        name: of the job.
+        position: north, east, down, m.
+        priority: rho >= 0; a point of priority 0 and no duration is a mere waypoint.
+        duration: s spent there, >= 0.
+    """
+
+    name: str
+    position: Position
+    priority: float = 1.0
+    duration: float = 0.0
+
+
+@dataclass(frozen=True)
+class JobLine:
+    """A line to survey.
+
+    Attributes:
+        name: of the job.
+        positions: its vertices in order, each north, east, down, m; two or more.
+        priority: rho >= 0 of the whole line.
+        duration: s spent on it beyond the way itself, >= 0.
+    """
+
+    name: str
+    positions: tuple[Position, ...]
+    priority: float = 1.0
+    duration: float = 0.0
+
+
+@dataclass(frozen=True)
+class Jobs:
+    """What is to be done.
+
+    Attributes:
+        points: places to visit.
+        lines: lines to survey.
+    """
+
+    points: tuple[JobPoint, ...] = ()
+    lines: tuple[JobLine, ...] = ()
+
+
+def jobs_graph(
+    points: Sequence[JobPoint],
+    lines: Sequence[JobLine],
+    start: Any,
+    goal: Any,
+    *,
+    neighbours: int | None = None,
+    clear: Callable[[NDArray[np.float64]], Any] | None = None,
+) -> tuple[MissionGraph, list[str]]:
+    """The operation graph of jobs: node 0 is the start, the last one the goal.
+
+    In between are the points and then the vertices of the lines, in order. A point's task is done on arrival,
+    whichever edge leads there. A survey line is a task on each edge between its consecutive vertices, in
+    either direction: priority and duration are shared among them by length, so that a line half sailed
+    earns half.
+
+    Args:
+        points: places to visit.
+        lines: lines to survey.
+        start: [3] m, north, east, down.
+        goal: [3] m.
+        neighbours: each waypoint is joined to so many nearest ones, and more where the graph would fall
+            apart; None joins all of 40 waypoints or fewer, and 7 nearest of more.
+        clear: positions [N, 3] m to [N, N] bool, which straight lines can be sailed; None lets all be.
+
+    Returns:
+        The graph, and the name of each node: "start", "goal", a point's name, or a line's with the number of
+        the vertex in brackets, from 1.
+
+    Raises:
+        ValueError: a line has less than two vertices, two in one place or a part that is not clear; a job
+            that no clear line leads to; numbers that make no graph.
+    """
+    names = ["start", *(point.name for point in points)]
+    places = [np.asarray(start, float), *(point.position for point in points)]
+    parts: list[tuple[int, int, float, float]] = []
+    of_part: list[tuple[str, int]] = []
+    for line in lines:
+        shares = _shares(line)
+        first = len(places)
+        names += [f"{line.name}[{k}]" for k in range(1, len(line.positions) + 1)]
+        places += line.positions
+        parts += [
+            (first + k, first + k + 1, line.priority * share, line.duration * share)
+            for k, share in enumerate(shares)
+        ]
+        of_part += [(line.name, k) for k in range(1, len(shares) + 1)]
+    names.append("goal")
+    places.append(np.asarray(goal, float))
+    positions = np.array([_position(place, name) for place, name in zip(places, names, strict=True)])
+
+    free = _sailable(positions, clear)
+    for (i, j, _, _), (name, k) in zip(parts, of_part, strict=True):
+        if not free[i, j]:
+            raise ValueError(f"line {name!r}: the way from vertex {k} to {k + 1} is not clear")
+    adjacency = _joined(positions, free, neighbours, [(i, j) for i, j, _, _ in parts], names)
+    tasks = [(k, point.priority, point.duration) for k, point in enumerate(points, 1)]
+    edges = [(int(i), int(j)) for i, j in np.argwhere(np.triu(adjacency, 1))]
+    return task_graph(positions, edges, parts, tasks), names
+
+
+def jobs_on_land(jobs: Jobs, chart: Chart) -> list[str]:
+    """Names of the jobs that have a place on the coast or off the chart."""
+    named = [(point.name, [point.position]) for point in jobs.points]
+    named += [(line.name, list(line.positions)) for line in jobs.lines]
+    return [name for name, places in named if not chart.is_water(*np.array(places)[:, :2].T).all()]
+
+
+def _shares(line: JobLine) -> NDArray[np.float64]:
+    """Of each part of a line, its share of the length."""
+    places = np.array([_position(place, line.name) for place in line.positions])
+    if len(places) < 2:
+        raise ValueError(f"line {line.name!r} has {len(places)} vertices, at least two are needed")
+    lengths = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    if not (lengths > 0.0).all():
+        k = int(np.argmin(lengths)) + 1
+        raise ValueError(f"line {line.name!r}: vertices {k} and {k + 1} are in one place")
+    return lengths / lengths.sum()
+
+
+def _position(place: Any, name: str) -> NDArray[np.float64]:
+    position = np.asarray(place, float)
+    if position.shape != (3,) or not np.isfinite(position).all():
+        raise ValueError(f"{name!r}: a position is finite [north, east, down] m, got {place}")
+    return position
+
+
+def _sailable(positions: NDArray, clear: Callable | None) -> NDArray[np.bool_]:
+    size = len(positions)
+    if clear is None:
+        return np.ones((size, size), bool)
+    free = np.asarray(clear(positions), bool)
+    if free.shape != (size, size):
+        raise ValueError(f"clear must give [N, N] = {(size, size)}, got shape {free.shape}")
+    return free & free.T
+
+
+def _joined(
+    positions: NDArray,
+    free: NDArray[np.bool_],
+    neighbours: int | None,
+    kept: list[tuple[int, int]],
+    names: list[str],
+) -> NDArray[np.bool_]:
+    """[N, N]: each waypoint joined to its nearest ones, all connected, besides the edges that are kept."""
+    size = len(positions)
+    if neighbours is None:
+        neighbours = size if size <= COMPLETE else NEIGHBOURS
+    if neighbours < 1:
+        raise ValueError(f"neighbours must be positive, got {neighbours}")
+    distance = np.where(free, cdist(positions, positions), np.inf)
+    np.fill_diagonal(distance, np.inf)
+    adjacency = np.zeros((size, size), bool)
+    nearest = np.argsort(distance, axis=1, kind="stable")[:, : min(neighbours, size - 1)]
+    adjacency[np.arange(size)[:, None], nearest] = True
+    adjacency &= np.isfinite(distance)
+    for i, j in kept:
+        adjacency[i, j] = True
+    adjacency |= adjacency.T
+    while True:
+        _, label = connected_components(adjacency, directed=False)
+        first = label == label[0]
+        if first.all():
+            return adjacency
+        gap = np.where(first[:, None] & ~first[None, :], distance, np.inf)
+        i, j = np.unravel_index(np.argmin(gap), gap.shape)
+        if not np.isfinite(gap[i, j]):
+            cut_off = ", ".join(repr(names[k]) for k in np.flatnonzero(~first)[:5])
+            raise ValueError(f"no clear line leads from the start to {cut_off}")
+        adjacency[i, j] = adjacency[j, i] = True

@@ -1,0 +1,149 @@
+"""Interpolation on a grid, linear in north, east, depth and time, with slopes from the same corners."""
+
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from auvplan.tangents import fixed, instantiated
+
+#: From so many places on a loop over halves of them is worth its while.
+_MANY = 4096
+
+#: North, east, depth, time of N points, [N] each.
+_Places = tuple[jax.Array, ...]
+
+
+@jax.custom_jvp
+def _interpolated(fields: tuple[jax.Array, ...], axes: tuple, places: _Places) -> tuple[jax.Array, ...]:
+    """Each of the fields [T, Z, X, Y] at N places, linear between nodes."""
+    return tuple(value for value, _ in _with_slopes(fields, axes, places))
+
+
+@partial(_interpolated.defjvp, symbolic_zeros=True)
+def _interpolated_jvp(primals: tuple, tangents: tuple) -> tuple[tuple, tuple]:
+    """The slopes come from the corners that the value is from: nothing is looked up twice."""
+    if not fixed(tangents[:2]):
+        return jax.jvp(_interpolated.__wrapped__, primals, instantiated(tangents, primals))
+    values, changes = [], []
+    for value, slopes in _with_slopes(*primals):
+        pairs = zip(slopes, tangents[2], strict=True)
+        terms = [slope * move for slope, move in pairs if slope is not None and not fixed(move)]
+        values.append(value)
+        changes.append(sum(terms, jnp.zeros_like(value)))
+    return tuple(values), tuple(changes)
+
+
+def _with_slopes(fields: tuple[jax.Array, ...], axes: tuple, places: _Places) -> list[tuple[jax.Array, list]]:
+    """Value, and slopes along north, east, depth and time (None along an axis of one node), of each field.
+
+    Many places in two halves, one after the other: what a loop finds is stored, where XLA would look the
+    corners up again for every expression that uses them.
+    """
+    count = places[0].size
+    half = -(-count // 2)
+    halves = tuple(jnp.pad(axis, (0, 2 * half - count)).reshape(2, half) for axis in places)
+
+    def look_up(part: _Places) -> list[tuple[jax.Array, list]]:
+        corner, shares, spans = _located(fields[0].shape, axes, part)
+        found = []
+        for field in fields:
+            value, across = _blend(_corners(field, corner), shares)
+            slopes = [None if span is None else a / span for a, span in zip(across, spans, strict=True)]
+            found.append((value, slopes))
+        return found
+
+    if count < _MANY:
+        return look_up(places)
+    found = jax.lax.map(look_up, halves)
+    return jax.tree.map(lambda row: row.reshape(-1)[:count], found)
+
+
+#: Compiled, or every call outside a compiled program would run operation by operation.
+interpolated = jax.jit(_interpolated)
+
+
+def _located(shape: tuple[int, ...], axes: tuple, places: _Places) -> tuple[jax.Array, tuple, tuple]:
+    """Flat index of the lowest corner of each place's cell, shares of the way to the highest one along north,
+    east, depth, time, and the spans of the cell along them; both None along an axis of one node.
+    """
+    origin, spacing, depths, times, step = axes
+    x, y, z, t = places
+    cells = (
+        _cell((x - origin[0]) / spacing[0], shape[2], spacing[0]),
+        _cell((y - origin[1]) / spacing[1], shape[3], spacing[1]),
+        _cell_between(z, depths),
+        _cell_between(t, times) if step is None else _cell((t - times[0]) / step, shape[0], step),
+    )
+    north, east, depth, time = (cell[0] for cell in cells)
+    corner = ((time * shape[1] + depth) * shape[2] + north) * shape[3] + east
+    return corner, tuple(cell[1] for cell in cells), tuple(cell[2] for cell in cells)
+
+
+def _cell(place: jax.Array, size: int, span: jax.Array) -> tuple[jax.Array, Any, Any]:
+    """Index, share and span of the cell of a place in steps from the first of `size` even nodes.
+
+    The span is infinite where the place is beyond the nodes: nothing changes there.
+    """
+    if size == 1:
+        return jnp.zeros(place.shape, jnp.int32), None, None
+    within = (place > 0.0) & (place < size - 1.0)
+    place = jnp.clip(place, 0.0, size - 1.0)
+    first = jnp.minimum(place.astype(jnp.int32), size - 2)
+    return first, place - first, jnp.where(within, span, jnp.inf)
+
+
+def _cell_between(place: jax.Array, nodes: jax.Array) -> tuple[jax.Array, Any, Any]:
+    """As `_cell`, between rising nodes."""
+    size = nodes.shape[0]
+    if size == 1:
+        return jnp.zeros(place.shape, jnp.int32), None, None
+    first = jnp.zeros(place.shape, jnp.int32)
+    for node in range(1, size - 1):
+        first = first + (place >= nodes[node]).astype(jnp.int32)
+    low = nodes.at[first].get(mode="promise_in_bounds", wrap_negative_indices=False)
+    span = nodes.at[first + 1].get(mode="promise_in_bounds", wrap_negative_indices=False) - low
+    share = (place - low) / span
+    within = (place > nodes[0]) & (place < nodes[-1])
+    return first, jnp.clip(share, 0.0, 1.0), jnp.where(within, span, jnp.inf)
+
+
+def _corners(field: jax.Array, corner: jax.Array) -> list[jax.Array]:
+    """Values at the corners of each place's cell, [N] each, time first and east last, low before high.
+
+    An axis with one node has one corner.
+    """
+    flat, shape = field.reshape(-1), field.shape
+    strides = (shape[1] * shape[2] * shape[3], shape[2] * shape[3], shape[3], 1)
+    offsets = [0]
+    for stride, size in zip(strides, shape, strict=True):
+        offsets = [offset + high for offset in offsets for high in ((0, stride) if size > 1 else (0,))]
+    return [
+        flat.at[corner + offset].get(mode="promise_in_bounds", wrap_negative_indices=False)
+        for offset in offsets
+    ]
+
+
+def _blend(corners: list[jax.Array], shares: tuple[jax.Array | None, ...]) -> tuple[jax.Array, list[Any]]:
+    """Value, and its change across the cell along north, east, depth, time; nothing along one node."""
+    north, east, depth, time = shares
+    values, slopes = corners, []
+    for share in (east, north, depth, time):
+        if share is None:
+            slopes.append([0.0])
+            continue
+        ends = list(zip(values[::2], values[1::2], strict=True))
+        across = [high - low for low, high in ends]
+        slopes = [_halved(slope, share) for slope in slopes]
+        slopes.append(across)
+        values = [low + share * change for (low, _), change in zip(ends, across, strict=True)]
+    along_east, along_north, along_depth, along_time = (slope[0] for slope in slopes)
+    return values[0], [along_north, along_east, along_depth, along_time]
+
+
+def _halved(values: list[Any], share: jax.Array) -> list[Any]:
+    """Blended in pairs; what is zero along an axis of one node stays so."""
+    if len(values) == 1:
+        return values
+    return [low + share * (high - low) for low, high in zip(values[::2], values[1::2], strict=True)]

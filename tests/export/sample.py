@@ -1,0 +1,48 @@
+"""A small hand-made itinerary: two legs across the antimeridian, south of the equator."""
+
+from dataclasses import replace
+from datetime import UTC, datetime
+
+import numpy as np
+
+from auvplan.export import Circle, Itinerary, PlannedLeg, Polygon, Track
+from auvplan.site import Site
+
+EPOCH = datetime(2024, 2, 28, 23, 59, 30, 500_000, tzinfo=UTC)
+SITE = Site(179.995, -41.3, EPOCH, origin=(700.0, -300.0))
+NAMES = ("harbour", "wreck & reef", "mooring <7>")
+
+
+def make_leg(
+    number: int, start: int, goal: int, places, times, kept, hold: float, priority: float
+) -> PlannedLeg:
+    """A leg with some samples kept; straight lines take 1 % less."""
+    leg = PlannedLeg.of(number, start, goal, places, times, names=NAMES, hold=hold, priority=priority)
+    kept = np.asarray(kept)
+    return replace(leg, kept=kept, kept_times=times[0] + 0.99 * (times[kept] - times[0]), time_change=-0.01)
+
+
+def make_itinerary(site: Site = SITE) -> Itinerary:
+    """From the west of the antimeridian to the east and back, at different depths."""
+    share = np.linspace(0.0, 1.0, 9)[:, None]
+    first = np.array([820.0, -450.0, 12.5]) + share * np.array([900.0, 1400.0, 30.0])
+    first[:, 0] += 130.0 * np.sin(np.pi * share[:, 0])
+    second = first[-1] + share * np.array([-2100.0, -700.0, -35.25])
+    second[:, 1] += 90.0 * np.sin(np.pi * share[:, 0])
+    times = 60.0 + 100.0 * np.arange(9.0)
+    legs = (
+        make_leg(1, 0, 1, first, times, [0, 3, 5, 8], 45.5, 3.0),
+        make_leg(2, 1, 2, second, times + 845.5, [0, 8], 0.0, 0.0),
+    )
+    sailed = (
+        Track(times[:5] + 0.25, first[:5] + np.array([3.0, -2.0, 0.5])),
+        Track(times + 846.0, second - np.array([1.0, 4.0, 0.25])),
+    )
+    fences = (
+        Polygon(np.array([[-900.0, -200.0], [-600.0, 900.0], [-1300.0, 700.0]])),
+        Polygon(np.array([[2400.0, -900.0], [2500.0, -600.0], [2300.0, -700.0], [2350.0, -850.0]])),
+        Circle((2000.0, 1800.0), 85.0),
+    )
+    return Itinerary(
+        "reef, day 2", site, 1.75, legs, sailed, fences, 42, '{"name": "reef"}', "9.8.7", ("a note",)
+    )

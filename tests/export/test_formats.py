@@ -1,0 +1,203 @@
+"""Every format is parsed back and compared with the itinerary: places within 0.1 m, times, notes, errors."""
+
+import csv
+import json
+import math
+from datetime import timedelta
+from itertools import pairwise
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+import shapely
+import xarray as xr
+from pyproj import Geod
+
+from auvplan.export import Itinerary, Track
+from tests.export.compare import kept, kept_seconds, near, same_times, written
+from tests.export.sample import EPOCH, make_itinerary
+
+KML, GX = "{http://www.opengis.net/kml/2.2}", "{http://www.google.com/kml/ext/2.2}"
+GPX = "{http://www.topografix.com/GPX/1/1}"
+
+
+def numbers(text: str, comma: str) -> list[list[float]]:
+    rows = [
+        [float(value) for value in row.split(comma)] for row in text.split(None if comma == "," else "\n")
+    ]
+    return [[x, y, -z] for x, y, z in rows]
+
+
+def test_geojson(itinerary: Itinerary, tmp_path: Path):
+    data = json.loads(written(itinerary, tmp_path, "geojson").read_text(encoding="utf-8"))
+    assert data["type"] == "FeatureCollection"
+    assert "crs" not in data
+    assert data["description"] == itinerary.description
+    kinds = {kind: [f for f in data["features"] if f["properties"]["kind"] == kind]
+             for kind in ("plan", "waypoint", "sailed", "exclusion")}  # fmt: skip
+    tracks = [Track(leg.times, leg.positions) for leg in itinerary.legs]
+    for features, expected in ((kinds["plan"], tracks), (kinds["sailed"], itinerary.sailed)):
+        for feature, track in zip(features, expected, strict=True):
+            near(itinerary, joined(feature["geometry"]), track.positions)
+            assert feature["properties"]["seconds"] == pytest.approx(track.times)
+            same_times(itinerary, feature["properties"]["times"] or [], track.times)
+    assert [f["properties"]["note"] for f in kinds["plan"]] == [leg.note for leg in itinerary.legs]
+    places = [f["geometry"]["coordinates"] for f in kinds["waypoint"]]
+    near(itinerary, [[x, y, -z] for x, y, z in places], kept(itinerary))
+    about = [f["properties"] for f in kinds["waypoint"]]
+    assert [row["hold_s"] for row in about] == [0.0, 0.0, 0.0, 45.5, 0.0]
+    assert [row["name"] for row in about] == [
+        "harbour",
+        "leg 1, 1",
+        "leg 1, 2",
+        "wreck & reef",
+        "mooring <7>",
+    ]
+    same_times(itinerary, [row["time"] or "" for row in about], kept_seconds(itinerary))
+    assert len(kinds["exclusion"]) == 3
+    for feature, fence in zip(kinds["exclusion"], itinerary.fences, strict=True):
+        area(itinerary, feature["geometry"], fence)
+
+
+def joined(geometry: dict) -> list[list[float]]:
+    """Longitude, latitude, depth of a line without the points where it was cut."""
+    if geometry["type"] == "LineString":
+        assert len(geometry["coordinates"]) > 1
+        return [[x, y, -z] for x, y, z in geometry["coordinates"]]
+    parts = geometry["coordinates"]
+    assert len(parts) > 1
+    for before, after in pairwise(parts):
+        assert abs(before[-1][0]) == 180.0
+        assert after[0] == [-before[-1][0], *before[-1][1:]]
+    for part in parts:
+        assert len({x > 0 for x, _, _ in part}) == 1  # each on one side
+    return [[x, y, -z] for part in parts for x, y, z in part if abs(x) != 180.0]
+
+
+def area(itinerary: Itinerary, geometry: dict, fence) -> None:
+    """Rings are closed and counter-clockwise, lie in one world, and have the fence's area together."""
+    rings = [geometry["coordinates"]] if geometry["type"] == "Polygon" else geometry["coordinates"]
+    size = 0.0
+    for (ring,) in rings:
+        assert ring[0] == ring[-1]
+        assert shapely.is_ccw(shapely.LinearRing(ring))
+        places = np.asarray(ring)
+        assert np.ptp(places[:, 0]) < 1.0
+        size += Geod(ellps="WGS84").polygon_area_perimeter(places[:, 0], places[:, 1])[0]
+    if hasattr(fence, "radius"):
+        circle = math.pi * fence.radius**2
+        assert circle < size < 1.003 * circle
+    else:
+        assert size == pytest.approx(shapely.Polygon(fence.corners).area, rel=2e-3)
+
+
+def test_lines_and_areas_are_cut_at_the_antimeridian(tmp_path: Path):
+    data = json.loads(written(make_itinerary(), tmp_path, "geojson").read_text(encoding="utf-8"))
+    types = [f["geometry"]["type"] for f in data["features"] if f["properties"]["kind"] != "waypoint"]
+    assert types.count("MultiLineString") == 2
+    assert types.count("MultiPolygon") == 1
+
+
+def test_kml(itinerary: Itinerary, tmp_path: Path):
+    root = ElementTree.parse(written(itinerary, tmp_path, "kml")).getroot()
+    document = root.find(f"{KML}Document")
+    assert document is not None
+    assert document.findtext(f"{KML}description") == itinerary.description
+    folders = {folder.findtext(f"{KML}name"): folder for folder in document.findall(f"{KML}Folder")}
+    tracks = [Track(leg.times, leg.positions) for leg in itinerary.legs]
+    for name, expected in (("plan", tracks), ("sailed", itinerary.sailed)):
+        for mark, track in zip(folders[name].findall(f"{KML}Placemark"), expected, strict=True):
+            if itinerary.site.epoch is None:
+                (line,) = mark.findall(f"{KML}LineString")
+                places = numbers(line.findtext(f"{KML}coordinates") or "", ",")
+            else:
+                (line,) = mark.findall(f"{GX}Track")
+                places = [numbers(coord.text or "", " ")[0] for coord in line.findall(f"{GX}coord")]
+                same_times(itinerary, [when.text for when in line.findall(f"{KML}when")], track.times)
+            assert line.findtext(f"{KML}altitudeMode") == "absolute"
+            near(itinerary, places, track.positions)
+    marks = folders["waypoints"].findall(f"{KML}Placemark")
+    near(
+        itinerary,
+        [numbers(m.findtext(f"{KML}Point/{KML}coordinates") or "", ",")[0] for m in marks],
+        kept(itinerary),
+    )
+    same_times(
+        itinerary, [m.findtext(f"{KML}TimeStamp/{KML}when") or "" for m in marks], kept_seconds(itinerary)
+    )
+    assert marks[3].findtext(f"{KML}name") == "wreck & reef"
+    assert len(folders["fences"].findall(f"{KML}Placemark")) == 3
+
+
+def test_gpx(itinerary: Itinerary, tmp_path: Path):
+    root = ElementTree.parse(written(itinerary, tmp_path, "gpx")).getroot()
+    assert root.tag == f"{GPX}gpx"
+    assert root.get("version") == "1.1"
+    assert root.findtext(f"{GPX}metadata/{GPX}desc") == itinerary.description
+    (route,) = root.findall(f"{GPX}rte")
+    rows = route.findall(f"{GPX}rtept")
+    near(itinerary, [gpx_place(row) for row in rows], kept(itinerary))
+    assert [row.findtext(f"{GPX}name") for row in rows][::4] == ["harbour", "mooring <7>"]
+    same_times(itinerary, [row.findtext(f"{GPX}time") or "" for row in rows], kept_seconds(itinerary))
+    assert all(leg.note in (route.findtext(f"{GPX}desc") or "") for leg in itinerary.legs)
+    for segment, track in zip(root.findall(f"{GPX}trk/{GPX}trkseg"), itinerary.sailed, strict=True):
+        near(itinerary, [gpx_place(point) for point in segment], track.positions)
+        same_times(itinerary, [point.findtext(f"{GPX}time") or "" for point in segment], track.times)
+    order = ("ele", "time", "name", "desc")
+    for point in [*rows, *root.iter(f"{GPX}trkpt")]:
+        tags = [element.tag.removeprefix(GPX) for element in point]
+        assert tags == sorted(tags, key=order.index)
+    assert [element.tag.removeprefix(GPX) for element in root] == ["metadata", "rte", "trk"]
+
+
+def gpx_place(point: ElementTree.Element) -> list[float]:
+    longitude, latitude = float(point.get("lon") or "nan"), float(point.get("lat") or "nan")
+    assert -180.0 <= longitude < 180.0
+    return [longitude, latitude, -float(point.findtext(f"{GPX}ele") or "nan")]
+
+
+def test_csv(itinerary: Itinerary, tmp_path: Path):
+    with written(itinerary, tmp_path, "csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    near(itinerary, [[row["lon"], row["lat"], row["depth"]] for row in rows], kept(itinerary))
+    local = np.array([[row["north"], row["east"], row["depth"]] for row in rows], float)
+    assert local == pytest.approx(kept(itinerary), abs=1e-3)
+    same_times(itinerary, [row["time"] for row in rows], kept_seconds(itinerary))
+    assert [row["seq"] for row in rows] == ["1", "2", "3", "4", "5"]
+    assert [row["leg"] for row in rows] == ["1", "1", "1", "1", "2"]
+    assert [(row["hold"], row["task"]) for row in rows if float(row["hold"])] == [("45.5", "3")]
+    assert [row["note"] for row in rows if row["note"]] == [leg.note for leg in itinerary.legs]
+
+
+def test_netcdf(itinerary: Itinerary, tmp_path: Path):
+    with xr.open_dataset(
+        written(itinerary, tmp_path, "netcdf"), engine="h5netcdf", decode_times=False
+    ) as data:
+        data.load()
+    assert data.attrs["featureType"] == "trajectory"
+    assert data["trajectory"].attrs["cf_role"] == "trajectory_id"
+    assert data["row_size"].attrs["sample_dimension"] == "obs"
+    assert data["depth"].attrs["positive"] == "down"
+    tracks = [*(Track(leg.times, leg.positions) for leg in itinerary.legs), *itinerary.sailed]
+    assert data["row_size"].values.tolist() == [len(track.times) for track in tracks]
+    assert data["kind"].values.tolist() == [0, 0, 1, 1]
+    assert data["trajectory"].values.tolist() == [
+        "plan, leg 1",
+        "plan, leg 2",
+        "sailed, leg 1",
+        "sailed, leg 2",
+    ]
+    places = np.concatenate([track.positions for track in tracks])
+    near(itinerary, np.stack([data[name].values for name in ("lon", "lat", "depth")], axis=1), places)
+    assert data["time"].values == pytest.approx(np.concatenate([track.times for track in tracks]))
+    epoch = "2000-01-01 00:00:00" if itinerary.site.epoch is None else "2024-02-28 23:59:30.500000"
+    assert data["time"].attrs["units"] == f"seconds since {epoch}"
+    assert ("no date" in data.attrs["comment"]) == (itinerary.site.epoch is None)
+    assert np.flatnonzero(data["waypoint"].values).tolist() == [0, 3, 5, 8, 9, 17]
+    assert (data.attrs["seed"], data.attrs["configuration"]) == (42, '{"name": "reef"}')
+    assert data.attrs["auvplan_version"] == "9.8.7"
+    decoded = xr.decode_cf(data)
+    if itinerary.site.epoch is not None:
+        first = EPOCH.replace(tzinfo=None) + timedelta(seconds=60)
+        assert abs(decoded["time"].values[0] - np.datetime64(first)) < np.timedelta64(1, "ms")

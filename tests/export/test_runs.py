@@ -1,0 +1,115 @@
+"""From a run to an itinerary: which plan, which legs, names, thinning and fences."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from auvplan.export import (
+    Circle,
+    ExportError,
+    Itinerary,
+    PlannedLeg,
+    Polygon,
+    Track,
+    itinerary_of,
+    itinerary_of_parts,
+)
+from auvplan.export.runs import followed_first
+from auvplan.site import Site
+from tests.io.sample_run import WAYPOINTS, make_leg, make_plan, make_run, refused_leg
+
+SITE = Site(148.96, -20.34)
+
+
+@pytest.fixture(scope="module")
+def itinerary() -> Itinerary:
+    run = make_run()
+    run.legs.insert(1, refused_leg(run))
+    return itinerary_of(run, SITE, names=("alpha", "bravo"))
+
+
+def test_legs_that_arrived_are_numbered_in_order(itinerary: Itinerary):
+    assert [(leg.number, leg.start, leg.goal) for leg in itinerary.legs] == [(1, 0, 1), (2, 1, 3), (3, 3, 2)]
+    assert [leg.start_name for leg in itinerary.legs] == ["alpha", "bravo", "waypoint 3"]
+    assert [leg.hold for leg in itinerary.legs] == [60.0, 60.0, 60.0]
+    assert [leg.priority for leg in itinerary.legs] == [3.0, 3.0, 3.0]
+    assert len(itinerary.sailed) == 3
+    assert (itinerary.name, itinerary.seed, itinerary.speed) == ("sample", 7, 2.5)
+    assert json.loads(itinerary.configuration)["name"] == "sample"
+
+
+def test_waypoints_are_few_samples_of_the_plan(itinerary: Itinerary):
+    run = make_run()
+    for leg, record in zip(itinerary.legs, run.done, strict=True):
+        plan = record.plans[0]
+        assert leg.positions == pytest.approx(plan.positions)
+        assert 2 <= len(leg.kept) < 10
+        assert leg.waypoints == pytest.approx(plan.positions[leg.kept])
+        assert abs(leg.time_change) < 0.02
+        assert leg.note.startswith(f"leg {leg.number}: {len(leg.kept)} of 32 samples")
+    kept = sum(len(leg.kept) for leg in itinerary.legs)
+    assert f"{kept} of 96 samples" in itinerary.description
+
+
+def test_fences_are_the_spit_and_what_stands_still(itinerary: Itinerary):
+    circles = [fence for fence in itinerary.fences if isinstance(fence, Circle)]
+    polygons = [fence for fence in itinerary.fences if isinstance(fence, Polygon)]
+    assert len(polygons) == 1  # the spit: longer than an islet
+    assert all(circle.radius == 40.0 for circle in circles)
+    assert len(circles) + len(itinerary.notes) == 3
+
+
+def test_the_plan_that_was_followed_is_exported_not_the_last_one_tried():
+    leg = make_leg(make_run().graph, 0, 1, 100.0)
+    start, goal = WAYPOINTS[0], WAYPOINTS[1]
+    straight = make_plan(start, goal, 100.0, "leg", 0.0)  # the sample leg is sailed straight
+    bent = make_plan(start, goal, 100.0, "leg", 80.0)
+    later = [plan for plan in leg.plans if plan.cause != "leg"]
+    for plans, followed in (([straight, bent], straight), ([bent, straight], straight), ([bent], bent)):
+        leg.plans = [*plans, *later]
+        assert followed_first(leg) is followed
+    leg.plans = later
+    with pytest.raises(ExportError, match="no path plan"):
+        followed_first(leg)
+
+
+def test_a_run_that_sailed_nothing_cannot_be_exported():
+    run = make_run()
+    run.legs = [refused_leg(run)]
+    with pytest.raises(ExportError, match="sample: no leg was planned and sailed"):
+        itinerary_of(run, SITE)
+
+
+def test_an_unsailed_mission_is_made_of_plain_arrays():
+    places = np.array([[0.0, 0.0, 5.0], [500.0, 20.0, 8.0], [900.0, 300.0, 5.0]])
+    leg = PlannedLeg.of(1, 4, 2, places, [0.0, 250.0, 490.0], names=["a", "b", "c"])
+    assert (leg.start_name, leg.goal_name) == ("waypoint 4", "c")
+    rock = ((400.0, 900.0, 10.0), 50.0)
+    made = itinerary_of_parts("m", SITE, 2.0, [leg], obstacles=[rock], version="1.2", notes=["kept"])
+    assert made.fences == (Circle((400.0, 900.0), 50.0),)
+    assert (made.version, made.notes, made.sailed) == ("1.2", ("kept",), ())
+    assert leg.waypoints is not places
+    assert len(leg.kept) == 3
+
+
+@pytest.mark.parametrize(
+    ("positions", "times", "message"),
+    [
+        (np.zeros((3, 2)), np.zeros(3), r"leg 5: positions must be \[n, 3\]"),
+        (np.zeros((3, 3)), np.zeros(2), r"leg 5: positions must be \[n, 3\]"),
+        (np.full((2, 3), np.nan), np.zeros(2), "leg 5: positions and times must be finite"),
+        (np.zeros((2, 3)), [1.0, 0.0], "leg 5: times must not go back"),
+        (np.zeros((1, 3)), [1.0], "leg 5: a path has at least two samples"),
+    ],
+)
+def test_faulty_legs_are_refused_in_one_line(positions, times, message):
+    with pytest.raises(ExportError, match=message):
+        PlannedLeg.of(5, 0, 1, positions, times)
+
+
+def test_faulty_sailed_tracks_are_refused(itinerary: Itinerary):
+    track = Track(np.array([0.0, np.inf]), np.zeros((2, 3)))
+    with pytest.raises(ExportError, match="sailed track 0"):
+        replace(itinerary, sailed=(track,))

@@ -1,0 +1,266 @@
+"""Grids of every kind: currents known in closed form come out of the sampler and of the local grid."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from auvplan.io.currents import CurrentError, open_ocean, read_current
+from auvplan.io.currents.s_levels import s_depths
+from auvplan.site import Site
+from tests.io.currents.samples import (
+    LAT,
+    LON,
+    START,
+    flow,
+    fvcom,
+    mesh,
+    regular,
+    roms,
+    schism,
+    solid_body,
+    turned_grid,
+    ugrid,
+    write,
+    write_plain,
+)
+
+#: Longitude, latitude inside every sample but none of their nodes.
+PLACES = np.array([[LON + 0.0213, LON + 0.0341], [LAT + 0.0121, LAT + 0.0333]])
+
+
+def close(ocean, lon, lat, depth, hour, atol=1e-6):
+    e, n, _ = ocean.at(lon, lat, depth, START + 3600.0 * np.asarray(hour))
+    expected = flow(lon, lat, depth, hour)
+    np.testing.assert_allclose(e, expected[0], atol=atol)
+    np.testing.assert_allclose(n, expected[1], atol=atol)
+
+
+def on_grid(found, site):
+    """Longitude, latitude and bearing of true north at the nodes of a local grid."""
+    axes = [found.origin[k] + found.spacing[k] * np.arange(found.field.u.shape[2 + k]) for k in range(2)]
+    places = site.to_geographic(*np.meshgrid(*axes, indexing="ij"))
+    return *places, site.true_north(*places)
+
+
+def test_regular_is_linear_in_place_depth_and_time(tmp_path):
+    with open_ocean(write(regular(), tmp_path / "a.nc")) as ocean:
+        assert ocean.kind == "regular"
+        close(ocean, PLACES[0][:, None], PLACES[1][:, None], np.array([0.0, 4.0, 10.0, 22.0]), 1.7)
+
+
+def test_vectors_are_turned_into_the_local_frame(tmp_path):
+    path = write(regular(LON + 0.5 * np.arange(10), LAT + 0.5 * np.arange(8)), tmp_path / "wide.nc")
+    site = Site(LON + 0.4, LAT + 1.5)
+    found = read_current(path, site, lower=(-20e3, 0, 0), upper=(20e3, 150e3, 10), spacing=10e3)
+    lon, lat, bearing = on_grid(found, site)
+    assert np.abs(bearing).max() > 0.03
+    e, n = flow(lon, lat, 10.0, 3.0)
+    expected = n * np.cos(bearing) - e * np.sin(bearing), n * np.sin(bearing) + e * np.cos(bearing)
+    np.testing.assert_allclose(found.field.u[-1, 1], expected[0], atol=2e-6)
+    np.testing.assert_allclose(found.field.v[-1, 1], expected[1], atol=2e-6)
+    # A velocity keeps its size and, going by where it leads, its direction.
+    x, y = site.to_local(lon + 1e-5 * e / np.cos(np.deg2rad(lat)), lat + 1e-5 * n)
+    here = site.to_local(lon, lat)
+    way = np.arctan2(y - here[1], x - here[0])
+    np.testing.assert_allclose(np.cos(way - np.arctan2(expected[1], expected[0])), 1.0, atol=3e-5)
+
+
+@pytest.mark.parametrize("transform", [1, 2])
+def test_roms_turns_like_a_solid_body(tmp_path, transform):
+    data = roms(transform)
+    with open_ocean(write(data, tmp_path / "roms.nc")) as ocean:
+        assert ocean.kind == "roms"
+        assert ocean.levels is None
+        lon, lat = (data[name].values[1:-1, 1:-1] for name in ("lon_rho", "lat_rho"))
+        floor, zeta = data["h"].values[1:-1, 1:-1], 0.4
+        s, curve = data["s_rho"].values, data["Cs_r"].values
+        for k in range(len(s)):
+            # Written out once more, from the definition of z as height above the datum.
+            if transform == 1:
+                still = 20.0 * s[k] + (floor - 20.0) * curve[k]
+                z = still + zeta * (1.0 + still / floor)
+            else:
+                z = zeta + (zeta + floor) * (20.0 * s[k] + floor * curve[k]) / (20.0 + floor)
+            e, n, _ = ocean.at(lon, lat, zeta - z, START)
+            expected = solid_body(lon, lat)
+            np.testing.assert_allclose(e, expected[0] * (1 + s[k]), atol=1e-9)
+            np.testing.assert_allclose(n, expected[1] * (1 + s[k]), atol=1e-9)
+        _, _, up = ocean.at(lon, lat, 0.0, START)
+        np.testing.assert_allclose(up, 1e-3)
+
+
+def test_roms_ends_at_the_sea_bed_below_the_surface(tmp_path):
+    data = roms()
+    with open_ocean(write(data, tmp_path / "roms.nc")) as ocean:
+        lon, lat, floor = (float(data[name][4, 5]) for name in ("lon_rho", "lat_rho", "h"))
+        above, below = ocean.at([lon, lon], lat, [floor + 0.39, floor + 0.41], START)[0]
+        assert np.isfinite(above)
+        assert np.isnan(below)
+        lowest = s_depths(
+            data["s_rho"].values[:1], data["Cs_r"].values[:1], 20.0, 2, np.array([floor]), np.array([[0.4]])
+        )
+        assert above == ocean.at(lon, lat, float(lowest[0, 0, 0]), START)[0]
+
+
+def test_roms_land_stays_missing(tmp_path):
+    land = [(3, 4), (3, 5), (6, 8)]
+    data = roms(land=land)
+    with open_ocean(write(data, tmp_path / "roms.nc")) as ocean:
+        lon, lat = (data[name].values for name in ("lon_rho", "lat_rho"))
+        found = np.isfinite(ocean.at(lon, lat, 1.0, START)[0])
+        assert (found == (data["mask_rho"].values > 0)).all()
+        # Beside land one face is left: half a cell off, of a field that is linear.
+        e, _, _ = ocean.at(lon[3, 6], lat[3, 6], 1.0, START)
+        assert abs(e - ocean.at(lon[2, 6], lat[2, 6], 1.0, START)[0]) < 0.1
+
+
+def test_zeros_behind_the_mask_are_land(tmp_path):
+    """ROMS without fill values writes zeros on land and on its walls."""
+    data = roms(land=[(4, 4), (5, 6)])
+    lon, lat = (data[name].values for name in ("lon_rho", "lat_rho"))
+    with (
+        open_ocean(write(data, tmp_path / "fill.nc")) as fill,
+        open_ocean(write(data.fillna(0.0), tmp_path / "zero.nc")) as zero,
+    ):
+        for a, b in zip(fill.at(lon, lat, 1.0, START), zero.at(lon, lat, 1.0, START), strict=True):
+            np.testing.assert_array_equal(a, b)
+        assert np.isnan(zero.at(lon[4, 4], lat[4, 4], 1.0, START)[0])
+
+
+@pytest.mark.parametrize(
+    ("names", "standard"),
+    [(("u", "v"), ("", "")), (("a", "b"), ("sea_water_x_velocity", "sea_water_y_velocity"))],
+)
+def test_curvilinear_components_along_the_grid_are_turned(tmp_path, names, standard):
+    angle = 0.7
+    lon, lat = turned_grid(angle=angle)
+    east, north = flow(lon, lat)
+    parts = east * np.cos(angle) + north * np.sin(angle), north * np.cos(angle) - east * np.sin(angle)
+    dims = ("time", "y", "x")
+    data = xr.Dataset(
+        {
+            name: (dims, part[None], {"units": "m/s"} | ({"standard_name": own} if own else {}))
+            for name, part, own in zip(names, parts, standard, strict=True)
+        }
+        | {
+            "lon": (dims[1:], lon, {"units": "degrees_east"}),
+            "lat": (dims[1:], lat, {"units": "degrees_north"}),
+            "time": ("time", [0.0], {"units": "hours since 2020-01-01"}),
+            "angle": (dims[1:], np.full(lon.shape, np.rad2deg(angle)), {"units": "degrees"}),
+        }
+    )
+    with open_ocean(write(data, tmp_path / "curved.nc")) as ocean:
+        assert ocean.kind == "curvilinear"
+        close(ocean, lon[2:5, 3:7], lat[2:5, 3:7], 0.0, 0.0)
+    with pytest.raises(CurrentError, match="angle, which tells how, is missing"):
+        open_ocean(write(data.drop_vars("angle"), tmp_path / "lost.nc"))
+
+
+def test_eastward_on_s_levels_is_not_turned_again(tmp_path):
+    data = roms()
+    lon, lat = data["lon_rho"].values, data["lat_rho"].values
+    east, north = (np.broadcast_to(part, (2, 6, *lon.shape)) for part in flow(lon, lat))
+    dims = ("ocean_time", "s_rho", "eta_rho", "xi_rho")
+    data = data.assign(
+        u_eastward=(dims, east, {"units": "meter second-1"}),
+        v_northward=(dims, north, {"units": "meter second-1"}),
+    ).drop_vars(["u", "v"])
+    with open_ocean(write(data, tmp_path / "east.nc")) as ocean:
+        assert ocean.kind == "curvilinear"
+        for depth in (0.0, 3.0, 30.0):
+            e, n, _ = ocean.at(lon[2:5, 3:7] + 1e-4, lat[2:5, 3:7] + 2e-4, depth, START)
+            expected = flow(lon[2:5, 3:7] + 1e-4, lat[2:5, 3:7] + 2e-4)
+            np.testing.assert_allclose([e, n], expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("middles", [True, False])
+def test_fvcom(tmp_path, middles):
+    """Velocities in cells, also where the cells' middles are left at zero; times to the millisecond."""
+    path = write_plain(fvcom(middles=middles), tmp_path / "fvcom.nc")
+    with open_ocean(path) as ocean:
+        assert ocean.kind == "triangles"
+        np.testing.assert_allclose(ocean.times, START + np.array([0.0, 3600.0]), atol=1e-3)
+        close(ocean, PLACES[0], PLACES[1], 20.0, 0.5)
+        close(ocean, ocean.longitude, ocean.latitude, 25.0, 1.0)
+        _, _, up = ocean.at(*PLACES[:, 0], 20.0, START)
+        assert up == pytest.approx(2e-3)
+        # At the rim, beyond the middles of cells, the cell's own value holds.
+        corner = np.argmin(np.hypot(ocean.longitude - LON, ocean.latitude - LAT))
+        e, _, _ = ocean.at(LON + 1e-5, LAT + 1e-5, 5.0, START)
+        own = ocean.at(ocean.longitude[corner], ocean.latitude[corner], 5.0, START)[0]
+        near = {float(value) for value in ocean.at(ocean.longitude, ocean.latitude, 5.0, START)[0]}
+        assert float(e) in near
+        assert e == pytest.approx(own, abs=0.05)
+        assert np.isnan(ocean.at(*PLACES[:, 0], 51.0, START)[0])
+    site = Site(LON + 0.035, LAT + 0.03)
+    found = read_current(path, site, lower=(-2500, -1200, 0), upper=(2500, 1200, 30))
+    assert found.field.w is not None
+    np.testing.assert_allclose(found.field.w, -2e-3, rtol=1e-6)
+    np.testing.assert_allclose(found.sea_floor, 50.0)
+    places = on_grid(found, site)
+    e, n = flow(places[0], places[1], 20.0, 1.0)
+    k = int(np.flatnonzero(np.asarray(found.field.depths) == 20.0)[0])
+    u = n * np.cos(places[2]) - e * np.sin(places[2])
+    inner = np.s_[2:-2, 2:-2]
+    np.testing.assert_allclose(np.asarray(found.field.u)[1, k][inner], u[inner], atol=1e-4)
+
+
+def test_holes_of_a_mesh_are_land(tmp_path):
+    columns = 8
+    hole = 3 * columns + 4
+    lon, lat, _ = mesh()
+    path = write_plain(fvcom(hole=hole), tmp_path / "island.nc")
+    with open_ocean(path) as ocean:
+        assert np.isnan(ocean.at(lon[hole], lat[hole], 5.0, START)[0])
+        with pytest.raises(CurrentError, match=r"outside the data, by up to .* west"):
+            ocean.at(LON - 0.02, LAT + 0.02, 5.0, START)
+    found = read_current(path, Site(LON + 0.035, LAT + 0.03), lower=(-2000, -1000, 0), upper=(2000, 1000, 5))
+    assert 0.5 < found.water.mean() < 1.0
+
+
+@pytest.mark.parametrize("location", ["node", "face"])
+def test_ugrid(tmp_path, location):
+    with open_ocean(write_plain(ugrid(location), tmp_path / "mesh.nc")) as ocean:
+        assert ocean.kind == "triangles"
+        close(ocean, PLACES[0], PLACES[1], 0.0, 0.3)
+        close(ocean, ocean.longitude, ocean.latitude, 0.0, 1.0)
+
+
+def test_points_without_cells_are_triangulated(tmp_path):
+    variables = ugrid("node")
+    for name in ("mesh", "mesh_faces"):
+        del variables[name]
+    with open_ocean(write_plain(variables, tmp_path / "points.nc")) as ocean:
+        close(ocean, PLACES[0], PLACES[1], 0.0, 0.3)
+
+
+def test_schism_heights_of_levels(tmp_path):
+    with open_ocean(write_plain(schism(), tmp_path / "schism.nc")) as ocean:
+        assert ocean.kind == "triangles"
+        close(ocean, PLACES[0][1] + 0.01, PLACES[1][1], np.array([0.0, 5.5, 10.5, 20.0, 30.4]), 0.5)
+        shallow = ocean.at(LON + 0.01, LAT + 0.02, [5.0, 10.4, 10.6], START)[0]
+        assert np.isfinite(shallow).tolist() == [True, True, False]
+
+
+def test_selfe_sigma_levels(tmp_path):
+    """One-dimensional sigma, h and zeta at the nodes where the current is."""
+    lon, lat, triangles = mesh()
+    sigma, hours, rise = -np.array([1.0, 0.6, 0.2, 0.0]), np.array([0.0, 1.0]), 2.0
+    floor = 40.0 + 1000.0 * (lon - LON)
+    depth = -sigma[:, None] * (floor + rise)
+    east, north = flow(lon, lat, depth, hours[:, None, None])
+    dims = ("time", "nv", "node")
+    variables = {
+        "u": (dims, east, {"units": "m/s"}),
+        "v": (dims, north, {"units": "m/s"}),
+        "sigma": (("nv",), sigma, {"standard_name": "ocean_sigma_coordinate", "positive": "up"}),
+        "h": (("node",), floor, {"units": "m"}),
+        "zeta": (("time", "node"), np.full((2, len(lon)), rise), {"units": "m"}),
+        "ele": (("nface", "nele"), (triangles.T + 1).astype(np.int32), {}),
+        "lon": (("node",), lon, {"units": "degrees_east"}),
+        "lat": (("node",), lat, {"units": "degrees_north"}),
+        "time": (("time",), hours, {"units": "hours since 2020-01-01"}),
+    }
+    with open_ocean(write_plain(variables, tmp_path / "selfe.nc")) as ocean:
+        close(ocean, PLACES[0], PLACES[1], 17.0, 0.5)
+        close(ocean, lon[10], lat[10], 0.0, 0.5)

@@ -1,0 +1,191 @@
+"""From files to a box: several files, times, the local grid, what lies outside, what is read."""
+
+from datetime import UTC, datetime, timedelta
+
+import numpy as np
+import pytest
+import xarray as xr
+from hypothesis import given
+from hypothesis import strategies as st
+
+from auvplan.io.currents import CurrentError, open_ocean, read_current
+from auvplan.io.currents import weights as weights_module
+from auvplan.io.currents.columns import at_depth
+from auvplan.io.currents.weights import barycentric, find_triangle
+from auvplan.site import Site
+from tests.io.currents.samples import (
+    BOX,
+    LAT,
+    LON,
+    PLACE,
+    SITE,
+    START,
+    check,
+    fvcom,
+    mesh,
+    regular,
+    roms,
+    write,
+    write_plain,
+)
+
+
+def test_files_split_over_time(tmp_path):
+    data = regular(hours=[0.0, 1.0, 3.0, 4.0, 6.0])
+    for number, part in enumerate((slice(2, 4), slice(0, 2), slice(3, 5))):
+        write(data.isel(time=part), tmp_path / f"part{number}.nc")
+    ocean = check(tmp_path / "part*.nc", hour=2.2)
+    np.testing.assert_allclose(ocean.times, START + 3600.0 * np.array([0.0, 1.0, 3.0, 4.0, 6.0]))
+    assert "1 times are told twice; the first is used" in ocean.notes
+    check([tmp_path / "part2.nc", tmp_path / "part0.nc"], hour=5.2)
+    whole = read_current(write(data, tmp_path / "whole.nc"), SITE, times=(5000.0, 20000.0), **BOX)
+    parts = read_current(str(tmp_path / "part*.nc"), SITE, times=(5000.0, 20000.0), **BOX)
+    np.testing.assert_array_equal(whole.field.u, parts.field.u)
+    np.testing.assert_array_equal(whole.field.times, 3600.0 * np.array([1.0, 3.0, 4.0, 6.0]))
+
+
+def test_single_time_is_steady(tmp_path):
+    path = write(regular(hours=[0.0]), tmp_path / "a.nc")
+    found = read_current(path, SITE, **BOX)
+    assert found.field.steady
+    assert read_current(path, SITE, times=(0.0, 0.0), **BOX).field.steady
+    with pytest.raises(CurrentError, match="the data has 2020-01-01T00:00:00Z only"):
+        read_current(path, SITE, times=(0.0, 60.0), **BOX)
+    assert read_current(path, SITE, times=(0.0, 60.0), outside="clamp", **BOX).field.steady
+
+
+def test_epoch(tmp_path):
+    path = write(regular(), tmp_path / "a.nc")
+    found = read_current(path, SITE, **BOX)
+    assert found.epoch == datetime(2020, 1, 1, tzinfo=UTC)
+    np.testing.assert_allclose(found.field.times, [0.0, 3600.0, 10800.0])
+    epoch = datetime(2020, 1, 1, 0, 30, tzinfo=UTC)
+    later = read_current(path, Site(SITE.longitude, SITE.latitude, epoch), times=(0.0, 600.0), **BOX)
+    np.testing.assert_allclose(later.field.times, [-1800.0, 1800.0])
+    assert later.epoch == epoch
+
+
+def test_moments_of_all_kinds(tmp_path):
+    with open_ocean(write(regular(), tmp_path / "a.nc")) as ocean:
+        moment = datetime(2020, 1, 1, 0, 30)
+        zoned = (moment + timedelta(hours=2)).replace(tzinfo=UTC) - timedelta(hours=2)
+        given = [moment, zoned, np.datetime64(moment), START + 1800.0]
+        assert len({float(ocean.at(*PLACE, 0.0, when)[0]) for when in given}) == 1
+        with pytest.raises(CurrentError, match="a moment must be a datetime"):
+            ocean.at(*PLACE, 0.0, "noon")
+
+
+def test_grid_fits_the_box(tmp_path):
+    path = write(regular(), tmp_path / "a.nc")
+    found = read_current(path, SITE, spacing=300.0, depths=[1.0, 4.0], **BOX)
+    assert found.field.u.shape == (3, 2, 15, 11)
+    assert found.origin == (-2000.0, -1500.0)
+    assert found.spacing == pytest.approx((4000 / 14, 300.0))
+    np.testing.assert_allclose(found.field.depths, [1.0, 4.0])
+    # Most neighbours are 558 m apart, those to the east; those to the north 1114 m.
+    assert read_current(path, SITE, **BOX).field.u.shape[2:] == (9, 7)
+    with pytest.raises(CurrentError, match="more than 512"):
+        read_current(path, SITE, spacing=1.0, **BOX)
+
+
+def test_levels_reach_beyond_the_box(tmp_path):
+    path = write(regular(depth=[0.0, 5.0, 10.0, 30.0, 60.0]), tmp_path / "a.nc")
+    found = read_current(path, SITE, **BOX)
+    np.testing.assert_allclose(found.field.depths, [0.0, 5.0, 10.0, 30.0])
+
+
+def test_clamp_holds_the_nearest(tmp_path):
+    path = write(regular(), tmp_path / "a.nc")
+    box = {"lower": (-2000.0, -1500.0, 0.0), "upper": (9000.0, 1500.0, 25.0)}
+    with pytest.raises(CurrentError, match=r"of the box is not covered: .* degrees\) north$"):
+        read_current(path, SITE, **box)
+    found = read_current(path, SITE, outside="clamp", spacing=1000.0, **box)
+    assert "beyond the data's area its nearest value holds" in found.notes
+    np.testing.assert_allclose(found.field.u[:, :, -1], found.field.u[:, :, -3], atol=1e-3)
+    assert found.water.all()
+
+
+def test_half_of_the_weight_must_be_water(tmp_path):
+    data = regular()
+    data["uo"][:, :, :, 4:] = np.nan
+    with open_ocean(write(data, tmp_path / "a.nc")) as ocean:
+        e, _, _ = ocean.at(LON + np.array([0.0300, 0.0349, 0.0351, 0.0400]), LAT + 0.02, 0.0, START)
+        assert np.isfinite(e).tolist() == [True, True, False, False]
+        assert e[1] == pytest.approx(e[0])
+
+
+def test_only_what_is_needed_is_read(tmp_path, monkeypatch):
+    path = write(regular(), tmp_path / "a.nc")
+    sizes = []
+    plain = xr.Variable.isel
+
+    def watched(self, *args, **kwargs):
+        part = plain(self, *args, **kwargs)
+        if self.ndim == 4:
+            sizes.append(part.shape)
+        return part
+
+    monkeypatch.setattr(xr.Variable, "isel", watched)
+    with open_ocean(path) as ocean:
+        assert not sizes
+        ocean.at(*PLACE, 3.0, START)
+    assert set(sizes) == {(1, 3, 2, 2)}
+
+
+@given(
+    depth=st.floats(0.0, 80.0),
+    levels=st.lists(st.integers(0, 60), min_size=2, max_size=6, unique=True).map(sorted),
+    bottom=st.integers(1, 6),
+)
+def test_columns(depth, levels, bottom):
+    """Linear between levels, held above the first and below the deepest with a value, to the bed."""
+    levels = np.asarray(levels, float)
+    valid = min(bottom, len(levels))
+    values = np.where(np.arange(len(levels)) < valid, 1.0 + levels**2, np.nan)
+    floor = levels[valid - 1] + 5.0
+    (found,) = at_depth((values[:, None],), levels[:, None], np.array([depth]), np.array([floor]))
+    if depth <= levels[valid - 1]:
+        assert found[0] == pytest.approx(np.interp(depth, levels[:valid], values[:valid]))
+    elif depth > floor or (valid < len(levels) and depth >= levels[valid]):
+        assert np.isnan(found[0])
+    else:
+        assert found[0] == values[valid - 1]
+
+
+def test_boxes_far_away_are_told_how_far(tmp_path):
+    """Whatever the grid, without looking through all of it."""
+    paths = [
+        write(regular(), tmp_path / "regular.nc"),
+        write(roms(), tmp_path / "roms.nc"),
+        write_plain(fvcom(), tmp_path / "fvcom.nc"),
+    ]
+    for path in paths:
+        with pytest.raises(CurrentError, match=r"100% of the box is not covered: .*2\d{5} m .*north"):
+            read_current(path, Site(LON, LAT + 2.5), **BOX)
+
+
+def test_grids_that_overlap_themselves_are_searched(monkeypatch):
+    """The slower search finds the same triangles as the quicker one."""
+    lon, lat, triangles = mesh()
+    points = np.stack([(lat - LAT) * 111e3, (lon - LON) * 55e3], axis=1)
+    rng = np.random.default_rng(8)
+    places = rng.uniform([-500.0, -500.0], [7000.0, 4500.0], (400, 2))
+    quick = find_triangle(points, triangles, places)
+    slow = weights_module._search(points, triangles, np.arange(len(triangles)), places)
+    np.testing.assert_array_equal(quick, slow)
+    assert 0.5 < (quick >= 0).mean() < 1.0
+    found = barycentric(points, triangles, places)
+    inside = quick >= 0
+    mixed = (found.weight[..., None] * points[found.index]).sum(axis=1)
+    np.testing.assert_allclose(mixed[inside], places[inside], atol=1e-6)
+    assert (found.outside == ~inside).all()
+
+
+def test_points_depend_on_themselves_alone():
+    """At a node all weight is on it, whatever triangle it is found in."""
+    lon, lat, triangles = mesh()
+    points = np.stack([(lat - LAT) * 111e3, (lon - LON) * 55e3], axis=1)
+    found = barycentric(points, triangles, points)
+    own = found.index[np.arange(len(points)), found.weight.argmax(axis=1)]
+    np.testing.assert_array_equal(own, np.arange(len(points)))
+    np.testing.assert_array_equal(found.weight.max(axis=1), 1.0)

@@ -1,0 +1,45 @@
+"""A sea floor known in closed form, and files of it."""
+
+import numpy as np
+import xarray as xr
+
+from auvplan.site import Site
+from tests.io.geo.files import geographic
+
+SITE = Site(-5.66, 56.43, origin=(2000.0, 1000.0))
+AREA = {"lower": (-1000.0, -1500.0), "upper": (4000.0, 3000.0)}
+LATITUDE, LONGITUDE = 56.36 + 0.01 * np.arange(14), -5.74 + 0.02 * np.arange(9)
+
+
+def sea_floor(longitude, latitude):
+    """Depth, m: a plane that a bilinear interpolation gives back, with land in the north-west."""
+    return 40.0 + 900.0 * (longitude + 5.66) - 700.0 * (latitude - 56.43)
+
+
+def write_grid(path, name="elevation", *, sign=-1.0, attributes=None, values=None, form=None, **axes):
+    """A NetCDF file of `sea_floor` on two axes."""
+    lat, lon = axes.get("lat", LATITUDE), axes.get("lon", LONGITUDE)
+    near = (np.asarray(lon) + 180.0 + 5.66) % 360.0 - 180.0 - 5.66
+    grid = sign * sea_floor(near[None, :], np.asarray(lat)[:, None]) if values is None else values
+    told = {"units": "m"} if attributes is None else attributes
+    dataset = xr.Dataset(
+        {name: (("lat", "lon"), grid, told)},
+        {
+            "lat": ("lat", lat, {"units": "degrees_north"}),
+            "lon": ("lon", lon, {"units": "degrees_east"}),
+        },
+    )
+    if form == "NETCDF3_CLASSIC":
+        dataset.to_netcdf(path, engine="scipy", format=form)
+    else:
+        dataset.to_netcdf(path, engine="h5netcdf")
+    return path
+
+
+def expected(bathymetry, site=SITE):
+    """`sea_floor` at the centres of the pixels."""
+    size, (south, west) = bathymetry.pixel_size, bathymetry.origin
+    north = south + (np.arange(bathymetry.depth.shape[0]) + 0.5) * size
+    east = west + (np.arange(bathymetry.depth.shape[1]) + 0.5) * size
+    places = geographic(*np.meshgrid(north, east, indexing="ij"), site)
+    return places[..., 0], places[..., 1]

@@ -1,0 +1,225 @@
+"""The sea floor from NetCDF and GeoTIFF."""
+
+import numpy as np
+import pytest
+import tifffile
+import xarray as xr
+from scipy.interpolate import RegularGridInterpolator, griddata
+
+from auvplan.io.geo import GeoError, read_bathymetry
+from auvplan.site import Site
+from tests.io.geo.files import geographic, write_geotiff
+from tests.io.geo.sea_floors import AREA, LATITUDE, LONGITUDE, SITE, expected, sea_floor, write_grid
+
+
+@pytest.mark.parametrize(
+    ("name", "sign", "attributes"),
+    [
+        ("elevation", -1, {"units": "m", "standard_name": "height_above_reference_ellipsoid"}),
+        ("elevation", -1, {"units": "m"}),
+        ("z", -1, {"units": "meters", "positive": "up"}),
+        ("h", 1, {"units": "meter"}),
+        ("depth", 1, {"units": "m", "positive": "down"}),
+        ("deptho", 1, {"units": "m", "standard_name": "sea_floor_depth_below_geoid"}),
+        ("bed", 1, {"units": "m", "standard_name": "sea_floor_depth_below_sea_level"}),
+        ("topo", -1, {"units": "m", "standard_name": "surface_altitude"}),
+        ("sea_floor_depth_below_sea_level", 1, {"units": "m"}),
+        ("h", -1000, {"units": "mm", "positive": "up"}),
+        ("elevation", -100, {"units": "cm"}),
+        ("elevation", -0.001, {"units": "km"}),
+        ("h", 1 / 0.3048, {"units": "ft"}),
+    ],
+)
+@pytest.mark.parametrize("form", ["NETCDF4", "NETCDF3_CLASSIC"])
+def test_both_senses_and_all_units(tmp_path, name, sign, attributes, form):
+    path = write_grid(tmp_path / "b.nc", name, sign=sign, attributes=attributes, form=form)
+    if attributes["units"] == "mm":
+        with pytest.raises(GeoError, match=r"b\.nc: h is in 'mm', not in m, km, cm or ft"):
+            read_bathymetry(path, SITE, **AREA)
+        return
+    found = read_bathymetry(path, SITE, pixel_size=100.0, **AREA)
+    assert found.depth.shape == (50, 45)
+    assert found.depth.dtype == np.float32
+    assert found.origin == (-1000.0, -1500.0)
+    assert found.notes == ()
+    np.testing.assert_allclose(found.depth, sea_floor(*expected(found)), atol=2e-3)
+    assert found.depth.min() < 0.0 < found.depth.max()
+
+
+@pytest.mark.parametrize(
+    "axes",
+    [
+        {"lat": LATITUDE[::-1]},
+        {"lon": LONGITUDE + 360.0},
+        {"lat": LATITUDE[::-1], "lon": LONGITUDE + 360.0},
+        {"lat": 56.43 + 0.02 * np.linspace(-3, 3, 9) ** 3 / 3},
+        {"lon": np.arange(-180.0, 180.0, 0.5)},
+        {"lon": np.arange(0.25, 360.0, 0.5)},
+        {"lon": np.linspace(-180.0, 180.0, 721)},
+    ],
+)
+def test_axes_of_all_kinds(tmp_path, axes):
+    found = read_bathymetry(write_grid(tmp_path / "b.nc", **axes), SITE, pixel_size=250.0, **AREA)
+    np.testing.assert_allclose(found.depth, sea_floor(*expected(found)), atol=2e-3)
+
+
+@pytest.mark.parametrize("longitude", [-180.0, 180.0, 0.0])
+@pytest.mark.parametrize("first", [-180.0, 0.25, -179.75])
+def test_the_seam_of_a_global_grid(tmp_path, longitude, first):
+    """No step where the last column meets the first one."""
+    site, lon = Site(longitude, 10.0), np.arange(first, first + 360.0, 0.5)
+    lat = np.arange(8.0, 12.1, 0.5)
+    values = -(50.0 + 30.0 * np.sin(np.deg2rad(lon))[None, :] + lat[:, None])
+    path = write_grid(tmp_path / "b.nc", values=values, lat=lat, lon=lon)
+    found = read_bathymetry(path, site, lower=(-50_000, -80_000), upper=(50_000, 60_000), pixel_size=5000.0)
+    x, y = expected(found, site)
+    np.testing.assert_allclose(found.depth, 50.0 + 30.0 * np.sin(np.deg2rad(x)) + y, atol=0.02)
+
+
+def test_default_pixels(tmp_path):
+    path = write_grid(tmp_path / "b.nc")
+    spacing = 0.01 * 111_350.0
+    assert read_bathymetry(path, SITE, **AREA).pixel_size == pytest.approx(500.0)
+    fine = write_grid(
+        tmp_path / "f.nc", lat=np.arange(56.38, 56.48, 0.001), lon=np.arange(-5.75, -5.55, 0.004)
+    )
+    assert read_bathymetry(fine, SITE, **AREA).pixel_size == pytest.approx(spacing / 20, rel=0.01)
+    dense = write_grid(tmp_path / "d.nc", lat=np.arange(56.4, 56.42, 5e-5), lon=np.arange(-5.68, -5.66, 1e-4))
+    found = read_bathymetry(dense, SITE, lower=(0.0, 100.0), upper=(700.0, 900.0))
+    assert found.pixel_size == 10.0
+
+
+def test_two_dimensional_coordinates_of_a_turned_grid(tmp_path):
+    """ROMS: a grid at 37 degrees to the axes, with islets that the mask tells."""
+    angle = np.deg2rad(37.0)
+    a, b = np.meshgrid(np.arange(-9000.0, 9001, 500), np.arange(-8000.0, 8001, 400), indexing="ij")
+    places = geographic(
+        1500 + a * np.cos(angle) - b * np.sin(angle), 700 + a * np.sin(angle) + b * np.cos(angle), SITE
+    )
+    mask = np.ones(a.shape)
+    mask[18, 20] = 0.0
+    rho = ("eta_rho", "xi_rho")
+    dataset = xr.Dataset(
+        {
+            "h": (rho, sea_floor(places[..., 0], places[..., 1]), {"units": "meter"}),
+            "lon_rho": (rho, places[..., 0]),
+            "lat_rho": (rho, places[..., 1]),
+            "lon_u": (("eta_u", "xi_u"), np.zeros((3, 4))),
+            "lat_u": (("eta_u", "xi_u"), np.zeros((3, 4))),
+            "mask_rho": (rho, mask),
+        }
+    )
+    dataset.to_netcdf(tmp_path / "r.nc", engine="h5netcdf")
+    found = read_bathymetry(tmp_path / "r.nc", SITE, pixel_size=100.0, **AREA)
+    known = np.isfinite(found.depth)
+    np.testing.assert_allclose(found.depth[known], sea_floor(*expected(found))[known], atol=0.05)
+    assert 0.0 < (~known).mean() < 0.1
+    assert not known[int((1500 + 1000) / 100), int((700 + 1500) / 100)]
+    assert any("mask_rho" in note for note in found.notes)
+    with pytest.raises(GeoError, match=r"r\.nc: the area reaches beyond the data .* of its edge in the"):
+        read_bathymetry(tmp_path / "r.nc", SITE, lower=(-1000.0, -1500.0), upper=(15_000.0, 3000.0))
+
+
+def test_the_fjord_of_a_roms_file(shared):
+    path = shared / "data" / "currents" / "norfjords160_roms_native_24h.nc"
+    with xr.open_dataset(path, engine="h5netcdf", decode_times=False) as roms:
+        site = Site(float(roms.lon_rho.mean()), float(roms.lat_rho.mean()))
+        north, east = site.to_local(roms.lon_rho.values, roms.lat_rho.values)
+        h = np.where(roms.mask_rho.values == 1, roms.h.values, np.nan)
+    found = read_bathymetry(path, site, lower=(-300.0, -350.0), upper=(250.0, 400.0), pixel_size=50.0)
+    n, e = np.meshgrid(-300 + 50 * (np.arange(11) + 0.5), -350 + 50 * (np.arange(15) + 0.5), indexing="ij")
+    twin = griddata(np.stack([north.ravel(), east.ravel()], -1), h.ravel(), (n, e))
+    both = np.isfinite(twin) & np.isfinite(found.depth)
+    assert both.mean() > 0.3
+    # Bilinear against triangles: the same to a part of what the floor changes by within a cell.
+    assert np.abs(found.depth - twin)[both].mean() < 1.0
+
+
+def test_oban_at_asymmetric_places(shared):
+    path = shared / "data" / "bathymetry" / "oban_gebco2020.tif"
+    found = read_bathymetry(path, SITE, pixel_size=130.0, **AREA)
+    values = tifffile.imread(path).astype(float)
+    step = 1.0 / 240.0
+    longitude = -5.7875 + step * (np.arange(54) + 0.5)
+    latitude = 56.5 + 8.0 / 240.0 - step * (np.arange(46) + 0.5)
+    twin = RegularGridInterpolator((latitude[::-1], longitude), values[::-1])
+    x, y = expected(found)
+    assert found.depth.shape == (39, 35)
+    for i, j in ((0, 0), (3, 30), (37, 2), (20, 11)):
+        assert found.depth[i, j] == pytest.approx(-twin((y[i, j], x[i, j]))[()], abs=0.01)
+    np.testing.assert_allclose(found.depth, -twin((y, x)), atol=0.01)
+    assert found.depth.min() < -100.0 < 50.0 < found.depth.max()
+    assert found.notes == ()
+    assert read_bathymetry(path, SITE, **AREA).pixel_size == pytest.approx(
+        step * 111_350 * 0.5535 / 2, rel=0.01
+    )
+
+
+def test_missing_values_stay_missing(tmp_path):
+    values = -sea_floor(LONGITUDE[None, :], LATITUDE[:, None])
+    values[6, 4], values[0] = np.nan, np.nan
+    found = read_bathymetry(write_grid(tmp_path / "b.nc", values=values), SITE, pixel_size=100.0, **AREA)
+    unknown = np.isnan(found.depth)
+    x, y = expected(found)
+    # The four cells about the missing node, no more and no less.
+    near = (np.abs(x - LONGITUDE[4]) < 0.02) & (np.abs(y - LATITUDE[6]) < 0.01)
+    np.testing.assert_array_equal(unknown, near)
+    assert found.notes == (f"{near.sum()} of {near.size} pixels have no depth: NaN",)
+
+
+def test_numbers_that_stand_for_none(tmp_path):
+    values = -sea_floor(LONGITUDE[None, :], LATITUDE[:, None])
+    values[6, 4], values[5, 2] = -32768.0, -9999.0
+    found = read_bathymetry(write_grid(tmp_path / "b.nc", values=values), SITE, pixel_size=100.0, **AREA)
+    assert np.isnan(found.depth).any()
+    assert "2 values that no sea floor has" in " ".join(found.notes)
+    assert np.nanmax(np.abs(found.depth)) < 500.0
+    flipped = np.where(np.abs(values) > 5000, -3.4e38, values).astype(np.float32)[::-1]
+    corner = (LONGITUDE[0], LATITUDE[-1])
+    tif = write_geotiff(
+        tmp_path / "b.tif", flipped, corner=corner, scale=(0.02, 0.01), point=True, nodata="-3.4e+38"
+    )
+    twin = read_bathymetry(tif, SITE, pixel_size=100.0, positive="up", **AREA)
+    np.testing.assert_array_equal(np.isnan(twin.depth), np.isnan(found.depth))
+    np.testing.assert_allclose(twin.depth, found.depth, atol=1e-3)
+
+
+def test_scale_offset_and_unit_of_a_geotiff(tmp_path):
+    stored = (np.round(-sea_floor(LONGITUDE[None, :], LATITUDE[::-1, None]) * 10) + 300).astype(np.int16)
+    metadata = (
+        '<GDALMetadata><Item name="SCALE" sample="0" role="scale">0.1</Item>'
+        '<Item name="OFFSET" sample="0" role="offset">-30</Item>'
+        '<Item name="UNITTYPE" sample="0" role="unittype">metre</Item></GDALMetadata>'
+    )
+    corner = (LONGITUDE[0], LATITUDE[-1])
+    path = write_geotiff(
+        tmp_path / "b.tif", stored, corner=corner, scale=(0.02, 0.01), point=True, metadata=metadata
+    )
+    found = read_bathymetry(path, SITE, pixel_size=100.0, positive="up", **AREA)
+    np.testing.assert_allclose(found.depth, sea_floor(*expected(found)), atol=0.06)
+    assert found.notes == ()
+
+
+def test_a_geotiff_without_keys_in_told_coordinates(tmp_path):
+    values = sea_floor(LONGITUDE[None, :], LATITUDE[::-1, None])
+    where = {"corner": (LONGITUDE[0] - 0.01, LATITUDE[-1] + 0.005), "scale": (0.02, 0.01)}
+    path = write_geotiff(tmp_path / "b.tif", values, epsg=None, **where)
+    with pytest.raises(GeoError, match="say it by crs"):
+        read_bathymetry(path, SITE, **AREA)
+    found = read_bathymetry(path, SITE, crs=4326, positive="down", **AREA)
+    np.testing.assert_allclose(found.depth, sea_floor(*expected(found)), atol=2e-3)
+
+
+def test_one_variable_of_several(tmp_path):
+    path = write_grid(tmp_path / "b.nc")
+    with xr.open_dataset(path, engine="h5netcdf") as source:
+        both = source.load()
+    both["tid"] = both["elevation"] * 0 + 11
+    both["deep"] = (("time", "lat", "lon"), both["elevation"].values[None] * 2)
+    both.to_netcdf(tmp_path / "c.nc", engine="h5netcdf")
+    first = read_bathymetry(tmp_path / "c.nc", SITE, **AREA)
+    deep = read_bathymetry(tmp_path / "c.nc", SITE, variable="deep", positive="up", **AREA)
+    np.testing.assert_allclose(deep.depth, 2 * first.depth, rtol=1e-5)
+    assert deep.notes == ("units are not told: metres",)
+    with pytest.raises(GeoError, match=r"no variable 'floor'; it has elevation, tid, deep, lat, lon"):
+        read_bathymetry(tmp_path / "c.nc", SITE, variable="floor", **AREA)

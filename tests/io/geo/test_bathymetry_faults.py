@@ -1,0 +1,123 @@
+"""Sea floors that are refused, or told about."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from auvplan.io.geo import GeoError, read_bathymetry
+from tests.io.geo.files import write_geotiff
+from tests.io.geo.sea_floors import AREA, LATITUDE, LONGITUDE, SITE, expected, sea_floor, write_grid
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "words"),
+    [
+        ((-1000.0, -20_000.0), (4000.0, 3000.0), r"beyond the data by 1\d{4} m in the west$"),
+        ((-1000.0, -1500.0), (40_000.0, 30_000.0), r"by 3\d{4} m in the north and 2\d{4} m in the east"),
+        ((-1000.0, -1500.0), (9_300.0, 3000.0), r"by \d\d m in the north$"),
+        ((5e6, 0.0), (5.1e6, 1e5), "beyond the data"),
+        ((0.0, 0.0), (0.0, 1.0), "south-west"),
+    ],
+)
+@pytest.mark.parametrize("kind", ["nc", "tif"])
+def test_rectangles_beyond_the_data(tmp_path, lower, upper, words, kind):
+    if kind == "nc":
+        path = write_grid(tmp_path / "b.nc")
+    else:
+        values = -sea_floor(LONGITUDE[None, :], LATITUDE[::-1, None])
+        corner = (LONGITUDE[0], LATITUDE[-1])
+        path = write_geotiff(tmp_path / "b.tif", values, corner=corner, scale=(0.02, 0.01), point=True)
+        assert "units" in read_bathymetry(path, SITE, **AREA).notes[-1]
+    with pytest.raises(GeoError, match=words):
+        read_bathymetry(path, SITE, lower=lower, upper=upper)
+
+
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_an_unknown_sense_goes_by_most_values(tmp_path, sign):
+    path = write_grid(tmp_path / "b.nc", "bathymetry", sign=sign, attributes={})
+    found = read_bathymetry(path, SITE, **AREA)
+    np.testing.assert_allclose(found.depth, sea_floor(*expected(found)), atol=1e-3)
+    assert found.notes[0].startswith(f"bathymetry was taken as positive {'up' if sign < 0 else 'down'}: ")
+    assert found.notes[1] == "units are not told: metres"
+    other = read_bathymetry(path, SITE, positive="down" if sign < 0 else "up", **AREA)
+    np.testing.assert_allclose(other.depth, -found.depth)
+    assert len(other.notes) == 1
+
+
+def test_the_argument_overrides_a_name(tmp_path):
+    path = write_grid(tmp_path / "b.nc", "h", sign=-1)
+    found = read_bathymetry(path, SITE, positive="up", **AREA)
+    np.testing.assert_allclose(found.depth, sea_floor(*expected(found)), atol=1e-3)
+
+
+LAND = np.full((14, 9), 30.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "told", "values", "arguments", "words"),
+    [
+        ("h", {"units": "m"}, -LAND, {}, r'h is positive down by its name, but all .* say positive="up"'),
+        ("z", {"units": "m", "positive": "down"}, -LAND, {}, "positive down by its attribute"),
+        ("z", {"positive": "down"}, LAND, {"positive": "up"}, "both ways: its attribute positive says down"),
+        ("z", {"standard_name": "sea_floor_depth_below_geoid"}, LAND, {"positive": "up"}, "counts both ways"),
+        ("z", {"standard_name": "sea_floor_depth", "positive": "up"}, LAND, {}, "z counts both ways"),
+        ("z", {"units": "fathoms"}, LAND, {}, "z is in 'fathoms'"),
+        ("z", {"units": "m"}, LAND * np.nan, {}, "z has no values in the area"),
+        ("z", {"units": "m"}, LAND, {"positive": "north"}, 'positive must be "up" or "down"'),
+        ("salt", {"units": "m"}, LAND, {"variable": "lat"}, "lat has dimensions lat, not two"),
+        ("z", {"units": "m"}, LAND, {"pixel_size": 0.01}, "are more than"),
+        ("z", {"units": "m"}, LAND, {"pixel_size": -1.0}, "pixel_size must be positive"),
+        ("z", {"units": "m"}, LAND, {"pixel_size": 0.0}, "pixel_size must be positive"),
+    ],
+)  # fmt: skip
+def test_grids_that_are_refused(tmp_path, name, told, values, arguments, words):
+    path = write_grid(tmp_path / "b.nc", name, attributes=told, values=values)
+    with pytest.raises(GeoError, match=words) as caught:
+        read_bathymetry(path, SITE, **arguments, **AREA)
+    assert "\n" not in str(caught.value)
+
+
+def test_land_is_negative_and_told(tmp_path):
+    found = read_bathymetry(write_grid(tmp_path / "b.nc", values=LAND), SITE, **AREA)
+    assert (found.depth == -30.0).all()
+    assert found.notes == ("no pixel lies below the sea surface",)
+
+
+@pytest.mark.parametrize(
+    ("axes", "words"),
+    [
+        ({"lat": LATITUDE[[0, 2, 1, *range(3, 14)]]}, "latitude neither rises nor falls"),
+        ({"lat": LATITUDE * np.nan}, "latitude neither rises nor falls"),
+        ({"lat": LATITUDE * 1000}, "latitude reaches beyond 90 degrees"),
+        ({"lon": LONGITUDE * np.nan}, "longitude has values that are not finite"),
+        ({"lon": np.zeros(9)}, "longitude neither rises nor falls"),
+    ],
+)
+def test_axes_that_are_none(tmp_path, axes, words):
+    values = np.full((len(axes.get("lat", LATITUDE)), len(axes.get("lon", LONGITUDE))), -5.0)
+    with pytest.raises(GeoError, match=rf"b\.nc: elevation: {words}"):
+        read_bathymetry(write_grid(tmp_path / "b.nc", values=values, **axes), SITE, **AREA)
+
+
+def test_files_that_are_none(tmp_path):
+    with pytest.raises(GeoError, match=r"nowhere\.nc: No such file"):
+        read_bathymetry(tmp_path / "nowhere.nc", SITE, **AREA)
+    for content, words in (
+        (b"letter", "neither NetCDF nor GeoTIFF"),
+        (b"\x89HDF\r\n\x1a\n", "f.nc: "),
+        (b"CDF\x01", "f.nc: "),
+    ):
+        path = tmp_path / "f.nc"
+        path.write_bytes(content)
+        with pytest.raises(GeoError, match=words) as caught:
+            read_bathymetry(path, SITE, **AREA)
+        assert "\n" not in str(caught.value)
+    xr.Dataset({"t": ("x", np.zeros(3))}).to_netcdf(tmp_path / "t.nc", engine="h5netcdf")
+    with pytest.raises(GeoError, match=r"t\.nc: no variable is known for a sea floor: name one of t"):
+        read_bathymetry(tmp_path / "t.nc", SITE, **AREA)
+    xr.Dataset({"h": (("x", "y"), np.zeros((3, 3)))}).to_netcdf(tmp_path / "h.nc", engine="h5netcdf")
+    with pytest.raises(GeoError, match=r"h\.nc: h has no longitude on its dimensions x, y"):
+        read_bathymetry(tmp_path / "h.nc", SITE, **AREA)
+    colours = write_geotiff(tmp_path / "c.tif", np.zeros((9, 9, 3), np.uint8))
+    with pytest.raises(GeoError, match=r"c\.tif: three bands are colours, not depths"):
+        read_bathymetry(colours, SITE, **AREA)

@@ -1,0 +1,119 @@
+"""Charts from georeferenced pictures and rasters of classes."""
+
+import shutil
+
+import numpy as np
+import pytest
+
+from auvplan.io.geo import chart_from_raster
+from auvplan.ocean.chart import ChartError
+from auvplan.ocean.classify import UNCERTAIN_MAX
+from auvplan.site import Site
+from tests.io.geo.files import SITE, write_geotiff
+from tests.io.geo.whitsunday import HOOK, in_the_middle, kinds, truth
+
+LAND, REEF, WATER = (120, 140, 80), (150, 214, 204), (40, 95, 160)
+MEANINGS = {0: 0.0, 1: 0.35, 2: 1.0}
+
+
+def test_the_whitsunday_picture_agrees_with_its_truth(shared):
+    site = in_the_middle()
+    maps = shared / "data" / "maps"
+    chart = chart_from_raster(maps / "whitsunday_hook_passage_rgb.tif", site, **HOOK)
+    assert chart.shape == (860, 680)
+    np.testing.assert_array_equal(chart.origin, (700.0, 300.0))
+    known = truth(shared, chart, site)
+    assert (kinds(chart) == known).mean() > 0.995
+    assert (kinds(chart)[::-1] == known).mean() < 0.9
+    exact = chart_from_raster(maps / "whitsunday_hook_passage_class.tif", site, classes=MEANINGS, **HOOK)
+    assert (kinds(exact) == known).all()
+
+
+def test_a_picture_with_a_world_file_is_the_same_chart(shared, tmp_path):
+    site = in_the_middle()
+    shutil.copy(shared / "data" / "maps" / "whitsunday_hook_passage.png", tmp_path / "hook.png")
+    (tmp_path / "hook.pgw").write_text("10\n0\n0\n-10\n697205\n7774095\n")
+    area = {"lower": (4000.0, 2000.0), "upper": (6000.0, 5000.0)}
+    chart = chart_from_raster(tmp_path / "hook.png", site, crs=32755, **area)
+    assert (kinds(chart) == truth(shared, chart, site)).mean() > 0.995
+
+
+def picture(tmp_path, size=(40, 60), scale=(0.0001, 0.0001)):
+    """Land in the north-western corner, reef in the south-eastern one; about 11 m a pixel."""
+    colours = np.empty((*size, 3), np.uint8)
+    colours[:] = WATER
+    colours[: size[0] // 4, : size[1] // 3] = LAND
+    colours[-size[0] // 4 :, -size[1] // 3 :] = REEF
+    corner = SITE.longitude - size[1] / 2 * scale[0], SITE.latitude + size[0] / 2 * scale[1]
+    return write_geotiff(tmp_path / "c.tif", colours, corner=corner, scale=scale)
+
+
+def test_corners_of_a_small_picture(tmp_path):
+    path = picture(tmp_path)
+    chart = chart_from_raster(path, SITE, lower=(-210.0, -300.0), upper=(210.0, 305.0), pixel_size=5.0)
+    assert chart.shape == (84, 121)
+    assert not chart.is_water(200.0, -290.0)
+    assert chart.is_water([-200.0, 200.0, 0.0], [-290.0, 290.0, 0.0]).all()
+    assert 0.0 < float(chart.passability_at(-200.0, 290.0)) <= UNCERTAIN_MAX
+
+
+@pytest.mark.parametrize("turn", [-360.0, 360.0])
+def test_longitudes_of_another_turn(tmp_path, turn):
+    classes = np.full((10, 10), 2, np.uint8)
+    classes[0, 0] = 0
+    path = write_geotiff(tmp_path / "c.tif", classes, corner=(179.995 + turn, 0.005))
+    area = {"lower": (-500.0, -500.0), "upper": (500.0, 500.0)}
+    chart = chart_from_raster(path, Site(180.0, 0.0), classes=MEANINGS, **area)
+    assert not chart.is_water(495.0, -495.0)
+    assert chart.is_water([495.0, -495.0, -495.0], [495.0, -495.0, 495.0]).all()
+
+
+def test_small_land_is_not_lost_between_coarse_pixels(tmp_path):
+    classes = np.full((90, 90), 2, np.uint8)
+    classes[40, 33] = 0
+    path = write_geotiff(tmp_path / "c.tif", classes, corner=(148.9, -20.3), epsg=4326)
+    north, east = SITE.to_local(148.9 + 0.0335, -20.3 - 0.0405)
+    for size in (50.0, 200.0, 333.0, 700.0):
+        chart = chart_from_raster(
+            path, SITE, lower=(-4000.0, -4000.0), upper=(4000.0, 3000.0), pixel_size=size, classes=MEANINGS
+        )
+        assert not chart.is_water(north, east)
+        assert chart.shares()["coast"] * np.prod(chart.shape) <= max(9, 150.0**2 / size**2)
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "words"),
+    [
+        ((-210.0, -500.0), (210.0, 300.0), r"beyond the picture by 18\d m in the west$"),
+        ((-210.0, -300.0), (300.0, 400.0), r"by 7\d m in the north and 8\d m in the east"),
+        ((-321.0, -300.0), (200.0, 300.0), r"by 100 m in the south|by 9\d m in the south"),
+        ((1e6, 1e6), (1.001e6, 1.001e6), "beyond the picture by .* in the north"),
+        ((210.0, 0.0), (-210.0, 300.0), "south-west"),
+        ((0.0, float("nan")), (1.0, 1.0), "finite"),
+        ((-1e5, -1e5), (1e5, 1e5), "pixels of 10 m are more than"),
+    ],
+)
+def test_rectangles_that_the_picture_does_not_cover(tmp_path, lower, upper, words):
+    with pytest.raises(ChartError, match=words) as caught:
+        chart_from_raster(picture(tmp_path), SITE, lower=lower, upper=upper)
+    assert "\n" not in str(caught.value)
+
+
+def test_classes_need_a_meaning(tmp_path):
+    classes = np.full((10, 10), 2, np.uint8)
+    classes[3, 4:6] = 7, 9
+    path = write_geotiff(tmp_path / "k.tif", classes, nodata="9", corner=(148.955, -20.335))
+    area = {"lower": (-400.0, -400.0), "upper": (400.0, 400.0)}
+    with pytest.raises(ChartError, match=r"k\.tif: a single band of values: say by classes"):
+        chart_from_raster(path, SITE, **area)
+    with pytest.raises(ChartError, match=r"k\.tif: classes give no meaning to the values 7$"):
+        chart_from_raster(path, SITE, classes=MEANINGS, **area)
+    with pytest.raises(ChartError, match=r"class 7 must be 0, in \(0, 0.35\] or 1, got 0.5"):
+        chart_from_raster(path, SITE, classes={**MEANINGS, 7: 0.5}, **area)
+    chart = chart_from_raster(path, SITE, classes={**MEANINGS, 7: 0.35}, **area)
+    assert set(np.unique(kinds(chart))) == {0, 1, 2}  # what is no data is coast
+    with pytest.raises(ChartError, match="it has three"):
+        chart_from_raster(picture(tmp_path), SITE, classes=MEANINGS, lower=(-50, -50), upper=(50, 50))
+    depths = write_geotiff(tmp_path / "f.tif", classes.astype(np.float32), corner=(148.955, -20.335))
+    with pytest.raises(ChartError, match="classes are whole numbers, and its values are float32"):
+        chart_from_raster(depths, SITE, classes=MEANINGS, **area)

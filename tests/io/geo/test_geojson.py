@@ -1,0 +1,114 @@
+"""GeoJSON that is none: what is said of it."""
+
+import json
+
+import pytest
+
+from auvplan.io.geo import GeoError, chart_from_polygons, read_jobs, read_zones
+from auvplan.ocean.chart import ChartError
+from tests.io.geo.files import SITE, feature, ring
+
+GOOD = feature("Polygon", [ring((0, 0), (0, 50), (50, 0))])
+SQUARE = [[0, 0], [0, 1], [1, 1], [1, 0], [0, 0]]
+EMPTY = {"type": "GeometryCollection", "geometries": []}
+BOW = [[0, 0], [1, 1], [1, 0], [0, 1], [0, 0]]
+
+
+def collection(*features, **more):
+    return {"type": "FeatureCollection", "features": list(features), **more}
+
+
+def one(coordinates):
+    return collection(feature("Polygon", coordinates))
+
+
+def named(name):
+    return {"type": "name", "properties": {"name": name}}
+
+
+FAULTS = [
+    ("not json", "not valid JSON"),
+    ("[" * 100_000, "not valid JSON"),
+    (b"\xff\xfe{}", "not UTF-8 text"),
+    ([], "not GeoJSON: it has no type"),
+    ({"type": "Topology"}, "'Topology' is no type of GeoJSON"),
+    (collection(), "has no features"),
+    ({"type": "FeatureCollection"}, "without a list of features"),
+    (collection(GOOD, 3), "feature 2: is no Feature"),
+    (collection(GOOD, {"type": "Feature", "geometry": None}), "feature 2: has no geometry"),
+    (collection({**GOOD, "properties": [1]}), "feature 1: properties must be a mapping, got list"),
+    (collection(GOOD, feature("Point", [0, 0])), "feature 2: a Point, where Polygon or MultiPolygon is"),
+    (collection(feature("Circle", [0, 0])), "feature 1: 'Circle' is no type of geometry"),
+    (one([]), "every polygon is empty"),
+    (collection(GOOD, feature("Polygon", [[]])), "feature 2: needs at least 4 positions, got 0"),
+    (one(5), "feature 1: a polygon without rings"),
+    (collection(GOOD, GOOD, feature("Polygon", [BOW])), "feature 3: the polygon crosses itself at "),
+    (one([[*SQUARE[:4], [0, 0.5]]]), "feature 1: a ring is not closed"),
+    (one([SQUARE[:3]]), "feature 1: needs at least 4 positions, got 3"),
+    (one([[[0, 0], [0, 0], [0, 0], [0, 0]]]), "feature 1: no valid polygon: too few points"),
+    (one([SQUARE, [[2, 2], [2, 3], [3, 3], [2, 2]]]), "feature 1: no valid polygon: hole"),
+    (one([[[0, 0], [361, 1], [1, 1], [0, 0]]]), r"feature 1: \(361, 1\) is no longitude"),
+    (one([[[0, 0], [1, 91], [1, 1], [0, 0]]]), r"feature 1: \(1, 91\) is no longitude"),
+    (one([[[0, 0], [1, float("nan")], [1, 1], [0, 0]]]), "feature 1: .* is not finite"),
+    (one([[[0, 0], [1, "1"], [1, 1], [0, 0]]]), r"feature 1: \[1, '1'\] is no position"),
+    (one([[[0, 0], [True, 1], [1, 1], [0, 0]]]), "feature 1: .* is no position"),
+    (one([[[0, 0], [10**400, 1], [1, 1], [0, 0]]]), "feature 1: .* is no position"),
+    (one([[[0, 0], [1], [1, 1], [0, 0]]]), r"feature 1: \[1\] is no position"),
+    (one([[[179, 0], [-179, 0], [-179, 1], [179, 0]]]), "feature 1: .*antimeridian"),
+    (collection(feature("MultiPolygon", [[SQUARE], [SQUARE]])), "feature 1: "),
+    (collection(GOOD, crs=named("EPSG:32755")), "crs is 'EPSG:32755': GeoJSON is in WGS 84"),
+    (collection(GOOD, crs=named("EPSG:14326")), "crs is 'EPSG:14326'"),
+    (collection(GOOD, crs=named("WGS 84 / UTM zone 55S")), "crs is "),
+    (collection(GOOD, crs=4), "crs is 4"),
+    (collection({"type": "Feature", "geometry": EMPTY}), "feature 1: an empty GeometryCollection"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("content", "words"), FAULTS)
+def test_one_line_that_names_the_file_and_the_feature(tmp_path, content, words):
+    path = tmp_path / "l.geojson"
+    if isinstance(content, bytes):
+        path.write_bytes(content)
+    else:
+        path.write_text(content if isinstance(content, str) else json.dumps(content))
+    with pytest.raises(GeoError, match=words) as zones:
+        read_zones(path, SITE)
+    with pytest.raises(ChartError) as chart:
+        chart_from_polygons(path, SITE, lower=(0, 0), upper=(100, 100))
+    for caught in (zones, chart):
+        assert str(caught.value).startswith(str(path))
+        assert "\n" not in str(caught.value)
+        assert len(str(caught.value)) < 400
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "urn:ogc:def:crs:OGC:1.3:CRS84",
+        "urn:ogc:def:crs:OGC::CRS84",
+        "OGC:CRS84",
+        "EPSG:4326",
+        "urn:ogc:def:crs:EPSG::4326",
+        "http://www.opengis.net/def/crs/EPSG/0/4326",
+        "http://www.opengis.net/def/crs/OGC/1.3/CRS84",
+        "WGS84",
+    ],
+)
+def test_names_of_wgs_84(tmp_path, name):
+    path = tmp_path / "l.geojson"
+    path.write_text(json.dumps(collection(GOOD, crs=named(name))))
+    assert len(read_zones(path, SITE)) == 1
+
+
+def test_empty_polygons_among_others_are_passed_over(tmp_path):
+    path = tmp_path / "l.geojson"
+    path.write_text(json.dumps(collection(feature("Polygon", []), GOOD)))
+    assert [zone.name for zone in read_zones(path, SITE)] == ["2"]
+
+
+def test_missing_files(tmp_path):
+    for read in (read_zones, read_jobs):
+        with pytest.raises(GeoError, match=r"nowhere\.geojson: No such file"):
+            read(tmp_path / "nowhere.geojson", SITE)
+    with pytest.raises(ChartError, match="fringe must not be negative"):
+        chart_from_polygons(tmp_path / "a", SITE, lower=(0, 0), upper=(1, 1), fringe=-1.0)

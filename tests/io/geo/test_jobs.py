@@ -1,0 +1,176 @@
+"""Jobs from GeoJSON and CSV."""
+
+import json
+
+import numpy as np
+import pytest
+
+from auvplan.io.geo import GeoError, read_jobs
+from auvplan.site import Site
+from tests.io.geo.files import feature, geographic, write_geojson
+
+SITE = Site(148.96, -20.34, origin=(700.0, -300.0))
+#: North, east, down, m.
+A, B, C, D = (1200.0, 350.0, 12.0), (-40.0, 2210.0, 30.0), (3100.0, -900.0, 5.0), (2950.0, -400.0, 8.0)
+
+
+def lonlat(place):
+    return geographic(place[0], place[1], SITE).tolist()
+
+
+def close(found, expected):
+    np.testing.assert_allclose(found, expected, atol=1e-3)
+
+
+def test_geojson(tmp_path):
+    path = write_geojson(
+        tmp_path / "jobs.geojson",
+        feature("Point", lonlat(A), depth=12, priority=3, duration=60, name="reef"),
+        feature("Point", [*lonlat(B), -30.0]),
+        feature("LineString", [lonlat(C), lonlat(D)], Depth="7.5", PRIORITY=2, duration=100.0, colour="red"),
+        feature("MultiPoint", [lonlat(A), [*lonlat(D), -8.0]], name="sample", priority=0),
+        feature("Point", [*lonlat(B), -30.0], depth=30, name=17),
+    )
+    jobs = read_jobs(path, SITE, default_depth=4.0)
+    assert [job.name for job in jobs.points] == ["reef", "2", "sample 1", "sample 2", "17"]
+    close([job.position for job in jobs.points], [A, B, (*A[:2], 4.0), D, B])
+    assert [(job.priority, job.duration) for job in jobs.points] == [(3, 60), (1, 0), (0, 0), (0, 0), (1, 0)]
+    (line,) = jobs.lines
+    assert (line.name, line.priority, line.duration) == ("3", 2.0, 100.0)
+    close(line.positions, [(*C[:2], 7.5), (*D[:2], 7.5)])
+
+
+def rows(*places):
+    return "\n".join(",".join(f"{c:.9f}" for c in (*lonlat(p), p[2])) for p in places)
+
+
+def test_csv_by_longitude_and_latitude(tmp_path):
+    path = tmp_path / "jobs.csv"
+    path.write_text("\ufeffLongitude,LAT,Depth\n" + rows(A, B) + "\n\n", encoding="utf-8")
+    jobs = read_jobs(path, SITE)
+    close([job.position for job in jobs.points], [A, B])
+    assert [(job.name, job.priority, job.duration) for job in jobs.points] == [("1", 1, 0), ("2", 1, 0)]
+    assert jobs.lines == ()
+
+
+@pytest.mark.parametrize("site", [SITE, None])
+@pytest.mark.parametrize("heads", ["x;y", "North;East", "NORTH ; east"])
+def test_csv_in_local_metres_with_lines(tmp_path, site, heads):
+    path = tmp_path / "jobs.csv"
+    path.write_text(
+        f"name;{heads};line;priority;duration;Remark;depth\n"
+        "reef, west;1200,5;350;;3;60;seen;12\n"
+        ";10;20;survey;2;;;5\n"
+        ";10;120;survey;;90;;6\n"
+        ";-30;120;survey;2;90;;\n"
+        ";1;2;;0;;;\n"
+        ";0;0;second;;;;\n"
+        ";0;1e2;second;;;;\n"
+    )
+    jobs = read_jobs(path, site, default_depth=2.0)
+    assert [job.name for job in jobs.points] == ["reef, west", "3"]
+    close([job.position for job in jobs.points], [(1200.5, 350, 12), (1, 2, 2)])
+    assert [(job.priority, job.duration) for job in jobs.points] == [(3, 60), (0, 0)]
+    assert [(job.name, job.priority, job.duration) for job in jobs.lines] == [
+        ("survey", 2, 90),
+        ("second", 1, 0),
+    ]
+    close(jobs.lines[0].positions, [(10, 20, 5), (10, 120, 6), (-30, 120, 2)])
+
+
+def test_the_same_jobs_from_both(tmp_path):
+    table = tmp_path / "jobs.csv"
+    table.write_text(
+        "lon\tlat\tdepth\tpriority\n" + rows(A, B).replace(",", "\t").replace("\n", "\t2\n") + "\t2\n"
+    )
+    geo = write_geojson(
+        tmp_path / "j.json", *(feature("Point", lonlat(p), depth=p[2], priority=2) for p in (A, B))
+    )
+    one, two = read_jobs(table, SITE), read_jobs(geo, SITE)
+    close([job.position for job in one.points], [job.position for job in two.points])
+    assert [job.priority for job in one.points] == [job.priority for job in two.points] == [2.0, 2.0]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "has no rows of jobs"),
+        ("x,y\n", "has no rows of jobs"),
+        ("x,depth\n1,2\n", "needs the columns lon and lat, or x and y; it has x, depth"),
+        ("x,y,lon,lat\n1,2,3,4\n", "needs the columns lon and lat, or x and y"),
+        ("lon,y\n1,2\n", "needs the columns"),
+        ("x,north,y\n1,2,3\n", "two columns tell north"),
+        ("x,y,priorty\n1,2,3\n", "'priorty' means nothing here: 'priority' does"),
+        ("x,y\n1,2\n3\n", "row 3: east is missing"),
+        ("x,y\n1,2,3\n", "row 2: has 3 cells under 2 headings"),
+        ("x,y\n1,2\n\nthree,4\n", "row 4: north must be a finite number, got 'three'"),
+        ("x,y\nnan,2\n", "row 2: north must be a finite number"),
+        ("x,y,depth\n1,2,-5\n", "row 2: depth must be at least 0, got -5"),
+        ("x,y,priority\n1,2,-1\n", "row 2: priority must be at least 0"),
+        ("x,y,duration\n1,2,inf\n", "row 2: duration must be a finite number"),
+        ("lon,lat\n400,2\n", r"row 2: \(400, 2\) is no longitude"),
+        ("lon,lat\n-20,148\n", r"row 2: \(-20, 148\) is no longitude"),
+        ("x,y,name\n1,2,a\n3,4,a\n", "two jobs are named 'a'"),
+        ("x,y,name,line\n1,2,a,\n3,4,,a\n5,6,,a\n", "two jobs are named 'a'"),
+        ("x,y,line\n1,2,a\n", "line 'a': a survey line needs at least two positions, got 1"),
+        ("x,y,line\n1,2,a\n1,2,a\n", "line 'a': positions 1 and 2 are the same place"),
+        ("x,y,line\n1,2,a\n3,4,a\n5,6,b\n7,8,b\n9,9,a\n", "row 6: line 'a' goes on after other rows"),
+        (
+            "x,y,line,priority\n1,2,a,1\n3,4,a,2\n",
+            "row 3: line 'a' has priority 1 in an earlier row, 2 in this",
+        ),
+    ],
+)
+def test_tables_that_are_refused(tmp_path, text, words):
+    path = tmp_path / "jobs.csv"
+    path.write_text(text)
+    with pytest.raises(GeoError, match=words) as caught:
+        read_jobs(path, SITE)
+    assert str(caught.value).startswith(str(path))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("job", "words"),
+    [
+        (feature("Point", [148, -20, -5], depth=6), "feature 1: depth 6 m contradicts the elevation -5 m"),
+        (feature("Point", [148, -20, 5]), "feature 1: elevation 5 m is above the sea"),
+        (feature("Point", [148, -20], depth=-5), "feature 1: depth must be at least 0"),
+        (feature("Point", [148, -20], depth="deep"), "feature 1: depth must be a finite number, got 'deep'"),
+        (feature("Point", [148, -20], priority=True), "feature 1: priority must be a finite number"),
+        (feature("Point", [148, -20], duration=[1]), "feature 1: duration must be a finite number"),
+        (feature("Point", [148, -20], prority=1), "feature 1: 'prority' means nothing here"),
+        (feature("Point", [148]), r"feature 1: \[148\] is no position"),
+        (feature("Point", []), r"feature 1: \[\] is no position"),
+        (feature("Point", [148, -100]), "feature 1: .* is no longitude"),
+        (feature("MultiPoint", []), "feature 1: needs at least 1 positions, got 0"),
+        (feature("LineString", [[148, -20]]), "feature 1: needs at least 2 positions, got 1"),
+        (feature("LineString", [[148, -20], [148, -20]]), "feature 1: positions 1 and 2 are the same place"),
+        (
+            feature("Polygon", [[[0, 0], [0, 1], [1, 1], [0, 0]]]),
+            "feature 1: a Polygon, where Point or MultiPoint or",
+        ),
+        (feature("Point", [148, -20, float("nan")]), "feature 1: .* is not finite"),
+    ],
+)
+def test_features_that_are_refused(tmp_path, job, words):
+    path = tmp_path / "jobs.geojson"
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": [job]}))
+    with pytest.raises(GeoError, match=words) as caught:
+        read_jobs(path, SITE)
+    assert "\n" not in str(caught.value)
+
+
+def test_places_on_earth_need_a_site(tmp_path):
+    path = write_geojson(tmp_path / "j.geojson", feature("Point", [148, -20]))
+    with pytest.raises(GeoError, match=r"j\.geojson: .* need a site"):
+        read_jobs(path, None)
+    table = tmp_path / "j.csv"
+    table.write_text("lon,lat\n148,-20\n")
+    with pytest.raises(GeoError, match=r"j\.csv: row 2: longitude and latitude need a site"):
+        read_jobs(table, None)
+    with pytest.raises(GeoError, match="default_depth must not be negative"):
+        read_jobs(table, SITE, default_depth=-1.0)
+    table.write_bytes(b"lon,lat\n148,-20\xff\n")
+    with pytest.raises(GeoError, match=r"j\.csv: not UTF-8"):
+        read_jobs(table, SITE)

@@ -1,0 +1,183 @@
+"""Charts from polygons of land, reefs and closed areas."""
+
+import json
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import shapely
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from shapely.geometry import Point, Polygon, box, shape
+
+from auvplan.io.geo import Zone, chart_from_polygons, read_zones, with_no_go
+from auvplan.io.geo.grid import local_grid
+from auvplan.io.geo.shapes import touched
+from auvplan.ocean.chart import Chart, ChartError
+from auvplan.ocean.classify import UNCERTAIN_MAX
+from auvplan.site import Site
+from tests.io.geo.files import SITE, feature, geographic, ring, write_geojson
+from tests.io.geo.whitsunday import HOOK, in_the_middle, kinds, truth
+
+AREA = {"lower": (-1000.0, -800.0), "upper": (1000.0, 1203.0)}
+
+
+def test_the_whitsunday_land_of_polygons(shared):
+    site = in_the_middle()
+    maps = shared / "data" / "maps"
+    chart = chart_from_polygons(
+        maps / "whitsunday_land_osm.geojson",
+        site,
+        uncertain=maps / "whitsunday_reefs_eatlas.geojson",
+        **HOOK,
+    )
+    known = truth(shared, chart, site)
+    assert not ((known == 0) & (kinds(chart) != 0)).any()
+    assert (kinds(chart) == known).mean() > 0.99
+    # At random points, by the polygons themselves: land is never water.
+    rng = np.random.default_rng(0)
+    north, east = rng.uniform(HOOK["lower"], HOOK["upper"], (4000, 2)).T
+    places = geographic(north, east, site)
+    data = json.loads((maps / "whitsunday_land_osm.geojson").read_text())["features"]
+    land = shapely.union_all([shape(f["geometry"]) for f in data])
+    ashore = shapely.contains_xy(land, places[:, 0], places[:, 1])
+    assert 0.2 < ashore.mean() < 0.6
+    assert not chart.is_water(north[ashore], east[ashore]).any()
+    degrees = shapely.distance(land, shapely.points(places))
+    assert chart.is_water(north, east)[degrees > 20.0 / 100_000].all()
+
+
+def test_land_with_a_hole_a_fringe_and_reefs(tmp_path):
+    island = [
+        ring((100, 200), (100, 700), (600, 700), (600, 200)),
+        ring((300, 400), (440, 400), (440, 540), (300, 540)),
+    ]
+    land = write_geojson(tmp_path / "land.geojson", feature("Polygon", island))
+    reef = write_geojson(
+        tmp_path / "reef.geojson", feature("Polygon", [ring((-900, -700), (-900, -500), (-700, -600))])
+    )
+    chart = chart_from_polygons(land, SITE, fringe=60.0, uncertain=reef, **AREA)
+    assert chart.shape == (200, 201)
+    assert not chart.is_water([150.0, 350.0, 590.0], [250.0, 390.0, 690.0]).any()
+    assert chart.is_water([350.0, 50.0], [450.0, 250.0]).all()
+    doubtful = chart.passability_at([370.0, 55.0, 645.0, -850.0], [470.0, 255.0, 500.0, -600.0])
+    np.testing.assert_allclose(doubtful, [1.0, UNCERTAIN_MAX, UNCERTAIN_MAX, UNCERTAIN_MAX], atol=1e-6)
+    assert float(chart.passability_at(20.0, 450.0)) == 1.0
+    # By the number of pixels: an area of (500^2 - 140^2) m2, and the pixels along its edges.
+    assert chart.shares()["coast"] * np.prod(chart.shape) == pytest.approx(2400, abs=250)
+
+
+@pytest.mark.parametrize(
+    "wrap", ["FeatureCollection", "Feature", "bare", "GeometryCollection", "MultiPolygon", "turn"]
+)
+def test_the_same_land_however_it_is_told(tmp_path, wrap):
+    corners = ring((100, 200), (100, 700), (600, 200))
+    path = tmp_path / "land.json"
+    alone = {"type": "Polygon", "coordinates": [corners]}
+    told = {
+        "FeatureCollection": {"type": "FeatureCollection", "features": [feature("Polygon", [corners])]},
+        "Feature": feature("Polygon", [corners]),
+        "bare": alone,
+        "GeometryCollection": {"type": "GeometryCollection", "geometries": [alone]},
+        "MultiPolygon": {"type": "MultiPolygon", "coordinates": [[corners]]},
+        "turn": {"type": "Polygon", "coordinates": [[[x + 0.0, y] for x, y in corners]]},
+    }[wrap]
+    path.write_text("\ufeff" + json.dumps(told), encoding="utf-8")
+    chart = chart_from_polygons(path, SITE, **AREA)
+    twin = with_no_go(None, [Polygon([(100, 200), (100, 700), (600, 200)])], **AREA)
+    assert (kinds(chart) != kinds(twin)).mean() < 0.005
+    assert not chart.is_water(110.0, 210.0)
+    assert chart.is_water(590.0, 690.0)
+
+
+def test_land_across_the_antimeridian(tmp_path):
+    """Split as RFC 7946 asks, or in longitudes from 0 to 360."""
+    split = feature("MultiPolygon", [
+        [[[179.99, 0], [180, 0], [180, 0.01], [179.99, 0.01], [179.99, 0]]],
+        [[[-180, 0], [-179.99, 0], [-179.99, 0.01], [-180, 0.01], [-180, 0]]],
+    ])  # fmt: skip
+    whole = feature("Polygon", [[[179.99, 0], [180.01, 0], [180.01, 0.01], [179.99, 0.01], [179.99, 0]]])
+    area = {"lower": (-2000.0, -2000.0), "upper": (2000.0, 2000.0), "pixel_size": 50.0}
+    charts = [
+        kinds(chart_from_polygons(write_geojson(tmp_path / "l.json", land), site, **area))
+        for land in (split, whole)
+        for site in (Site(180.0, 0.0), Site(-180.0, 0.0))
+    ]
+    assert 0.1 < (charts[0] == 0).mean() < 0.2
+    for other in charts[1:]:
+        np.testing.assert_array_equal(charts[0], other)
+
+
+corner = st.tuples(*(st.integers(-300, 1500).map(lambda tenths: tenths / 10) for _ in range(2)))
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(corner, min_size=3, max_size=7), st.sampled_from([3.0, 10.0, 37.0]))
+def test_pixels_that_a_polygon_reaches_into(corners, size):
+    """Against every pixel by itself."""
+    polygon = shapely.convex_hull(shapely.multipoints(corners))
+    assume(polygon.area > 0.0)
+    grid = local_grid((0.0, 0.0), (100.0, 130.0), size)
+    south, west = np.meshgrid(*(np.arange(n) * size for n in grid.shape), indexing="ij")
+    squares = shapely.box(south, west, south + size, west + size)
+    shared_area = shapely.area(shapely.intersection(squares, polygon))
+    marked = touched(polygon, grid)
+    assert marked[shared_area > 1e-3].all()
+    assert not marked[shapely.distance(squares, polygon) > 1e-3].any()
+
+
+def test_closed_areas_become_coast():
+    chart = with_no_go(None, [box(100, 200, 300, 500)], **AREA)
+    mask = np.ones((200, 201), bool)
+    mask[110:130, 100:130] = False
+    twin = Chart.from_mask(mask, 10.0, (-1000.0, -800.0))
+    np.testing.assert_array_equal(chart.passability, twin.passability)
+    np.testing.assert_array_equal(chart.signed_distance, twin.signed_distance)
+    more = with_no_go(chart, [Zone("cable", Point(-500.0, 0.0).buffer(100.0))])
+    assert not more.is_water([-500.0, 150.0], [0.0, 300.0]).any()
+    assert float(more.distance(-350.0, 0.0)) < 50.0
+    north, east = np.meshgrid(np.arange(-990, 1000, 60.0), np.arange(-790, 1190, 60.0))
+    assert (np.asarray(more.distance(north, east)) <= np.asarray(chart.distance(north, east)) + 1e-4).all()
+    assert with_no_go(chart, []).shape == chart.shape
+
+
+def test_a_crop_keeps_what_it_knows_of_a_coast_beyond_it():
+    chart = with_no_go(None, [box(100, 200, 300, 500)], **AREA).crop(132, 100, 20, 30)
+    near = float(chart.distance(330.0, 350.0))
+    assert 15.0 < near < 30.0
+    assert float(with_no_go(chart, [box(480, 200, 500, 220)]).distance(330.0, 350.0)) == near
+
+
+def test_zones(tmp_path):
+    site = Site(148.96, -20.34, origin=(300.0, -200.0))
+    places = geographic(*np.array([(100, 200), (100, 700), (600, 200)], float).T, site).tolist()
+    named, bare = (
+        feature("Polygon", [[*places, places[0]]], Name="cable"),
+        feature("Polygon", [[*places, places[0]]]),
+    )
+    zones = read_zones(write_geojson(tmp_path / "z.json", named, bare), site)
+    assert [zone.name for zone in zones] == ["cable", "2"]
+    twin = Polygon([(100, 200), (100, 700), (600, 200)])
+    assert zones[0].polygon.symmetric_difference(twin).area < 1.0
+    chart = with_no_go(None, zones, **AREA)
+    assert not chart.is_water(110.0, 210.0)
+    assert isinstance(chart.passability, jnp.ndarray)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        (Polygon([(0, 0), (10, 10), (10, 0), (0, 10)]), "no-go area 1: .*intersection"),
+        (Polygon(), "no-go area 1: is no polygon"),
+        (Point(0, 0), "no-go area 1: is no polygon"),
+        (
+            Zone("cable", Polygon([(0, 0), (1, float("inf")), (2, 3)])),
+            "no-go area 'cable': a coordinate is not finite",
+        ),
+    ],
+)
+def test_areas_that_cannot_be_closed(given, words):
+    with pytest.raises(ChartError, match=words):
+        with_no_go(None, [given], **AREA)
+    with pytest.raises(ChartError, match="lower and upper tell the area"):
+        with_no_go(None, [given])

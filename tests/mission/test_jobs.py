@@ -1,0 +1,143 @@
+"""Operation graphs from jobs by place."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.sparse.csgraph import connected_components
+
+from auvplan.mission.jobs import JobLine, JobPoint, Jobs, jobs_graph, jobs_on_land
+from auvplan.ocean.chart import Chart
+from tests.mission.naive import best_priority
+
+START, GOAL = (0.0, 0.0, 5.0), (1000.0, 300.0, 5.0)
+POINTS = (JobPoint("reef", (200.0, 50.0, 10.0), 3.0, 40.0), JobPoint("gate", (500.0, -100.0, 5.0), 0.0))
+LINE = JobLine("survey", ((600.0, 0.0, 8.0), (600.0, 300.0, 8.0), (700.0, 300.0, 8.0)), 8.0, 100.0)
+
+
+def test_nodes_and_tasks():
+    graph, names = jobs_graph(POINTS, [LINE], START, GOAL)
+    assert names == ["start", "reef", "gate", "survey[1]", "survey[2]", "survey[3]", "goal"]
+    np.testing.assert_array_equal(
+        graph.positions[[0, 1, 4, 6]], [START, POINTS[0].position, LINE.positions[1], GOAL]
+    )
+    assert graph.adjacency[~np.eye(7, dtype=bool)].all()
+    expected = np.zeros((7, 7))
+    expected[[0, 2, 3, 4, 5, 6], 1] = 3.0
+    expected[3, 4] = expected[4, 3] = 6.0
+    expected[4, 5] = expected[5, 4] = 2.0
+    np.testing.assert_allclose(graph.priority, expected)
+    np.testing.assert_allclose(
+        graph.duration[[0, 3, 4, 5, 3], [1, 4, 5, 4, 5]], [40.0, 75.0, 25.0, 25.0, 0.0]
+    )
+
+
+@pytest.mark.parametrize(("budget", "worth"), [(3000.0, 11.0), (1100.0, 3.0), (1050.0, 0.0), (1000.0, None)])
+def test_what_the_best_mission_is_worth(budget, worth):
+    """All jobs, or the reef alone, which lies on the way; by every order there is."""
+    graph, _ = jobs_graph(POINTS, [LINE], START, GOAL)
+    assert best_priority(graph, 0, 6, budget, 1.0) == (None if worth is None else pytest.approx(worth))
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 10_000), st.integers(1, 60), st.integers(0, 4), st.sampled_from([None, 1, 3, 200]))
+def test_properties(seed, count, lines, neighbours):
+    rng = np.random.default_rng(seed)
+
+    def place():
+        return tuple(rng.uniform(0, 1000, 3))
+
+    points = [JobPoint(f"p{k}", place(), rng.integers(0, 4), rng.uniform(0, 50)) for k in range(count)]
+    surveys = [
+        JobLine(
+            f"l{k}", tuple(place() for _ in range(rng.integers(2, 5))), rng.integers(0, 9), rng.uniform(0, 99)
+        )
+        for k in range(lines)
+    ]
+    graph, names = jobs_graph(points, surveys, place(), place(), neighbours=neighbours)
+    size = len(names)
+    assert size == 2 + count + sum(len(line.positions) for line in surveys) == graph.size
+    assert len(set(names)) == size
+    np.testing.assert_array_equal(graph.adjacency, graph.adjacency.T)
+    assert not np.diag(graph.adjacency).any()
+    assert connected_components(graph.adjacency, directed=False)[0] == 1
+    degree = graph.adjacency.sum(axis=1)
+    least = size if neighbours is None and size <= 40 else neighbours or 7
+    assert (degree >= min(least, size - 1)).all()
+    if least < size / 4:
+        assert degree.mean() < 2 * least + 4
+    for k, point in enumerate(points, 1):
+        np.testing.assert_allclose(graph.priority[:, k], np.where(graph.adjacency[:, k], point.priority, 0.0))
+        np.testing.assert_allclose(graph.duration[:, k], np.where(graph.adjacency[:, k], point.duration, 0.0))
+    for line in surveys:
+        first = names.index(f"{line.name}[1]")
+        along = [(first + k, first + k + 1) for k in range(len(line.positions) - 1)]
+        for way in (along, [(j, i) for i, j in along]):
+            assert sum(graph.priority[edge] for edge in way) == pytest.approx(line.priority)
+            assert sum(graph.duration[edge] for edge in way) == pytest.approx(line.duration)
+    assert (graph.priority[~graph.adjacency] == 0.0).all()
+
+
+DYKE = JobLine("dyke", ((300.0, 50.0, 5.0), (350.0, 60.0, 5.0), (500.0, 70.0, 5.0)))
+
+
+def wall(open_at):
+    """Straight lines across north = 400 are clear only where both ends lie west of `open_at`."""
+
+    def clear(positions):
+        south = positions[:, 0] < 400.0
+        across = south[:, None] != south[None, :]
+        west = positions[:, 1] < open_at
+        return ~across | (west[:, None] & west[None, :])
+
+    return clear
+
+
+def test_only_clear_lines_become_edges():
+    graph, names = jobs_graph(POINTS, [LINE], START, GOAL, clear=wall(1.0))
+    edges = {(names[i], names[j]) for i, j in np.argwhere(graph.adjacency)}
+    assert ("start", "gate") in edges
+    assert ("start", "survey[1]") in edges
+    assert ("start", "survey[2]") not in edges
+    assert ("reef", "gate") not in edges
+    assert graph.priority[2, 1] == 0.0
+    few, _ = jobs_graph(POINTS, [LINE], START, GOAL, clear=wall(1.0), neighbours=1)
+    assert connected_components(few.adjacency, directed=False)[0] == 1
+    assert not (few.adjacency & ~graph.adjacency).any()
+
+
+@pytest.mark.parametrize(
+    ("lines", "more", "words"),
+    [
+        ([LINE], {"clear": wall(-200.0)}, "no clear line leads from the start to 'gate', "),
+        ([DYKE], {"clear": wall(1.0)}, "line 'dyke': the way from vertex 2 to 3 is not clear"),
+        ([JobLine("dot", ((1.0, 2, 3),))], {}, "line 'dot' has 1 vertices"),
+        ([JobLine("dot", ((1.0, 2, 3), (1.0, 2, 3)))], {}, "line 'dot': vertices 1 and 2 are in one place"),
+        ([JobLine("dot", ((1.0, 2, 3), (1.0, 2, np.nan)))], {}, "'dot': a position is finite"),
+        ([JobLine("low", ((1.0, 2, 3), (1.0, 2, 4)), -1.0)], {}, "priority must not be negative"),
+        ([], {"neighbours": 0}, "neighbours must be positive"),
+        ([], {"clear": lambda positions: True}, "clear must give"),
+        ([], {"start": (1.0, 2.0)}, "'start': a position is finite"),
+    ],
+)  # fmt: skip
+def test_jobs_that_make_no_graph(lines, more, words):
+    arguments = {"start": START, "goal": GOAL, **more}
+    with pytest.raises(ValueError, match=words):
+        jobs_graph(POINTS, lines, **arguments)
+
+
+def test_without_jobs_there_is_one_edge():
+    graph, names = jobs_graph([], [], START, GOAL)
+    assert names == ["start", "goal"]
+    assert graph.adjacency[0, 1]
+    assert graph.priority.sum() == 0.0
+
+
+def test_jobs_on_land():
+    water = np.ones((100, 80), bool)
+    water[15:25, 0:10] = False
+    chart = Chart.from_mask(water, 10.0, (0.0, 0.0))
+    points = (*POINTS, JobPoint("near", (160.0, 110.0, 0.0)), JobPoint("far", (2000.0, 10.0, 0.0)))
+    assert jobs_on_land(Jobs(points, (LINE,)), chart) == ["reef", "gate", "far"]
+    broken = JobLine("broken", ((600.0, 10.0, 0.0), (200.0, 90.0, 0.0)))
+    assert jobs_on_land(Jobs((), (LINE, broken)), chart) == ["broken"]
