@@ -59,6 +59,52 @@ class UniformCurrent:
         return zero + self.u, zero + self.v, zero + self.w
 
 
+@partial(jax.tree_util.register_dataclass, data_fields=("shared", "own"), meta_fields=())
+@dataclass(frozen=True)
+class SumCurrent:
+    """A current that all vehicles share, and one of each vehicle's own that is added to it.
+
+    Where worlds are batched, the leaves of `own` alone carry a leading axis.
+
+    Attributes:
+        shared: say, a forecast.
+        own: say, its error; or None.
+    """
+
+    shared: Current
+    own: Current | None = None
+
+    @property
+    def steady(self) -> bool:
+        return all(is_steady(part) for part in self._parts)
+
+    @property
+    def gradual(self) -> bool:
+        return all(is_steady(part) or is_gradual(part) for part in self._parts)
+
+    @property
+    def _parts(self) -> tuple[Current, ...]:
+        return (self.shared,) if self.own is None else (self.shared, self.own)
+
+    def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
+        found = [part(x, y, z, t) for part in self._parts]
+        u, v, w = (sum(components[1:], components[0]) for components in zip(*found, strict=True))
+        return u, v, w
+
+
+def divided(current: Current) -> tuple[Current | None, Current | None]:
+    """What vehicles share of a current, and what is each one's own, as batched worlds have it."""
+    return (current.shared, current.own) if isinstance(current, SumCurrent) else (None, current)
+
+
+def united(shared: Current | None, own: Current | None) -> Current:
+    """The current whose parts `divided` gave."""
+    if shared is not None:
+        return SumCurrent(shared, own)
+    assert own is not None
+    return own
+
+
 def as_current(current: object) -> Current:
     """Accept a current, or a plain function of the same signature, or None for still water.
 

@@ -13,7 +13,7 @@ from jax.typing import ArrayLike
 from auvplan.bbo import Result, search
 from auvplan.bbo.refine import descend
 from auvplan.compiled import compiled
-from auvplan.ocean.currents import Current, is_gradual
+from auvplan.ocean.currents import Current, divided, is_gradual, united
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.path import habitats
@@ -122,20 +122,24 @@ def plan_paths(
     return PathPlans(**found, conditions=conditions)
 
 
-#: Current and obstacles; None where the legs share them.
-World = tuple[Current, Obstacles] | None
+#: Current (or None, where all of it is shared) and obstacles; None where the legs share both.
+World = tuple[Current | None, Obstacles] | None
 
 
 def split(env: Environment, world_per_leg: bool) -> tuple[World, Environment]:
     """What differs by leg, and what is the same for all."""
     if not world_per_leg:
         return None, env
-    return (env.current, env.obstacles), replace(env, current=None, obstacles=None)
+    current, own = divided(env.current)
+    return (own, env.obstacles), replace(env, current=current, obstacles=None)
 
 
 def world_of(own: World, shared: Environment) -> Environment:
     """The world of one leg, obstacles resolved."""
-    current, obstacles = own or (shared.current, shared.obstacles)
+    if own is None:
+        current, obstacles = shared.current, shared.obstacles
+    else:
+        current, obstacles = united(shared.current, own[0]), own[1]
     return Environment(current, shared.chart, obstacles.resolved(current), shared.lower, shared.upper)
 
 

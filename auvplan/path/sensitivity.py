@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from auvplan.ocean.currents import Current, Velocity, is_steady
+from auvplan.ocean.currents import Current, Velocity, divided, is_steady, united
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.path.config import PathConfig
@@ -29,8 +29,9 @@ class Conditions:
         """The leg's own world."""
         if self.leg is None:
             return self.env
-        own = jax.tree.map(lambda leaf: leaf[self.leg], (self.env.current, self.env.obstacles))
-        return replace(self.env, current=own[0], obstacles=own[1])
+        shared, current = divided(self.env.current)
+        own = jax.tree.map(lambda leaf: leaf[self.leg], (current, self.env.obstacles))
+        return replace(self.env, current=united(shared, own[0]), obstacles=own[1])
 
 
 @dataclass(frozen=True)
