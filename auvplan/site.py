@@ -49,8 +49,8 @@ class Site:
     def true_north(self, longitude: ArrayLike, latitude: ArrayLike) -> Array:
         """Bearing of true north in the local frame, rad clockwise from local north; 0 at the site.
 
-        A velocity (east e, north n) at that place is (n cos b - e sin b, n sin b + e cos b) in local north and
-        east, b being this bearing.
+        A velocity of e east and n north is n cos b - e sin b in local north and n sin b + e cos b in local
+        east, b being this bearing at its place.
         """
         proj = _projection_of(self.longitude, self.latitude)
         convergence = proj.get_factors(np.asarray(longitude), np.asarray(latitude)).meridian_convergence

@@ -53,14 +53,15 @@ def travel_time(track: Track, problem: PathProblem, config: ap.PathConfig, sweep
     (x, y, z), way, env = track.places, track.way, problem.environment
     middle = x[:-1] + 0.5 * way[0], y[:-1] + 0.5 * way[1], z[:-1] + 0.5 * way[2]
     gap = kinematics.norm(*way)
-    common = env, problem.vehicle, config
+    vehicle = problem.vehicle
 
     def sailed(time: jax.Array) -> jax.Array:
-        return gap / kinematics.over_ground(middle, way, gap, time, *common)[0]
+        return gap / kinematics.over_ground(env.current(*middle, time), way, gap, vehicle, config)[0]
 
     if sweeps is None:
-        return sailed(kinematics.middle_times(middle, way, gap, problem.depart, *common)).sum(axis=0)
-    duration = gap / problem.vehicle.speed
+        times = kinematics.middle_times(middle, way, gap, problem.depart, env, vehicle, config)
+        return sailed(times).sum(axis=0)
+    duration = gap / vehicle.speed
     for _ in range(sweeps):
         duration = sailed(problem.depart + kinematics.elapsed(duration)[:-1] + 0.5 * duration)
     return duration.sum(axis=0)

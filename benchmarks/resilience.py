@@ -15,6 +15,7 @@ import sys
 import tempfile
 import threading
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import xarray as xr
@@ -64,8 +65,14 @@ def on_a_cluster(count: int, folder: Path) -> xr.Dataset:
     with LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
         with Client(cluster) as client:
             workers = list(client.run(os.getpid).values())
-        threading.Timer(45.0, os.kill, (workers[0], signal.SIGKILL)).start()
+        threading.Timer(45.0, _kill, (workers[0],)).start()
         return run_study(design, folder, dask=cluster.scheduler_address)
+
+
+def _kill(process: int) -> None:
+    # A short study may be over, and its workers gone, before it is due.
+    with suppress(ProcessLookupError):
+        os.kill(process, signal.SIGKILL)
 
 
 def same(one: xr.Dataset, other: xr.Dataset) -> str:

@@ -21,7 +21,7 @@ from auvplan.ocean.vortices import LambVortices
 from auvplan.path import PathConfig
 from auvplan.voyage import path_calls, seed_keys
 from auvplan.voyage.records import LegRecord, MissionRun
-from auvplan.voyage.world import make_chart
+from auvplan.io.waters import load_waters
 
 LEVELS = {
     "straight line, 32 samples": TravelTimeConfig(PathConfig(control_points=6, samples=32)),
@@ -86,7 +86,7 @@ def main() -> None:
     sailed = np.asarray([leg.record.t_path for leg in legs])
     told = jax.tree.map(lambda *leaves: jnp.stack(leaves), *[leg.told for leg in legs])
     area = scenario.area
-    env = ap.Environment(told, make_chart(scenario), None, area.lower, area.upper)  # type: ignore[arg-type]
+    env = ap.Environment(told, load_waters(scenario).chart, None, area.lower, area.upper)  # type: ignore[arg-type]
     print(f"{len(legs)} legs of {len(runs)} missions; columns: median and mean error, correlation")
     print(f"{'':48} {'against T_path planned':^26} {'against the time sailed':^26} {'ms an edge':>10}")
     distance = np.linalg.norm(goals - starts, axis=1) / scenario.vehicle.speed

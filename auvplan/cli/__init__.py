@@ -6,7 +6,7 @@ from pathlib import Path
 
 import typer
 
-from auvplan.cli import mission, study, tools
+from auvplan.cli import export, mission, scenario, study, tools
 from auvplan.cli.shared import errors
 
 app = typer.Typer(
@@ -18,11 +18,15 @@ app = typer.Typer(
 for command in (
     mission.mission,
     mission.path,
+    export.export,
     study.montecarlo,
     study.plot,
     tools.chart,
     tools.check,
-    tools.scenarios,
+    scenario.scenarios,
+    scenario.init,
+    scenario.validate,
+    scenario.schema,
 ):
     app.command()(command)
 
@@ -42,14 +46,21 @@ def _enable_compilation_cache() -> None:
 def main() -> None:
     """Entry point: bad input is one line and exit status 2."""
     _enable_compilation_cache()
+    from auvplan.export import ExportError
     from auvplan.io import OutputError
     from auvplan.io.check import ResultError
+    from auvplan.io.geo import GeoError
     from auvplan.ocean.chart import ChartError
+    from auvplan.ocean.gridded import CurrentError
+    from auvplan.ocean.seabed import SeabedError
     from auvplan.study import StudyError
     from auvplan.voyage import ScenarioError
 
+    bad_input = ScenarioError, ChartError, CurrentError, GeoError, SeabedError
     try:
         app()
-    except (ScenarioError, ChartError, OutputError, ResultError, StudyError) as error:
-        errors.print(f"auvplan: {error}", soft_wrap=True, highlight=False, markup=False)
+    except (*bad_input, ExportError, OutputError, ResultError, StudyError) as error:
+        # Names of files may hold line breaks; and :100: in a place is no emoji.
+        line = " ".join(str(error).split())
+        errors.print(f"auvplan: {line}", soft_wrap=True, highlight=False, markup=False, emoji=False)
         sys.exit(2)

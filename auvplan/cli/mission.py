@@ -52,7 +52,12 @@ def path(
 def _run(scenario: Any, folder: Path, out: Path, seed: int, quiet: bool) -> Any:
     """Run one mission, write its results and print its summary."""
     from auvplan.io import output_folder, save_run
+    from auvplan.io.waters import load_waters
 
+    waters = load_waters(scenario, folder)
+    if not quiet:
+        for note in waters.notes:
+            console.print(f"note: {note}", soft_wrap=True, highlight=False, markup=False)
     output_folder(out)
     import jax
 
@@ -66,6 +71,7 @@ def _run(scenario: Any, folder: Path, out: Path, seed: int, quiet: bool) -> Any:
             key=jax.random.key(seed),
             seed=seed,
             folder=folder,
+            waters=waters,
             progress=lambda _, now, doing: advance(now, doing),
         )
     save_run(run, out)
@@ -111,6 +117,10 @@ def _print_summary(summary: dict[str, Any]) -> None:
     table.add_row("path calls, path re-plans", f"{summary['path_calls']}, {summary['path_replans']}")
     table.add_row("mission re-plans", str(summary["mission_replans"]))
     table.add_row("collisions", str(summary["collisions"]))
+    if forecast := summary["forecast"]:
+        planned, sailed = forecast["planned_s"], forecast["sailed_s"]
+        table.add_row("travel time as forecast, as sailed", f"{planned:.0f} s, {sailed:.0f} s")
+        table.add_row("current told less the true one", f"{forecast['current_difference']:.2f} m/s (rms)")
     cpu = summary["cpu"]
     table.add_row("planning time", f"paths {cpu['path_s']:.2f} s, orders {cpu['mission_s']:.2f} s")
     table.add_row("first calls, compilation", f"{cpu['compile_s']:.1f} s")

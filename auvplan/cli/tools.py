@@ -1,10 +1,9 @@
-"""Commands that look at charts, results and scenarios."""
+"""Commands that look at charts and results."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.table import Table
 
 from auvplan.cli.shared import OutOption, QuietOption, console
 
@@ -43,15 +42,3 @@ def check(
         console.print(str(report), highlight=False, soft_wrap=True)
     if not report.ok:
         raise typer.Exit(1)
-
-
-def scenarios() -> None:
-    """List the shipped scenarios."""
-    from auvplan.io.scenario_file import shipped_scenarios
-
-    table = Table(show_header=True)
-    table.add_column("name")
-    table.add_column("what it is")
-    for name, scenario in shipped_scenarios().items():
-        table.add_row(name, scenario.description)
-    console.print(table)

@@ -10,22 +10,18 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from auvplan.io.fields import Variables, chart_variables, seabed_variables, variable, vortex_variables
 from auvplan.io.files import MISSION, SUMMARY, output_folder, read_mission, write_atomically, write_dataset
-from auvplan.ocean.chart import Chart
+from auvplan.site import Site
 from auvplan.voyage.records import LegRecord, MissionRun
 
 #: The scenario's epoch has no date of its own; this one stands for it.
 TIME_UNITS = "seconds since 2000-01-01 00:00:00"
 
-#: Steps of the stored passability; 0 is coast and nothing else is.
-LEVELS = 255
-
 #: Names that a flag may take; others are added as they appear.
 _KINDS = ("static", "afloat", "self-motivated")
 _PLAN_CAUSES = ("leg", "window", "hazard")
 _ORDER_CAUSES = ("start", "late", "early", "refused")
-
-Variables = dict[str, xr.Variable]
 
 
 def save_run(run: MissionRun, folder: str | Path) -> Path:
@@ -60,11 +56,21 @@ def load_run(folder: str | Path) -> xr.Dataset:
 def to_dataset(run: MissionRun) -> xr.Dataset:
     """A run as CF trajectories, one a leg, contiguous and ragged along `obs`."""
     variables = _sailed(run) | _legs(run) | _obstacles(run.legs) | _graph(run)
-    variables |= _orders(run) | _plans(run.legs)
+    variables |= _orders(run) | _plans(run.legs) | vortex_variables(run.legs)
     if run.chart is not None:
         variables |= chart_variables(run.chart)
+    if run.seabed is not None:
+        variables |= seabed_variables(run.seabed)
+    if run.site is not None:
+        variables |= _places(variables, run.site)
     dataset = xr.Dataset(variables, attrs=_attributes(run))
-    places = [name for name in ("chart_x", "chart_y") if name in dataset]
+    known = ("chart_x", "chart_y", "longitude", "latitude")
+    places = [name for name in known if name in dataset]
+    if run.site is not None and run.site.epoch is not None:
+        dated = f"seconds since {run.site.epoch:%Y-%m-%d %H:%M:%S}"
+        for name in dataset.variables:
+            if dataset[name].attrs.get("units") == TIME_UNITS:
+                dataset[name].attrs["units"] = dated
     return dataset.set_coords(["time", "x", "y", "depth", *places])
 
 
@@ -78,8 +84,8 @@ def _attributes(run: MissionRun) -> dict[str, Any]:
         "featureType": "trajectory",
         "title": f"AUV mission, scenario {run.scenario.get('name') or 'unnamed'}, seed {run.seed}",
         "source": f"auvplan {version('auvplan')}, simulated",
-        "comment": "Local frame: north, east, depth [m] from an origin that is not georeferenced; the "
-        "scenario's epoch is written as 2000-01-01. Axis order of `axis` dimensions: north, east, down.",
+        "comment": "Local frame: north, east, depth [m]; times count from the scenario's epoch, one without "
+        "a date is written as 2000-01-01. Axis order of `axis` dimensions: north, east, down.",
         "auvplan_version": version("auvplan"),
         "scenario": json.dumps(run.scenario),
         "seed": np.int64(run.seed),
@@ -92,7 +98,31 @@ def _attributes(run: MissionRun) -> dict[str, Any]:
         "t_mission": float(run.t_mission),
         "t_residual": float(run.t_residual),
         "charged_compute": float(run.charged_compute),
+        "scenario_folder": run.folder,
+        "waypoint_names": json.dumps(run.names),
         **vehicle,
+        **({} if run.site is None else _site_attributes(run.site)),
+        **({} if run.seabed is None else {"seabed_clearance": float(np.asarray(run.seabed.clearance))}),
+    }
+
+
+def _site_attributes(site: Site) -> dict[str, Any]:
+    """Where the local frame lies: the azimuthal equidistant projection about a place."""
+    dated = {} if site.epoch is None else {"site_epoch": site.epoch.isoformat()}
+    return {
+        "site_longitude": site.longitude,
+        "site_latitude": site.latitude,
+        "site_origin": np.asarray(site.origin, float),
+        **dated,
+    }
+
+
+def _places(variables: Variables, site: Site) -> Variables:
+    """Longitude and latitude of the trajectories."""
+    longitude, latitude = site.to_geographic(variables["x"].values, variables["y"].values)
+    return {
+        "longitude": variable("obs", longitude, "longitude", "degrees_east", standard_name="longitude"),
+        "latitude": variable("obs", latitude, "latitude", "degrees_north", standard_name="latitude"),
     }
 
 
@@ -103,18 +133,18 @@ def _sailed(run: MissionRun) -> Variables:
     place = np.concatenate([np.zeros((0, 3)), *(np.reshape(leg.positions, (-1, 3)) for leg in legs)])
     index = np.repeat(np.arange(len(legs)), [len(leg.times) for leg in legs])
     return {
-        "time": _variable(
+        "time": variable(
             "obs", time, "time since the scenario's epoch", TIME_UNITS,
             standard_name="time", calendar="standard", axis="T",
         ),
         # CF calls the eastward coordinate x; this project's x is north.
-        "x": _variable("obs", place[:, 0], "north", "m", standard_name="projection_y_coordinate", axis="Y"),
-        "y": _variable("obs", place[:, 1], "east", "m", standard_name="projection_x_coordinate", axis="X"),
-        "depth": _variable(
+        "x": variable("obs", place[:, 0], "north", "m", standard_name="projection_y_coordinate", axis="Y"),
+        "y": variable("obs", place[:, 1], "east", "m", standard_name="projection_x_coordinate", axis="X"),
+        "depth": variable(
             "obs", place[:, 2], "depth below the surface", "m",
             standard_name="depth", positive="down", axis="Z",
         ),
-        "leg_index": _variable("obs", index.astype(np.int32), "index of the leg"),
+        "leg_index": variable("obs", index.astype(np.int32), "index of the leg"),
     }  # fmt: skip
 
 
@@ -123,7 +153,7 @@ def _legs(run: MissionRun) -> Variables:
     legs = run.legs
 
     def column(values: list, name: str, units: str | None = None, dtype: Any = float) -> xr.Variable:
-        return _variable("leg", np.asarray(values, dtype), name, units)
+        return variable("leg", np.asarray(values, dtype), name, units)
 
     rows = column(
         [len(leg.times) for leg in legs], "observations of the leg; none where it was refused", "1", np.int32
@@ -141,6 +171,14 @@ def _legs(run: MissionRun) -> Variables:
         "leg_t_task": column([leg.t_task for leg in legs], "time of the task", "s"),
         "leg_priority": column([leg.priority for leg in legs], "priority of the task, 0 without one", "1"),
         "leg_arrived": _yes_or_no("leg", [leg.arrived for leg in legs], "whether the waypoint was reached"),
+        "leg_followed": column(
+            [leg.followed for leg in legs], "which of its plans the leg was begun with", dtype=np.int32
+        ),
+        "leg_current_difference": column(
+            [leg.current_difference for leg in legs],
+            "root mean square of the current told less the true one along the track",
+            "m s-1",
+        ),
     }
 
 
@@ -162,11 +200,11 @@ def _obstacles(legs: Sequence[LegRecord]) -> Variables:
         tracks.append(track)
     codes, flags = _flags(np.asarray(kinds), _KINDS)
     return {
-        "obstacle_position": _variable(
+        "obstacle_position": variable(
             ("obs", "obstacle", "axis"), np.concatenate(tracks), "true place of the obstacle's centre", "m"
         ),
-        "obstacle_radius": _variable(("leg", "obstacle"), radii, "true radius", "m"),
-        "obstacle_kind": _variable(("leg", "obstacle"), codes, "kind of obstacle", **flags),
+        "obstacle_radius": variable(("leg", "obstacle"), radii, "true radius", "m"),
+        "obstacle_kind": variable(("leg", "obstacle"), codes, "kind of obstacle", **flags),
     }
 
 
@@ -175,14 +213,14 @@ def _graph(run: MissionRun) -> Variables:
     square = ("waypoint", "waypoint_to")
     graph = run.graph
     return {
-        "waypoint_position": _variable(
+        "waypoint_position": variable(
             ("waypoint", "axis"), np.asarray(graph.positions, float), "place of the waypoint", "m"
         ),
         "adjacency": _yes_or_no(square, np.asarray(graph.adjacency), "whether an edge leads there"),
-        "task_priority": _variable(
+        "task_priority": variable(
             square, np.asarray(graph.priority, float), "priority of the edge's task, 0 without one", "1"
         ),
-        "task_duration": _variable(square, np.asarray(graph.duration, float), "time of the edge's task", "s"),
+        "task_duration": variable(square, np.asarray(graph.duration, float), "time of the edge's task", "s"),
     }
 
 
@@ -196,14 +234,14 @@ def _orders(run: MissionRun) -> Variables:
         nodes[row, : len(order.nodes)] = order.nodes
     codes, flags = _flags(np.asarray([order.cause for order in orders]), _ORDER_CAUSES)
     return {
-        "order_nodes": _variable(("order", "stop"), nodes, "waypoints in order of visit; -1 pads"),
-        "order_made_at": _variable(
+        "order_nodes": variable(("order", "stop"), nodes, "waypoints in order of visit; -1 pads"),
+        "order_made_at": variable(
             "order", [order.made_at for order in orders], "when it was made", TIME_UNITS
         ),
-        "order_time": _variable("order", [order.time for order in orders], "expected time", "s"),
-        "order_priority": _variable("order", [order.priority for order in orders], "total priority", "1"),
-        "order_cpu": _variable("order", [order.cpu for order in orders], "wall-clock time of planning", "s"),
-        "order_cause": _variable("order", codes, "why it was made", **flags),
+        "order_time": variable("order", [order.time for order in orders], "expected time", "s"),
+        "order_priority": variable("order", [order.priority for order in orders], "total priority", "1"),
+        "order_cpu": variable("order", [order.cpu for order in orders], "wall-clock time of planning", "s"),
+        "order_cause": variable("order", codes, "why it was made", **flags),
     }
 
 
@@ -220,56 +258,23 @@ def _plans(legs: Sequence[LegRecord]) -> Variables:
         times[row, : len(plan.times)] = plan.times
     codes, flags = _flags(np.asarray([plan.cause for _, plan in plans]), _PLAN_CAUSES)
     return {
-        "plan_position": _variable(("plan", "sample", "axis"), places, "planned place", "m"),
-        "plan_time": _variable(("plan", "sample"), times, "planned time of the sample", TIME_UNITS),
-        "plan_leg": _variable("plan", np.asarray([row for row, _ in plans], np.int32), "index of the leg"),
-        "plan_made_at": _variable(
-            "plan", [plan.made_at for _, plan in plans], "when it was made", TIME_UNITS
-        ),
-        "plan_cost": _variable("plan", [plan.cost for _, plan in plans], "cost of the path (Eq. 12)", "s"),
+        "plan_position": variable(("plan", "sample", "axis"), places, "planned place", "m"),
+        "plan_time": variable(("plan", "sample"), times, "planned time of the sample", TIME_UNITS),
+        "plan_leg": variable("plan", np.asarray([row for row, _ in plans], np.int32), "index of the leg"),
+        "plan_made_at": variable("plan", [plan.made_at for _, plan in plans], "when it was made", TIME_UNITS),
+        "plan_cost": variable("plan", [plan.cost for _, plan in plans], "cost of the path (Eq. 12)", "s"),
         "plan_feasible": _yes_or_no(
             "plan", [plan.feasible for _, plan in plans], "whether the planner saw every limit kept"
         ),
-        "plan_cpu": _variable("plan", [plan.cpu for _, plan in plans], "wall-clock time of planning", "s"),
-        "plan_cause": _variable("plan", codes, "why it was made", **flags),
+        "plan_cpu": variable("plan", [plan.cpu for _, plan in plans], "wall-clock time of planning", "s"),
+        "plan_cause": variable("plan", codes, "why it was made", **flags),
     }
-
-
-def chart_variables(chart: Chart) -> Variables:
-    """The passability raster in steps of 1/255, and the centres of its pixels."""
-    passability = np.asarray(chart.passability, float)
-    steps = np.where(passability > 0.0, np.clip(np.rint(passability * LEVELS), 1, LEVELS), 0)
-    size = float(np.asarray(chart.pixel_size))
-    corner = np.asarray(chart.origin, float)
-    north, east = (corner[k] + size * (np.arange(passability.shape[k]) + 0.5) for k in range(2))
-    raster = _variable(
-        ("chart_x", "chart_y"), steps.astype(np.uint8), "passability", "1",
-        scale_factor=1.0 / LEVELS, valid_range=np.asarray([0, LEVELS], np.uint8),
-        comment="0 coast, up to 0.35 uncertain, 1 water; stored in steps of 1/255, coast alone is 0",
-    )  # fmt: skip
-    return {
-        "passability": raster,
-        "chart_x": _variable("chart_x", north, "north of the pixel's centre", "m"),
-        "chart_y": _variable("chart_y", east, "east of the pixel's centre", "m"),
-        "chart_origin": _variable(
-            "horizontal", corner[:2], "south-west corner of the raster: north, east", "m"
-        ),
-        "chart_pixel_size": _variable((), size, "edge of a pixel", "m"),
-    }
-
-
-def _variable(
-    dims: str | tuple[str, ...], values: ArrayLike, name: str, units: str | None = None, **attrs: Any
-) -> xr.Variable:
-    return xr.Variable(
-        dims, np.asarray(values), {"long_name": name} | ({"units": units} if units else {}) | attrs
-    )
 
 
 def _yes_or_no(dims: str | tuple[str, ...], values: ArrayLike, name: str) -> xr.Variable:
     """Truth values as 0 and 1: NetCDF has no type for them."""
     flags = {"flag_values": np.asarray([0, 1], np.int8), "flag_meanings": "no yes"}
-    return _variable(dims, np.asarray(values, bool).astype(np.int8), name, **flags)
+    return variable(dims, np.asarray(values, bool).astype(np.int8), name, **flags)
 
 
 def _flags(names: NDArray[np.str_], known: Sequence[str]) -> tuple[NDArray[np.int8], dict[str, Any]]:

@@ -4,14 +4,14 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-import yaml
-from pydantic import ValidationError
-
+from auvplan.io.faults import Fault, first_of
+from auvplan.io.scenario_faults import check_fields
+from auvplan.io.yaml_lines import Document, YamlError, read_yaml
 from auvplan.voyage.scenario import Scenario
 from auvplan.voyage.world import ScenarioError
 
 #: Larger files are no scenarios.
-_MAX_BYTES = 1_000_000
+_MAX_BYTES = 200_000
 
 
 def shipped_scenarios() -> dict[str, Scenario]:
@@ -28,21 +28,32 @@ def load_scenario(source: str | Path = "whitsunday") -> Scenario:
         source: path of a file, or a name that `auvplan scenarios` lists.
 
     Raises:
-        ScenarioError: one line that names file, field and reason.
+        ScenarioError: one line that names file, line, field and reason, and how many more faults there are.
+    """
+    scenario, faults, _ = check_scenario(source)
+    if scenario is None:
+        raise ScenarioError(first_of(faults, str(source), is_file=True))
+    return scenario
+
+
+def check_scenario(source: str | Path) -> tuple[Scenario | None, list[Fault], Document]:
+    """Read a scenario file, and all that is wrong with its fields.
+
+    Args:
+        source: as for `load_scenario`.
+
+    Returns:
+        The scenario, or None and at least one fault; and what the file says, with places.
+
+    Raises:
+        ScenarioError: the file cannot be read as text; one line that names it.
     """
     text = _read(source)
     try:
-        plain = yaml.load(text, Loader=_PlainLoader)
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        line = f" at line {mark.line + 1}" if mark is not None else ""
-        problem = getattr(error, "problem", None) or "cannot be parsed"
-        raise ScenarioError(f"{source}: not valid YAML{line}: {problem}") from None
-    except RecursionError:
-        raise ScenarioError(f"{source}: nested too deeply") from None
-    if not isinstance(plain, dict):
-        raise ScenarioError(f"{source}: a scenario is a mapping of fields, got {type(plain).__name__}")
-    return validate_scenario(plain, str(source))
+        document = read_yaml(text)
+    except YamlError as error:
+        return None, [Fault("YAML", str(error), error.place)], Document()
+    return *check_fields(document), document
 
 
 def validate_scenario(plain: dict[str, Any], source: str = "scenario") -> Scenario:
@@ -51,16 +62,26 @@ def validate_scenario(plain: dict[str, Any], source: str = "scenario") -> Scenar
     Raises:
         ScenarioError: one line that names the first fault's field and reason, and how many more there are.
     """
-    try:
-        return Scenario.model_validate(plain)
-    except ValidationError as error:
-        faults = error.errors()
-        field = ".".join(str(part) for part in faults[0]["loc"]) or "scenario"
-        reason = faults[0]["msg"].removeprefix("Value error, ")
-        if faults[0]["type"] == "extra_forbidden":
-            reason = "unknown key"
-        more = f" (and {len(faults) - 1} more)" if len(faults) > 1 else ""
-        raise ScenarioError(f"{source}: {field}: {reason}{more}") from None
+    scenario, faults = check_fields(Document(plain))
+    if scenario is None:
+        raise ScenarioError(first_of(faults, source, is_file=False))
+    return scenario
+
+
+def scenario_schema() -> dict[str, Any]:
+    """The JSON Schema (2020-12) of scenario files, with descriptions, units, defaults and limits.
+
+    Rules between fields, such as that a chart's source needs a file, are beyond it: `auvplan validate`
+    tells them.
+    """
+    own = Scenario.model_json_schema()
+    head = {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "auvplan scenario",
+        "description": "What a mission of an autonomous underwater vehicle needs to know. Local metres north, "
+        "east and depth (down); seconds; m/s.",
+    }
+    return head | {name: value for name, value in own.items() if name not in head}
 
 
 def _read(source: str | Path) -> str:
@@ -69,33 +90,16 @@ def _read(source: str | Path) -> str:
     if path.suffix not in (".yaml", ".yml") and "/" not in str(source) and shipped.is_file():
         return shipped.read_text(encoding="utf-8")
     try:
-        if path.stat().st_size > _MAX_BYTES:
-            raise ScenarioError(f"{source}: larger than {_MAX_BYTES} bytes, not a scenario")
-        return path.read_text(encoding="utf-8")
+        with path.open("rb") as file:
+            found = file.read(_MAX_BYTES + 1)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or "cannot be read"
+        names = ", ".join(sorted(e.name.removesuffix(".yaml") for e in shipped.parent.iterdir()))  # type: ignore[attr-defined]
+        raise ScenarioError(f"{source}: {reason}; shipped scenarios: {names}") from None
+    if len(found) > _MAX_BYTES:
+        raise ScenarioError(f"{source}: larger than {_MAX_BYTES} bytes, not a scenario")
+    try:
+        # "utf-8-sig" drops the mark that some editors put first.
+        return found.decode("utf-8-sig")
     except UnicodeDecodeError:
         raise ScenarioError(f"{source}: not a text file") from None
-    except OSError as error:
-        names = ", ".join(sorted(e.name.removesuffix(".yaml") for e in shipped.parent.iterdir()))  # type: ignore[attr-defined]
-        raise ScenarioError(
-            f"{source}: {error.strerror or 'cannot be read'}; shipped scenarios: {names}"
-        ) from None
-
-
-class _PlainLoader(yaml.SafeLoader):
-    """YAML without tags, anchors that multiply, or keys given twice."""
-
-    def compose_node(self, parent: Any, index: Any) -> Any:
-        if self.check_event(yaml.events.AliasEvent):
-            event = self.peek_event()
-            raise yaml.constructor.ConstructorError(None, None, "aliases are not allowed", event.start_mark)
-        return super().compose_node(parent, index)
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict:
-        seen = set()
-        for key, _ in node.value:
-            if key.value in seen:
-                raise yaml.constructor.ConstructorError(
-                    None, None, f"key {key.value!r} given twice", key.start_mark
-                )
-            seen.add(key.value)
-        return super().construct_mapping(node, deep)

@@ -85,7 +85,7 @@ def travel_times(
 
     Returns:
         ``(seconds [E], sailable [E])``; an edge is not sailable where no path tried keeps every limit, or
-        where an end lies outside the box or the chart.
+        where an end lies outside the box or the chart, or nearer to the sea bed than its clearance.
     """
     sea = replace(env, current=None, obstacles=None)
     inside = _inside(starts, env) & _inside(goals, env)
@@ -122,10 +122,12 @@ def travel_times(
 
 
 def _inside(points: np.ndarray, env: Environment) -> NDArray[np.bool_]:
-    """Whether points [E, 3] m lie in the box and on the chart."""
+    """Whether points [E, 3] m lie in the box, on the chart and clear of the sea bed."""
     inside = ((points >= np.asarray(env.lower) - 1e-3) & (points <= np.asarray(env.upper) + 1e-3)).all(axis=1)
     if env.chart is not None:
         inside &= env.chart.contains(points[:, 0], points[:, 1])
+    if env.seabed is not None:
+        inside &= env.seabed.altitude(points) >= float(env.seabed.clearance)
     return np.asarray(inside)
 
 
@@ -148,17 +150,19 @@ def _estimate(
     def one(
         start: jax.Array, goal: jax.Array, depart: jax.Array, current: Current, chart: Chart | None
     ) -> tuple[jax.Array, jax.Array]:
-        env = Environment(current, chart, Obstacles.none(), sea.lower, sea.upper)
+        env = Environment(current, chart, Obstacles.none(), sea.lower, sea.upper, sea.seabed)
         problem = (start, goal, depart, env, vehicle)
         cost = partial(score, config=config.path)
         lower, upper = habitats.bounds(start, goal, env, config.path)
         if detours:
             # The same fan for every edge: the key only shapes it.
-            fan = habitats.initial(jax.random.key(0), detours + 1, start, goal, lower, upper, config.path)
+            fan = habitats.initial(
+                jax.random.key(0), detours + 1, start, goal, lower, upper, config.path, env
+            )
             best = jnp.argsort(cost(fan, *problem)[0])[:_POLISHED]
             tried = fan[best]
         else:
-            tried = habitats.straight_line(start, goal, config.path)[None]
+            tried = habitats.risen(habitats.straight_line(start, goal, config.path)[None], start, goal, env)
         if steps:
             tried, costs, _ = refine(cost, tried, lower, upper, steps, problem, _STEP_SIZE)
             tried = tried[jnp.argmin(costs)][None]

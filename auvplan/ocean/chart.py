@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 from scipy import ndimage
 
+from auvplan.ocean.bilinear import bilinear
 from auvplan.ocean.classify import DEFAULT_CLUSTERS, UNCERTAIN_MAX, classify
-from auvplan.tangents import fixed, instantiated
 
 #: Distance to a coast that is nowhere, in pixels.
 FAR = 1e6
@@ -160,7 +160,7 @@ class Chart:
 
     def _at(self, raster: jax.Array, x: jax.Array, y: jax.Array) -> jax.Array:
         chex.assert_rank(raster, 2)
-        return _compiled_bilinear(raster, self.origin, self.pixel_size, *jnp.broadcast_arrays(x, y))
+        return bilinear(raster, self.origin, self.pixel_size, *jnp.broadcast_arrays(x, y))
 
     def contains(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
         """Whether positions lie on the chart, in NumPy."""
@@ -197,65 +197,6 @@ class Chart:
         raster = np.asarray(self.passability)
         coast, water = float((raster == 0.0).mean()), float((raster == 1.0).mean())
         return {"coast": coast, "uncertain": 1.0 - coast - water, "water": water}
-
-
-@jax.custom_jvp
-def _bilinear(
-    raster: jax.Array, origin: jax.Array, pixel_size: jax.Array, x: jax.Array, y: jax.Array
-) -> jax.Array:
-    """Bilinear interpolation of a raster [nx, ny], held beyond the outer pixels' centres."""
-    return _with_slopes(raster, origin, pixel_size, x, y)[0]
-
-
-@partial(_bilinear.defjvp, symbolic_zeros=True)
-def _bilinear_jvp(primals: tuple, tangents: tuple) -> tuple[jax.Array, jax.Array]:
-    """The slopes come from the four pixels that the value is from: nothing is looked up twice."""
-    if not fixed(tangents[:3]):
-        raise NotImplementedError("a chart cannot be differentiated by its pixels, origin or pixel size")
-    value, *slopes = _with_slopes(*primals)
-    dx, dy = instantiated(tangents[3:], primals[3:])
-    return value, slopes[0] * dx + slopes[1] * dy
-
-
-#: Compiled, or every call outside a compiled program would compile its loop anew.
-_compiled_bilinear = jax.jit(_bilinear)
-
-
-def _with_slopes(
-    raster: jax.Array, origin: jax.Array, pixel_size: jax.Array, x: jax.Array, y: jax.Array
-) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """Interpolated value, and its slopes along x and y, 1/m.
-
-    In two halves, one after the other: what a loop finds is stored, where XLA would look the pixels up again
-    for every expression that uses them, at twice the time of a whole path cost.
-    """
-    half = -(-x.size // 2)
-    halves = [jnp.pad(jnp.ravel(axis), (0, 2 * half - x.size)).reshape(2, half) for axis in (x, y)]
-    found = jax.lax.map(lambda places: _looked_up(raster, origin, pixel_size, *places), tuple(halves))
-    return tuple(row.reshape(-1)[: x.size].reshape(x.shape) for row in found)  # type: ignore[return-value]
-
-
-def _looked_up(
-    raster: jax.Array, origin: jax.Array, pixel_size: jax.Array, x: jax.Array, y: jax.Array
-) -> tuple[jax.Array, jax.Array, jax.Array]:
-    north, east = raster.shape
-    i, j = (x - origin[0]) / pixel_size - 0.5, (y - origin[1]) / pixel_size - 0.5
-    within_i, within_j = (i > 0.0) & (i < north - 1.0), (j > 0.0) & (j < east - 1.0)
-    i, j = jnp.clip(i, 0.0, north - 1.0), jnp.clip(j, 0.0, east - 1.0)
-    i0 = jnp.clip(i.astype(jnp.int32), 0, max(north - 2, 0))
-    j0 = jnp.clip(j.astype(jnp.int32), 0, max(east - 2, 0))
-    a, b = i - i0, j - j0
-    flat, corner = raster.reshape(-1), i0 * east + j0
-    up, right = (east if north > 1 else 0), (1 if east > 1 else 0)
-
-    def at(offset: int) -> jax.Array:
-        return flat.at[corner + offset].get(mode="promise_in_bounds", wrap_negative_indices=False)
-
-    along_south, along_north = at(right) - at(0), at(up + right) - at(up)
-    south, across = at(0) + b * along_south, at(up) - at(0) + b * (along_north - along_south)
-    along = along_south + a * (along_north - along_south)
-    slopes = (jnp.where(within_i, across, 0.0) / pixel_size, jnp.where(within_j, along, 0.0) / pixel_size)
-    return south + a * across, *slopes
 
 
 def _signed_distance(land: NDArray[np.bool_]) -> NDArray[np.floating]:

@@ -1,4 +1,4 @@
-"""The world that a planner is given: current, chart, obstacles and the box to stay in."""
+"""The world that a planner is given: current, chart, obstacles, the box to stay in and the sea bed."""
 
 from dataclasses import dataclass
 
@@ -9,10 +9,11 @@ import numpy as np
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.currents import Current, as_current
 from auvplan.ocean.obstacles import Obstacles
+from auvplan.ocean.seabed import Seabed
 from auvplan.pytree import rebuilt_as_is
 
 
-@rebuilt_as_is("current", "chart", "obstacles", "lower", "upper")
+@rebuilt_as_is("current", "chart", "obstacles", "lower", "upper", "seabed")
 @dataclass(frozen=True)
 class Environment:
     """What a planner believes of the sea.
@@ -23,10 +24,11 @@ class Environment:
         obstacles: M obstacles, or None.
         lower: [3] m, north, east, depth; the box that every path stays in.
         upper: [3] m. Equal depths make the problem planar.
+        seabed: depth and the clearance to be kept above it, or None where it is out of reach.
 
     Raises:
         TypeError: `current` is not callable.
-        ValueError: the box is not two finite corners, the lower one first.
+        ValueError: the box is not two finite corners, the lower one first, or reaches beyond the sea bed.
     """
 
     current: Current
@@ -34,6 +36,7 @@ class Environment:
     obstacles: Obstacles = None  # type: ignore[assignment]
     lower: jax.Array = (-np.inf, -np.inf, 0.0)  # type: ignore[assignment]
     upper: jax.Array = (np.inf, np.inf, 0.0)  # type: ignore[assignment]
+    seabed: Seabed | None = None
 
     def __post_init__(self) -> None:
         if isinstance(self.lower, jax.Array):  # made from another one, perhaps while JAX traces: complete
@@ -48,3 +51,12 @@ class Environment:
         object.__setattr__(self, "obstacles", Obstacles.none() if self.obstacles is None else self.obstacles)
         object.__setattr__(self, "lower", jnp.asarray(corners[0], float))
         object.__setattr__(self, "upper", jnp.asarray(corners[1], float))
+        if self.seabed is not None:
+            _require_cover(self.seabed, *corners)
+
+
+def _require_cover(seabed: Seabed, lower: np.ndarray, upper: np.ndarray) -> None:
+    """Refuse a box that reaches beyond the sea bed's raster by more than a pixel."""
+    beyond = [np.asarray(seabed.lower) - lower[:2], upper[:2] - np.asarray(seabed.upper)]
+    if np.max(beyond) > float(seabed.pixel_size):
+        raise ValueError(f"the environment's box reaches {np.max(beyond):.0f} m beyond the sea bed's raster")

@@ -11,34 +11,28 @@ from importlib.resources import files
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
-from pyproj import Transformer
 from scipy import ndimage
 
 from auvplan.ocean.chart import Chart
+from auvplan.site import Site
 
 #: Longitude and latitude of the middle of the box, degrees.
 CENTRE = (148.96, -20.34)
 #: Edge of the square box, m; local coordinates run from 0 at its south-western corner.
 EXTENT = 10_000.0
+#: Pixels along each edge of the shipped picture.
+PIXELS = 1000
 #: Width of the uncertain fringe along the coast, m.
 FRINGE = 80.0
 
 _LAND, _SHOAL, _WATER = (214, 196, 146), (150, 214, 204), (70, 130, 200)
 
 
-@cache
-def _projection() -> Transformer:
-    local = f"+proj=aeqd +lon_0={CENTRE[0]} +lat_0={CENTRE[1]} +datum=WGS84 +units=m"
-    return Transformer.from_crs("EPSG:4326", local, always_xy=True)
+#: Where the picture lies.
+SITE = Site(*CENTRE, origin=(EXTENT / 2, EXTENT / 2))
 
 
-def to_local(longitude: NDArray[np.floating], latitude: NDArray[np.floating]) -> tuple[NDArray, NDArray]:
-    """Longitude and latitude [deg] to local north and east [m] (azimuthal equidistant about the centre)."""
-    east, north = _projection().transform(longitude, latitude)
-    return np.asarray(north) + EXTENT / 2, np.asarray(east) + EXTENT / 2
-
-
-def classes(size: int = 1000) -> NDArray[np.uint8]:
+def classes(size: int = PIXELS) -> NDArray[np.uint8]:
     """The true classes of the picture, [size, size], row 0 in the north: 0 coast, 1 uncertain, 2 water."""
     scale = size / EXTENT
     picture = Image.new("L", (size, size), 0)
@@ -46,7 +40,7 @@ def classes(size: int = 1000) -> NDArray[np.uint8]:
     text = (files("auvplan") / "data" / "whitsunday_coast.geojson").read_text(encoding="utf-8")
     for feature in json.loads(text)["features"]:
         for k, ring in enumerate(feature["geometry"]["coordinates"]):
-            north, east = to_local(*np.asarray(ring, float).T)
+            north, east = SITE.to_local(*np.asarray(ring, float).T)
             outline = [(float(e * scale), float(size - n * scale)) for n, e in zip(north, east, strict=True)]
             draw.polygon(outline, fill=1 if k == 0 else 0)
     land = np.asarray(picture) > 0
@@ -54,7 +48,7 @@ def classes(size: int = 1000) -> NDArray[np.uint8]:
     return np.where(land, 0, np.where(shoal, 1, 2)).astype(np.uint8)
 
 
-def render(size: int = 1000, seed: int = 0) -> NDArray[np.uint8]:
+def render(size: int = PIXELS, seed: int = 0) -> NDArray[np.uint8]:
     """The chart-like picture, [size, size, 3] RGB, row 0 in the north; the same for the same seed."""
     rng = np.random.default_rng(seed)
     kinds = classes(size)
@@ -68,4 +62,4 @@ def render(size: int = 1000, seed: int = 0) -> NDArray[np.uint8]:
 @cache
 def whitsunday_chart() -> Chart:
     """The shipped chart: the picture, clustered as any other (section 2). 1000 x 1000 pixels of 10 m."""
-    return Chart.from_rgb(render(), pixel_size=EXTENT / 1000)
+    return Chart.from_rgb(render(), pixel_size=EXTENT / PIXELS)

@@ -1,7 +1,8 @@
-"""Certified clearance: how far every segment between two samples stays from coast and obstacles at the least.
+"""Certified clearance: how far every segment between two samples stays from coast, obstacles and sea bed.
 
 An obstacle is passed at its nearest by the straight line between two samples, seen from the obstacle. For the
-coast, the circles around both samples that hold no land cover what lies between.
+coast, the circles around both samples that hold no land cover what lies between; for the sea bed, the circles
+around both in which it is nowhere shallower.
 """
 
 from dataclasses import dataclass
@@ -91,6 +92,33 @@ def _between_with_slopes(first: jax.Array, last: jax.Array, gap: jax.Array) -> t
         for half, c, e in zip((0.5, 0.5, -0.5), chord, end, strict=True)
     ]
     return value, *slopes
+
+
+#: Look-ups vouch for segments so many times as long as those of the straight line: most paths' longest are
+#: shorter, and so all paths of a leg are judged by one layer of the sea bed.
+_USUAL = 1.5
+
+
+def bed_altitude(x: jax.Array, y: jax.Array, z: jax.Array, gap: jax.Array, env: Environment) -> jax.Array:
+    """Certified altitude of segments above the sea bed, [S - 1, P] m.
+
+    Each half of a segment is no deeper than its deeper end, and over a bed that the sample at its outer end
+    vouches for.
+
+    Args:
+        x, y, z: [S, P] m, samples.
+        gap: [S - 1, P] m, level lengths of the segments between them.
+        env: the world.
+    """
+    bed = env.seabed
+    if bed is None:
+        return jnp.full_like(gap, FAR)
+    usual = _USUAL / gap.shape[0] * norm(x[-1] - x[0], y[-1] - y[0])
+    longer = jnp.maximum(jnp.concatenate([gap[:1], gap]), jnp.concatenate([gap, gap[-1:]]))
+    longer = jnp.maximum(longer, jnp.minimum(usual, 2.0 * bed.reach[-1]))
+    above = bed.shallowest_at(x, y, longer) - z
+    dive = 0.5 * (z[1:] - z[:-1])
+    return jnp.minimum(above[:-1] - jnp.maximum(dive, 0.0), above[1:] - jnp.maximum(-dive, 0.0))
 
 
 def obstacle_clearance(segments: Segments, env: Environment) -> jax.Array:

@@ -6,6 +6,9 @@ from typing import Any, Literal, Self
 from auvplan.bbo import BBOConfig
 from auvplan.vehicle import SpeedReading
 
+#: m, by which the margins that a polish keeps are wider than what is asked for.
+GUIDE_MARGIN = 1.0
+
 
 @dataclass(frozen=True)
 class Penalties:
@@ -20,6 +23,7 @@ class Penalties:
     coast: float = 1000.0
     obstacle: float = 1000.0
     current: float = 1000.0
+    seabed: float = 1000.0
 
 
 @dataclass(frozen=True)
@@ -34,7 +38,7 @@ class PathConfig:
         speed_reading: "track" crabs to hold the track; "eq8" points along it; "eq11" leaves the current out.
         start_shape: initial habitats as "smooth" detours of few bends, or "uniform" draws within bounds.
         width: half-width of each control point's bounds, as a share of the straight distance.
-        depth_width: the same for depth.
+        depth_width: the same for depth; over a sea bed they reach up to the box's lesser depth in any case.
         t_series: re-planning windows of a leg; each gets iterations / t_series iterations (3.2.2).
         uncertain_price: extra seconds charged per second and unit of (1 - passability).
         coast_margin: m, least distance kept to the coast.

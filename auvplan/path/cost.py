@@ -14,32 +14,35 @@ import numpy as np
 
 from auvplan.ocean.environment import Environment
 from auvplan.path.bspline import basis_matrix
-from auvplan.path.clearance import coast_clearance, obstacle_clearance
-from auvplan.path.config import PathConfig
+from auvplan.path.clearance import bed_altitude, coast_clearance, obstacle_clearance
+from auvplan.path.config import GUIDE_MARGIN, PathConfig
 from auvplan.path.kinematics import TINY, Axes, elapsed, middle_times, norm, over_ground, turn_rate
 from auvplan.vehicle import Vehicle
 
 #: Limits of Eq. 12, in the order of every violation array. What an excess of 1 means: surge, sway, turn rate,
 #: twice the limit; coast, obstacle, `CLEARANCE_SCALE` metres too close; current, slower than the floor by the
-#: speed through the water.
-VIOLATIONS = ("surge", "sway", "turn_rate", "coast", "obstacle", "current")
+#: speed through the water; sea bed, `ALTITUDE_SCALE` metres too low.
+VIOLATIONS = ("surge", "sway", "turn_rate", "coast", "obstacle", "current", "seabed")
 
-#: Place of the coast in `VIOLATIONS`; the obstacles come next.
+#: Place of the coast in `VIOLATIONS`; the obstacles come next, the sea bed is the last.
 _COAST = VIOLATIONS.index("coast")
 
 #: Metres of missing clearance that count as an excess of one.
 CLEARANCE_SCALE = 50.0
 
+#: Metres of missing altitude that count so: a few metres are kept from the bed where tens are from a coast.
+ALTITUDE_SCALE = 10.0
+
 #: Paths that a CPU scores in one go, so that their planes stay in its caches; whole vector registers.
 _TOGETHER = 640
 
 #: A polish charges this share of the penalties' weights, and for margins wider by so many metres.
-_GUIDE_SOFTNESS, _GUIDE_MARGIN = 0.003, 1.0
+_GUIDE_SOFTNESS = 0.003
 
 
 @partial(
     jax.tree_util.register_dataclass,
-    data_fields=("x", "y", "z", "times", "length", "excess", "coast", "obstacles", "price"),
+    data_fields=("x", "y", "z", "times", "length", "excess", "coast", "obstacles", "altitude", "price"),
     meta_fields=(),
 )
 @dataclass(frozen=True)
@@ -54,6 +57,7 @@ class Flight:
             it is kept.
         coast: [S - 1, P] m, certified distance of each segment to the coast; 1e6 without a chart.
         obstacles: [S - 1, P] m, the same to collision boundaries.
+        altitude: [S - 1, P] m, certified altitude of each segment above the sea bed; 1e6 without one.
         price: [P] s, charged for uncertain areas.
     """
 
@@ -65,6 +69,7 @@ class Flight:
     excess: tuple[jax.Array, ...]
     coast: jax.Array
     obstacles: jax.Array
+    altitude: jax.Array
     price: jax.Array
 
     @property
@@ -74,7 +79,7 @@ class Flight:
 
     @property
     def clearance(self) -> jax.Array:
-        """[S - 1, P] m, certified distance of each segment to whatever is nearest."""
+        """[S - 1, P] m, certified distance of each segment to coast or collision boundary."""
         return jnp.minimum(self.coast, self.obstacles)
 
 
@@ -121,7 +126,7 @@ def curves(habitats: jax.Array, start: jax.Array, goal: jax.Array, config: PathC
 
 
 def fly(track: Track, depart: jax.Array, env: Environment, vehicle: Vehicle, config: PathConfig) -> Flight:
-    """Follow sampled paths through current, obstacles and chart.
+    """Follow sampled paths through current, obstacles and chart, over the sea bed.
 
     Args:
         track: P paths of S samples.
@@ -140,8 +145,10 @@ def fly(track: Track, depart: jax.Array, env: Environment, vehicle: Vehicle, con
     duration = gap / ground
     times = depart + elapsed(duration)
 
-    coast_clear, price = coast_clearance(x, y, norm(dx, dy), duration, env, config)
+    level = norm(dx, dy)
+    coast_clear, price = coast_clearance(x, y, level, duration, env, config)
     obstacle_clear = obstacle_clearance((starts, track.way, times[:-1], duration), env)
+    altitude = bed_altitude(x, y, z, level, env)
     turning = turn_rate(dx, dy, duration)
     excess = (
         jnp.maximum(ground / vehicle.surge_max - 1.0, 0.0),
@@ -150,13 +157,21 @@ def fly(track: Track, depart: jax.Array, env: Environment, vehicle: Vehicle, con
         _too_near(coast_clear, config.coast_margin),
         _too_near(obstacle_clear, config.obstacle_margin),
         shortfall,
+        _too_low(altitude, env, 0.0),
     )
-    return Flight(x, y, z, times, gap.sum(axis=0), excess, coast_clear, obstacle_clear, price)
+    return Flight(x, y, z, times, gap.sum(axis=0), excess, coast_clear, obstacle_clear, altitude, price)
 
 
 def _too_near(clearance: jax.Array, margin: float) -> jax.Array:
     """Excess of missing clearance."""
     return jnp.maximum(margin - clearance, 0.0) / CLEARANCE_SCALE
+
+
+def _too_low(altitude: jax.Array, env: Environment, margin: float) -> jax.Array:
+    """Excess of missing altitude; zeros, which cost a compiled program nothing, where there is no sea bed."""
+    if env.seabed is None:
+        return jnp.zeros_like(altitude)
+    return jnp.maximum(env.seabed.clearance + margin - altitude, 0.0) / ALTITUDE_SCALE
 
 
 def violations(flight: Flight) -> jax.Array:
@@ -222,10 +237,11 @@ def guide(
     flight = fly(track, depart, env, vehicle, config)
     straight = _straight_time(start, goal, vehicle)
     near = (
-        _too_near(flight.coast, config.coast_margin + _GUIDE_MARGIN),
-        _too_near(flight.obstacles, config.obstacle_margin + _GUIDE_MARGIN),
+        _too_near(flight.coast, config.coast_margin + GUIDE_MARGIN),
+        _too_near(flight.obstacles, config.obstacle_margin + GUIDE_MARGIN),
     )
-    wider = (*flight.excess[:_COAST], *near, *flight.excess[_COAST + 2 :])
+    low = _too_low(flight.altitude, env, GUIDE_MARGIN)
+    wider = (*flight.excess[:_COAST], *near, *flight.excess[_COAST + 2 : -1], low)
     soft = _GUIDE_SOFTNESS * straight * _penalty(wider, config)
     return flight.travel_time + flight.price + soft, _cost(flight, straight, config)
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from auvplan.ocean.environment import Environment
 from auvplan.path.bspline import basis_at, fit_matrix, greville_abscissae
-from auvplan.path.config import PathConfig
+from auvplan.path.config import GUIDE_MARGIN, PathConfig
 
 #: Sine modes of the initial detours: the first bends the path once, the second twice, ...
 _MODES = 4
@@ -25,6 +25,7 @@ def bounds(
 
     Every control point may leave its place on the straight line by a share of the distance, within the box of
     the environment; the curve stays in the box because a B-spline lies in the hull of its control points.
+    Over a sea bed it may rise to the top of the box, or no bank could be crossed.
     """
     distance = jnp.sqrt(((goal - start) ** 2).sum() + 1e-8)
     half = distance * jnp.asarray([config.width, config.width, config.depth_width], start.dtype)
@@ -32,6 +33,8 @@ def bounds(
     low, high = env.lower[:, None], env.upper[:, None]
     lower = jnp.clip(line - half[:, None], low, high)
     upper = jnp.clip(line + half[:, None], low, high)
+    if env.seabed is not None:
+        lower = lower.at[2].set(env.lower[2])
     return lower.reshape(-1), upper.reshape(-1)
 
 
@@ -43,11 +46,12 @@ def initial(
     lower: jax.Array,
     upper: jax.Array,
     config: PathConfig,
+    env: Environment | None = None,
 ) -> jax.Array:
     """A first population of `count` habitats, [count, 3 n] m, the straight line among them.
 
     "uniform" draws every control point within its bounds; "smooth" draws detours of a few bends, of all sizes
-    up to the bounds and to both sides.
+    up to the bounds and to both sides. Where the world has a sea bed they rise over its banks.
     """
     free = config.control_points
     line = straight_line(start, goal, config)
@@ -63,7 +67,38 @@ def initial(
         size = jax.random.uniform(size_key, (count, 1, 1), lower.dtype)
         offset = size * (amplitude @ jnp.asarray(shape, lower.dtype)) * scale
         population = line + offset.reshape(count, 3 * free)
-    return jnp.clip(population.at[0].set(line), lower, upper)
+    population = jnp.clip(population.at[0].set(line), lower, upper)
+    return population if env is None else risen(population, start, goal, env)
+
+
+def risen(habitats: jax.Array, start: jax.Array, goal: jax.Array, env: Environment) -> jax.Array:
+    """Habitats [P, 3 n] m whose control points rise to the clearance above the sea bed around them.
+
+    What lies within the way to the next control point counts, since the curve passes between them.
+    """
+    if env.seabed is None:
+        return habitats
+    free = habitats.shape[1] // 3
+    x, y, z = (habitats[:, axis * free : (axis + 1) * free] for axis in range(3))
+    ends = [jnp.broadcast_to(end[:2, None, None], (2, len(habitats), 1)) for end in (start, goal)]
+    polygon = jnp.concatenate([ends[0], jnp.stack([x, y]), ends[1]], axis=2)
+    gap = jnp.sqrt((jnp.diff(polygon, axis=2) ** 2).sum(axis=0) + 1e-8)
+    length = jnp.minimum(2.0 * jnp.maximum(gap[:, :-1], gap[:, 1:]), 2.0 * env.seabed.reach[-1])
+    z = jnp.minimum(z, deepest(env, x, y, length))
+    return jnp.concatenate([x, y, z], axis=1)
+
+
+def deepest(env: Environment, x: jax.Array, y: jax.Array, length: jax.Array) -> jax.Array:
+    """Depth at which the clearance above the sea bed is kept with some room, m, not above the box.
+
+    Args:
+        env: a world with a sea bed.
+        x, y: m, of one shape.
+        length: m, of the longest segment between samples that begins or ends there.
+    """
+    bed = env.seabed
+    assert bed is not None
+    return jnp.maximum(bed.shallowest_at(x, y, length) - bed.clearance - 2.0 * GUIDE_MARGIN, env.lower[2])
 
 
 def transfer(

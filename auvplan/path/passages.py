@@ -17,7 +17,8 @@ from auvplan.ocean.environment import Environment
 from auvplan.path.bspline import fit_matrix
 from auvplan.path.clearance import distance_to_land, obstacle_clearance
 from auvplan.path.config import PathConfig
-from auvplan.path.habitats import straight_line
+from auvplan.path.cost import ALTITUDE_SCALE
+from auvplan.path.habitats import deepest, risen, straight_line
 from auvplan.vehicle import Vehicle, along_track
 
 #: Moves from a cell to another in 32 directions, in cells along the way and across it.
@@ -26,6 +27,9 @@ _REACH = int(np.abs(MOVES).max())
 
 #: A move that breaks a limit costs this many times its own time for each unit of excess.
 _DETERRENT = 30.0
+
+#: Excess of a move at most; one over a bed too shallow to be crossed has half of that at least.
+_MOST, _SHALLOW = 3.0, 1.5
 
 #: Paths whose times differ by less than this share count as one.
 _SAME = 3e-4
@@ -51,7 +55,8 @@ def trace_passages(
     Args:
         start, goal: [3] m.
         depart: s since the epoch.
-        env: the world, obstacles resolved.
+        env: the world, obstacles resolved. A bank of the sea bed is crossed where the top of the box leaves
+            room above it.
         vehicle: speed and limits.
         count: of paths.
         config: static settings; `field_cells` sets the grid.
@@ -81,7 +86,8 @@ def trace_passages(
     to_start = _walk(chosen, _previous(ahead, edges, first), 2 * cells)
     to_goal = _walk(chosen, _previous(back, turned, last), 2 * cells)
     route = jnp.concatenate([to_start[::-1], to_goal[1:]]).T
-    return _fitted(x.reshape(-1)[route], y.reshape(-1)[route], start, goal, config), times
+    found = _fitted(x.reshape(-1)[route], y.reshape(-1)[route], start, goal, config)
+    return risen(found, start, goal, env), times
 
 
 def _edge_times(
@@ -97,6 +103,9 @@ def _edge_times(
     config: PathConfig,
 ) -> jax.Array:
     """[32, A, B] s: time of each of `MOVES` that ends in a cell, with a deterrent where it breaks a limit."""
+    shallow = _too_shallow(x, y, spacing, env)
+    if env.seabed is not None:
+        z = jnp.minimum(z, deepest(env, x, y, 2.0 * spacing))
     away = jnp.sqrt((x - start[0]) ** 2 + (y - start[1]) ** 2)
     when = depart + away / vehicle.speed  # arrival, roughly
     u, v, _ = env.current(x, y, z, when)
@@ -117,11 +126,14 @@ def _edge_times(
         if steps > 1.5:  # a long move may cut a corner: distances are 1-Lipschitz
             lowest = jnp.minimum(lowest, 0.5 * (clear + before - steps * spacing))
         excess = (
-            jnp.clip(-lowest / spacing, 0.0, 3.0)
+            jnp.clip(-lowest / spacing, 0.0, _MOST)
             + jnp.maximum(ground / vehicle.surge_max - 1.0, 0.0)
             + jnp.maximum(over_track / vehicle.sway_max - 1.0, 0.0)
             + shortfall
         )
+        if shallow is not None:
+            passed = (shallow, *(_shifted(shallow, *cell, 0.0) for cell in _passed(a, b)))
+            excess = excess + reduce(jnp.maximum, passed)
         dear = 1.0 + _DETERRENT * excess + config.uncertain_price * risk_mean
         times.append(jnp.where(before == -1.0, jnp.inf, steps * spacing / ground * dear))
     return jnp.stack(times)
@@ -138,6 +150,27 @@ def _clearance(
     still = jnp.zeros_like(x)  # a point is a segment of no length
     near = obstacle_clearance(((x, y, z), (still, still, still), when, still), env)
     return jnp.minimum(clear, near - config.obstacle_margin)
+
+
+def _too_shallow(x: jax.Array, y: jax.Array, spacing: jax.Array, env: Environment) -> jax.Array | None:
+    """[A, B], excess where even the top of the box is too near the bed within a cell's spacing; else zero.
+
+    None without a sea bed.
+    """
+    bed = env.seabed
+    if bed is None:
+        return None
+    missing = env.lower[2] + bed.clearance - bed.shallowest_at(x, y, 2.0 * spacing)
+    return jnp.where(missing > 0.0, jnp.clip(_SHALLOW + missing / ALTITUDE_SCALE, 0.0, _MOST), 0.0)
+
+
+def _passed(a: int, b: int) -> list[tuple[int, int]]:
+    """Cells that the move (a, b) begins in or passes, counted back from the one that it ends in.
+
+    No point of the move is farther than a cell's spacing from one of them.
+    """
+    steps = max(abs(a), abs(b))
+    return [(round(a * k / steps), round(b * k / steps)) for k in range(1, steps + 1)]
 
 
 def _shifted(plane: jax.Array, a: int, b: int, fill: float) -> jax.Array:

@@ -1,7 +1,7 @@
 """What the path planner returns."""
 
 from dataclasses import dataclass, field, replace
-from enum import Enum
+from datetime import datetime
 
 import jax
 import numpy as np
@@ -9,26 +9,10 @@ from numpy.typing import NDArray
 
 from auvplan.bbo import History
 from auvplan.path.cost import VIOLATIONS
+from auvplan.path.reasons import STATUS, PathStatus, explanation
 from auvplan.path.sensitivity import Conditions, Sensitivity, sensitivity
 
 Array = NDArray[np.floating]
-
-
-class PathStatus(Enum):
-    """How a path search ended; the text says what to do."""
-
-    OK = "feasible path found"
-    SURGE = "ground speed exceeds the surge limit: raise vehicle.surge_max or slow down"
-    SWAY = (
-        "the current across the track exceeds the sway limit: raise vehicle.sway_max or wait for slack water"
-    )
-    TURN_RATE = "the path turns too sharply: raise vehicle.turn_rate_max or move the waypoints apart"
-    COAST = "no way clear of the coast was found: widen the search (PathConfig.width) or move the waypoints"
-    OBSTACLE = "no way clear of the obstacles was found: widen the search, raise iterations, or wait"
-    CURRENT = "the current is stronger than the vehicle: wait for slack water or choose a faster vehicle"
-
-
-_STATUS: dict[str, PathStatus] = dict(zip(VIOLATIONS, list(PathStatus)[1:], strict=True))
 
 
 @dataclass(frozen=True)
@@ -43,6 +27,7 @@ class PathPlan:
         control_points: [n, 3] m, ends included.
         violations: [V] mean excess of each limit in `VIOLATIONS`; zero means kept.
         clearance: m, least certified distance to coast and collision boundaries; 1e6 in open water.
+        altitude: m, least certified altitude above the sea bed; 1e6 where none is given.
         cost: s, with price and penalties (Eq. 12).
         population: [P, 3 n] m, habitats to re-plan from.
         history: cost and violation by iteration.
@@ -57,6 +42,7 @@ class PathPlan:
     control_points: Array
     violations: Array
     clearance: float
+    altitude: float
     cost: float
     population: jax.Array
     history: History
@@ -78,11 +64,11 @@ class PathPlan:
         """OK, or the limit that is broken most."""
         if self.feasible:
             return PathStatus.OK
-        return _STATUS[self.broken()[0]]
+        return STATUS[self.broken()[0]]
 
     @property
     def reason(self) -> str:
-        """One line: the binding limit, where along the leg it is broken most, and what to do."""
+        """One line: the binding limit and the value that breaks it, where and when, and what to do."""
         if self.feasible:
             return self.status.value
         return self.explain(self.broken()[0])
@@ -110,13 +96,26 @@ class PathPlan:
         order = np.argsort(-self.violations, kind="stable")
         return tuple(VIOLATIONS[k] for k in order if self.violations[k] != 0.0)
 
-    def explain(self, limit: str) -> str:
-        """Where along the leg a limit of `VIOLATIONS` is broken most, and what to do about it."""
-        index = VIOLATIONS.index(limit)
-        segment = int(np.argmax(self.excess[index]))
-        gaps = np.linalg.norm(np.diff(self.positions, axis=0), axis=1)
-        place = float(gaps[:segment].sum()) / 1000.0
-        return f"{limit} limit broken at km {place:.1f} of {self.length / 1000.0:.1f}: {_STATUS[limit].value}"
+    def explain(self, limit: str, epoch: datetime | None = None) -> str:
+        """Where and when a limit of `VIOLATIONS` is broken most, by which value, and what to do about it.
+
+        Args:
+            limit: as `broken` names it.
+            epoch: UTC, that times count from, to tell the time of day; None for seconds since the epoch.
+
+        Raises:
+            ValueError: there is no such limit.
+
+        Example:
+            >>> import jax, auvplan as ap
+            >>> from datetime import datetime
+            >>> stream = lambda x, y, z, t: (0.0, 1.9, 0.0)
+            >>> env = ap.Environment(stream, lower=(0, -50, 0), upper=(2000, 50, 0))
+            >>> plan = ap.plan_path((0, 0, 0), (2000, 0, 0), env, key=jax.random.key(0), depart=14400.0)
+            >>> plan.explain("sway", datetime(2024, 5, 1)).split(" at ")[0]
+            'cross-current 1.9 m/s over 1.5'
+        """
+        return explanation(self, limit, epoch)
 
 
 @dataclass(frozen=True)
@@ -133,6 +132,7 @@ class PathPlans:
     control_points: Array
     violations: Array
     clearance: Array
+    altitude: Array
     cost: Array
     population: jax.Array
     history: History
@@ -156,6 +156,7 @@ class PathPlans:
             self.control_points[b],
             self.violations[b],
             float(self.clearance[b]),
+            float(self.altitude[b]),
             float(self.cost[b]),
             self.population[b],
             jax.tree.map(lambda a: a[b], self.history),

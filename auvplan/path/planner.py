@@ -19,6 +19,7 @@ from auvplan.ocean.obstacles import Obstacles
 from auvplan.path import habitats
 from auvplan.path.config import PathConfig
 from auvplan.path.cost import curves, fly, guide, score, violations
+from auvplan.path.ends import check_ends
 from auvplan.path.kinematics import PacedCurrent, norm
 from auvplan.path.passages import trace_passages
 from auvplan.path.plan import PathPlan, PathPlans
@@ -43,7 +44,7 @@ def plan_path(
     Args:
         start: [3] m, north, east, depth.
         goal: [3] m.
-        env: current, chart, obstacles and box.
+        env: current, chart, obstacles, box and sea bed.
         vehicle: speed and limits; defaults to `Vehicle()`.
         key: PRNG key, consumed; the same key gives the same plan.
         config: settings; defaults to `PathConfig()`.
@@ -54,7 +55,8 @@ def plan_path(
         The best path found, feasible or not: see `PathPlan.feasible`, `.status` and `.reason`.
 
     Raises:
-        ValueError: start or goal lies on land, outside the chart or outside the box, or they coincide.
+        ValueError: start or goal lies on land, below the sea bed, outside the chart or outside the box, the
+            goal nearer to the sea bed than its clearance, or they coincide.
 
     Example:
         >>> import jax, auvplan as ap
@@ -140,34 +142,8 @@ def world_of(own: World, shared: Environment) -> Environment:
         current, obstacles = shared.current, shared.obstacles
     else:
         current, obstacles = united(shared.current, own[0]), own[1]
-    return Environment(current, shared.chart, obstacles.resolved(current), shared.lower, shared.upper)
-
-
-def check_ends(starts: ArrayLike, goals: ArrayLike, env: Environment) -> None:
-    """Refuse legs that no path can join.
-
-    Raises:
-        ValueError: an end lies on land, outside the chart or outside the box, or both ends coincide.
-    """
-    start, goal = np.asarray(starts), np.asarray(goals)
-    lower, upper = np.asarray(env.lower), np.asarray(env.upper)
-    for name, points in (("start", start), ("goal", goal)):
-        faults = {
-            "is not finite": ~np.isfinite(points).all(axis=1),
-            "lies outside the environment's bounds": ((points < lower - 1e-3) | (points > upper + 1e-3)).any(
-                axis=1
-            ),
-        }
-        if env.chart is not None:
-            x, y = points[:, 0], points[:, 1]
-            faults["lies outside the chart"] = ~np.asarray(env.chart.contains(x, y))
-            faults["lies on land"] = ~np.asarray(env.chart.is_water(x, y))
-        for fault, found in faults.items():
-            for b in np.flatnonzero(found)[:1]:
-                place = "({:.0f}, {:.0f}, {:.0f}) m".format(*points[b])
-                raise ValueError(f"{name} of leg {b} at {place} {fault}")
-    for b in np.flatnonzero(np.linalg.norm(goal - start, axis=1) < 1e-3)[:1]:
-        raise ValueError(f"start and goal of leg {b} coincide")
+    resolved = obstacles.resolved(current)
+    return Environment(current, shared.chart, resolved, shared.lower, shared.upper, shared.seabed)
 
 
 #: Paths of a leg are taken to make at least this share of the speed through the water over ground.
@@ -216,7 +192,8 @@ def search_leg(
     first_key, run_key = jax.random.split(key)
     problem = (start, goal, depart, _paced(start, goal, depart, env, vehicle, config), vehicle)
     if population is None:
-        population = habitats.initial(first_key, config.bbo.population, start, goal, lower, upper, config)
+        count = config.bbo.population
+        population = habitats.initial(first_key, count, start, goal, lower, upper, config, env)
     population = jnp.clip(population, lower, upper)
     if config.passages:
         population = _with_passages(population, lower, upper, problem, config)
@@ -237,6 +214,7 @@ def search_leg(
         "control_points": jnp.concatenate([start[None], inner, goal[None]]),
         "violations": violations(flight)[:, 0],
         "clearance": flight.clearance.min(),
+        "altitude": flight.altitude.min(),
         "cost": result.state.cost[0],
         "population": result.state.population,
         "history": result.history,
@@ -259,7 +237,8 @@ def _paced(
     if not is_gradual(env.current):
         return env
     line = curves(habitats.straight_line(start, goal, config)[None], start, goal, config)
-    flight = fly(line, depart, replace(env, chart=None, obstacles=Obstacles.none()), vehicle, config)
+    bare = replace(env, chart=None, obstacles=Obstacles.none(), seabed=None)
+    flight = fly(line, depart, bare, vehicle, config)
     gap = norm(*line.way)[:, 0]
     pace = jnp.maximum(gap / jnp.diff(flight.times[:, 0]), _SLOWEST * vehicle.speed)
     return replace(env, current=PacedCurrent(env.current, pace))

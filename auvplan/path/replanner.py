@@ -16,8 +16,9 @@ from auvplan.compiled import compiled
 from auvplan.ocean.environment import Environment
 from auvplan.path import habitats
 from auvplan.path.config import PathConfig
+from auvplan.path.ends import check_ends
 from auvplan.path.plan import PathPlan, PathPlans
-from auvplan.path.planner import World, check_ends, search_leg, split, world_of
+from auvplan.path.planner import World, search_leg, split, world_of
 from auvplan.path.sensitivity import Conditions
 from auvplan.rows import over_rows
 from auvplan.vehicle import Vehicle
@@ -48,7 +49,7 @@ def replan_path(
         A plan from `position` to the old goal, departing now.
 
     Raises:
-        ValueError: the position lies on land or outside, or at the goal.
+        ValueError: the position lies on land, below the sea bed or outside, or at the goal.
     """
     position = np.asarray(position, float)
     return replan_paths([plan], position[None], np.asarray([now]), env, vehicle, key=key, config=config)[0]
@@ -131,7 +132,7 @@ def _replan(
         if fresh:
             # The worst of the kept ones make room for new detours: an obstacle may have closed the passage.
             lower, upper = habitats.bounds(position, goal, world, config)
-            new = habitats.initial(fresh_key, fresh, position, goal, lower, upper, config)
+            new = habitats.initial(fresh_key, fresh, position, goal, lower, upper, config, world)
             kept = jnp.concatenate([kept[: kept.shape[0] - fresh], new])
         return search_leg(search_key, position, goal, now, world, vehicle, kept, config.window())
 

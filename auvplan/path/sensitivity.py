@@ -86,7 +86,7 @@ def _slopes(
     positions: jax.Array, depart: jax.Array, env: Environment, vehicle: Vehicle, config: PathConfig
 ) -> tuple[jax.Array, ...]:
     x, y, z = (positions[:, axis, None] for axis in range(3))
-    track, bare = Track.through(x, y, z), replace(env, chart=None, obstacles=Obstacles.none())
+    track, bare = Track.through(x, y, z), replace(env, chart=None, obstacles=Obstacles.none(), seabed=None)
 
     def travel_time(depart: jax.Array, speed: jax.Array, factor: jax.Array) -> jax.Array:
         world = replace(bare, current=_Scaled(env.current, factor))

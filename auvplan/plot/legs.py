@@ -45,6 +45,6 @@ def extent_points(leg: LegRecord) -> Array:
 
 def current_at(plan: PlanRecord, x: Array, y: Array, z: float) -> tuple[Array, Array, Array]:
     """The true current when a plan was made, m/s north, east, down, on arrays x, y at depth z m."""
-    field: Any = plan.vortices
+    field: Any = plan.current
     u, v, w = field(x, y, np.full_like(x, z), np.full_like(x, plan.made_at))
     return np.asarray(u), np.asarray(v), np.asarray(w)

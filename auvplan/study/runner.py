@@ -20,7 +20,7 @@ from auvplan.study.store import Store, load_study
 from auvplan.study.table import table
 from auvplan.study.worker import Done, Finished, Job, Report, UnderWay, sail, work
 from auvplan.voyage.executive import make_fleet
-from auvplan.voyage.world import make_chart, make_graph
+from auvplan.voyage.waypoints import make_graph
 
 #: Missions done, missions in all, and the share of the work that is done.
 Progress = Callable[[int, int, float], None]
@@ -98,7 +98,7 @@ def run_study(
     """
     # What cannot be built or reached is told before anything is written.
     for case in design.cases:
-        make_graph(case, make_fleet(case, folder).chart, np.random.default_rng(0))
+        make_graph(case, make_fleet(case, folder).waters, np.random.default_rng(0))
     with connected(dask) if dask is not None else nullcontext() as client:
         store = Store(out, design, resume)
         if resume and store.finished:
@@ -119,7 +119,7 @@ def run_study(
             _sail_on_cores([job(tasks[k::count]) for k in range(count)], tally.take)
 
     swept = any(sweep.field.split(".")[0] in ("chart", "area") for sweep in design.sweeps)
-    dataset = table(design, store.rows(), None if swept else make_chart(design.scenario, folder))
+    dataset = table(design, store.rows(), None if swept else make_fleet(design.scenario, folder).chart)
     clock = {
         "missions": len(tasks),
         "wall_s": time.perf_counter() - begin,

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from auvplan.io.results import chart_variables
+from auvplan.io.fields import chart_variables
 from auvplan.ocean.chart import Chart
 from auvplan.study.design import Design
 from auvplan.study.row import VARIABLES, Row, Variable

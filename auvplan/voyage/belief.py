@@ -5,7 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.ocean.obstacles import CONFIDENCE, Obstacles
-from auvplan.voyage.scenario import SensorSettings
+from auvplan.voyage.settings import SensorSettings
 from auvplan.voyage.world import TrueObstacles
 
 Array = NDArray[np.floating]

@@ -19,9 +19,11 @@ from auvplan.voyage.legs import begin_legs, finish, refusal, sail_on
 from auvplan.voyage.order_calls import plan_orders, return_margin, time_edges
 from auvplan.voyage.records import LegRecord, MissionRun
 from auvplan.voyage.scenario import Scenario
-from auvplan.voyage.sea import Sea
+from auvplan.voyage.sea import ModelSea
 from auvplan.voyage.simulator import WIDTH
-from auvplan.voyage.world import current_update, make_chart, make_current, make_graph, make_vehicle
+from auvplan.voyage.waters import Waters
+from auvplan.voyage.waypoints import make_graph
+from auvplan.voyage.world import make_sea, make_vehicle
 
 #: Legs that may be refused at one waypoint before the mission is given up.
 _REFUSALS = 8
@@ -40,10 +42,12 @@ def run_mission(
     key: jax.Array,
     seed: int = 0,
     folder: str | Path = ".",
+    waters: Waters | None = None,
     progress: Progress | None = None,
 ) -> MissionRun:
     """Plan and sail one mission; see `run_missions`."""
-    return run_missions(scenario, keys=key[None], seeds=[seed], folder=folder, progress=progress)[0]
+    common = {"folder": folder, "waters": waters, "progress": progress}
+    return run_missions(scenario, keys=key[None], seeds=[seed], **common)[0]
 
 
 def run_missions(
@@ -52,6 +56,7 @@ def run_missions(
     keys: jax.Array,
     seeds: Sequence[int] | None = None,
     folder: str | Path = ".",
+    waters: Waters | None = None,
     progress: Progress | None = None,
 ) -> list[MissionRun]:
     """Plan and sail B missions of a scenario together.
@@ -61,15 +66,17 @@ def run_missions(
         keys: [B] PRNG keys; the result of a mission depends on its own key alone.
         seeds: B numbers to report beside the results.
         folder: that relative paths in the scenario start from.
+        waters: what the scenario's files tell, as `load_waters` reads it; read here if absent.
         progress: called with (mission, time s, what it does) as missions advance.
 
     Returns:
         One record a mission. A mission that fails is a record too: see `MissionRun.success` and `.reason`.
 
     Raises:
-        ScenarioError, ChartError: the scenario cannot be built.
+        ScenarioError, ChartError, GeoError, CurrentError: the scenario cannot be built.
     """
-    found = dict(sail_missions(scenario, keys=keys, seeds=seeds, folder=folder, progress=progress))
+    common = {"folder": folder, "waters": waters, "progress": progress}
+    found = dict(sail_missions(scenario, keys=keys, seeds=seeds, **common))
     return [found[number] for number in range(len(keys))]
 
 
@@ -79,16 +86,17 @@ def sail_missions(
     keys: jax.Array,
     seeds: Sequence[int] | None = None,
     folder: str | Path = ".",
+    waters: Waters | None = None,
     progress: Progress | None = None,
     together: int = WIDTH,
 ) -> Iterator[tuple[int, MissionRun]]:
     """`run_missions` one by one as they end: pairs of a mission's place among the keys and its record.
 
     Args:
-        scenario, keys, seeds, folder, progress: as for `run_missions`.
+        scenario, keys, seeds, folder, waters, progress: as for `run_missions`.
         together: missions under way at the same time, at most.
     """
-    fleet = make_fleet(scenario, folder)
+    fleet = make_fleet(scenario, folder, waters)
     waiting = deque(enumerate(zip(keys, seeds or range(len(keys)), strict=True)))
     active: list[Mission] = []
     while active or waiting:
@@ -130,18 +138,22 @@ def mission_configs(scenario: Scenario) -> tuple[MissionConfig, MissionConfig]:
     return config, config.quick() if quick else config
 
 
-def make_fleet(scenario: Scenario, folder: str | Path) -> Fleet:
-    """Chart, vehicle and planners' settings of a scenario.
+def make_fleet(scenario: Scenario, folder: str | Path, waters: Waters | None = None) -> Fleet:
+    """Waters, vehicle and planners' settings of a scenario.
 
     Raises:
-        ScenarioError, ChartError: the scenario cannot be built.
+        ScenarioError, ChartError, GeoError, CurrentError: the scenario cannot be built.
     """
+    # Files are read at the edge of the package; what is built from them can be given instead.
+    from auvplan.io.waters import load_waters
+
     return Fleet(
         scenario,
         path_config(scenario),
         mission_configs(scenario),
         make_vehicle(scenario),
-        make_chart(scenario, folder),
+        load_waters(scenario, folder) if waters is None else waters,
+        str(folder),
     )
 
 
@@ -149,7 +161,7 @@ def _embark(fleet: Fleet, number: int, key: jax.Array, seed: int) -> Mission:
     """Build a mission's world; nothing is planned yet."""
     scenario = fleet.scenario
     graph_key, field_key, sea_key, planner_key, chance_key = jax.random.split(key, 5)
-    graph = make_graph(scenario, fleet.chart, _generator(graph_key))
+    graph, names = make_graph(scenario, fleet.waters, _generator(graph_key))
     run = MissionRun(
         scenario.model_dump(mode="json"),
         seed,
@@ -159,9 +171,12 @@ def _embark(fleet: Fleet, number: int, key: jax.Array, seed: int) -> Mission:
         0,
         graph.size - 1,
         scenario.mission.time_available,
+        folder=str(Path(fleet.folder).resolve()),
+        site=fleet.waters.site,
+        seabed=fleet.waters.seabed,
+        names=names,
     )
-    update, interval = current_update(scenario), scenario.current.update_interval
-    sea = Sea(sea_key, make_current(scenario, field_key), update, interval)
+    sea = make_sea(scenario, fleet.waters, field_key, sea_key)
     return Mission(number, run, sea, planner_key, _generator(chance_key), graph, graph)
 
 
@@ -250,6 +265,8 @@ def _judge(fleet: Fleet, mission: Mission) -> None:
     run, planning, leg = mission.run, fleet.scenario.planning, mission.sailing
     record = leg.record
     finish(leg)
+    if isinstance(mission.sea, ModelSea):
+        record.current_difference = mission.sea.difference(record.positions, record.times)
     mission.leg = None
     if planning.charge_compute:
         mission.charge(record.cpu)

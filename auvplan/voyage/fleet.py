@@ -3,11 +3,15 @@
 from dataclasses import dataclass, field
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.mission import MissionConfig, MissionGraph, MissionOrder
 from auvplan.ocean.chart import Chart
+from auvplan.ocean.currents import Current
+from auvplan.ocean.environment import Environment
+from auvplan.ocean.obstacles import Obstacles
 from auvplan.path import PathConfig, PathPlan
 from auvplan.vehicle import Vehicle
 from auvplan.voyage.belief import ObstacleBelief
@@ -15,6 +19,7 @@ from auvplan.voyage.clock import Clock
 from auvplan.voyage.records import LegRecord, MissionRun
 from auvplan.voyage.scenario import Scenario
 from auvplan.voyage.sea import Sea
+from auvplan.voyage.waters import Waters
 from auvplan.voyage.world import TrueObstacles
 
 Array = NDArray[np.floating]
@@ -29,7 +34,8 @@ class Fleet:
         path_config: of the path planner.
         order_configs: of the mission planner, for the first order and for later ones.
         vehicle: speed and limits.
-        chart: coast, or None.
+        waters: what is known of the sea area.
+        folder: that relative paths in the scenario start from.
         clock: that planning calls are timed by.
     """
 
@@ -37,8 +43,26 @@ class Fleet:
     path_config: PathConfig
     order_configs: tuple[MissionConfig, MissionConfig]
     vehicle: Vehicle
-    chart: Chart | None
+    waters: Waters
+    folder: str = "."
     clock: Clock = field(default_factory=Clock)
+
+    @property
+    def chart(self) -> Chart | None:
+        """Coast and uncertain areas, or None."""
+        return self.waters.chart
+
+    @property
+    def box(self) -> tuple[Array, Array]:
+        """Corners of the box that vehicles stay in, [3] m each."""
+        lower, upper = self.scenario.box
+        return np.asarray(lower), np.asarray(upper)
+
+    def environment(self, current: Current, obstacles: Obstacles | None = None) -> Environment:
+        """The world as planners are told it."""
+        lower, upper = (jnp.asarray(corner, float) for corner in self.box)
+        known = Obstacles.none() if obstacles is None else obstacles
+        return Environment(current, self.chart, known, lower, upper, seabed=self.waters.seabed)
 
     @property
     def speed(self) -> float:

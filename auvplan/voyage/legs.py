@@ -13,6 +13,7 @@ from auvplan.voyage.evasion import escape_track
 from auvplan.voyage.fleet import Fleet, Leg, Mission
 from auvplan.voyage.path_calls import plan_legs
 from auvplan.voyage.records import LegRecord
+from auvplan.voyage.sea import stacked
 from auvplan.voyage.simulator import TIME_STEP, WIDTH, Sailed, over_ground, sail
 from auvplan.voyage.world import draw_obstacles
 
@@ -43,6 +44,8 @@ def begin_legs(fleet: Fleet, missions: list[Mission], records: Sequence[LegRecor
     again = [mission for mission in missions if refusal(mission.sailing)]
     if again:
         plan_legs(fleet, again, ["leg"] * len(again), cold=True)
+    for mission in missions:
+        mission.sailing.record.followed = len(mission.sailing.record.plans) - 1
     _hope(fleet, [mission for mission in missions if _detours(mission.sailing)])
     parts = fleet.path_config.t_series
     for mission in missions:
@@ -69,6 +72,8 @@ def _hope(fleet: Fleet, missions: list[Mission]) -> None:
         leg = mission.sailing
         if refusal(leg) or leg.followed.travel_time > plan.travel_time:
             leg.follow(plan)
+        else:
+            leg.record.followed = len(leg.record.plans) - 1
 
 
 def refusal(leg: Leg) -> str:
@@ -96,7 +101,7 @@ def sail_on(fleet: Fleet, missions: list[Mission]) -> None:
                 np.asarray([leg.arc for leg in legs]),
                 np.asarray([leg.moving for leg in legs]),
                 np.asarray([mission.now for mission in batch]),
-                jax.tree.map(lambda *leaves: np.stack(leaves), *fields),
+                stacked(fields),
                 tuple(np.stack(part) for part in motions),
                 fleet.vehicle,
                 steps,
@@ -175,9 +180,8 @@ def _holds(fleet: Fleet, mission: Mission) -> bool:
     least = scenario.planning.least_window_change
     if least == 0.0 or _detours(leg):
         return False
-    told = mission.sea.told(scenario.current.forecast_error)
     sample = float(np.interp(leg.arc, leg.marks, np.arange(len(leg.marks))))
-    rest = outlook(leg.followed, sample, told, fleet.vehicle, fleet.path_config)
+    rest = outlook(leg.followed, sample, mission.sea.told(), fleet.vehicle, fleet.path_config)
     # What is further away comes into sensor range before the vehicle is there.
     near = max(HORIZON, scenario.sensors.range / fleet.speed)
     return rest.change < least and not rest.broken and not _hazard(mission, near)
@@ -198,7 +202,7 @@ def _hazard(mission: Mission, horizon: float = HORIZON) -> bool:
 
 def _give_way(fleet: Fleet, mission: Mission) -> None:
     """Keep station, or escape where something comes too near."""
-    area, leg = fleet.scenario.area, mission.sailing
+    leg, (lower, upper) = mission.sailing, fleet.box
     track = escape_track(
         leg.position,
         mission.now,
@@ -206,8 +210,8 @@ def _give_way(fleet: Fleet, mission: Mission) -> None:
         leg.belief,
         fleet.chart,
         fleet.speed,
-        np.asarray(area.lower),
-        np.asarray(area.upper),
+        lower,
+        upper,
         fleet.path_config.samples,
     )
     leg.moving, leg.escaping = track is not None, track is not None

@@ -8,7 +8,6 @@ import numpy as np
 
 from auvplan.mission import MissionConfig, MissionGraph, MissionOrder, plan_missions
 from auvplan.mission.travel_times import TravelTimeConfig, programs
-from auvplan.ocean.environment import Environment
 from auvplan.path import PathConfig
 from auvplan.voyage.fleet import Fleet, Mission
 from auvplan.voyage.records import OrderRecord
@@ -45,9 +44,7 @@ def time_edges(fleet: Fleet, missions: list[Mission]) -> None:
 
 def _timed(fleet: Fleet, mission: Mission) -> tuple[MissionGraph, float]:
     """The timed graph and the wall-clock seconds that took, free of compilation."""
-    area = fleet.scenario.area
-    told = mission.sea.told(fleet.scenario.current.forecast_error)
-    env = Environment(told, fleet.chart, None, area.lower, area.upper)  # type: ignore[arg-type]
+    env = fleet.environment(mission.sea.told())
     config = effort(fleet.path_config)
     while True:
         # Which programs are needed shows only as blocked edges turn up.

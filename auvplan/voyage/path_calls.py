@@ -9,11 +9,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from auvplan.ocean.currents import divided
 from auvplan.ocean.environment import Environment
 from auvplan.path import PathPlan, PathPlans, plan_paths, replan_paths
 from auvplan.voyage.belief import as_obstacles
 from auvplan.voyage.fleet import Fleet, Mission
 from auvplan.voyage.records import PlanRecord
+from auvplan.voyage.sea import stacked
 
 
 def plan_legs(
@@ -33,7 +35,9 @@ def plan_legs(
     if not growing:
         env = replace(env, obstacles=replace(env.obstacles, growth=0.0 * env.obstacles.growth))
     # What a compiled program is made for: the settings and the shapes of the world.
-    shapes = [leaf.shape[1:] for leaf in jax.tree.leaves((env.current, env.obstacles))]
+    shared, own = divided(env.current)
+    shapes = [leaf.shape[1:] for leaf in jax.tree.leaves((own, env.obstacles))]
+    shapes += [leaf.shape for leaf in jax.tree.leaves((shared, fleet.waters.seabed))]
     signature = ("path", cold, fleet.path_config, *shapes, fleet.chart and fleet.chart.shape)
     plans, seconds = fleet.clock.time(signature, partial(_call, fleet, missions, env, keys, cold))
     for mission, plan, cause in zip(missions, plans, causes, strict=True):
@@ -42,22 +46,15 @@ def plan_legs(
 
 def _believed(fleet: Fleet, missions: list[Mission]) -> Environment:
     """The world as the vehicles know it now; current and obstacles have a leading axis."""
-    settings, area = fleet.scenario.sensors, fleet.scenario.area
-    told = [mission.sea.told(fleet.scenario.current.forecast_error) for mission in missions]
-    return Environment(
-        jax.tree.map(lambda *leaves: np.stack(leaves), *told),
-        fleet.chart,
-        as_obstacles([mission.sailing.belief for mission in missions], settings),
-        area.lower,  # type: ignore[arg-type]
-        area.upper,  # type: ignore[arg-type]
-    )
+    obstacles = as_obstacles([mission.sailing.belief for mission in missions], fleet.scenario.sensors)
+    return fleet.environment(stacked([mission.sea.told() for mission in missions]), obstacles)
 
 
 def _call(fleet: Fleet, missions: list[Mission], env: Environment, keys: jax.Array, cold: bool) -> PathPlans:
     """The planning call."""
-    area, legs = fleet.scenario.area, [mission.sailing for mission in missions]
+    legs = [mission.sailing for mission in missions]
     now = np.asarray([mission.now for mission in missions])
-    places = np.stack([np.clip(leg.position, area.lower, area.upper) for leg in legs])
+    places = np.stack([np.clip(leg.position, *fleet.box) for leg in legs])
     common: dict[str, Any] = {"key": keys, "config": fleet.path_config, "world_per_leg": True}
     if cold:
         goals = np.stack([leg.target for leg in legs])

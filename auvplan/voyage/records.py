@@ -1,5 +1,6 @@
 """What a sailed mission leaves behind: plain data on the host, for files, figures and statistics."""
 
+import math
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from typing import Any
@@ -9,7 +10,9 @@ from numpy.typing import NDArray
 
 from auvplan.mission import MissionGraph, MissionOrder
 from auvplan.ocean.chart import Chart
-from auvplan.ocean.vortices import LambVortices
+from auvplan.ocean.currents import Current
+from auvplan.ocean.seabed import Seabed
+from auvplan.site import Site
 from auvplan.vehicle import Vehicle
 
 Array = NDArray[np.floating]
@@ -28,7 +31,7 @@ class PlanRecord:
         cause: "leg", "window" or "hazard".
         cpu: s of wall-clock time.
         history: by iteration, [I + 1] each: best, mean, std, violation_best, violation_mean, violation_std.
-        vortices: the truth's current when the plan was made, for pictures.
+        current: the true one when the plan was made, for pictures.
     """
 
     made_at: float
@@ -39,7 +42,7 @@ class PlanRecord:
     cause: str
     cpu: float
     history: dict[str, Array]
-    vortices: LambVortices
+    current: Current
 
 
 @dataclass
@@ -53,6 +56,9 @@ class LegRecord:
         t_task: delta_ij, s.
         priority: rho_ij of the task; zero where the edge has none.
         plans: the first plan and every re-plan.
+        followed: number in `plans` of the one that the leg was begun with.
+        current_difference: m/s, root mean square of the difference between the current that was told and the
+            true one along the track; NaN where both change as vortices do.
         times: [n] s since the epoch; the last is the arrival.
         positions: [n, 3] m, sailed.
         obstacle_positions: [n, M, 3] m, the truth.
@@ -67,6 +73,8 @@ class LegRecord:
     t_task: float
     priority: float
     plans: list[PlanRecord] = field(default_factory=list)
+    followed: int = 0
+    current_difference: float = math.nan
     times: Array = field(default_factory=lambda: np.zeros(0))
     positions: Array = field(default_factory=lambda: np.zeros((0, 3)))
     obstacle_positions: Array = field(default_factory=lambda: np.zeros((0, 0, 3)))
@@ -78,6 +86,14 @@ class LegRecord:
     def t_path(self) -> float:
         """Travel time sailed, s."""
         return float(self.times[-1] - self.times[0]) if len(self.times) else 0.0
+
+    @property
+    def t_planned(self) -> float:
+        """Travel time of the plan that the leg was begun with, s; NaN without one."""
+        if not self.plans:
+            return math.nan
+        times = self.plans[self.followed].times
+        return float(times[-1] - times[0])
 
     @property
     def path_replans(self) -> int:
@@ -134,6 +150,10 @@ class MissionRun:
         charged_compute: s of planning time charged to the mission clock; zero unless asked for (Eq. 16).
         compile_seconds: s spent on first calls of the planners, which compile; shared by all missions of a
             batch and counted nowhere else.
+        folder: that relative paths in the scenario start from.
+        site: where and when local coordinates begin, or None.
+        seabed: or None.
+        names: of the waypoints; empty where they have none.
     """
 
     scenario: dict[str, Any]
@@ -153,6 +173,10 @@ class MissionRun:
     estimate_seconds: float = 0.0
     charged_compute: float = 0.0
     compile_seconds: float = 0.0
+    folder: str = "."
+    site: Site | None = None
+    seabed: Seabed | None = None
+    names: list[str] = field(default_factory=list)
 
     @property
     def t_residual(self) -> float:
@@ -193,6 +217,19 @@ class MissionRun:
             hit |= ~np.asarray(self.chart.is_water(positions[:, 0], positions[:, 1]))
         return int(hit.sum())
 
+    def forecast(self) -> dict[str, float] | None:
+        """How the sea that was told compares with the one that was sailed in; None for vortices."""
+        legs = [leg for leg in self.done if not math.isnan(leg.current_difference)]
+        if not legs:
+            return None
+        squares = [leg.t_path * leg.current_difference**2 for leg in legs]
+        sailed = sum(leg.t_path for leg in legs)
+        return {
+            "planned_s": sum(leg.t_planned for leg in legs),
+            "sailed_s": sailed,
+            "current_difference": math.sqrt(sum(squares) / sailed),
+        }
+
     def summary(self) -> dict[str, Any]:
         """The figures of the mission, ready for JSON."""
         return {
@@ -211,6 +248,7 @@ class MissionRun:
                     "from": leg.start,
                     "to": leg.goal,
                     "t_expected": leg.t_expected,
+                    "t_planned": None if math.isnan(leg.t_planned) else leg.t_planned,
                     "t_path": leg.t_path,
                     "t_task": leg.t_task,
                     "priority": leg.priority,
@@ -228,6 +266,7 @@ class MissionRun:
                 "compile_s": self.compile_seconds,
             },
             "collisions": self.collisions,
+            "forecast": self.forecast(),
             "scenario": self.scenario.get("name", ""),
             "seed": self.seed,
             "version": version("auvplan"),

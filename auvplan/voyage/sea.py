@@ -1,15 +1,36 @@
 """The true current of one mission, and what a planner is told of it."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from typing import Protocol
 
 import jax
+import numpy as np
 
+from auvplan.ocean.currents import Current, SumCurrent, divided, united
+from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.ocean.vortices import CurrentUpdate, LambVortices, evolve
 
 
-class Sea:
-    """A current that changes at every update (Eq. 2); its arrays lie on the host.
+class Sea(Protocol):
+    """A true current, and what is told of it."""
+
+    @property
+    def field(self) -> Current:
+        """The true current from now on."""
+        ...
+
+    def advance(self, now: float) -> None:
+        """Let time pass up to `now`, s."""
+
+    def told(self) -> Current:
+        """The current as a planner is told it now."""
+        ...
+
+
+class VortexSea:
+    """Vortices that change at every update (Eq. 2); their arrays lie on the host.
 
     It draws from its own key by its own counts, so that no mission depends on those beside it.
 
@@ -17,12 +38,15 @@ class Sea:
         field: the true current now, in NumPy.
     """
 
-    def __init__(self, key: jax.Array, field: LambVortices, update: CurrentUpdate, interval: float):
-        """Start with a field that changes every `interval` s."""
+    def __init__(
+        self, key: jax.Array, field: LambVortices, update: CurrentUpdate, interval: float, error: float = 0.0
+    ):
+        """Start with a field that changes every `interval` s and is told in error by a relative `error`."""
         self.field: LambVortices = jax.device_get(field)
         self._change_key, self._telling_key = jax.random.split(key, 2)
         self._update = update
         self._interval = interval
+        self._error = error
         self._updates = 0
         self._tellings = 0
 
@@ -32,10 +56,44 @@ class Sea:
             self.field = jax.device_get(_changed(self._change_key, self._updates, self.field, self._update))
             self._updates += 1
 
-    def told(self, error: float) -> LambVortices:
-        """The field as a planner is told it, in error by a relative `error`, anew at every telling."""
+    def told(self) -> LambVortices:
+        """The field as a planner is told it, in error anew at every telling."""
         self._tellings += 1
-        return jax.device_get(_told(self._telling_key, self._tellings, self.field, error))
+        return jax.device_get(_told(self._telling_key, self._tellings, self.field, self._error))
+
+
+class ModelSea:
+    """The currents of an ocean model's files: one is sailed in, the other told.
+
+    Attributes:
+        field: the truth, which all missions share.
+    """
+
+    def __init__(self, truth: GriddedCurrent, forecast: GriddedCurrent, error: LambVortices | None = None):
+        """Sail in `truth`; planners are told `forecast` and this mission's `error` added to it."""
+        self.field = SumCurrent(truth)
+        self._told = SumCurrent(forecast, jax.device_get(error))
+
+    def advance(self, now: float) -> None:
+        """Time is a matter of the files'."""
+
+    def told(self) -> SumCurrent:
+        """The forecast, the same all the time."""
+        return self._told
+
+    def difference(self, positions: np.ndarray, times: np.ndarray) -> float:
+        """Root mean square of what is told less the truth, m/s, at [n, 3] m and [n] s."""
+        x, y, z = np.asarray(positions, float).T
+        told, true = (np.stack(current(x, y, z, times)) for current in (self._told, self.field))  # type: ignore[arg-type]
+        return float(np.sqrt(((told - true) ** 2).sum(axis=0).mean()))
+
+
+def stacked(currents: Sequence[Current]) -> Current:
+    """Currents of one kind as one of batched worlds: each one's own part gets a leading axis."""
+    shared, own = divided(currents[0])
+    if own is not None:
+        own = jax.tree.map(lambda *leaves: np.stack(leaves), *(divided(current)[1] for current in currents))
+    return united(shared, own)
 
 
 @partial(jax.jit, static_argnames="update")

@@ -9,7 +9,7 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 
-from auvplan.ocean.vortices import LambVortices
+from auvplan.ocean.currents import Current, divided, united
 from auvplan.vehicle import Vehicle, along_track
 
 #: Seconds between two recorded positions.
@@ -54,7 +54,7 @@ def sail(
     arc: jax.Array,
     moving: jax.Array,
     now: jax.Array,
-    current: LambVortices,
+    current: Current,
     obstacles: tuple[jax.Array, jax.Array, jax.Array],
     vehicle: Vehicle,
     steps: int,
@@ -69,13 +69,16 @@ def sail(
         arc: [B] m already sailed along the track.
         moving: [B] bool; False keeps station while time passes.
         now: [B] s.
-        current: the truth, leaves with a leading axis B.
+        current: the truth; the leaves of what is each one's own have a leading axis B.
         obstacles: true position [B, M, 3] m, own velocity [B, M, 3] m/s, drift [B, M].
         vehicle: speed and limits.
         steps: number of steps of `TIME_STEP`.
     """
 
-    def one(track, arc, moving, now, current, position, velocity, drift) -> Sailed:
+    shared, each = divided(current)
+
+    def one(track, arc, moving, now, own, position, velocity, drift) -> Sailed:
+        current = united(shared, own)
         gaps = jnp.sqrt((jnp.diff(track, axis=0) ** 2).sum(axis=1))
         marks = jnp.concatenate([jnp.zeros(1), jnp.cumsum(gaps)])
         total = marks[-1]
@@ -105,11 +108,11 @@ def sail(
         moves = _over_ground(current, position, velocity, drift, now)
         return Sailed(positions, times, trace, moves, arc, arrived, worst)
 
-    return jax.vmap(one)(track, arc, moving, now, current, *obstacles)
+    return jax.vmap(one)(track, arc, moving, now, each, *obstacles)
 
 
 def _over_ground(
-    current: LambVortices, position: jax.Array, velocity: jax.Array, drift: jax.Array, now: jax.Array
+    current: Current, position: jax.Array, velocity: jax.Array, drift: jax.Array, now: jax.Array
 ) -> jax.Array:
     """Velocity of obstacles over ground, [M, 3] m/s: their own plus the current's where it carries them."""
     swept = jnp.stack(current(position[:, 0], position[:, 1], position[:, 2], now), axis=1)

@@ -1,4 +1,4 @@
-"""Builds the truth of a mission from a scenario and a seed: chart, task graph, current, obstacles."""
+"""Builds the truth of a mission from a scenario and a seed: chart, current, obstacles, vehicle."""
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -9,15 +9,14 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan.mission.graph import MissionGraph, random_graph
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.vortices import CurrentUpdate, LambVortices, random_vortices
 from auvplan.ocean.whitsunday import whitsunday_chart
 from auvplan.vehicle import Vehicle
-from auvplan.voyage.scenario import ChartSettings, Scenario
-
-#: Draws of waypoints before a scenario is declared too cramped.
-_TRIES = 200
+from auvplan.voyage.scenario import Scenario
+from auvplan.voyage.sea import ModelSea, Sea, VortexSea
+from auvplan.voyage.settings import ChartSettings
+from auvplan.voyage.waters import Waters
 
 KINDS = ("static", "afloat", "self-motivated")
 
@@ -52,11 +51,17 @@ class TrueObstacles:
 
 def make_vehicle(scenario: Scenario) -> Vehicle:
     """The scenario's vehicle."""
-    return Vehicle(**scenario.vehicle.model_dump())
+    return Vehicle(**scenario.vehicle.model_dump(exclude={"depth_min", "depth_max"}))
 
 
 @lru_cache(maxsize=4)
-def _chart(settings: ChartSettings, folder: str) -> Chart | None:
+def picture_chart(settings: ChartSettings, folder: str) -> Chart | None:
+    """The chart of a picture without a place, the shipped one's among them; None for open water.
+
+    Raises:
+        ScenarioError: the window does not fit the picture.
+        ChartError: the picture cannot be read.
+    """
     if settings.source == "none":
         return None
     if settings.source == "whitsunday":
@@ -84,16 +89,10 @@ def _chart(settings: ChartSettings, folder: str) -> Chart | None:
     return chart
 
 
-def make_chart(scenario: Scenario, folder: str | Path = ".") -> Chart | None:
-    """The scenario's chart, or None for open water.
-
-    Raises:
-        ScenarioError: the area reaches beyond the chart.
-        ChartError: the picture cannot be read.
-    """
-    chart = _chart(scenario.chart, str(folder))  # type: ignore[arg-type] - frozen models are hashable
+def require_area_on_chart(scenario: Scenario, chart: Chart | None) -> None:
+    """Raise ScenarioError where the area reaches beyond the chart."""
     if chart is None:
-        return None
+        return
     low, high = np.asarray(chart.lower), np.asarray(chart.upper)
     area = scenario.area
     if (np.asarray(area.lower[:2]) < low - 1e-3).any() or (np.asarray(area.upper[:2]) > high + 1e-3).any():
@@ -101,62 +100,26 @@ def make_chart(scenario: Scenario, folder: str | Path = ".") -> Chart | None:
             f"area {area.lower[:2]} to {area.upper[:2]} m reaches beyond the chart, which covers "
             f"{tuple(float(v) for v in low)} to {tuple(float(v) for v in high)} m"
         )
-    return chart
 
 
-def make_graph(scenario: Scenario, chart: Chart | None, rng: np.random.Generator) -> MissionGraph:
-    """Waypoints in the water and the edges between them whose straight line is clear of the coast.
-
-    Waypoint 0 is the start, the last one the destination.
-
-    Raises:
-        ScenarioError: a given start or goal lies on land, or no connected set of waypoints was found.
-    """
-    settings, area = scenario.mission, scenario.area
-    lower, upper = np.asarray(area.lower), np.asarray(area.upper)
-    ends = {0: settings.start, settings.waypoints - 1: settings.goal}
-    for name, point in (("start", settings.start), ("goal", settings.goal)):
-        if point is not None and chart is not None and not bool(chart.is_water(point[0], point[1])):
-            raise ScenarioError(f"mission.{name} {point} lies on land")
-    margin = min(scenario.chart.clearance, 0.05 * float((upper - lower)[:2].min()))
-    inset = np.array([margin, margin, 0.0])
-    for _ in range(_TRIES):
-        positions = np.empty((0, 3))
-        while len(positions) < settings.waypoints:
-            drawn = rng.uniform(lower + inset, upper - inset, (512, 3))
-            if chart is not None:
-                drawn = drawn[np.asarray(chart.distance(drawn[:, 0], drawn[:, 1])) > scenario.chart.clearance]
-            if not len(drawn):
-                break
-            positions = np.concatenate([positions, drawn])[: settings.waypoints]
-        if len(positions) < settings.waypoints:
-            raise ScenarioError("chart.clearance leaves no water for waypoints")
-        for index, point in ends.items():
-            if point is not None:
-                positions[index] = point
-        sailable = _lines_clear(positions, chart, scenario)
-        try:
-            return random_graph(
-                rng, positions, settings.neighbours, settings.priority, settings.duration, sailable
-            )
-        except ValueError:
-            continue
-    raise ScenarioError(
-        f"no connected set of {settings.waypoints} waypoints was found in {_TRIES} draws: "
-        "lower chart.clearance or move mission.start and mission.goal"
+def make_sea(scenario: Scenario, waters: Waters, field_key: jax.Array, sea_key: jax.Array) -> Sea:
+    """The true current of a mission and what is told of it."""
+    settings = scenario.current
+    if waters.truth is None or waters.forecast is None:
+        field, update = make_current(scenario, field_key), current_update(scenario)
+        return VortexSea(sea_key, field, update, settings.update_interval, settings.forecast_error)
+    if settings.forecast_error == 0.0:
+        return ModelSea(waters.truth, waters.forecast)
+    low, high = (np.asarray(corner) for corner in scenario.box)
+    error = random_vortices(
+        field_key,
+        low,
+        high,
+        count=settings.vortices,
+        radius=settings.radius,
+        peak_speed=settings.forecast_error * waters.forecast.fastest,
     )
-
-
-def _lines_clear(positions: np.ndarray, chart: Chart | None, scenario: Scenario) -> np.ndarray:
-    """[N, N] bool: whether the straight line between two waypoints keeps clear of the coast."""
-    size = len(positions)
-    if chart is None or size == 2:  # two waypoints are a single leg: the path planner finds the way round
-        return np.ones((size, size), bool)
-    share = np.linspace(0.0, 1.0, 200)[:, None, None]
-    x = positions[:, 0, None] * (1 - share) + positions[None, :, 0] * share
-    y = positions[:, 1, None] * (1 - share) + positions[None, :, 1] * share
-    least = np.asarray(chart.distance(x, y)).min(axis=0)
-    return np.minimum(least, least.T) > 0.3 * scenario.chart.clearance
+    return ModelSea(waters.truth, waters.forecast, error)
 
 
 def make_current(scenario: Scenario, key: jax.Array) -> LambVortices:

@@ -16,9 +16,8 @@ from auvplan.export import (
     itinerary_of,
     itinerary_of_parts,
 )
-from auvplan.export.runs import followed_first
 from auvplan.site import Site
-from tests.io.sample_run import WAYPOINTS, make_leg, make_plan, make_run, refused_leg
+from tests.io.sample_run import make_run, refused_leg
 
 SITE = Site(148.96, -20.34)
 
@@ -27,7 +26,8 @@ SITE = Site(148.96, -20.34)
 def itinerary() -> Itinerary:
     run = make_run()
     run.legs.insert(1, refused_leg(run))
-    return itinerary_of(run, SITE, names=("alpha", "bravo"))
+    run.names = ["alpha", "bravo"]
+    return itinerary_of(run, SITE)
 
 
 def test_legs_that_arrived_are_numbered_in_order(itinerary: Itinerary):
@@ -59,20 +59,6 @@ def test_fences_are_the_spit_and_what_stands_still(itinerary: Itinerary):
     assert len(polygons) == 1  # the spit: longer than an islet
     assert all(circle.radius == 40.0 for circle in circles)
     assert len(circles) + len(itinerary.notes) == 3
-
-
-def test_the_plan_that_was_followed_is_exported_not_the_last_one_tried():
-    leg = make_leg(make_run().graph, 0, 1, 100.0)
-    start, goal = WAYPOINTS[0], WAYPOINTS[1]
-    straight = make_plan(start, goal, 100.0, "leg", 0.0)  # the sample leg is sailed straight
-    bent = make_plan(start, goal, 100.0, "leg", 80.0)
-    later = [plan for plan in leg.plans if plan.cause != "leg"]
-    for plans, followed in (([straight, bent], straight), ([bent, straight], straight), ([bent], bent)):
-        leg.plans = [*plans, *later]
-        assert followed_first(leg) is followed
-    leg.plans = later
-    with pytest.raises(ExportError, match="no path plan"):
-        followed_first(leg)
 
 
 def test_a_run_that_sailed_nothing_cannot_be_exported():

@@ -10,7 +10,7 @@ from hypothesis.extra import numpy as hnp
 from scipy import ndimage
 
 from auvplan.ocean.chart import FAR, Chart, ChartError
-from auvplan.ocean.whitsunday import CENTRE, EXTENT, FRINGE, classes, render, to_local, whitsunday_chart
+from auvplan.ocean.whitsunday import CENTRE, EXTENT, FRINGE, SITE, classes, render, whitsunday_chart
 
 #: Most that bilinear sampling adds to the true distance, in pixels: at the corner of a lone coast pixel.
 EXCESS = (1.5 - np.sqrt(0.5)) / 4
@@ -240,14 +240,14 @@ def test_shipped_chart():
 def test_shipped_chart_north_is_up():
     """Whitsunday Island fills the north, Hamilton Island lies south-west of the centre, sea south-east."""
     chart = whitsunday_chart()
-    middle = to_local(*np.array([CENTRE]).T)
+    middle = SITE.to_local(*np.array([CENTRE]).T)
     np.testing.assert_allclose(middle, EXTENT / 2, atol=1e-6)
     for longitude, latitude, water in (
         (148.975, -20.305, False),
         (148.952, -20.354, False),
         (149.0, -20.375, True),
     ):
-        x, y = to_local(np.array(longitude), np.array(latitude))
+        x, y = SITE.to_local(np.array(longitude), np.array(latitude))
         assert bool(chart.is_water(x, y)) == water
 
 

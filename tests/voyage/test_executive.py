@@ -5,12 +5,13 @@ import numpy as np
 import pytest
 
 import auvplan as ap
+from auvplan.io.waters import load_waters
 from auvplan.mission import evolution
 from auvplan.mission.travel_times import programs
 from auvplan.path import planner, replanner
 from auvplan.voyage import ScenarioError, sail_missions, seed_keys
 from auvplan.voyage.scenario import Scenario
-from auvplan.voyage.world import make_chart, make_graph
+from auvplan.voyage.waypoints import make_graph
 from tests.voyage.small import SMALL, planning, scenario
 
 pytestmark = pytest.mark.usefixtures("light_search")
@@ -123,8 +124,10 @@ def test_too_little_time_is_reported_before_sailing():
 
 def test_graph_keeps_to_the_water_and_is_connected():
     real = Scenario.model_validate({"mission": {"waypoints": 20}})
-    chart = make_chart(real)
-    graph = make_graph(real, chart, np.random.default_rng(0))
+    waters = load_waters(real)
+    graph, names = make_graph(real, waters, np.random.default_rng(0))
+    chart = waters.chart
+    assert names == []
     assert (np.asarray(chart.distance(*graph.positions[:, :2].T)) >= 149.0).all()
     for i, j in np.argwhere(graph.adjacency):
         share = np.linspace(0, 1, 50)[:, None]

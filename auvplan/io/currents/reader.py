@@ -28,7 +28,7 @@ STANDARD_DEPTHS = (0, 2, 5, 10, 15, 20, 30, 50, 75, 100, 150, 200, 300, 400, 500
 _CHUNK = 4_000_000
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CurrentFile:
     """Currents of a file on a local grid of X nodes north and Y nodes east.
 

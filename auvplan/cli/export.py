@@ -1,0 +1,35 @@
+"""The command that hands a plan to vehicles and geographic information systems."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from auvplan.cli.shared import QuietOption, console
+
+
+def export(
+    folder: Annotated[Path, typer.Argument(help="Folder of a mission's result.")],
+    formats: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--format", help="qgc, geojson, kml, gpx, csv, netcdf or imc; may be given again. All if absent."
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="Folder for the files; the result's own if absent.")
+    ] = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Write the plan of a result in the files that ground stations and maps open."""
+    from auvplan.export import FORMATS, export, export_notes, itinerary_of
+    from auvplan.io.restore import restore_run
+
+    chosen = [name.strip() for text in formats or FORMATS for name in text.split(",")]
+    itinerary = itinerary_of(restore_run(folder))
+    notes = export_notes(itinerary, chosen)
+    files = export(itinerary, out or folder, chosen)
+    if not quiet:
+        for note in notes:
+            console.print(f"note: {note}", soft_wrap=True, highlight=False, markup=False)
+        console.print("files:", *(f"  {file}" for file in files), sep="\n", soft_wrap=True)

@@ -1,0 +1,119 @@
+"""Charts, sea beds and vortices as variables of a file, and back."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import ArrayLike
+
+from auvplan.ocean.chart import Chart
+from auvplan.ocean.seabed import Seabed
+from auvplan.ocean.vortices import LambVortices
+from auvplan.voyage.records import LegRecord
+
+#: Steps of the stored passability; 0 is coast and nothing else is.
+LEVELS = 255
+
+Variables = dict[str, xr.Variable]
+
+#: Arrays of vortices by the names of their variables, with what they are and their units.
+_VORTICES = {
+    "centers": ("vortex_center", ("plan", "layer", "vortex", "horizontal"), "north, east of the centre", "m"),
+    "strength": ("vortex_strength", ("plan", "layer", "vortex"), "strength", "m2 s-1"),
+    "radius": ("vortex_radius", ("plan", "layer", "vortex"), "radius", "m"),
+    "depths": ("vortex_depth", ("plan", "layer"), "depth of the layer", "m"),
+    "vertical_scale": ("vortex_vertical_scale", ("plan",), "gamma of Eq. 1", "m"),
+    "uniform": ("vortex_uniform", ("plan", "axis"), "velocity added everywhere", "m s-1"),
+}
+
+
+def variable(
+    dims: str | tuple[str, ...], values: ArrayLike, name: str, units: str | None = None, **attrs: Any
+) -> xr.Variable:
+    return xr.Variable(
+        dims, np.asarray(values), {"long_name": name} | ({"units": units} if units else {}) | attrs
+    )
+
+
+def chart_variables(chart: Chart) -> Variables:
+    """The passability raster in steps of 1/255, and the centres of its pixels."""
+    passability = np.asarray(chart.passability, float)
+    steps = np.where(passability > 0.0, np.clip(np.rint(passability * LEVELS), 1, LEVELS), 0)
+    size = float(np.asarray(chart.pixel_size))
+    corner = np.asarray(chart.origin, float)
+    north, east = (corner[k] + size * (np.arange(passability.shape[k]) + 0.5) for k in range(2))
+    raster = variable(
+        ("chart_x", "chart_y"), steps.astype(np.uint8), "passability", "1",
+        scale_factor=1.0 / LEVELS, valid_range=np.asarray([0, LEVELS], np.uint8),
+        comment="0 coast, up to 0.35 uncertain, 1 water; stored in steps of 1/255, coast alone is 0",
+    )  # fmt: skip
+    return {
+        "passability": raster,
+        "chart_x": variable("chart_x", north, "north of the pixel's centre", "m"),
+        "chart_y": variable("chart_y", east, "east of the pixel's centre", "m"),
+        "chart_origin": variable(
+            "horizontal", corner[:2], "south-west corner of the raster: north, east", "m"
+        ),
+        "chart_pixel_size": variable((), size, "edge of a pixel", "m"),
+    }
+
+
+def chart_of(dataset: xr.Dataset) -> Chart | None:
+    """The chart that `chart_variables` wrote, or None."""
+    if "passability" not in dataset:
+        return None
+    passability = np.asarray(dataset["passability"].values, np.float32)
+    corner = dataset["chart_origin"].values
+    origin = (float(corner[0]), float(corner[1]))
+    return Chart.from_passability(passability, float(dataset["chart_pixel_size"]), origin)
+
+
+def seabed_variables(seabed: Seabed) -> Variables:
+    """The depth raster, and where it lies."""
+    return {
+        "seabed_depth": variable(
+            ("seabed_x", "seabed_y"), np.asarray(seabed.depth, np.float32), "depth of the sea bed", "m",
+            standard_name="sea_floor_depth_below_sea_surface",
+        ),
+        "seabed_origin": variable(
+            "horizontal", np.asarray(seabed.origin, float)[:2], "south-west corner: north, east", "m"
+        ),
+        "seabed_pixel_size": variable((), float(np.asarray(seabed.pixel_size)), "edge of a pixel", "m"),
+    }  # fmt: skip
+
+
+def seabed_of(dataset: xr.Dataset) -> Seabed | None:
+    """The sea bed that `seabed_variables` wrote, or None."""
+    if "seabed_depth" not in dataset:
+        return None
+    corner = dataset["seabed_origin"].values
+    return Seabed.from_depth(
+        dataset["seabed_depth"].values,
+        float(dataset["seabed_pixel_size"]),
+        corner,
+        clearance=float(dataset.attrs["seabed_clearance"]),
+    )
+
+
+def vortex_variables(legs: Sequence[LegRecord]) -> Variables:
+    """The true vortices at every plan; nothing where the current is no vortices."""
+    fields = [plan.current for leg in legs for plan in leg.plans]
+    if not fields or not all(isinstance(field, LambVortices) for field in fields):
+        return {}
+    return {
+        name: variable(
+            dims, np.stack([np.asarray(getattr(f, key)) for f in fields]), f"vortices: {what}", units
+        )
+        for key, (name, dims, what, units) in _VORTICES.items()
+    }
+
+
+def vortices_of(dataset: xr.Dataset, plan: int) -> LambVortices | None:
+    """The vortices at a plan that `vortex_variables` wrote, or None."""
+    if "vortex_center" not in dataset:
+        return None
+    arrays: dict[str, Any] = {
+        key: np.asarray(dataset[name].values[plan]) for key, (name, *_) in _VORTICES.items()
+    }
+    return LambVortices(**arrays)

@@ -1,0 +1,142 @@
+"""A saved run as it was: what was planned and sailed, for exports and pictures."""
+
+import json
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+
+from auvplan.io.fields import chart_of, seabed_of, vortices_of
+from auvplan.io.files import MISSION, ResultError, read_mission, read_summary
+from auvplan.io.ledger import read_legs, require
+from auvplan.io.scenario_file import validate_scenario
+from auvplan.io.waters import load_waters
+from auvplan.mission import MissionGraph
+from auvplan.ocean.currents import Current
+from auvplan.site import Site
+from auvplan.vehicle import Vehicle
+from auvplan.voyage.records import LegRecord, MissionRun, PlanRecord
+
+
+def restore_run(folder: str | Path) -> MissionRun:
+    """A saved run with its plans and the currents that they were made in.
+
+    Histories of the searches are not kept in files. Currents of an ocean model's files are read again from
+    where they were.
+
+    Args:
+        folder: that `save_run` wrote.
+
+    Raises:
+        ResultError: a file is missing, damaged or incomplete; one line that names it.
+        ScenarioError, CurrentError and the like: the scenario's own files cannot be read any more.
+    """
+    summary, dataset = read_summary(folder), read_mission(folder)
+    require(summary, dataset, Path(folder))
+    attributes = dataset.attrs
+    try:
+        settings = json.loads(attributes["scenario"])
+        names = [name for name in json.loads(attributes["waypoint_names"]) if isinstance(name, str)]
+        home = str(attributes["scenario_folder"])
+        vehicle = {name.removeprefix("vehicle_"): float(attributes[name]) for name in _limits(attributes)}
+        graph = MissionGraph(
+            dataset["waypoint_position"].values,
+            dataset["adjacency"].values.astype(bool),
+            dataset["task_priority"].values,
+            dataset["task_duration"].values,
+        )
+        run = MissionRun(
+            settings,
+            int(attributes["seed"]),
+            Vehicle(**vehicle),
+            graph,
+            chart_of(dataset),
+            int(attributes["start"]),
+            int(attributes["goal"]),
+            float(attributes["t_available"]),
+            legs=_legs(dataset, settings, home),
+            t_mission=float(attributes["t_mission"]),
+            arrived=bool(attributes["arrived"]),
+            reason=str(attributes["reason"]),
+            charged_compute=float(attributes["charged_compute"]),
+            folder=home,
+            site=_site(dataset),
+            seabed=seabed_of(dataset),
+            names=names,
+        )
+    except (KeyError, TypeError, json.JSONDecodeError) as error:
+        raise ResultError(f"{Path(folder) / MISSION}: incomplete ({' '.join(str(error).split())})") from None
+    return run
+
+
+def _limits(attributes: dict) -> list[str]:
+    return [name for name in attributes if name.startswith("vehicle_")]
+
+
+def _site(dataset: xr.Dataset) -> Site | None:
+    attributes = dataset.attrs
+    if "site_longitude" not in attributes:
+        return None
+    north, east = (float(value) for value in np.asarray(attributes["site_origin"]))
+    epoch = datetime.fromisoformat(attributes["site_epoch"]) if "site_epoch" in attributes else None
+    return Site(float(attributes["site_longitude"]), float(attributes["site_latitude"]), epoch, (north, east))
+
+
+def _legs(dataset: xr.Dataset, settings: dict, home: str) -> list[LegRecord]:
+    """The legs with their plans."""
+    model = None
+    if settings["current"]["source"] == "file" and "plan_leg" in dataset:
+        model = load_waters(validate_scenario(settings, "saved scenario"), home).truth
+    kinds = _kinds(dataset)
+    legs = []
+    for number, leg in enumerate(read_legs(dataset)):
+        record = LegRecord(
+            leg.start, leg.goal, float(dataset["leg_t_expected"].values[number]), leg.t_task, leg.priority
+        )
+        record.followed = int(dataset["leg_followed"].values[number])
+        record.current_difference = float(dataset["leg_current_difference"].values[number])
+        record.times, record.positions, record.obstacle_positions = leg.times, leg.positions, leg.obstacles
+        record.obstacle_radii, record.obstacle_kinds = leg.radii, kinds[number][: len(leg.radii)]
+        record.arrived = leg.arrived
+        record.plans = _plans(dataset, number, model)
+        legs.append(record)
+    return legs
+
+
+def _plans(dataset: xr.Dataset, leg: int, model: Current | None) -> list[PlanRecord]:
+    """The plans of a leg."""
+    if "plan_leg" not in dataset:
+        return []
+    causes = str(dataset["plan_cause"].attrs["flag_meanings"]).split()
+    plans = []
+    for row in np.flatnonzero(dataset["plan_leg"].values == leg):
+        times = np.asarray(dataset["plan_time"].values[row], float)
+        real = np.isfinite(times)
+        current = vortices_of(dataset, int(row)) or model
+        if current is None:
+            raise KeyError("the current of a plan")
+        plans.append(
+            PlanRecord(
+                float(dataset["plan_made_at"].values[row]),
+                np.asarray(dataset["plan_position"].values[row], float)[real],
+                times[real],
+                float(dataset["plan_cost"].values[row]),
+                bool(dataset["plan_feasible"].values[row]),
+                causes[int(dataset["plan_cause"].values[row])],
+                float(dataset["plan_cpu"].values[row]),
+                {},
+                current,
+            )
+        )
+    return plans
+
+
+def _kinds(dataset: xr.Dataset) -> list[list[str]]:
+    """Names of the kinds of each leg's obstacles."""
+    if "obstacle_kind" not in dataset:
+        return [[] for _ in range(dataset.sizes["leg"])]
+    codes: NDArray[np.int_] = dataset["obstacle_kind"].values
+    names = str(dataset["obstacle_kind"].attrs["flag_meanings"]).split()
+    return [[names[int(code)] for code in row] for row in codes]

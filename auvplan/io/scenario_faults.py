@@ -1,0 +1,211 @@
+"""Checks the fields of a scenario: all that is wrong with them at once, not the first of it.
+
+A faulty value is told, taken out, and the rest checked again, so that it hides no other fault. What the rest
+then lacks only because of what was taken out is not told.
+"""
+
+import difflib
+import re
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+
+from auvplan.io.faults import Fault, fault_at, in_order
+from auvplan.io.yaml_lines import Document, Path, short
+from auvplan.site import Site
+from auvplan.voyage.places import localised
+from auvplan.voyage.scenario import Scenario
+from auvplan.voyage.settings import SiteSettings
+
+#: Stands where a place is none: it is none either.
+_NO_PLACE = "no place"
+#: Kinds of faults between fields: of the whole scenario, and within a section.
+_RULES = ("rule", "section rule")
+
+
+def check_fields(document: Document) -> tuple[Scenario | None, list[Fault]]:
+    """A document's scenario, or all that is wrong with its fields, in their order in the file."""
+    faults = [fault_at(path, reason, document, place) for path, reason, place in document.faults]
+    if not isinstance(document.data, dict):
+        what = "nothing" if document.data is None else type(document.data).__name__
+        return None, faults or [Fault("", f"must be a mapping of fields, got {what}", document.place(()))]
+    plain = {name: dict(part) if isinstance(part, dict) else part for name, part in document.data.items()}
+    bad = _bad_places(plain)
+    faults += [fault_at(path, reason, document) for path, reason in bad.items() if reason]
+    for section, name in bad:
+        plain[str(section)][name] = _NO_PLACE
+    taken: set[Path] = {path[:2] for path, _, _ in document.faults if _at(document.data, path) is None}
+    taken |= bad.keys()
+    while True:
+        try:
+            scenario = Scenario.model_validate(plain)
+            return (None if faults else scenario), in_order(faults)
+        except ValidationError as error:
+            found = _merged(error, plain)
+        except Exception as error:  # what no rule has foreseen, such as dates at the end of time
+            line = f"cannot be understood ({type(error).__name__}: {error})"
+            return None, in_order([*faults, fault_at((), line, document)])
+        before = _count(plain), len(taken)
+        for path, reason, kind in found:
+            if not _follows(path, reason, kind, taken):
+                faults.append(_told(path, reason, kind, document))
+        for path, _, kind in found:
+            _take_out(plain, path, kind, taken)
+        if (_count(plain), len(taken)) == before:
+            return None, in_order(faults)
+
+
+def _bad_places(plain: dict[str, Any]) -> dict[Path, str]:
+    """Places by longitude and latitude that are none, with the reason; it is empty where another's tells all."""
+    site = plain.get("site")
+    try:
+        # Without a site there are no such places; what is wrong with one that is given is told elsewhere.
+        known = None if site is None else SiteSettings.model_validate(site).site
+    except Exception:
+        known = Site(0.0, 0.0)
+    places: dict[Path, dict[str, Any]] = {}
+    for section, names in (("mission", ("start", "goal")), ("area", ("lower", "upper"))):
+        part = plain.get(section)
+        if isinstance(part, dict):
+            places |= {(section, name): part[name] for name in names if isinstance(part.get(name), dict)}
+    bad = {path: reason for path, value in places.items() if (reason := _place_fault(value, known))}
+    corners = [path for path in places if path[0] == "area"]
+    if corners and not any(path in bad for path in corners):
+        try:
+            localised({"area": plain["area"]}, known)
+        except ValueError as error:
+            bad[corners[0]] = str(error).removeprefix("area: ").removeprefix("area.lower ")
+    if any(path in bad for path in corners):  # half a box by longitude and latitude is none
+        bad = dict.fromkeys(corners, "") | bad
+    return bad
+
+
+def _place_fault(value: dict[str, Any], site: Site | None) -> str:
+    """What is wrong with a place by longitude and latitude, or an empty string."""
+    try:
+        localised({"mission": {"start": value}}, site)
+    except ValueError as error:
+        return str(error).removeprefix("mission.start").lstrip(": ")
+    except Exception:
+        return "longitude, latitude and depth must be numbers"
+    return ""
+
+
+def _merged(error: ValidationError, plain: dict[str, Any]) -> list[tuple[Path, str, str]]:
+    """Path, reason and kind of the faults that pydantic found; alternatives of one value become one."""
+    merged: dict[Path, tuple[list[str], str, str]] = {}
+    for found in error.errors(include_url=False):
+        path, reason, kind, got = _read_error(found, plain)
+        reasons, *_ = merged.setdefault(path, ([], kind, got))
+        if reason not in reasons:
+            reasons.append(reason)
+    return [(path, " or ".join(reasons) + got, kind) for path, (reasons, kind, got) in merged.items()]
+
+
+def _read_error(found: Any, plain: dict[str, Any]) -> tuple[Path, str, str, str]:
+    """Path, reason, kind and what was got, as a message shows it, of one of pydantic's errors."""
+    path, kind, message = found["loc"], found["type"], found["msg"]
+    if kind == "value_error" and len(path) < 2:
+        named = _of_rule(path, message)
+        return named, _without_field(message.removeprefix("Value error, "), named), _RULES[len(path)], ""
+    if kind == "extra_forbidden":
+        return path, unknown_key(path), kind, ""
+    if kind == "missing":
+        if isinstance(path[-1], int):
+            return path[:-1], f"has too few entries: {len(_at(plain, path[:-1]))}", "value", ""
+        return path, "is missing", kind, ""
+    if kind in ("model_type", "model_attributes_type"):
+        message = "must be a section of fields"
+    got = "" if isinstance(found["input"], dict | list | tuple) else f", got {short(found['input'])}"
+    return _known_part(path, plain), message.replace("Input should", "must", 1), kind, got
+
+
+def unknown_key(path: Path) -> str:
+    """What to say of a key that there is not: the one that may be meant, or the section where it belongs."""
+    key = str(path[-1])
+    sections = {name: _section(name) for name in Scenario.model_fields}
+    home = sections.get(str(path[0])) if len(path) > 1 else Scenario
+    elsewhere = {
+        f"{name}.{inner}": inner for name, part in sections.items() if part for inner in part.model_fields
+    }
+    close = difflib.get_close_matches(key, list(home.model_fields) if home else [], 1, 0.6)
+    if not close:
+        near = difflib.get_close_matches(key, elsewhere.values(), 1, 0.8)
+        close = [name for name, inner in elsewhere.items() if inner in near][:1]
+    return f"unknown key {short(key)}" + (f", did you mean {close[0]!r}?" if close else "")
+
+
+def _section(name: str) -> type[BaseModel] | None:
+    """The model of a section, of a plain field None."""
+    annotation = Scenario.model_fields[name].annotation
+    for part in (annotation, *get_args(annotation)):
+        if isinstance(part, type) and issubclass(part, BaseModel):
+            return part
+    return None
+
+
+def _of_rule(location: Path, message: str) -> Path:
+    """The field of a rule between fields, whose message names it first."""
+    words = re.match(r"(?:Value error, )?(\w+)(?:\.(\w+))?", message)
+    first, second = words.groups() if words else ("", None)
+    if not location:
+        return (first, *([second] if second else [])) if first in Scenario.model_fields else ()
+    section = _section(str(location[0]))
+    return (*location, first) if section is not None and first in section.model_fields else location
+
+
+def _without_field(message: str, path: Path) -> str:
+    """A message that begins with its field, without it, where that leaves a sentence."""
+    rest = message.removeprefix(".".join(map(str, path)))
+    return rest.strip() if rest != message and rest[:1] == " " and not rest.startswith(" and ") else message
+
+
+def _follows(path: Path, reason: str, kind: str, taken: set[Path]) -> bool:
+    """Whether a fault may be there only because of what was taken out."""
+    words = set(re.findall(r"\w+", reason)) | {str(part) for part in path}
+    alone = set(re.findall(r"\b(\w+)\b(?!\.)", reason))
+    for section, *key in taken:
+        mentioned = not key or key[0] in words
+        if kind == _RULES[0] and section in words and (mentioned or section in alone):
+            return True
+        if kind == _RULES[1] and path[0] == section and mentioned:
+            return True
+    return kind not in _RULES and (path[:2] in taken or path[:1] in taken)
+
+
+def _take_out(plain: dict[str, Any], path: Path, kind: str, taken: set[Path]) -> None:
+    """Remove the faulty value, or else its section."""
+    section = plain.get(str(path[0])) if path else None
+    if kind == "missing" and isinstance(section, dict) and len(path) > 1:
+        section[path[1]] = 0.0
+        taken.add(path[:2])
+    elif isinstance(section, dict) and len(path) > 1 and path[1] in section:
+        del section[path[1]]
+        taken.add(path[:2])
+    elif path and path[0] in plain:
+        del plain[str(path[0])]
+        taken.add(path[:1])
+
+
+def _told(path: Path, reason: str, kind: str, document: Document) -> Fault:
+    place = document.keys.get(path) if kind == "extra_forbidden" else None
+    return fault_at(path, reason, document, place)
+
+
+def _known_part(path: Path, plain: dict[str, Any]) -> Path:
+    """As much of a path as there is in the data: pydantic adds the names of alternatives."""
+    for length in range(len(path)):
+        inside = _at(plain, path[:length])
+        if not isinstance(inside, dict | list) or (isinstance(inside, dict) and path[length] not in inside):
+            return path[:length]
+    return path
+
+
+def _at(data: Any, path: Path) -> Any:
+    for part in path:
+        data = data[part]
+    return data
+
+
+def _count(plain: dict[str, Any]) -> int:
+    return sum(1 + (len(part) if isinstance(part, dict) else 0) for part in plain.values())

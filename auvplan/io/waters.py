@@ -1,0 +1,209 @@
+"""Reads the waters of a scenario from its files."""
+
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from scipy import ndimage
+
+from auvplan.io.currents import CurrentFile, read_current
+from auvplan.io.geo import (
+    chart_from_polygons,
+    chart_from_raster,
+    read_bathymetry,
+    read_jobs,
+    read_zones,
+    with_no_go,
+)
+from auvplan.ocean import whitsunday
+from auvplan.ocean.chart import Chart
+from auvplan.ocean.seabed import Seabed
+from auvplan.site import Site
+from auvplan.voyage.scenario import Scenario
+from auvplan.voyage.settings import BathymetrySettings, ChartSettings, CurrentSettings
+from auvplan.voyage.waters import Waters
+from auvplan.voyage.world import ScenarioError, picture_chart, require_area_on_chart
+
+#: Pixels of a raster made from a current's file at most.
+_MAX_PIXELS = 16_000_000
+
+Corners = tuple[tuple[float, float, float], tuple[float, float, float]]
+
+
+def load_waters(scenario: Scenario, folder: str | Path = ".", until: float | None = None) -> Waters:
+    """Chart, sea bed, current files and jobs of a scenario; files are read once and kept.
+
+    Args:
+        scenario: settings.
+        folder: that relative paths in the scenario start from.
+        until: s since the epoch, up to which currents are read; the mission's time available if absent.
+
+    Raises:
+        ScenarioError, ChartError, GeoError, CurrentError: one line that names file, field and reason.
+    """
+    home, box, settings = str(folder), scenario.box, scenario.current
+    site, notes = _site(scenario), ()
+    forecast = truth = None
+    if settings.source == "file":
+        assert site is not None
+        assert settings.files is not None
+        window = (0.0, scenario.mission.time_available if until is None else until)
+        forecast = _current(_reach(settings), settings.files, site, box, window, home)
+        site, notes = replace(site, epoch=forecast.epoch), forecast.notes
+        truth = forecast
+        if settings.truth is not None:
+            truth = _current(_reach(settings), settings.truth, site, box, window, home)
+            notes += truth.notes
+    chart = _chart(scenario.chart, site, box, forecast, home)  # type: ignore[arg-type] - frozen models hash
+    require_area_on_chart(scenario, chart)
+    seabed, found = _seabed(scenario.bathymetry, site, box, forecast, home)
+    jobs = None
+    if scenario.mission.jobs is not None:
+        jobs = read_jobs(_path(home, scenario.mission.jobs), site, default_depth=box[0][2])
+    return Waters(
+        chart,
+        seabed,
+        site,
+        forecast and forecast.field,
+        truth and truth.field,
+        jobs,
+        tuple(dict.fromkeys((*notes, *found))),
+    )
+
+
+def _site(scenario: Scenario) -> Site | None:
+    """The scenario's site, or that of the shipped chart."""
+    if scenario.site is not None:
+        return scenario.site.site
+    if scenario.chart.source != "whitsunday":
+        return None
+    row, column, rows, _ = scenario.chart.window or (0, 0, whitsunday.PIXELS, whitsunday.PIXELS)
+    size, half = whitsunday.EXTENT / whitsunday.PIXELS, whitsunday.EXTENT / 2.0
+    south = (whitsunday.PIXELS - row - rows) * size
+    return Site(*whitsunday.CENTRE, origin=(half - south, half - column * size))
+
+
+def _path(home: str, name: str) -> str:
+    """A path relative to the scenario's folder; patterns and absolute paths are taken as they are."""
+    return str(Path(home) / Path(name).expanduser())
+
+
+def _reach(settings: CurrentSettings) -> tuple[float | None, str]:
+    """What of the current's settings the reading of a file depends on."""
+    return settings.spacing, settings.outside
+
+
+@lru_cache(maxsize=4)
+def _current(
+    reach: tuple[float | None, str],
+    files: str | tuple[str, ...],
+    site: Site,
+    box: Corners,
+    window: tuple[float, float],
+    home: str,
+) -> CurrentFile:
+    spacing, outside = reach
+    names = (files,) if isinstance(files, str) else files
+    paths = [_path(home, name) for name in names]
+    times = None if site.epoch is None else window
+    found = read_current(
+        paths if len(paths) > 1 else paths[0],
+        site,
+        lower=box[0],
+        upper=box[1],
+        times=times,
+        spacing=spacing,
+        outside=outside,
+    )
+    if times is None:  # the data's first time is the epoch: now it can be seen whether the data lasts
+        dated = replace(site, epoch=found.epoch)
+        return _current(reach, files, dated, box, window, home)
+    return found
+
+
+@lru_cache(maxsize=4)
+def _chart(
+    settings: ChartSettings, site: Site | None, box: Corners, current: CurrentFile | None, home: str
+) -> Chart | None:
+    lower, upper = box[0][:2], box[1][:2]
+    size = settings.pixel_size
+    if settings.source in ("whitsunday", "image", "none"):
+        chart = picture_chart(settings, home)  # type: ignore[arg-type] - frozen models hash
+    elif settings.source == "current":
+        assert current is not None
+        chart = _water_chart(current, box, size)
+    else:
+        assert site is not None
+        assert settings.file is not None
+        place = {"lower": lower, "upper": upper, "pixel_size": size}
+        file = _path(home, settings.file)
+        if settings.source == "raster":
+            chart = chart_from_raster(file, site, crs=settings.crs, **place)
+        else:
+            uncertain = None if settings.uncertain is None else _path(home, settings.uncertain)
+            chart = chart_from_polygons(file, site, fringe=settings.fringe, uncertain=uncertain, **place)
+    if settings.no_go is not None:
+        assert site is not None
+        zones = read_zones(_path(home, settings.no_go), site)
+        chart = with_no_go(chart, zones, lower=lower, upper=upper, pixel_size=size)
+    return chart
+
+
+def _water_chart(current: CurrentFile, box: Corners, size: float) -> Chart:
+    """Coast where a current's file has no water, each pixel as the nearest node."""
+    nodes = _node_indices(current, box, size, "chart.pixel_size")
+    i, j = (np.rint(axis).astype(int) for axis in nodes)
+    north, east = current.water.shape
+    water = current.water[np.clip(i, 0, north - 1)[:, None], np.clip(j, 0, east - 1)]
+    return Chart.from_mask(water, size, box[0][:2])
+
+
+def _node_indices(
+    current: CurrentFile, box: Corners, size: float, field: str
+) -> tuple[np.ndarray, np.ndarray]:
+    """Of the pixels' centres north and east, where they lie among a current's nodes."""
+    extent = np.asarray(box[1][:2]) - np.asarray(box[0][:2])
+    pixels = np.ceil(extent / size - 1e-9).astype(int)
+    if pixels.prod() > _MAX_PIXELS:
+        raise ScenarioError(
+            f"{field} {size:g} m makes {pixels[0]} x {pixels[1]} pixels: more than {_MAX_PIXELS}"
+        )
+    centres = (box[0][k] + size * (np.arange(pixels[k]) + 0.5) for k in range(2))
+    north, east = ((centre - current.origin[k]) / current.spacing[k] for k, centre in enumerate(centres))
+    return north, east
+
+
+def _seabed(
+    settings: BathymetrySettings,
+    site: Site | None,
+    box: Corners,
+    current: CurrentFile | None,
+    home: str,
+) -> tuple[Seabed | None, tuple[str, ...]]:
+    """The sea bed, and what was assumed of its file."""
+    if settings.source == "none":
+        return None, ()
+    if settings.source == "current":
+        assert current is not None
+        if current.sea_floor is None:
+            raise ScenarioError("bathymetry.source 'current': the current's files do not tell the depth")
+        size = settings.pixel_size or min(current.spacing) / 2.0
+        nodes = np.meshgrid(*_node_indices(current, box, size, "bathymetry.pixel_size"), indexing="ij")
+        depth = ndimage.map_coordinates(current.sea_floor, nodes, order=1, mode="nearest")
+        return Seabed.from_depth(depth, size, np.asarray(box[0][:2]), clearance=settings.clearance), ()
+    assert site is not None
+    assert settings.file is not None
+    found = read_bathymetry(
+        _path(home, settings.file),
+        site,
+        lower=box[0][:2],
+        upper=box[1][:2],
+        pixel_size=settings.pixel_size,
+        variable=settings.variable,
+        positive=settings.positive,
+    )
+    bed = Seabed.from_depth(
+        found.depth, found.pixel_size, np.asarray(found.origin), clearance=settings.clearance
+    )
+    return bed, found.notes

@@ -1,0 +1,166 @@
+"""YAML (1.1, as PyYAML reads it) to plain data that remembers where in the text every value stands.
+
+Only mappings, lists and scalars are taken: no tags, aliases, merged or repeated keys. Keys are text as written.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import yaml
+
+#: Values nested deeper are refused.
+MAX_DEPTH = 32
+
+_PREFIX = "tag:yaml.org,2002:"
+_TAGS = {_PREFIX + name for name in ("map", "seq", "str", "int", "float", "bool", "null", "timestamp")}
+
+Path = tuple[str | int, ...]
+Place = tuple[int, int]
+
+
+class YamlError(ValueError):
+    """Text that is no plain YAML; one line, without the place.
+
+    Attributes:
+        place: line and column, from 1, or None.
+    """
+
+    def __init__(self, message: str, place: Place | None = None) -> None:
+        super().__init__(message)
+        self.place = place
+
+
+@dataclass
+class Document:
+    """Plain data, and the line and column, from 1, of what it was made of.
+
+    Attributes:
+        data: mappings, lists and scalars.
+        keys: of every value in a mapping, where its key stands.
+        values: of every value, where it begins.
+        faults: keys given twice and scalars that cannot be, each with its path, reason and place.
+    """
+
+    data: Any = None
+    keys: dict[Path, Place] = field(default_factory=dict)
+    values: dict[Path, Place] = field(default_factory=dict)
+    faults: list[tuple[Path, str, Place]] = field(default_factory=list)
+
+    def place(self, path: Path) -> Place | None:
+        """Where to look for a value: where it begins, of a mapping its key; else the nearest one around it."""
+        for length in range(len(path), -1, -1):
+            part = path[:length]
+            if part in self.values:
+                own = self.keys.get(part)
+                return (
+                    own
+                    if own is not None and isinstance(_value(self.data, part), dict)
+                    else self.values[part]
+                )
+        return None
+
+
+def read_yaml(text: str) -> Document:
+    """Plain data with places.
+
+    Raises:
+        YamlError: the text is not YAML, is more than one document, is nested too deeply, or has an alias.
+    """
+    loader: Any = None
+    try:
+        loader = _Loader(text)
+        node = loader.get_single_node()
+        document = Document()
+        if node is not None:
+            document.data = _build(loader, node, (), document)
+    except yaml.reader.ReaderError as error:
+        before = text[: error.position]
+        place = before.count("\n") + 1, error.position - before.rfind("\n")
+        raise YamlError(f"a character that is no text, {chr(int(error.character))!r}", place) from None
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        place = None if mark is None else (mark.line + 1, mark.column + 1)
+        said = str(error.problem or "cannot be parsed")
+        said = f"{error.context}, {said}" if said.startswith("but ") and error.context else said
+        raise YamlError(_one_line(said), place) from None
+    except RecursionError:
+        raise YamlError("nested too deeply") from None
+    finally:
+        if loader is not None:
+            loader.dispose()
+    return document
+
+
+def _build(loader: Any, node: yaml.Node, path: Path, document: Document) -> Any:
+    """The plain value of a node; notes where it stands and what is wrong with it."""
+    document.values[path] = _place(node)
+    if node.tag not in _TAGS:
+        tag = node.tag.replace(_PREFIX, "!!")
+        document.faults.append((path, f"the YAML tag {short(tag)} is not allowed", _place(node)))
+        return None
+    if isinstance(node, yaml.SequenceNode):
+        return [_build(loader, part, (*path, k), document) for k, part in enumerate(node.value)]
+    if isinstance(node, yaml.MappingNode):
+        return dict(_entries(loader, node, path, document))
+    try:
+        return loader.construct_object(node)
+    except (ValueError, OverflowError, yaml.YAMLError) as error:
+        reason = getattr(error, "problem", None) or str(error)
+        document.faults.append((path, f"{short(node.value)} is no value: {_one_line(reason)}", _place(node)))
+        return None
+
+
+def _entries(
+    loader: Any, node: yaml.MappingNode, path: Path, document: Document
+) -> Iterator[tuple[str, Any]]:
+    seen: set[str] = set()
+    for key, value in node.value:
+        if not isinstance(key, yaml.ScalarNode) or key.tag not in _TAGS:
+            document.faults.append((path, "a key must be a word", _place(key)))
+            continue
+        name = str(key.value)
+        inner = (*path, name)
+        if name in seen:
+            document.faults.append((inner, f"key {short(name)} given twice", _place(key)))
+            continue
+        seen.add(name)
+        document.keys[inner] = _place(key)
+        yield name, _build(loader, value, inner, document)
+
+
+class _Loader(yaml.SafeLoader):
+    """Refuses aliases and depth while composing, before either can multiply."""
+
+    depth = 0
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        mark = self.peek_event().start_mark
+        if self.check_event(yaml.events.AliasEvent):
+            raise yaml.composer.ComposerError(None, None, "aliases are not allowed", mark)
+        if self.depth > MAX_DEPTH:
+            raise yaml.composer.ComposerError(None, None, "nested too deeply", mark)
+        self.depth += 1
+        node = super().compose_node(parent, index)
+        self.depth -= 1
+        return node
+
+
+def _value(data: Any, path: Path) -> Any:
+    for part in path:
+        data = data[part]
+    return data
+
+
+def _place(node: yaml.Node) -> Place:
+    return node.start_mark.line + 1, node.start_mark.column + 1
+
+
+def _one_line(text: str) -> str:
+    return " ".join(str(text).split())[:200]
+
+
+def short(value: Any) -> str:
+    """A piece of the file as a message may show it."""
+    shown = repr(value)
+    return shown if len(shown) <= 60 else f"{shown[:57]}..."

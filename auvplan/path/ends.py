@@ -1,0 +1,63 @@
+"""Whether a path can join two points at all."""
+
+import numpy as np
+from jax.typing import ArrayLike
+from numpy.typing import NDArray
+
+from auvplan.ocean.environment import Environment
+
+#: m, by which an end may fall short of the sea bed's clearance: rounding in single precision.
+_HAIR = 0.01
+
+
+def check_ends(starts: ArrayLike, goals: ArrayLike, env: Environment) -> None:
+    """Refuse legs that no path can join.
+
+    A start is where the vehicle is, and be it nearer to the sea bed than it should: the path that climbs from
+    there is told infeasible. A goal is chosen.
+
+    Args:
+        starts, goals: [B, 3] m.
+        env: the world.
+
+    Raises:
+        ValueError: an end lies on land, below the sea bed, outside the chart or outside the box, a goal too
+            near the sea bed, or both ends coincide; one line that names leg and place.
+    """
+    start, goal = np.asarray(starts), np.asarray(goals)
+    lower, upper = np.asarray(env.lower), np.asarray(env.upper)
+    for name, points in (("start", start), ("goal", goal)):
+        faults = {
+            "is not finite": ~np.isfinite(points).all(axis=1),
+            "lies outside the environment's bounds": ((points < lower - 1e-3) | (points > upper + 1e-3)).any(
+                axis=1
+            ),
+        }
+        if env.chart is not None:
+            x, y = points[:, 0], points[:, 1]
+            faults["lies outside the chart"] = ~np.asarray(env.chart.contains(x, y))
+            faults["lies on land"] = ~np.asarray(env.chart.is_water(x, y))
+        for fault, found in faults.items():
+            for b in np.flatnonzero(found)[:1]:
+                raise ValueError(f"{_end(name, b, points)} {fault}")
+        if env.seabed is not None:
+            _check_altitude(name, points, env)
+    for b in np.flatnonzero(np.linalg.norm(goal - start, axis=1) < 1e-3)[:1]:
+        raise ValueError(f"start and goal of leg {b} coincide")
+
+
+def _check_altitude(name: str, points: NDArray[np.floating], env: Environment) -> None:
+    """Refuse ends [B, 3] m below the sea bed, and goals that do not keep its clearance."""
+    assert env.seabed is not None
+    clearance = float(env.seabed.clearance)
+    altitude = env.seabed.altitude(points)
+    for b in np.flatnonzero(altitude < -_HAIR)[:1]:
+        raise ValueError(f"{_end(name, b, points)} lies {-altitude[b]:.1f} m below the sea bed")
+    if name == "goal":
+        for b in np.flatnonzero(altitude < clearance - _HAIR)[:1]:
+            short = f"{clearance - altitude[b]:.1f} m less than its clearance of {clearance:g} m"
+            raise ValueError(f"{_end(name, b, points)} lies {altitude[b]:.1f} m above the sea bed, {short}")
+
+
+def _end(name: str, leg: int, points: NDArray[np.floating]) -> str:
+    return "{} of leg {} at ({:.0f}, {:.0f}, {:.0f}) m".format(name, leg, *points[leg])

@@ -1,0 +1,120 @@
+"""Why not: which limit a path breaks, by how much, where and when."""
+
+from datetime import UTC, datetime, timedelta
+from enum import Enum
+from typing import TYPE_CHECKING
+
+import jax.numpy as jnp
+import numpy as np
+
+from auvplan.path.cost import ALTITUDE_SCALE, CLEARANCE_SCALE, VIOLATIONS
+
+if TYPE_CHECKING:
+    from auvplan.path.plan import PathPlan
+
+
+class PathStatus(Enum):
+    """How a path search ended; the text says what to do."""
+
+    OK = "feasible path found"
+    SURGE = "ground speed exceeds the surge limit: raise vehicle.surge_max or slow down"
+    SWAY = (
+        "the current across the track exceeds the sway limit: raise vehicle.sway_max or wait for slack water"
+    )
+    TURN_RATE = "the path turns too sharply: raise vehicle.turn_rate_max or move the waypoints apart"
+    COAST = "no way clear of the coast was found: widen the search (PathConfig.width) or move the waypoints"
+    OBSTACLE = "no way clear of the obstacles was found: widen the search, raise iterations, or wait"
+    CURRENT = "the current is stronger than the vehicle: wait for slack water or choose a faster vehicle"
+    SEABED = "no way clear of the sea bed was found: raise the waypoints or the box's top, or ask for less clearance"
+
+
+#: What the breaking of each limit is called.
+STATUS: dict[str, PathStatus] = dict(zip(VIOLATIONS, list(PathStatus)[1:], strict=True))
+
+
+def explanation(plan: "PathPlan", limit: str, epoch: datetime | None = None) -> str:
+    """One line: a limit's value where it is broken most and what it should be, the place, the time, advice.
+
+    Args:
+        plan: the path.
+        limit: of `VIOLATIONS`.
+        epoch: that times count from; UTC where it has no time zone. None for times in seconds.
+
+    Raises:
+        ValueError: there is no such limit.
+    """
+    if limit not in VIOLATIONS:
+        raise ValueError(f"limit must be one of {', '.join(VIOLATIONS)}, got {limit!r}")
+    segment = int(np.argmax(plan.excess[VIOLATIONS.index(limit)]))
+    gaps = np.linalg.norm(np.diff(plan.positions, axis=0), axis=1)
+    place = float(gaps[:segment].sum() + 0.5 * gaps[segment]) / 1000.0
+    when = _moment(plan, 0.5 * float(plan.times[segment] + plan.times[segment + 1]), epoch)
+    where = f"km {place:.1f} of {plan.length / 1000.0:.1f}"
+    return f"{_fact(plan, limit, segment)} at {where}, {when}: {STATUS[limit].value}"
+
+
+def _fact(plan: "PathPlan", limit: str, segment: int) -> str:
+    """What a limit demands and what a segment has of it."""
+    excess = float(plan.excess[VIOLATIONS.index(limit), segment])
+    vehicle, config, bed = plan.conditions.vehicle, plan.conditions.config, plan.conditions.env.seabed
+    if limit == "current":
+        return _beaten(plan, segment)
+    if limit in ("surge", "sway", "turn_rate"):
+        most = float(np.asarray(getattr(vehicle, f"{limit}_max")))
+        if limit == "turn_rate":
+            most = float(np.degrees(most))
+        name, unit = _NAMES[limit]
+        value, most = _apart((1.0 + excess) * most, most)
+        return f"{name} {value} {unit} over {most}"
+    if limit == "seabed":
+        least, scale = 0.0 if bed is None else float(bed.clearance), ALTITUDE_SCALE
+    else:
+        least, scale = getattr(config, f"{limit}_margin"), CLEARANCE_SCALE
+    name, unit = _NAMES[limit]
+    value, least = _apart(least - excess * scale, least)
+    return f"{name} {value} {unit} under {least}"
+
+
+_NAMES = {
+    "surge": ("ground speed", "m/s"),
+    "sway": ("cross-current", "m/s"),
+    "turn_rate": ("turn rate", "deg/s"),
+    "coast": ("clearance of the coast", "m"),
+    "obstacle": ("clearance of the obstacles' boundaries", "m"),
+    "seabed": ("altitude above the sea bed", "m"),
+}
+
+
+def _beaten(plan: "PathPlan", segment: int) -> str:
+    """The current on a segment that the vehicle cannot make way in."""
+    way = plan.positions[segment + 1] - plan.positions[segment]
+    middle = 0.5 * (plan.positions[segment] + plan.positions[segment + 1])
+    time = 0.5 * (plan.times[segment] + plan.times[segment + 1])
+    found = plan.conditions.world().current(*(jnp.asarray([v], float) for v in (*middle, time)))
+    water = np.asarray([float(axis[0]) for axis in found])
+    along = float(water @ way / np.linalg.norm(way))
+    across = float(np.sqrt(max(water @ water - along**2, 0.0)))
+    parts = [
+        f"{speed:.1f} m/s {sense}"
+        for speed, sense in ((abs(along), "against" if along < 0.0 else "along"), (across, "across"))
+        if speed >= 0.05
+    ]
+    speed = float(np.asarray(plan.conditions.vehicle.speed))
+    return f"current {' and '.join(parts)} the track beats the vehicle's {speed:.1f} m/s"
+
+
+def _apart(value: float, limit: float) -> tuple[str, str]:
+    """Both numbers, with as few digits as tell them apart."""
+    for digits in (1, 2, 3):
+        if f"{value:.{digits}f}" != f"{limit:.{digits}f}":
+            return f"{value:.{digits}f}", f"{limit:.{digits}f}"
+    return f"{value:.4g}", f"{limit:.4g}"
+
+
+def _moment(plan: "PathPlan", seconds: float, epoch: datetime | None) -> str:
+    """A time in words; the date where it is not that of the departure."""
+    if epoch is None:
+        return f"at {seconds:,.0f} s"
+    zero = epoch.replace(tzinfo=UTC) if epoch.tzinfo is None else epoch.astimezone(UTC)
+    left, then = (zero + timedelta(seconds=s) for s in (float(plan.times[0]), seconds))
+    return f"{then:%H:%M} UTC" if then.date() == left.date() else f"{then:%Y-%m-%d %H:%M} UTC"

@@ -1,0 +1,124 @@
+"""Why no order of tasks reaches the destination: the leg that the sea closes, or the time."""
+
+from functools import partial
+from itertools import pairwise
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+
+from auvplan.bbo import History
+from auvplan.mission import MissionGraph
+from auvplan.ocean.currents import Current
+from auvplan.ocean.environment import Environment
+from auvplan.path import PathConfig, PathPlan, habitats
+from auvplan.path.cost import curves, fly
+from auvplan.path.sensitivity import Conditions
+from auvplan.vehicle import Vehicle
+from auvplan.voyage.fleet import Fleet, Mission
+from auvplan.voyage.order_calls import effort
+
+#: s added to the time of a closed edge, so that the shortest way has the fewest of them.
+_CLOSED = 1e7
+
+
+def why_no_order(fleet: Fleet, mission: Mission, timed: MissionGraph, told: Current) -> str:
+    """One line on a mission that has no order of tasks over open edges.
+
+    Args:
+        fleet: what missions share.
+        mission: where it stands, with its whole graph.
+        timed: the graph without the edges that the sea closes, as `time_edges` leaves it.
+        told: the current that it was timed in.
+    """
+    run = mission.run
+    cost, nodes = _way(fleet, mission, timed)
+    if not nodes:
+        return f"no way through the graph leads from waypoint {mission.here} to the destination"
+    for i, j in pairwise(nodes):
+        if not timed.adjacency[i, j]:
+            return f"the sea closes leg {_name(run.names, i)} to {_name(run.names, j)}: " + _line_fault(
+                fleet, mission, (i, j), told
+            )
+    left = run.t_available - mission.now
+    return f"the shortest way to the destination takes {cost:.0f} s, {left:.0f} s are available"
+
+
+def _way(fleet: Fleet, mission: Mission, timed: MissionGraph) -> tuple[float, list[int]]:
+    """Seconds and waypoints of the way to the destination over the fewest closed edges; empty without one."""
+    here, goal = mission.here, mission.run.goal
+    everywhere = mission.graph.leg_times(fleet.speed) + _CLOSED
+    times = np.where(timed.adjacency, timed.leg_times(fleet.speed), everywhere)
+    edges = csr_array(np.where(np.isfinite(times), np.maximum(times, 1e-3), 0.0))
+    cost, before = dijkstra(edges, indices=here, return_predecessors=True)
+    if not np.isfinite(cost[goal]):
+        return np.inf, []
+    nodes = [goal]
+    while nodes[-1] != here:
+        nodes.append(int(before[nodes[-1]]))
+    return float(cost[goal]), nodes[::-1]
+
+
+def _name(names: list[str], node: int) -> str:
+    return names[node] if names else str(node)
+
+
+def _line_fault(fleet: Fleet, mission: Mission, edge: tuple[int, int], told: Current) -> str:
+    """The limit that the straight line of an edge breaks most, where and when."""
+    config, site = effort(fleet.path_config).path, mission.run.site
+    start, goal = mission.graph.positions[list(edge)]
+    line = straight_plan(start, goal, mission.now, fleet.environment(told), fleet.vehicle, config)
+    if line.feasible:
+        return "an end lies outside the area"
+    return line.explain(line.broken()[0], site and site.epoch)
+
+
+def straight_plan(
+    start: np.ndarray,
+    goal: np.ndarray,
+    depart: float,
+    env: Environment,
+    vehicle: Vehicle,
+    config: PathConfig,
+) -> PathPlan:
+    """The straight line between two places as a path plan, kept limits or broken ones and all.
+
+    Args:
+        start, goal: [3] m.
+        depart: s since the epoch.
+        env: the world, without obstacles.
+        vehicle: speed and limits.
+        config: of the path planner; its search is not run.
+    """
+    found = jax.device_get(_straight(start, goal, depart, env, vehicle, config))
+    nothing = jnp.zeros(0)
+    return PathPlan(
+        control_points=np.stack([start, goal]),
+        violations=found["excess"].mean(axis=1),
+        travel_time=float(found["times"][-1] - found["times"][0]),
+        cost=np.nan,
+        population=jnp.zeros((0, 3 * config.control_points)),
+        history=History(*[nothing] * len(History.__dataclass_fields__)),
+        conditions=Conditions(env, vehicle, config),
+        **{name: float(found.pop(name)) for name in ("length", "clearance", "altitude")},
+        **found,
+    )
+
+
+@partial(jax.jit, static_argnames="config")
+def _straight(
+    start: jax.Array, goal: jax.Array, depart: float, env: Environment, vehicle: Vehicle, config: PathConfig
+) -> dict[str, jax.Array]:
+    """Fields of a plan of the straight line."""
+    line = curves(habitats.straight_line(start, goal, config)[None], start, goal, config)
+    flight = fly(line, jnp.asarray(depart), env, vehicle, config)
+    return {
+        "positions": jnp.stack([flight.x[:, 0], flight.y[:, 0], flight.z[:, 0]], axis=1),
+        "times": flight.times[:, 0],
+        "excess": jnp.stack(flight.excess)[:, :, 0],
+        "length": flight.length[0],
+        "clearance": flight.clearance.min(),
+        "altitude": flight.altitude.min(),
+    }

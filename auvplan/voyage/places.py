@@ -1,0 +1,92 @@
+"""Places in scenario files: local metres, or longitude and latitude brought to them."""
+
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field, WithJsonSchema
+
+from auvplan.site import Site
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+
+#: A place in a file: local north, east, depth in metres, or longitude and latitude in degrees and depth.
+_PLACE_SCHEMA = {
+    "anyOf": [
+        {
+            "type": "array",
+            "prefixItems": [{"type": "number"}] * 3,
+            "minItems": 3,
+            "maxItems": 3,
+            "description": "north, east, depth, m, from the scenario's origin",
+        },
+        {
+            "type": "object",
+            "properties": {name: {"type": "number"} for name in ("longitude", "latitude", "depth")},
+            "required": ["longitude", "latitude"],
+            "additionalProperties": False,
+            "description": "degrees east and north, and m down; needs the section site",
+        },
+    ]
+}
+Point = Annotated[tuple[Finite, Finite, Finite], WithJsonSchema(_PLACE_SCHEMA)]
+
+
+def localised(given: dict[str, Any], site: Site | None) -> dict[str, Any]:
+    """A scenario's plain data with places of longitude and latitude in local metres."""
+    out = dict(given)
+    mission, area = given.get("mission"), given.get("area")
+    if isinstance(mission, dict):
+        out["mission"] = mission | {
+            name: _place(mission[name], site, f"mission.{name}")
+            for name in ("start", "goal")
+            if name in mission
+        }
+    if isinstance(area, dict):
+        corners = {name: area[name] for name in ("lower", "upper") if name in area}
+        if any(isinstance(corner, dict) for corner in corners.values()):
+            out["area"] = area | _box(corners, site)
+    return out
+
+
+def _place(value: Any, site: Site | None, name: str) -> Any:
+    """A place in local metres; what is no mapping is left to validation."""
+    if not isinstance(value, dict):
+        return value
+    known = {"longitude", "latitude", "depth"}
+    if not {"longitude", "latitude"} <= value.keys() <= known:
+        raise ValueError(f"{name} must have longitude, latitude and perhaps depth, got {sorted(value)}")
+    numbers = [value["longitude"], value["latitude"], value.get("depth", 0.0)]
+    if not all(isinstance(number, int | float) and np.isfinite(number) for number in numbers):
+        raise ValueError(f"{name}: longitude, latitude and depth must be numbers")
+    if not (-180.0 <= numbers[0] <= 360.0 and -90.0 <= numbers[1] <= 90.0):
+        raise ValueError(f"{name}: longitude {numbers[0]}, latitude {numbers[1]} is no place on Earth")
+    if site is None:
+        raise ValueError(f"{name}: a place by longitude and latitude needs the section site")
+    north, east = site.to_local(numbers[0], numbers[1])
+    return (round(float(north), 2), round(float(east), 2), float(numbers[2]))
+
+
+def _box(corners: dict[str, Any], site: Site | None) -> dict[str, Any]:
+    """The local box around a box of longitude and latitude, whose sides are not quite straight."""
+    for name in ("lower", "upper"):
+        if not isinstance(corners.get(name), dict):
+            raise ValueError(
+                "area: lower and upper must both be places by longitude and latitude, or neither"
+            )
+        _place(corners[name], site, f"area.{name}")
+    assert site is not None
+    low, high = corners["lower"], corners["upper"]
+    if not (low["longitude"] < high["longitude"] and low["latitude"] < high["latitude"]):
+        raise ValueError("area.lower must be the south-western corner and area.upper the north-eastern one")
+    share = np.linspace(0.0, 1.0, 33)
+    along, ends = np.concatenate([share, share]), np.repeat([0.0, 1.0], 33)
+    wide, tall = (high[key] - low[key] for key in ("longitude", "latitude"))
+    longitude = low["longitude"] + wide * np.concatenate([along, ends])
+    latitude = low["latitude"] + tall * np.concatenate([ends, along])
+    north, east = site.to_local(longitude, latitude)
+    return {
+        "lower": (float(np.floor(north.min())), float(np.floor(east.min())), float(low.get("depth", 0.0))),
+        "upper": (float(np.ceil(north.max())), float(np.ceil(east.max())), float(high.get("depth", 0.0))),
+    }

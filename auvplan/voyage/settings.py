@@ -1,0 +1,288 @@
+"""The sections of a scenario, validated one by one."""
+
+from datetime import datetime
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+
+from auvplan.site import Site, as_utc
+from auvplan.voyage.places import Finite, NotNegative, Point, Positive
+
+Velocity = tuple[Finite, Finite, Finite]
+
+
+class Section(BaseModel):
+    """Base of all sections: unknown keys are faults, values do not change."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class SiteSettings(Section):
+    """Where and when the mission is; without it local metres and seconds stand alone."""
+
+    longitude: Annotated[float, Field(ge=-180, le=360)] = Field(description="degrees east")
+    latitude: Annotated[float, Field(gt=-89, lt=89)] = Field(description="degrees north")
+    origin: tuple[Finite, Finite] = Field(
+        default=(0.0, 0.0), description="m, local north and east of this place"
+    )
+    departure: datetime | None = Field(
+        default=None,
+        description="UTC unless it says so; if absent the first time of the current's files",
+    )
+
+    @field_validator("departure")
+    @classmethod
+    def _in_utc(cls, moment: datetime | None) -> datetime | None:
+        return None if moment is None else as_utc(moment)
+
+    @property
+    def site(self) -> Site:
+        """The site, whose epoch is the departure."""
+        return Site(self.longitude, self.latitude, self.departure, self.origin)
+
+
+class Area(Section):
+    """Box of the mission: north, east, depth (positive down) in local metres, or corners by place."""
+
+    lower: Point = (0.0, 0.0, 0.0)
+    upper: Point = (10_000.0, 10_000.0, 1000.0)
+
+    @model_validator(mode="after")
+    def _ordered(self) -> "Area":
+        low, high = self.lower, self.upper
+        if low[0] >= high[0] or low[1] >= high[1] or low[2] > high[2]:
+            raise ValueError("lower must be below upper (depths may be equal)")
+        return self
+
+
+class ChartSettings(Section):
+    """Where the coast comes from."""
+
+    source: Literal["whitsunday", "image", "raster", "polygons", "current", "none"] = Field(
+        default="whitsunday",
+        description="'image': a picture without a place; 'raster': a GeoTIFF or a picture with a world "
+        "file; 'polygons': land as GeoJSON; 'current': where the current's file has no water; "
+        "'none': open water",
+    )
+    image: str | None = Field(default=None, description="path, relative to the scenario file, of 'image'")
+    file: str | None = Field(default=None, description="path of 'raster' or 'polygons'")
+    crs: str | None = Field(
+        default=None,
+        description="reference system of a raster that does not tell, such as EPSG:32755",
+    )
+    uncertain: str | None = Field(
+        default=None, description="path of GeoJSON polygons of uncertain area, such as reefs ('polygons')"
+    )
+    fringe: NotNegative = Field(default=0.0, description="m of uncertain area along the coast ('polygons')")
+    no_go: str | None = Field(default=None, description="path of GeoJSON polygons that are closed")
+    pixel_size: Positive = Field(default=10.0, description="m")
+    clearance: NotNegative = Field(default=150.0, description="m, least distance of waypoints to the coast")
+    window: tuple[int, int, int, int] | None = Field(
+        default=None, description="first row (north), first column (east), rows, columns to cut out, pixels"
+    )
+
+    @model_validator(mode="after")
+    def _files_given(self) -> "ChartSettings":
+        if (self.source == "image") != (self.image is not None):
+            raise ValueError("image must be given with source 'image', and only then")
+        if (self.source in ("raster", "polygons")) != (self.file is not None):
+            raise ValueError("file must be given with source 'raster' or 'polygons', and only then")
+        if self.uncertain is not None and self.source != "polygons":
+            raise ValueError("uncertain goes with source 'polygons' alone")
+        if self.window is not None and self.source not in ("whitsunday", "image"):
+            raise ValueError("window goes with source 'whitsunday' or 'image' alone")
+        return self
+
+
+class BathymetrySettings(Section):
+    """The sea bed, from which the vehicle keeps its distance."""
+
+    source: Literal["none", "file", "current"] = Field(
+        default="none", description="'current': as the current's file has it"
+    )
+    file: str | None = Field(default=None, description="path of a NetCDF file or a GeoTIFF")
+    variable: str | None = Field(default=None, description="of the NetCDF file; found by its name if absent")
+    positive: Literal["up", "down"] | None = Field(
+        default=None, description="direction in which values grow, where the file does not tell"
+    )
+    pixel_size: Positive | None = Field(default=None, description="m; half of the source's spacing if absent")
+    clearance: NotNegative = Field(default=5.0, description="m, least height above the sea bed")
+
+    @model_validator(mode="after")
+    def _file_given(self) -> "BathymetrySettings":
+        if (self.source == "file") != (self.file is not None):
+            raise ValueError("file must be given with source 'file', and only then")
+        return self
+
+
+class VehicleSettings(Section):
+    """Speed and limits, m/s and rad/s, and the depths that it may go to."""
+
+    speed: Positive = 2.5
+    surge_max: Positive = 5.0
+    sway_max: Positive = 1.5
+    turn_rate_max: Positive = 0.1
+    depth_min: NotNegative = Field(default=0.0, description="m")
+    depth_max: Positive | None = Field(default=None, description="m; the area's if absent")
+
+
+class CurrentSettings(Section):
+    """The true current, and what the planner is told of it.
+
+    Layered Lamb vortices that change at every update (Eqs 1-2), or files of an ocean model.
+    """
+
+    source: Literal["vortices", "file"] = "vortices"
+    files: str | tuple[str, ...] | None = Field(
+        default=None,
+        description="path, pattern or paths of the forecast, relative to the scenario file ('file')",
+    )
+    truth: str | tuple[str, ...] | None = Field(
+        default=None, description="the same of the current that is sailed in; the forecast if absent ('file')"
+    )
+    outside: Literal["refuse", "clamp"] = Field(
+        default="refuse", description="what is done where the files do not reach: 'clamp' holds the nearest"
+    )
+    spacing: Positive | None = Field(default=None, description="m of the local grid; the files' if absent")
+    vortices: Annotated[int, Field(ge=0, le=64)] = 12
+    layers: Annotated[int, Field(ge=1, le=10)] = 3
+    radius: tuple[Positive, Positive] = Field(default=(500.0, 1500.0), description="m")
+    peak_speed: NotNegative = Field(default=1.25, description="m/s")
+    vertical_scale: NotNegative = Field(default=5.0, description="gamma of Eq. 1, m")
+    uniform: Velocity = Field(default=(0.0, 0.0, 0.0), description="m/s north, east, down, added everywhere")
+    update_interval: Positive = Field(default=600.0, description="s")
+    update_rate: NotNegative = Field(default=1.0, description="U_R^C of Eq. 2")
+    center_std: NotNegative = Field(default=50.0, description="m per update")
+    radius_std: NotNegative = Field(default=20.0, description="m per update")
+    strength_std: NotNegative = Field(default=0.05, description="share per update")
+    forecast_error: NotNegative = Field(
+        default=0.02,
+        description="relative error of what the planner is told; of files, that of random vortices which are "
+        "added to the forecast, as a share of its largest speed (none if not given)",
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _files_are_told_as_they_are(cls, given: Any) -> Any:
+        if isinstance(given, dict) and given.get("source") == "file":
+            return {"forecast_error": 0.0} | given
+        return given
+
+    @model_validator(mode="after")
+    def _files_given(self) -> "CurrentSettings":
+        if (self.source == "file") != (self.files is not None):
+            raise ValueError("files must be given with source 'file', and only then")
+        if self.truth is not None and self.source != "file":
+            raise ValueError("truth goes with source 'file' alone")
+        return self
+
+
+class ObstacleSettings(Section):
+    """True obstacles, drawn anew between the two waypoints of each leg."""
+
+    static: Annotated[int, Field(ge=0, le=50)] = 2
+    afloat: Annotated[int, Field(ge=0, le=50)] = 2
+    self_motivated: Annotated[int, Field(ge=0, le=50)] = 2
+    radius: tuple[Positive, Positive] = Field(default=(20.0, 60.0), description="m")
+    speed: NotNegative = Field(default=0.3, description="m/s, own speed of self-motivated ones")
+
+    @property
+    def total(self) -> int:
+        return self.static + self.afloat + self.self_motivated
+
+
+class SensorSettings(Section):
+    """What the vehicle knows of obstacles, before and within sensor range."""
+
+    range: NotNegative = Field(default=600.0, description="m")
+    interval: Positive = Field(default=30.0, description="s between looks")
+    prior_std: NotNegative = Field(default=10.0, description="m, position and radius, known beforehand")
+    position_std: NotNegative = Field(default=2.0, description="m, within range")
+    velocity_std: NotNegative = Field(default=0.03, description="m/s")
+    growth: NotNegative = Field(default=0.1, description="m/s, growth of the boundary since the last look")
+    growth_max: NotNegative = Field(
+        default=24.0, description="m; what grows while a vehicle sails as far as its sensors reach"
+    )
+
+
+class MissionSettings(Section):
+    """The task graph: random waypoints in the water, each linked to its nearest, or jobs from a file."""
+
+    jobs: str | None = Field(
+        default=None,
+        description="path of GeoJSON or CSV jobs; waypoints, priority, duration count for none then",
+    )
+    waypoints: Annotated[int, Field(ge=2, le=1000)] = 40
+    neighbours: Annotated[int, Field(ge=1, le=100)] | None = Field(
+        default=None,
+        description="nearest ones that each waypoint is linked to; if absent 7, of up to 40 jobs all",
+    )
+    priority: tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=0)]] = (1, 5)
+    duration: tuple[NotNegative, NotNegative] = Field(default=(30.0, 300.0), description="s")
+    time_available: Positive = Field(default=14_400.0, description="s")
+    start: Point | None = Field(default=None, description="m north, east, depth; drawn if absent")
+    goal: Point | None = Field(default=None, description="m north, east, depth; drawn if absent")
+
+    @model_validator(mode="after")
+    def _ends_given(self) -> "MissionSettings":
+        if self.jobs is not None and (self.start is None or self.goal is None):
+            raise ValueError("start and goal must be given with jobs")
+        return self
+
+
+class PlanningSettings(Section):
+    """How the mission is planned and re-planned."""
+
+    preset: Literal["default", "paper"] = "default"
+    effort: Literal["quick", "full", "plain"] = Field(
+        default="quick",
+        description="of the preset 'default': 'quick' plans paths and later orders in a fifth of the time of "
+        "'full'; 'plain' is the search alone, without passages, beams, local search and gradients",
+    )
+    objective: Literal["priority", "eq15"] | None = Field(default=None, description="of the preset if absent")
+    travel_times: Literal["sea", "distance"] | None = Field(
+        default=None,
+        description="of the edges: 'sea' in the current as it is told, 'distance' d / |v| as in Eq. 13; "
+        "if absent 'sea', with the preset 'paper' 'distance'",
+    )
+    detour: NotNegative = Field(
+        default=3.5, description="s that each obstacle is taken to cost a leg; with travel_times 'sea'"
+    )
+    t_series: Annotated[int, Field(ge=1, le=20)] = 4
+    replan_from: Literal["kept", "fresh"] = Field(
+        default="kept", description="population that a path is planned anew from on the way"
+    )
+    window_change: NotNegative | None = Field(
+        default=None,
+        description="share by which the time left on a path must have changed for a window to plan it anew; "
+        "0 does at every window, as the preset 'paper' does; if absent 0.01",
+    )
+    reserve: NotNegative = Field(
+        default=60.0, description="s of the available time that no order is planned to use"
+    )
+    return_margin: NotNegative | None = Field(
+        default=None,
+        description="share by which the way back is taken to last longer than expected; if absent 0.2 with "
+        "travel times of the sea, 0.4 by distance",
+    )
+    replan: Literal["late", "deviation"] = Field(
+        default="deviation",
+        description="'late' as in the paper, after every leg that took longer than expected; 'deviation' "
+        "when the rest of the order no longer fits the time that is left, or would leave much of it",
+    )
+    tolerance: NotNegative = Field(
+        default=30.0, description="s by which the rest of an order may overrun the reserve ('deviation')"
+    )
+    gain: Positive = Field(
+        default=120.0, description="s left over that make a new order worth planning ('deviation')"
+    )
+    charge_compute: bool = Field(
+        default=False, description="charge planning time to the mission clock (Eq. 16)"
+    )
+
+    @property
+    def least_window_change(self) -> float:
+        """`window_change`, or what stands for it."""
+        if self.window_change is not None:
+            return self.window_change
+        return 0.0 if self.preset == "paper" else 0.01

@@ -1,0 +1,141 @@
+"""Builds the task graph of a mission from a scenario: waypoints drawn in the water, or the jobs of a file."""
+
+import numpy as np
+
+from auvplan.mission.graph import MissionGraph, random_graph
+from auvplan.mission.jobs import NEIGHBOURS, Jobs, jobs_graph
+from auvplan.ocean.seabed import Seabed
+from auvplan.voyage.scenario import Scenario
+from auvplan.voyage.waters import Waters
+from auvplan.voyage.world import ScenarioError
+
+#: Draws of waypoints before a scenario is declared too cramped.
+_TRIES = 200
+
+
+def make_graph(
+    scenario: Scenario, waters: Waters, rng: np.random.Generator
+) -> tuple[MissionGraph, list[str]]:
+    """Waypoints in the water, the edges between them whose straight line is clear, and the waypoints' names.
+
+    Waypoint 0 is the start, the last one the destination. The names are empty where waypoints are drawn.
+
+    Raises:
+        ScenarioError: a given start, goal or job lies on land or too deep, or no connected set of waypoints
+            was found.
+    """
+    settings = scenario.mission
+    for name, point in (("start", settings.start), ("goal", settings.goal)):
+        if point is not None and (fault := _misplaced(np.asarray(point), scenario, waters)):
+            raise ScenarioError(f"mission.{name} {point} {fault}")
+    if waters.jobs is not None:
+        return _jobs_graph(scenario, waters, waters.jobs)
+    ends = {0: settings.start, settings.waypoints - 1: settings.goal}
+    for _ in range(_TRIES):
+        positions = _drawn_waypoints(scenario, waters, rng)
+        for index, point in ends.items():
+            if point is not None:
+                positions[index] = point
+        sailable = lines_clear(positions, scenario, waters)
+        try:
+            return random_graph(
+                rng,
+                positions,
+                settings.neighbours or NEIGHBOURS,
+                settings.priority,
+                settings.duration,
+                sailable,
+            ), []
+        except ValueError:
+            continue
+    raise ScenarioError(
+        f"no connected set of {settings.waypoints} waypoints was found in {_TRIES} draws: "
+        "lower chart.clearance or move mission.start and mission.goal"
+    )
+
+
+def _drawn_waypoints(scenario: Scenario, waters: Waters, rng: np.random.Generator) -> np.ndarray:
+    """[N, 3] m, off the coast and clear of the sea bed."""
+    settings, chart = scenario.mission, waters.chart
+    lower, upper = (np.asarray(corner) for corner in scenario.box)
+    margin = min(scenario.chart.clearance, 0.05 * float((upper - lower)[:2].min()))
+    inset = np.array([margin, margin, 0.0])
+    positions = np.empty((0, 3))
+    while len(positions) < settings.waypoints:
+        drawn = rng.uniform(lower + inset, upper - inset, (512, 3))
+        if chart is not None:
+            drawn = drawn[np.asarray(chart.distance(drawn[:, 0], drawn[:, 1])) > scenario.chart.clearance]
+        if waters.seabed is not None and len(drawn):
+            deepest = _deepest(drawn, waters.seabed)
+            drawn[:, 2] = np.minimum(drawn[:, 2], deepest)
+            drawn = drawn[deepest >= lower[2]]
+        if not len(drawn):
+            raise ScenarioError("chart.clearance and the sea bed leave no water for waypoints")
+        positions = np.concatenate([positions, drawn])[: settings.waypoints]
+    return positions
+
+
+def _jobs_graph(scenario: Scenario, waters: Waters, jobs: Jobs) -> tuple[MissionGraph, list[str]]:
+    """The graph of the jobs of a file.
+
+    Raises:
+        ScenarioError: a job lies on land, outside the area or too near the sea bed, or cannot be reached.
+    """
+    settings, source = scenario.mission, scenario.mission.jobs
+    places = [(point.name, point.position) for point in jobs.points]
+    places += [(line.name, position) for line in jobs.lines for position in line.positions]
+    for name, position in places:
+        if fault := _misplaced(np.asarray(position), scenario, waters):
+            where = "({:.0f}, {:.0f}, {:.0f}) m".format(*position)
+            raise ScenarioError(f"{source}: job {name!r} at {where} {fault}")
+    try:
+        return jobs_graph(
+            jobs.points,
+            jobs.lines,
+            settings.start,
+            settings.goal,
+            neighbours=settings.neighbours,
+            clear=lambda positions: lines_clear(positions, scenario, waters),
+        )
+    except ValueError as error:
+        raise ScenarioError(f"{source}: {error}") from None
+
+
+def _misplaced(position: np.ndarray, scenario: Scenario, waters: Waters) -> str:
+    """What is wrong with a waypoint [3] m, or an empty string."""
+    lower, upper = (np.asarray(corner) for corner in scenario.box)
+    if (position[:2] < lower[:2] - 1e-6).any() or (position[:2] > upper[:2] + 1e-6).any():
+        return "lies outside the area"
+    if not lower[2] - 1e-6 <= position[2] <= upper[2] + 1e-6:
+        return f"lies outside the depths {lower[2]:g} to {upper[2]:g} m of area and vehicle"
+    if waters.chart is not None and not bool(waters.chart.is_water(position[0], position[1])):
+        return "lies on land"
+    if waters.seabed is not None:
+        room = float(_deepest(position[None], waters.seabed)[0]) - position[2]
+        if room < 0.0:
+            return f"is {-room:.1f} m too deep for the clearance of the sea bed"
+    return ""
+
+
+def _deepest(positions: np.ndarray, seabed: Seabed) -> np.ndarray:
+    """[N] m, depths to which a vehicle may go at places [N, 3]."""
+    return np.asarray(seabed.shallowest_at(positions[:, 0], positions[:, 1])) - float(seabed.clearance) - 0.5
+
+
+def lines_clear(positions: np.ndarray, scenario: Scenario, waters: Waters) -> np.ndarray:
+    """[N, N] bool: whether the straight line between two waypoints keeps clear of coast and shallows."""
+    size, chart = len(positions), waters.chart
+    if size == 2:  # two waypoints are a single leg: the path planner finds the way round
+        return np.ones((size, size), bool)
+    share = np.linspace(0.0, 1.0, 200)[:, None, None]
+    x = positions[:, 0, None] * (1 - share) + positions[None, :, 0] * share
+    y = positions[:, 1, None] * (1 - share) + positions[None, :, 1] * share
+    clear = np.ones((size, size), bool)
+    if chart is not None:
+        least = np.asarray(chart.distance(x, y)).min(axis=0)
+        clear &= np.minimum(least, least.T) > 0.3 * scenario.chart.clearance
+    if waters.seabed is not None:
+        shallowest = np.asarray(waters.seabed.shallowest_at(x, y)).min(axis=0)
+        room = shallowest - float(waters.seabed.clearance) - scenario.box[0][2]
+        clear &= np.minimum(room, room.T) > 0.0
+    return clear
