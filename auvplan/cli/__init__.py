@@ -6,7 +6,7 @@ from pathlib import Path
 
 import typer
 
-from auvplan.cli import export, mission, scenario, study, tools
+from auvplan.cli import departures, export, mission, scenario, study, tools
 from auvplan.cli.shared import errors
 
 app = typer.Typer(
@@ -18,6 +18,7 @@ app = typer.Typer(
 for command in (
     mission.mission,
     mission.path,
+    departures.departures,
     export.export,
     study.montecarlo,
     study.plot,

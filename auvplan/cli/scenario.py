@@ -1,4 +1,4 @@
-"""Commands for scenario files: what is shipped, a first one to change, their schema, what is wrong with one."""
+"""Commands for scenario files: what is shipped, an example, a schema, what is wrong with one."""
 
 import json
 from pathlib import Path
@@ -53,7 +53,7 @@ def schema(
 
 
 def validate(
-    scenario: Annotated[str, typer.Argument(help="A scenario file (YAML), or the name of a shipped scenario.")],
+    scenario: Annotated[str, typer.Argument(help="A scenario file (YAML), or the name of a shipped one.")],
 ) -> None:
     """List everything that is wrong with a scenario and the files that it names, a line each."""
     from auvplan.io.examine import examine_scenario

@@ -16,6 +16,8 @@ from auvplan.export.table import write_csv
 from auvplan.export.thin import Thinned, thin
 from auvplan.export.trajectories import write_netcdf
 from auvplan.io.files import output_folder
+from auvplan.site import Site
+from auvplan.voyage.records import MissionRun
 
 __all__ = [
     "FORMATS",
@@ -29,6 +31,7 @@ __all__ = [
     "Track",
     "export",
     "export_notes",
+    "export_run",
     "itinerary_of",
     "itinerary_of_parts",
     "thin",
@@ -88,6 +91,13 @@ def export(itinerary: Itinerary, folder: str | Path, formats: Iterable[str] = tu
     chosen = [_format(name) for name in formats]
     target = output_folder(folder)
     return [kind.write(itinerary, target / kind.file) for kind in chosen]
+
+
+def export_run(
+    run: MissionRun, folder: str | Path, formats: Iterable[str] = tuple(FORMATS), site: Site | None = None
+) -> list[Path]:
+    """`export` of a run's itinerary; `site` is the run's own if absent."""
+    return export(itinerary_of(run, site), folder, formats)
 
 
 def export_notes(itinerary: Itinerary, formats: Iterable[str] = tuple(FORMATS)) -> list[str]:

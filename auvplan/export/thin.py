@@ -10,7 +10,7 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from auvplan.ocean.environment import Environment
-from auvplan.path.clearance import coast_clearance, obstacle_clearance
+from auvplan.path.clearance import bed_altitude, coast_clearance, obstacle_clearance
 from auvplan.path.config import PathConfig
 from auvplan.path.kinematics import Axes, inner, norm
 from auvplan.vehicle import Vehicle, along_track
@@ -68,14 +68,15 @@ def thin(
 
     Both the path and what is kept of it are sailed anew in the current as it is on arrival, in steps of at
     most 20 m, so that their times compare. Certified distances to the coast and to the obstacles' boundaries
-    are not below the smaller of `margin` and what the path itself has; where the current lets the vehicle
-    hold the path within its limits, it lets it hold the straight lines too. Of each number of lines those are
-    tried whose changes of time, summed without regard to sign, are least.
+    are not below the smaller of `margin` and what the path itself has, altitudes above the sea bed not below
+    the smaller of its clearance and the path's; where the current lets the vehicle hold the path within its
+    limits, it lets it hold the straight lines too. Of each number of lines those are tried whose changes of
+    time, summed without regard to sign, are least.
 
     Args:
         positions: [S, 3] m, samples, at least two.
         times: [S] s since the epoch, rising; only the first counts, where `depart` is not given.
-        env: current, coast and obstacles; any `Current` will do.
+        env: current, coast, obstacles and sea bed; any `Current` will do.
         vehicle: speed and limits.
         depart: s since the epoch.
         tolerance: share by which the total time may change.
@@ -93,7 +94,10 @@ def thin(
     sea = _Sea(replace(env, obstacles=env.obstacles.resolved(env.current)), vehicle)
     path_times, path_room = sea.sail(places, start)
     distances = np.arange(len(path_room)) < _DISTANCES
-    least = np.minimum(np.where(distances, margin, 0.0), path_room) - np.where(distances, *_BLUR)
+    asked = np.where(distances, margin, 0.0)
+    if env.seabed is not None:
+        asked[_DISTANCES - 1] = float(env.seabed.clearance)
+    least = np.minimum(asked, path_room) - np.where(distances, *_BLUR)
     total = path_times[-1] - path_times[0]
 
     i, j = np.triu_indices(len(places), 1)
@@ -110,7 +114,7 @@ def thin(
         arrivals, clear = sea.sail(places[chain], start)
         late = float((arrivals[-1] - arrivals[0]) / total - 1.0)
         if whole or (abs(late) < tolerance and (clear >= least).all()):
-            return Thinned(chain, places[chain], arrivals, late, float(clear[:_DISTANCES].min()))
+            return Thinned(chain, places[chain], arrivals, late, float(clear[: _DISTANCES - 1].min()))
     raise AssertionError("the path itself is among the chains")
 
 
@@ -133,8 +137,9 @@ def _chains(cost: Array) -> Iterator[NDArray[np.intp]]:
         best = sums[parents, np.arange(len(cost))]
 
 
-#: How many rows of what `_room` returns are distances that `margin` asks for.
-_DISTANCES = 2
+#: How many rows of what `_room` returns are distances: `margin` asks for all but the last, the altitude above
+#: the sea bed.
+_DISTANCES = 3
 
 
 def _room(
@@ -151,10 +156,11 @@ def _room(
     """
     starts, way, _, duration = segments
     share = jnp.linspace(0.0, 1.0, _LOOKS + 1)[:, None]
-    x, y = (first + share * step for first, step in zip(starts[:2], way[:2], strict=True))
+    x, y, z = (first + share * step for first, step in zip(starts, way, strict=True))
     parts = jnp.broadcast_to(norm(way[0], way[1]) / _LOOKS, x[1:].shape)
     coast, _ = coast_clearance(x, y, parts, jnp.broadcast_to(duration / _LOOKS, parts.shape), env, _CONFIG)
-    return jnp.stack([coast.min(axis=0), obstacle_clearance(segments, env), *speeds])
+    altitude = bed_altitude(x, y, z, parts, env).min(axis=0)
+    return jnp.stack([coast.min(axis=0), obstacle_clearance(segments, env), altitude, *speeds])
 
 
 @jax.jit

@@ -11,12 +11,17 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from auvplan.io.files import ResultError, read_mission, read_summary
+from auvplan.io.files import MISSION, ResultError, read_mission, read_summary
 from auvplan.io.ledger import Leg, figure_faults, graph_faults, place_faults, read_legs, require, time_faults
-from auvplan.io.walk import Coast, Walk, events
+from auvplan.io.walk import Bed, Coast, Walk, events
 
 #: No current is faster, m/s.
 CURRENT_MAX = 5.0
+
+#: Metres by which an altitude may fall short of the clearance that was asked for: far above rounding.
+ALTITUDE_TOLERANCE = 0.1
+
+_BED = {"seabed_depth": ("seabed_x", "seabed_y"), "seabed_origin": ("horizontal",), "seabed_pixel_size": ()}
 
 
 @dataclass
@@ -28,9 +33,12 @@ class CheckReport:
         coast_metres: m sailed on land.
         obstacle_hits: separate stretches inside a true obstacle at the true time.
         obstacle_metres: m sailed inside one.
+        seabed_hits: separate stretches below the sea bed.
+        seabed_metres: m sailed below it.
         coast_clearance: m, least distance to a coast pixel's edge; infinite without a coast.
         obstacle_clearance: m, least distance to a true obstacle's surface, negative inside; infinite
             without obstacles.
+        seabed_altitude: m, least altitude above the sea bed, negative below it; infinite where none is known.
         length: m walked.
         legs: sailed legs.
         faults: one line each.
@@ -40,16 +48,19 @@ class CheckReport:
     coast_metres: float = 0.0
     obstacle_hits: int = 0
     obstacle_metres: float = 0.0
+    seabed_hits: int = 0
+    seabed_metres: float = 0.0
     coast_clearance: float = np.inf
     obstacle_clearance: float = np.inf
+    seabed_altitude: float = np.inf
     length: float = 0.0
     legs: int = 0
     faults: list[str] = field(default_factory=list)
 
     @property
     def collisions(self) -> int:
-        """Separate stretches on land or inside an obstacle."""
-        return self.coast_hits + self.obstacle_hits
+        """Separate stretches on land, inside an obstacle or below the sea bed."""
+        return self.coast_hits + self.obstacle_hits + self.seabed_hits
 
     @property
     def ok(self) -> bool:
@@ -60,9 +71,10 @@ class CheckReport:
         lines = [
             f"walked {self.length:.0f} m on {self.legs} legs",
             f"collisions: {self.coast_hits} with the coast ({self.coast_metres:.1f} m), "
-            f"{self.obstacle_hits} with obstacles ({self.obstacle_metres:.1f} m)",
+            f"{self.obstacle_hits} with obstacles ({self.obstacle_metres:.1f} m), "
+            f"{self.seabed_hits} with the sea bed ({self.seabed_metres:.1f} m)",
             f"least clearance: coast {_metres(self.coast_clearance)}, "
-            f"obstacles {_metres(self.obstacle_clearance)}",
+            f"obstacles {_metres(self.obstacle_clearance)}, sea bed {_metres(self.seabed_altitude)}",
             *(f"fault: {fault}" for fault in self.faults),
             "no faults" if self.ok else f"{len(self.faults)} faults",
         ]
@@ -70,7 +82,7 @@ class CheckReport:
 
 
 def check_run(folder: str | Path) -> CheckReport:
-    """Check a saved run: coast, obstacles, times, places and edges of every sailed leg.
+    """Check a saved run: coast, obstacles, sea bed, times, places and edges of every sailed leg.
 
     Args:
         folder: that `save_run` wrote.
@@ -83,6 +95,7 @@ def check_run(folder: str | Path) -> CheckReport:
     """
     summary, dataset = read_summary(folder), read_mission(folder)
     require(summary, dataset, Path(folder))
+    _require_bed(dataset, Path(folder) / MISSION)
     return check_dataset(summary, dataset)
 
 
@@ -95,13 +108,31 @@ def check_dataset(summary: dict[str, Any], dataset: xr.Dataset) -> CheckReport:
     report.faults += time_faults(dataset, summary, legs)
     report.faults += figure_faults(summary, dataset, legs)
     coast = Coast.of(dataset) if "passability" in dataset else None
+    bed = Bed.of(dataset) if "seabed_depth" in dataset else None
     for leg in legs:
         if leg.sailed:
-            _walk(leg, coast, float(dataset.attrs["vehicle_speed"]) + CURRENT_MAX, report)
+            _walk(leg, coast, bed, float(dataset.attrs["vehicle_speed"]) + CURRENT_MAX, report)
     return report
 
 
-def _walk(leg: Leg, coast: Coast | None, speed: float, report: CheckReport) -> None:
+def _require_bed(dataset: xr.Dataset, file: Path) -> None:
+    """Raise where only parts of a sea bed are there.
+
+    Raises:
+        ResultError: one line that names the variable or attribute.
+    """
+    if not any(name in dataset for name in _BED):
+        return
+    for name, dims in _BED.items():
+        if name not in dataset:
+            raise ResultError(f"{file}: variable {name} is missing")
+        if dataset[name].dims != dims:
+            raise ResultError(f"{file}: variable {name} has dimensions {dataset[name].dims}, not {dims}")
+    if "seabed_clearance" not in dataset.attrs:
+        raise ResultError(f"{file}: attribute seabed_clearance is missing")
+
+
+def _walk(leg: Leg, coast: Coast | None, bed: Bed | None, speed: float, report: CheckReport) -> None:
     """Walk one leg in steps of at most a metre and book what it meets."""
     report.legs += 1
     for name, values in (("time", leg.times), ("position", leg.positions), ("obstacle", leg.obstacles)):
@@ -129,6 +160,8 @@ def _walk(leg: Leg, coast: Coast | None, speed: float, report: CheckReport) -> N
             report.faults.append(f"{leg}: on land {walk.between(first, last)}")
         for first, last in events(outside):
             report.faults.append(f"{leg}: outside the chart {walk.between(first, last)}")
+    if bed is not None:
+        _sound(leg, walk, bed, report)
     clearance = np.linalg.norm(walk.obstacles - walk.positions[:, None], axis=2) - leg.radii
     report.obstacle_clearance = min(report.obstacle_clearance, clearance.min(initial=np.inf))
     report.obstacle_metres += float(walk.metres[(clearance < 0.0).any(axis=1)].sum())
@@ -136,6 +169,23 @@ def _walk(leg: Leg, coast: Coast | None, speed: float, report: CheckReport) -> N
         for first, last in events(inside):
             report.obstacle_hits += 1
             report.faults.append(f"{leg}: inside obstacle {number} {walk.between(first, last)}")
+
+
+def _sound(leg: Leg, walk: Walk, bed: Bed, report: CheckReport) -> None:
+    """Book what a walk meets of the sea bed."""
+    altitude = bed.altitude(walk.positions)
+    below = altitude < 0.0
+    near = (altitude < bed.clearance - ALTITUDE_TOLERANCE) & ~below
+    report.seabed_altitude = min(report.seabed_altitude, float(altitude.min()))
+    report.seabed_metres += float(walk.metres[below].sum())
+    for first, last in events(below):
+        report.seabed_hits += 1
+        report.faults.append(f"{leg}: below the sea bed {walk.between(first, last)}")
+    for first, last in events(near):
+        least = f"{altitude[first : last + 1].min():.1f} m above the sea bed, under {bed.clearance:g} m,"
+        report.faults.append(f"{leg}: {least} {walk.between(first, last)}")
+    for first, last in events(bed.outside(walk.positions)):
+        report.faults.append(f"{leg}: beyond the known sea bed {walk.between(first, last)}")
 
 
 def _metres(value: float) -> str:

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -66,7 +67,7 @@ def examine_scenario(source: str | Path) -> Examination:
     waters = _read_apart(scenario, found)
     found.faults += _places(scenario, waters, document)
     if not found.faults:
-        found.attempt("scenario", scenario, lambda: load_waters(scenario, folder))
+        found.attempt("scenario", scenario, partial(load_waters, scenario, folder))
         found.attempt("mission", scenario.mission, lambda: _graph(scenario, waters))
     notes = tuple(dict.fromkeys(note for part in found.read for note in part.notes))
     return Examination(str(source), tuple(in_order(found.faults)), notes)
@@ -121,7 +122,7 @@ def _read_apart(scenario: Scenario, found: _Findings) -> Waters:
     for section, settings, alone in _apart(scenario):
         if section in ("chart", "bathymetry") and settings.source == "current" and parts["current"] is None:
             continue  # its fault is the current's, which is told
-        parts[section] = found.attempt(section, settings, lambda alone=alone: load_waters(alone, found.folder))
+        parts[section] = found.attempt(section, settings, partial(load_waters, alone, found.folder))
     got = {section: part or Waters() for section, part in parts.items()}
     empty = Waters()
     return Waters(

@@ -21,6 +21,8 @@ from auvplan.voyage.settings import SiteSettings
 _NO_PLACE = "no place"
 #: Kinds of faults between fields: of the whole scenario, and within a section.
 _RULES = ("rule", "section rule")
+#: What the box of a mission is made of: the fields that rules mean by "the area" and "the vehicle's depths".
+_BOX = ("lower", "upper", "depth_min", "depth_max")
 
 
 def check_fields(document: Document) -> tuple[Scenario | None, list[Fault]]:
@@ -56,7 +58,7 @@ def check_fields(document: Document) -> tuple[Scenario | None, list[Fault]]:
 
 
 def _bad_places(plain: dict[str, Any]) -> dict[Path, str]:
-    """Places by longitude and latitude that are none, with the reason; it is empty where another's tells all."""
+    """Places by longitude and latitude that are none, with the reason; none where another's tells it."""
     site = plain.get("site")
     try:
         # Without a site there are no such places; what is wrong with one that is given is told elsewhere.
@@ -166,7 +168,7 @@ def _follows(path: Path, reason: str, kind: str, taken: set[Path]) -> bool:
     alone = set(re.findall(r"\b(\w+)\b(?!\.)", reason))
     for section, *key in taken:
         mentioned = not key or key[0] in words
-        if kind == _RULES[0] and section in words and (mentioned or section in alone):
+        if kind == _RULES[0] and section in words and (mentioned or (section in alone and key[0] in _BOX)):
             return True
         if kind == _RULES[1] and path[0] == section and mentioned:
             return True

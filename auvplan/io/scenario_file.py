@@ -78,8 +78,8 @@ def scenario_schema() -> dict[str, Any]:
     head = {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "auvplan scenario",
-        "description": "What a mission of an autonomous underwater vehicle needs to know. Local metres north, "
-        "east and depth (down); seconds; m/s.",
+        "description": "What a mission of an autonomous underwater vehicle needs to know. Local metres "
+        "north, east and down; seconds; m/s.",
     }
     return head | {name: value for name, value in own.items() if name not in head}
 

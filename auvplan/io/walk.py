@@ -1,4 +1,4 @@
-"""What the checker sees on its walk: the coast under it, obstacles as they move. Plain NumPy."""
+"""What the checker sees on its walk: coast and sea bed under it, obstacles as they move. Plain NumPy."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -136,6 +136,51 @@ class Coast:
             offset = np.maximum(np.abs(positions[part, None, :2] - edge) - 0.5 * self.size, 0.0)
             nearest[part] = np.sqrt((offset**2).sum(axis=2).min(axis=1))
         return nearest
+
+
+#: Depth of pixels whose depth is not known, m: the surface.
+_DRY = 0.0
+
+
+@dataclass(frozen=True)
+class Bed:
+    """Depth of the sea bed at pixels' centres; pixel (i, j) begins at corner + (i, j) * size.
+
+    Attributes:
+        depth: [nx, ny] m, indexed [north, east].
+        corner: [2] m.
+        size: m.
+        clearance: m, least altitude that was asked for.
+    """
+
+    depth: Array
+    corner: Array
+    size: float
+    clearance: float
+
+    @classmethod
+    def of(cls, dataset: xr.Dataset) -> Self:
+        """The sea bed of a saved run."""
+        depth = dataset["seabed_depth"].values.astype(float)
+        corner, size = dataset["seabed_origin"].values.astype(float), float(dataset["seabed_pixel_size"])
+        clearance = float(dataset.attrs["seabed_clearance"])
+        return cls(np.where(np.isfinite(depth), depth, _DRY), corner, size, clearance)
+
+    def outside(self, positions: Array) -> NDArray[np.bool_]:
+        """Whether positions [n, 3] lie beyond the raster, [n]."""
+        place = positions[:, :2] - self.corner
+        beyond = (place < -_EDGE) | (place > self.size * np.asarray(self.depth.shape) + _EDGE)
+        return np.any(beyond, axis=1)
+
+    def altitude(self, positions: Array) -> Array:
+        """Altitude of positions [n, 3] above the bed, [n] m, negative below it; bilinear between centres."""
+        last = np.asarray(self.depth.shape) - 1
+        place = np.clip((positions[:, :2] - self.corner) / self.size - 0.5, 0.0, last)
+        (i, j), (a, b) = np.floor(place).astype(int).T, (place % 1.0).T
+        up, right = np.minimum(i + 1, last[0]), np.minimum(j + 1, last[1])
+        south = self.depth[i, j] * (1.0 - b) + self.depth[i, right] * b
+        north = self.depth[up, j] * (1.0 - b) + self.depth[up, right] * b
+        return south * (1.0 - a) + north * a - positions[:, 2]
 
 
 def events(inside: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:

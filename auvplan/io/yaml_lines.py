@@ -1,6 +1,6 @@
 """YAML (1.1, as PyYAML reads it) to plain data that remembers where in the text every value stands.
 
-Only mappings, lists and scalars are taken: no tags, aliases, merged or repeated keys. Keys are text as written.
+Only mappings, lists and scalars are taken: no tags, aliases, merged or repeated keys. Keys stay text.
 """
 
 from collections.abc import Iterator
@@ -48,7 +48,7 @@ class Document:
     faults: list[tuple[Path, str, Place]] = field(default_factory=list)
 
     def place(self, path: Path) -> Place | None:
-        """Where to look for a value: where it begins, of a mapping its key; else the nearest one around it."""
+        """Where a value begins, or the key of a mapping; else the place of the nearest value around it."""
         for length in range(len(path), -1, -1):
             part = path[:length]
             if part in self.values:
@@ -137,9 +137,9 @@ class _Loader(yaml.SafeLoader):
     def compose_node(self, parent: Any, index: Any) -> Any:
         mark = self.peek_event().start_mark
         if self.check_event(yaml.events.AliasEvent):
-            raise yaml.composer.ComposerError(None, None, "aliases are not allowed", mark)
+            raise yaml.MarkedYAMLError(None, None, "aliases are not allowed", mark)
         if self.depth > MAX_DEPTH:
-            raise yaml.composer.ComposerError(None, None, "nested too deeply", mark)
+            raise yaml.MarkedYAMLError(None, None, "nested too deeply", mark)
         self.depth += 1
         node = super().compose_node(parent, index)
         self.depth -= 1

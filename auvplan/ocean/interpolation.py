@@ -1,5 +1,6 @@
 """Interpolation on a grid, linear in north, east, depth and time, with slopes from the same corners."""
 
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -8,9 +9,6 @@ import jax.numpy as jnp
 
 from auvplan.tangents import fixed, instantiated
 
-#: From so many places on a loop over halves of them is worth its while.
-_MANY = 4096
-
 #: North, east, depth, time of N points, [N] each.
 _Places = tuple[jax.Array, ...]
 
@@ -18,7 +16,7 @@ _Places = tuple[jax.Array, ...]
 @jax.custom_jvp
 def _interpolated(fields: tuple[jax.Array, ...], axes: tuple, places: _Places) -> tuple[jax.Array, ...]:
     """Each of the fields [T, Z, X, Y] at N places, linear between nodes."""
-    return tuple(value for value, _ in _with_slopes(fields, axes, places))
+    return _apart(lambda: tuple(value for value, _ in _with_slopes(fields, axes, places)), axes)
 
 
 @partial(_interpolated.defjvp, symbolic_zeros=True)
@@ -26,38 +24,60 @@ def _interpolated_jvp(primals: tuple, tangents: tuple) -> tuple[tuple, tuple]:
     """The slopes come from the corners that the value is from: nothing is looked up twice."""
     if not fixed(tangents[:2]):
         return jax.jvp(_interpolated.__wrapped__, primals, instantiated(tangents, primals))
+    moves = tangents[2]
     values, changes = [], []
-    for value, slopes in _with_slopes(*primals):
-        pairs = zip(slopes, tangents[2], strict=True)
-        terms = [slope * move for slope, move in pairs if slope is not None and not fixed(move)]
+    for value, slopes in _apart(
+        lambda: _with_slopes(*primals, wanted=[not fixed(move) for move in moves]), primals[1]
+    ):
+        terms = [slope * move for slope, move in zip(slopes, moves, strict=True) if slope is not None]
         values.append(value)
         changes.append(sum(terms, jnp.zeros_like(value)))
     return tuple(values), tuple(changes)
 
 
-def _with_slopes(fields: tuple[jax.Array, ...], axes: tuple, places: _Places) -> list[tuple[jax.Array, list]]:
-    """Value, and slopes along north, east, depth and time (None along an axis of one node), of each field.
+def _with_slopes(
+    fields: tuple[jax.Array, ...], axes: tuple, places: _Places, wanted: Sequence[bool] = (False,) * 4
+) -> list[tuple[jax.Array, list]]:
+    """Value, and the wanted slopes along north, east, depth and time, of each field.
 
-    Many places in two halves, one after the other: what a loop finds is stored, where XLA would look the
-    corners up again for every expression that uses them.
+    A slope is None where it is not wanted, or the axis has one node.
     """
-    count = places[0].size
-    half = -(-count // 2)
-    halves = tuple(jnp.pad(axis, (0, 2 * half - count)).reshape(2, half) for axis in places)
+    corner, shares, spans = _located(fields[0].shape, axes, places)
+    found = []
+    for field in fields:
+        value, across = _blend(_corners(field, corner), shares)
+        slopes = [
+            change / span if want and span is not None else None
+            for change, span, want in zip(across, spans, wanted, strict=True)
+        ]
+        found.append((value, slopes))
+    return found
 
-    def look_up(part: _Places) -> list[tuple[jax.Array, list]]:
-        corner, shares, spans = _located(fields[0].shape, axes, part)
-        found = []
-        for field in fields:
-            value, across = _blend(_corners(field, corner), shares)
-            slopes = [None if span is None else a / span for a, span in zip(across, spans, strict=True)]
-            found.append((value, slopes))
-        return found
 
-    if count < _MANY:
-        return look_up(places)
-    found = jax.lax.map(look_up, halves)
-    return jax.tree.map(lambda row: row.reshape(-1)[:count], found)
+def _apart(look_up: Callable[[], Any], axes: tuple) -> Any:
+    """What `look_up` finds, stored before it is used; not a number where the spacing is not positive.
+
+    XLA on a CPU fuses operations into every expression that uses their results, and would look the corners up
+    again for each. It fuses nothing across a branch, so here is one that is always taken.
+    """
+    if jax.default_backend() != "cpu":
+        return look_up()
+
+    def nothing() -> Any:
+        return jax.tree.map(lambda row: jnp.full(row.shape, jnp.nan, row.dtype), jax.eval_shape(look_up))
+
+    return jax.lax.cond(_positive(jax.lax.stop_gradient(axes[1])), look_up, nothing)
+
+
+@jax.custom_batching.custom_vmap
+def _positive(spacing: jax.Array) -> jax.Array:
+    """Whether all of a spacing is positive: one answer for a batch, or JAX would compute both branches."""
+    return jnp.min(spacing) > 0.0
+
+
+@_positive.def_vmap
+def _positive_in_batch(_: int, __: list, spacing: jax.Array) -> tuple[jax.Array, bool]:
+    return _positive(jnp.min(spacing, axis=0)), False
 
 
 #: Compiled, or every call outside a compiled program would run operation by operation.

@@ -73,7 +73,7 @@ class Seabed:
         cls,
         depth: ArrayLike,
         pixel_size: float,
-        origin: ArrayLike = (0.0, 0.0),
+        origin: tuple[float, ...] | NDArray[np.floating] = (0.0, 0.0),
         *,
         clearance: float = 5.0,
         reach: float | None = None,
@@ -86,7 +86,7 @@ class Seabed:
         Args:
             depth: [nx, ny] m, positive down, indexed [north, east]; NaN where unknown, which counts as dry.
             pixel_size: m.
-            origin: [2] m, north and east of the corner of pixel (0, 0).
+            origin: north and east of the corner of pixel (0, 0), m.
             clearance: m, least altitude to be kept above the bed.
             reach: m, half the length of the longest segments between samples; None for layers from one pixel
                 to `FARTHEST`, of which each segment takes the one that it needs.

@@ -25,7 +25,7 @@ class PathStatus(Enum):
     COAST = "no way clear of the coast was found: widen the search (PathConfig.width) or move the waypoints"
     OBSTACLE = "no way clear of the obstacles was found: widen the search, raise iterations, or wait"
     CURRENT = "the current is stronger than the vehicle: wait for slack water or choose a faster vehicle"
-    SEABED = "no way clear of the sea bed was found: raise the waypoints or the box's top, or ask for less clearance"
+    SEABED = "no way clear of the sea bed was found: raise the waypoints or ask for less clearance"
 
 
 #: What the breaking of each limit is called.

@@ -6,6 +6,7 @@ from auvplan.io.files import output_folder
 from auvplan.plot.chart import draw_chart, plot_chart
 from auvplan.plot.convergence import plot_convergence
 from auvplan.plot.currents import plot_currents
+from auvplan.plot.departures import plot_departures
 from auvplan.plot.legs import busiest_leg
 from auvplan.plot.mission import plot_mission
 from auvplan.plot.obstacles import plot_obstacles
@@ -48,6 +49,7 @@ __all__ = [
     "plot_chart",
     "plot_convergence",
     "plot_currents",
+    "plot_departures",
     "plot_mission",
     "plot_obstacles",
     "plot_timeline",

@@ -11,8 +11,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from auvplan.mission import MissionOrder
 from auvplan.ocean.obstacles import Obstacles
@@ -49,7 +48,8 @@ class Departures:
         time: [D] s, expected of the mission, or travel time of the leg; NaN where it is not feasible.
         tasks: [D] tasks of the order; 0 of a leg.
         priority: [D] their total priority; 0 of a leg.
-        current: [D] m/s, mean level speed of the current at departure, at the waypoints or along the leg.
+        current: [D] m/s, mean level speed of the current as told, at departure, at the waypoints or along
+            the leg.
         reasons: D lines on what stands against it; empty where it is feasible.
         orders: D orders of tasks, None where there is none; None of a leg.
         plans: D path plans of a leg; None of a mission.
@@ -109,11 +109,6 @@ def plan_departures(
     Raises:
         ScenarioError, ChartError, GeoError, CurrentError: the scenario cannot be built, or its current is not
             known from the first departure until the last one's time available is over.
-
-    Example:
-        >>> found = plan_departures(scenario, np.arange(0, 43_200, 1800), key=key)  # doctest: +SKIP
-        >>> found.moment(found.best)  # doctest: +SKIP
-        '2026-03-01 06:30 UTC'
     """
     moments = np.asarray(departs, float)
     if moments.ndim != 1 or not len(moments) or not np.isfinite(moments).all():
@@ -218,7 +213,8 @@ def _circumstances(missions: Sequence[Mission]) -> dict[str, Any]:
     still, adrift = np.zeros_like(places), np.ones(len(places))
     speeds = []
     for mission in missions:
-        water = np.asarray(over_ground(mission.sea.field, places, still, adrift, mission.now))
+        told = copy(mission.sea).told()
+        water = np.asarray(over_ground(told, places, still, adrift, mission.now))
         speeds.append(float(np.hypot(water[:, 0], water[:, 1]).mean()))
     return {
         "departs": np.asarray([mission.now for mission in missions]),

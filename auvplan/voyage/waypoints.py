@@ -119,7 +119,8 @@ def _misplaced(position: np.ndarray, scenario: Scenario, waters: Waters) -> str:
 
 def _deepest(positions: np.ndarray, seabed: Seabed) -> np.ndarray:
     """[N] m, depths to which a vehicle may go at places [N, 3]."""
-    return np.asarray(seabed.shallowest_at(positions[:, 0], positions[:, 1])) - float(seabed.clearance) - 0.5
+    shallowest = np.asarray(seabed.shallowest_at(positions[:, 0], positions[:, 1], 0.0))
+    return shallowest - float(seabed.clearance) - 0.5
 
 
 def lines_clear(positions: np.ndarray, scenario: Scenario, waters: Waters) -> np.ndarray:
@@ -135,7 +136,8 @@ def lines_clear(positions: np.ndarray, scenario: Scenario, waters: Waters) -> np
         least = np.asarray(chart.distance(x, y)).min(axis=0)
         clear &= np.minimum(least, least.T) > 0.3 * scenario.chart.clearance
     if waters.seabed is not None:
-        shallowest = np.asarray(waters.seabed.shallowest_at(x, y)).min(axis=0)
+        gap = np.hypot(x[1] - x[0], y[1] - y[0])
+        shallowest = np.asarray(waters.seabed.shallowest_at(x, y, gap)).min(axis=0)
         room = shallowest - float(waters.seabed.clearance) - scenario.box[0][2]
         clear &= np.minimum(room, room.T) > 0.0
     return clear

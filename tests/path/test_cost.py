@@ -83,6 +83,7 @@ def naive_flight(habitat, env, vehicle, depart, config):
                 max(config.coast_margin - coast, 0) / CLEARANCE_SCALE,
                 max(config.obstacle_margin - clear, 0) / CLEARANCE_SCALE,
                 max(0.05 - raw / vehicle.speed, 0),
+                0.0,
             ]
         )
         t, last = t + lasts, (yaw, lasts)

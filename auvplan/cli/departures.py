@@ -1,0 +1,281 @@
+"""The command that says when to leave."""
+
+import csv
+import math
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from auvplan.cli.shared import (
+    OutOption,
+    QuietOption,
+    ScenarioArgument,
+    SeedOption,
+    console,
+    errors,
+    load,
+)
+
+#: Departures at most, and the hours from the scenario's own that they may lie away.
+_MOST = 500
+_FARTHEST = 366 * 24.0
+
+#: Columns of a table that is not written to a terminal: long reasons stay on few lines.
+_WIDTH = 160
+
+
+def departures(
+    scenario: ScenarioArgument = "whitsunday",
+    begin: Annotated[
+        str,
+        typer.Option(
+            "--from",
+            help="First departure: a date and time (UTC unless it says otherwise), or hours after the "
+            "scenario's departure, such as 3 or +3h.",
+        ),
+    ] = "0",
+    end: Annotated[str, typer.Option("--to", help="Last departure, as --from.")] = "12",
+    step: Annotated[
+        str, typer.Option("--step", help="Between departures, such as 30min, 1h or 900s.")
+    ] = "1h",
+    out: OutOption = Path("out/departures"),
+    seed: SeedOption = 0,
+    quiet: QuietOption = False,
+) -> None:
+    """Plan the mission, or the leg of two waypoints, at many departures and say which is the best."""
+    settings, folder = load(scenario, None, None)
+    departs = departure_times(settings, folder, begin, end, step)
+    from auvplan.io import output_folder
+    from auvplan.voyage.departures import load_waters_at, plan_departures
+
+    waters = load_waters_at(settings, departs, folder)
+    if not quiet:
+        for note in waters.notes:
+            console.print(f"note: {note}", soft_wrap=True, highlight=False, markup=False)
+    output_folder(out)
+    import jax
+
+    from auvplan.plot.departures import plot_departures
+    from auvplan.plot.style import save
+
+    with _planning_bar(quiet) as progress:
+        found = plan_departures(
+            settings,
+            departs,
+            key=jax.random.key(seed),
+            folder=folder,
+            waters=waters,
+            progress=progress,
+        )
+    files = [
+        write_departures(found, out / "departures.csv"),
+        save(plot_departures(found), out / "departures.png"),
+    ]
+    if not quiet:
+        wide = console if console.is_terminal else Console(width=_WIDTH)
+        wide.print(_table(found, f"{settings.name}, seed {seed}"))
+        console.print("files:", *(f"  {file}" for file in files), sep="\n", soft_wrap=True)
+    if found.best is None:
+        errors.print(
+            f"auvplan: no departure is feasible; {found.moment(0)}: {found.reasons[0]}",
+            soft_wrap=True,
+            highlight=False,
+        )
+        raise typer.Exit(1)
+
+
+def departure_times(settings: Any, folder: Path, begin: str, end: str, step: str) -> list[float]:
+    """Departures, s since the scenario's epoch, from the texts of the options.
+
+    Args:
+        settings: the scenario.
+        folder: that relative paths in it start from.
+        begin, end: dates and times, or hours.
+        step: a duration.
+
+    Raises:
+        ScenarioError: an option cannot be understood or is out of range; the line names it.
+    """
+    from auvplan.voyage import ScenarioError
+
+    first, last = (
+        _seconds(name, text, settings, folder) for name, text in (("--from", begin), ("--to", end))
+    )
+    apart = _duration(step)
+    if apart is None or not apart > 0.0:
+        raise ScenarioError(f"--step {step!r} must be a duration above 0, such as 30min, 1h or 900s")
+    if first < 0.0 and settings.current.source != "file":
+        raise ScenarioError(
+            f"--from {begin!r} lies before the scenario's departure, with which its vortices begin"
+        )
+    if first > last:
+        raise ScenarioError(f"--from {begin!r} must not be later than --to {end!r}")
+    count = math.floor((last - first) / apart + 1e-9) + 1
+    if count > _MOST:
+        raise ScenarioError(f"--step {step!r} makes {count} departures, more than {_MOST}")
+    return [first + k * apart for k in range(count)]
+
+
+def _seconds(option: str, text: str, settings: Any, folder: Path) -> float:
+    """A departure, s since the scenario's epoch."""
+    from auvplan.io.waters import load_waters
+    from auvplan.site import as_utc
+    from auvplan.voyage import ScenarioError
+
+    seconds = _duration(text)
+    if seconds is None:
+        try:
+            moment = as_utc(datetime.fromisoformat(text.strip()))
+        except (ValueError, OverflowError):
+            raise ScenarioError(
+                f"{option} {text!r} is neither a date and time such as 2026-03-01T06:00 "
+                "nor hours after the scenario's departure such as 3 or +3h"
+            ) from None
+        epoch = None if settings.site is None else settings.site.departure
+        if epoch is None and settings.current.source == "file":
+            site = load_waters(settings, folder).site
+            epoch = None if site is None else site.epoch
+        if epoch is None:
+            raise ScenarioError(
+                f"{option} {text!r}: the scenario has no date, set site.departure or give hours such as +3h"
+            )
+        seconds = (moment - epoch).total_seconds()
+    if not abs(seconds) <= _FARTHEST * 3600.0:
+        raise ScenarioError(f"{option} {text!r} lies more than a year from the scenario's departure")
+    return seconds
+
+
+def _duration(text: str) -> float | None:
+    """Seconds of a number of hours or of a duration with its unit; None where it is neither."""
+    import pandas as pd
+
+    try:
+        hours = float(text)
+    except ValueError:
+        pass
+    else:
+        return None if math.isnan(hours) else hours * 3600.0
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            seconds = pd.to_timedelta(text.strip().lower()).total_seconds()
+    except (ValueError, OverflowError):
+        return None
+    return None if math.isnan(seconds) else seconds
+
+
+def write_departures(found: Any, path: Path) -> Path:
+    """Write departures as CSV, times in UTC where they have a date.
+
+    Args:
+        found: `Departures`.
+        path: of the file.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    from auvplan.io.files import write_atomically
+
+    def write(temporary: Path) -> None:
+        with temporary.open("w", newline="", encoding="utf-8") as file:
+            rows = _rows(found)
+            writer = csv.DictWriter(file, list(rows[0]))
+            writer.writeheader()
+            writer.writerows(rows)
+
+    return write_atomically(path, write)
+
+
+def _rows(found: Any) -> list[dict[str, Any]]:
+    """What is known of each departure by column; what does not hold of it is empty."""
+    rows = []
+    for k, depart in enumerate(found.departs):
+        moment = None if found.site is None else found.site.utc(depart)
+        feasible = bool(found.feasible[k])
+        row = {
+            "departure_utc": "" if moment is None else f"{moment:%Y-%m-%dT%H:%M:%SZ}",
+            "departure_s": round(float(depart), 3),
+            "feasible": str(feasible).lower(),
+            "best": str(k == found.best).lower(),
+            "time_s": round(float(found.time[k]), 1) if feasible else "",
+        }
+        if found.plans is None:
+            order = found.orders[k]
+            nodes = [] if order is None else [int(node) for node in order.nodes]
+            row["tasks"] = int(found.tasks[k]) if feasible else ""
+            row["total_priority"] = f"{found.priority[k]:g}" if feasible else ""
+            row["waypoints"] = " > ".join(found.names[node] if found.names else str(node) for node in nodes)
+        else:
+            row["length_m"] = round(float(found.plans.length[k]), 1) if feasible else ""
+            clear = float(found.plans.clearance[k])
+            row["clearance_m"] = round(clear, 1) if feasible and clear < _OPEN else ""
+        rows.append(row | {"current_m_s": round(float(found.current[k]), 3), "reason": found.reasons[k]})
+    return rows
+
+
+#: m; a clearance of more is that of open water.
+_OPEN = 1e5
+
+
+def _table(found: Any, name: str) -> Table:
+    """A row for each departure; the best one is marked."""
+    leg = found.plans is not None
+    table = Table(title=f"{name}: {found.feasible.sum()} of {len(found)} departures feasible")
+    figures = ("travel time, s", "length, m", "clearance, m") if leg else ("time, s", "tasks", "priority")
+    table.add_column("departure", no_wrap=True)
+    table.add_column("feasible", no_wrap=True)
+    for column in figures:
+        table.add_column(column, justify="right", no_wrap=True)
+    table.add_column("current, m/s", justify="right")
+    if not found.feasible.all():
+        table.add_column("why not", overflow="fold", min_width=24)
+    for k in range(len(found)):
+        cells = [found.moment(k), "no", "", "", "", f"{found.current[k]:.2f}"]
+        if found.feasible[k]:
+            best = k == found.best
+            clear = f"{found.plans.clearance[k]:.0f}" if leg and found.plans.clearance[k] < _OPEN else "open"
+            rest = (
+                (f"{found.plans.length[k]:.0f}", clear)
+                if leg
+                else (str(found.tasks[k]), f"{found.priority[k]:g}")
+            )
+            cells[1:5] = ["best" if best else "yes", f"{found.time[k]:.0f}", *rest]
+        reason = [] if found.feasible.all() else [found.reasons[k]]
+        table.add_row(*cells, *reason, style="bold green" if k == found.best else None)
+    return table
+
+
+@contextmanager
+def _planning_bar(quiet: bool) -> Iterator[Callable[[int, int, str], None]]:
+    """A progress bar over departures, a spinner where one call plans them all."""
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        SpinnerColumn,
+        TextColumn,
+        TimeElapsedColumn,
+    )
+
+    columns = (
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
+    with Progress(*columns, console=errors, disable=quiet, transient=True) as bar:
+        task = bar.add_task("compiling the planners", total=None)
+
+        def advance(done: int, total: int, doing: str) -> None:
+            pulsing = done in (0, total)
+            bar.update(task, completed=done, total=None if pulsing else total, description=doing)
+
+        yield advance

@@ -1,0 +1,122 @@
+"""When to leave: what a mission or a leg comes to by its departure."""
+
+from datetime import UTC
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from auvplan.plot import style
+from auvplan.voyage.departures import Departures
+
+#: Departures of which each has a mark of its own.
+_FEW = 60
+
+_BEST = {"marker": "*", "s": 200, "color": style.YELLOW, "edgecolors": style.BLACK, "zorder": 5}
+
+
+def plot_departures(found: Departures) -> Figure:
+    """Time, what it earns of a mission, and the current's strength by departure; no way is shaded.
+
+    Args:
+        found: of a mission or a leg.
+    """
+    panels = [
+        (found.time / 60.0, "travel time [min]" if found.orders is None else "mission time [min]", style.BLUE)
+    ]
+    if found.orders is not None:
+        priority = np.where(found.feasible, found.priority, np.nan)
+        tasks = np.where(found.feasible, found.tasks, np.nan)
+        panels = [
+            (priority, "total priority [-]", style.GREEN),
+            (tasks, "tasks [-]", style.PURPLE),
+            *panels,
+        ]
+    panels.append((found.current, "current [m/s]", style.RED))
+    order = np.argsort(found.departs, kind="stable")
+    when = _when(found)
+    figure = style.new_figure(9.5, 1.3 + 1.75 * len(panels))
+    rows = figure.subplots(len(panels), sharex=True, squeeze=False)[:, 0]
+    for axes, (values, name, colour) in zip(rows, panels, strict=True):
+        mark = {"marker": "o", "ms": 4.5 if len(found) <= _FEW else 2.0, "lw": 1.2}
+        axes.plot(when[order], values[order], color=colour, **mark)
+        axes.set_ylabel(name)
+        _scale(axes, values)
+    _mark_infeasible(rows, found, when, order)
+    if (best := found.best) is not None:
+        label = f"best: {found.moment(best)}"
+        for k, (axes, (values, *_)) in enumerate(zip(rows[:-1], panels[:-1], strict=True)):
+            axes.scatter(
+                when[best : best + 1], values[best : best + 1], label=label if k == 0 else None, **_BEST
+            )
+    for axes, (_, name, _) in zip(rows, panels, strict=True):
+        if "[min]" not in name:
+            axes.set_ylim(bottom=0.0)
+    _time_axis(rows[-1], found)
+    figure.align_ylabels(rows)
+    kind = "leg" if found.orders is None else "mission"
+    share = f"{found.feasible.sum()} of {len(found)}"
+    figure.suptitle(f"When to leave: {share} departures of the {kind} feasible", fontsize=11)
+    if figure.axes[0].get_legend_handles_labels()[0]:
+        figure.legend(loc="outside lower center", ncols=2, fontsize=8, frameon=False)
+    return figure
+
+
+def _when(found: Departures) -> NDArray[Any]:
+    """Departures on the time axis: moments in UTC, or hours."""
+    if found.site is None or found.site.epoch is None:
+        return found.departs / 3600.0
+    epoch = np.datetime64(found.site.epoch.astimezone(UTC).replace(tzinfo=None), "ms")
+    return epoch + np.rint(found.departs * 1000.0).astype("timedelta64[ms]")
+
+
+def _scale(axes: Axes, values: NDArray[np.floating]) -> None:
+    """Room above and below, so that no marker is cut, and whole numbers where there are such alone."""
+    axes.margins(y=0.18)
+    axes.grid(alpha=0.25)
+    axes.set_axisbelow(True)
+    axes.tick_params(labelsize=8)
+    known = values[np.isfinite(values)]
+    whole = bool((known == np.rint(known)).all())
+    axes.yaxis.set_major_locator(MaxNLocator(5, integer=whole, min_n_ticks=1, steps=[1, 2, 5, 10]))
+    if not len(known):
+        axes.set_yticks([])
+
+
+def _mark_infeasible(
+    rows: NDArray[Any], found: Departures, when: NDArray[Any], order: NDArray[np.int_]
+) -> None:
+    """Shade half a step on both sides of departures that are not feasible."""
+    if found.feasible.all():
+        return
+    times = when[order]
+    middles = times[:-1] + (times[1:] - times[:-1]) / 2
+    edges = [times[0], *middles, times[-1]]
+    if len(times) == 1:
+        step = np.timedelta64(30, "m") if times.dtype.kind == "M" else 0.5
+        edges = [times[0] - step, times[0] + step]
+    label = "not feasible"
+    for place, number in enumerate(order):
+        if not found.feasible[number]:
+            for row, axes in enumerate(rows):
+                named = {"label": label} if row == 0 else {}
+                axes.axvspan(edges[place], edges[place + 1], color=style.RED, alpha=0.14, lw=0, **named)
+            label = None
+            if len(order) <= _FEW:
+                marks = {"marker": "x", "ls": "none", "color": style.RED, "ms": 6, "zorder": 6}
+                rows[0].plot(times[place], 0.07, transform=rows[0].get_xaxis_transform(), **marks)
+
+
+def _time_axis(axes: Axes, found: Departures) -> None:
+    """Dates in UTC, or hours after the scenario's departure."""
+    if found.site is None or found.site.epoch is None:
+        axes.set_xlabel("departure [h after the scenario's]")
+        return
+    locator = AutoDateLocator(tz=UTC, minticks=4, maxticks=9)
+    axes.xaxis.set_major_locator(locator)
+    axes.xaxis.set_major_formatter(ConciseDateFormatter(locator, tz=UTC))
+    axes.set_xlabel("departure [UTC]")

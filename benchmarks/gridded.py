@@ -1,0 +1,171 @@
+"""What a gridded current costs a plan: a model's field against the vortices that it was sampled from.
+
+``python -m benchmarks.gridded`` plans one leg of 8 km past three obstacles with every preset in the default
+scenario's vortices, in one layer and in three, and in a field of 100 x 100 nodes, 10 depths and 24 hours
+sampled from the three layers, which a tide turns about. The currents take turns in one process, so that all
+see the same machine; the ratios are of medians and of the shortest times. Compilation counts apart.
+"""
+
+import argparse
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+
+import jax
+import numpy as np
+from rich.progress import Progress
+from rich.table import Table
+
+import auvplan as ap
+from auvplan.ocean.currents import Current
+from auvplan.ocean.gridded import GriddedCurrent
+from auvplan.path import PathPlan
+from benchmarks.machine import bars, clock, console, write
+
+PRESETS: dict[str, Callable[[], ap.PathConfig]] = {
+    "default": ap.PathConfig,
+    "quick": ap.PathConfig.quick,
+    "paper": ap.PathConfig.paper,
+}
+ROUNDS = 15
+SIDE, DEEPEST = 10e3, 100.0
+NODES, LEVELS, HOURS = 100, 10, 24
+#: Hours of the tide that turns the gridded field about.
+TIDE = 12.42
+START, GOAL, DEPART = (1500.0, 1500.0, 30.0), (7500.0, 7000.0, 60.0), 4000.0
+ONE_LAYER, THREE_LAYERS = "vortices, one layer", "vortices, three layers"
+
+
+@dataclass(frozen=True)
+class Row:
+    """One preset in one current.
+
+    Attributes:
+        preset: name.
+        current: name.
+        seconds: median time of a plan.
+        least_seconds: the shortest.
+        compile_seconds: how much longer the first call took.
+        to_one_layer, to_three_layers: `seconds` over those in the vortices.
+        least_to_one_layer, least_to_three_layers: the same of `least_seconds`.
+        feasible: share of plans that keep all limits.
+    """
+
+    preset: str
+    current: str
+    seconds: float
+    least_seconds: float
+    compile_seconds: float
+    to_one_layer: float
+    to_three_layers: float
+    least_to_one_layer: float
+    least_to_three_layers: float
+    feasible: float
+
+
+def currents() -> dict[str, Current]:
+    """The vortices, and gridded fields of the three layers: in a tide, with its vertical velocity, and steady."""
+    box = (0.0, 0.0, 0.0), (SIDE, SIDE, DEEPEST)
+    one, three = (
+        ap.random_vortices(jax.random.key(0), *box, count=12, layers=layers, radius=(500.0, 1500.0))
+        for layers in (1, 3)
+    )
+    along, depths = np.linspace(0.0, SIDE, NODES), np.linspace(0.0, DEEPEST, LEVELS)
+    z, x, y = np.meshgrid(depths, along, along, indexing="ij")
+    u, v, w = (np.asarray(component) for component in three(x, y, z, np.zeros(())))  # type: ignore[arg-type]
+    hours = np.arange(HOURS)
+    tide = np.cos(2.0 * np.pi * hours / TIDE)[:, None, None, None]
+    grid = partial(GriddedCurrent.from_arrays, spacing=SIDE / (NODES - 1), depths=depths)
+    return {
+        ONE_LAYER: one,
+        THREE_LAYERS: three,
+        "gridded": grid(u * tide, v * tide, times=hours * 3600.0),
+        "gridded, u v w": grid(u * tide, v * tide, w * tide, times=hours * 3600.0),
+        "gridded, steady": grid(u[None], v[None]),
+    }
+
+
+def _plan(current: Current, config: ap.PathConfig, seed: int) -> PathPlan:
+    places = [[3000.0, 3000.0, 50.0], [5000.0, 5200.0, 40.0], [6000.0, 5000.0, 50.0]]
+    obstacles = ap.Obstacles.static(places, [100.0, 150.0, 120.0])
+    env = ap.Environment(current, obstacles=obstacles, lower=(0.0, 0.0, 0.0), upper=(SIDE, SIDE, DEEPEST))
+    return ap.plan_path(START, GOAL, env, key=jax.random.key(seed), config=config, depart=DEPART)
+
+
+def rows(presets: list[str], rounds: int, progress: Progress) -> list[Row]:
+    """All currents with each of the presets."""
+    known, found = currents(), []
+    for preset in presets:
+        bar = progress.add_task(preset, total=len(known) * (rounds + 1))
+        calls = {name: partial(_plan, current, PRESETS[preset]()) for name, current in known.items()}
+        first, times, kept = {}, {name: [] for name in known}, {name: [] for name in known}
+        for turn in range(-1, rounds):
+            for name, call in calls.items():
+                progress.advance(bar)
+                seconds, plan = clock(partial(call, max(turn, 0)))
+                if turn < 0:
+                    first[name] = seconds
+                    continue
+                # The first call of a turn finds the caches as another current left them.
+                times[name].append(clock(partial(call, turn))[0])
+                kept[name].append(plan.feasible)
+        progress.remove_task(bar)
+        median = {name: float(np.median(taken)) for name, taken in times.items()}
+        least = {name: min(taken) for name, taken in times.items()}
+        for name in known:
+            found.append(
+                Row(
+                    preset=preset,
+                    current=name,
+                    seconds=median[name],
+                    least_seconds=least[name],
+                    compile_seconds=max(0.0, first[name] - median[name]),
+                    to_one_layer=median[name] / median[ONE_LAYER],
+                    to_three_layers=median[name] / median[THREE_LAYERS],
+                    least_to_one_layer=least[name] / least[ONE_LAYER],
+                    least_to_three_layers=least[name] / least[THREE_LAYERS],
+                    feasible=float(np.mean(kept[name])),
+                )
+            )
+    return found
+
+
+def table(rows: list[Row]) -> Table:
+    """All rows as one table."""
+    size = f"{NODES} x {NODES} x {LEVELS} x {HOURS}"
+    shown = Table(title=f"Plans in gridded currents ({size}), over those in 12 vortices")
+    for name in ("preset", "current"):
+        shown.add_column(name)
+    for name in ("median", "least", "to one layer", "least", "to three", "least", "compilation", "feasible"):
+        shown.add_column(name, justify="right")
+    last = None
+    for row in rows:
+        shown.add_row(
+            "" if row.preset == last else row.preset, row.current,
+            f"{1e3 * row.seconds:.1f} ms", f"{1e3 * row.least_seconds:.1f} ms",
+            f"{row.to_one_layer:.2f}", f"{row.least_to_one_layer:.2f}",
+            f"{row.to_three_layers:.2f}", f"{row.least_to_three_layers:.2f}",
+            f"{row.compile_seconds:.1f} s", f"{row.feasible:.0%}",
+        )  # fmt: skip
+        last = row.preset
+    return shown
+
+
+def main() -> None:
+    """Print the table and write the file."""
+    parser = argparse.ArgumentParser(description="Plans in gridded currents against plans in vortices.")
+    parser.add_argument("--preset", choices=PRESETS, action="append", help="this one alone; may be repeated")
+    parser.add_argument("--rounds", type=int, default=ROUNDS, help="turns that every current takes")
+    parser.add_argument("--out", type=Path, help="JSON file to write")
+    options = parser.parse_args()
+    screen = console()
+    with bars(screen) as progress:
+        found = rows(options.preset or list(PRESETS), options.rounds, progress)
+    screen.print(table(found))
+    if options.out:
+        write(options.out, {"rounds": options.rounds, "rows": [asdict(row) for row in found]})
+
+
+if __name__ == "__main__":
+    main()

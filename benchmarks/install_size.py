@@ -1,0 +1,84 @@
+"""What installing auvplan adds to JAX, NumPy, SciPy, scikit-learn and matplotlib, with sizes on disk.
+
+    python -m benchmarks.install_size
+
+Sizes are those of the files that the installed distributions record, compiled byte code left out.
+"""
+
+import re
+from importlib.metadata import Distribution, PackageNotFoundError, distribution
+
+from packaging.markers import default_environment
+from packaging.requirements import Requirement
+
+#: What most people who would use auvplan have already.
+KNOWN = ("jax", "numpy", "scipy", "scikit-learn", "matplotlib")
+#: Extras of auvplan that are listed as well.
+EXTRAS = ("readers", "exact", "dask")
+
+
+def name_of(text: str) -> str:
+    """A distribution's name as indexes spell it."""
+    return re.sub(r"[-_.]+", "-", text).lower()
+
+
+def needed_by(name: str, extra: str = "") -> set[str]:
+    """Names of all distributions that one needs, itself among them; of those installed here."""
+    found: set[str] = set()
+    waiting = [(name_of(name), extra)]
+    while waiting:
+        name, extra = waiting.pop()
+        try:
+            requirements = distribution(name).requires or []
+        except PackageNotFoundError:
+            continue
+        found.add(name)
+        environment = {**default_environment(), "extra": extra}
+        for requirement in map(Requirement, requirements):
+            if requirement.marker is None or requirement.marker.evaluate(environment):
+                for wanted in ("", *requirement.extras):
+                    one = name_of(requirement.name)
+                    if one not in found or wanted:
+                        waiting.append((one, wanted))
+                        found.add(one)
+    return {one for one in found if installed(one)}
+
+
+def installed(name: str) -> Distribution | None:
+    """The distribution, or None."""
+    try:
+        return distribution(name)
+    except PackageNotFoundError:
+        return None
+
+
+def size(name: str) -> float:
+    """MB on disk."""
+    files = distribution(name).files or []
+    paths = [file.locate() for file in files if not str(file).endswith(".pyc")]
+    return sum(path.stat().st_size for path in paths if path.is_file()) / 1e6  # type: ignore[attr-defined]
+
+
+def table(title: str, names: set[str]) -> None:
+    """Print distributions, the largest first."""
+    sizes = sorted(((size(name), name) for name in names), reverse=True)
+    print(f"{title}: {len(sizes)} distributions, {sum(mb for mb, _ in sizes):.0f} MB")
+    for mb, name in sizes:
+        print(f"  {name:24} {distribution(name).version:12} {mb:7.1f} MB")
+
+
+def main() -> None:
+    """Print the tables."""
+    known = set().union(*(needed_by(name) for name in KNOWN))
+    print(f"{', '.join(KNOWN)} and what they need: {sum(map(size, known)):.0f} MB")
+    lean = needed_by("auvplan") - {"auvplan"}
+    table("pip install auvplan adds", lean - known)
+    for extra in EXTRAS:
+        table(
+            f"pip install 'auvplan[{extra}]' adds to that",
+            needed_by("auvplan", extra) - lean - known - {"auvplan"},
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,92 @@
+"""Saved runs come back as they were."""
+
+import json
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from auvplan.export import ExportError, export_run, itinerary_of
+from auvplan.io import save_run
+from auvplan.io.check import check_run
+from auvplan.io.files import ResultError
+from auvplan.io.restore import restore_run
+from auvplan.ocean.seabed import Seabed
+from auvplan.site import Site
+from auvplan.voyage.scenario import Scenario
+from tests.io.sample_run import make_run
+
+SITE = Site(148.96, -20.34, datetime(2026, 11, 22, 6, tzinfo=UTC), (5000.0, 3000.0))
+
+
+@pytest.fixture
+def run():
+    made = make_run()
+    made.scenario = Scenario().model_dump(mode="json")
+    made.site, made.names = SITE, ["alpha", "bravo"]
+    made.seabed = Seabed.from_depth(np.full((40, 30), 300.0), 100.0, (-500.0, -400.0), clearance=7.0)
+    return made
+
+
+def test_plans_tracks_and_their_currents_come_back(run, tmp_path):
+    back = restore_run(save_run(run, tmp_path))
+    assert (back.seed, back.start, back.goal, back.arrived) == (run.seed, run.start, run.goal, run.arrived)
+    assert back.site == SITE
+    assert back.names == run.names
+    assert back.t_mission == run.t_mission
+    np.testing.assert_array_equal(back.chart.passability, run.chart.passability)
+    assert float(back.seabed.clearance) == 7.0
+    np.testing.assert_allclose(back.seabed.depth_at(100.0, 200.0), 300.0)
+    assert len(back.legs) == len(run.legs)
+    for leg, was in zip(back.legs, run.legs, strict=True):
+        assert (leg.start, leg.goal, leg.arrived, leg.followed) == (
+            was.start,
+            was.goal,
+            was.arrived,
+            was.followed,
+        )
+        np.testing.assert_allclose(leg.positions, was.positions, atol=1e-3)
+        assert leg.obstacle_kinds == list(was.obstacle_kinds)
+        for plan, made in zip(leg.plans, was.plans, strict=True):
+            assert plan.cause == made.cause
+            np.testing.assert_allclose(plan.positions, made.positions, atol=1e-2)
+            here = (500.0, 700.0, 10.0, 0.0)
+            np.testing.assert_allclose(plan.current(*here), made.current(*here), rtol=1e-5)
+
+
+def test_a_restored_run_is_exported_as_the_run_itself(run, tmp_path):
+    folder = save_run(run, tmp_path / "run")
+    export_run(run, tmp_path / "one", ["csv", "geojson"])
+    export_run(restore_run(folder), tmp_path / "two", ["csv", "geojson"])
+    for name in ("itinerary.csv", "itinerary.geojson"):
+        one, two = ((tmp_path / part / name).read_text() for part in ("one", "two"))
+        assert len(one.splitlines()) == len(two.splitlines())
+    assert "2026-11-22T06:" in one
+
+
+def test_times_and_places_of_a_dated_run_are_true_ones(run, tmp_path):
+    save_run(run, tmp_path)
+    with xr.open_dataset(tmp_path / "mission.nc", engine="h5netcdf") as dataset:
+        first = run.legs[0]
+        assert dataset["time"].values[0] == np.datetime64("2026-11-22T06:00:00") + np.timedelta64(
+            int(first.times[0] * 1e9), "ns"
+        )
+        longitude, latitude = SITE.to_geographic(first.positions[0, 0], first.positions[0, 1])
+        assert float(dataset["longitude"][0]) == pytest.approx(float(longitude), abs=1e-6)
+        assert float(dataset["latitude"][0]) == pytest.approx(float(latitude), abs=1e-6)
+    assert check_run(tmp_path).seabed_hits == 0
+
+
+def test_a_run_without_a_site_names_what_is_missing(run):
+    run.site = None
+    with pytest.raises(ExportError, match="section site"):
+        itinerary_of(run)
+
+
+def test_a_file_of_another_kind_is_one_line(run, tmp_path):
+    save_run(run, tmp_path)
+    text = json.loads((tmp_path / "summary.json").read_text())
+    (tmp_path / "summary.json").write_text(json.dumps({key: text[key] for key in ("legs",)}))
+    with pytest.raises(ResultError, match=r"summary\.json: .* is missing"):
+        restore_run(tmp_path)

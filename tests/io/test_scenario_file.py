@@ -1,0 +1,407 @@
+"""Scenario files: every fault at once, each with its line, column and field."""
+
+import re
+from datetime import UTC, datetime
+
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from auvplan.io.examine import examine_scenario
+from auvplan.io.scenario_faults import check_fields
+from auvplan.io.scenario_file import (
+    check_scenario,
+    load_scenario,
+    scenario_schema,
+    shipped_scenarios,
+    validate_scenario,
+)
+from auvplan.io.yaml_lines import YamlError, read_yaml
+from auvplan.voyage.scenario import Scenario
+from auvplan.voyage.world import ScenarioError
+
+
+def faults_of(tmp_path, text):
+    """Field, place and reason of each fault of a text."""
+    path = tmp_path / "my.yaml"
+    path.write_text(text)
+    scenario, faults, _ = check_scenario(path)
+    assert (scenario is None) == bool(faults)
+    return [(fault.field, fault.place, fault.reason) for fault in faults]
+
+
+def test_every_fault_is_told_at_once_in_the_order_of_the_file(tmp_path):
+    text = """\
+name: many faults
+vehicle:
+  speed: -1
+  dept_max: 30
+mission:
+  time_available: soon
+  start: [1, 2]
+  waypoints: 1
+prioritys: [1, 2]
+planning: {preset: best, t_series: 99}
+"""
+    assert faults_of(tmp_path, text) == [
+        ("vehicle.speed", (3, 10), "must be greater than 0, got -1"),
+        ("vehicle.dept_max", (4, 3), "unknown key 'dept_max', did you mean 'depth_max'?"),
+        (
+            "mission.time_available",
+            (6, 19),
+            "must be a valid number, unable to parse string as a number, got 'soon'",
+        ),
+        ("mission.start", (7, 10), "has too few entries: 2"),
+        ("mission.waypoints", (8, 14), "must be greater than or equal to 2, got 1"),
+        ("prioritys", (9, 1), "unknown key 'prioritys', did you mean 'mission.priority'?"),
+        ("planning.preset", (10, 20), "must be 'default' or 'paper', got 'best'"),
+        ("planning.t_series", (10, 36), "must be less than or equal to 20, got 99"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("key", "meant"),
+    [
+        ("mision: {}", "'mission'"),
+        ("mission: {prioritys: [1, 2]}", "'priority'"),
+        ("time_available: 5", "'mission.time_available'"),
+        ("mission: {turn_rate_max: 1}", "'vehicle.turn_rate_max'"),
+        ("xyzzy: 1", None),
+    ],
+)
+def test_unknown_keys_get_a_suggestion_where_one_is_near(tmp_path, key, meant):
+    ((_, _, reason),) = faults_of(tmp_path, key)
+    assert reason.startswith("unknown key")
+    assert reason.endswith(f"did you mean {meant}?") if meant else "mean" not in reason
+
+
+def test_places_have_a_field_and_a_line(tmp_path):
+    text = """\
+site: {longitude: 148.96, latitude: -20.34}
+area:
+  lower: {longitude: 149.0, latitude: -20.3}
+  upper: {longitude: 148.9, latitude: -20.2}
+mission:
+  start: {longitude: 1000, latitude: -20.3}
+  goal:
+    lon: 148.9
+    lat: -20.3
+  waypoints: 1
+"""
+    found = faults_of(tmp_path, text)
+    assert [(field, place[0]) for field, place, _ in found] == [
+        ("area.lower", 3),
+        ("mission.start", 6),
+        ("mission.goal", 7),
+        ("mission.waypoints", 10),
+    ]
+    assert "south-western corner" in found[0][2]
+    assert "no place on Earth" in found[1][2]
+    assert "must have longitude, latitude" in found[2][2]
+
+
+@pytest.mark.parametrize("number", ["1" + "0" * 400, ".inf", "east", "[1]"])
+def test_places_of_odd_numbers_are_faults(tmp_path, number):
+    text = f"site: {{longitude: 0, latitude: 0}}\nmission: {{start: {{longitude: {number}, latitude: 0}}}}\n"
+    ((field, place, reason),) = faults_of(tmp_path, text)
+    assert (field, place[0]) == ("mission.start", 2)
+    assert "numbers" in reason
+
+
+def test_places_without_a_site(tmp_path):
+    ((field, _, reason),) = faults_of(tmp_path, "mission: {start: {longitude: 1, latitude: 2}}")
+    assert field == "mission.start"
+    assert "needs the section site" in reason
+
+
+def test_half_a_box_by_place_is_told_once(tmp_path):
+    text = "site: {longitude: 0, latitude: 0}\narea: {lower: {longitude: 0, latitude: 0}, upper: [1, 1, 1]}\n"
+    ((field, _, reason),) = faults_of(tmp_path, text)
+    assert field == "area.lower"
+    assert "both" in reason
+
+
+def test_rules_between_sections_are_told_beside_faults_of_fields(tmp_path):
+    text = """\
+vehicle: {speed: -1}
+chart: {source: polygons, file: coast.geojson}
+current: {source: file, files: tide.nc}
+bathymetry: {source: current, positive: sideways}
+mission: {start: [20000, 1, 1]}
+"""
+    found = {field: reason for field, _, reason in faults_of(tmp_path, text)}
+    assert set(found) == {
+        "vehicle.speed", "chart.source", "current.source", "bathymetry.positive", "mission.start",
+    }  # fmt: skip
+    assert "needs the section site" in found["chart.source"]
+    assert "lies outside the area" in found["mission.start"]
+
+
+def test_what_follows_from_another_fault_is_not_told(tmp_path):
+    """An area that is none says nothing of the start, nor a chart's source that is none of its file."""
+    text = """\
+area: {lower: [0, 0, 0], upper: [100, wide, 100]}
+chart: {source: polygon, file: coast.geojson}
+mission: {start: [9999, 50, 5], jobs: jobs.csv, goal: here}
+"""
+    fields = [field for field, _, _ in faults_of(tmp_path, text)]
+    assert fields == ["area.upper.1", "chart.source", "mission.goal"]
+
+
+def test_two_rules_of_one_section_are_both_told(tmp_path):
+    fields = [
+        field for field, _, _ in faults_of(tmp_path, "chart: {source: none, image: a.png, uncertain: b}")
+    ]
+    assert fields == ["chart.image", "chart.uncertain"]
+
+
+@pytest.mark.parametrize("section", ["mission", "site.departure", "chart.window"])
+@pytest.mark.parametrize("value", ["", "3", "[1]", "text", "{}"])
+def test_no_shape_of_a_value_gets_through_unseen(tmp_path, section, value):
+    head, *name = section.split(".")
+    inner = (
+        f"{{longitude: 1, latitude: 1, {name[0]}: {value}}}"
+        if head == "site"
+        else f"{{{''.join(name)}: {value}}}"
+    )
+    faults_of(tmp_path, f"{head}: {inner if name else value}")
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "column", "words"),
+    [
+        ("name: a\nvehicle: {speed: 2", 2, 19, "but got"),
+        ("name: a\n\tb: 3", 2, 1, "cannot start any token"),
+        ("a: &x [1]\nb: *x\n", 2, 4, "aliases"),
+        ("a: 1\n---\nb: 2\n", 2, 1, "another document"),
+        ("a: 1\nb: \x01", 2, 4, "no text"),
+        ("a:\n  " + "[" * 99, 2, 35, "deeply"),
+    ],
+)
+def test_yaml_that_is_none_has_a_line_and_a_column(text, line, column, words):
+    with pytest.raises(YamlError, match=words) as caught:
+        read_yaml(text)
+    assert caught.value.place == (line, column)
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        ("!!python/object/apply:os.system ['true']", "tag"),
+        ("!!binary aGk=", "tag"),
+        ("2026-02-30", "day"),
+        ("9" * 5000, "no value"),
+        ("!!int many", "no value"),
+    ],
+)
+def test_scalars_that_cannot_be_are_faults_among_others(tmp_path, value, words):
+    found = faults_of(tmp_path, f"name: {value}\nvehicle: {{speed: -1}}\n")
+    assert [field for field, _, _ in found] == ["name", "vehicle.speed"]
+    assert words in found[0][2]
+
+
+def test_keys_given_twice_are_all_told(tmp_path):
+    found = faults_of(tmp_path, "name: a\nvehicle: {speed: 1, speed: 2}\nname: b\n")
+    assert [(field, place) for field, place, _ in found] == [("vehicle.speed", (2, 21)), ("name", (3, 1))]
+
+
+def test_one_line_with_the_line_number_and_how_many_more(tmp_path):
+    path = tmp_path / "my.yaml"
+    path.write_text("name: a\n\nmission:\n  waypoints: 1\n")
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(path)
+    assert str(caught.value) == f"{path}:4: mission.waypoints: must be greater than or equal to 2, got 1"
+    path.write_text("mission: {waypoints: 1, time: 1}\nx: 1\n")
+    with pytest.raises(ScenarioError) as caught:
+        load_scenario(path)
+    assert str(caught.value).endswith(f"(and 2 more: auvplan validate {path} lists all)")
+
+
+def test_plain_data_has_no_lines_and_no_advice():
+    with pytest.raises(ScenarioError, match=r"^sweep: vehicle\.speed: must be .* \(and 1 more\)$"):
+        validate_scenario({"vehicle": {"speed": 0}, "x": 1}, "sweep")
+
+
+def test_plain_data_is_left_as_it_is():
+    plain = {"vehicle": {"speed": -1}, "site": {"longitude": 1, "latitude": 1}, "mission": {"start": {}}}
+    copy = {name: dict(part) for name, part in plain.items()}
+    with pytest.raises(ScenarioError):
+        validate_scenario(plain)
+    assert plain == copy
+
+
+def test_shipped_scenarios_are_what_pydantic_makes_of_them():
+    for scenario in shipped_scenarios().values():
+        assert Scenario.model_validate(scenario.model_dump(mode="json")) == scenario
+        assert validate_scenario(scenario.model_dump(mode="json")) == scenario
+
+
+def test_places_and_dates_come_out_as_before(tmp_path):
+    path = tmp_path / "my.yaml"
+    path.write_bytes(
+        b"\xef\xbb\xbfsite: {longitude: 148.96, latitude: -20.34, departure: 2026-03-01 02:00:00 +02:00}\n"
+        b"mission: {start: {longitude: 149.0, latitude: -20.30, depth: 5}}\n"
+    )
+    scenario = load_scenario(path)
+    assert scenario.site is not None
+    assert scenario.site.departure == datetime(2026, 3, 1, tzinfo=UTC)
+    north, east = scenario.site.site.to_local(149.0, -20.30)
+    assert scenario.mission.start == pytest.approx((float(north), float(east), 5.0), abs=0.01)
+
+
+_WORDS = st.sampled_from(
+    ["name", "site", "area", "mission", "start", "speed", "vehicle", "longitude", "jobs", "x"]
+)
+_VALUES = st.recursive(
+    st.none() | st.booleans() | st.integers(-(10**20), 10**20) | st.floats() | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(_WORDS, inner, max_size=4),
+    max_leaves=12,
+)
+_SECTIONS = st.fixed_dictionaries(
+    {}, optional={name: _VALUES for name in Scenario.model_fields if name not in ("name", "description")}
+)
+
+
+@settings(max_examples=150, deadline=None)
+@given(_SECTIONS)
+def test_whatever_is_in_it_a_scenario_is_valid_or_has_faults_that_can_be_printed(plain):
+    """The check agrees with pydantic on what is valid, and its faults stay on their lines."""
+    document = read_yaml(yaml.safe_dump(plain, allow_unicode=True))
+    scenario, faults = check_fields(document)
+    try:
+        expected = Scenario.model_validate(document.data)
+    except Exception:
+        expected = None
+    assert scenario == expected
+    assert (scenario is None) == bool(faults)
+    for fault in faults:
+        line = fault.line("f.yaml")
+        assert len(line.splitlines()) == 1
+        assert line.startswith("f.yaml:")
+
+
+@given(st.text(max_size=60))
+@settings(max_examples=150, deadline=None)
+def test_any_text_is_data_or_a_fault(text):
+    try:
+        said = ""
+        read_yaml(text)
+    except YamlError as error:
+        said = str(error)
+    assert len(said.splitlines()) <= 1
+
+
+def _plain(value):
+    """As JSON has it: dates are text."""
+    if isinstance(value, dict):
+        return {name: _plain(part) for name, part in value.items()}
+    if isinstance(value, list):
+        return [_plain(part) for part in value]
+    return value.isoformat() if isinstance(value, datetime) else value
+
+
+def test_the_schema_knows_what_is_shipped_and_refuses_slips():
+    jsonschema = pytest.importorskip("jsonschema")
+    from importlib.resources import files
+
+    schema = scenario_schema()
+    jsonschema.Draft202012Validator.check_schema(schema)
+    validator = jsonschema.Draft202012Validator(schema)
+    data = files("auvplan") / "data"
+    texts = [entry.read_text() for entry in (data / "scenarios").iterdir() if entry.name.endswith(".yaml")]
+    texts.append((data / "example" / "scenario.yaml").read_text())
+    assert len(texts) >= 5
+    for text in texts:
+        validator.validate(_plain(yaml.safe_load(text)))
+    for bad in (
+        {"vehicle": {"speed": -1}},
+        {"mission": {"prioritys": [1, 2]}},
+        {"mission": {"start": [1, 2]}},
+        {"mission": {"start": {"longitude": 1}}},
+        {"planning": {"preset": "best"}},
+    ):
+        assert not validator.is_valid(bad), bad
+
+
+def test_the_schema_tells_defaults_and_units():
+    schema = scenario_schema()
+    assert schema["$schema"].endswith("2020-12/schema")
+    assert schema["title"]
+    mission = schema["$defs"]["MissionSettings"]["properties"]
+    assert mission["time_available"]["default"] == 14_400.0
+    assert "m north, east, depth" in mission["start"]["description"]
+    for section in ("ObstacleSettings", "SensorSettings", "BathymetrySettings"):
+        for name, field in schema["$defs"][section]["properties"].items():
+            if field.get("type") == "number" or name in ("radius", "clearance"):
+                assert field.get("description"), (section, name)
+
+
+FILES = """\
+site: {longitude: 148.96, latitude: -20.34, departure: 2026-03-01T00:00:00Z}
+area: {lower: [-2000, -2000, 0], upper: [2000, 2000, 30]}
+chart:
+  source: polygons
+  file: coast.geojson
+  no_go: closed.geojson
+bathymetry:
+  source: file
+  file: bed.nc
+current:
+  source: file
+  files: tide.nc
+  truth: other.nc
+mission:
+  jobs: jobs.csv
+  start: [0, 0, 5]
+  goal: [500, 500, 5]
+"""
+
+
+def test_every_file_is_tried(tmp_path):
+    (tmp_path / "my.yaml").write_text(FILES)
+    (tmp_path / "coast.geojson").write_text('{"type": "Polygon", "coordinates": []}')
+    (tmp_path / "bed.nc").write_text("no NetCDF")
+    (tmp_path / "jobs.csv").write_text("lon,lat,priority\n148.96,-20.34,high\n")
+    found = examine_scenario(tmp_path / "my.yaml")
+    assert [(fault.field, fault.place[0]) for fault in found.faults] == [
+        ("chart.file", 5),
+        ("bathymetry.file", 9),
+        ("current.files", 12),
+        ("current.truth", 13),
+        ("mission.jobs", 15),
+    ]
+    assert "priority" in found.faults[-1].reason
+    assert found.lines[0].startswith(f"{tmp_path / 'my.yaml'}:5:9 chart.file: ")
+
+
+def test_places_on_land_are_all_told_though_another_file_is_at_fault(tmp_path):
+    text = FILES.replace("source: file\n  files: tide.nc\n  truth: other.nc", "vortices: 0")
+    (tmp_path / "my.yaml").write_text(text.replace("  no_go: closed.geojson\n", ""))
+    ring = [
+        [148.955, -20.345],
+        [148.965, -20.345],
+        [148.965, -20.335],
+        [148.955, -20.335],
+        [148.955, -20.345],
+    ]
+    (tmp_path / "coast.geojson").write_text(f'{{"type": "Polygon", "coordinates": [{ring}]}}')
+    (tmp_path / "jobs.csv").write_text(
+        "x,y,depth,name\n100,100,5,a\n1000,1000,5,b\n-1000,0,99,c\n5000,0,1,d\n"
+    )
+    found = examine_scenario(tmp_path / "my.yaml")
+    reasons = [(fault.field, fault.reason) for fault in found.faults]
+    assert [field for field, _ in reasons] == [
+        "bathymetry.file", "mission.jobs", "mission.jobs", "mission.jobs", "mission.start", "mission.goal",
+    ]  # fmt: skip
+    for (_, reason), words in zip(
+        reasons[1:],
+        ("'a' .* on land", "'c' .* depths 0 to 30 m", "'d' .* outside the area", "on land", "on land"),
+        strict=True,
+    ):
+        assert re.search(words, reason)
+
+
+def test_shipped_scenarios_have_no_faults():
+    for name in ("scenario-1", "scenario-3"):
+        assert not examine_scenario(name).faults

@@ -1,0 +1,196 @@
+"""Paths over the sea bed: certified altitudes, banks that are climbed, seamounts that are rounded."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import auvplan as ap
+from auvplan.ocean.seabed import Seabed
+from auvplan.path import VIOLATIONS, habitats, planner
+from auvplan.path import cost as kernel
+from auvplan.path.clearance import bed_altitude
+from auvplan.path.cost import ALTITUDE_SCALE, Track, curves, fly
+
+CONFIG = ap.PathConfig(
+    bbo=ap.bbo.BBOConfig(
+        population=24, iterations=10, replacement="greedy", mutation="gaussian", mutation_step=0.05
+    ),
+    control_points=10,
+    samples=64,
+    passages=4,
+    field_cells=24,
+    refine_steps=20,
+    passage_steps=30,
+)
+LOWER, UPPER = (0.0, 0.0, 0.0), (3000.0, 2000.0, 200.0)
+START, GOAL = (200.0, 900.0, 70.0), (2800.0, 1100.0, 90.0)
+NORTH, EAST = np.meshgrid((np.arange(150) + 0.5) * 20.0, (np.arange(100) + 0.5) * 20.0, indexing="ij")
+CLEARANCE = 6.0
+
+
+def over(depth, **changes) -> ap.Environment:
+    """Still water over depths at the pixels' centres."""
+    bed = Seabed.from_depth(np.broadcast_to(depth, NORTH.shape), 20.0, clearance=CLEARANCE)
+    return ap.Environment(None, None, None, LOWER, UPPER, bed, **changes)
+
+
+#: A ridge across the way from edge to edge, 40 m deep; and a seamount that ends above the sea.
+RIDGE = 120.0 - 80.0 * np.exp(-(((NORTH - 1400.0 - 0.2 * EAST) / 150.0) ** 2))
+SEAMOUNT = 120.0 - 150.0 * np.exp(-((NORTH - 1500.0) ** 2 + (EAST - 1020.0) ** 2) / 250.0**2)
+
+
+def plan(env, start=START, goal=GOAL, seed=0):
+    return ap.plan_path(start, goal, env, key=jax.random.key(seed), config=CONFIG)
+
+
+def walked(path, env):
+    """Altitudes every metre or less along a plan."""
+    share, index = np.linspace(0.0, len(path.times) - 1, 4000), np.arange(len(path.times))
+    points = np.stack([np.interp(share, index, path.positions[:, k]) for k in range(3)], axis=1)
+    return env.seabed.altitude(points), points
+
+
+@pytest.mark.parametrize("gap", [6.0, 30.0, 120.0])
+def test_altitude_is_certified_on_every_segment(gap):
+    rng = np.random.default_rng(int(gap))
+    env = over(RIDGE + rng.normal(0.0, 3.0, RIDGE.shape))
+    steps = rng.normal([1.0, 0.5, 0.0], 1.0, (40, 30, 3))
+    steps *= gap * rng.uniform(0.2, 1.0, (40, 30, 1)) / np.linalg.norm(steps, axis=2, keepdims=True)
+    places = np.cumsum(steps, axis=0) + rng.uniform([0, 0, 0], [2000, 1500, 90], (30, 3))
+    x, y, z = (jnp.asarray(places[..., k]) for k in range(3))
+    level = jnp.hypot(jnp.diff(x, axis=0), jnp.diff(y, axis=0))
+    certified = np.asarray(bed_altitude(x, y, z, level, env))
+    share = np.linspace(0.0, 1.0, 61)[:, None, None, None]
+    true = env.seabed.altitude(places[:-1] * (1.0 - share) + places[1:] * share).min(axis=0)
+    assert (certified <= true + 1e-2).all()
+    assert np.median(true - certified) < 0.15 * gap + 12.0
+
+
+def test_over_a_flat_bottom_the_way_is_the_straight_one():
+    env = over(150.0)
+    found, free = plan(env), plan(replace(env, seabed=None))
+    assert found.feasible
+    assert found.travel_time == pytest.approx(free.travel_time, rel=1e-3)
+    assert found.altitude == pytest.approx(150.0 - found.positions[:, 2].max(), abs=0.5)
+    assert free.altitude == 1e6
+    assert free.violations[VIOLATIONS.index("seabed")] == 0.0
+
+
+def test_a_ridge_is_climbed():
+    env = over(RIDGE)
+    found = plan(env)
+    assert found.feasible, found.reason
+    altitude, points = walked(found, env)
+    assert CLEARANCE <= found.altitude <= altitude.min() + 1e-2
+    assert points[:, 2].min() < 40.0 - CLEARANCE
+    # Climbing is a hundredth of the way; the ridge cannot be rounded.
+    straight = np.linalg.norm(np.subtract(GOAL, START)) / 2.5
+    assert straight < found.travel_time < 1.03 * straight
+    np.testing.assert_allclose(found.positions[[0, -1]], [START, GOAL], atol=1e-2)
+
+
+def test_a_seamount_is_rounded():
+    env = over(SEAMOUNT)
+    found = plan(env)
+    assert found.feasible, found.reason
+    altitude, points = walked(found, env)
+    assert CLEARANCE <= found.altitude <= altitude.min() + 1e-2
+    away = np.hypot(points[:, 0] - 1500.0, points[:, 1] - 1020.0).min()
+    # Where the top of the box keeps the clearance, and not much farther.
+    assert 250.0 * np.sqrt(np.log(150.0 / 114.0)) < away < 450.0
+    straight = np.linalg.norm(np.subtract(GOAL, START)) / 2.5
+    assert found.travel_time < 1.1 * straight
+
+
+def test_batched_legs_equal_single_ones_and_later_calls_compile_nothing():
+    env = over(SEAMOUNT)
+    starts, goals = np.array([START, (300.0, 500.0, 40.0)]), np.array([GOAL, (2500.0, 1500.0, 60.0)])
+    keys = jax.random.split(jax.random.key(3), 2)
+    together = ap.plan_paths(starts, goals, env, key=keys, config=CONFIG)
+    compiled = planner._plan._cache_size()
+    for b in range(2):
+        alone = ap.plan_paths(
+            starts[b : b + 1],
+            goals[b : b + 1],
+            over(RIDGE if b else SEAMOUNT),
+            key=keys[b : b + 1],
+            config=CONFIG,
+        )[0]
+        if not b:
+            assert alone.travel_time == pytest.approx(together[b].travel_time, rel=1e-5)
+            assert alone.altitude == pytest.approx(together[b].altitude, abs=1e-2)
+    assert planner._plan._cache_size() == compiled
+
+
+def test_a_vehicle_under_way_is_planned_anew_over_the_bank():
+    env = over(RIDGE)
+    first = plan(env)
+    rest = ap.replan_path(
+        first, first.positions[20], float(first.times[20]), env, key=jax.random.key(1), config=CONFIG
+    )
+    assert rest.feasible, rest.reason
+    assert walked(rest, env)[0].min() >= CLEARANCE
+    assert rest.travel_time <= (first.times[-1] - first.times[20]) * 1.01
+
+
+@pytest.mark.usefixtures("x64")
+def test_gradients_match_finite_differences():
+    env = over(RIDGE)
+    start, goal = jnp.asarray(START), jnp.asarray(GOAL)
+    habitat = habitats.straight_line(start, goal, CONFIG) + jnp.sin(jnp.arange(30.0)) * 9.0
+
+    def cost(habitat):
+        return kernel.score(habitat[None], start, goal, 0.0, env, ap.Vehicle(), CONFIG)[0][0]
+
+    slopes = jax.jit(jax.grad(cost))(habitat)
+    assert np.abs(slopes[20:]).max() > 1.0  # the ridge bears on the depths
+    for d in range(0, 30, 3):
+        unit = 1e-5 * np.eye(30)[d]
+        difference = float(cost(habitat + unit) - cost(habitat - unit)) / 2e-5
+        assert float(slopes[d]) == pytest.approx(difference, rel=2e-3, abs=1e-3)
+
+
+def test_excess_is_metres_of_missing_altitude():
+    env = over(50.0)
+    x, y = jnp.linspace(100.0, 900.0, 9)[:, None], jnp.full((9, 1), 700.0)
+    for depth, missing in ((40.0, 0.0), (44.0, 0.0), (46.0, 2.0), (53.0, 9.0)):
+        flight = fly(Track.through(x, y, jnp.full_like(x, depth)), 0.0, env, ap.Vehicle(), CONFIG)
+        excess = flight.excess[VIOLATIONS.index("seabed")]
+        np.testing.assert_allclose(excess, missing / ALTITUDE_SCALE, atol=1e-4)
+        np.testing.assert_allclose(flight.altitude, 50.0 - depth, atol=1e-4)
+
+
+def test_first_habitats_rise_over_the_ridge():
+    env = over(RIDGE)
+    start, goal = jnp.asarray(START), jnp.asarray(GOAL)
+    lower, upper = habitats.bounds(start, goal, env, CONFIG)
+    np.testing.assert_array_equal(lower[20:], 0.0)
+    line = habitats.risen(habitats.straight_line(start, goal, CONFIG)[None], start, goal, env)
+    flight = fly(curves(line, start, goal, CONFIG), 0.0, env, ap.Vehicle(), CONFIG)
+    assert float(flight.altitude.min()) > CLEARANCE - 2.0
+    assert (np.asarray(line[0, :20]) == np.asarray(habitats.straight_line(start, goal, CONFIG)[:20])).all()
+    many = habitats.initial(jax.random.key(0), 9, start, goal, lower, upper, CONFIG, env)
+    assert ((many >= lower) & (many <= upper)).all()
+
+
+@pytest.mark.parametrize(
+    ("start", "goal", "message"),
+    [
+        ((200, 900, 125), GOAL, r"start of leg 0 at \(200, 900, 125\) m lies 5.0 m below the sea bed"),
+        (START, (2800, 1100, 121), r"goal of leg 0 .* lies 1.0 m below the sea bed"),
+        (START, (2800, 1100, 116), r"lies 4.0 m above the sea bed, 2.0 m less than its clearance of 6 m"),
+    ],
+)
+def test_ends_at_the_bottom_are_refused(start, goal, message):
+    with pytest.raises(ValueError, match=message):
+        plan(over(120.0), start, goal)
+
+
+def test_a_start_nearer_than_the_clearance_is_told():
+    found = plan(over(120.0), (200.0, 900.0, 116.0))
+    assert found.status is ap.PathStatus.SEABED
+    assert found.reason.startswith("altitude above the sea bed 4.0 m under 6.0 at km 0.0 of 2.6, at ")
+    assert found.positions[5, 2] < 116.0
