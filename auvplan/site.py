@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pyproj import Geod, Proj, Transformer
+from pyproj import Proj, Transformer
 
 Array = NDArray[np.float64]
 
@@ -76,11 +76,11 @@ def as_utc(moment: datetime) -> datetime:
     return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
 
 
-def metres_between(
-    longitude: ArrayLike, latitude: ArrayLike, other: ArrayLike, other_latitude: ArrayLike
-) -> Array:
-    """Distance on the ellipsoid, m, between places in degrees."""
-    return np.asarray(Geod(ellps="WGS84").inv(longitude, latitude, other, other_latitude)[2])
+def at_time(seconds: float, epoch: datetime | None) -> str:
+    """A time in words: of day in UTC, or seconds where there is no epoch to count from."""
+    if epoch is None:
+        return f"at {seconds:,.0f} s"
+    return f"{as_utc(epoch) + timedelta(seconds=float(seconds)):%Y-%m-%d %H:%M} UTC"
 
 
 def _definition(longitude: float, latitude: float) -> str:

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from auvplan.plot import style
+from auvplan.plot.depths import draw_depths
 from auvplan.voyage.records import LegRecord, MissionRun
 
 
@@ -33,6 +34,7 @@ def plot_mission(run: MissionRun) -> Figure:
     axes = figure.subplots()
     style.map_axes(axes, low, high, unit)
     handles: list[Any] = list(style.draw_coast(axes, run.chart, unit))
+    handles += draw_depths(axes, run.seabed, unit)
     handles += _draw_graph(axes, run, unit)
     if sailed:
         route = _draw_route(axes, sailed, unit)

@@ -236,7 +236,7 @@ def _refused(fleet: Fleet, mission: Mission, leg: Leg, times: np.ndarray) -> str
     A leg is refused when its path is not feasible, or when the time that the path takes would leave too
     little for the shortest way from its end to the destination, although another order might still do.
     """
-    if why := refusal(leg):
+    if why := refusal(leg, fleet.epoch):
         return why
     if leg.record.goal == mission.run.goal or mission.refusals >= _REFUSALS:
         return ""

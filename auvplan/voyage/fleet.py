@@ -1,6 +1,7 @@
 """Missions under way together: what they share, how far each one is, and the leg that it is on."""
 
 from dataclasses import dataclass, field
+from datetime import datetime
 
 import jax
 import jax.numpy as jnp
@@ -13,6 +14,7 @@ from auvplan.ocean.currents import Current
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.path import PathConfig, PathPlan
+from auvplan.site import at_time
 from auvplan.vehicle import Vehicle
 from auvplan.voyage.belief import ObstacleBelief
 from auvplan.voyage.clock import Clock
@@ -51,6 +53,15 @@ class Fleet:
     def chart(self) -> Chart | None:
         """Coast and uncertain areas, or None."""
         return self.waters.chart
+
+    @property
+    def epoch(self) -> datetime | None:
+        """The moment that times count from, or None."""
+        return None if self.waters.site is None else self.waters.site.epoch
+
+    def moment(self, now: float) -> str:
+        """A time, s since the epoch, in words."""
+        return at_time(now, self.epoch)
 
     @property
     def box(self) -> tuple[Array, Array]:

@@ -1,6 +1,7 @@
 """Plans and sails the legs of B missions, re-planning paths on the way (section 3.2.2)."""
 
 from collections.abc import Iterator, Sequence
+from datetime import datetime
 
 import jax
 import numpy as np
@@ -76,13 +77,13 @@ def _hope(fleet: Fleet, missions: list[Mission]) -> None:
             leg.record.followed = len(leg.record.plans) - 1
 
 
-def refusal(leg: Leg) -> str:
-    """Why a leg must not be begun, or an empty string.
+def refusal(leg: Leg, epoch: datetime | None = None) -> str:
+    """Why a leg must not be begun, or an empty string; times of day count from the epoch.
 
     Obstacles alone do not stand against it: they move, and are known better from near.
     """
     broken = [limit for limit in leg.followed.broken() if limit != "obstacle"]
-    return leg.followed.explain(broken[0]) if broken else ""
+    return leg.followed.explain(broken[0], epoch) if broken else ""
 
 
 def sail_on(fleet: Fleet, missions: list[Mission]) -> None:
@@ -108,7 +109,7 @@ def sail_on(fleet: Fleet, missions: list[Mission]) -> None:
             )
         )
         for row, mission in enumerate(batch[:real]):
-            _take(mission, jax.tree.map(lambda a, row=row: a[row], out))
+            _take(fleet, mission, jax.tree.map(lambda a, row=row: a[row], out))
     for mission in missions:
         if mission.sailing.under_way and mission.now >= fleet.scenario.mission.time_available:
             mission.sailing.stopped = "time ran out"
@@ -120,7 +121,7 @@ def _batches(missions: list[Mission]) -> Iterator[tuple[list[Mission], int]]:
         yield [missions[k] for k in index], real
 
 
-def _take(mission: Mission, out: Sailed) -> None:
+def _take(fleet: Fleet, mission: Mission, out: Sailed) -> None:
     """Book one vehicle's stretch."""
     leg, times = mission.sailing, np.asarray(out.times, float)
     # Time stands still after the arrival: keep the steps that moved it.
@@ -137,7 +138,8 @@ def _take(mission: Mission, out: Sailed) -> None:
     # The end of an escape is not the goal.
     leg.record.arrived = bool(out.arrived) and not leg.escaping
     if out.shortfall > 0 and leg.moving:
-        leg.stopped = f"the current beat the vehicle {leg.arc / 1000.0:.1f} km along its path"
+        place = f"km {leg.arc / 1000.0:.1f} of {leg.marks[-1] / 1000.0:.1f}"
+        leg.stopped = f"the current beat the vehicle at {place}, {fleet.moment(mission.now)}"
 
 
 def finish(leg: Leg) -> None:

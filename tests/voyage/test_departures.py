@@ -183,6 +183,7 @@ def dated(tmp_path):
         "chart": {"source": "none"},
         "current": {"source": "file", "files": "sea.nc"},
         "mission": {"waypoints": 2, "start": [-400, -300, 5], "goal": [500, 300, 5], "time_available": 1800},
+        "planning": {"effort": "plain"},
     }, tmp_path
 
 
