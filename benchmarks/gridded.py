@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from rich.progress import Progress
 from rich.table import Table
@@ -33,7 +34,10 @@ SIDE, DEEPEST = 10e3, 100.0
 NODES, LEVELS, HOURS = 100, 10, 24
 #: Hours of the tide that turns the gridded field about.
 TIDE = 12.42
-START, GOAL, DEPART = (1500.0, 1500.0, 30.0), (7500.0, 7000.0, 60.0), 4000.0
+START, GOAL, DEPART = np.array([1500.0, 1500.0, 30.0]), np.array([7500.0, 7000.0, 60.0]), 4000.0
+LOWER, UPPER = jnp.zeros(3), jnp.array([SIDE, SIDE, DEEPEST])
+OBSTACLES = np.array([[3000.0, 3000.0, 50.0], [5000.0, 5200.0, 40.0], [6000.0, 5000.0, 50.0]])
+RADII = np.array([100.0, 150.0, 120.0])
 ONE_LAYER, THREE_LAYERS = "vortices, one layer", "vortices, three layers"
 
 
@@ -65,10 +69,9 @@ class Row:
 
 
 def currents() -> dict[str, Current]:
-    """The vortices, and gridded fields of the three layers: in a tide, with its vertical velocity, and steady."""
-    box = (0.0, 0.0, 0.0), (SIDE, SIDE, DEEPEST)
+    """The vortices, and gridded fields of the three layers: in a tide, with vertical velocity, and steady."""
     one, three = (
-        ap.random_vortices(jax.random.key(0), *box, count=12, layers=layers, radius=(500.0, 1500.0))
+        ap.random_vortices(jax.random.key(0), LOWER, UPPER, count=12, layers=layers, radius=(500.0, 1500.0))
         for layers in (1, 3)
     )
     along, depths = np.linspace(0.0, SIDE, NODES), np.linspace(0.0, DEEPEST, LEVELS)
@@ -87,9 +90,8 @@ def currents() -> dict[str, Current]:
 
 
 def _plan(current: Current, config: ap.PathConfig, seed: int) -> PathPlan:
-    places = [[3000.0, 3000.0, 50.0], [5000.0, 5200.0, 40.0], [6000.0, 5000.0, 50.0]]
-    obstacles = ap.Obstacles.static(places, [100.0, 150.0, 120.0])
-    env = ap.Environment(current, obstacles=obstacles, lower=(0.0, 0.0, 0.0), upper=(SIDE, SIDE, DEEPEST))
+    obstacles = ap.Obstacles.static(OBSTACLES, RADII)
+    env = ap.Environment(current, obstacles=obstacles, lower=LOWER, upper=UPPER)
     return ap.plan_path(START, GOAL, env, key=jax.random.key(seed), config=config, depart=DEPART)
 
 

@@ -53,17 +53,17 @@ def travel_time(track: Track, problem: PathProblem, config: ap.PathConfig, sweep
     (x, y, z), way, env = track.places, track.way, problem.environment
     middle = x[:-1] + 0.5 * way[0], y[:-1] + 0.5 * way[1], z[:-1] + 0.5 * way[2]
     gap = kinematics.norm(*way)
-    vehicle = problem.vehicle
+    vehicle, depart = problem.vehicle, jnp.asarray(problem.depart)
 
     def sailed(time: jax.Array) -> jax.Array:
         return gap / kinematics.over_ground(env.current(*middle, time), way, gap, vehicle, config)[0]
 
     if sweeps is None:
-        times = kinematics.middle_times(middle, way, gap, problem.depart, env, vehicle, config)
+        times = kinematics.middle_times(middle, way, gap, depart, env, vehicle, config)
         return sailed(times).sum(axis=0)
     duration = gap / vehicle.speed
     for _ in range(sweeps):
-        duration = sailed(problem.depart + kinematics.elapsed(duration)[:-1] + 0.5 * duration)
+        duration = sailed(depart + kinematics.elapsed(duration)[:-1] + 0.5 * duration)
     return duration.sum(axis=0)
 
 

@@ -44,7 +44,7 @@ class Examination:
     @property
     def lines(self) -> list[str]:
         """A line a fault: `FILE:LINE:COL field: what is wrong`."""
-        return [fault.line(self.source) for fault in self.faults]
+        return [" ".join(fault.line(self.source).split()) for fault in self.faults]
 
 
 def examine_scenario(source: str | Path) -> Examination:
@@ -108,6 +108,8 @@ class _Findings:
             return (section, "crs"), message.removeprefix("crs: ")
         if " pixels of " in message and section in ("chart", "bathymetry"):
             return (section, "pixel_size"), message
+        if message.startswith("a spacing of ") and section == "current":
+            return (section, "spacing"), message
         values = {name: value for name, value in settings if isinstance(value, str)}
         told = [name for name, value in values.items() if str(self.folder / value) in message]
         if told:

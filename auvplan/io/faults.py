@@ -5,6 +5,9 @@ from dataclasses import dataclass
 
 from auvplan.io.yaml_lines import Document, Path, Place
 
+#: Characters of a reason that are shown.
+_LONGEST = 500
+
 
 @dataclass(frozen=True)
 class Fault:
@@ -28,7 +31,9 @@ class Fault:
 
 def fault_at(path: Path, reason: str, document: Document, place: Place | None = None) -> Fault:
     """A fault of a value in a document."""
-    return Fault(dotted(path), " ".join(reason.split()), place or document.place(path))
+    line = " ".join(reason.split())
+    line = line if len(line) <= _LONGEST else f"{line[:_LONGEST]} ..."
+    return Fault(dotted(path), line, place or document.place(path))
 
 
 def in_order(faults: Iterable[Fault]) -> list[Fault]:

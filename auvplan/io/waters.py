@@ -108,7 +108,7 @@ def _current(
     paths = [_path(home, name) for name in names]
     times = None if site.epoch is None else window
     found = read_current(
-        paths if len(paths) > 1 else paths[0],
+        paths if len(paths) != 1 else paths[0],
         site,
         lower=box[0],
         upper=box[1],

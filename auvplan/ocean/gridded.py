@@ -14,8 +14,10 @@ from auvplan.ocean.currents import Velocity
 from auvplan.ocean.interpolation import interpolated
 from auvplan.pytree import rebuilt_as_is
 
-#: Times whose steps differ by less than this share of a step are even.
+#: Times that are off even ones by less than this share of a step are even.
 _EVEN = 1e-4
+#: Single precision must tell steps of depth and time apart to this share of them.
+_RESOLVED = 0.01
 
 
 class CurrentError(ValueError):
@@ -75,7 +77,8 @@ class GriddedCurrent:
             times: [T] s since the epoch, rising.
 
         Raises:
-            CurrentError: shapes do not fit, an axis does not rise, or there is no current anywhere.
+            CurrentError: something is no number, shapes do not fit, an axis does not rise or is too far from
+                zero for single precision, or there is no current anywhere.
 
         Example:
             >>> import numpy as np
@@ -84,27 +87,26 @@ class GriddedCurrent:
             >>> [float(c) for c in field(50.0, 150.0, 0.0, 0.0)]
             [0.0, 1.5, 0.0]
         """
-        fields = [np.asarray(values, np.float32) for values in ((u, v) if w is None else (u, v, w))]
-        axes = [np.asarray(axis, float).reshape(-1) for axis in (depths, times)]
+        given = {"u": u, "v": v} | ({} if w is None else {"w": w})
+        fields = [_numbers(values, name, np.float32) for name, values in given.items()]
         shape = fields[0].shape
         if len(shape) != 4 or 0 in shape or any(values.shape != shape for values in fields):
             shapes = ", ".join(str(values.shape) for values in fields)
             raise CurrentError(f"u, v and w must be [T, Z, X, Y] and of one shape, got {shapes}")
-        for name, axis, size in (("depths", axes[0], shape[1]), ("times", axes[1], shape[0])):
-            if len(axis) != size or not np.isfinite(axis).all() or (np.diff(axis) <= 0.0).any():
-                raise CurrentError(f"{name} must be {size} finite rising numbers, got {_brief(axis)}")
-        apart = np.broadcast_to(np.asarray(spacing, float), (2,))
-        if not (np.isfinite(apart).all() and (apart > 0.0).all()):
+        axes = [_axis(depths, "depths", shape[1]), _axis(times, "times", shape[0])]
+        apart, corner = _pair(spacing, "spacing"), _pair(origin, "origin")
+        if not (apart > 0.0).all():
             raise CurrentError(f"spacing must be positive, got {spacing}")
         water = np.logical_and.reduce([np.isfinite(values).all(axis=0) for values in fields])
         if not water.any():
             raise CurrentError("the current has no value anywhere")
-        nearest = _nearest_water(water)
+        nearest = _nearest_water(water, apart)
         filled = [jnp.asarray(values[(slice(None), *nearest)]) for values in fields]
-        steps = np.diff(axes[1])
-        even = len(steps) == 0 or bool(np.ptp(steps) <= _EVEN * steps.mean())
-        step = jnp.asarray(steps.mean() if len(steps) else 1.0, jnp.float32) if even else None
-        places = (np.asarray(origin, float), apart, axes[0], axes[1])
+        first, last, count = axes[1][0], axes[1][-1], len(axes[1])
+        mean = (last - first) / (count - 1) if count > 1 else 1.0
+        even = np.abs(np.linspace(first, last, count) - axes[1]).max() <= _EVEN * mean
+        step = jnp.asarray(mean, jnp.float32) if even else None
+        places = (corner, apart, *axes)
         return cls(
             filled[0],
             filled[1],
@@ -150,13 +152,42 @@ class GriddedCurrent:
         return u, v, w
 
 
-def _nearest_water(water: NDArray[np.bool_]) -> tuple[NDArray[np.int_], ...]:
+def _numbers(values: ArrayLike, name: str, dtype: type = float) -> NDArray[np.floating]:
+    try:
+        return np.asarray(values, dtype)
+    except (TypeError, ValueError):
+        raise CurrentError(f"{name} must be an array of numbers") from None
+
+
+def _axis(values: ArrayLike, name: str, size: int) -> NDArray[np.floating]:
+    """Depths or times, [size], that single precision tells apart."""
+    axis = _numbers(values, name).reshape(-1)
+    if len(axis) != size or not np.isfinite(axis).all() or (np.diff(axis) <= 0.0).any():
+        raise CurrentError(f"{name} must be {size} finite rising numbers, got {_brief(axis)}")
+    rounding = float(np.spacing(np.float32(np.abs(axis).max())))
+    if size > 1 and rounding > _RESOLVED * np.diff(axis).min():
+        raise CurrentError(
+            f"{name} {_brief(axis)} are too far from zero for steps of {np.diff(axis).min():g}: "
+            "count them from nearer"
+        )
+    return axis
+
+
+def _pair(values: ArrayLike, name: str) -> NDArray[np.floating]:
+    """Two finite numbers, or one for both."""
+    pair = _numbers(values, name)
+    if pair.shape not in ((), (1,), (2,)) or not np.isfinite(pair).all():
+        raise CurrentError(f"{name} must be two finite numbers, north and east, got {values}")
+    return np.broadcast_to(pair, (2,))
+
+
+def _nearest_water(water: NDArray[np.bool_], spacing: NDArray[np.floating]) -> tuple[NDArray[np.int_], ...]:
     """Indices (level, north, east), [Z, X, Y] each, of the water whose values stand at each node."""
     level, north, east = np.indices(water.shape)
     for k, wet in enumerate(water):
         if wet.any():
             north[k], east[k] = ndimage.distance_transform_edt(
-                ~wet, return_distances=False, return_indices=True
+                ~wet, sampling=spacing, return_distances=False, return_indices=True
             )
         elif k:
             level[k], north[k], east[k] = level[k - 1], north[k - 1], east[k - 1]

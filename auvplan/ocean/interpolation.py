@@ -9,6 +9,9 @@ import jax.numpy as jnp
 
 from auvplan.tangents import fixed, instantiated
 
+#: Up to so many uneven nodes all are compared with, which beats a search; more would only make code longer.
+_FEW = 48
+
 #: North, east, depth, time of N points, [N] each.
 _Places = tuple[jax.Array, ...]
 
@@ -119,9 +122,12 @@ def _cell_between(place: jax.Array, nodes: jax.Array) -> tuple[jax.Array, Any, A
     size = nodes.shape[0]
     if size == 1:
         return jnp.zeros(place.shape, jnp.int32), None, None
-    first = jnp.zeros(place.shape, jnp.int32)
-    for node in range(1, size - 1):
-        first = first + (place >= nodes[node]).astype(jnp.int32)
+    if size > _FEW:
+        first = jnp.searchsorted(nodes[1:-1], place, side="right").astype(jnp.int32)
+    else:
+        first = jnp.zeros(place.shape, jnp.int32)
+        for node in range(1, size - 1):
+            first = first + (place >= nodes[node]).astype(jnp.int32)
     low = nodes.at[first].get(mode="promise_in_bounds", wrap_negative_indices=False)
     span = nodes.at[first + 1].get(mode="promise_in_bounds", wrap_negative_indices=False) - low
     share = (place - low) / span

@@ -56,6 +56,8 @@ def plot_departures(found: Departures) -> Figure:
     for axes, (_, name, _) in zip(rows, panels, strict=True):
         if "[min]" not in name:
             axes.set_ylim(bottom=0.0)
+    if len(found) == 1:
+        rows[-1].set_xlim(*_around(when))
     _time_axis(rows[-1], found)
     figure.align_ylabels(rows)
     kind = "leg" if found.orders is None else "mission"
@@ -97,8 +99,7 @@ def _mark_infeasible(
     middles = times[:-1] + (times[1:] - times[:-1]) / 2
     edges = [times[0], *middles, times[-1]]
     if len(times) == 1:
-        step = np.timedelta64(30, "m") if times.dtype.kind == "M" else 0.5
-        edges = [times[0] - step, times[0] + step]
+        edges = _around(times)
     label = "not feasible"
     for place, number in enumerate(order):
         if not found.feasible[number]:
@@ -109,6 +110,12 @@ def _mark_infeasible(
             if len(order) <= _FEW:
                 marks = {"marker": "x", "ls": "none", "color": style.RED, "ms": 6, "zorder": 6}
                 rows[0].plot(times[place], 0.07, transform=rows[0].get_xaxis_transform(), **marks)
+
+
+def _around(times: NDArray[Any]) -> list[Any]:
+    """Half an hour before and after a time that stands alone."""
+    half = np.timedelta64(30, "m") if times.dtype.kind == "M" else 0.5
+    return [times[0] - half, times[0] + half]
 
 
 def _time_axis(axes: Axes, found: Departures) -> None:

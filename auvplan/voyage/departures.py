@@ -48,8 +48,7 @@ class Departures:
         time: [D] s, expected of the mission, or travel time of the leg; NaN where it is not feasible.
         tasks: [D] tasks of the order; 0 of a leg.
         priority: [D] their total priority; 0 of a leg.
-        current: [D] m/s, mean level speed of the current as told, at departure, at the waypoints or along
-            the leg.
+        current: [D] m/s, told of the departure: mean level speed at the waypoints or along the leg.
         reasons: D lines on what stands against it; empty where it is feasible.
         orders: D orders of tasks, None where there is none; None of a leg.
         plans: D path plans of a leg; None of a mission.
@@ -141,16 +140,17 @@ def load_waters_at(scenario: Scenario, departs: ArrayLike, folder: str | Path = 
     moments, site = np.asarray(departs, float), scenario.site
     first, last = float(moments.min()), float(moments.max()) + scenario.mission.time_available
     if scenario.current.source != "file" or site is None or site.departure is None:
-        return load_waters(scenario, folder, until=last)
+        waters = load_waters(scenario, folder, until=last)
+        _require_known(scenario, waters, moments)
+        return waters
     # What lies between the scenario's own departure and the first of these need not be covered.
     leaving = site.model_copy(update={"departure": site.departure + timedelta(seconds=first)})
     waters = load_waters(scenario.model_copy(update={"site": leaving}), folder, until=last - first)
-    assert waters.site is not None
     assert waters.forecast is not None
     assert waters.truth is not None
     return replace(
         waters,
-        site=replace(waters.site, epoch=site.departure),
+        site=site.site,
         forecast=replace(waters.forecast, times=waters.forecast.times + first),
         truth=replace(waters.truth, times=waters.truth.times + first),
     )

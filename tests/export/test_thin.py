@@ -12,6 +12,7 @@ from auvplan.export import thin
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
+from auvplan.ocean.seabed import Seabed
 from auvplan.vehicle import Vehicle
 from tests.io.sample_run import make_vortices
 
@@ -141,6 +142,26 @@ def test_a_path_nearer_than_the_margin_may_stay_as_near():
     few = thin(line, even_times(line), still(chart=Chart.from_mask(water, 10.0)), VEHICLE, margin=50.0)
     assert few.indices.tolist() == [0, 29]
     assert 10.0 < few.clearance < 25.0
+
+
+def test_lines_keep_the_altitude_over_a_bank():
+    depth = np.full((150, 60), 80.0)
+    depth[70:80] = 30.0  # across the way, from 1.4 to 1.6 km
+    bed = Seabed.from_depth(depth, 20.0, clearance=6.0)
+    env = Environment(None, None, None, (0.0, 0.0, 0.0), (3000.0, 1200.0, 80.0), bed)  # type: ignore[arg-type]
+    share = np.linspace(0.0, 1.0, 61)
+    north = 100.0 + 2800.0 * share
+    path = np.stack(
+        [north, np.full(61, 500.0), np.interp(north, [1000, 1300, 1700, 2000], [60, 20, 20, 60])], 1
+    )
+    free = thin(path, even_times(path), still(), VEHICLE)
+    assert free.indices.tolist() == [0, 60]
+    few = thin(path, even_times(path), env, VEHICLE)
+    assert 2 < len(few.indices) < 12
+    fine = np.linspace(few.times[0], few.times[-1], 4000)
+    places = np.stack([np.interp(fine, few.times, few.positions[:, k]) for k in range(3)], axis=1)
+    assert bed.altitude(places).min() > 6.0 - 0.1
+    assert few.clearance == 1e6
 
 
 def test_a_line_against_too_strong_a_current_is_not_taken():

@@ -1,6 +1,7 @@
 """A small sea area with all its files, sound and quick to read, for tests that spoil one thing of it."""
 
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -29,8 +30,12 @@ JOBS = "north,east,depth,priority,duration,name\n-500,1000,5,2,60,a\n1000,-800,1
 class SmallSite:
     """The files of the area in a folder, and ways to spoil them."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, like: Path | None = None) -> None:
+        """Write the files to a new folder, or copy them from one where they are."""
         self.folder, self.plain = folder, json.loads(json.dumps(SCENARIO))
+        if like is not None:
+            shutil.copytree(like, folder)
+            return
         folder.mkdir()
         self.polygons("coast.geojson", _ring(148.955, -20.345, 0.004))
         self.polygons("closed.geojson", _ring(148.966, -20.338, 0.002))

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 import xarray as xr
+from scipy import ndimage
 
-from auvplan.io.walk import Coast, Walk, events
+from auvplan.io.walk import Bed, Coast, Walk, events
 
 
 def test_walk_takes_steps_of_a_metre_at_most():
@@ -44,3 +45,26 @@ def test_coast_clearance_against_all_pixels(seed):
 def test_events():
     assert list(events(np.array([True, True, False, True, False, False, True]))) == [(0, 1), (3, 3), (6, 6)]
     assert not list(events(np.zeros(4, bool)))
+
+
+def test_altitude_is_bilinear_between_centres_and_held_beyond_them():
+    rng = np.random.default_rng(1)
+    depth = rng.uniform(20.0, 90.0, (7, 5))
+    depth[2, 3] = np.nan  # not known: as shallow as can be
+    data = xr.Dataset(
+        {
+            "seabed_depth": (("seabed_x", "seabed_y"), depth.astype(np.float32)),
+            "seabed_origin": ("horizontal", np.array([100.0, -50.0])),
+            "seabed_pixel_size": ((), 30.0),
+        },
+        attrs={"seabed_clearance": 5.0},
+    )
+    bed = Bed.of(data)
+    places = rng.uniform([90.0, -60.0, 0.0], [320.0, 110.0, 99.0], (500, 3))
+    index = np.stack([(places[:, 0] - 100.0) / 30.0 - 0.5, (places[:, 1] + 50.0) / 30.0 - 0.5])
+    expected = ndimage.map_coordinates(np.nan_to_num(depth), index, order=1, mode="nearest") - places[:, 2]
+    np.testing.assert_allclose(bed.altitude(places), expected, atol=1e-5)
+    low, high = np.array([100.0, -50.0]), np.array([310.0, 100.0])
+    beyond = ((places[:, :2] < low) | (places[:, :2] > high)).any(axis=1)
+    assert (bed.outside(places) == beyond).all()
+    assert bed.clearance == 5.0

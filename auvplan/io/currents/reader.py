@@ -123,8 +123,9 @@ def _read(
     weights = source.geometry.locate(longitude, latitude)
     if weights.outside.any() and not clamp:
         share = weights.outside.mean()
+        part = f"{share:.0%}" if share >= 0.005 else "less than 1%"
         raise source.series.fail(
-            f"{share:.0%} of the box is not covered: it reaches beyond the data {describe(weights.beyond)}"
+            f"{part} of the box is not covered: it reaches beyond the data {describe(weights.beyond)}"
         )
     if weights.outside.any():
         notes.append("beyond the data's area its nearest value holds")
