@@ -100,8 +100,8 @@ class GriddedCurrent:
         water = np.logical_and.reduce([np.isfinite(values).all(axis=0) for values in fields])
         if not water.any():
             raise CurrentError("the current has no value anywhere")
-        nearest = _nearest_water(water, apart)
-        filled = [jnp.asarray(values[(slice(None), *nearest)]) for values in fields]
+        level, north, east = _nearest_water(water, apart)
+        filled = [jnp.asarray(values[:, level, north, east]) for values in fields]
         first, last, count = axes[1][0], axes[1][-1], len(axes[1])
         mean = (last - first) / (count - 1) if count > 1 else 1.0
         even = np.abs(np.linspace(first, last, count) - axes[1]).max() <= _EVEN * mean
@@ -181,20 +181,19 @@ def _pair(values: ArrayLike, name: str) -> NDArray[np.floating]:
     return np.broadcast_to(pair, (2,))
 
 
-def _nearest_water(water: NDArray[np.bool_], spacing: NDArray[np.floating]) -> tuple[NDArray[np.int_], ...]:
-    """Indices (level, north, east), [Z, X, Y] each, of the water whose values stand at each node."""
-    level, north, east = np.indices(water.shape)
+def _nearest_water(water: NDArray[np.bool_], spacing: NDArray[np.floating]) -> NDArray[np.int_]:
+    """Index [3, Z, X, Y], level, north, east, of the water whose values stand at each node."""
+    index = np.indices(water.shape)
     for k, wet in enumerate(water):
         if wet.any():
-            north[k], east[k] = ndimage.distance_transform_edt(
+            index[1:, k] = ndimage.distance_transform_edt(
                 ~wet, sampling=spacing, return_distances=False, return_indices=True
             )
         elif k:
-            level[k], north[k], east[k] = level[k - 1], north[k - 1], east[k - 1]
+            index[:, k] = index[:, k - 1]
     first = int(np.argmax(water.any(axis=(1, 2))))
-    for k in range(first):
-        level[k], north[k], east[k] = level[first], north[first], east[first]
-    return level, north, east
+    index[:, :first] = index[:, first, None]
+    return index
 
 
 def _brief(axis: NDArray[np.floating]) -> str:

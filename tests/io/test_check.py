@@ -355,7 +355,7 @@ def test_clearance_of_the_sea_bed_is_kept_to_a_tenth_of_a_metre(tmp_path, cleara
 
 def test_unknown_depths_are_dry_and_the_raster_must_reach(tmp_path):
     depth = np.full((50, 50), 60.0)
-    depth[12, 12] = np.nan
+    depth[12, 14:16] = np.nan  # under the middle of the first leg
     assert sounded(tmp_path, depth).seabed_hits == 1
     report = sounded(tmp_path, np.full((20, 50), 60.0))
     assert any("beyond the known sea bed" in fault for fault in report.faults)
