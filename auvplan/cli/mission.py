@@ -16,6 +16,7 @@ from auvplan.cli.shared import (
     console,
     errors,
     load,
+    naming,
     time_bar,
 )
 
@@ -32,7 +33,8 @@ def mission(
     ] = False,
 ) -> None:
     """Plan a whole mission, sail it in the simulator and draw it."""
-    run = _run(*load(scenario, preset, objective), out, seed, quiet)
+    with naming(scenario):
+        run = _run(*load(scenario, preset, objective), out, seed, quiet)
     if certify:
         _print_certificate(run.first_order)
     _exit_where_failed(run)
@@ -46,7 +48,9 @@ def path(
     quiet: QuietOption = False,
 ) -> None:
     """Plan one leg, from the scenario's start to its goal, and sail it with re-planning windows."""
-    _exit_where_failed(_run(*load(scenario, preset, None, leg=True), out, seed, quiet))
+    with naming(scenario):
+        run = _run(*load(scenario, preset, None, leg=True), out, seed, quiet)
+    _exit_where_failed(run)
 
 
 def _run(scenario: Any, folder: Path, out: Path, seed: int, quiet: bool) -> Any:

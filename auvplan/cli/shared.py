@@ -34,9 +34,20 @@ def load(source: str, preset: str | None, objective: str | None, leg: bool = Fal
     if objective is not None:
         plain["planning"]["objective"] = objective
     if leg:
-        plain["mission"]["waypoints"] = 2
+        plain["mission"] |= {"waypoints": 2, "jobs": None}
     folder = Path(source).parent if Path(source).is_file() else Path(".")
     return validate_scenario(plain, "command line"), folder
+
+
+@contextmanager
+def naming(source: str) -> Iterator[None]:
+    """Put the scenario's name before what is wrong with it where the message does not have it."""
+    from auvplan.voyage import ScenarioError
+
+    try:
+        yield
+    except ScenarioError as error:
+        raise error if source in str(error) else ScenarioError(f"{source}: {error}") from None
 
 
 @contextmanager

@@ -20,7 +20,7 @@ from auvplan.ocean.seabed import SeabedError
 from auvplan.voyage.scenario import Scenario
 from auvplan.voyage.settings import BathymetrySettings, ChartSettings, CurrentSettings
 from auvplan.voyage.waters import Waters
-from auvplan.voyage.waypoints import _misplaced, make_graph
+from auvplan.voyage.waypoints import make_graph, misplaced
 from auvplan.voyage.world import ScenarioError
 
 #: What the readers of files raise.
@@ -165,14 +165,14 @@ def _places(scenario: Scenario, waters: Waters, document: Document) -> Iterator[
     """Start, goal and jobs that no vehicle can go to."""
     mission = scenario.mission
     for name, point in (("start", mission.start), ("goal", mission.goal)):
-        if point is not None and (wrong := _misplaced(np.asarray(point), scenario, waters)):
+        if point is not None and (wrong := misplaced(np.asarray(point), scenario, waters)):
             yield fault_at(("mission", name), f"{point} {wrong}", document)
     if waters.jobs is None:
         return
     places = [(job.name, job.position) for job in waters.jobs.points]
     places += [(job.name, position) for job in waters.jobs.lines for position in job.positions]
     for name, position in places:
-        if wrong := _misplaced(np.asarray(position), scenario, waters):
+        if wrong := misplaced(np.asarray(position), scenario, waters):
             where = "({:.0f}, {:.0f}, {:.0f}) m".format(*position)
             yield fault_at(("mission", "jobs"), f"{mission.jobs}: job {name!r} at {where} {wrong}", document)
 

@@ -8,7 +8,7 @@ after the other.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import partial, reduce
 from typing import Any, Protocol, runtime_checkable
 
 import jax
@@ -88,7 +88,7 @@ class SumCurrent:
 
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
         found = [part(x, y, z, t) for part in self._parts]
-        u, v, w = (sum(components[1:], components[0]) for components in zip(*found, strict=True))
+        u, v, w = (reduce(jnp.add, components) for components in zip(*found, strict=True))
         return u, v, w
 
 

@@ -6,8 +6,7 @@ from typing import Self
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
 from auvplan.ocean.currents import Velocity

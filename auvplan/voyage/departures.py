@@ -19,7 +19,7 @@ from auvplan.path import PathPlan, PathPlans, plan_paths
 from auvplan.site import Site
 from auvplan.voyage.clock import Clock
 from auvplan.voyage.closures import why_no_order
-from auvplan.voyage.executive import _embark as embark
+from auvplan.voyage.executive import embark as embark
 from auvplan.voyage.executive import make_fleet
 from auvplan.voyage.fleet import Fleet, Mission
 from auvplan.voyage.order_calls import plan_orders, time_edges

@@ -102,7 +102,7 @@ def sail_missions(
     while active or waiting:
         while waiting and len(active) < together:
             number, (key, seed) = waiting.popleft()
-            active.append(_embark(fleet, number, key, int(seed)))
+            active.append(embark(fleet, number, key, int(seed)))
         _step(fleet, active)
         for mission in active:
             if mission.ended:
@@ -157,7 +157,7 @@ def make_fleet(scenario: Scenario, folder: str | Path, waters: Waters | None = N
     )
 
 
-def _embark(fleet: Fleet, number: int, key: jax.Array, seed: int) -> Mission:
+def embark(fleet: Fleet, number: int, key: jax.Array, seed: int) -> Mission:
     """Build a mission's world; nothing is planned yet."""
     scenario = fleet.scenario
     graph_key, field_key, sea_key, planner_key, chance_key = jax.random.split(key, 5)
@@ -249,6 +249,7 @@ def _refused(fleet: Fleet, mission: Mission, leg: Leg, times: np.ndarray) -> str
 def _turn_down(mission: Mission, leg: Leg, why: str) -> None:
     """Ask for another order without the refused edge, or with the time that its path takes."""
     mission.refusals += 1
+    mission.obstruction = f"leg {leg.record.start} to {leg.record.goal}, {why}"
     i, j = leg.record.start, leg.record.goal
     barred = bool(refusal(leg))
     if barred:

@@ -158,6 +158,7 @@ class Mission:
         cause: why a new order is due, or empty.
         learnt: s, travel times of edges (i, j) whose planned path was refused for its time.
         refusals: of legs in a row.
+        obstruction: the last leg that was refused and why, or empty.
         path_calls: planning calls so far, which number the keys.
         ended: whether it is over.
     """
@@ -178,6 +179,7 @@ class Mission:
     cause: str = "start"
     learnt: dict[tuple[int, int], float] = field(default_factory=dict)
     refusals: int = 0
+    obstruction: str = ""
     path_calls: int = 0
     ended: bool = False
 

@@ -120,7 +120,8 @@ def _take(fleet: Fleet, mission: Mission, order: MissionOrder, seconds: float, f
     run, planning = mission.run, fleet.scenario.planning
     if not order.feasible:
         if final:
-            mission.end(f"no order of tasks from waypoint {mission.here}: {order.reason}")
+            refused = f"; refused before: {mission.obstruction}" if mission.obstruction else ""
+            mission.end(f"no order of tasks from waypoint {mission.here}: {order.reason}{refused}")
         return
     nodes = [int(node) for node in order.nodes]
     run.first_order = run.first_order or order

@@ -58,7 +58,7 @@ def _place(value: Any, site: Site | None, name: str) -> Any:
     if not {"longitude", "latitude"} <= value.keys() <= known:
         raise ValueError(f"{name} must have longitude, latitude and perhaps depth, got {sorted(value)}")
     numbers = [value["longitude"], value["latitude"], value.get("depth", 0.0)]
-    if not all(isinstance(number, int | float) and np.isfinite(number) for number in numbers):
+    if not all(isinstance(number, int | float) and abs(number) <= 1e7 for number in numbers):
         raise ValueError(f"{name}: longitude, latitude and depth must be numbers")
     if not (-180.0 <= numbers[0] <= 360.0 and -90.0 <= numbers[1] <= 90.0):
         raise ValueError(f"{name}: longitude {numbers[0]}, latitude {numbers[1]} is no place on Earth")

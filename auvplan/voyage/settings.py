@@ -33,6 +33,8 @@ class SiteSettings(Section):
     @field_validator("departure")
     @classmethod
     def _in_utc(cls, moment: datetime | None) -> datetime | None:
+        if moment is not None and not 1800 <= moment.year <= 2200:
+            raise ValueError(f"the year {moment.year} is not one of 1800 to 2200")
         return None if moment is None else as_utc(moment)
 
     @property
@@ -44,8 +46,10 @@ class SiteSettings(Section):
 class Area(Section):
     """Box of the mission: north, east, depth (positive down) in local metres, or corners by place."""
 
-    lower: Point = (0.0, 0.0, 0.0)
-    upper: Point = (10_000.0, 10_000.0, 1000.0)
+    lower: Point = Field(default=(0.0, 0.0, 0.0), description="south-western corner at the least depth")
+    upper: Point = Field(
+        default=(10_000.0, 10_000.0, 1000.0), description="north-eastern corner at the greatest depth"
+    )
 
     @model_validator(mode="after")
     def _ordered(self) -> "Area":
@@ -118,10 +122,10 @@ class BathymetrySettings(Section):
 class VehicleSettings(Section):
     """Speed and limits, m/s and rad/s, and the depths that it may go to."""
 
-    speed: Positive = 2.5
-    surge_max: Positive = 5.0
-    sway_max: Positive = 1.5
-    turn_rate_max: Positive = 0.1
+    speed: Positive = Field(default=2.5, description="m/s through the water")
+    surge_max: Positive = Field(default=5.0, description="m/s, of the ground speed along the track")
+    sway_max: Positive = Field(default=1.5, description="m/s, of the current across the track")
+    turn_rate_max: Positive = Field(default=0.1, description="rad/s")
     depth_min: NotNegative = Field(default=0.0, description="m")
     depth_max: Positive | None = Field(default=None, description="m; the area's if absent")
 
@@ -132,20 +136,22 @@ class CurrentSettings(Section):
     Layered Lamb vortices that change at every update (Eqs 1-2), or files of an ocean model.
     """
 
-    source: Literal["vortices", "file"] = "vortices"
-    files: str | tuple[str, ...] | None = Field(
+    source: Literal["vortices", "file"] = Field(
+        default="vortices", description="'vortices': random Lamb vortices; 'file': an ocean model's files"
+    )
+    files: str | Annotated[tuple[str, ...], Field(min_length=1)] | None = Field(
         default=None,
         description="path, pattern or paths of the forecast, relative to the scenario file ('file')",
     )
-    truth: str | tuple[str, ...] | None = Field(
+    truth: str | Annotated[tuple[str, ...], Field(min_length=1)] | None = Field(
         default=None, description="the same of the current that is sailed in; the forecast if absent ('file')"
     )
     outside: Literal["refuse", "clamp"] = Field(
         default="refuse", description="what is done where the files do not reach: 'clamp' holds the nearest"
     )
     spacing: Positive | None = Field(default=None, description="m of the local grid; the files' if absent")
-    vortices: Annotated[int, Field(ge=0, le=64)] = 12
-    layers: Annotated[int, Field(ge=1, le=10)] = 3
+    vortices: Annotated[int, Field(ge=0, le=64, description="in each layer")] = 12
+    layers: Annotated[int, Field(ge=1, le=10, description="of vortices, spread over the area's depths")] = 3
     radius: tuple[Positive, Positive] = Field(default=(500.0, 1500.0), description="m")
     peak_speed: NotNegative = Field(default=1.25, description="m/s")
     vertical_scale: NotNegative = Field(default=5.0, description="gamma of Eq. 1, m")
@@ -180,9 +186,9 @@ class CurrentSettings(Section):
 class ObstacleSettings(Section):
     """True obstacles, drawn anew between the two waypoints of each leg."""
 
-    static: Annotated[int, Field(ge=0, le=50)] = 2
-    afloat: Annotated[int, Field(ge=0, le=50)] = 2
-    self_motivated: Annotated[int, Field(ge=0, le=50)] = 2
+    static: Annotated[int, Field(ge=0, le=50, description="that stay where they are, on each leg")] = 2
+    afloat: Annotated[int, Field(ge=0, le=50, description="that the current carries")] = 2
+    self_motivated: Annotated[int, Field(ge=0, le=50, description="that move by themselves as well")] = 2
     radius: tuple[Positive, Positive] = Field(default=(20.0, 60.0), description="m")
     speed: NotNegative = Field(default=0.3, description="m/s, own speed of self-motivated ones")
 
@@ -212,12 +218,14 @@ class MissionSettings(Section):
         default=None,
         description="path of GeoJSON or CSV jobs; waypoints, priority, duration count for none then",
     )
-    waypoints: Annotated[int, Field(ge=2, le=1000)] = 40
+    waypoints: Annotated[int, Field(ge=2, le=1000, description="start and goal among them; 2: one leg")] = 40
     neighbours: Annotated[int, Field(ge=1, le=100)] | None = Field(
         default=None,
         description="nearest ones that each waypoint is linked to; if absent 7, of up to 40 jobs all",
     )
-    priority: tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=0)]] = (1, 5)
+    priority: tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=0)]] = Field(
+        default=(1, 5), description="least and greatest"
+    )
     duration: tuple[NotNegative, NotNegative] = Field(default=(30.0, 300.0), description="s")
     time_available: Positive = Field(default=14_400.0, description="s")
     start: Point | None = Field(default=None, description="m north, east, depth; drawn if absent")
@@ -233,7 +241,9 @@ class MissionSettings(Section):
 class PlanningSettings(Section):
     """How the mission is planned and re-planned."""
 
-    preset: Literal["default", "paper"] = "default"
+    preset: Literal["default", "paper"] = Field(
+        default="default", description="'paper': both planners as published"
+    )
     effort: Literal["quick", "full", "plain"] = Field(
         default="quick",
         description="of the preset 'default': 'quick' plans paths and later orders in a fifth of the time of "
@@ -248,7 +258,7 @@ class PlanningSettings(Section):
     detour: NotNegative = Field(
         default=3.5, description="s that each obstacle is taken to cost a leg; with travel_times 'sea'"
     )
-    t_series: Annotated[int, Field(ge=1, le=20)] = 4
+    t_series: Annotated[int, Field(ge=1, le=20, description="windows of a leg")] = 4
     replan_from: Literal["kept", "fresh"] = Field(
         default="kept", description="population that a path is planned anew from on the way"
     )

@@ -26,7 +26,7 @@ def make_graph(
     """
     settings = scenario.mission
     for name, point in (("start", settings.start), ("goal", settings.goal)):
-        if point is not None and (fault := _misplaced(np.asarray(point), scenario, waters)):
+        if point is not None and (fault := misplaced(np.asarray(point), scenario, waters)):
             raise ScenarioError(f"mission.{name} {point} {fault}")
     if waters.jobs is not None:
         return _jobs_graph(scenario, waters, waters.jobs)
@@ -85,7 +85,7 @@ def _jobs_graph(scenario: Scenario, waters: Waters, jobs: Jobs) -> tuple[Mission
     places = [(point.name, point.position) for point in jobs.points]
     places += [(line.name, position) for line in jobs.lines for position in line.positions]
     for name, position in places:
-        if fault := _misplaced(np.asarray(position), scenario, waters):
+        if fault := misplaced(np.asarray(position), scenario, waters):
             where = "({:.0f}, {:.0f}, {:.0f}) m".format(*position)
             raise ScenarioError(f"{source}: job {name!r} at {where} {fault}")
     try:
@@ -101,7 +101,7 @@ def _jobs_graph(scenario: Scenario, waters: Waters, jobs: Jobs) -> tuple[Mission
         raise ScenarioError(f"{source}: {error}") from None
 
 
-def _misplaced(position: np.ndarray, scenario: Scenario, waters: Waters) -> str:
+def misplaced(position: np.ndarray, scenario: Scenario, waters: Waters) -> str:
     """What is wrong with a waypoint [3] m, or an empty string."""
     lower, upper = (np.asarray(corner) for corner in scenario.box)
     if (position[:2] < lower[:2] - 1e-6).any() or (position[:2] > upper[:2] + 1e-6).any():

@@ -15,7 +15,7 @@ from auvplan.io.waters import load_waters
 from auvplan.mission.travel_times import TravelTimeConfig
 from auvplan.ocean.gridded import CurrentError
 from auvplan.voyage import ScenarioError, load_waters_at, order_calls, plan_departures
-from auvplan.voyage.executive import _embark, make_fleet
+from auvplan.voyage.executive import embark, make_fleet
 from auvplan.voyage.order_calls import effort, plan_orders, time_edges
 from auvplan.voyage.scenario import Scenario
 from tests.io.currents.samples import LAT, LON, regular, write
@@ -114,7 +114,7 @@ def test_orders_are_those_that_a_mission_of_that_departure_begins_with(missions)
     assert missions.feasible.all()
     fleet = make_fleet(PLAIN, ".")
     for k, depart in enumerate(missions.departs):
-        mission = _embark(fleet, 0, KEY, 0)
+        mission = embark(fleet, 0, KEY, 0)
         mission.now, mission.run.t_available = depart, depart + 5000.0
         time_edges(fleet, [mission])
         plan_orders(fleet, [mission])

@@ -15,7 +15,7 @@ pytestmark = pytest.mark.usefixtures("light_search")
 
 def embark(settings: ap.Scenario):
     fleet = executive.make_fleet(settings, ".")
-    return fleet, executive._embark(fleet, 0, jax.random.key(3), 3)
+    return fleet, executive.embark(fleet, 0, jax.random.key(3), 3)
 
 
 def whole_time(leg) -> float:

@@ -1,6 +1,7 @@
 """Opening NetCDF files and Zarr folders: lazily, by the first bytes, with one clear line on what is wrong."""
 
 import contextlib
+import os
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -126,7 +127,7 @@ def open_files(paths: Paths) -> tuple[File, ...]:
     given = [paths] if isinstance(paths, str | Path) else list(paths)
     names: list[str] = []
     for path in map(str, given):
-        found = [path] if Path(path).exists() else sorted(glob(path))
+        found = [path] if os.path.exists(path) else sorted(glob(path))
         if not found:
             raise CurrentError(f"{path}: no such file")
         names += [name for name in found if name not in names]

@@ -103,7 +103,9 @@ def netcdf_field(path: Path, variable: str | None, site: Site, grid: LocalGrid) 
         raise GeoError(f"{path}: neither NetCDF nor GeoTIFF")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of odd attributes, which is the reader's affair
-        with xr.open_dataset(path, engine=engine, decode_times=False, decode_timedelta=False) as dataset:
+        with xr.open_dataset(
+            path, engine=engine, decode_times=False, decode_timedelta=False, create_default_indexes=False
+        ) as dataset:
             array, notes = _chosen(path, dataset, variable)
             for name in [str(d) for d in array.dims if array.sizes[d] == 1 and array.ndim > 2]:
                 array = array.isel({name: 0}, drop=True)

@@ -1,0 +1,162 @@
+"""Interpolation on a grid against a NumPy twin; its slopes, batches, precision and what XLA makes of it."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from auvplan.ocean import GriddedCurrent, interpolation
+from tests.ocean.grids import AXES, axes_of, edges, grid, places, twin
+
+#: u, v, w of a current at x, y, z, t.
+each_row = jax.vmap(lambda field, *at: jnp.stack(field(*at)), in_axes=(0, None, None, None, None))
+
+
+@pytest.mark.parametrize("axes", AXES)
+@pytest.mark.parametrize("vertical", [True, False])
+def test_equals_the_sum_over_sixteen_corners(axes, vertical):
+    field = grid(axes, vertical)
+    points = places(field)
+    np.testing.assert_allclose(jnp.stack(field(*points)), twin(field, points), atol=2e-5)
+
+
+@pytest.mark.usefixtures("x64")
+def test_equals_the_twin_in_double_precision():
+    field = grid("uneven")
+    points = places(field)
+    found = jnp.stack(field(*points))
+    assert found.dtype == jnp.float64
+    np.testing.assert_allclose(found, twin(field, points), atol=1e-12)
+
+
+@given(
+    slopes=st.tuples(*[st.floats(-1.0, 1.0)] * 4),
+    share=st.tuples(*[st.floats(0.0, 1.0)] * 4),
+    axes=st.sampled_from(["even", "uneven", "two", "many uneven"]),
+)
+@settings(max_examples=40, deadline=None)
+def test_linear_fields_are_exact(slopes, share, axes):
+    nodes = axes_of(grid(axes))
+    extent = [axis[-1] - axis[0] for axis in nodes]
+    x, y, z, t = (
+        slope * (axis - axis[0]) / length for slope, axis, length in zip(slopes, nodes, extent, strict=True)
+    )
+    values = t[:, None, None, None] + z[:, None, None] + x[:, None] + y
+    field = GriddedCurrent.from_arrays(
+        values, -values, origin=(nodes[0][0], nodes[1][0]), spacing=(20.0, 35.0), depths=nodes[2], times=nodes[3]
+    )  # fmt: skip
+    place = [axis[0] + part * length for axis, part, length in zip(nodes, share, extent, strict=True)]
+    u, v, w = field(*place)
+    assert float(u) == pytest.approx(np.dot(slopes, share), abs=5e-6)
+    assert float(v) == -float(u)
+    assert float(w) == 0.0
+
+
+@pytest.mark.parametrize("axes", ["even", "uneven", "two", "one level", "one time", "many uneven"])
+@pytest.mark.usefixtures("x64")
+def test_slopes_equal_finite_differences(axes):
+    field = grid(axes)
+    points = places(field, count=30, beyond=0.0)
+    slopes = jax.jit(jax.vmap(jax.jacfwd(lambda p: jnp.stack(field(*p)))))(jnp.asarray(points.T))
+    backward = jax.vmap(jax.jacrev(lambda p: jnp.stack(field(*p))))(jnp.asarray(points.T))
+    np.testing.assert_allclose(backward, slopes, atol=1e-14)
+    # The interpolant is linear along each axis, so a difference within one cell is its slope.
+    for k in range(4):
+        step = np.zeros((4, 1))
+        step[k] = 1e-5
+        ahead, behind = (np.stack(field(*(points + sign * step))) for sign in (1, -1))
+        np.testing.assert_allclose(slopes[:, :, k].T, (ahead - behind) / 2e-5, atol=1e-8)
+
+
+@pytest.mark.parametrize("axes", ["even", "uneven"])
+def test_beyond_the_edges_the_nearest_holds_and_slopes_are_zero(axes):
+    field = grid(axes)
+    low, high = (np.asarray(edge) for edge in edges(field))
+    inside = 0.6 * low + 0.4 * high
+    for k in range(4):
+        for edge, beyond in ((low[k], low[k] - 77.0), (high[k], high[k] + 77.0)):
+            at, off = inside.copy(), inside.copy()
+            at[k], off[k] = edge, beyond
+            np.testing.assert_allclose(jnp.stack(field(*off)), jnp.stack(field(*at)), atol=1e-6)
+            slope = jax.jacobian(lambda p: jnp.stack(field(*p)))(jnp.asarray(off))
+            np.testing.assert_array_equal(slope[:, k], 0.0)
+            assert (np.abs(np.delete(slope, k, axis=1)).max(axis=0) > 0.0).all()
+
+
+def test_derivatives_by_values_are_the_weights_of_the_corners():
+    field = grid("uneven")
+    at = [axis[1] + 0.25 * (axis[2] - axis[1]) for axis in axes_of(field)]
+    slope = jax.grad(lambda u: replace(field, u=u)(*at)[0])(field.u)
+    weights = [0.75, 0.25]
+    found = np.asarray(slope[1:3, 1:3, 1:3, 1:3])
+    np.testing.assert_allclose(found, np.einsum("a,b,c,d->abcd", *[weights] * 4), atol=1e-5)
+    assert float(slope.sum()) == pytest.approx(1.0, abs=1e-6)
+    assert int((slope != 0.0).sum()) == 16
+    none = jax.grad(lambda u: replace(field, u=u)(*at)[1])(field.u)
+    np.testing.assert_array_equal(none, 0.0)
+
+
+def test_second_derivatives_mix_axes():
+    field = grid("uneven")
+    at = jnp.asarray([axis[1] + 0.25 * (axis[2] - axis[1]) for axis in axes_of(field)])
+    curved = np.asarray(jax.hessian(lambda p: field(*p)[0])(at))
+    np.testing.assert_allclose(curved, curved.T, atol=1e-8)
+    np.testing.assert_allclose(np.diagonal(curved), 0.0, atol=1e-8)
+    assert np.abs(curved[0, 1]) > 0.0
+
+
+def test_batches_equal_single_places_and_shapes_broadcast():
+    field = grid("uneven")
+    points = places(field, count=24)
+    together = jnp.stack(field(*points))
+    alone = np.array([[float(c) for c in field(*point)] for point in points.T]).T
+    np.testing.assert_allclose(together, alone, atol=2e-6)
+    plane = field(*points.reshape(4, 4, 6))
+    np.testing.assert_array_equal(jnp.stack(plane).reshape(3, -1), together)
+    np.testing.assert_allclose(jnp.stack(jax.vmap(field)(*points)), together, atol=2e-6)
+    x, y, z, t = points
+    crossed = field(x[:5, None], y[None, :3], z[0], t[0])
+    assert [component.shape for component in crossed] == [(5, 3)] * 3
+    np.testing.assert_allclose(crossed[1][4, 2], field(x[4], y[2], z[0], t[0])[1], atol=2e-6)
+
+
+def test_batches_of_currents():
+    fields = [grid("uneven", seed=seed) for seed in (0, 5)]
+    both = jax.tree.map(lambda a, b: jnp.stack([a, b]), *fields)
+    points = places(fields[0])
+    found = jax.jit(each_row)(both, *points)
+    for field, row in zip(fields, found, strict=True):
+        np.testing.assert_allclose(row, jnp.stack(field(*points)), atol=2e-6)
+    slope = jax.grad(lambda field: each_row(field, *points)[0].sum(), allow_int=True)(both)
+    assert float(jnp.abs(slope.u[0]).sum()) > 0.0
+    np.testing.assert_array_equal(slope.u[1], 0.0)
+
+
+def test_the_branch_keeps_look_ups_apart_and_changes_nothing(monkeypatch):
+    field, count = grid("uneven"), 5000
+    points = tuple(jnp.asarray(axis, jnp.float32) for axis in places(field, count))
+    both = jax.tree.map(lambda leaf: jnp.stack([leaf, leaf]), field)
+
+    def program(field, *points):
+        return jax.value_and_grad(lambda x: jnp.sum(jnp.stack(field(x, *points[1:])) ** 2))(points[0])
+
+    def branches(function, *arguments):
+        return "conditional(" in jax.jit(function).lower(*arguments).compile().as_text()
+
+    assert branches(program, field, *points)
+    assert branches(each_row, both, *points)  # not both sides of it, as a batched condition would have it
+    branched = np.stack(field(*points)), program(field, *points)
+    # As on an accelerator, without the branch; a fresh function, so that nothing compiled is reused.
+    monkeypatch.setattr(interpolation.jax, "default_backend", lambda: "gpu")
+    nodes = field.origin, field.spacing, field.depths, field.times, field.step
+    plain = interpolation._interpolated((field.u, field.v, field.w), nodes, points)
+    np.testing.assert_allclose(branched[0], np.stack(plain), atol=2e-6)
+
+
+def test_a_grid_without_spacing_has_no_values():
+    broken = replace(grid("uneven"), spacing=jnp.zeros(2))
+    assert np.isnan(jnp.stack(broken(0.0, 100.0, 5.0, 0.0))).all()
