@@ -38,7 +38,7 @@ START, GOAL, DEPART = np.array([1500.0, 1500.0, 30.0]), np.array([7500.0, 7000.0
 LOWER, UPPER = jnp.zeros(3), jnp.array([SIDE, SIDE, DEEPEST])
 OBSTACLES = np.array([[3000.0, 3000.0, 50.0], [5000.0, 5200.0, 40.0], [6000.0, 5000.0, 50.0]])
 RADII = np.array([100.0, 150.0, 120.0])
-ONE_LAYER, THREE_LAYERS = "vortices, one layer", "vortices, three layers"
+ONE_LAYER, THREE_LAYERS = "vortices, 1 layer", "vortices, 3 layers"
 
 
 @dataclass(frozen=True)
@@ -138,9 +138,9 @@ def table(rows: list[Row]) -> Table:
     size = f"{NODES} x {NODES} x {LEVELS} x {HOURS}"
     shown = Table(title=f"Plans in gridded currents ({size}), over those in 12 vortices")
     for name in ("preset", "current"):
-        shown.add_column(name)
-    for name in ("median", "least", "to one layer", "least", "to three", "least", "compilation", "feasible"):
-        shown.add_column(name, justify="right")
+        shown.add_column(name, no_wrap=True)
+    for name in ("median", "least", "to 1 layer", "least", "to 3", "least", "compilation", "feasible"):
+        shown.add_column(name, justify="right", no_wrap=True)
     last = None
     for row in rows:
         shown.add_row(

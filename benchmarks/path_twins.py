@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from auvplan.path.cost import CLEARANCE_SCALE, VIOLATIONS
+from auvplan.path.cost import CLEARANCE_SCALE
 from auvplan.vehicle import SPEED_FLOOR
 from benchmarks.machine import compiler
 
@@ -31,6 +31,9 @@ FLAGS = ("-O3", "-ffast-math", "-fno-associative-math", "-shared", "-fPIC")
 #: The first of these that the compiler takes.
 TARGETS = (("-march=native", "-mprefer-vector-width=512"), ("-march=native",), ("-mcpu=native",), ())
 
+
+#: Limits that the twins know: the first of `VIOLATIONS`, all but the sea bed.
+LIMITS = 6
 
 #: Members of `Packed`, in the order of score.c.
 INTEGERS = "samples controls order vortices obstacles north east"
@@ -48,7 +51,7 @@ class Packed(ctypes.Structure):
         *((name, ctypes.c_int32) for name in INTEGERS.split()),
         *((name, ctypes.c_float) for name in REALS.split()),
         ("uniform", ctypes.c_float * 3),
-        ("weights", ctypes.c_float * len(VIOLATIONS)),
+        ("weights", ctypes.c_float * LIMITS),
         *((name, ctypes.c_void_p) for name in ARRAYS.split()),
     )
 
@@ -83,7 +86,7 @@ def in_c(problem: "Problem") -> Callable[[Array], Scores] | None:
     for name in ARRAYS.split():
         setattr(packed, name, values[name].ctypes.data)
     packed.uniform[:] = values["uniform"].tolist()
-    packed.weights[:] = values["weights"].tolist()
+    packed.weights[:] = values["weights"].tolist()[:LIMITS]
 
     def call(paths: Array, keep: dict[str, Any] = values) -> Scores:
         cost, violation = np.empty(len(paths), np.float32), np.empty(len(paths), np.float32)

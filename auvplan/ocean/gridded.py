@@ -1,6 +1,7 @@
 """Currents on a grid, as models of the sea give them: linear in north, east, depth and time."""
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Self
 
 import jax
@@ -105,15 +106,10 @@ class GriddedCurrent:
         mean = (last - first) / (count - 1) if count > 1 else 1.0
         even = np.abs(np.linspace(first, last, count) - axes[1]).max() <= _EVEN * mean
         step = jnp.asarray(mean, jnp.float32) if even else None
-        places = (corner, apart, *axes)
-        return cls(
-            filled[0],
-            filled[1],
-            None if w is None else filled[2],
-            jnp.asarray(water),
-            *(jnp.asarray(values, jnp.float32) for values in places),
-            step,
-        )
+        single = partial(jnp.asarray, dtype=jnp.float32)
+        places = single(corner), single(apart), single(axes[0]), single(axes[1])
+        down = None if w is None else filled[2]
+        return cls(filled[0], filled[1], down, jnp.asarray(water), *places, step)
 
     @property
     def steady(self) -> bool:
@@ -185,8 +181,10 @@ def _nearest_water(water: NDArray[np.bool_], spacing: NDArray[np.floating]) -> N
     index = np.indices(water.shape)
     for k, wet in enumerate(water):
         if wet.any():
-            index[1:, k] = ndimage.distance_transform_edt(
-                ~wet, sampling=spacing, return_distances=False, return_indices=True
+            index[1:, k] = np.asarray(
+                ndimage.distance_transform_edt(
+                    ~wet, sampling=spacing, return_distances=False, return_indices=True
+                )
             )
         elif k:
             index[:, k] = index[:, k - 1]

@@ -48,7 +48,8 @@ def _with_slopes(
     corner, shares, spans = _located(fields[0].shape, axes, places)
     found = []
     for field in fields:
-        value, across = _blend(_corners(field, corner), shares)
+        corners = [values.astype(places[0].dtype) for values in _corners(field, corner)]
+        value, across = _blend(corners, shares)
         slopes = [
             change / span if want and span is not None else None
             for change, span, want in zip(across, spans, wanted, strict=True)

@@ -55,7 +55,7 @@ def plot_departures(found: Departures) -> Figure:
             )
     for axes, (_, name, _) in zip(rows, panels, strict=True):
         if "[min]" not in name:
-            axes.set_ylim(bottom=0.0)
+            axes.set_ylim(0.0, 1.12 * max(axes.get_ylim()[1], 1e-3))
     if len(found) == 1:
         rows[-1].set_xlim(*_around(when))
     _time_axis(rows[-1], found)

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.ocean.chart import Chart
+from auvplan.ocean.seabed import Seabed
 from auvplan.voyage.belief import ObstacleBelief
 
 Array = NDArray[np.floating]
@@ -18,6 +19,7 @@ def escape_track(
     seconds: float,
     belief: ObstacleBelief,
     chart: Chart | None,
+    seabed: Seabed | None,
     speed: float,
     lower: Array,
     upper: Array,
@@ -31,6 +33,7 @@ def escape_track(
         seconds: how long the escape lasts.
         belief: of the obstacles.
         chart: coast, or None.
+        seabed: or None.
         speed: |v|, m/s.
         lower, upper: [3] m, box to stay in.
         samples: points on the track.
@@ -47,6 +50,8 @@ def escape_track(
         if (track[-1] < lower).any() or (track[-1] > upper).any():
             continue
         if chart is not None and float(np.min(np.asarray(chart.distance(track[:, 0], track[:, 1])))) < 20.0:
+            continue
+        if seabed is not None and seabed.altitude(track).min() < float(seabed.clearance):
             continue
         clear = belief.clearance(track, times).min()
         if clear > best + 1.0:

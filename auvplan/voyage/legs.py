@@ -211,6 +211,7 @@ def _give_way(fleet: Fleet, mission: Mission) -> None:
         fleet.scenario.sensors.interval,
         leg.belief,
         fleet.chart,
+        fleet.waters.seabed,
         fleet.speed,
         lower,
         upper,

@@ -23,7 +23,7 @@ class SiteSettings(Section):
     longitude: Annotated[float, Field(ge=-180, le=360)] = Field(description="degrees east")
     latitude: Annotated[float, Field(gt=-89, lt=89)] = Field(description="degrees north")
     origin: tuple[Finite, Finite] = Field(
-        default=(0.0, 0.0), description="m, local north and east of this place"
+        default=(0.0, 0.0), description="m, local north, east of this place"
     )
     departure: datetime | None = Field(
         default=None,
@@ -139,11 +139,11 @@ class CurrentSettings(Section):
     source: Literal["vortices", "file"] = Field(
         default="vortices", description="'vortices': random Lamb vortices; 'file': an ocean model's files"
     )
-    files: str | Annotated[tuple[str, ...], Field(min_length=1)] | None = Field(
+    files: str | tuple[str, ...] | None = Field(
         default=None,
         description="path, pattern or paths of the forecast, relative to the scenario file ('file')",
     )
-    truth: str | Annotated[tuple[str, ...], Field(min_length=1)] | None = Field(
+    truth: str | tuple[str, ...] | None = Field(
         default=None, description="the same of the current that is sailed in; the forecast if absent ('file')"
     )
     outside: Literal["refuse", "clamp"] = Field(
@@ -178,6 +178,9 @@ class CurrentSettings(Section):
     def _files_given(self) -> "CurrentSettings":
         if (self.source == "file") != (self.files is not None):
             raise ValueError("files must be given with source 'file', and only then")
+        for name in ("files", "truth"):
+            if getattr(self, name) == ():
+                raise ValueError(f"{name} names no file")
         if self.truth is not None and self.source != "file":
             raise ValueError("truth goes with source 'file' alone")
         return self

@@ -63,12 +63,14 @@ def _drawn_waypoints(scenario: Scenario, waters: Waters, rng: np.random.Generato
     positions = np.empty((0, 3))
     while len(positions) < settings.waypoints:
         drawn = rng.uniform(lower + inset, upper - inset, (512, 3))
+        free = np.ones(len(drawn), bool)
         if chart is not None:
-            drawn = drawn[np.asarray(chart.distance(drawn[:, 0], drawn[:, 1])) > scenario.chart.clearance]
-        if waters.seabed is not None and len(drawn):
+            free &= np.asarray(chart.distance(drawn[:, 0], drawn[:, 1])) > scenario.chart.clearance
+        if waters.seabed is not None:
             deepest = _deepest(drawn, waters.seabed)
             drawn[:, 2] = np.minimum(drawn[:, 2], deepest)
-            drawn = drawn[deepest >= lower[2]]
+            free &= deepest >= lower[2]
+        drawn = drawn[free]
         if not len(drawn):
             raise ScenarioError("chart.clearance and the sea bed leave no water for waypoints")
         positions = np.concatenate([positions, drawn])[: settings.waypoints]

@@ -9,6 +9,7 @@ import auvplan as ap
 from auvplan.mission import MissionGraph
 from auvplan.mission.travel_times import TravelTimeConfig, programs
 from auvplan.ocean.currents import UniformCurrent
+from auvplan.ocean.seabed import Seabed
 
 BOX = {"lower": (-3000.0, -3000.0, 0.0), "upper": (3000.0, 3000.0, 50.0)}
 VEHICLE = ap.Vehicle(speed=2.5)
@@ -76,6 +77,22 @@ def test_land_closes_an_edge_that_cannot_go_round_it() -> None:
     round_it = graph.with_travel_times(wall(300.0))
     assert round_it.adjacency[0, 1]
     assert 1600.0 / 2.5 < round_it.travel_time[0, 1] < 1.5 * 1600.0 / 2.5
+
+
+def bank(top: float) -> ap.Environment:
+    """A bank across the middle from edge to edge, 300 m wide, in water of 100 m."""
+    north = np.arange(-2985.0, 3000.0, 30.0)[:, None]
+    depth = np.where(np.abs(north) < 150.0, top, 100.0) + np.zeros((1, 200))
+    bed = Seabed.from_depth(depth, 30.0, (-3000.0, -3000.0), clearance=5.0)
+    return ap.Environment(UniformCurrent(), seabed=bed, **BOX)
+
+
+def test_a_bank_is_climbed_or_closes_an_edge() -> None:
+    graph = compass(800.0).without_edges([(2, 3), (2, 0), (2, 1), (3, 0), (3, 1)])
+    over = graph.with_travel_times(bank(9.0))
+    assert over.adjacency[0, 1]
+    assert over.travel_time[0, 1] == pytest.approx(1600.0 / 2.5, rel=0.01)
+    assert not graph.with_travel_times(bank(4.0)).adjacency.any()
 
 
 def test_waypoints_outside_box_or_chart_have_no_edges() -> None:

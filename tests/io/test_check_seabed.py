@@ -1,0 +1,78 @@
+"""The independent checker over a sea bed: hits, near misses and what is not known."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from auvplan.io import save_run
+from auvplan.io.check import ResultError, check_run
+from tests.io.sample_run import make_run
+
+
+def sounded(folder, depth, clearance=5.0, drop=(), **changes):
+    """Check the sample run over a sea bed [50, 50] of 40 m pixels, written into its file by hand."""
+    save_run(make_run(), folder)
+    path = folder / "mission.nc"
+    with xr.open_dataset(path, decode_cf=False) as saved:
+        data = saved.load()
+    data["seabed_depth"] = (("seabed_x", "seabed_y"), np.asarray(depth, np.float32))
+    data["seabed_origin"] = ("horizontal", np.array([0.0, 0.0]))
+    data["seabed_pixel_size"] = ((), 40.0)
+    data.attrs["seabed_clearance"] = clearance
+    data = data.assign(changes).drop_vars([name for name in drop if name in data])
+    if "seabed_clearance" in drop:
+        del data.attrs["seabed_clearance"]
+    data.to_netcdf(path)
+    return check_run(folder)
+
+
+def test_sea_bed_out_of_reach(tmp_path):
+    report = sounded(tmp_path, np.full((50, 50), 60.0))
+    assert report.ok, report
+    assert report.seabed_hits == 0
+    # The deepest waypoint lies at 40 m.
+    assert report.seabed_altitude == pytest.approx(20.0, abs=1e-3)
+    assert "sea bed 20.0 m" in str(report)
+    save_run(make_run(), tmp_path / "none")
+    assert np.isinf(check_run(tmp_path / "none").seabed_altitude)
+
+
+def test_a_bank_is_hit_and_nearly_hit(tmp_path):
+    # The first leg goes from (300, 300, 20) to (700, 900, 40): a bank of 25 m from 420 to 580 m north.
+    depth = np.full((50, 50), 60.0)
+    depth[11:14, :20] = 25.0
+    report = sounded(tmp_path, depth)
+    assert report.seabed_hits == report.collisions == 1
+    assert report.seabed_metres > 50.0
+    slope = 35.0 / 40.0  # from the last centre on the bank to the next one
+    north = np.linspace(300.0, 700.0, 100_001)
+    bed = np.interp(north, [420.0, 460.0, 540.0, 580.0], [60.0, 25.0, 25.0, 60.0])
+    altitude = bed - (20.0 + 20.0 * (north - 300.0) / 400.0)
+    assert report.seabed_altitude == pytest.approx(altitude.min(), abs=slope)
+    metres = (altitude < 0.0).mean() * np.linalg.norm([400.0, 600.0, 20.0])
+    assert report.seabed_metres == pytest.approx(metres, abs=2.0)
+    assert sum("below the sea bed for" in fault for fault in report.faults) == 1
+    assert sum("above the sea bed, under 5 m, for" in fault for fault in report.faults) == 2
+    assert not report.ok
+    assert "1 with the sea bed" in str(report)
+
+
+@pytest.mark.parametrize(("clearance", "ok"), [(19.9, True), (20.05, True), (20.2, False)])
+def test_clearance_of_the_sea_bed_is_kept_to_a_tenth_of_a_metre(tmp_path, clearance, ok):
+    report = sounded(tmp_path, np.full((50, 50), 60.0), clearance)
+    assert report.ok is ok
+    assert report.collisions == 0
+
+
+def test_unknown_depths_are_dry_and_the_raster_must_reach(tmp_path):
+    depth = np.full((50, 50), 60.0)
+    depth[12, 14:16] = np.nan  # under the middle of the first leg
+    assert sounded(tmp_path, depth).seabed_hits == 1
+    report = sounded(tmp_path, np.full((20, 50), 60.0))
+    assert any("beyond the known sea bed" in fault for fault in report.faults)
+
+
+@pytest.mark.parametrize("name", ["seabed_depth", "seabed_origin", "seabed_pixel_size", "seabed_clearance"])
+def test_half_a_sea_bed_is_refused(tmp_path, name):
+    with pytest.raises(ResultError, match=rf"mission\.nc: (variable|attribute) {name} is missing"):
+        sounded(tmp_path, np.full((50, 50), 60.0), drop=(name,))
