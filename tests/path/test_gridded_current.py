@@ -18,9 +18,8 @@ LOWER, UPPER = (0.0, 0.0, 0.0), (4000.0, 4000.0, 40.0)
 HOURS = np.arange(6)
 SMALL = ap.PathConfig.quick().replace(
     bbo=ap.PathConfig.quick().bbo.replace(population=24, iterations=6),
-    passages=3,
+    passages=0,
     samples=48,
-    passage_steps=0,
     refine_steps=60,
     refine_count=2,
 )
