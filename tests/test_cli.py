@@ -131,7 +131,7 @@ def test_scenarios_are_listed(capsys, monkeypatch):
 
 def test_help_names_every_command():
     out = CliRunner().invoke(cli.app, ["--help"]).output
-    for command in ("mission", "path", "montecarlo", "plot", "chart", "check", "scenarios"):
+    for command in ("mission", "path", "departures", "export", "montecarlo", "plot", "init", "validate", "schema"):
         assert command in out
 
 
