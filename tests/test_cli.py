@@ -131,7 +131,9 @@ def test_scenarios_are_listed(capsys, monkeypatch):
 
 def test_help_names_every_command():
     out = CliRunner().invoke(cli.app, ["--help"]).output
-    for command in ("mission", "path", "departures", "export", "montecarlo", "plot", "init", "validate", "schema"):
+    for command in ("mission", "path", "departures", "export", "montecarlo", "plot", "chart", "check"):
+        assert command in out
+    for command in ("init", "validate", "schema", "scenarios"):
         assert command in out
 
 
