@@ -8,6 +8,10 @@ import pytest
 from auvplan.voyage import executive
 from tests.voyage.small import light_config
 
+# What several test processes compile alike is compiled once, and kept for the next run.
+jax.config.update("jax_compilation_cache_dir", str(Path(__file__).parent.parent / ".pytest_cache" / "jax"))
+jax.config.update("jax_persistent_cache_min_compile_time_secs", 1.0)
+
 SHARED = Path(__file__).resolve().parent.parent.parent / "shared"
 
 

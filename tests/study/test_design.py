@@ -141,7 +141,7 @@ def test_a_value_that_does_not_fit_is_told_with_its_field(field, values):
 
 def test_values_that_do_not_fit_together_are_told():
     outside = Sweep("mission.start", ([1, 2, 3], [9000, 2, 3]))
-    with pytest.raises(ScenarioError, match=r"mission\.start .* outside the area"):
+    with pytest.raises(ScenarioError, match=r"mission\.start: .* outside the area"):
         _ = Design(scenario(), 1, sweeps=(outside,)).cases
 
 
