@@ -1,10 +1,9 @@
 """Charts: a picture or mask to a raster of passability and the signed distance to the coast (section 2)."""
 
-import warnings
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 import chex
 import jax
@@ -12,18 +11,16 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
-from PIL import Image, UnidentifiedImageError
 from scipy import ndimage
 
 from auvplan.ocean.bilinear import bilinear
 from auvplan.ocean.classify import DEFAULT_CLUSTERS, UNCERTAIN_MAX, classify
+from auvplan.ocean.picture import colours, opened
 
 #: Distance to a coast that is nowhere, in pixels.
 FAR = 1e6
 #: By how many pixels the interpolated distance may exceed the true one between pixel centres.
 INTERPOLATION_ERROR = 0.2
-#: Larger pictures are refused before they are decoded.
-MAX_PIXELS = 64_000_000
 # Pillow's names of the modes that hold one grey level a pixel.
 _COLOURLESS = ("1", "L", "LA", "I", "F")
 
@@ -219,29 +216,13 @@ def _read_picture(path: str | Path) -> NDArray[np.uint8]:
     Raises:
         ChartError: the file is missing, no picture, damaged, too large, or has no colour.
     """
-    limit: Any = Image.MAX_IMAGE_PIXELS
-    Image.MAX_IMAGE_PIXELS = None  # the size is checked here, from the header, with a message of our own
     try:
-        with warnings.catch_warnings():
-            # Pillow warns of odd metadata, which says nothing about the pixels; damage to those it raises.
-            warnings.simplefilter("ignore")
-            with Image.open(path) as picture:
-                width, height = picture.size
-                if width * height > MAX_PIXELS:
-                    raise ChartError(f"{path}: {width} x {height} pixels are more than {MAX_PIXELS}")
-                if picture.mode in _COLOURLESS or picture.mode.startswith("I;"):
-                    raise ChartError(f"{path}: a picture without colour: water cannot be told from land")
-                if not picture.has_transparency_data:
-                    return np.asarray(picture.convert("RGB"))
-                layer = picture.convert("RGBA")
-                white = Image.new("RGBA", layer.size, "white")
-                return np.asarray(Image.alpha_composite(white, layer).convert("RGB"))
-    except UnidentifiedImageError:
-        raise ChartError(f"{path}: not a picture that can be read") from None
+        with opened(path, ChartError) as picture:
+            if picture.mode in _COLOURLESS or picture.mode.startswith("I;"):
+                raise ChartError(f"{path}: a picture without colour: water cannot be told from land")
+            return colours(picture)
     except ChartError:
         raise
     except Exception as error:  # a decoder may raise anything on a damaged file
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         raise ChartError(f"{path}: {' '.join(reason.split()) or 'not a picture that can be read'}") from None
-    finally:
-        Image.MAX_IMAGE_PIXELS = limit

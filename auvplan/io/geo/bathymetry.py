@@ -15,7 +15,7 @@ from auvplan.io.geo.geotiff import is_tiff
 from auvplan.io.geo.grid import LocalGrid, local_grid, refuse_beyond, steps
 from auvplan.io.geo.raster import read_raster
 from auvplan.io.geo.sampling import bilinear
-from auvplan.ocean.chart import MAX_PIXELS
+from auvplan.ocean.picture import MAX_PIXELS
 from auvplan.site import Site
 
 Array = NDArray[np.floating]

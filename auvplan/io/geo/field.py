@@ -17,7 +17,7 @@ from scipy.interpolate import LinearNDInterpolator
 
 from auvplan.io.geo.error import GeoError
 from auvplan.io.geo.grid import LocalGrid, Nodes
-from auvplan.ocean.chart import MAX_PIXELS
+from auvplan.ocean.picture import MAX_PIXELS
 from auvplan.site import Site
 
 Array = NDArray[np.floating]

@@ -13,7 +13,7 @@ from PIL import Image
 from pyproj import CRS
 
 from auvplan.io.geo.error import GeoError, reason
-from auvplan.ocean.chart import MAX_PIXELS
+from auvplan.ocean.picture import MAX_PIXELS
 
 Affine = tuple[float, float, float, float, float, float]
 

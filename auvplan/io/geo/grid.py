@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.io.geo.error import GeoError
-from auvplan.ocean.chart import MAX_PIXELS
+from auvplan.ocean.picture import MAX_PIXELS
 from auvplan.site import Site
 
 Array = NDArray[np.floating]

@@ -1,19 +1,17 @@
 """Georeferenced rasters: GeoTIFF (OGC GeoTIFF 1.1), and pictures with a world file (ESRI's six numbers)."""
 
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, UnidentifiedImageError
 from pyproj import CRS, Transformer
 
 from auvplan.io.geo.error import GeoError, read_text, reading, reason
 from auvplan.io.geo.geotiff import is_tiff, read_geotiff
 from auvplan.io.geo.grid import Nodes
-from auvplan.ocean.chart import MAX_PIXELS
+from auvplan.ocean.picture import colours, opened
 
 _WORLD_FILES = {
     ".png": (".pgw", ".pngw"),
@@ -125,30 +123,13 @@ def as_crs(given: Any, what: str) -> CRS:
 
 def _picture(path: Path, indices: bool) -> NDArray:
     """[rows, columns, 3] uint8; [rows, columns] without colour or, if asked for, with a table of it."""
-    limit: Any = Image.MAX_IMAGE_PIXELS
-    Image.MAX_IMAGE_PIXELS = None  # the size is checked here, from the header, with a message of our own
-    try:
-        with warnings.catch_warnings():
-            # Pillow warns of odd metadata, which says nothing about the pixels; damage to those it raises.
-            warnings.simplefilter("ignore")
-            with Image.open(path) as picture:
-                width, height = picture.size
-                if width * height > MAX_PIXELS:
-                    raise GeoError(f"{path}: {width} x {height} pixels are more than {MAX_PIXELS}")
-                single = picture.mode in ("1", "L", "I", "F") or picture.mode.startswith("I;")
-                if single or (indices and picture.mode == "P"):
-                    return np.asarray(picture)
-                if picture.mode == "LA":
-                    return np.asarray(picture)[..., 0]
-                if not picture.has_transparency_data:
-                    return np.asarray(picture.convert("RGB"))
-                layer = picture.convert("RGBA")
-                white = Image.new("RGBA", layer.size, "white")
-                return np.asarray(Image.alpha_composite(white, layer).convert("RGB"))
-    except UnidentifiedImageError:
-        raise GeoError(f"{path}: not a picture that can be read") from None
-    finally:
-        Image.MAX_IMAGE_PIXELS = limit
+    with opened(path, GeoError) as picture:
+        single = picture.mode in ("1", "L", "I", "F") or picture.mode.startswith("I;")
+        if single or (indices and picture.mode == "P"):
+            return np.asarray(picture)
+        if picture.mode == "LA":
+            return np.asarray(picture)[..., 0]
+        return colours(picture)
 
 
 def _world_file(path: Path) -> tuple[float, float, float, float, float, float]:

@@ -11,7 +11,7 @@ from PIL import Image
 from pyproj import CRS
 
 from auvplan.io.geo import GeoError, read_raster
-from auvplan.ocean.chart import MAX_PIXELS
+from auvplan.ocean.picture import MAX_PIXELS
 from tests.io.geo.files import write_geotiff
 from tests.ocean.test_chart_files import png_header
 
