@@ -12,7 +12,7 @@ from auvplan.io.fields import chart_of, seabed_of, vortices_of
 from auvplan.io.files import MISSION, ResultError, read_mission, read_summary
 from auvplan.io.ledger import read_legs, require
 from auvplan.io.scenario_file import validate_scenario
-from auvplan.io.waters import load_waters
+from auvplan.io.waters import load_truth
 from auvplan.mission import MissionGraph
 from auvplan.ocean.currents import Current
 from auvplan.site import Site
@@ -88,7 +88,7 @@ def _legs(dataset: xr.Dataset, settings: dict, home: str) -> list[LegRecord]:
     """The legs with their plans."""
     model = None
     if settings["current"]["source"] == "file" and "plan_leg" in dataset:
-        model = load_waters(validate_scenario(settings, "saved scenario"), home).truth
+        model = load_truth(validate_scenario(settings, "saved scenario"), home)
     kinds = _kinds(dataset)
     legs = []
     for number, leg in enumerate(read_legs(dataset)):

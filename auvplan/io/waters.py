@@ -18,6 +18,7 @@ from auvplan.io.geo import (
 )
 from auvplan.ocean import whitsunday
 from auvplan.ocean.chart import Chart
+from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.ocean.seabed import Seabed
 from auvplan.site import Site
 from auvplan.voyage.scenario import Scenario
@@ -42,25 +43,15 @@ def load_waters(scenario: Scenario, folder: str | Path = ".", until: float | Non
     Raises:
         ScenarioError, ChartError, GeoError, CurrentError: one line that names file, field and reason.
     """
-    home, box, settings = str(folder), scenario.box, scenario.current
-    site, notes = _site(scenario), ()
-    forecast = truth = None
-    if settings.source == "file":
-        assert site is not None
-        assert settings.files is not None
-        window = (0.0, scenario.mission.time_available if until is None else until)
-        forecast = _current(_reach(settings), settings.files, site, box, window, home)
-        site, notes = replace(site, epoch=forecast.epoch), forecast.notes
-        truth = forecast
-        if settings.truth is not None:
-            truth = _current(_reach(settings), settings.truth, site, box, window, home)
-            notes += truth.notes
+    home, box = str(folder), scenario.box
+    site, forecast, truth = _currents(scenario, home, until)
     chart = _chart(scenario.chart, site, box, forecast, home)  # type: ignore[arg-type] - frozen models hash
     require_area_on_chart(scenario, chart)
     seabed, found = _seabed(scenario.bathymetry, site, box, forecast, home)
     jobs = None
     if scenario.mission.jobs is not None:
         jobs = read_jobs(_path(home, scenario.mission.jobs), site, default_depth=box[0][2])
+    notes = [note for file in (forecast, truth) if file is not None for note in file.notes]
     return Waters(
         chart,
         seabed,
@@ -70,6 +61,29 @@ def load_waters(scenario: Scenario, folder: str | Path = ".", until: float | Non
         jobs,
         tuple(dict.fromkeys((*notes, *found))),
     )
+
+
+def load_truth(scenario: Scenario, folder: str | Path = ".") -> GriddedCurrent | None:
+    """The current of files that a scenario is sailed in, nothing else of its waters; None for vortices."""
+    truth = _currents(scenario, str(folder), None)[2]
+    return truth and truth.field
+
+
+def _currents(
+    scenario: Scenario, home: str, until: float | None
+) -> tuple[Site | None, CurrentFile | None, CurrentFile | None]:
+    """The site, whose epoch the files may tell, and the currents of files that are told and sailed in."""
+    site, settings = _site(scenario), scenario.current
+    if settings.source != "file":
+        return site, None, None
+    assert site is not None
+    assert settings.files is not None
+    window = (0.0, scenario.mission.time_available if until is None else until)
+    forecast = _current(_reach(settings), settings.files, site, scenario.box, window, home)
+    site = replace(site, epoch=forecast.epoch)
+    if settings.truth is None:
+        return site, forecast, forecast
+    return site, forecast, _current(_reach(settings), settings.truth, site, scenario.box, window, home)
 
 
 def _site(scenario: Scenario) -> Site | None:
