@@ -76,11 +76,20 @@ def as_utc(moment: datetime) -> datetime:
     return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
 
 
-def at_time(seconds: float, epoch: datetime | None) -> str:
-    """A time in words: of day in UTC, or seconds where there is no epoch to count from."""
+def at_time(seconds: float, epoch: datetime | None, since: float | None = None) -> str:
+    """A time in words: of day in UTC, or seconds where there is no epoch to count from.
+
+    Args:
+        seconds: the time.
+        epoch: that it counts from; UTC where it has no time zone.
+        since: a time whose date is known: it is not said again of the same day.
+    """
     if epoch is None:
         return f"at {seconds:,.0f} s"
-    return f"{as_utc(epoch) + timedelta(seconds=float(seconds)):%Y-%m-%d %H:%M} UTC"
+    then = as_utc(epoch) + timedelta(seconds=float(seconds))
+    if since is not None and (as_utc(epoch) + timedelta(seconds=float(since))).date() == then.date():
+        return f"{then:%H:%M} UTC"
+    return f"{then:%Y-%m-%d %H:%M} UTC"
 
 
 def _definition(longitude: float, latitude: float) -> str:

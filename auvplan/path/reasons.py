@@ -1,6 +1,6 @@
 """Why not: which limit a path breaks, by how much, where and when."""
 
-from datetime import UTC, datetime, timedelta
+from datetime import datetime
 from enum import Enum
 from typing import TYPE_CHECKING
 
@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from auvplan.path.cost import ALTITUDE_SCALE, CLEARANCE_SCALE, VIOLATIONS
+from auvplan.site import at_time
 
 if TYPE_CHECKING:
     from auvplan.path.plan import PathPlan
@@ -48,7 +49,7 @@ def explanation(plan: "PathPlan", limit: str, epoch: datetime | None = None) -> 
     segment = int(np.argmax(plan.excess[VIOLATIONS.index(limit)]))
     gaps = np.linalg.norm(np.diff(plan.positions, axis=0), axis=1)
     place = float(gaps[:segment].sum() + 0.5 * gaps[segment]) / 1000.0
-    when = _moment(plan, 0.5 * float(plan.times[segment] + plan.times[segment + 1]), epoch)
+    when = at_time(0.5 * float(plan.times[segment] + plan.times[segment + 1]), epoch, float(plan.times[0]))
     where = f"km {place:.1f} of {plan.length / 1000.0:.1f}"
     return f"{_fact(plan, limit, segment)} at {where}, {when}: {STATUS[limit].value}"
 
@@ -109,12 +110,3 @@ def _apart(value: float, limit: float) -> tuple[str, str]:
         if f"{value:.{digits}f}" != f"{limit:.{digits}f}":
             return f"{value:.{digits}f}", f"{limit:.{digits}f}"
     return f"{value:.4g}", f"{limit:.4g}"
-
-
-def _moment(plan: "PathPlan", seconds: float, epoch: datetime | None) -> str:
-    """A time in words; the date where it is not that of the departure."""
-    if epoch is None:
-        return f"at {seconds:,.0f} s"
-    zero = epoch.replace(tzinfo=UTC) if epoch.tzinfo is None else epoch.astimezone(UTC)
-    left, then = (zero + timedelta(seconds=s) for s in (float(plan.times[0]), seconds))
-    return f"{then:%H:%M} UTC" if then.date() == left.date() else f"{then:%Y-%m-%d %H:%M} UTC"
