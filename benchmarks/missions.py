@@ -33,7 +33,7 @@ def variants() -> dict[str, ap.MissionConfig]:
     evolution = default.replace(seeds=0, local_rounds=0)
     return {
         "paper, total priority": paper.replace(objective="priority"),
-        "and mutation of two SIVs": evolution.replace(decoder="paper"),
+        "and mutation of two SIVs": evolution.replace(decoder="timely"),
         "and the rate decoder": evolution,
         "and local search": default.replace(seeds=0),
         "beam search alone": default.replace(local_rounds=0, bbo=default.bbo.replace(iterations=0)),

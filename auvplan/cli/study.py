@@ -26,6 +26,7 @@ _SHOWN = {
     "t_residual_s": "time left at the end, s",
     "tasks": "tasks done",
     "total_priority": "total priority",
+    "priority_gap_percent": "gap to the bound on it, %",
     "path_replans": "path re-plans a mission",
     "mission_replans": "mission re-plans a mission",
     "t_path_s": "T_path of a leg, s",

@@ -1,7 +1,7 @@
 """The independent checker: walks every sailed metre of a saved run and re-adds every second.
 
 It reads files and uses NumPy, and shares no code with the planners or the simulator, so that a fault of
-theirs cannot hide itself here.
+theirs cannot hide itself here. Visits and tasks are counted again from the scenario and the track.
 """
 
 from dataclasses import dataclass, field
@@ -13,6 +13,7 @@ import xarray as xr
 
 from auvplan.io.files import MISSION, ResultError, read_mission, read_summary
 from auvplan.io.ledger import Leg, figure_faults, graph_faults, place_faults, read_legs, require, time_faults
+from auvplan.io.tally import tally_faults
 from auvplan.io.walk import Bed, Coast, Walk, events
 
 #: No current is faster, m/s.
@@ -42,6 +43,7 @@ class CheckReport:
         length: m walked.
         legs: sailed legs.
         faults: one line each.
+        notes: what could not be looked at, one line each.
     """
 
     coast_hits: int = 0
@@ -56,6 +58,7 @@ class CheckReport:
     length: float = 0.0
     legs: int = 0
     faults: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
 
     @property
     def collisions(self) -> int:
@@ -75,6 +78,7 @@ class CheckReport:
             f"{self.seabed_hits} with the sea bed ({self.seabed_metres:.1f} m)",
             f"least clearance: coast {_metres(self.coast_clearance)}, "
             f"obstacles {_metres(self.obstacle_clearance)}, sea bed {_metres(self.seabed_altitude)}",
+            *(f"note: {note}" for note in self.notes),
             *(f"fault: {fault}" for fault in self.faults),
             "no faults" if self.ok else f"{len(self.faults)} faults",
         ]
@@ -82,7 +86,7 @@ class CheckReport:
 
 
 def check_run(folder: str | Path) -> CheckReport:
-    """Check a saved run: coast, obstacles, sea bed, times, places and edges of every sailed leg.
+    """Check a saved run: coast, obstacles, sea bed, times, places, edges and tasks of every sailed leg.
 
     Args:
         folder: that `save_run` wrote.
@@ -107,6 +111,7 @@ def check_dataset(summary: dict[str, Any], dataset: xr.Dataset) -> CheckReport:
     report.faults += place_faults(dataset, legs)
     report.faults += time_faults(dataset, summary, legs)
     report.faults += figure_faults(summary, dataset, legs)
+    report.faults += tally_faults(summary, dataset, legs, report.notes)
     coast = Coast.of(dataset) if "passability" in dataset else None
     bed = Bed.of(dataset) if "seabed_depth" in dataset else None
     for leg in legs:

@@ -46,6 +46,8 @@ def restore_run(folder: str | Path) -> MissionRun:
             dataset["adjacency"].values.astype(bool),
             dataset["task_priority"].values,
             dataset["task_duration"].values,
+            waypoint_priority=dataset["waypoint_priority"].values,
+            waypoint_duration=dataset["waypoint_duration"].values,
         )
         run = MissionRun(
             settings,
@@ -95,6 +97,7 @@ def _legs(dataset: xr.Dataset, settings: dict, home: str) -> list[LegRecord]:
         record = LegRecord(
             leg.start, leg.goal, float(dataset["leg_t_expected"].values[number]), leg.t_task, leg.priority
         )
+        record.revisit = bool(dataset["leg_revisit"].values[number])
         record.followed = int(dataset["leg_followed"].values[number])
         record.current_difference = float(dataset["leg_current_difference"].values[number])
         record.times, record.positions, record.obstacle_positions = leg.times, leg.positions, leg.obstacles

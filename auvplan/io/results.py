@@ -170,6 +170,9 @@ def _legs(run: MissionRun) -> Variables:
         "leg_t_path": column([leg.t_path for leg in legs], "travel time sailed", "s"),
         "leg_t_task": column([leg.t_task for leg in legs], "time of the task", "s"),
         "leg_priority": column([leg.priority for leg in legs], "priority of the task, 0 without one", "1"),
+        "leg_revisit": _yes_or_no(
+            "leg", [leg.revisit for leg in legs], "whether the waypoint headed for had been visited before"
+        ),
         "leg_arrived": _yes_or_no("leg", [leg.arrived for leg in legs], "whether the waypoint was reached"),
         "leg_followed": column(
             [leg.followed for leg in legs], "which of its plans the leg was begun with", dtype=np.int32
@@ -221,6 +224,15 @@ def _graph(run: MissionRun) -> Variables:
             square, np.asarray(graph.priority, float), "priority of the edge's task, 0 without one", "1"
         ),
         "task_duration": variable(square, np.asarray(graph.duration, float), "time of the edge's task", "s"),
+        "waypoint_priority": variable(
+            "waypoint",
+            np.asarray(graph.waypoint_priority, float),
+            "part of the priority of edges into the waypoint that belongs to a task there, done once",
+            "1",
+        ),
+        "waypoint_duration": variable(
+            "waypoint", np.asarray(graph.waypoint_duration, float), "the same part of their time", "s"
+        ),
     }
 
 

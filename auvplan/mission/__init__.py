@@ -8,6 +8,7 @@ from auvplan.mission.graph import MissionGraph, random_graph, time_to_go
 from auvplan.mission.order import MissionOrder, MissionOrders, MissionStatus
 from auvplan.mission.planner import plan_mission, plan_missions
 from auvplan.mission.tasks import task_graph
+from auvplan.mission.trail_bound import trail_bound
 from auvplan.mission.travel_times import TravelTimeConfig
 
 __all__ = [
@@ -25,5 +26,6 @@ __all__ = [
     "random_graph",
     "task_graph",
     "time_to_go",
+    "trail_bound",
     "upper_bound",
 ]

@@ -30,6 +30,9 @@ def upper_bound(
 ) -> float:
     """No order of tasks from the start to the goal in time has more total priority than this.
 
+    It holds for a whole mission in which no waypoint is visited twice, however often it is planned anew;
+    where waypoints may be visited again, `trail_bound` does.
+
     Paths are unit flows x_ij on the edges, relaxed to [0, 1]: conservation at every waypoint, at most one
     visit of each, sum(t_ij x_ij) <= T, and x(edges into S) >= visits of h for sets S of waypoints without the
     start and h in S (generalised subtour elimination). The sets are found by minimum cuts, a few in each
@@ -86,25 +89,46 @@ def upper_bound(
     np.maximum.at(dearest, heads, profit)
     best = float(dearest.sum())
     for turn in range(rounds):
-        matrix, limit = vstack(rows).tocsr(), np.concatenate(limits)
-        answer = linprog(
-            -profit, A_ub=matrix, b_ub=limit, A_eq=balance, b_eq=supply,
-            bounds=(0.0, None), method="highs", options={"presolve": False},
-        )  # fmt: skip
-        if answer.status != 0:
+        matrix, limit = csr_matrix(vstack(rows)), np.concatenate(limits)
+        solved = solve_relaxation(profit, matrix, limit, balance, supply)
+        if solved is None:
             break
-        weight, potential = np.maximum(-answer.ineqlin.marginals, 0.0), -answer.eqlin.marginals
-        reduced = profit - balance.T @ potential - matrix.T @ weight
-        best = min(best, float(potential @ supply + weight @ limit + np.maximum(reduced, 0.0).sum()))
-        violated = [] if sparse else [pairs[np.flatnonzero(pairs @ answer.x > LEAST_VIOLATION)]]
+        flow, value = solved
+        best = min(best, value)
+        violated = [] if sparse else [pairs[np.flatnonzero(pairs @ flow > LEAST_VIOLATION)]]
         if sparse or turn > 0:
-            violated.append(_cut_rows(tails, heads, answer.x, size, start, goal))
+            violated.append(_cut_rows(tails, heads, flow, size, start, goal))
         found = sum(len(row.indptr) - 1 for row in violated)
         if not found and (sparse or turn > 0):
             break
         rows += violated
         limits.append(np.zeros(found))
-    return _rounded_down(best + 1e-9 * (1.0 + best), profit)
+    return rounded_down(best + 1e-9 * (1.0 + best), profit)
+
+
+def solve_relaxation(
+    profit: Array, matrix: csr_matrix, limit: Array, balance: csr_matrix, supply: Array
+) -> tuple[Array, float] | None:
+    """Maximise ``profit @ x`` where ``matrix @ x <= limit`` and ``balance @ x = supply``, 0 <= x.
+
+    Args:
+        profit: [C]; no solution that counts has a component above one.
+        matrix, limit: [R, C], [R].
+        balance, supply: [N, C], [N].
+
+    Returns:
+        The solution [C] and the value of its dual multipliers, which is a bound whatever the tolerances of
+        the solver; None where it finds no solution.
+    """
+    answer = linprog(
+        -profit, A_ub=matrix, b_ub=limit, A_eq=balance, b_eq=supply,
+        bounds=(0.0, None), method="highs", options={"presolve": False},
+    )  # fmt: skip
+    if answer.status != 0:
+        return None
+    weight, potential = np.maximum(-answer.ineqlin.marginals, 0.0), -answer.eqlin.marginals
+    reduced = profit - balance.T @ potential - matrix.T @ weight
+    return answer.x, float(potential @ supply + weight @ limit + np.maximum(reduced, 0.0).sum())
 
 
 def common_step(values: Any) -> float:
@@ -187,21 +211,23 @@ def with_return_margin(leg_times: Array, start: int, goal: int, margin: float) -
 
 
 def edges_in_time(
-    leg_times: Array, start: int, goal: int, time_available: float
+    leg_times: Array, start: int, goal: int, time_available: float, revisits: bool = False
 ) -> tuple[IntArray, IntArray]:
     """Edges that a path from the start to the goal in time can take.
 
     Args:
         leg_times: [N, N] s, infinite off the edges.
-        start: index; no edge leads into it.
+        start: index; no edge leads into it, unless `revisits`.
         goal: index; no edge leads out of it.
         time_available: T, s; a mission takes strictly less.
+        revisits: whether a mission may come back to its start.
 
     Returns:
         ``(tails [M], heads [M])``; empty where the goal cannot be reached in time.
     """
     usable = np.isfinite(leg_times) & ~np.eye(len(leg_times), dtype=bool)
-    usable[:, start] = usable[goal] = False
+    usable[goal] = False
+    usable[:, start] &= revisits
     tails, heads = np.nonzero(usable)
     times = leg_times[tails, heads]
     graph = csr_matrix((times, (tails, heads)), leg_times.shape)  # stored zeros stay edges of no length
@@ -244,23 +270,16 @@ def _violated_sets(
     the smallest, and the one nearest to the start, the largest. Waypoints of a set found are passed over.
     """
     visits = np.bincount(heads, flow, size)
-    units = np.round(flow * FLOW_UNITS).astype(np.int32)
-    used = units > 0
-    capacity = csr_matrix((units[used], (tails[used], heads[used])), (size, size))
     found: dict[bytes, tuple[BoolArray, int]] = {}
     covered = np.zeros(size, bool)
     covered[[start, goal]] = True
+    capacity = flow_capacity(tails, heads, flow, size)
     for waypoint in np.argsort(-visits, kind="stable").tolist():
         if covered[waypoint] or visits[waypoint] < LEAST_VIOLATION:
             continue
-        cut = maximum_flow(capacity, start, waypoint)
-        if cut.flow_value / FLOW_UNITS > visits[waypoint] - LEAST_VIOLATION:
+        value, nearest, largest = minimum_cut(capacity, start, waypoint, size)
+        if value > visits[waypoint] - LEAST_VIOLATION:
             continue
-        residual = (capacity - cut.flow).tocsr()
-        residual.eliminate_zeros()
-        nearest, largest = np.zeros(size, bool), np.ones(size, bool)
-        nearest[breadth_first_order(residual.T.tocsr(), waypoint, return_predecessors=False)] = True
-        largest[breadth_first_order(residual, start, return_predecessors=False)] = False
         covered |= nearest
         most_visited = int(np.argmax(np.where(largest, visits, -1.0)))
         found.setdefault(nearest.tobytes(), (nearest, waypoint))
@@ -268,7 +287,31 @@ def _violated_sets(
     return list(found.values())
 
 
-def _rounded_down(bound: float, priority: Array) -> float:
+def flow_capacity(tails: IntArray, heads: IntArray, flow: Array, size: int) -> csr_matrix:
+    """A flow [M] on edges as whole capacities [N, N], in parts of `FLOW_UNITS`."""
+    units = np.round(flow * FLOW_UNITS).astype(np.int32)
+    used = units > 0
+    return csr_matrix((units[used], (tails[used], heads[used])), (size, size))
+
+
+def minimum_cut(
+    capacity: csr_matrix, start: int, waypoint: int, size: int
+) -> tuple[float, BoolArray, BoolArray]:
+    """Least flow that enters any set with a waypoint and without the start, and two sets that it enters.
+
+    Returns:
+        The flow; the smallest such set and the largest one, masks [N].
+    """
+    cut = maximum_flow(capacity, start, waypoint)
+    residual = (capacity - cut.flow).tocsr()
+    residual.eliminate_zeros()
+    nearest, largest = np.zeros(size, bool), np.ones(size, bool)
+    nearest[breadth_first_order(residual.T.tocsr(), waypoint, return_predecessors=False)] = True
+    largest[breadth_first_order(residual, start, return_predecessors=False)] = False
+    return cut.flow_value / FLOW_UNITS, nearest, largest
+
+
+def rounded_down(bound: float, priority: Array) -> float:
     """The bound, at the largest sum that whole multiples of the common step allow.
 
     Steps that binary fractions do not hold exactly leave a margin for the rounding of sums.

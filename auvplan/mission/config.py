@@ -20,12 +20,14 @@ class MissionConfig:
 
     Attributes:
         bbo: the optimiser's settings.
-        decoder: "rate" or "paper", see `auvplan.mission.decoder`.
+        decoder: "rate", "timely" or "paper", see `auvplan.mission.decoder`.
         objective: "priority" or "eq15", see `auvplan.mission.objective`.
         rate_weight: what an edge of average rate adds to a SIV at most ("rate" only).
         time_weight: w of "priority", what T_available is worth as a share of the largest priority, in [0, 1).
         phi1: Phi_1 of "eq15", per second; the paper gives no value.
         phi2: Phi_2 of "eq15"; the paper gives no value.
+        plant: whether the search starts with the shortest, the greediest and a known order among its
+            habitats, and with the destination as everybody's last resort; otherwise all are random.
         seeds: habitats taken from a beam search before the evolution starts, see `auvplan.mission.beam`; none
             if zero.
         beam_width: partial orders that the beam keeps; None is 512 on sparse graphs, fewer on dense ones, and
@@ -48,6 +50,7 @@ class MissionConfig:
     time_weight: float = 0.05
     phi1: float = 1.0
     phi2: float = 100.0
+    plant: bool = True
     seeds: int = 20
     beam_width: int | None = None
     local_rounds: int = 3
@@ -56,8 +59,8 @@ class MissionConfig:
     degree: int = 16
 
     def __post_init__(self) -> None:
-        if self.decoder not in ("paper", "rate"):
-            raise ValueError(f'decoder must be "paper" or "rate", got {self.decoder!r}')
+        if self.decoder not in ("paper", "timely", "rate"):
+            raise ValueError(f'decoder must be "paper", "timely" or "rate", got {self.decoder!r}')
         if self.objective not in ("priority", "eq15"):
             raise ValueError(f'objective must be "priority" or "eq15", got {self.objective!r}')
         for name in ("rate_weight", "phi1", "phi2"):
@@ -74,6 +77,8 @@ class MissionConfig:
             raise ValueError(f"local_rounds must not be negative, got {self.local_rounds}")
         if not 1 <= self.local_width <= self.bbo.population:
             raise ValueError(f"local_width must be in [1, bbo.population], got {self.local_width}")
+        if self.seeds and not self.plant:
+            raise ValueError("seeds of a beam search need plant")
         if not 0 <= self.seeds <= self.bbo.population - 4:
             raise ValueError(f"seeds must be in [0, bbo.population - 4], got {self.seeds}")
         if self.bbo.replacement == "generational" and self.bbo.elites < 1:
@@ -83,7 +88,10 @@ class MissionConfig:
 
     @classmethod
     def paper(cls) -> Self:
-        """Section 4.2: 150 habitats, 200 iterations, mu = 0.2, lambda = 0.8, m_max = 0.5, Eq. 15."""
+        """Section 4.2 and Fig. 6: 150 random habitats, 200 iterations, mu = 0.2, lambda = 0.8, m(S) = 0.5.
+
+        One elite, nothing planted, orders decoded without a look at the time, Eq. 15.
+        """
         bbo = BBOConfig(
             population=150,
             iterations=200,
@@ -94,7 +102,7 @@ class MissionConfig:
             emigration=0.2,
             mutation_max=0.5,
         )
-        return cls(bbo=bbo, decoder="paper", objective="eq15", seeds=0, local_rounds=0)
+        return cls(bbo=bbo, decoder="paper", objective="eq15", plant=False, seeds=0, local_rounds=0)
 
     @classmethod
     def plain(cls) -> Self:

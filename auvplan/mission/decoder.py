@@ -4,12 +4,13 @@ A habitat holds one integer SIV in [-200, 100] for each waypoint. From the start
 qualifying neighbour of highest value until it is at the destination. The destination competes through its own
 SIV, like any other waypoint.
 
-Two decoders:
+Three decoders:
 
-- "paper": the value of a waypoint is its SIV.
-- "rate": the value is its SIV plus a share of the rate, priority per second, of the task on the way there.
-  One more SIV, the last of the habitat, sets that share from nothing (-200) to all of it (100), so that the
-  search settles by itself how greedy to be.
+- "paper": the value of a waypoint is its SIV; the time is not looked at, and an order may come late.
+- "timely": the same, and a waypoint qualifies only if the destination can still be reached in time.
+- "rate": "timely", and the value is the SIV plus a share of the rate, priority per second, of the task on
+  the way there. One more SIV, the last of the habitat, sets that share from nothing (-200) to all of it
+  (100), so that the search settles by itself how greedy to be.
 """
 
 from dataclasses import dataclass
@@ -25,7 +26,7 @@ from auvplan.mission.problem import Problem, highest
 #: Inclusive bounds of a SIV (section 3.3).
 LOWEST, HIGHEST = -200, 100
 
-DecoderName = Literal["paper", "rate"]
+DecoderName = Literal["paper", "timely", "rate"]
 
 
 @partial(
@@ -54,7 +55,17 @@ class _Walk:
 
 @partial(
     jax.tree_util.register_dataclass,
-    data_fields=("nodes", "count", "time", "priority", "tasks", "inverse_priority", "remaining", "reached"),
+    data_fields=(
+        "nodes",
+        "count",
+        "time",
+        "priority",
+        "tasks",
+        "inverse_priority",
+        "remaining",
+        "late",
+        "reached",
+    ),
     meta_fields=(),
 )
 @dataclass(frozen=True)
@@ -69,7 +80,8 @@ class Decoded:
         tasks: [P] number of edges that carry a task.
         inverse_priority: [P] sum of 1 / rho over those edges.
         remaining: [P] s, shortest time to the goal from the last waypoint; zero at the goal.
-        reached: [P] bool, False for an order that ends in a dead end.
+        late: [P] s, by how much the order overruns the deadline; "paper" only, zero elsewhere.
+        reached: [P] bool, False for an order that ends in a dead end or is late.
     """
 
     nodes: jax.Array
@@ -79,11 +91,12 @@ class Decoded:
     tasks: jax.Array
     inverse_priority: jax.Array
     remaining: jax.Array
+    late: jax.Array
     reached: jax.Array
 
 
 def siv_count(size: int, decoder: DecoderName) -> int:
-    """Number of SIVs D of a habitat for a graph of `size` waypoints: N ("paper") or N + 1 ("rate")."""
+    """Number of SIVs D of a habitat for a graph of `size` waypoints: N, or N + 1 ("rate")."""
     return size + (decoder == "rate")
 
 
@@ -92,20 +105,20 @@ def decode(
 ) -> Decoded:
     """Turn every habitat into an order of waypoints.
 
-    A waypoint j qualifies at i if an edge leads there, it has not been visited, and the edge is entered
-    before the latest time that leaves enough for the way to the goal. That way ignores which waypoints have
-    been visited, so an order can still end in a dead end. Of equal values the lowest index goes first. A
-    traversed edge needs no removal: it leads into a waypoint that has been visited.
+    A waypoint j qualifies at i if an edge leads there, it has not been visited, and, but for "paper", the
+    edge is entered before the latest time that leaves enough for the way to the goal. That way ignores which
+    waypoints have been visited, so an order can still end in a dead end. Of equal values the lowest index
+    goes first. A traversed edge needs no removal: it leads into a waypoint that has been visited.
 
     Args:
         population: [P, D] integers in [-200, 100], D as `siv_count` has it.
         problem: from `prepare`.
-        decoder: "paper" or "rate".
+        decoder: which of the three.
         rate_weight: what an edge of average rate adds to a SIV at most ("rate" only).
 
     Differences from the paper:
-        It adds waypoints without looking at the time and discards orders that are late; "rate" is not in
-        it at all.
+        "timely" and "rate" are not in it: it adds waypoints without looking at the time, and holds a late
+        order for infeasible.
     """
     size = problem.size
     chex.assert_shape(population, (None, siv_count(size, decoder)))
@@ -122,7 +135,11 @@ def decode(
         value = walk.value[rows[:, None], onward]
         if decoder == "rate":
             value = value + share[:, None] * problem.rate[here]
-        value = jnp.where(walk.time[:, None] < problem.latest[here], value, -jnp.inf)
+        if decoder == "paper":
+            qualifies = jnp.isfinite(problem.leg_times[here])
+        else:
+            qualifies = walk.time[:, None] < problem.latest[here]
+        value = jnp.where(qualifies, value, -jnp.inf)
         best, edge = highest(value)
         moves = walk.active & (best > -jnp.inf)
         there = jnp.where(moves, onward[rows, edge], here)
@@ -159,6 +176,7 @@ def decode(
         ),
     )
     place = jnp.where(walk.position < 0, size, walk.position)
+    late = jnp.maximum(walk.time - problem.deadline, 0.0) if decoder == "paper" else jnp.zeros(habitats)
     return Decoded(
         nodes=jnp.full((habitats, size), -1, jnp.int32).at[rows[:, None], place].set(index, mode="drop"),
         count=(walk.position >= 0).sum(axis=1),
@@ -167,7 +185,8 @@ def decode(
         tasks=walk.tasks,
         inverse_priority=walk.inverse,
         remaining=problem.time_to_go[walk.current],
-        reached=walk.current == problem.goal,
+        late=late,
+        reached=(walk.current == problem.goal) & (late == 0.0),
     )
 
 
@@ -181,7 +200,7 @@ def encode(nodes: jax.Array, population: jax.Array, decoder: DecoderName) -> jax
     Args:
         nodes: [Q, N] orders, padded with -1.
         population: [Q, D] habitats, for the SIVs of the waypoints that an order leaves out.
-        decoder: "paper" or "rate".
+        decoder: which of the three.
 
     Returns:
         [Q, D] habitats.

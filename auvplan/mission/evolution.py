@@ -54,10 +54,12 @@ def search_missions(
         upper = jnp.full(given.shape[1], decoders.HIGHEST, jnp.int32)
         start_key, run_key = jax.random.split(key)
         population = search.uniform_population(start_key, config.bbo.population, lower, upper)
-        # Early arrival wastes a random habitat: the destination starts as the last resort.
-        population = population.at[:, goal].set(decoders.LOWEST)
+        if config.plant:
+            # Early arrival wastes a random habitat: the destination starts as the last resort.
+            population = population.at[:, goal].set(decoders.LOWEST)
         population = jnp.where(jnp.arange(config.bbo.population)[:, None] < count, given, population)
-        population = _seeded(population, known, problem, config)
+        if config.plant:
+            population = _planted(population, known, problem, config)
         result = search.run(
             run_key,
             partial(_score, config=config),
@@ -75,7 +77,7 @@ def search_missions(
     return jax.vmap(one)(keys, edges, starts, goals, budgets, visited, margins, given, known)
 
 
-def _seeded(population: jax.Array, known: jax.Array, problem: Problem, config: MissionConfig) -> jax.Array:
+def _planted(population: jax.Array, known: jax.Array, problem: Problem, config: MissionConfig) -> jax.Array:
     """Put the known, the shortest, the beam's and the greediest orders over the last habitats."""
     greedy = decoders.greedy_habitat(problem, config.decoder)[None]
     nodes = jnp.stack([known, decoders.shortest_order(problem)])

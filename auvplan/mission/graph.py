@@ -8,7 +8,9 @@ from typing import Any, Self
 import jax
 import jax.numpy as jnp
 import numpy as np
-from scipy.sparse.csgraph import connected_components
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial.distance import cdist
 
 from auvplan.mission.problem import shortest_routes
@@ -19,7 +21,15 @@ from auvplan.vehicle import Vehicle
 
 @partial(
     jax.tree_util.register_dataclass,
-    data_fields=("positions", "adjacency", "priority", "duration", "travel_time"),
+    data_fields=(
+        "positions",
+        "adjacency",
+        "priority",
+        "duration",
+        "travel_time",
+        "waypoint_priority",
+        "waypoint_duration",
+    ),
     meta_fields=(),
 )
 @dataclass(frozen=True)
@@ -36,6 +46,9 @@ class MissionGraph:
         duration: [..., N, N] s, delta_ij >= 0, the task's completion time.
         travel_time: [..., N, N] s, the known time from i to j without the task; NaN where it is not known
             and follows from the distance and the vehicle's speed. None means NaN everywhere.
+        waypoint_priority: [..., N], the part of `priority` on every edge into waypoint j that belongs to a
+            task at j itself: done once, on arrival, whichever edge leads there. None means zero.
+        waypoint_duration: [..., N] s, the same part of `duration`.
 
     Raises:
         ValueError: a field given as a NumPy array or nested list has a wrong shape, is negative or NaN.
@@ -46,6 +59,8 @@ class MissionGraph:
     priority: Any
     duration: Any
     travel_time: Any = None
+    waypoint_priority: Any = None
+    waypoint_duration: Any = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.positions, np.ndarray | list | tuple):
@@ -79,6 +94,17 @@ class MissionGraph:
             raise ValueError(
                 "travel_time must be finite, or NaN where not known: remove closed edges instead"
             )
+        for name, whole in (("waypoint_priority", "priority"), ("waypoint_duration", "duration")):
+            given = getattr(self, name)
+            value = np.zeros(square[:-1]) if given is None else np.asarray(given, float)
+            if value.shape != square[:-1]:
+                raise ValueError(f"{name} must be [N] = {square[:-1]}, got shape {value.shape}")
+            if not (np.isfinite(value) & (value >= 0.0)).all():
+                raise ValueError(f"{name} must be finite and not negative")
+            missing = value[..., None, :] - fields[whole] > 1e-9 * (1.0 + value[..., None, :])
+            if (missing & fields["adjacency"] & ~np.eye(square[-1], dtype=bool)).any():
+                raise ValueError(f"{name} must be part of {whole} on every edge into the waypoint")
+            fields[name] = value
         object.__setattr__(self, "positions", positions)
         for name, value in fields.items():
             object.__setattr__(self, name, value)
@@ -125,6 +151,38 @@ class MissionGraph:
             if both_ways:
                 adjacency[..., j, i] = False
         return replace(self, adjacency=adjacency)
+
+    def without_waypoints(self, nodes: Iterable[int]) -> Self:
+        """A copy without any edge into or out of waypoints, the same shapes: they are not visited again."""
+        adjacency = np.array(self.adjacency)
+        for node in nodes:
+            adjacency[..., node, :] = adjacency[..., :, node] = False
+        return replace(self, adjacency=adjacency)
+
+    def without_task_at(self, node: int) -> Self:
+        """A copy in which the task at a waypoint is done: edges into it keep their own tasks alone."""
+        fields = {}
+        for name, part in (("priority", "waypoint_priority"), ("duration", "waypoint_duration")):
+            whole, at_waypoint = np.array(getattr(self, name)), np.array(getattr(self, part))
+            less = np.where(np.asarray(self.adjacency)[..., node], at_waypoint[..., node, None], 0.0)
+            whole[..., node] = np.maximum(whole[..., node] - less, 0.0)
+            at_waypoint[..., node] = 0.0
+            fields |= {name: whole, part: at_waypoint}
+        return replace(self, **fields)
+
+    def with_edges(self, edges: Iterable[tuple[int, int]], tasks: bool = True) -> Self:
+        """A copy with edges (i, j) open, the same shapes.
+
+        Args:
+            edges: pairs (i, j).
+            tasks: whether they carry what the graph has for them; False makes them mere passages.
+        """
+        fields = {name: np.array(getattr(self, name)) for name in ("adjacency", "priority", "duration")}
+        for i, j in edges:
+            fields["adjacency"][..., i, j] = True
+            if not tasks:
+                fields["priority"][..., i, j] = fields["duration"][..., i, j] = 0.0
+        return replace(self, **fields)
 
     def with_travel_time(self, i: int, j: int, seconds: float) -> Self:
         """A copy in which the edge from i to j takes `seconds`, its task not counted; the same shapes."""
@@ -251,3 +309,20 @@ def time_to_go(leg_times: jax.Array, goal: Any) -> jax.Array:
     leg_times = jnp.asarray(leg_times)
     everywhere = jnp.broadcast_to(jnp.arange(leg_times.shape[0], dtype=jnp.int32), leg_times.shape)
     return shortest_routes(everywhere, leg_times, goal)[0]
+
+
+def shortest_way(leg_times: NDArray[np.floating], start: int, goal: int) -> list[int]:
+    """Waypoints of the quickest way from the start to the goal; empty where there is none.
+
+    Args:
+        leg_times: [N, N] s, infinite off the edges.
+        start, goal: indices.
+    """
+    edges = csr_array(np.where(np.isfinite(leg_times), np.maximum(leg_times, 1e-3), 0.0))
+    times, before = dijkstra(edges, indices=start, return_predecessors=True)
+    if not np.isfinite(times[goal]):
+        return []
+    way = [int(goal)]
+    while way[-1] != start:
+        way.append(int(before[way[-1]]))
+    return way[::-1]

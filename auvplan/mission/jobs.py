@@ -1,6 +1,7 @@
 """Jobs by place: points to visit and lines to survey, as an operation graph between a start and a goal."""
 
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +16,9 @@ from auvplan.ocean.chart import Chart
 
 #: Of so many waypoints or fewer every pair is joined by default; of more, each with so many nearest ones.
 COMPLETE, NEIGHBOURS = 40, 7
+
+#: Name of a line's vertex.
+_VERTEX = re.compile(r"(?P<line>.*)\[(?P<number>\d+)\]", re.DOTALL)
 
 Position = tuple[float, float, float]
 
@@ -132,6 +136,29 @@ def jobs_on_land(jobs: Jobs, chart: Chart) -> list[str]:
     named = [(point.name, [point.position]) for point in jobs.points]
     named += [(line.name, list(line.positions)) for line in jobs.lines]
     return [name for name, places in named if not chart.is_water(*np.array(places)[:, :2].T).all()]
+
+
+def jobs_done(names: Sequence[str], legs: Iterable[tuple[int, int]]) -> set[str]:
+    """Names of the jobs that legs complete.
+
+    Args:
+        names: of the nodes, as `jobs_graph` gives them.
+        legs: edges (i, j) that were taken and earned something.
+    """
+    line_of = {k: match for k, name in enumerate(names) if (match := _VERTEX.fullmatch(name))}
+    parts: dict[str, set[int]] = {}
+    for match in line_of.values():
+        if int(match["number"]) > 1:
+            parts.setdefault(match["line"], set()).add(int(match["number"]))
+    done, left = set(), {line: set(numbers) for line, numbers in parts.items()}
+    for i, j in legs:
+        ends = [line_of[k] for k in (i, j) if k in line_of]
+        numbers = sorted(int(end["number"]) for end in ends)
+        if len(ends) == 2 and ends[0]["line"] == ends[1]["line"] and numbers[1] == numbers[0] + 1:
+            left[ends[0]["line"]].discard(numbers[1])
+        elif j not in line_of:
+            done.add(names[j])
+    return done | {line for line, numbers in left.items() if not numbers}
 
 
 def _shares(line: JobLine) -> NDArray[np.float64]:

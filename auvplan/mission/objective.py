@@ -12,10 +12,12 @@ ObjectiveName = Literal["priority", "eq15"]
 
 
 def violation(orders: Decoded, problem: Problem) -> jax.Array:
-    """How far from the goal orders end, [P] s: the time still to go, T_available where there is no way."""
-    return jnp.where(
-        jnp.isfinite(orders.remaining), orders.remaining, jnp.maximum(problem.time_available, 1.0)
-    )
+    """How far from the goal orders end or how late they are there, [P] s.
+
+    The time still to go, T_available where there is no way, and what the order takes beyond T_available.
+    """
+    no_way = jnp.maximum(problem.time_available, 1.0)
+    return jnp.where(jnp.isfinite(orders.remaining), orders.remaining, no_way) + orders.late
 
 
 def total_priority(orders: Decoded, problem: Problem, time_weight: float = 0.05) -> jax.Array:
@@ -53,8 +55,9 @@ def eq15(orders: Decoded, problem: Problem, phi1: float = 1.0, phi2: float = 100
         phi2: Phi_2.
 
     Differences from the paper:
-        The path cost of a leg is read as its travel time. An order that does not arrive costs more than any
-        that does. The paper gives no values for Phi_1 and Phi_2; the defaults are chosen here.
+        The path cost of a leg is read as its travel time. An order that does not arrive, or is late, costs
+        more than any that arrives in time ("a big penalty value", section 4.2). The paper gives no values
+        for Phi_1 and Phi_2; the defaults are chosen here.
     """
     size = problem.size
     cost = phi1 * jnp.abs(orders.time - problem.time_available) + phi2 * orders.inverse_priority

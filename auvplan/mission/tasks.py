@@ -18,8 +18,9 @@ def task_graph(
     """Build a graph from its edges and the tasks on them.
 
     Tasks on one edge add up, in priority and in duration: whoever takes the edge does them all. A task at a
-    waypoint is put on every edge that leads into it; as no waypoint is visited twice it is done once, on
-    arrival. That of the waypoint from which a mission starts is never done.
+    waypoint is put on every edge that leads into it and is done once, on the first arrival: within a route
+    because no waypoint is visited twice, over a mission because `MissionGraph.without_task_at` takes it off
+    those edges. The task of the waypoint from which a mission starts is never done.
 
     Args:
         positions: [N, 3] m.
@@ -41,6 +42,7 @@ def task_graph(
     size = len(positions)
     adjacency = np.zeros((size, size), bool)
     priority, duration = np.zeros((2, size, size))
+    at_waypoint, stay = np.zeros((2, size))
     for i, j in edges:
         if not (0 <= i < size and 0 <= j < size) or i == j:
             raise ValueError(f"edge ({i}, {j}) must join two of the {size} waypoints")
@@ -55,6 +57,10 @@ def task_graph(
     for j, rho, seconds in waypoint_tasks:
         if not 0 <= j < size:
             raise ValueError(f"a task lies at waypoint {j}, which is not one of the {size}")
-        priority[adjacency[:, j], j] += rho
-        duration[adjacency[:, j], j] += seconds
-    return MissionGraph(positions, adjacency, priority, duration)
+        at_waypoint[j] += rho
+        stay[j] += seconds
+    priority += np.where(adjacency, at_waypoint, 0.0)
+    duration += np.where(adjacency, stay, 0.0)
+    return MissionGraph(
+        positions, adjacency, priority, duration, waypoint_priority=at_waypoint, waypoint_duration=stay
+    )

@@ -49,6 +49,8 @@ VARIABLES = {
     "reason": Variable(_EACH, "how the mission ended", fill=""),
     "tasks": Variable(_EACH, "tasks done", "1", -1),
     "total_priority": Variable(_EACH, "total priority of the tasks done", "1"),
+    "priority_bound": Variable(_EACH, "bound on the total priority of the mission", "1"),
+    "revisits": Variable(_EACH, "waypoints visited again", "1", -1),
     "path_calls": Variable(_EACH, "legs planned", "1", -1),
     "path_replans": Variable(_EACH, "paths planned anew on the way", "1", -1),
     "mission_replans": Variable(_EACH, "orders planned anew", "1", -1),
@@ -66,6 +68,9 @@ VARIABLES = {
     "leg_t_path": Variable(_LEG, "T_path, travel time sailed", "s"),
     "leg_t_task": Variable(_LEG, "time of the task", "s"),
     "leg_priority": Variable(_LEG, "priority of the task, 0 without one", "1"),
+    "leg_revisit": Variable(
+        _LEG, "whether the waypoint headed for had been visited before; -1 pads", fill=-1, meanings=("yes",)
+    ),
     "leg_arrived": Variable(_LEG, "whether the waypoint was reached; -1 pads", fill=-1, meanings=("yes",)),
     "leg_path_replans": Variable(_LEG, "paths planned anew on the way", "1", -1),
     "leg_distance": Variable(_LEG, "straight line between the waypoints", "m"),
@@ -92,8 +97,8 @@ def row_of(run: MissionRun) -> Row:
 
 
 def _mission(run: MissionRun, summary: dict[str, Any], report: CheckReport) -> Row:
-    names = ("t_available", "t_mission", "t_residual", "total_priority")
-    counts = ("success", "tasks", "path_calls", "path_replans", "mission_replans")
+    names = ("t_available", "t_mission", "t_residual", "total_priority", "priority_bound")
+    counts = ("success", "tasks", "revisits", "path_calls", "path_replans", "mission_replans")
     cpu = summary["cpu"]
     return (
         {name: np.asarray(summary[name], float) for name in names}
@@ -123,6 +128,7 @@ def _legs(run: MissionRun) -> Row:
         "leg_t_path": np.asarray([leg.t_path for leg in legs], float),
         "leg_t_task": np.asarray([leg.t_task for leg in legs], float),
         "leg_priority": np.asarray([leg.priority for leg in legs], float),
+        "leg_revisit": np.asarray([leg.revisit for leg in legs], np.int32),
         "leg_arrived": np.asarray([leg.arrived for leg in legs], np.int32),
         "leg_path_replans": np.asarray([leg.path_replans for leg in legs], np.int32),
         "leg_distance": np.linalg.norm(places[ends[:, 1]] - places[ends[:, 0]], axis=1),

@@ -101,6 +101,12 @@ def cost_per_metre(dataset: xr.Dataset) -> Array:
     return over_finite(np.where(usable, cost, np.nan) / np.where(usable, distance, 1.0), np.nanmean)
 
 
+def priority_gap(dataset: xr.Dataset) -> Array:
+    """Share of the bound on its total priority that each mission misses, %."""
+    total, bound = dataset["total_priority"].values, dataset["priority_bound"].values
+    return 100.0 * np.where(bound > 0.0, 1.0 - total / np.where(bound > 0.0, bound, 1.0), 0.0)
+
+
 def time_per_metre(dataset: xr.Dataset) -> Array:
     """Time sailed on each leg by the leg's straight line, mean over the legs reached, s/m."""
     distance = dataset["leg_distance"].values
@@ -147,6 +153,8 @@ def _case(dataset: xr.Dataset) -> dict[str, Any]:
         "t_residual_s": dataset["t_residual"].values,
         "tasks": dataset["tasks"].values,
         "total_priority": dataset["total_priority"].values,
+        "priority_bound": dataset["priority_bound"].values,
+        "priority_gap_percent": priority_gap(dataset),
         "path_calls": dataset["path_calls"].values,
         "path_replans": dataset["path_replans"].values,
         "mission_replans": dataset["mission_replans"].values,

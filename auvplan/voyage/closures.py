@@ -6,11 +6,10 @@ from itertools import pairwise
 import jax
 import jax.numpy as jnp
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
 
 from auvplan.bbo import History
 from auvplan.mission import MissionGraph
+from auvplan.mission.graph import shortest_way
 from auvplan.ocean.currents import Current
 from auvplan.ocean.environment import Environment
 from auvplan.path import PathConfig, PathPlan, habitats
@@ -51,14 +50,8 @@ def _way(fleet: Fleet, mission: Mission, timed: MissionGraph) -> tuple[float, li
     here, goal = mission.here, mission.run.goal
     everywhere = mission.graph.leg_times(fleet.speed) + _CLOSED
     times = np.where(timed.adjacency, timed.leg_times(fleet.speed), everywhere)
-    edges = csr_array(np.where(np.isfinite(times), np.maximum(times, 1e-3), 0.0))
-    cost, before = dijkstra(edges, indices=here, return_predecessors=True)
-    if not np.isfinite(cost[goal]):
-        return np.inf, []
-    nodes = [goal]
-    while nodes[-1] != here:
-        nodes.append(int(before[nodes[-1]]))
-    return float(cost[goal]), nodes[::-1]
+    nodes = shortest_way(times, here, goal)
+    return float(times[nodes[:-1], nodes[1:]].sum()), nodes
 
 
 def _name(names: list[str], node: int) -> str:

@@ -200,7 +200,14 @@ def _leaving(fleet: Fleet, key: jax.Array, departs: Array) -> list[Mission]:
         now = float(departs[number])
         model.sea.advance(now)
         run = replace(model.run, t_available=now + model.run.t_available, orders=[], legs=[])
-        own = {"run": run, "sea": copy(model.sea), "now": now, "learnt": {}}
+        own = {
+            "run": run,
+            "sea": copy(model.sea),
+            "now": now,
+            "learnt": {},
+            "visited": set(),
+            "barred": set(),
+        }
         missions[number] = replace(model, number=number, **own)
     return [missions[number] for number in range(len(departs))]
 

@@ -12,11 +12,11 @@ from pathlib import Path
 import jax
 import numpy as np
 
-from auvplan.mission import MissionConfig, time_to_go
+from auvplan.mission import MissionConfig, MissionGraph, time_to_go
 from auvplan.path import PathConfig
 from auvplan.voyage.fleet import Fleet, Leg, Mission
 from auvplan.voyage.legs import begin_legs, finish, refusal, sail_on
-from auvplan.voyage.order_calls import plan_orders, return_margin, time_edges
+from auvplan.voyage.order_calls import plan_orders, time_edges
 from auvplan.voyage.records import LegRecord, MissionRun
 from auvplan.voyage.scenario import Scenario
 from auvplan.voyage.sea import ModelSea
@@ -119,7 +119,7 @@ def sail_missions(
 
 def path_config(scenario: Scenario) -> PathConfig:
     """The path planner's settings under the scenario's preset and effort."""
-    planning = scenario.planning
+    planning = scenario.planning.resolved
     efforts = {"quick": PathConfig.quick, "full": PathConfig, "plain": PathConfig.plain}
     config = PathConfig.paper() if planning.preset == "paper" else efforts[planning.effort]()
     return config.replace(t_series=planning.t_series)
@@ -127,15 +127,13 @@ def path_config(scenario: Scenario) -> PathConfig:
 
 def mission_configs(scenario: Scenario) -> tuple[MissionConfig, MissionConfig]:
     """The mission planner's settings under the scenario's preset and effort: first and later orders."""
-    planning = scenario.planning
+    planning = scenario.planning.resolved
     if planning.preset == "paper":
-        config = MissionConfig.paper()
-    else:
-        config = MissionConfig.plain() if planning.effort == "plain" else MissionConfig()
-    if planning.objective is not None:
-        config = config.replace(objective=planning.objective)
-    quick = planning.preset != "paper" and planning.effort == "quick"
-    return config, config.quick() if quick else config
+        config = MissionConfig.paper().replace(objective=planning.objective)
+        return config, config
+    config = MissionConfig.plain() if planning.effort == "plain" else MissionConfig()
+    config = config.replace(objective=planning.objective)
+    return config, config.quick() if planning.effort == "quick" else config
 
 
 def make_fleet(scenario: Scenario, folder: str | Path, waters: Waters | None = None) -> Fleet:
@@ -175,6 +173,7 @@ def embark(fleet: Fleet, number: int, key: jax.Array, seed: int) -> Mission:
         site=fleet.waters.site,
         seabed=fleet.waters.seabed,
         names=names,
+        visits=fleet.rules.visits,
     )
     sea = make_sea(scenario, fleet.waters, field_key, sea_key)
     return Mission(number, run, sea, planner_key, _generator(chance_key), graph, graph)
@@ -199,7 +198,7 @@ def _step(fleet: Fleet, missions: list[Mission]) -> None:
 
 def _take_stock(fleet: Fleet, missions: list[Mission]) -> None:
     """Time the edges in the sea as it is now, and see which orders no longer fit it."""
-    planning = fleet.scenario.planning
+    planning = fleet.rules
     time_edges(fleet, missions)
     for mission in missions:
         if mission.cause or planning.replan != "deviation":
@@ -221,7 +220,7 @@ def _begin(fleet: Fleet, missions: list[Mission]) -> None:
     for mission, times in zip(missions, expected, strict=True):
         i, j = mission.rest[:2]
         task, rho = float(mission.graph.duration[i, j]), float(mission.graph.priority[i, j])
-        records.append(LegRecord(i, j, float(times[i, j]), task, rho))
+        records.append(LegRecord(i, j, float(times[i, j]), task, rho, revisit=j in mission.visited))
     begin_legs(fleet, missions, records)
     for mission, times in zip(missions, expected, strict=True):
         mission.run.legs.append(mission.sailing.record)
@@ -238,10 +237,15 @@ def _refused(fleet: Fleet, mission: Mission, leg: Leg, times: np.ndarray) -> str
     """
     if why := refusal(leg, fleet.epoch):
         return why
-    if leg.record.goal == mission.run.goal or mission.refusals >= _REFUSALS:
+    if leg.record.goal == mission.run.goal or mission.refusals >= _REFUSALS or not fleet.rules.guard_return:
         return ""
+    if fleet.rules.visits == "once":
+        times = times.copy()
+        times[:, leg.record.start] = np.inf
     to_go = float(time_to_go(times, mission.run.goal)[leg.record.goal])
-    back = (1.0 + return_margin(fleet.scenario)) * to_go
+    if not np.isfinite(to_go):
+        return ""  # the order counts on edges that the estimate closed, for which a path may be found yet
+    back = (1.0 + fleet.rules.return_margin) * to_go
     late = mission.now + leg.followed.travel_time + leg.record.t_task + back - mission.run.t_available
     return f"its path would leave {late:.0f} s too little for the way back" if late > 0.0 else ""
 
@@ -253,17 +257,19 @@ def _turn_down(mission: Mission, leg: Leg, why: str) -> None:
     i, j = leg.record.start, leg.record.goal
     barred = bool(refusal(leg))
     if barred:
+        mission.barred |= {(i, j), (j, i)}
         mission.graph = mission.graph.without_edges([(i, j)])
     else:
         mission.learnt[i, j] = leg.followed.travel_time
     mission.cause = "refused"
-    if mission.refusals > _REFUSALS or (barred and not mission.graph.adjacency[i].any()):
+    stuck = barred and not mission.graph.adjacency[i].any() and not mission.visited - {i}
+    if mission.refusals > _REFUSALS or stuck:
         mission.end(f"leg {i} to {j} cannot be sailed: {why}")
 
 
 def _judge(fleet: Fleet, mission: Mission) -> None:
     """After a leg: do the task, compare the leg's whole time with t_ij, decide on re-planning (3.3.2)."""
-    run, planning, leg = mission.run, fleet.scenario.planning, mission.sailing
+    run, planning, leg = mission.run, fleet.rules, mission.sailing
     record = leg.record
     finish(leg)
     if isinstance(mission.sea, ModelSea):
@@ -278,8 +284,16 @@ def _judge(fleet: Fleet, mission: Mission) -> None:
     mission.refusals = 0
     mission.here = record.goal
     mission.step += 1
-    mission.graph = mission.graph.without_edges([(record.start, record.goal)])
+    mission.visited |= {record.start, record.goal}
+    mission.graph = _what_is_left(mission.graph, record, planning.visits)
     if record.goal == run.goal:
         mission.end("")
     elif planning.replan == "late" and record.t_path + record.t_task > record.t_expected:
         mission.cause = "late"
+
+
+def _what_is_left(graph: MissionGraph, leg: LegRecord, visits: str) -> MissionGraph:
+    """The graph after a leg: what may still be visited, and the tasks that are not done."""
+    if visits == "once":
+        return graph.without_waypoints([leg.start]).without_task_at(leg.goal)
+    return graph.without_edges([(leg.start, leg.goal)]).without_task_at(leg.goal)

@@ -21,6 +21,7 @@ from auvplan.voyage.clock import Clock
 from auvplan.voyage.records import LegRecord, MissionRun
 from auvplan.voyage.scenario import Scenario
 from auvplan.voyage.sea import Sea
+from auvplan.voyage.settings import PlanningRules
 from auvplan.voyage.waters import Waters
 from auvplan.voyage.world import TrueObstacles
 
@@ -48,6 +49,11 @@ class Fleet:
     waters: Waters
     folder: str = "."
     clock: Clock = field(default_factory=Clock)
+
+    @property
+    def rules(self) -> PlanningRules:
+        """How missions are planned, with the preset's values for what the scenario leaves open."""
+        return self.scenario.planning.resolved
 
     @property
     def chart(self) -> Chart | None:
@@ -148,7 +154,7 @@ class Mission:
         sea: the true current.
         key: of the planners.
         rng: of obstacles and sensors.
-        graph: waypoints and the tasks that are left.
+        graph: waypoints that may still be visited and the tasks that are left.
         timed: the same with the travel times expected now, and without edges that the sea closes.
         now: s since the epoch.
         here: waypoint reached.
@@ -159,6 +165,9 @@ class Mission:
         learnt: s, travel times of edges (i, j) whose planned path was refused for its time.
         refusals: of legs in a row.
         obstruction: the last leg that was refused and why, or empty.
+        no_order: why the last call of the mission planner found no order, or empty.
+        visited: waypoints that were reached or left.
+        barred: edges (i, j) whose path was refused for a broken limit.
         path_calls: planning calls so far, which number the keys.
         ended: whether it is over.
     """
@@ -180,6 +189,9 @@ class Mission:
     learnt: dict[tuple[int, int], float] = field(default_factory=dict)
     refusals: int = 0
     obstruction: str = ""
+    no_order: str = ""
+    visited: set[int] = field(default_factory=set)
+    barred: set[tuple[int, int]] = field(default_factory=set)
     path_calls: int = 0
     ended: bool = False
 
@@ -187,6 +199,12 @@ class Mission:
     def rest(self) -> list[int]:
         """Waypoints of the order from the one reached to the destination; empty without an order."""
         return [] if self.order is None else [int(node) for node in self.order.nodes[self.step :]]
+
+    @property
+    def last_order(self) -> MissionOrder:
+        """The order that is followed; there is one from the first on."""
+        assert self.order is not None
+        return self.order
 
     @property
     def sailing(self) -> Leg:

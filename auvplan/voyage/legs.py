@@ -160,12 +160,13 @@ def _react(fleet: Fleet, missions: list[Mission]) -> None:
         window = bool(leg.windows) and mission.now >= leg.windows[0]
         if window:
             leg.windows = [t for t in leg.windows if t > mission.now]
+            mission.sea.begin_window()
         if _hazard(mission) or not leg.moving or leg.escaping:
             due.append((mission, "hazard"))
         elif window and not _holds(fleet, mission):
             due.append((mission, "window"))
     if due:
-        cold = fleet.scenario.planning.replan_from == "fresh"
+        cold = fleet.rules.replan_from == "fresh"
         plan_legs(fleet, [mission for mission, _ in due], [cause for _, cause in due], cold)
     # What a warm plan cannot clear, a cold one may; what neither can, the vehicle waits for.
     stuck = [mission for mission, _ in due if _hazard(mission)]
@@ -179,7 +180,7 @@ def _react(fleet: Fleet, missions: list[Mission]) -> None:
 def _holds(fleet: Fleet, mission: Mission) -> bool:
     """Whether the followed plan still does what it was planned to do, in the sea as it is told now."""
     scenario, leg = fleet.scenario, mission.sailing
-    least = scenario.planning.least_window_change
+    least = fleet.rules.window_change
     if least == 0.0 or _detours(leg):
         return False
     sample = float(np.interp(leg.arc, leg.marks, np.arange(len(leg.marks))))

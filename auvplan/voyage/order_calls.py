@@ -1,23 +1,22 @@
 """Batched calls of the mission planner: travel times in the sea as it is told, then orders of tasks."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
+from typing import Literal
 
 import jax.numpy as jnp
 import numpy as np
 
 from auvplan.mission import MissionConfig, MissionGraph, MissionOrder, plan_missions
+from auvplan.mission.graph import shortest_way
 from auvplan.mission.travel_times import TravelTimeConfig, programs
 from auvplan.path import PathConfig
 from auvplan.voyage.fleet import Fleet, Mission
 from auvplan.voyage.records import OrderRecord
-from auvplan.voyage.scenario import Scenario
 
-
-def sea_times(scenario: Scenario) -> bool:
-    """Whether travel times follow from the current, not from the distance alone."""
-    kind = scenario.planning.travel_times
-    return scenario.planning.preset != "paper" if kind is None else kind == "sea"
+#: s added for each visited waypoint on a way, so that the way passes as few of them as can be.
+_PASSED = 1e7
 
 
 def effort(config: PathConfig) -> TravelTimeConfig:
@@ -27,16 +26,16 @@ def effort(config: PathConfig) -> TravelTimeConfig:
 
 def time_edges(fleet: Fleet, missions: list[Mission]) -> None:
     """Estimate the travel times of the edges that are left, from what is told of the sea now."""
-    scenario = fleet.scenario
-    allowance = scenario.planning.detour * scenario.obstacles.total
+    planning = fleet.rules
+    allowance = planning.detour * fleet.scenario.obstacles.total
     for mission in missions:
         mission.timed = mission.graph
-        if sea_times(scenario):
+        if planning.travel_times == "sea":
             mission.sea.advance(mission.now)
             timed, seconds = _timed(fleet, mission)
             mission.timed = replace(timed, travel_time=timed.travel_time + allowance)
             mission.run.estimate_seconds += seconds
-            if scenario.planning.charge_compute:
+            if planning.charge_compute:
                 mission.charge(seconds)
         for (i, j), seconds in mission.learnt.items():
             mission.timed = mission.timed.with_travel_time(i, j, seconds)
@@ -58,20 +57,94 @@ def _timed(fleet: Fleet, mission: Mission) -> tuple[MissionGraph, float]:
         fleet.clock.compile_seconds += seconds
 
 
+@dataclass(frozen=True)
+class _Attempt:
+    """What a call of the mission planner may count on.
+
+    Attributes:
+        share: of reserve and return margin that it keeps.
+        passing: "" or how visited waypoints may be passed on the way to the destination: as "few" of them as
+            can be, or on the "quickest" way.
+        untimed: whether edges that the estimate closed are tried: a path may be found yet.
+    """
+
+    share: float
+    passing: Literal["", "few", "quickest"] = ""
+    untimed: bool = False
+
+
+#: Slack is kept for the last legs, which no re-planning can mend; where nothing fits with it, it is halved
+#: and in the end given up. Only where no way is left do visited waypoints or closed edges serve.
+_ATTEMPTS = (
+    _Attempt(1.0),
+    _Attempt(0.5),
+    _Attempt(0.0),
+    _Attempt(0.0, "few"),
+    _Attempt(0.0, "quickest"),
+    _Attempt(0.0, untimed=True),
+    _Attempt(0.0, "few", untimed=True),
+)
+
+
 def plan_orders(fleet: Fleet, missions: list[Mission]) -> None:
     """Plan the order of tasks for the missions that need one, from where each stands."""
-    # Slack is kept for the last legs, which no re-planning can mend; where nothing fits with it, it is halved
-    # and in the end given up. Then edges that the estimate closed are tried: a path may be found yet.
-    for share, final in ((1.0, False), (0.5, False), (0.0, False), (0.0, True)):
+    planning = fleet.rules
+    plain = planning.reserve == 0.0 and planning.return_margin == 0.0
+    for attempt in _ATTEMPTS:
         due = [mission for mission in missions if mission.cause and not mission.ended]
-        if final:
+        if attempt.passing:
+            due = [mission for mission in due if _open_passages(fleet, mission, attempt.passing)]
+        elif attempt.share < 1.0 and plain and not attempt.untimed:
+            continue  # there is no slack to give up
+        if attempt.untimed:
+            due = [mission for mission in due if not _all_timed(mission)]
             for mission in due:
                 mission.timed = replace(mission.timed, adjacency=mission.graph.adjacency)
-        groups: dict[MissionConfig, list[Mission]] = {}
+        groups: dict[tuple[MissionConfig, bool], list[Mission]] = {}
         for mission in due:
-            groups.setdefault(_config(fleet, mission), []).append(mission)
-        for config, group in groups.items():
-            _plan_orders(fleet, group, config, share, final)
+            groups.setdefault((_config(fleet, mission), _keeps(fleet, mission)), []).append(mission)
+        for (config, kept), group in groups.items():
+            _plan_orders(fleet, group, config, kept, attempt.share)
+    for mission in missions:
+        if mission.cause and not mission.ended:
+            _go_on(mission)
+
+
+def _all_timed(mission: Mission) -> bool:
+    """Whether the estimate closed no edge."""
+    return bool(np.array_equal(mission.timed.adjacency, mission.graph.adjacency))
+
+
+def _keeps(fleet: Fleet, mission: Mission) -> bool:
+    """Whether the population of the last order is planned from."""
+    return mission.order is not None and fleet.rules.orders_from == "kept"
+
+
+def _open_passages(fleet: Fleet, mission: Mission, passing: str) -> bool:
+    """Open the way over visited waypoints to the destination, as passages without a task.
+
+    Returns:
+        Whether there is such a way, and it needs them.
+    """
+    if not mission.visited or fleet.rules.visits != "once":
+        return False
+    run, revisited = mission.run, np.zeros(mission.graph.size, bool)
+    revisited[list(mission.visited - {mission.here})] = True
+    times = run.graph.without_edges(mission.barred).leg_times(fleet.speed)
+    times[:, mission.here] = np.inf
+    if passing == "few":
+        times = times + _PASSED * revisited
+    way = shortest_way(times, mission.here, run.goal)
+    if not any(revisited[node] for node in way):
+        return False
+    legs = list(pairwise(way))
+    passages = [(i, j) for i, j in legs if revisited[j]]
+    mission.graph = mission.graph.with_edges(passages, tasks=False)
+    # The way from a passed waypoint on to a new one carries what it always did.
+    onward = [(i, j) for i, j in legs if revisited[i] and not revisited[j]]
+    mission.graph = mission.graph.with_edges(onward)
+    time_edges(fleet, [mission])
+    return True
 
 
 def _config(fleet: Fleet, mission: Mission) -> MissionConfig:
@@ -83,11 +156,13 @@ def _config(fleet: Fleet, mission: Mission) -> MissionConfig:
 
 
 def _plan_orders(
-    fleet: Fleet, missions: list[Mission], config: MissionConfig, share: float, final: bool
+    fleet: Fleet, missions: list[Mission], config: MissionConfig, kept: bool, share: float
 ) -> None:
     """One call of the mission planner that keeps a share of the slack, and what it found."""
-    reserve = share * fleet.scenario.planning.reserve
+    planning = fleet.rules
+    reserve = share * planning.reserve
     left = [mission.run.t_available - mission.now - reserve for mission in missions]
+    populations = np.stack([mission.last_order.population for mission in missions]) if kept else None
     orders, seconds = fleet.clock.time(
         ("mission", missions[0].graph.size, config),
         partial(
@@ -98,30 +173,21 @@ def _plan_orders(
             np.maximum(left, 1.0),
             speed=fleet.vehicle.speed,
             keys=jnp.stack([mission.order_key() for mission in missions]),
+            populations=populations,
             config=config,
-            return_margin=share * return_margin(fleet.scenario),
+            return_margin=share * planning.return_margin,
             known_orders=[mission.rest or None for mission in missions],
         ),
     )
     for mission, order in zip(missions, orders, strict=True):
-        _take(fleet, mission, order, seconds / len(missions), final)
+        _take(fleet, mission, order, seconds / len(missions))
 
 
-def return_margin(scenario: Scenario) -> float:
-    """Share by which the way back is taken to last longer than expected."""
-    given = scenario.planning.return_margin
-    if given is not None:
-        return given
-    return 0.2 if sea_times(scenario) else 0.4
-
-
-def _take(fleet: Fleet, mission: Mission, order: MissionOrder, seconds: float, final: bool) -> None:
-    """Book a new order, or end the mission where there is none."""
-    run, planning = mission.run, fleet.scenario.planning
+def _take(fleet: Fleet, mission: Mission, order: MissionOrder, seconds: float) -> None:
+    """Book a new order, or why there is none."""
+    run, planning = mission.run, fleet.rules
+    mission.no_order = "" if order.feasible else order.reason
     if not order.feasible:
-        if final:
-            refused = f"; refused before: {mission.obstruction}" if mission.obstruction else ""
-            mission.end(f"no order of tasks from waypoint {mission.here}: {order.reason}{refused}")
         return
     nodes = [int(node) for node in order.nodes]
     run.first_order = run.first_order or order
@@ -132,3 +198,13 @@ def _take(fleet: Fleet, mission: Mission, order: MissionOrder, seconds: float, f
     mission.slack = run.t_available - planning.reserve - (mission.now + float(order.time))
     if planning.charge_compute:
         mission.charge(seconds)
+
+
+def _go_on(mission: Mission) -> None:
+    """Follow the rest of the last order where no new one was found, or end the mission."""
+    rest = mission.rest
+    if len(rest) > 1 and mission.graph.adjacency[rest[:-1], rest[1:]].all():
+        mission.cause = ""
+        return
+    refused = f"; refused before: {mission.obstruction}" if mission.obstruction else ""
+    mission.end(f"no order of tasks from waypoint {mission.here}: {mission.no_order}{refused}")

@@ -2,13 +2,15 @@
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 from importlib.metadata import version
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan.mission import MissionGraph, MissionOrder
+from auvplan.mission import MissionGraph, MissionOrder, trail_bound, upper_bound
+from auvplan.mission.jobs import jobs_done
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.currents import Current
 from auvplan.ocean.seabed import Seabed
@@ -54,7 +56,9 @@ class LegRecord:
         goal: index of the waypoint reached.
         t_expected: t_ij of Eq. 13, s, the task included.
         t_task: delta_ij, s.
-        priority: rho_ij of the task; zero where the edge has none.
+        priority: rho_ij of the task; zero where the edge has none, or where it was done before.
+        revisit: whether the waypoint reached had been visited before: allowed with `visits: edges`, otherwise
+            on the only way to the destination alone, and then without a task.
         plans: the first plan and every re-plan.
         followed: number in `plans` of the one that the leg was begun with.
         current_difference: m/s, root mean square of the difference between the current that was told and the
@@ -72,6 +76,7 @@ class LegRecord:
     t_expected: float
     t_task: float
     priority: float
+    revisit: bool = False
     plans: list[PlanRecord] = field(default_factory=list)
     followed: int = 0
     current_difference: float = math.nan
@@ -154,6 +159,7 @@ class MissionRun:
         site: where and when local coordinates begin, or None.
         seabed: or None.
         names: of the waypoints; empty where they have none.
+        visits: "once" or "edges", the rule for visits (see `PlanningSettings`).
     """
 
     scenario: dict[str, Any]
@@ -177,6 +183,7 @@ class MissionRun:
     site: Site | None = None
     seabed: Seabed | None = None
     names: list[str] = field(default_factory=list)
+    visits: Literal["once", "edges"] = "once"
 
     @property
     def t_residual(self) -> float:
@@ -192,6 +199,44 @@ class MissionRun:
     def done(self) -> list[LegRecord]:
         """Legs whose goal was reached."""
         return [leg for leg in self.legs if leg.arrived]
+
+    @property
+    def total_priority(self) -> float:
+        """Sum of rho over the tasks that were done, each counted once."""
+        return float(sum(leg.priority for leg in self.done))
+
+    @property
+    def tasks_done(self) -> int:
+        """Tasks that were done; a survey line of several parts is one, done when all of its parts are."""
+        earning = [(leg.start, leg.goal) for leg in self.done if leg.priority > 0.0]
+        if not self.names:
+            return len(earning)
+        return len(jobs_done(self.names, earning))
+
+    @cached_property
+    def bound(self) -> float:
+        """Bound on the total priority of the whole mission; 0.0 where there never was an order of tasks.
+
+        No mission does better at the travel times that the first order was planned with, or, on the edges
+        that were taken, at the times that they took where these are shorter. It follows the rule for visits;
+        where a visited waypoint had to be passed, it is the sum over all tasks.
+        """
+        if self.first_order is None:
+            return 0.0
+        times, graph = np.array(self.first_order.edge_times), self.graph
+        once, stay = np.asarray(graph.waypoint_priority), np.asarray(graph.waypoint_duration)
+        for leg in self.done:
+            # As on a first arrival: what is done at the waypoint itself counts once in any case.
+            own = leg.t_task - (0.0 if leg.revisit else stay[leg.goal])
+            taken = leg.t_path + own + stay[leg.goal]
+            times[leg.start, leg.goal] = min(times[leg.start, leg.goal], taken)
+        common = (times, graph.priority, self.start, self.goal, self.t_available)
+        if self.visits == "edges":
+            return trail_bound(*common, waypoint_priority=once, waypoint_duration=stay)
+        if any(leg.revisit for leg in self.done):
+            edges = np.where(graph.adjacency, graph.priority - once, 0.0)
+            return float(np.triu(np.maximum(edges, edges.T), 1).sum() + once.sum())
+        return upper_bound(*common)
 
     @property
     def collisions(self) -> int:
@@ -238,8 +283,10 @@ class MissionRun:
             "t_residual": self.t_residual,
             "success": self.success,
             "reason": self.reason,
-            "tasks": sum(leg.priority > 0 for leg in self.done),
-            "total_priority": sum(leg.priority for leg in self.done),
+            "tasks": self.tasks_done,
+            "total_priority": self.total_priority,
+            "priority_bound": self.bound,
+            "revisits": sum(leg.revisit for leg in self.done),
             "path_calls": len(self.legs),
             "path_replans": sum(leg.path_replans for leg in self.legs),
             "mission_replans": max(len(self.orders) - 1, 0),
@@ -252,6 +299,7 @@ class MissionRun:
                     "t_path": leg.t_path,
                     "t_task": leg.t_task,
                     "priority": leg.priority,
+                    "revisit": leg.revisit,
                     "path_replans": leg.path_replans,
                     "arrived": leg.arrived,
                     "cpu_s": leg.cpu,

@@ -24,6 +24,9 @@ class Sea(Protocol):
     def advance(self, now: float) -> None:
         """Let time pass up to `now`, s."""
 
+    def begin_window(self) -> None:
+        """Take note that a window of a leg begins (3.2.2)."""
+
     def told(self) -> Current:
         """The current as a planner is told it now."""
         ...
@@ -39,9 +42,17 @@ class VortexSea:
     """
 
     def __init__(
-        self, key: jax.Array, field: LambVortices, update: CurrentUpdate, interval: float, error: float = 0.0
+        self,
+        key: jax.Array,
+        field: LambVortices,
+        update: CurrentUpdate,
+        interval: float | None,
+        error: float = 0.0,
     ):
-        """Start with a field that changes every `interval` s and is told in error by a relative `error`."""
+        """Start with a field that is told in error by a relative `error`.
+
+        It changes every `interval` s, or, where that is None, at every window of a leg.
+        """
         self.field: LambVortices = jax.device_get(field)
         self._change_key, self._telling_key = jax.random.split(key, 2)
         self._update = update
@@ -52,9 +63,17 @@ class VortexSea:
 
     def advance(self, now: float) -> None:
         """Apply all updates due at `now`, s."""
-        while now >= (self._updates + 1) * self._interval:
-            self.field = jax.device_get(_changed(self._change_key, self._updates, self.field, self._update))
-            self._updates += 1
+        while self._interval is not None and now >= (self._updates + 1) * self._interval:
+            self._change()
+
+    def begin_window(self) -> None:
+        """Apply an update where the field changes by windows."""
+        if self._interval is None:
+            self._change()
+
+    def _change(self) -> None:
+        self.field = jax.device_get(_changed(self._change_key, self._updates, self.field, self._update))
+        self._updates += 1
 
     def told(self) -> LambVortices:
         """The field as a planner is told it, in error anew at every telling."""
@@ -75,7 +94,10 @@ class ModelSea:
         self._told = SumCurrent(forecast, jax.device_get(error))
 
     def advance(self, now: float) -> None:
-        """Time is a matter of the files'."""
+        """Do nothing: the files' currents depend on time."""
+
+    def begin_window(self) -> None:
+        """Do nothing, as `advance`."""
 
     def told(self) -> SumCurrent:
         """The forecast, the same all the time."""

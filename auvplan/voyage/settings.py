@@ -1,5 +1,6 @@
 """The sections of a scenario, validated one by one."""
 
+from dataclasses import dataclass, fields
 from datetime import datetime
 from typing import Annotated, Any, Literal
 
@@ -241,47 +242,133 @@ class MissionSettings(Section):
         return self
 
 
+@dataclass(frozen=True)
+class PlanningRules:
+    """How missions are planned once the preset has filled in what a scenario leaves open.
+
+    Attributes: as in `PlanningSettings`.
+    """
+
+    preset: Literal["default", "paper"]
+    effort: Literal["quick", "full", "plain"]
+    objective: Literal["priority", "eq15"]
+    travel_times: Literal["sea", "distance"]
+    visits: Literal["once", "edges"]
+    detour: float
+    t_series: int
+    current_updates: Literal["interval", "window"]
+    replan_from: Literal["kept", "fresh"]
+    orders_from: Literal["kept", "fresh"]
+    window_change: float
+    reserve: float
+    return_margin: float
+    guard_return: bool
+    replan: Literal["late", "deviation"]
+    tolerance: float
+    gain: float
+    charge_compute: bool
+
+
+#: What a preset sets where the scenario is silent: the fields of `PlanningSettings` that default to None.
+PRESETS: dict[str, dict[str, Any]] = {
+    "default": {
+        "objective": "priority",
+        "travel_times": "sea",
+        "visits": "once",
+        "reserve": 60.0,
+        "guard_return": True,
+        "window_change": 0.01,
+        "replan": "deviation",
+        "orders_from": "fresh",
+        "current_updates": "interval",
+    },
+    "paper": {
+        "objective": "eq15",
+        "travel_times": "distance",
+        "visits": "edges",
+        "reserve": 0.0,
+        "return_margin": 0.0,
+        "guard_return": False,
+        "window_change": 0.0,
+        "replan": "late",
+        "orders_from": "kept",
+        "current_updates": "window",
+    },
+}
+
+#: Share by which the way back is taken to last longer where neither scenario nor preset says it.
+_RETURN_MARGINS = {"sea": 0.2, "distance": 0.4}
+
+
 class PlanningSettings(Section):
-    """How the mission is planned and re-planned."""
+    """How the mission is planned and re-planned.
+
+    A field that is absent here takes the preset's value, which `resolved` has.
+    """
 
     preset: Literal["default", "paper"] = Field(
-        default="default", description="'paper': both planners as published"
+        default="default", description="'paper': planners and re-planning rules as published"
     )
     effort: Literal["quick", "full", "plain"] = Field(
         default="quick",
         description="of the preset 'default': 'quick' plans paths and later orders in a fifth of the time of "
         "'full'; 'plain' is the search alone, without passages, beams, local search and gradients",
     )
-    objective: Literal["priority", "eq15"] | None = Field(default=None, description="of the preset if absent")
+    objective: Literal["priority", "eq15"] | None = Field(
+        default=None, description="of the order of tasks; default 'priority', paper 'eq15'"
+    )
     travel_times: Literal["sea", "distance"] | None = Field(
         default=None,
-        description="of the edges: 'sea' in the current as it is told, 'distance' d / |v| as in Eq. 13; "
-        "if absent 'sea', with the preset 'paper' 'distance'",
+        description="of the edges: 'sea' in the forecast current, 'distance' d / |v| as in Eq. 13; default "
+        "'sea', paper 'distance'",
+    )
+    visits: Literal["once", "edges"] | None = Field(
+        default=None,
+        description="'once': no waypoint is visited twice in a mission (rule 3 of section 3.3), but for the "
+        "only way to the destination; 'edges': passed edges alone are barred (3.3.2), each task counts once; "
+        "default 'once', paper 'edges'",
     )
     detour: NotNegative = Field(
         default=3.5, description="s that each obstacle is taken to cost a leg; with travel_times 'sea'"
     )
     t_series: Annotated[int, Field(ge=1, le=20, description="windows of a leg")] = 4
+    current_updates: Literal["interval", "window"] | None = Field(
+        default=None,
+        description="when vortices change: every current.update_interval, or at each window of a leg "
+        "(T-Series); default 'interval', paper 'window'",
+    )
     replan_from: Literal["kept", "fresh"] = Field(
         default="kept", description="population that a path is planned anew from on the way"
+    )
+    orders_from: Literal["kept", "fresh"] | None = Field(
+        default=None,
+        description="population that an order of tasks is planned anew from; default 'fresh' beside the rest "
+        "of the last order, paper 'kept'",
     )
     window_change: NotNegative | None = Field(
         default=None,
         description="share by which the time left on a path must have changed for a window to plan it anew; "
-        "0 does at every window, as the preset 'paper' does; if absent 0.01",
+        "0 does at every window; default 0.01, paper 0",
     )
-    reserve: NotNegative = Field(
-        default=60.0, description="s of the available time that no order is planned to use"
+    reserve: NotNegative | None = Field(
+        default=None,
+        description="s of the available time that no order is planned to use; default 60, paper 0",
     )
     return_margin: NotNegative | None = Field(
         default=None,
-        description="share by which the way back is taken to last longer than expected; if absent 0.2 with "
-        "travel times of the sea, 0.4 by distance",
+        description="share by which the way back is taken to last longer than expected; default 0.2 with "
+        "travel times of the sea, 0.4 by distance; paper 0",
     )
-    replan: Literal["late", "deviation"] = Field(
-        default="deviation",
-        description="'late' as in the paper, after every leg that took longer than expected; 'deviation' "
-        "when the rest of the order no longer fits the time that is left, or would leave much of it",
+    guard_return: bool | None = Field(
+        default=None,
+        description="whether a leg is refused whose path would leave too little time for the way back; "
+        "default true, paper false",
+    )
+    replan: Literal["late", "deviation"] | None = Field(
+        default=None,
+        description="'late' after every leg that took longer than expected (3.3.2); 'deviation' when the "
+        "rest of the order no longer fits the time that is left, or would leave much of it; default "
+        "'deviation', paper 'late'",
     )
     tolerance: NotNegative = Field(
         default=30.0, description="s by which the rest of an order may overrun the reserve ('deviation')"
@@ -294,8 +381,22 @@ class PlanningSettings(Section):
     )
 
     @property
-    def least_window_change(self) -> float:
-        """`window_change`, or what stands for it."""
-        if self.window_change is not None:
-            return self.window_change
-        return 0.0 if self.preset == "paper" else 0.01
+    def resolved(self) -> "PlanningRules":
+        """The same with the preset's values for what is absent."""
+        values = {rule.name: getattr(self, rule.name) for rule in fields(PlanningRules)}
+        values |= {name: value for name, value in PRESETS[self.preset].items() if values[name] is None}
+        if values["return_margin"] is None:
+            values["return_margin"] = _RETURN_MARGINS[values["travel_times"]]
+        return PlanningRules(**values)
+
+    @property
+    def departures(self) -> list[str]:
+        """One line for each setting that differs from what the preset 'paper' fixes; none for 'default'."""
+        if self.preset != "paper":
+            return []
+        fixed = ((name, getattr(self, name), value) for name, value in PRESETS["paper"].items())
+        return [
+            f"planning.{name} is {given!r}, preset 'paper' has {value!r}: the mission is not the paper's"
+            for name, given, value in fixed
+            if given is not None and given != value
+        ]

@@ -107,7 +107,9 @@ def make_sea(scenario: Scenario, waters: Waters, field_key: jax.Array, sea_key: 
     settings = scenario.current
     if waters.truth is None or waters.forecast is None:
         field, update = make_current(scenario, field_key), current_update(scenario)
-        return VortexSea(sea_key, field, update, settings.update_interval, settings.forecast_error)
+        by_window = scenario.planning.resolved.current_updates == "window"
+        interval = None if by_window else settings.update_interval
+        return VortexSea(sea_key, field, update, interval, settings.forecast_error)
     if settings.forecast_error == 0.0:
         return ModelSea(waters.truth, waters.forecast)
     low, high = (np.asarray(corner) for corner in scenario.box)

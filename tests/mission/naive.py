@@ -52,7 +52,9 @@ def decode(
     while order[-1] != goal:
         here, best, value = order[-1], None, -np.inf
         for j in range(graph.size):
-            if j in order or not graph.adjacency[here, j] or time + legs[here, j] + togo[j] >= budget:
+            if j in order or not graph.adjacency[here, j]:
+                continue
+            if decoder != "paper" and time + legs[here, j] + togo[j] >= budget:
                 continue
             worth = habitat[j] + share * rate[here, j] / mean
             if worth > value + 1e-4:

@@ -17,7 +17,7 @@ from tests.mission.naive import grid_graph
 from tests.mission.naive import time_to_go as dijkstra_time_to_go
 
 N, SPEED = 9, 2.0
-DECODERS = ["paper", "rate"]
+DECODERS = ["paper", "timely", "rate"]
 decode_now = jax.jit(decode, static_argnames=("decoder", "rate_weight"))
 
 
@@ -64,7 +64,10 @@ def test_against_the_naive_decoder(
         count = int(orders.count[p])
         assert orders.nodes[p, :count].tolist() == expected
         assert (orders.nodes[p, count:] == -1).all()
-        assert bool(orders.reached[p]) == (expected[-1] == N - 1)
+        taken = sum(graph.leg_times(SPEED)[leg] for leg in pairwise(expected))
+        in_time = decoder != "paper" or taken < budget * (1.0 - 1e-5)
+        assert bool(orders.reached[p]) == (expected[-1] == N - 1 and in_time)
+        assert float(orders.late[p]) == pytest.approx(0.0 if in_time else taken - budget, abs=0.1)
         check_figures(orders, p, graph, expected)
         if orders.reached[p]:
             check = check_order(graph, expected, 0, N - 1, budget, SPEED)
@@ -128,7 +131,7 @@ def test_visited_waypoints_are_not_entered() -> None:
     visited[[2, 5]] = True
     given_ = problem(graph, 0, N - 1, 1e5, visited)
     population = jax.random.randint(jax.random.key(0), (50, N), -200, 101)
-    nodes = np.asarray(decode_now(population, given_, decoder="paper").nodes)
+    nodes = np.asarray(decode_now(population, given_, decoder="timely").nodes)
     assert not np.isin(nodes, [2, 5]).any()
 
 
@@ -140,7 +143,7 @@ def test_a_dead_end_is_not_reached() -> None:
     graph = MissionGraph(np.arange(12.0).reshape(4, 3), edges, edges * 1.0, edges * 10.0)
     given_ = problem(graph, 0, 3, 1000.0)
     population = jnp.array([[0, 0, 50, -50], [0, 0, -50, 50]])
-    orders = decode_now(population, given_, decoder="paper")
+    orders = decode_now(population, given_, decoder="timely")
     assert orders.reached.tolist() == [False, True]
     assert orders.nodes[0].tolist() == [0, 1, 2, -1]
     assert orders.remaining[0] > 0.0
@@ -156,7 +159,7 @@ def test_objectives_by_hand() -> None:
     duration = np.array([[0, 10, 0], [0, 0, 20], [0, 0, 0]])
     graph = MissionGraph(positions, priority > 0, priority, duration)
     given_ = problem(graph, 0, 2, 200.0)
-    orders = decode_now(jnp.zeros((1, 3), jnp.int32), given_, decoder="paper")
+    orders = decode_now(jnp.zeros((1, 3), jnp.int32), given_, decoder="timely")
     assert float(orders.time[0]) == pytest.approx(130.0)
     priority = objective.total_priority(orders, given_, time_weight=0.1)
     assert float(priority[0]) == pytest.approx(-6.0 + 0.1 * 4.0 * 130.0 / 200.0)
@@ -168,7 +171,7 @@ def test_objectives_by_hand() -> None:
 def test_any_order_that_arrives_costs_less_than_any_that_does_not() -> None:
     graph = grid_graph(4, N, 0.25)
     given_ = problem(graph, 0, N - 1, 2000.0)
-    orders = decode_now(jax.random.randint(jax.random.key(1), (300, N), -200, 101), given_, decoder="paper")
+    orders = decode_now(jax.random.randint(jax.random.key(1), (300, N), -200, 101), given_, decoder="timely")
     reached = np.asarray(orders.reached)
     assert reached.any()
     assert not reached.all()

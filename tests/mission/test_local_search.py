@@ -24,7 +24,7 @@ def random_orders(graph: MissionGraph, budget: float, margin: float, seed: int):
     edges = Edges.of(graph.leg_times(SPEED), graph.priority)
     problem = jax.jit(prepare)(edges, 0, N - 1, budget, jnp.zeros(N, bool), margin)
     population = np.random.default_rng(seed).integers(-200, 101, (12, N))
-    orders = decode_now(jnp.asarray(population), problem, decoder="paper")
+    orders = decode_now(jnp.asarray(population), problem, decoder="timely")
     return problem, np.asarray(orders.nodes)[np.asarray(orders.reached)]
 
 

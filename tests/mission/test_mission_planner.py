@@ -40,7 +40,7 @@ CONFIGS = {
     "paper": MissionConfig.paper().replace(
         bbo=MissionConfig.paper().bbo.replace(population=20, iterations=10)
     ),
-    "paper decoder": QUICK.replace(decoder="paper"),
+    "timely decoder": QUICK.replace(decoder="timely"),
     "generational": QUICK.replace(bbo=QUICK.bbo.replace(replacement="generational", elites=1)),
 }
 

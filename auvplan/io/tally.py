@@ -1,0 +1,230 @@
+"""Visits and tasks of a saved run, counted again from its scenario and its track. Plain NumPy.
+
+What a leg earned is worked out here, by this module's own rules: tasks at places and along lines come from
+the scenario's file of jobs where there is one, else from the graph that the seed drew.
+"""
+
+import json
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+
+from auvplan.io.files import MISSION, SUMMARY
+from auvplan.io.geo import GeoError, read_jobs
+from auvplan.io.ledger import PLACE_TOLERANCE, TIME_TOLERANCE, Leg
+from auvplan.mission.jobs import Jobs
+from auvplan.site import Site
+
+Array = NDArray[np.floating]
+
+#: Priorities may differ by so much where they should agree.
+_PRIORITY_TOLERANCE = 1e-6
+
+#: A way over waypoints not yet visited counts as open if it takes less than this share of the time left, at
+#: the vehicle's speed in still water: a contrary current may double the time of a way.
+_SURELY_IN_TIME = 0.5
+
+
+@dataclass(frozen=True)
+class Earned:
+    """What a leg does: priority, time on station in s, and the names of jobs that it completes."""
+
+    priority: float
+    duration: float
+    tasks: int
+
+
+class Book(Protocol):
+    """Tasks that are still to be done."""
+
+    def earn(self, leg: Leg, revisit: bool) -> Earned:
+        """Take what a leg that arrived does off the book."""
+        ...
+
+
+def tally_faults(
+    summary: dict[str, Any], dataset: xr.Dataset, legs: list[Leg], notes: list[str]
+) -> Iterator[str]:
+    """Waypoints that are visited twice, and tasks that are counted twice, not at all or wrongly.
+
+    Args:
+        summary, dataset, legs: of the run.
+        notes: what could not be looked at is added.
+    """
+    settings = json.loads(str(dataset.attrs["scenario"]))
+    once = _visits(settings) == "once"
+    book = _book(settings, dataset, once, notes)
+    adjacency = dataset["adjacency"].values.astype(bool)
+    visited, refused = {int(dataset.attrs["start"])}, set()
+    total, tasks = 0.0, 0
+    for leg in legs:
+        if not leg.sailed:
+            refused |= {(leg.start, leg.goal), (leg.goal, leg.start)}
+        if not leg.arrived or leg.goal not in range(len(adjacency)):
+            continue
+        revisit = leg.goal in visited
+        if revisit and once and (way := _way_left(dataset, leg, visited, refused)):
+            yield f"{leg}: waypoint {leg.goal} is visited twice, although {way}"
+        earned = book.earn(leg, revisit)
+        if abs(earned.priority - leg.priority) > _PRIORITY_TOLERANCE:
+            yield f"{leg}: counts a priority of {leg.priority:g}, its tasks are worth {earned.priority:g}"
+        if abs(earned.duration - leg.t_task) > TIME_TOLERANCE:
+            yield f"{leg}: spends {leg.t_task:.2f} s on tasks that take {earned.duration:.2f} s"
+        total, tasks = total + earned.priority, tasks + earned.tasks
+        visited |= {leg.start, leg.goal}
+    if summary["tasks"] != tasks or not abs(summary["total_priority"] - total) <= _PRIORITY_TOLERANCE:
+        given = f"{summary['tasks']} tasks of priority {summary['total_priority']:g}"
+        yield f"{given} in {SUMMARY}, {tasks} of {total:g} were done"
+
+
+def _visits(settings: dict[str, Any]) -> str:
+    """The rule of the scenario for visits."""
+    planning = settings.get("planning", {})
+    return planning.get("visits") or ("edges" if planning.get("preset") == "paper" else "once")
+
+
+def _way_left(dataset: xr.Dataset, leg: Leg, visited: set[int], refused: set[tuple[int, int]]) -> str:
+    """The way over other waypoints that was left when a leg led back to a visited one, or an empty string."""
+    places, goal = dataset["waypoint_position"].values, int(dataset.attrs["goal"])
+    open_ = dataset["adjacency"].values.astype(bool).copy()
+    for i, j in refused:
+        open_[i, j] = False
+    fresh = np.ones(len(open_), bool)
+    fresh[list(visited - {leg.start})] = False
+    open_ &= fresh[:, None] & fresh
+    distance = np.linalg.norm(places[:, None] - places, axis=2)
+    ways = csr_array(np.where(open_, np.maximum(distance, 1e-3), 0.0))
+    seconds = float(dijkstra(ways, indices=leg.start)[goal]) / float(dataset.attrs["vehicle_speed"])
+    left = float(dataset.attrs["t_available"]) - float(leg.times[0])
+    if not seconds < _SURELY_IN_TIME * left:
+        return ""
+    return f"a way of {seconds:.0f} s over others led to the destination in the {left:.0f} s left"
+
+
+def _book(settings: dict[str, Any], dataset: xr.Dataset, once: bool, notes: list[str]) -> Book:
+    """The book of the scenario's jobs, or of the graph where there are none."""
+    name = settings.get("mission", {}).get("jobs")
+    if name is not None:
+        path = Path(str(dataset.attrs["scenario_folder"])) / Path(name).expanduser()
+        depth = max(settings["area"]["lower"][2], settings["vehicle"]["depth_min"])
+        try:
+            return _JobBook.of(read_jobs(path, _site(dataset), default_depth=depth), dataset)
+        except GeoError as error:
+            notes.append(f"tasks were counted from the graph in {MISSION}, not from the jobs: {error}")
+    return _GraphBook.of(dataset, once)
+
+
+def _site(dataset: xr.Dataset) -> Site | None:
+    attributes = dataset.attrs
+    if "site_longitude" not in attributes:
+        return None
+    north, east = (float(value) for value in np.asarray(attributes["site_origin"]))
+    longitude, latitude = float(attributes["site_longitude"]), float(attributes["site_latitude"])
+    return Site(longitude, latitude, origin=(north, east))
+
+
+@dataclass
+class _GraphBook:
+    """Tasks on the edges of a graph and at its waypoints.
+
+    Attributes:
+        priority, duration: [N, N], of the edges alone; s.
+        at_priority, at_duration: [N], of the waypoints; s.
+        once: whether a waypoint that is visited again is passed without a task.
+        taken: edges whose tasks are done, either way.
+    """
+
+    priority: Array
+    duration: Array
+    at_priority: Array
+    at_duration: Array
+    once: bool
+    taken: set[frozenset[int]] = field(default_factory=set)
+
+    @classmethod
+    def of(cls, dataset: xr.Dataset, once: bool) -> "_GraphBook":
+        open_ = dataset["adjacency"].values.astype(bool)
+        at = [np.array(dataset[f"waypoint_{name}"].values, float) for name in ("priority", "duration")]
+        whole = [np.array(dataset[f"task_{name}"].values, float) for name in ("priority", "duration")]
+        priority, duration = (np.where(open_, own - part, 0.0) for own, part in zip(whole, at, strict=True))
+        return cls(priority, duration, at[0], at[1], once)
+
+    def earn(self, leg: Leg, revisit: bool) -> Earned:
+        """Both tasks, each the first time; none at all where a waypoint is merely passed."""
+        edge = (leg.start, leg.goal)
+        if revisit and self.once:
+            return Earned(0.0, 0.0, 0)
+        priority, duration = float(self.at_priority[leg.goal]), float(self.at_duration[leg.goal])
+        self.at_priority[leg.goal] = self.at_duration[leg.goal] = 0.0
+        if frozenset(edge) not in self.taken:
+            priority, duration = priority + self.priority[edge], duration + self.duration[edge]
+            self.taken.add(frozenset(edge))
+        return Earned(float(priority), float(duration), int(priority > 0.0))
+
+
+@dataclass
+class _Task:
+    """A task at a place, or along the straight line between two; [3] m, s."""
+
+    job: str
+    ends: tuple[Array, ...]
+    priority: float
+    duration: float
+
+
+@dataclass
+class _JobBook:
+    """Jobs of a file: points are done where a leg ends, parts of lines by a leg from vertex to vertex.
+
+    Attributes:
+        left: tasks still to be done.
+    """
+
+    left: list[_Task]
+
+    @classmethod
+    def of(cls, jobs: Jobs, dataset: xr.Dataset) -> "_JobBook":
+        start = dataset["waypoint_position"].values[int(dataset.attrs["start"])]
+        points = [
+            _Task(point.name, (np.asarray(point.position),), point.priority, point.duration)
+            for point in jobs.points
+            if not _near(np.asarray(point.position), start)  # what lies at the start is never arrived at
+        ]
+        return cls([*points, *(part for line in jobs.lines for part in _parts(line))])
+
+    def earn(self, leg: Leg, revisit: bool) -> Earned:
+        """Every task that lies where the leg ends, or along it."""
+        done = [task for task in self.left if _does(leg, task.ends)]
+        self.left = [task for task in self.left if not any(task is other for other in done)]
+        open_ = {task.job for task in self.left}
+        complete = {task.job for task in done if task.priority > 0.0} - open_
+        return Earned(sum(t.priority for t in done), sum(t.duration for t in done), len(complete))
+
+
+def _parts(line: Any) -> Iterable[_Task]:
+    ends = list(pairwise(np.asarray(place, float) for place in line.positions))
+    lengths = [float(np.linalg.norm(b - a)) for a, b in ends]
+    for (a, b), length in zip(ends, lengths, strict=True):
+        share = length / sum(lengths)
+        yield _Task(line.name, (a, b), line.priority * share, line.duration * share)
+
+
+def _does(leg: Leg, ends: tuple[Array, ...]) -> bool:
+    """Whether a leg ends at the place of a task, or leads along its line, either way."""
+    first, last = leg.positions[0], leg.positions[-1]
+    if len(ends) == 1:
+        return _near(last, ends[0])
+    a, b = ends
+    return (_near(first, a) and _near(last, b)) or (_near(first, b) and _near(last, a))
+
+
+def _near(a: Array, b: Array) -> bool:
+    return bool(np.linalg.norm(a - b) <= PLACE_TOLERANCE)
