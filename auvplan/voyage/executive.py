@@ -285,15 +285,21 @@ def _judge(fleet: Fleet, mission: Mission) -> None:
     mission.here = record.goal
     mission.step += 1
     mission.visited |= {record.start, record.goal}
-    mission.graph = _what_is_left(mission.graph, record, planning.visits)
+    mission.graph = what_is_left(mission.graph, record.start, record.goal, planning.visits)
     if record.goal == run.goal:
         mission.end("")
     elif planning.replan == "late" and record.t_path + record.t_task > record.t_expected:
         mission.cause = "late"
 
 
-def _what_is_left(graph: MissionGraph, leg: LegRecord, visits: str) -> MissionGraph:
-    """The graph after a leg: what may still be visited, and the tasks that are not done."""
+def what_is_left(graph: MissionGraph, left: int, reached: int, visits: str) -> MissionGraph:
+    """The graph after a leg: what may still be visited, and the tasks that are not done.
+
+    Args:
+        graph: before it.
+        left, reached: waypoints at the leg's ends.
+        visits: "once" or "edges", as in `PlanningSettings`.
+    """
     if visits == "once":
-        return graph.without_waypoints([leg.start]).without_task_at(leg.goal)
-    return graph.without_edges([(leg.start, leg.goal)]).without_task_at(leg.goal)
+        return graph.without_waypoints([left]).without_task_at(reached)
+    return graph.without_edges([(left, reached)]).without_task_at(reached)

@@ -47,7 +47,8 @@ def begin_legs(fleet: Fleet, missions: list[Mission], records: Sequence[LegRecor
         plan_legs(fleet, again, ["leg"] * len(again), cold=True)
     for mission in missions:
         mission.sailing.record.followed = len(mission.sailing.record.plans) - 1
-    _hope(fleet, [mission for mission in missions if _detours(mission.sailing)])
+    if fleet.rules.preset == "default":
+        _hope(fleet, [mission for mission in missions if _detours(mission.sailing)])
     parts = fleet.path_config.t_series
     for mission in missions:
         share = mission.sailing.followed.travel_time / parts

@@ -24,7 +24,7 @@ SITE = Site(148.96, -20.34, datetime(2026, 11, 22, 6, tzinfo=UTC), (5000.0, 3000
 def run():
     made = make_run()
     made.scenario = Scenario().model_dump(mode="json")
-    made.site, made.names = SITE, ["alpha", "bravo"]
+    made.site, made.names = SITE, ["alpha", "bravo", "charlie", "delta"]
     made.seabed = Seabed.from_depth(np.full((40, 30), 300.0), 100.0, (-500.0, -400.0), clearance=7.0)
     return made
 

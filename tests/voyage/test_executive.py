@@ -80,7 +80,6 @@ def test_windows_plan_anew_always_never_or_where_the_sea_changed():
 
     every, changed, none = windows(window_change=0.0), windows(), windows(window_change=1e6)
     assert every > changed >= none
-    assert planning(preset="paper").planning.least_window_change == 0.0
 
 
 def compilations() -> list[int]:
