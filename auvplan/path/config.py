@@ -108,7 +108,8 @@ class PathConfig:
         choice the reading is taken under which the violation vanishes as in Fig. 11: m(S) is the probability
         that a habitat mutates in one of its SIVs, by a Gaussian step of 5 % of its range, and control points
         keep within 35 % of the distance from the straight line. Read as a probability of every SIV, or with
-        values drawn anew within the bounds, mutation keeps the mean violation of the population above 1e-3 (`python -m benchmarks.paper_scenarios --readings`).
+        values drawn anew within the bounds, mutation keeps the mean violation of the population above 1e-3
+        (`python -m benchmarks.paper_scenarios --readings`).
         """
         return cls(
             bbo=BBOConfig(

@@ -366,8 +366,7 @@ def test_a_survey_line_counts_when_all_of_it_is_done(tmp_path):
     (tmp_path / "jobs.csv").write_text("\n".join(rows))
     lengths = np.linalg.norm(np.diff(WAYPOINTS[[0, 1, 3]], axis=0), axis=1)
     for leg, share in zip(run.legs, lengths / lengths.sum(), strict=True):
-        leg.priority = 9.0 * share
-        late = 180.0 * share - leg.t_task
+        leg.priority, late = 9.0 * float(share), 180.0 * float(share) - leg.t_task
         leg.t_task += late
         run.t_mission += late
     run.legs[1].times = run.legs[1].times + run.legs[0].t_task - 60.0
