@@ -12,7 +12,9 @@ from auvplan.bbo import BBOConfig, rates
 
 @pytest.mark.parametrize("count", [1, 2, 10, 99, 400])
 @pytest.mark.parametrize(("largest_in", "largest_out"), [(1.0, 1.0), (0.3, 0.3), (0.9, 0.3)])
-def test_stationary_law_of_linear_rates_is_binomial(count: int, largest_in: float, largest_out: float) -> None:
+def test_stationary_law_of_linear_rates_is_binomial(
+    count: int, largest_in: float, largest_out: float
+) -> None:
     by_rank = rates.linear_rates(count + 1, largest_in, largest_out)
     law = rates.stationary_law(*(rate[::-1] for rate in by_rank))
     expected = binom.pmf(np.arange(count + 1), count, largest_in / (largest_in + largest_out))
@@ -78,7 +80,12 @@ def test_eq3_is_a_step_of_eq4_that_keeps_probabilities(count: int, dt: float, se
 
 def test_eq3_by_hand() -> None:
     """Each P_S(t + dt) as Eq. 3 has it: who stays, who comes from below, who comes from above."""
-    before, up, down, dt = np.array([0.5, 0.3, 0.2]), np.array([1.0, 0.4, 9.0]), np.array([9.0, 0.6, 0.7]), 0.5
+    before, up, down, dt = (
+        np.array([0.5, 0.3, 0.2]),
+        np.array([1.0, 0.4, 9.0]),
+        np.array([9.0, 0.6, 0.7]),
+        0.5,
+    )
     expected = [
         0.5 * (1.0 - 1.0 * dt) + 0.3 * 0.6 * dt,
         0.3 * (1.0 - (0.4 + 0.6) * dt) + 0.5 * 1.0 * dt + 0.2 * 0.7 * dt,
