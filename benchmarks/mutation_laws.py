@@ -1,7 +1,7 @@
-"""What the species law behind the mutation rates (Eq. 5) is worth to searches with constant migration rates.
+"""What the species law behind the mutation rates (Eq. 5) is worth to searches with constant migration.
 
-``python -m benchmarks.mutation_laws`` runs the paper's mission preset (lambda = 0.8, mu = 0.2, m_max = 0.5) on
-generated graphs of 40 waypoints, and plain biogeography-based optimisation with the same rates on a small
+``python -m benchmarks.mutation_laws`` runs the paper's mission preset (lambda = 0.8, mu = 0.2, m_max = 0.5)
+on generated graphs of 40 waypoints, and plain biogeography-based optimisation with the same rates on a small
 function, under three laws of mutation by rank.
 """
 

@@ -96,10 +96,10 @@ def stationary_law(immigration: Array, emigration: Array) -> Array:
 def mutation_rates(immigration: Array, emigration: Array, mutation_max: float) -> Array:
     """Compute the mutation rate of each rank, best habitat first: m(S) = m_max (1 - P_S / P_max) (Eq. 5).
 
-    Rank k hosts S = n - k species of n = P - 1, and P_S is the stationary law of the rates. With linear rates,
-    I = E, unlikely species counts mutate most, the very good and the very bad: m is within 10 % of m_max for
-    about 79 % of the ranks at P = 100, so the law is close to a constant rate that spares the middle of the
-    ranking. With the constant rates of section 4.2 the best habitat is the likeliest, and spared instead:
+    Rank k hosts S = n - k species of n = P - 1, and P_S is the stationary law of the rates. With linear
+    rates, I = E, unlikely species counts mutate most, the very good and the very bad: m is within 10 % of
+    m_max for about 79 % of the ranks at P = 100, so the law is close to a constant rate that spares the
+    middle of the ranking. With the constant rates of section 4.2 the best habitat is the likeliest, and spared instead:
     m = m_max (1 - (mu / lambda)^k).
 
     Args:
