@@ -99,8 +99,8 @@ def mutation_rates(immigration: Array, emigration: Array, mutation_max: float) -
     Rank k hosts S = n - k species of n = P - 1, and P_S is the stationary law of the rates. With linear
     rates, I = E, unlikely species counts mutate most, the very good and the very bad: m is within 10 % of
     m_max for about 79 % of the ranks at P = 100, so the law is close to a constant rate that spares the
-    middle of the ranking. With the constant rates of section 4.2 the best habitat is the likeliest, and spared instead:
-    m = m_max (1 - (mu / lambda)^k).
+    middle of the ranking. With the constant rates of section 4.2 the best habitat is the likeliest, and
+    spared instead: m = m_max (1 - (mu / lambda)^k).
 
     Args:
         immigration: lambda by rank, best first, [P], at least 2.
