@@ -219,6 +219,7 @@ def search_leg(
         "population": result.state.population,
         "history": result.history,
         "excess": jnp.stack(flight.excess)[:, :, 0],
+        "water": jnp.stack(flight.water, axis=-1)[:, 0],
     }
 
 
