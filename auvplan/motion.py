@@ -1,6 +1,8 @@
 """Attitude and velocities of a vehicle, planned or simulated, on the host (Eqs 6-8, 10)."""
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -9,10 +11,12 @@ from auvplan.vehicle import SpeedReading, along_track
 
 Array = NDArray[np.floating]
 
+_FIELDS = ("yaw", "pitch", "ground_velocity")
+
 
 @dataclass(frozen=True)
 class Motion:
-    """How a vehicle moves at n moments.
+    """How a vehicle moves at n moments; arrays may have more axes before.
 
     Attributes:
         yaw: [n] rad, psi of the hull, from north towards east.
@@ -75,7 +79,23 @@ class Motion:
     def of_body(cls, yaw: ArrayLike, pitch: ArrayLike, body_velocity: ArrayLike) -> "Motion":
         """Restore a motion from attitude [n] rad and body velocity [n, 3] m/s (Eq. 7)."""
         yaw, pitch, body = (np.asarray(part, float) for part in (yaw, pitch, body_velocity))
-        return cls(yaw, pitch, np.einsum("nij,nj->ni", rotation(yaw, pitch), body))
+        return cls(yaw, pitch, np.einsum("...ij,...j->...i", rotation(yaw, pitch), body))
+
+    @classmethod
+    def joined(cls, parts: Iterable["Motion"]) -> "Motion":
+        """Join motions one after the other."""
+        parts = [cls.none(), *parts]
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in _FIELDS))
+
+    @classmethod
+    def padded(cls, parts: Sequence["Motion"], count: int) -> "Motion":
+        """Stack motions, [parts, count], filled up with NaN to a number of moments each."""
+        filled = [cls.joined([part, cls.none(count - len(part))]) for part in parts]
+        return cls(*(np.stack([getattr(part, name) for part in filled]) for name in _FIELDS))
+
+    def __getitem__(self, chosen: Any) -> "Motion":
+        """Return some of the moments."""
+        return Motion(self.yaw[chosen], self.pitch[chosen], self.ground_velocity[chosen])
 
     @property
     def course(self) -> Array:
@@ -85,7 +105,7 @@ class Motion:
     @property
     def body_velocity(self) -> Array:
         """Surge u, sway v and heave w, [n, 3] m/s: the velocity over ground in axes of the hull (Eq. 7)."""
-        return np.einsum("nji,nj->ni", rotation(self.yaw, self.pitch), self.ground_velocity)
+        return np.einsum("...ji,...j->...i", rotation(self.yaw, self.pitch), self.ground_velocity)
 
 
 def orientation(displacement: ArrayLike) -> tuple[Array, Array]:

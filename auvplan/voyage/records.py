@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.mission import MissionGraph, MissionOrder
+from auvplan.motion import Motion
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.currents import Current
 from auvplan.ocean.seabed import Seabed
@@ -32,6 +33,7 @@ class PlanRecord:
         cpu: s of wall-clock time.
         history: by iteration, [I + 1] each: best, mean, std, violation_best, violation_mean, violation_std.
         current: the true one when the plan was made, for pictures.
+        motion: attitude and velocities on its S - 1 segments, as planned.
     """
 
     made_at: float
@@ -43,6 +45,7 @@ class PlanRecord:
     cpu: float
     history: dict[str, Array]
     current: Current
+    motion: Motion
 
 
 @dataclass
@@ -61,6 +64,7 @@ class LegRecord:
             true one along the track; NaN where both change as vortices do.
         times: [n] s since the epoch; the last is the arrival.
         positions: [n, 3] m, sailed.
+        motion: attitude and velocities, [n] as simulated: each from its time to the next.
         obstacle_positions: [n, M, 3] m, the truth.
         obstacle_radii: [M] m, the truth.
         obstacle_kinds: [M] names: "static", "afloat" or "self-motivated".
@@ -77,6 +81,7 @@ class LegRecord:
     current_difference: float = math.nan
     times: Array = field(default_factory=lambda: np.zeros(0))
     positions: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    motion: Motion = field(default_factory=Motion.none)
     obstacle_positions: Array = field(default_factory=lambda: np.zeros((0, 0, 3)))
     obstacle_radii: Array = field(default_factory=lambda: np.zeros(0))
     obstacle_kinds: list[str] = field(default_factory=list)

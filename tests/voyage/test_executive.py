@@ -11,6 +11,7 @@ from auvplan.mission.travel_times import programs
 from auvplan.path import planner, replanner
 from auvplan.voyage import ScenarioError, sail_missions, seed_keys
 from auvplan.voyage.scenario import Scenario
+from auvplan.voyage.simulator import TIME_STEP
 from auvplan.voyage.waypoints import make_graph
 from tests.voyage.small import SMALL, planning, scenario
 
@@ -42,6 +43,23 @@ def test_times_add_up_and_legs_connect(three):
             np.testing.assert_allclose(leg.positions[0], run.graph.positions[leg.start], atol=1.0)
             np.testing.assert_allclose(leg.positions[-1], run.graph.positions[leg.goal], atol=1.0)
             clock = leg.times[-1] + leg.t_task
+
+
+def test_tracks_carry_the_motion_that_they_were_sailed_at(three):
+    for run in three:
+        for leg in run.done:
+            assert len(leg.motion) == len(leg.times)
+            elapsed = np.diff(leg.times)[:, None]
+            sailed = np.diff(leg.positions, axis=0) / elapsed
+            velocity = leg.motion.ground_velocity[:-1]
+            # The tangent at a step's beginning against its chord: they differ by what it turns in a step.
+            turn = float(run.vehicle.turn_rate_max) * TIME_STEP * np.linalg.norm(velocity, axis=1).max()
+            np.testing.assert_allclose(velocity[:-1], sailed[:-1], atol=turn)
+            assert np.median(np.abs(velocity - sailed)) < 0.02
+        for plan in (plan for leg in run.done for plan in leg.plans):
+            assert len(plan.motion) == len(plan.times) - 1
+            # Peak currents of 0.8 of the vehicle's speed: no faster than both together.
+            assert np.linalg.norm(plan.motion.ground_velocity, axis=1).max() < 1.8 * 2.5
 
 
 def test_no_task_is_done_twice(three):
