@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan.mission import MissionGraph, MissionOrder
+from auvplan.mission import MissionConfig, MissionGraph, MissionOrder
 from auvplan.motion import Motion
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.currents import Current
@@ -199,6 +199,40 @@ class MissionRun:
         return [leg for leg in self.legs if leg.arrived]
 
     @property
+    def tasks_done(self) -> list[LegRecord]:
+        """Legs whose task was done."""
+        return [leg for leg in self.done if leg.priority > 0.0]
+
+    @property
+    def replan_compute(self) -> float:
+        """Sum of T_compute over the mission's re-plans, s of wall-clock time; the first order is none."""
+        return sum(order.cpu for order in self.orders[1:])
+
+    def cost_mission(self, phi1: float = MissionConfig.phi1, phi2: float = MissionConfig.phi2) -> float:
+        """Weigh the mission as it was done: Phi_1 |T_Mission - T_available| + Phi_2 sum(1 / rho) (Eq. 15).
+
+        The sum is over the tasks done.
+
+        Args:
+            phi1: Phi_1, per second.
+            phi2: Phi_2.
+
+        Differences from the paper:
+            The path cost of a leg is read as its travel time, T_path; planning time that the mission's clock
+            was charged with is left out, since Eq. 16 adds it.
+        """
+        used = self.t_mission - self.charged_compute
+        return phi1 * abs(used - self.t_available) + phi2 * sum(1.0 / leg.priority for leg in self.tasks_done)
+
+    def cost_total(self, phi1: float = MissionConfig.phi1, phi2: float = MissionConfig.phi2) -> float:
+        """Add the computing time of the mission's re-plans to `cost_mission` (Eq. 16).
+
+        Differences from the paper:
+            T_compute is the time of the new order alone: what checks whether it is due is not timed apart.
+        """
+        return self.cost_mission(phi1, phi2) + self.replan_compute
+
+    @property
     def collisions(self) -> int:
         """Points about a metre apart on the sailed tracks that lie inside a true obstacle or on land."""
         return sum(self._hits(leg) for leg in self.legs)
@@ -243,11 +277,13 @@ class MissionRun:
             "t_residual": self.t_residual,
             "success": self.success,
             "reason": self.reason,
-            "tasks": sum(leg.priority > 0 for leg in self.done),
+            "tasks": len(self.tasks_done),
             "total_priority": sum(leg.priority for leg in self.done),
             "path_calls": len(self.legs),
             "path_replans": sum(leg.path_replans for leg in self.legs),
             "mission_replans": max(len(self.orders) - 1, 0),
+            "cost_mission": self.cost_mission(),
+            "cost_total": self.cost_total(),
             "legs": [
                 {
                     "from": leg.start,
@@ -266,6 +302,7 @@ class MissionRun:
             "cpu": {
                 "path_s": sum(leg.cpu for leg in self.legs),
                 "mission_s": sum(order.cpu for order in self.orders),
+                "mission_replans_s": self.replan_compute,
                 "travel_times_s": self.estimate_seconds,
                 "charged_s": self.charged_compute,
                 "compile_s": self.compile_seconds,
