@@ -80,14 +80,23 @@ def test_paths_are_replanned_at_every_window(three):
 
 
 def test_a_mission_does_not_depend_on_those_beside_it(three):
-    """Alone, among three, or after others in a pool of two: the same to the last bit."""
-    alone = ap.run_mission(scenario(), key=jax.random.key(1), seed=1)
+    """Alone by its seed, among three, or after others in a pool of two: the same to the last bit."""
+    alone = ap.run_mission(scenario(), seed=1)
+    assert alone.seed == 1
     pool = dict(sail_missions(scenario(), keys=seed_keys(range(3)), together=2))
     for other in (three[1], pool[1]):
         assert [leg.goal for leg in alone.done] == [leg.goal for leg in other.done]
         for mine, theirs in zip(alone.legs, other.legs, strict=True):
             np.testing.assert_array_equal(mine.positions, theirs.positions)
             np.testing.assert_array_equal(mine.times, theirs.times)
+
+
+def test_missions_without_key_or_seed_are_refused():
+    for call in (ap.run_mission, ap.run_missions):
+        with pytest.raises(ValueError, match="key"):
+            call(scenario())
+    with pytest.raises(ValueError, match="2 and 3"):
+        ap.run_missions(scenario(), keys=seed_keys(range(2)), seeds=range(3))
 
 
 def test_windows_plan_anew_always_never_or_where_the_sea_changed():
