@@ -63,7 +63,9 @@ class Flight:
 
     Attributes:
         x, y, z: [S, P] m, positions of the samples.
-        times: [S, P] s since the epoch, arrival at each sample.
+        times: [S, P] s since the epoch, arrival at each sample; differentiable in track, departure, vehicle
+            and current, but for what `PacedCurrent` holds fixed. The first is the departure: it answers to
+            nothing else, and later ones to it by a second a second besides the change of the way's duration.
         length: [P] m.
         water: u, v, w, [S - 1, P] m/s north, east, down, the current met in the middle of each segment.
         excess: a plane [S - 1, P] for each limit of `VIOLATIONS`, how far each segment breaks it; zero where
