@@ -7,6 +7,7 @@ import jax
 import numpy as np
 from numpy.typing import NDArray
 
+from auvplan.motion import Motion
 from auvplan.path.outlook import outlook
 from auvplan.rows import padded_batches
 from auvplan.voyage.belief import ObstacleBelief
@@ -128,10 +129,12 @@ def _take(fleet: Fleet, mission: Mission, out: Sailed) -> None:
     # Time stands still after the arrival: keep the steps that moved it.
     fresh = np.diff(times, prepend=mission.now) > 0
     if not leg.stretches:
-        leg.stretches.append((np.asarray([mission.now]), leg.origin[None], leg.truth.position[None]))
-    leg.stretches.append(
-        (times[fresh], np.asarray(out.positions, float)[fresh], np.asarray(out.obstacles, float)[fresh])
+        start = np.asarray([mission.now]), leg.origin[None], leg.truth.position[None]
+        leg.stretches.append((*start, np.zeros((0, 3)), np.zeros((0, 3))))
+    positions, obstacles, ground, water = (
+        np.asarray(part, float)[fresh] for part in (out.positions, out.obstacles, out.ground, out.water)
     )
+    leg.stretches.append((times[fresh], positions, obstacles, ground, water))
     leg.truth.position = np.asarray(out.obstacles[-1], float)
     leg.moves = np.asarray(out.moves, float)
     leg.arc = float(out.arc)
@@ -146,7 +149,13 @@ def _take(fleet: Fleet, mission: Mission, out: Sailed) -> None:
 def finish(leg: Leg) -> None:
     """Write what was sailed into the leg's record."""
     parts = [np.concatenate(part) for part in zip(*leg.stretches, strict=True)]
-    leg.record.times, leg.record.positions, leg.record.obstacle_positions = parts
+    leg.record.times, leg.record.positions, leg.record.obstacle_positions, ground, water = parts
+    # What a step is sailed at holds from its first record on; the arrival keeps that of the last step.
+    if len(ground):
+        ground, water = (np.concatenate([part, part[-1:]]) for part in (ground, water))
+        leg.record.motion = Motion.through_water(ground, water)
+    else:
+        leg.record.motion = Motion.none(len(leg.record.times))
 
 
 def _react(fleet: Fleet, missions: list[Mission]) -> None:

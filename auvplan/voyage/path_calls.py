@@ -80,6 +80,7 @@ def _follow(mission: Mission, plan: PathPlan, cause: str, seconds: float) -> Non
             seconds,
             history,
             mission.sea.field,
+            plan.motion,
         )
     )
     leg.follow(plan)
