@@ -33,15 +33,8 @@ CLOSE = 40.0
 
 def begin_legs(fleet: Fleet, missions: list[Mission], records: Sequence[LegRecord]) -> None:
     """Set the obstacles of each mission's leg, believe them roughly, and plan all first paths in one call."""
-    scenario = fleet.scenario
     for mission, record in zip(missions, records, strict=True):
-        mission.sea.advance(mission.now)
-        origin, target = (np.asarray(mission.graph.positions[k]) for k in (record.start, record.goal))
-        truth = draw_obstacles(scenario, origin, target, mission.rng)
-        record.obstacle_radii, record.obstacle_kinds = truth.radius, truth.kinds
-        moves = np.asarray(over_ground(mission.sea.field, *truth.motion, mission.now), float)
-        belief = ObstacleBelief(truth, moves, mission.now, scenario.sensors, mission.rng)
-        mission.leg = Leg(record, origin, target, truth, moves, belief)
+        set_out(fleet, mission, record)
     plan_legs(fleet, missions, ["leg"] * len(missions), cold=True)
     again = [mission for mission in missions if refusal(mission.sailing)]
     if again:
@@ -54,6 +47,17 @@ def begin_legs(fleet: Fleet, missions: list[Mission], records: Sequence[LegRecor
     for mission in missions:
         share = mission.sailing.followed.travel_time / parts
         mission.sailing.windows = [mission.now + share * (k + 1) for k in range(parts - 1)]
+
+
+def set_out(fleet: Fleet, mission: Mission, record: LegRecord) -> None:
+    """Put a mission on a leg: draw its true obstacles and what is believed of them; no path yet."""
+    mission.sea.advance(mission.now)
+    origin, target = (np.asarray(mission.graph.positions[k]) for k in (record.start, record.goal))
+    truth = draw_obstacles(fleet.scenario, origin, target, mission.rng)
+    record.obstacle_radii, record.obstacle_kinds = truth.radius, truth.kinds
+    moves = np.asarray(over_ground(mission.sea.field, *truth.motion, mission.now), float)
+    belief = ObstacleBelief(truth, moves, mission.now, fleet.scenario.sensors, mission.rng)
+    mission.leg = Leg(record, origin, target, truth, moves, belief)
 
 
 def _detours(leg: Leg) -> bool:

@@ -151,6 +151,9 @@ def test_figures_of_a_summary_are_the_means_and_quantiles_of_missions_legs_and_c
         "use_of_time_percent": use_of_time(study),
         "t_residual_s": study["t_residual"].values,
         "total_priority": study["total_priority"].values,
+        "priority_bound": 1.0 + 1.25 * study["total_priority"].values,
+        "priority_gap_percent": 100.0
+        * (1.0 - study["total_priority"].values / (1.0 + 1.25 * study["total_priority"].values)),
         "mission_replans": study["mission_replans"].values,
         "cost_mission": study["cost_mission"].values,
         "cost_total": study["cost_total"].values,
