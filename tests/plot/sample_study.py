@@ -157,7 +157,8 @@ def _total(row: dict[str, np.ndarray], rng: np.random.Generator, plans: int, ord
     done = row["leg_arrived"] == 1
     figures = {
         "t_available": AVAILABLE, "t_mission": used, "t_residual": AVAILABLE - used, "tasks": done.sum(),
-        "total_priority": row["leg_priority"][done].sum(), "priority_bound": 1.0 + 1.25 * row["leg_priority"][done].sum(), "path_calls": done.sum(),
+        "total_priority": row["leg_priority"][done].sum(), "path_calls": done.sum(),
+        "priority_bound": 1.0 + 1.25 * row["leg_priority"][done].sum(),
         "path_replans": plans - done.sum(), "mission_replans": orders - 1, "collisions": 0,
         "path_cpu": np.nansum(row["plan_cpu"]), "mission_cpu": np.nansum(row["order_cpu"]),
         "mission_replan_cpu": np.nansum(row["order_cpu"][1:]),
