@@ -2,7 +2,9 @@
 
 import os
 import sys
+import warnings
 from pathlib import Path
+from typing import Any
 
 import typer
 
@@ -44,6 +46,21 @@ def _enable_compilation_cache() -> None:
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
 
 
+def _shorten_warnings() -> None:
+    """Show what a scenario warns of as one line without a place in the code."""
+    from auvplan.voyage.world import ScenarioWarning
+
+    usual = warnings.showwarning
+
+    def show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
+        if issubclass(category, ScenarioWarning):
+            errors.print(f"auvplan: warning: {message}", soft_wrap=True, highlight=False, markup=False)
+        else:
+            usual(message, category, *place, **more)
+
+    warnings.showwarning = show
+
+
 def main() -> None:
     """Entry point: bad input is one line and exit status 2."""
     _enable_compilation_cache()
@@ -57,6 +74,7 @@ def main() -> None:
     from auvplan.study import StudyError
     from auvplan.voyage import ScenarioError
 
+    _shorten_warnings()
     bad_input = ScenarioError, ChartError, CurrentError, GeoError, SeabedError
     try:
         app()

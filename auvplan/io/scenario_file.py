@@ -1,5 +1,6 @@
 """Scenario files: YAML, loaded safely, validated as a whole."""
 
+import warnings
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -8,7 +9,7 @@ from auvplan.io.faults import Fault, first_of
 from auvplan.io.scenario_faults import check_fields
 from auvplan.io.yaml_lines import Document, YamlError, read_yaml
 from auvplan.voyage.scenario import Scenario
-from auvplan.voyage.world import ScenarioError
+from auvplan.voyage.world import ScenarioError, ScenarioWarning
 
 #: Larger files are no scenarios.
 _MAX_BYTES = 200_000
@@ -29,10 +30,14 @@ def load_scenario(source: str | Path = "whitsunday") -> Scenario:
 
     Raises:
         ScenarioError: one line that names file, line, field and reason, and how many more faults there are.
+
+    Warns:
+        ScenarioWarning: a setting differs from what the preset 'paper' fixes; the line has both values.
     """
     scenario, faults, _ = check_scenario(source)
     if scenario is None:
         raise ScenarioError(first_of(faults, str(source), is_file=True))
+    _warn(scenario)
     return scenario
 
 
@@ -65,7 +70,14 @@ def validate_scenario(plain: dict[str, Any], source: str = "scenario") -> Scenar
     scenario, faults = check_fields(Document(plain))
     if scenario is None:
         raise ScenarioError(first_of(faults, source, is_file=False))
+    _warn(scenario)
     return scenario
+
+
+def _warn(scenario: Scenario) -> None:
+    """Warn of settings that differ from what the preset fixes."""
+    for line in scenario.planning.departures:
+        warnings.warn(line, ScenarioWarning, stacklevel=1)
 
 
 def scenario_schema() -> dict[str, Any]:

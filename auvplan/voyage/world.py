@@ -25,6 +25,10 @@ class ScenarioError(ValueError):
     """A scenario that cannot be built; the message is one line."""
 
 
+class ScenarioWarning(UserWarning):
+    """A setting that changes what a preset stands for; the message is one line."""
+
+
 @dataclass
 class TrueObstacles:
     """True obstacles of one leg.

@@ -16,7 +16,7 @@ from auvplan.io.scenario_file import (
 )
 from auvplan.io.yaml_lines import YamlError, read_yaml
 from auvplan.voyage.scenario import Scenario
-from auvplan.voyage.world import ScenarioError
+from auvplan.voyage.world import ScenarioError, ScenarioWarning
 
 
 def faults_of(tmp_path, text):
@@ -287,3 +287,15 @@ def test_any_text_is_data_or_a_fault(text):
     except YamlError as error:
         said = str(error)
     assert len(said.splitlines()) <= 1
+
+
+def test_a_setting_that_the_papers_preset_fixes_is_warned_of_with_both_values():
+    with pytest.warns(ScenarioWarning, match=r"planning.reserve is 60.0, preset 'paper' has 0.0"):
+        scenario = validate_scenario({"planning": {"preset": "paper", "reserve": 60}})
+    assert scenario.planning.resolved.reserve == 60.0
+
+
+def test_the_papers_preset_alone_is_warned_of_by_nothing():
+    """Warnings are errors in the tests; so are settings that repeat what the preset has."""
+    plain = {"planning": {"preset": "paper", "reserve": 0, "visits": "edges", "t_series": 3}}
+    assert validate_scenario(plain).planning.departures == []
