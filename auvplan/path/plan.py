@@ -122,8 +122,8 @@ class PathPlan:
             >>> stream = lambda x, y, z, t: (0.0, 1.5, 0.0)
             >>> env = ap.Environment(stream, lower=(-500, -500, 0), upper=(2500, 500, 0))
             >>> plan = ap.plan_path((0, 0, 0), (2000, 0, 0), env, key=jax.random.key(0))
-            >>> print(plan.body_velocity[0].round(2) + 0.0)  # 2 m/s to the north, crabbing by 37 degrees
-            [ 1.6  1.2  0. ]
+            >>> [round(float(c), 1) + 0.0 for c in plan.body_velocity[0]]  # at 2 m/s to the north
+            [1.6, 1.2, 0.0]
         """
         return self.motion.body_velocity
 
