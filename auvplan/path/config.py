@@ -76,7 +76,7 @@ class PathConfig:
     obstacle_margin: float = 5.0
     penalties: Penalties = field(default_factory=Penalties)
     passages: int = 8
-    field_cells: int = 64
+    field_cells: int = 120
     passage_steps: int = 60
     refine_steps: int = 60
     refine_step_size: float = 0.002
@@ -119,7 +119,7 @@ class PathConfig:
             control_points=8,
             samples=64,
             passages=4,
-            field_cells=24,
+            field_cells=56,
             passage_steps=40,
             refine_steps=40,
             refine_count=1,

@@ -195,8 +195,11 @@ def search_leg(
         count = config.bbo.population
         population = habitats.initial(first_key, count, start, goal, lower, upper, config, env)
     population = jnp.clip(population, lower, upper)
+    resolution = jnp.full((), jnp.inf)
     if config.passages:
-        population = _with_passages(population, lower, upper, problem, config)
+        found, times, resolution = trace_passages(*problem, count=config.passages, config=config)
+        lower, upper = habitats.widened(lower, upper, found, env)
+        population = _with_passages(population, found, times, lower, upper, problem, config)
     cost = partial(score, config=config)
     result = search.run(run_key, cost, population, lower, upper, config.bbo, problem)
     if config.refine_steps:
@@ -245,10 +248,15 @@ def _paced(
 
 
 def _with_passages(
-    population: jax.Array, lower: jax.Array, upper: jax.Array, problem: tuple, config: PathConfig
+    population: jax.Array,
+    found: jax.Array,
+    times: jax.Array,
+    lower: jax.Array,
+    upper: jax.Array,
+    problem: tuple,
+    config: PathConfig,
 ) -> jax.Array:
     """Put polished paths through the passages that there are in place of the last habitats."""
-    found, times = trace_passages(*problem, count=config.passages, config=config)
     replaced = population[-config.passages :]
     found = jnp.where(jnp.isfinite(times)[:, None], jnp.clip(found, lower, upper), replaced)
     if config.passage_steps:
