@@ -310,10 +310,10 @@ class _Grid:
 
         def closer(carry: tuple, move: tuple) -> tuple[tuple, None]:
             (a, b), forth, opposite, stop, step = move
-            ways = (
+            ways = jax.lax.optimization_barrier((
                 (_shifted(field, a, b, jnp.inf) + forth, stop, step),
                 (_shifted(field + opposite, -a, -b, jnp.inf), _shifted(stop, -a, -b, 0.0), -step),
-            )
+            ))
             best, back, blocked = carry
             for time, stopped, way in ways:
                 better = time < best
@@ -399,11 +399,17 @@ def _move_times(
     x, y, u, v, clear, risk, *shallow = planes
     cell = spacing.min()
 
+    padded = [jnp.pad(plane, _REACH) for plane in (jnp.ones_like(x), *planes)]
+
+    def began(a: jax.Array, b: jax.Array) -> list[jax.Array]:
+        """The planes where the move (a, b) that ends in each cell began; zeros off the grid."""
+        parts = [jax.lax.dynamic_slice(plane, (_REACH - a, _REACH - b), x.shape) for plane in padded]
+        # What the compiler does not store it works out anew for every expression that uses it.
+        return jax.lax.optimization_barrier(parts)
+
     def timed(_: None, move: tuple[jax.Array, jax.Array, jax.Array]) -> tuple[None, tuple]:
         a, b, passed_by = move
-        inside, x0, y0, u0, v0, clear0, risk0 = (
-            _shifted(plane, a, b, 0.0) for plane in (jnp.ones_like(x), x, y, u, v, clear, risk)
-        )
+        inside, x0, y0, u0, v0, clear0, risk0, *_ = began(a, b)
         dx, dy = x - x0, y - y0
         length = jnp.sqrt(dx * dx + dy * dy + (1e-3 * cell) ** 2)
         # Mean of both ends of the move.
@@ -413,7 +419,7 @@ def _move_times(
         passed = [clear0, clear]
         if room is not None:
             probed = [_probed(room, x0 + s * dx, y0 + s * dy, low, spacing) for s in _ON_THE_WAY]
-            passed = [clear0, *probed, clear]
+            passed = [clear0, *jax.lax.optimization_barrier(probed), clear]
         lowest = reduce(jnp.minimum, passed)
         # A long move may cut a corner: distances are 1-Lipschitz.
         part = length / (len(passed) - 1)
@@ -422,7 +428,7 @@ def _move_times(
         lowest = jnp.where(is_long, reduce(jnp.minimum, between, lowest), lowest)
         excess = jnp.clip(-lowest / cell, 0.0, _MOST) + jnp.maximum(over_track / vehicle.sway_max - 1.0, 0.0)
         for plane in shallow:
-            crossed = [_shifted(plane, *back, 0.0) for back in passed_by]
+            crossed = [began(*back)[-1] for back in passed_by]
             excess = excess + reduce(jnp.maximum, crossed, plane)
         pair = []
         for sign in (1.0, -1.0):
@@ -430,13 +436,13 @@ def _move_times(
             broken = excess + jnp.maximum(ground / vehicle.surge_max - 1.0, 0.0) + shortfall
             dear = 1.0 + _DETERRENT * broken + config.uncertain_price * 0.5 * (risk + risk0)
             pair.append(jnp.where(inside > 0.0, length / ground * dear, jnp.inf))
-        return None, (jnp.stack(pair), (lowest < 0.0).astype(x.dtype))
+        return None, (*pair, (lowest < 0.0).astype(x.dtype))
 
     moves = np.array(MOVES)
     passed_by = jnp.asarray([_passed(a, b) for a, b in MOVES])
     rows = jnp.asarray(moves[:, 0]), jnp.asarray(moves[:, 1]), passed_by
-    times, hindered = jax.lax.scan(timed, None, rows)[1]
-    return times.transpose(2, 0, 1, 3), hindered.transpose(1, 0, 2)
+    forth, back, hindered = (plane.swapaxes(0, 1) for plane in jax.lax.scan(timed, None, rows)[1])
+    return jnp.stack([forth, back], axis=2), hindered
 
 
 def _probed(room: jax.Array, x: jax.Array, y: jax.Array, low: jax.Array, spacing: jax.Array) -> jax.Array:
