@@ -60,12 +60,12 @@ class PathConfig:
 
     bbo: BBOConfig = field(
         default_factory=lambda: BBOConfig(
-            iterations=40, replacement="greedy", mutation="gaussian", mutation_step=0.05
+            iterations=24, replacement="greedy", mutation="gaussian", mutation_step=0.05
         )
     )
-    control_points: int = 16
+    control_points: int = 32
     degree: int = 3
-    samples: int = 128
+    samples: int = 160
     speed_reading: SpeedReading = "track"
     start_shape: Literal["smooth", "uniform"] = "smooth"
     width: float = 0.75
@@ -75,7 +75,7 @@ class PathConfig:
     coast_margin: float = 10.0
     obstacle_margin: float = 5.0
     penalties: Penalties = field(default_factory=Penalties)
-    passages: int = 8
+    passages: int = 12
     field_cells: int = 120
     passage_steps: int = 60
     refine_steps: int = 60

@@ -96,7 +96,7 @@ def trace_passages(
     count: int,
     config: PathConfig,
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """The best paths through `count` passages, as habitats.
+    """Trace the best paths through `count` passages, as habitats.
 
     Args:
         start, goal: [3] m.
@@ -108,9 +108,9 @@ def trace_passages(
         config: static settings; `field_cells` sets the grid.
 
     Returns:
-        ``(habitats [count, 3 n] m, times [count] s, resolution [] m)``, quickest first; times of broken limits
-        hold a deterrent. Where there are fewer passages the last ones repeat, with infinite times. The
-        resolution is the size of the cells, negative where no path keeps clear of everything.
+        ``(habitats [count, 3 n] m, times [count] s, closed [] m)``, quickest first; times of broken limits hold
+        a deterrent. Where there are fewer passages the last ones repeat, with infinite times. `closed` is the
+        size of the cells where no path between them keeps clear of coast and obstacles, zero where one does.
     """
     ends = jnp.stack([start, goal])
     distance = jnp.sqrt(((goal - start) ** 2).sum())
@@ -135,8 +135,8 @@ def trace_passages(
     fine = build(low, high, cells, partial(_known_times, coarse=coarse, ahead=ahead, total=total))
     traced = fine.traced(count)
     found = _fitted(traced, start, goal, config)
-    resolution = jnp.where(traced.hindered[0], -1.0, 1.0) * fine.spacing.max()
-    return risen(found, start, goal, env), traced.times, resolution
+    closed = jnp.where(traced.hindered.all(), fine.spacing.max(), 0.0)
+    return risen(found, start, goal, env), traced.times, closed
 
 
 def _proportioned(low: jax.Array, high: jax.Array) -> tuple[jax.Array, jax.Array]:

@@ -33,6 +33,8 @@ class PathPlan:
         history: cost and violation by iteration.
         excess: [V, S - 1] excess of each limit on each segment.
         conditions: what it was planned for.
+        closed: m, size of the cells at which time-to-reach fields find no passage clear of coast and obstacles;
+            zero where they find one, or do not look for any.
     """
 
     travel_time: float
@@ -48,6 +50,7 @@ class PathPlan:
     history: History
     excess: Array
     conditions: Conditions = field(repr=False)
+    closed: float = 0.0
 
     @property
     def feasible(self) -> bool:
@@ -64,6 +67,8 @@ class PathPlan:
         """OK, or the limit that is broken most."""
         if self.feasible:
             return PathStatus.OK
+        if self.closed and {"coast", "obstacle"} & set(self.broken()):
+            return PathStatus.NO_WAY
         return STATUS[self.broken()[0]]
 
     @property
@@ -71,6 +76,8 @@ class PathPlan:
         """One line: the binding limit and the value that breaks it, where and when, and what to do."""
         if self.feasible:
             return self.status.value
+        if self.status is PathStatus.NO_WAY:
+            return f"no passage as wide as {self.closed:.3g} m: {self.status.value}"
         return self.explain(self.broken()[0])
 
     def sensitivity(self) -> Sensitivity:
@@ -137,6 +144,7 @@ class PathPlans:
     population: jax.Array
     history: History
     excess: Array
+    closed: Array
     conditions: Conditions = field(repr=False)
 
     def __len__(self) -> int:
@@ -162,6 +170,7 @@ class PathPlans:
             jax.tree.map(lambda a: a[b], self.history),
             self.excess[b],
             self.conditions if self.conditions.leg is None else replace(self.conditions, leg=b),
+            float(self.closed[b]),
         )
 
     def __iter__(self):

@@ -17,12 +17,14 @@ from auvplan.ocean.currents import Current, divided, is_gradual, united
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.path import habitats
+from auvplan.path.clearance import FAR
 from auvplan.path.config import PathConfig
-from auvplan.path.cost import curves, fly, guide, score, violations
+from auvplan.path.cost import VIOLATIONS, Flight, curves, fly, guide, score
 from auvplan.path.ends import check_ends
 from auvplan.path.kinematics import PacedCurrent, norm
 from auvplan.path.passages import trace_passages
 from auvplan.path.plan import PathPlan, PathPlans
+from auvplan.path.scaling import factor_of, scaled
 from auvplan.path.sensitivity import Conditions
 from auvplan.rows import over_rows
 from auvplan.vehicle import Vehicle
@@ -188,40 +190,67 @@ def search_leg(
     config: PathConfig,
 ) -> dict[str, Any]:
     """One leg's search, traceable: the fields of a `PathPlan` by name. Obstacles must be resolved."""
-    lower, upper = habitats.bounds(start, goal, env, config)
+    factor = factor_of(start, goal)
+    ends, depart = (start * factor, goal * factor), depart * factor
+    env, vehicle, config = scaled(env, vehicle, config, factor)
+    lower, upper = habitats.bounds(*ends, env, config)
     first_key, run_key = jax.random.split(key)
-    problem = (start, goal, depart, _paced(start, goal, depart, env, vehicle, config), vehicle)
+    problem = (*ends, depart, _paced(*ends, depart, env, vehicle, config), vehicle)
     if population is None:
-        count = config.bbo.population
-        population = habitats.initial(first_key, count, start, goal, lower, upper, config, env)
-    population = jnp.clip(population, lower, upper)
-    resolution = jnp.full((), jnp.inf)
+        population = habitats.initial(first_key, config.bbo.population, *ends, lower, upper, config, env)
+    else:
+        population = population * factor
+    closed = jnp.zeros((), lower.dtype)
     if config.passages:
-        found, times, resolution = trace_passages(*problem, count=config.passages, config=config)
+        found, times, closed = trace_passages(*problem, count=config.passages, config=config)
         lower, upper = habitats.widened(lower, upper, found, env)
+        population = jnp.clip(population, lower, upper)
         population = _with_passages(population, found, times, lower, upper, problem, config)
+    else:
+        population = jnp.clip(population, lower, upper)
     cost = partial(score, config=config)
     result = search.run(run_key, cost, population, lower, upper, config.bbo, problem)
     if config.refine_steps:
         result = _polished(result, lower, upper, problem, config)
 
     best = result.state.population[:1]
-    track = curves(best, start, goal, config)
-    flight = fly(track, depart, env, vehicle, config)
-    inner = best.reshape(3, -1).T
+    flight = fly(curves(best, *ends, config), depart, env, vehicle, config)
+    return _in_own_units(best, flight, result, closed, start, goal, factor)
+
+
+def _in_own_units(
+    best: jax.Array,
+    flight: Flight,
+    result: Result,
+    closed: jax.Array,
+    start: jax.Array,
+    goal: jax.Array,
+    factor: jax.Array,
+) -> dict[str, Any]:
+    """The fields of a `PathPlan` by name, from what was found in a world `factor` times as great."""
+    inner = best.reshape(3, -1).T / factor
+    # Excess counts metres of missing clearance and altitude, and shares of all other limits.
+    metres = [name in ("coast", "obstacle", "seabed") for name in VIOLATIONS]
+    excess = jnp.stack(flight.excess)[:, :, 0]
+    excess = jnp.where(np.asarray(metres)[:, None], excess / factor, excess)
+    clearance, altitude = flight.clearance.min(), flight.altitude.min()
+    history = result.history
     return {
-        "travel_time": flight.travel_time[0],
-        "length": flight.length[0],
-        "positions": jnp.stack([flight.x[:, 0], flight.y[:, 0], flight.z[:, 0]], axis=1),
-        "times": flight.times[:, 0],
+        "travel_time": flight.travel_time[0] / factor,
+        "length": flight.length[0] / factor,
+        "positions": jnp.stack([flight.x[:, 0], flight.y[:, 0], flight.z[:, 0]], axis=1) / factor,
+        "times": flight.times[:, 0] / factor,
         "control_points": jnp.concatenate([start[None], inner, goal[None]]),
-        "violations": violations(flight)[:, 0],
-        "clearance": flight.clearance.min(),
-        "altitude": flight.altitude.min(),
-        "cost": result.state.cost[0],
-        "population": result.state.population,
-        "history": result.history,
-        "excess": jnp.stack(flight.excess)[:, :, 0],
+        "violations": excess.mean(axis=1),
+        "clearance": jnp.where(clearance < FAR, clearance / factor, FAR),
+        "altitude": jnp.where(altitude < FAR, altitude / factor, FAR),
+        "cost": result.state.cost[0] / factor,
+        "population": result.state.population / factor,
+        "history": replace(
+            history, **{name: getattr(history, name) / factor for name in ("best", "mean", "std")}
+        ),
+        "excess": excess,
+        "closed": closed / factor,
     }
 
 
@@ -257,12 +286,19 @@ def _with_passages(
     config: PathConfig,
 ) -> jax.Array:
     """Put polished paths through the passages that there are in place of the last habitats."""
-    replaced = population[-config.passages :]
+    count, steps = config.passages, config.passage_steps
+    replaced = population[-count:]
     found = jnp.where(jnp.isfinite(times)[:, None], jnp.clip(found, lower, upper), replaced)
-    if config.passage_steps:
-        steps, size = config.passage_steps, config.refine_step_size
-        found, _, _ = _descend(found, lower, upper, problem, config, steps, size)
-    return population.at[-config.passages :].set(found)
+    if not steps:
+        return population.at[-count:].set(found)
+    # All passages at first, then the better half of them: a few steps tell which ones lead nowhere.
+    size, first = config.refine_step_size, steps // 3
+    found, cost, _ = _descend(found, lower, upper, problem, config, first, size)
+    found = found[jnp.argsort(cost)]
+    half = -(-count // 2)
+    better, _, _ = _descend(found[:half], lower, upper, problem, config, steps - first, size)
+    found = jnp.concatenate([better, found[half:]])
+    return population.at[-count:].set(found)
 
 
 def _descend(
