@@ -105,8 +105,8 @@ def _best(problem: PathProblem, world: World, nodes: int) -> Polished | None:
 def _candidates(problem: PathProblem, world: World, grid: Grid) -> Iterator[tuple[float, Array]]:
     """Yield paths on the grid and their times [s]; where things move, those of smaller and of none as well.
 
-    The label that arrives first need not be the one that passes behind what moves, or through before it: paths
-    that are tightened from where less moves may.
+    The label that arrives first need not be the one that passes behind what moves, or through before it:
+    paths that are tightened from where less moves may.
     """
     found = passages(problem, world, PASSAGES, grid)
     if not len(grid.movers):
