@@ -179,12 +179,12 @@ def scaled(problem: PathProblem, factor: float) -> PathProblem:
     # Growth and velocities are speeds.
     lengths = ("position", "radius", "position_std", "radius_std", "growth_max", "observed_at")
     obstacles = replace(found, **{name: getattr(found, name) * factor for name in lengths})
-    config = ap.PathConfig(**problem.changes)
-    changes = {
-        **problem.changes,
-        "coast_margin": config.coast_margin * factor,
-        "obstacle_margin": config.obstacle_margin * factor,
-    }
+    config, changes = ap.PathConfig(**problem.changes), dict(problem.changes)
+    # Settings are compiled in: margins of what is not there stay as they are.
+    if chart is not None:
+        changes["coast_margin"] = config.coast_margin * factor
+    if len(found):
+        changes["obstacle_margin"] = config.obstacle_margin * factor
     return replace(
         problem,
         name=f"{problem.name} x {factor:g}",
