@@ -28,7 +28,7 @@ from scipy.sparse.csgraph import dijkstra
 
 import auvplan as ap
 from auvplan.ocean.chart import INTERPOLATION_ERROR
-from auvplan.ocean.currents import Current, Velocity
+from auvplan.ocean.currents import Current, Velocity, is_steady
 from benchmarks import water_land as land
 from benchmarks.path_problems import OBSTACLES, PIXELS, VORTICES, PathProblem, unlimited_vehicle
 
@@ -119,6 +119,13 @@ class TidalCurrent:
         factor = self.mean + self.swing * jnp.cos(2.0 * jnp.pi * t / self.period + self.phase)
         return factor * u, factor * v, factor * w
 
+    def factor(self, t: Array) -> Array:
+        """Return the factor at times t [s], in NumPy."""
+        mean, swing, period, phase = (
+            np.asarray(part, float) for part in (self.mean, self.swing, self.period, self.phase)
+        )
+        return mean + swing * np.cos(2.0 * np.pi * t / period + phase)
+
 
 def water_problem(family: str, seed: int) -> PathProblem:
     """Make a problem; the same one for the same family and seed.
@@ -137,6 +144,79 @@ def water_problem(family: str, seed: int) -> PathProblem:
         problem = _drawn(rng, KINDS[family], family, f"{family}-{seed}")
         if problem is not None:
             return problem
+
+
+@partial(jax.tree_util.register_dataclass, data_fields=("current", "factor"), meta_fields=())
+@dataclass(frozen=True)
+class ScaledCurrent:
+    """A current of the same speeds in a world whose lengths and times are `factor` times as great."""
+
+    current: Current
+    factor: ArrayLike
+
+    @property
+    def steady(self) -> bool:
+        return is_steady(self.current)
+
+    def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
+        return self.current(x / self.factor, y / self.factor, z / self.factor, t / self.factor)
+
+
+def scaled(problem: PathProblem, factor: float) -> PathProblem:
+    """Pose a problem with lengths and times `factor` times as great; speeds are kept.
+
+    Its best path is the same one, scaled, and takes `factor` times as long. Margins change by settings.
+    """
+    env, vehicle = problem.environment, problem.vehicle
+    chart, found = env.chart, env.obstacles
+    if chart is not None:
+        chart = replace(
+            chart,
+            signed_distance=chart.signed_distance * factor,
+            origin=chart.origin * factor,
+            pixel_size=chart.pixel_size * factor,
+        )
+    # Growth and velocities are speeds.
+    lengths = ("position", "radius", "position_std", "radius_std", "growth_max", "observed_at")
+    obstacles = replace(found, **{name: getattr(found, name) * factor for name in lengths})
+    config, changes = ap.PathConfig(**problem.changes), dict(problem.changes)
+    # Settings are compiled in: margins of what is not there stay as they are.
+    if chart is not None:
+        changes["coast_margin"] = config.coast_margin * factor
+    if len(found):
+        changes["obstacle_margin"] = config.obstacle_margin * factor
+    return replace(
+        problem,
+        name=f"{problem.name} x {factor:g}",
+        environment=ap.Environment(
+            _scaled_current(env.current, factor),
+            chart,
+            obstacles,
+            np.asarray(env.lower, float) * factor,  # type: ignore[arg-type]
+            np.asarray(env.upper, float) * factor,  # type: ignore[arg-type]
+        ),
+        start=tuple(factor * axis for axis in problem.start),
+        goal=tuple(factor * axis for axis in problem.goal),
+        vehicle=replace(vehicle, turn_rate_max=float(vehicle.turn_rate_max) / factor),  # type: ignore[arg-type]
+        depart=factor * problem.depart,
+        changes=changes,
+        best_known=None if problem.best_known is None else factor * problem.best_known,
+    )
+
+
+def _scaled_current(current: Current, factor: float) -> Current:
+    """Scale vortices and tides field by field, so that they stay what they are; wrap any other current."""
+    if isinstance(current, TidalCurrent):
+        steady = _scaled_current(current.current, factor)
+        return replace(current, current=steady, period=jnp.asarray(current.period) * factor)
+    if isinstance(current, ap.LambVortices) and current.strength.shape[0] == 1:
+        return replace(
+            current,
+            centers=current.centers * factor,
+            strength=current.strength * factor,
+            radius=current.radius * factor,
+        )
+    return ScaledCurrent(current, jnp.asarray(factor, float))
 
 
 def least_gap(side: float) -> float:
@@ -301,7 +381,7 @@ def _movers(
     side: float,
     vehicle: ap.Vehicle,
 ) -> ap.Obstacles:
-    """Return 2 to 5 obstacles that cross the quickest way when the vehicle does, the first where it is narrowest.
+    """Return 2 to 5 obstacles that cross the quickest way as the vehicle does, one where it is narrowest.
 
     Args:
         rng: consumed.
