@@ -33,6 +33,8 @@ class PathConfig:
     Attributes:
         bbo: the optimiser's settings; `population` and `iterations` are the paper's nPop and Iter_max.
         control_points: free control points, without the two fixed ends.
+        finer: a path that is slower than one that the fields know, or breaks a limit where that one does not,
+            is planned again with so many times as many control points and segments; 1 for never.
         degree: of the B-spline; 3 is cubic.
         samples: points on the curve at which it is scored.
         speed_reading: "track" crabs to hold the track; "eq8" points along it; "eq11" leaves the current out.
@@ -44,11 +46,11 @@ class PathConfig:
         coast_margin: m, least distance kept to the coast.
         obstacle_margin: m, least distance kept to collision boundaries.
         penalties: weights gamma of the violations.
-        passages: paths through different passages, from coarse time-to-reach fields, that the search starts
-            from; 0 for none.
-        field_cells: cells of these fields from start to goal.
-        passage_steps: gradient steps that polish the passages before the search, divided among the windows of
-            a leg as the iterations are.
+        passages: paths through different passages, from time-to-reach fields, that the search starts from; 0
+            for none.
+        field_cells: cells of the finer ones of these fields to each side.
+        passage_steps: gradient steps that polish the passages before the search, a third of them on all and
+            the others on the better half; divided among the windows of a leg as the iterations are.
         refine_steps: gradient steps that polish the elite after the search.
         refine_step_size: of the first gradient step, as a share of the bounds.
         refine_count: habitats that are polished after the search.
@@ -64,6 +66,7 @@ class PathConfig:
         )
     )
     control_points: int = 32
+    finer: int = 2
     degree: int = 3
     samples: int = 160
     speed_reading: SpeedReading = "track"
@@ -90,8 +93,8 @@ class PathConfig:
             )
         if self.samples < self.control_points + 2:
             raise ValueError(f"samples must be at least {self.control_points + 2}, got {self.samples}")
-        if self.t_series < 1:
-            raise ValueError(f"t_series must be at least 1, got {self.t_series}")
+        if self.t_series < 1 or self.finer < 1:
+            raise ValueError(f"t_series and finer must be at least 1, got {self.t_series} and {self.finer}")
         if self.passages < 0 or self.passages >= self.bbo.population:
             raise ValueError(f"passages must be in [0, population), got {self.passages}")
         if self.field_cells < 8:

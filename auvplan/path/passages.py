@@ -1,10 +1,10 @@
 """Distinct passages between two points: time-to-reach fields and the best paths through each passage.
 
-One field holds, for every cell of a grid, the least travel time from the start, another one that to the goal;
-their sum is the time of the best path through each cell. Between two passages the sum has a hill: an island, an
-obstacle, a head current. The best path through a cell passes every hill on one side or the other, and which
-sides those are tells passages apart. Paths traced through the best cell of each passage let the search begin in
-every passage that there is, which neither random detours nor gradients find by themselves.
+One field holds, for every cell of a grid, the least travel time from the start, another one that to the
+goal; their sum is the time of the best path through each cell. Between two passages the sum has a hill: an
+island, an obstacle, a head current. The best path through a cell passes every hill on one side or the other,
+and which sides those are tells passages apart. Paths traced through the best cell of each passage let the
+search begin in every passage that there is, which neither random detours nor gradients find by themselves.
 
 Two grids are used. A coarse one over the surroundings tells which part of them the good paths cross, and when
 they come by; a finer one over that part finds the passages.
@@ -13,6 +13,7 @@ they come by; a finer one over that part finds the passages.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial, reduce
+from itertools import pairwise
 
 import jax
 import jax.numpy as jnp
@@ -46,6 +47,9 @@ _DETERRENT = 30.0
 #: Excess of a move at most; one over a bed too shallow to be crossed has half of that at least.
 _MOST, _SHALLOW = 3.0, 1.5
 
+#: Excess up to which a move counts as one that breaks no limit: rounding to cells alone may cause as much.
+_SLIGHT = 0.1
+
 #: The surroundings reach as many distances beyond start and goal, the finer grid at least so many of them.
 _SURROUNDINGS, _BESIDE = 2.0, 0.1
 
@@ -77,14 +81,14 @@ class _Traced:
         x, y: [count, L] m.
         room: [count, L] m, clearance beyond the margins.
         times: [count] s, with the deterrents of broken limits; infinite where there are fewer passages.
-        hindered: [count], whether a limit is broken on the way.
+        broken: [count], the most that is on the way of `_Grid.broken`.
     """
 
     x: jax.Array
     y: jax.Array
     room: jax.Array
     times: jax.Array
-    hindered: jax.Array
+    broken: jax.Array
 
 
 def trace_passages(
@@ -95,7 +99,7 @@ def trace_passages(
     vehicle: Vehicle,
     count: int,
     config: PathConfig,
-) -> tuple[jax.Array, jax.Array, jax.Array]:
+) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
     """Trace the best paths through `count` passages, as habitats.
 
     Args:
@@ -108,15 +112,19 @@ def trace_passages(
         config: static settings; `field_cells` sets the grid.
 
     Returns:
-        ``(habitats [count, 3 n] m, times [count] s, closed [] m)``, quickest first; times of broken limits hold
-        a deterrent. Where there are fewer passages the last ones repeat, with infinite times. `closed` is the
-        size of the cells where no path between them keeps clear of coast and obstacles, zero where one does.
+        ``(habitats [count, 3 n] m, times [count] s, closed [] m, known [] s)``, quickest first; times of
+        broken limits hold a deterrent. Where there are fewer passages the last ones repeat, with infinite
+        times. `closed` is the size of the cells where no path between them keeps clear of coast and
+        obstacles, zero where one does; `known` the time of the quickest path if it breaks no limit, else
+        infinite.
     """
     ends = jnp.stack([start, goal])
     distance = jnp.sqrt(((goal - start) ** 2).sum())
     inner = ends[:, :2].min(axis=0), ends[:, :2].max(axis=0)
     box = env.lower[:2], env.upper[:2]
-    around = [corner + sign * _SURROUNDINGS * distance for corner, sign in zip(inner, (-1.0, 1.0), strict=True)]
+    around = [
+        corner + sign * _SURROUNDINGS * distance for corner, sign in zip(inner, (-1.0, 1.0), strict=True)
+    ]
     low, high = _proportioned(jnp.maximum(around[0], box[0]), jnp.minimum(around[1], box[1]))
     cells = config.field_cells
     build = partial(_Grid.of, ends=ends, depart=depart, env=env, vehicle=vehicle, config=config)
@@ -126,17 +134,16 @@ def trace_passages(
     total = ahead + back
     matters = total <= (1.0 + _SLOWER) * total[coarse.source]
     part = coarse.bounds_of(matters)
-    least = [
-        corner + sign * _BESIDE * distance for corner, sign in zip(inner, (-1.0, 1.0), strict=True)
-    ]
+    least = [corner + sign * _BESIDE * distance for corner, sign in zip(inner, (-1.0, 1.0), strict=True)]
     low = jnp.maximum(jnp.minimum(part[0], least[0]), low)
     high = jnp.minimum(jnp.maximum(part[1], least[1]), high)
     low, high = _proportioned(low, high)
     fine = build(low, high, cells, partial(_known_times, coarse=coarse, ahead=ahead, total=total))
     traced = fine.traced(count)
     found = _fitted(traced, start, goal, config)
-    closed = jnp.where(traced.hindered.all(), fine.spacing.max(), 0.0)
-    return risen(found, start, goal, env), traced.times, closed
+    closed = jnp.where((traced.broken == 2.0).all(), fine.spacing.max(), 0.0)
+    known = jnp.where(traced.broken[0] == 0.0, traced.times[0], jnp.inf)
+    return risen(found, start, goal, env), traced.times, closed, known
 
 
 def _proportioned(low: jax.Array, high: jax.Array) -> tuple[jax.Array, jax.Array]:
@@ -183,7 +190,8 @@ class _Grid:
         clear: [N, N] m, their clearance beyond the margins; negative where too near to something.
         times: for moves along the first and along the second index, [N, 9, 2, N] s: time of each of `MOVES`
             that ends in a cell, and of its opposite; by the index that moves advance along first.
-        hindered: the same, [N, 9, N], whether a move comes too near to something.
+        broken: the same, [N, 9, N], 2 where a move comes too near to something, 1 where the current across it
+            breaks a limit, else 0.
         source, sink: cells of start and goal.
     """
 
@@ -193,7 +201,7 @@ class _Grid:
     y: jax.Array
     clear: jax.Array
     times: tuple[jax.Array, jax.Array]
-    hindered: tuple[jax.Array, jax.Array]
+    broken: tuple[jax.Array, jax.Array]
     source: tuple[jax.Array, jax.Array]
     sink: tuple[jax.Array, jax.Array]
 
@@ -239,11 +247,11 @@ class _Grid:
             probed = None if open_water else (room.T if turned else room)
             corner, sides = (low[::-1], spacing[::-1]) if turned else (low, spacing)
             found.append(_move_times(ordered, probed, corner, sides, vehicle, config))
-        times, hindered = zip(*found, strict=True)
-        return cls(low, spacing, x, y, clear, times, hindered, source, sink)
+        times, broken = zip(*found, strict=True)
+        return cls(low, spacing, x, y, clear, times, broken, source, sink)
 
     def looked_up(self, plane: jax.Array, x: jax.Array, y: jax.Array) -> jax.Array:
-        """A plane [N, N] at places of a lattice [A, B] m, whose x depends on the first index and y on the second."""
+        """Look up a plane [N, N] at a lattice [A, B] m, with x by the first index and y by the second."""
         cells = plane.shape[0]
         weights = []
         for axis, line in enumerate((x[:, 0], y[0])):
@@ -290,48 +298,52 @@ class _Grid:
         """The best paths through `count` passages."""
         ahead, back = self.fields()
         total = ahead + back
-        before, blocked_before = self._previous(ahead, 0, self.source)
-        after, blocked_after = self._previous(back, 1, self.sink)
+        before, broken_before = self._previous(ahead, 0, self.source)
+        after, broken_after = self._previous(back, 1, self.sink)
         sides = _sides(total, total[self.source], (before, after))
         chosen, times = _firsts(total, sides, count)
         steps = 3 * total.shape[0]
         to_start, to_goal = _walk(chosen, before, steps), _walk(chosen, after, steps)
         route = jnp.concatenate([to_start[::-1], to_goal[1:]]).T
-        hindered = blocked_before[to_start].any(axis=0) | blocked_after[to_goal].any(axis=0)
+        broken = jnp.maximum(broken_before[to_start].max(axis=0), broken_after[to_goal].max(axis=0))
         x, y, clear = (plane.reshape(-1)[route] for plane in (self.x, self.y, self.clear))
-        return _Traced(x, y, clear, times, hindered)
+        return _Traced(x, y, clear, times, broken)
 
     def _previous(
         self, field: jax.Array, lane: int, source: tuple[jax.Array, jax.Array]
     ) -> tuple[jax.Array, jax.Array]:
-        """[N * N] flat index of the cell next to each on the best way to the source, and whether that move is
-        hindered; the source is next to itself."""
+        """[N * N] flat index of the cell next to each on the best way to the source, which is next to itself,
+        and what of `broken` the move to it has."""
         cells = field.shape[0]
 
         def closer(carry: tuple, move: tuple) -> tuple[tuple, None]:
             (a, b), forth, opposite, stop, step = move
-            ways = jax.lax.optimization_barrier((
-                (_shifted(field, a, b, jnp.inf) + forth, stop, step),
-                (_shifted(field + opposite, -a, -b, jnp.inf), _shifted(stop, -a, -b, 0.0), -step),
-            ))
-            best, back, blocked = carry
+            ways = jax.lax.optimization_barrier(
+                (
+                    (_shifted(field, a, b, jnp.inf) + forth, stop, step),
+                    (_shifted(field + opposite, -a, -b, jnp.inf), _shifted(stop, -a, -b, 0.0), -step),
+                )
+            )
+            best, back, broken = carry
             for time, stopped, way in ways:
                 better = time < best
                 best = jnp.where(better, time, best)
-                back, blocked = jnp.where(better, way, back), jnp.where(better, stopped, blocked)
-            return (best, back, blocked), None
+                back, broken = jnp.where(better, way, back), jnp.where(better, stopped, broken)
+            return (best, back, broken), None
 
         carry = jnp.full_like(field, jnp.inf), jnp.zeros(field.shape, jnp.int32), jnp.zeros_like(field)
         for turned in (False, True):
             moves = np.array(MOVES)[:, :: -1 if turned else 1]
-            order = (1, 3, 0) if turned else (1, 0, 3)
-            times = self.times[turned].transpose(2, *order)
-            stops = self.hindered[turned].transpose(1, 2, 0) if turned else self.hindered[turned].swapaxes(0, 1)
+            times = self.times[turned].transpose((2, 1, 3, 0) if turned else (2, 1, 0, 3))
+            order = (1, 2, 0) if turned else (1, 0, 2)
+            stops = self.broken[turned].transpose(order)
             steps = jnp.asarray(moves @ (cells, 1), jnp.int32)
-            carry, _ = jax.lax.scan(closer, carry, (jnp.asarray(moves), times[lane], times[1 - lane], stops, steps))
-        _, back, blocked = carry
-        back, blocked = back.at[source].set(0), blocked.at[source].set(0.0)
-        return jnp.arange(field.size) - back.reshape(-1), blocked.reshape(-1) > 0.0
+            carry, _ = jax.lax.scan(
+                closer, carry, (jnp.asarray(moves), times[lane], times[1 - lane], stops, steps)
+            )
+        _, back, broken = carry
+        back, broken = back.at[source].set(0), broken.at[source].set(0.0)
+        return jnp.arange(field.size) - back.reshape(-1), broken.reshape(-1)
 
 
 def _clearance(
@@ -385,12 +397,11 @@ def _move_times(
     vehicle: Vehicle,
     config: PathConfig,
 ) -> tuple[jax.Array, jax.Array]:
-    """Times [N, 9, 2, N] s of `MOVES` that end in each cell and of their opposites, and [N, 9, N] whether they
-    come too near to something.
+    """Times [N, 9, 2, N] s of `MOVES` that end in each cell and of their opposites, and `_Grid.broken`.
 
     Args:
-        planes: [N, N]: places along both indices, m, currents along both, m/s, clearance, m, risk, and, over a
-            sea bed, excess where it is too shallow.
+        planes: [N, N]: places along both indices, m, currents along both, m/s, clearance, m, risk, and, over
+            a sea bed, excess where it is too shallow.
         room: [3 N, 3 N] m, clearance at the probes; None where there is nothing to keep clear of but the box.
         low, spacing: [2] m, of the grid.
         vehicle: speed and limits.
@@ -423,26 +434,29 @@ def _move_times(
         lowest = reduce(jnp.minimum, passed)
         # A long move may cut a corner: distances are 1-Lipschitz.
         part = length / (len(passed) - 1)
-        between = [0.5 * (p + q - part) for p, q in zip(passed, passed[1:], strict=False)]
+        between = [0.5 * (p + q - part) for p, q in pairwise(passed)]
         is_long = jnp.abs(a) + jnp.abs(b) > 2
         lowest = jnp.where(is_long, reduce(jnp.minimum, between, lowest), lowest)
         excess = jnp.clip(-lowest / cell, 0.0, _MOST) + jnp.maximum(over_track / vehicle.sway_max - 1.0, 0.0)
         for plane in shallow:
             crossed = [began(*back)[-1] for back in passed_by]
             excess = excess + reduce(jnp.maximum, crossed, plane)
-        pair = []
+        pair, over = [], over_track / vehicle.sway_max - 1.0
         for sign in (1.0, -1.0):
-            ground, shortfall = along_track(config.speed_reading, vehicle.speed, sign * with_track, over_track)
-            broken = excess + jnp.maximum(ground / vehicle.surge_max - 1.0, 0.0) + shortfall
-            dear = 1.0 + _DETERRENT * broken + config.uncertain_price * 0.5 * (risk + risk0)
+            ground, shortfall = along_track(
+                config.speed_reading, vehicle.speed, sign * with_track, over_track
+            )
+            excess_so = excess + jnp.maximum(ground / vehicle.surge_max - 1.0, 0.0) + shortfall
+            dear = 1.0 + _DETERRENT * excess_so + config.uncertain_price * 0.5 * (risk + risk0)
             pair.append(jnp.where(inside > 0.0, length / ground * dear, jnp.inf))
-        return None, (*pair, (lowest < 0.0).astype(x.dtype))
+        broken = jnp.where(lowest < -_SLIGHT * cell, 2.0, jnp.where(over > _SLIGHT, 1.0, 0.0))
+        return None, (*pair, broken)
 
     moves = np.array(MOVES)
     passed_by = jnp.asarray([_passed(a, b) for a, b in MOVES])
     rows = jnp.asarray(moves[:, 0]), jnp.asarray(moves[:, 1]), passed_by
-    forth, back, hindered = (plane.swapaxes(0, 1) for plane in jax.lax.scan(timed, None, rows)[1])
-    return jnp.stack([forth, back], axis=2), hindered
+    forth, back, broken = (plane.swapaxes(0, 1) for plane in jax.lax.scan(timed, None, rows)[1])
+    return jnp.stack([forth, back], axis=2), broken
 
 
 def _probed(room: jax.Array, x: jax.Array, y: jax.Array, low: jax.Array, spacing: jax.Array) -> jax.Array:
@@ -514,36 +528,40 @@ def _swept(fields: jax.Array, times: jax.Array) -> jax.Array:
 def _sides(total: jax.Array, best: jax.Array, previous: tuple[jax.Array, jax.Array]) -> jax.Array:
     """[N * N], a number that tells on which sides the best path through each cell passes the hills.
 
-    A path that crosses the line from a hill towards greater first indices counts so many for the hill, and the
-    opposite where it crosses the other way; the number is the sum. Two paths that can be turned into each other
-    without being drawn over a hill have the same number.
+    A path that crosses the line from a hill towards greater first indices counts so many for the hill, and
+    the opposite where it crosses the other way; the number is the sum. Two paths that can be turned into each
+    other without being drawn over a hill have the same number.
     """
     hills = _hills(total, best)
     width = total.shape[1]
     weights = np.random.default_rng(0).integers(1, 2**30, _HILLS).astype(np.int32)
     sides = jnp.zeros(total.size, jnp.int32)
     here = jnp.arange(total.size)
-    (i, j) = divmod(here, width)
+    lines = hills // width, hills % width, jnp.asarray(weights)
     for sign, nearer in zip((-1, 1), previous, strict=True):
-        i1, j1 = divmod(nearer, width)
-
-        def crossed(number: jax.Array, hill: tuple) -> tuple[jax.Array, None]:
-            row, column, weight = hill
-            sense = (j > column).astype(jnp.int32) - (j1 > column).astype(jnp.int32)
-            # Where the move crosses the line half a cell beside the hill's middle, times the move's width.
-            beyond = 2 * (i - row) * (j1 - j) + (i1 - i) * (2 * (column - j) + 1)
-            return number + jnp.where(beyond * (j1 - j) > 0, sense * weight, 0), None
-
-        def followed(_: int, carry: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
-            number, nearer = carry
-            return number + number[nearer], nearer[nearer]
-
-        lines = hills // width, hills % width, jnp.asarray(weights)
-        number, _ = jax.lax.scan(crossed, jnp.zeros(total.size, jnp.int32), lines)
+        (i, j), (i1, j1) = divmod(here, width), divmod(nearer, width)
+        number, _ = jax.lax.scan(partial(_crossed, moves=(i, j, i1, j1)), jnp.zeros_like(here), lines)
         doublings = int(np.ceil(np.log2(4 * width)))
-        number, _ = jax.lax.fori_loop(0, doublings, followed, (number, nearer))
+        number, _ = jax.lax.fori_loop(0, doublings, _followed, (number, nearer))
         sides = sides + sign * number
     return sides
+
+
+def _crossed(
+    number: jax.Array, hill: tuple[jax.Array, ...], moves: tuple[jax.Array, ...]
+) -> tuple[jax.Array, None]:
+    """Add a hill's weight to the numbers of moves (i, j) to (i1, j1) that cross the line from it."""
+    (row, column, weight), (i, j, i1, j1) = hill, moves
+    sense = (j > column).astype(jnp.int32) - (j1 > column).astype(jnp.int32)
+    # Where the move crosses the line half a cell beside the hill's middle, times twice the move's width.
+    beyond = 2 * (i - row) * (j1 - j) + (i1 - i) * (2 * (column - j) + 1)
+    return number + jnp.where(beyond * (j1 - j) > 0, sense * weight, 0), None
+
+
+def _followed(_: int, carry: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
+    """Add up numbers along chains of cells, by chains twice as long as before."""
+    number, nearer = carry
+    return number + number[nearer], nearer[nearer]
 
 
 def _hills(total: jax.Array, best: jax.Array) -> jax.Array:

@@ -33,8 +33,8 @@ class PathPlan:
         history: cost and violation by iteration.
         excess: [V, S - 1] excess of each limit on each segment.
         conditions: what it was planned for.
-        closed: m, size of the cells at which time-to-reach fields find no passage clear of coast and obstacles;
-            zero where they find one, or do not look for any.
+        closed: m, size of the cells at which time-to-reach fields find no passage clear of coast and
+            obstacles; zero where they find one, or do not look for any.
     """
 
     travel_time: float
