@@ -1,4 +1,4 @@
-"""Time-to-reach fields against Dijkstra's, and the passages that they find: gaps, islands, both sides of rocks."""
+"""Time-to-reach fields against Dijkstra's, and the passages they find: gaps, islands, both sides of rocks."""
 
 from dataclasses import replace
 
@@ -36,10 +36,12 @@ def naive(times):
     for turned, table in enumerate(np.asarray(part) for part in times):
         for i, k, j in np.ndindex(cells, len(passages.MOVES), cells):
             a, b = passages.MOVES[k]
-            if not (0 <= i - a and 0 <= j - b < cells):
+            if i < a or not 0 <= j - b < cells:
                 continue
             here, there = (i, j), (i - a, j - b)
-            here, there = (np.ravel_multi_index(p[::-1] if turned else p, (cells,) * 2) for p in (here, there))
+            here, there = (
+                np.ravel_multi_index(p[::-1] if turned else p, (cells,) * 2) for p in (here, there)
+            )
             tails += [there, here]
             heads += [here, there]
             lengths += [table[i, k, 0, j], table[i, k, 1, j]]
