@@ -14,6 +14,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial, reduce
 from itertools import pairwise
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -25,6 +26,7 @@ from auvplan.path.clearance import distance_to_land, obstacle_clearance
 from auvplan.path.config import PathConfig
 from auvplan.path.cost import ALTITUDE_SCALE
 from auvplan.path.habitats import deepest, risen, straight_line
+from auvplan.path.kinematics import Axes
 from auvplan.vehicle import Vehicle, along_track
 
 #: Moves towards a greater first index that are no steeper than a diagonal, in cells; with their opposites and
@@ -224,7 +226,8 @@ class _Grid:
         lattice = jnp.meshgrid(low[0] + spacing[0] * probes, low[1] + spacing[1] * probes, indexing="ij")
         when, share = arrivals(*lattice, ends, depart, vehicle)
         z = ends[0, 2] + share * (ends[1, 2] - ends[0, 2])
-        room = _clearance(*lattice, z, when, 1e-3 * spacing.min(), env, config)
+        places = lattice[0], lattice[1], z
+        room = _clearance(places, when, 1e-3 * spacing.min(), env, config)
         chosen = _clearest(room, _ROOM * spacing.min())
         x, y, z, when, clear = (chosen(plane) for plane in (*lattice, z, when, room))
         source, sink = (
@@ -347,15 +350,18 @@ class _Grid:
 
 
 def _clearance(
-    x: jax.Array,
-    y: jax.Array,
-    z: jax.Array,
-    when: jax.Array,
-    slack: jax.Array,
-    env: Environment,
-    config: PathConfig,
+    places: Axes, when: jax.Array, slack: jax.Array, env: Environment, config: PathConfig
 ) -> jax.Array:
-    """[A, B] m to the nearest thing to keep clear of, beyond the margins; negative where too near."""
+    """Find the clearance beyond the margins, [A, B] m; negative where something to keep clear of is too near.
+
+    Args:
+        places: x, y, z, [A, B] m.
+        when: [A, B] s since the epoch.
+        slack: m, by which places may lie outside the box.
+        env: the world, obstacles resolved.
+        config: static settings.
+    """
+    x, y, z = places
     inside = [x - env.lower[0], env.upper[0] - x, y - env.lower[1], env.upper[1] - y]
     clear = reduce(jnp.minimum, inside) + slack
     if env.chart is not None:
@@ -418,7 +424,7 @@ def _move_times(
         # What the compiler does not store it works out anew for every expression that uses it.
         return jax.lax.optimization_barrier(parts)
 
-    def timed(_: None, move: tuple[jax.Array, jax.Array, jax.Array]) -> tuple[None, tuple]:
+    def timed(_: Any, move: tuple[jax.Array, jax.Array, jax.Array]) -> tuple[Any, tuple]:
         a, b, passed_by = move
         inside, x0, y0, u0, v0, clear0, risk0, *_ = began(a, b)
         dx, dy = x - x0, y - y0
