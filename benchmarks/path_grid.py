@@ -1,7 +1,8 @@
 """Quickest paths on a fine grid, label by label in the order of arrival, and the best one of every passage.
 
 Every node has 80 moves in different directions. A move takes the time that the current makes it take when it
-is begun, so fields may change with time; whoever departs earlier is taken to arrive earlier.
+is begun, so fields may change with time; whoever departs earlier is taken to arrive earlier. Moves keep the
+vehicle's limits on surge and sway, and off obstacles that move at the time of arrival; turns are free.
 """
 
 from collections.abc import Iterator
@@ -16,8 +17,10 @@ from scipy import ndimage
 
 from auvplan.ocean.currents import is_steady
 from auvplan.ocean.vortices import LambVortices
+from auvplan.vehicle import SPEED_FLOOR
 from benchmarks.path_problems import PathProblem
 from benchmarks.path_ruler import World, current_at
+from benchmarks.water_problems import TidalCurrent
 
 Array = NDArray[np.floating]
 Index = NDArray[np.integer]
@@ -27,6 +30,9 @@ NODES = 560
 
 #: Times at which a changing current is tabulated, and how many straight-line times they span.
 _MOMENTS, _SPAN = 41, 4.0
+
+#: The same of the factor of a tide.
+_TIDES, _TIDAL_SPAN = 6001, 30.0
 
 #: Paths around other things than the best one are kept if the grid finds them this much slower at most.
 SLOWER = 0.04
@@ -47,9 +53,13 @@ class Grid:
     Attributes:
         low: [2] m, place of node (0, 0).
         spacing: m.
-        clear: [nx, ny] m beyond the margins at each node.
-        u, v: [T, nx, ny] m/s north and east; T is 1 where the current is steady.
+        clear: [nx, ny] m beyond the margins at each node, without obstacles that move.
+        u, v: [T, nx, ny] m/s north and east; T is 1 where the current is steady or turns with a tide.
         moment: s from one table of the current to the next.
+        tide: [F] factors of the current; one where it has no tide.
+        tidal_moment: s from one factor to the next.
+        movers: [K, 7]: of each obstacle that moves its place at departure [m], velocity [m/s], boundary at
+            departure with the margin [m], growth [m/s] and where that ends [m].
         start, goal: flat index of the node at the start and of the one nearest to the goal.
     """
 
@@ -59,21 +69,29 @@ class Grid:
     u: Array
     v: Array
     moment: float
+    tide: Array
+    tidal_moment: float
+    movers: Array
     start: int
     goal: int
 
     @classmethod
     def of(cls, problem: PathProblem, world: World, nodes: int = NODES) -> "Grid":
-        """Nodes all over the box, one of them at the start."""
+        """Lay nodes all over the box, one of them at the start."""
         spacing = float((world.high - world.low).max() / nodes)
         start, goal = (np.asarray(end)[:2] for end in (problem.start, problem.goal))
         before = np.floor((start - world.low) / spacing).astype(int)
         low = start - before * spacing
         shape = tuple(int(n) for n in np.floor((world.high - low) / spacing).astype(int) + 1)
         x, y = np.meshgrid(*(low[k] + spacing * np.arange(shape[k]) for k in range(2)), indexing="ij")
-        current = problem.environment.current
+        straight = problem.distance / float(problem.vehicle.speed)  # type: ignore[arg-type]
+        current, tide, tidal_moment = problem.environment.current, np.ones(1), 1.0
+        if isinstance(current, TidalCurrent) and is_steady(current.current):
+            tidal_moment = _TIDAL_SPAN * straight / (_TIDES - 1)
+            tide = current.factor(problem.depart + tidal_moment * np.arange(_TIDES))
+            current = current.current
         count = 1 if is_steady(current) else _MOMENTS
-        moment = _SPAN * problem.distance / float(problem.vehicle.speed) / max(count - 1, 1)  # type: ignore[arg-type]
+        moment = _SPAN * straight / max(count - 1, 1)
         tables = [
             current_at(current, x.ravel(), y.ravel(), np.full(x.size, problem.depart + k * moment))
             for k in range(count)
@@ -81,20 +99,33 @@ class Grid:
         u, v = (np.stack([table[k].reshape(shape) for table in tables]) for k in range(2))
         i, j = np.minimum(np.rint((goal - low) / spacing).astype(int), np.array(shape) - 1)
         nearest = before[0] * shape[1] + before[1], i * shape[1] + j
-        return cls(low, spacing, world.clearance(x, y), u, v, moment, int(nearest[0]), int(nearest[1]))
+        return cls(
+            low, spacing, world.clearance(x, y), u, v, moment, np.asarray(tide, float), tidal_moment,
+            _movers(problem, world), int(nearest[0]), int(nearest[1]),
+        )  # fmt: skip
 
     def places(self, nodes: Index) -> Array:
-        """[n, 2] m."""
+        """Return positions, [n, 2] m."""
         return self.low + self.spacing * np.stack(np.unravel_index(nodes, self.clear.shape), axis=1)
+
+
+def _movers(problem: PathProblem, world: World) -> Array:
+    discs = world.discs.chosen(world.discs.moving)
+    since = problem.depart - discs.observed_at
+    grown = np.minimum(discs.growth * np.maximum(since, 0.0), discs.growth_max)
+    centres = discs.centres + since[:, None] * discs.velocity
+    return np.column_stack(
+        [centres, discs.velocity, discs.reach + grown, discs.growth, discs.growth_max - grown]
+    )
 
 
 def passages(
     problem: PathProblem, world: World, most: int, grid: Grid | None = None
 ) -> Iterator[tuple[float, Array]]:
-    """The best grid path that passes things as no other does, for each way to pass them, quickest first.
+    """Find the best grid path that passes things as no other does, for each way to pass them, quickest first.
 
     Args:
-        problem: what to sail.
+        problem: what to travel.
         world: what to keep off.
         most: paths.
         grid: of the problem, where it is at hand.
@@ -103,36 +134,57 @@ def passages(
         ``(time s, positions [n, 2] m)``, from start to goal; none where the grid finds no way.
     """
     grid = grid or Grid.of(problem, world)
-    table = (grid.clear, grid.u, grid.v, grid.moment, grid.spacing, float(problem.vehicle.speed))  # type: ignore[arg-type]
-    spheres = (world.centres, world.reach, world.distance, world.origin, world.pixel, world.margin, grid.low)
+    vehicle = problem.vehicle
+    limits = [float(limit) for limit in (vehicle.speed, vehicle.surge_max, vehicle.sway_max)]  # type: ignore[arg-type]
+    strongest = np.hypot(grid.u, grid.v).max() * np.abs(grid.tide).max()
+    water = (grid.u, grid.v, grid.moment, grid.tide, grid.tidal_moment, *limits, limits[0] + strongest)
+    things = packed(world, grid)
     none = np.zeros(grid.clear.shape)
-    ahead, before = _field(grid.start, False, none, *table, *spheres)
-    if not np.isfinite(ahead.flat[grid.goal]):
-        return
-    back, after = _field(grid.goal, True, ahead, *table, *spheres)
-    total = ahead + back
+    table = grid.clear, grid.low, grid.spacing, water, things
+    ahead, before, settled = _field(grid.start, grid.goal, False, none, *table)
     best = ahead.flat[grid.goal]
+    if not np.isfinite(best):
+        return
+    back, after, resettled = _field(grid.goal, grid.start, True, ahead, *table)
+    total = ahead + back
     landmarks = _landmarks(problem, world, grid)
+    near = np.isfinite(total) & (total <= best * (1.0 + SLOWER))
+    near.flat[grid.goal] = True
+    order, returning = (
+        _with_parents(near.ravel(), nodes, towards)
+        for nodes, towards in ((settled, before), (resettled, after))
+    )
     thinned = np.zeros(total.shape, bool)
     thinned[::_THINNED, ::_THINNED] = True
-    nodes = np.flatnonzero((total <= best * (1.0 + SLOWER)) & thinned)
+    nodes = np.flatnonzero(near & thinned)
     nodes = np.r_[grid.goal, nodes[np.argsort(total.flat[nodes], kind="stable")]]
-    turns = _turns(nodes, before, after, grid.clear.shape[1], grid.spacing, landmarks - grid.low)
-    _, firsts = np.unique(turns, axis=0, return_index=True)
+    marks = landmarks - grid.low
+    shape = grid.clear.shape
+    turns = _turns(order, returning, nodes, before, after, shape[0] * shape[1], shape[1], grid.spacing, marks)
+    _, firsts = np.unique(turns, return_index=True)
     for first in np.sort(firsts)[:most]:
-        route = _route(nodes[first], before, after)
-        points = grid.places(route)
+        points = grid.places(_route(nodes[first], before, after))
         points[-1] = problem.goal[:2]
         yield float(total.flat[nodes[first]]), points
 
 
+def packed(world: World, grid: Grid, extra: float = 0.0) -> tuple:
+    """Return what `strikes` must know, with so much clearance [m] beyond the margins."""
+    fixed, movers = world.discs.chosen(~world.discs.moving), grid.movers.copy()
+    movers[:, 4] += extra
+    coast = world.distance, world.origin, world.pixel, world.margin + extra
+    return movers, fixed.centres, fixed.reach + extra, *coast
+
+
 def _landmarks(problem: PathProblem, world: World, grid: Grid) -> Array:
-    """[K, 2] m, what a path may pass on either side: obstacles, islands, vortices; a lattice without any."""
-    marks = [world.centres]
+    """Return [K, 2] m, what a path may pass on either side: obstacles, islands, vortices, else a lattice."""
+    marks = [world.discs.centres[~world.discs.moving]]
     if problem.environment.chart is not None:
         labels, count = ndimage.label(grid.clear < 0.0)  # type: ignore[misc]
         marks += [grid.low + grid.spacing * np.argwhere(labels == k)[:1] for k in range(1, count + 1)]
     current = problem.environment.current
+    if isinstance(current, TidalCurrent):
+        current = current.current
     if isinstance(current, LambVortices):
         centers, strength = np.asarray(current.centers, float)[0], np.asarray(current.strength)[0]
         marks.append(centers[strength != 0.0])
@@ -143,7 +195,7 @@ def _landmarks(problem: PathProblem, world: World, grid: Grid) -> Array:
 
 
 def _route(node: int, before: Index, after: Index) -> Index:
-    """Nodes of the best path through a node."""
+    """Return the nodes of the best path through a node."""
     to_start, to_goal = [node], []
     while before[to_start[-1]] >= 0:
         to_start.append(before[to_start[-1]])
@@ -156,7 +208,7 @@ def _route(node: int, before: Index, after: Index) -> Index:
 
 @njit(cache=True)
 def _too_near(x, y, centres, reach, distance, origin, pixel, margin):
-    """Whether a place lies within the margins of an obstacle or the coast."""
+    """Whether a place lies within the margins of a fixed obstacle or the coast."""
     for k in range(len(reach)):
         if (x - centres[k, 0]) ** 2 + (y - centres[k, 1]) ** 2 < reach[k] ** 2:
             return True
@@ -171,8 +223,17 @@ def _too_near(x, y, centres, reach, distance, origin, pixel, margin):
 
 
 @njit(cache=True)
-def _move_time(i, j, a, b, depart, u, v, moment, spacing, speed):
+def tabulated(table, moment, t):
+    """Linear look-up at t [s] in a table, held at its end."""
+    at = min(t / moment, len(table) - 1.0)
+    k = min(int(at), max(len(table) - 2, 0))
+    return table[k] if len(table) == 1 else table[k] + (at - k) * (table[k + 1] - table[k])
+
+
+@njit(cache=True)
+def _move_time(i, j, a, b, depart, spacing, water):
     """s of the move from node (i, j) by (a, b), begun `depart` s after the start; infinite if impossible."""
+    u, v, moment, tide, tidal_moment, speed, surge_max, sway_max, _ = water
     steps = hypot(a, b)
     parts = max(abs(a), abs(b))
     north, east = a / steps, b / steps
@@ -188,103 +249,162 @@ def _move_time(i, j, a, b, depart, u, v, moment, spacing, speed):
             when = min((depart + elapsed) / moment, float(last))
             k0 = min(int(when), last - 1)
             e = when - k0
+        strength = tabulated(tide, tidal_moment, depart + elapsed)
         cu, cv = 0.0, 0.0
         for k in range(k0, min(k0 + 2, last + 1)):
-            w = (1.0 - e) if k == k0 else e
+            w = strength * ((1.0 - e) if k == k0 else e)
             w00, w01, w10, w11 = w * (1 - c) * (1 - d), w * (1 - c) * d, w * c * (1 - d), w * c * d
             cu += w00 * u[k, i0, j0] + w01 * u[k, i0, j0 + 1]
             cu += w10 * u[k, i0 + 1, j0] + w11 * u[k, i0 + 1, j0 + 1]
             cv += w00 * v[k, i0, j0] + w01 * v[k, i0, j0 + 1]
             cv += w10 * v[k, i0 + 1, j0] + w11 * v[k, i0 + 1, j0 + 1]
-        along, across = cu * north + cv * east, cu * east - cv * north
-        if abs(across) >= speed:
+        along, across = cu * north + cv * east, abs(cu * east - cv * north)
+        if across >= speed or across > sway_max:
             return np.inf
         ground = along + np.sqrt(speed * speed - across * across)
-        if ground <= 1e-3 * speed:
+        if ground <= SPEED_FLOOR * speed or ground > surge_max:
             return np.inf
         elapsed += steps * spacing / parts / ground
     return elapsed
 
 
 @njit(cache=True)
-def _blocked(i, j, k, m, clear, spacing, centres, reach, distance, origin, pixel, margin, low):
-    """Whether the move from node (i, j) to (k, m) comes too near to anything."""
-    length = hypot(k - i, m - j) * spacing
-    if clear[i, j] + clear[k, m] > 1.5 * length:
-        return False
-    parts = int(np.ceil(length / min(5.0, 0.5 * spacing)))
-    for part in range(1, parts):
-        x, y = i + (k - i) * part / parts, j + (m - j) * part / parts
-        if _too_near(
-            low[0] + spacing * x, low[1] + spacing * y, centres, reach, distance, origin, pixel, margin
-        ):
+def strikes(x0, y0, x1, y1, clear, begin, lasts, step, things):
+    """Whether a straight move comes too near to anything.
+
+    Args:
+        x0, y0, x1, y1: m, its ends.
+        clear: m, clearance at both ends together, without obstacles that move.
+        begin: s since departure.
+        lasts: s.
+        step: m, between the places at which it is judged.
+        things: obstacles that move, fixed ones and the coast, as `passages` packs them.
+    """
+    movers, centres, reach, distance, origin, pixel, margin = things
+    way_x, way_y = x1 - x0, y1 - y0
+    length = hypot(way_x, way_y)
+    if clear <= 1.5 * length:
+        parts = int(np.ceil(length / step))
+        for part in range(1, parts):
+            share = part / parts
+            if _too_near(
+                x0 + share * way_x, y0 + share * way_y, centres, reach, distance, origin, pixel, margin
+            ):
+                return True
+    for n in range(len(movers)):
+        x, y, u, v, boundary, growth, growth_max = movers[n]
+        away_x, away_y = x0 - x - u * begin, y0 - y - v * begin
+        to_x, to_y = way_x - u * lasts, way_y - v * lasts
+        share = -(away_x * to_x + away_y * to_y) / (to_x * to_x + to_y * to_y + 1e-12)
+        share = min(max(share, 0.0), 1.0)
+        kept = boundary + min(growth * (begin + lasts), growth_max)
+        if (away_x + share * to_x) ** 2 + (away_y + share * to_y) ** 2 < kept * kept:
             return True
     return False
 
 
 @njit(cache=True)
-def _field(
-    source, backward, departs, clear, u, v, moment, spacing, speed,
-    centres, reach, distance, origin, pixel, margin, low,
-):  # fmt: skip
-    """Least time [nx, ny] s from the source, or to it, and the next node on the way there, flat; -1 ends it.
+def _field(source, target, backward, departs, clear, low, spacing, water, things):
+    """Least time [nx, ny] s from the source, or to it; the next node on the way there, flat, -1 ends it.
 
-    Backwards every move departs from a node at `departs`, the time at which the node can be reached at all.
+    Backwards every move departs from a node at `departs`, the time at which the node can be reached at all,
+    and nodes that no path leads through which is nearly as quick as the best are left out. The third is the
+    nodes in the order in which they are settled.
     """
     nx, ny = clear.shape
+    fastest = water[8]
     times = np.full((nx, ny), np.inf)
     towards = np.full(nx * ny, -1)
     done = np.zeros((nx, ny), np.bool_)
     times[source // ny, source % ny] = 0.0
+    bound = np.inf
+    if backward:
+        bound = (1.0 + SLOWER) * departs[source // ny, source % ny]
+    settled = np.empty(nx * ny, np.int64)
+    count = 0
     heap = [(0.0, source)]
     while heap:
         now, node = heappop(heap)
         i, j = node // ny, node % ny
         if done[i, j]:
             continue
+        if now > bound:
+            break
         done[i, j] = True
+        settled[count] = node
+        count += 1
+        if node == target and not backward:
+            bound = (1.0 + SLOWER) * now
         for move in range(len(_MOVES)):
             a, b = _MOVES[move]
             k, m = i + a, j + b
             if k < 0 or m < 0 or k >= nx or m >= ny or done[k, m] or clear[k, m] < 0.0:
                 continue
+            least = now + hypot(a, b) * spacing / fastest
+            if least >= times[k, m]:
+                continue
             if backward:
-                if departs[k, m] == np.inf:
+                begin = departs[k, m]
+                if least + begin > bound:
                     continue
-                arrival = now + _move_time(k, m, -a, -b, departs[k, m], u, v, moment, spacing, speed)
+                lasts = _move_time(k, m, -a, -b, begin, spacing, water)
             else:
-                arrival = now + _move_time(i, j, a, b, now, u, v, moment, spacing, speed)
-            if arrival < times[k, m] and not _blocked(
-                i, j, k, m, clear, spacing, centres, reach, distance, origin, pixel, margin, low
-            ):
+                begin = now
+                lasts = _move_time(i, j, a, b, now, spacing, water)
+            arrival = now + lasts
+            if arrival >= times[k, m]:
+                continue
+            x0, y0 = low[0] + spacing * i, low[1] + spacing * j
+            x1, y1 = low[0] + spacing * k, low[1] + spacing * m
+            if backward:
+                x0, y0, x1, y1 = x1, y1, x0, y0
+            both = clear[i, j] + clear[k, m]
+            if not strikes(x0, y0, x1, y1, both, begin, lasts, 0.25 * spacing, things):
                 times[k, m] = arrival
                 towards[k * ny + m] = node
                 heappush(heap, (arrival, k * ny + m))
-    return times, towards
+    return times, towards, settled[:count]
 
 
 @njit(cache=True)
-def _turns(nodes, before, after, ny, spacing, landmarks):
-    """[n, K] whole turns of the best path through each node about each landmark, next to the first path's."""
-    turns = np.zeros((len(nodes), len(landmarks)), np.int64)
-    first = np.zeros(len(landmarks))
-    for n in range(len(nodes)):
-        angle = np.zeros(len(landmarks))
-        for way in range(2):
-            chain = before if way == 0 else after
-            sign = -1.0 if way == 0 else 1.0
-            here = nodes[n]
-            there = chain[here]
-            while there >= 0:
-                x0, y0 = (here // ny) * spacing, (here % ny) * spacing
-                x1, y1 = (there // ny) * spacing, (there % ny) * spacing
-                for k in range(len(landmarks)):
-                    ax, ay = x0 - landmarks[k, 0], y0 - landmarks[k, 1]
-                    bx, by = x1 - landmarks[k, 0], y1 - landmarks[k, 1]
-                    angle[k] += sign * np.arctan2(ax * by - ay * bx, ax * bx + ay * by)
-                here, there = there, chain[there]
-        if n == 0:
-            first = angle
-        for k in range(len(landmarks)):
-            turns[n, k] = int(np.rint((angle[k] - first[k]) / (2.0 * np.pi)))
-    return turns
+def _with_parents(chosen, settled, towards):
+    """Chosen nodes and all that their paths lead through, in the order of `settled`: parents first."""
+    kept = chosen.copy()
+    for k in range(len(settled) - 1, -1, -1):
+        node = settled[k]
+        if kept[node] and towards[node] >= 0:
+            kept[towards[node]] = True
+    return settled[kept[settled]]
+
+
+@njit(cache=True)
+def _turns(order, returning, nodes, before, after, size, ny, spacing, landmarks):
+    """[n] signature of the whole turns of the best path through each node about each landmark.
+
+    Turns add up along the trees: `order` and `returning` list the nodes that count, parents first. The
+    signature is a sum of the turns, next to the first path's, times odd numbers without a pattern.
+    """
+    signature = np.zeros(len(nodes), np.int64)
+    ahead, back = np.zeros(size), np.zeros(size)
+    weight = np.int64(88172645463325252)
+    for mark in range(len(landmarks)):
+        x, y = landmarks[mark]
+        for tree in range(2):
+            nodes_of, towards, angle = (order, before, ahead) if tree == 0 else (returning, after, back)
+            for here in nodes_of:
+                there = towards[here]
+                if there < 0:
+                    angle[here] = 0.0
+                    continue
+                ax, ay = (here // ny) * spacing - x, (here % ny) * spacing - y
+                bx, by = (there // ny) * spacing - x, (there % ny) * spacing - y
+                turn = np.arctan2(ax * by - ay * bx, ax * bx + ay * by)
+                angle[here] = angle[there] + (turn if tree == 1 else -turn)
+        weight ^= weight << np.int64(13)
+        weight ^= weight >> np.int64(7)
+        weight ^= weight << np.int64(17)
+        first = ahead[nodes[0]] + back[nodes[0]]
+        for n in range(len(nodes)):
+            whole = np.int64(np.rint((ahead[nodes[n]] + back[nodes[n]] - first) / (2.0 * np.pi)))
+            signature[n] += whole * (weight | np.int64(1))
+    return signature

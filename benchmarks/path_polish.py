@@ -2,7 +2,8 @@
 
 The shifts are a sum of sines, each scaled by its wave length, in which a taut string is equally stiff in all
 directions: L-BFGS settles in few steps however fine the polyline is. Limits are penalties that grow from
-stage to stage; what they still miss is made good by asking for more clearance, until none is missing.
+stage to stage; what they still miss is made good by asking for more, until none is missing. Lengths and times
+count in units of the problem's own, so that waters of all sizes are descended alike.
 """
 
 from dataclasses import dataclass
@@ -16,25 +17,47 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from auvplan.ocean.currents import is_steady
+from auvplan.vehicle import SPEED_FLOOR
 from benchmarks.path_problems import OBSTACLES, PathProblem
-from benchmarks.path_ruler import TOLERANCE, Score, World, evaluate
+from benchmarks.path_ruler import LIMIT_TOLERANCE, Score, World, evaluate
 
 Array = NDArray[np.floating]
 
-#: Points in the middle of parts of each segment at which the current and the clearance are looked up.
-_PARTS = 8
+#: Units to the longer side of the box, and to the straight line at the vehicle's speed.
+_LENGTHS, _TIMES = 10_000.0, 4000.0
 
 #: Passes that settle the times at which a path meets a changing current.
 _SWEEPS = 8
 
-#: Segments and price of missing clearance, s/m^2, of each stage.
-_STAGES = ((64, 0.1), (128, 1.0), (128, 10.0))
-_FINE_STAGES = ((256, 1.0), (256, 30.0))
 
-#: m of clearance to ask for at first, and how often to ask for more.
+@dataclass(frozen=True)
+class Stage:
+    """One descent.
+
+    Attributes:
+        segments: of the polyline.
+        parts: points of each segment at which the current and the clearance are looked up.
+        price: of missing clearance, units of time per squared unit of length.
+        iterations: at most.
+    """
+
+    segments: int
+    parts: int
+    price: float
+    iterations: int
+
+
+STAGES = Stage(64, 8, 0.1, 400), Stage(128, 8, 1.0, 400), Stage(128, 8, 10.0, 400)
+FINE_STAGES = Stage(256, 8, 1.0, 400), Stage(256, 8, 30.0, 400)
+
+#: Price of a squared relative excess of a limit of the vehicle, to that of a squared unit of length.
+_LIMIT_PRICE = 1000.0
+
+#: Units of clearance to ask for at first, and how often to ask for more.
 _EXTRA, _TRIES = 0.02, 6
 
-_ITERATIONS = 400
+#: Units of clearance and share of a limit that are asked for beyond what was missed.
+_MORE, _STRICTER = 0.025, 0.002
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,54 +68,69 @@ class Polished:
     score: Score
 
 
-def polish(problem: PathProblem, world: World, positions: Array, fine: bool = False) -> Polished:
+def polish(
+    problem: PathProblem, world: World, positions: Array, stages: tuple[Stage, ...] = STAGES
+) -> Polished:
     """Descend from a path [n, 2] m.
 
     Args:
-        problem: what to sail.
+        problem: what to travel.
         world: what to keep off.
         positions: [n, 2] m, from start to goal.
-        fine: whether the path is nearly right already and is to be followed more finely.
+        stages: one after the other; `FINE_STAGES` follow a path that is nearly right already.
     """
-    points, extra = positions, _EXTRA
+    unit = world.side / _LENGTHS
+    points, extra, slack = positions, _EXTRA * unit, 0.0
     data = _data(problem, world)
-    stages = _FINE_STAGES if fine else _STAGES
-    for segments, price in stages:
-        points = _descended(points, segments, price, extra, data)
+    for stage in stages:
+        points = _descended(points, stage, extra, slack, data)
     result = Polished(points, evaluate(problem, points, world))
     for _ in range(_TRIES):
-        if result.score.feasible:
+        if result.score.feasible or not np.isfinite(result.score.travel_time):
             break
-        extra += max(-result.score.clearance, 0.0) + 0.5 * TOLERANCE
-        points = _descended(points, *stages[-1], extra, data)
+        if result.score.clearance <= -world.tolerance:
+            extra += -result.score.clearance + _MORE * unit
+        if result.score.excess > LIMIT_TOLERANCE:
+            slack += result.score.excess - LIMIT_TOLERANCE + _STRICTER
+        points = _descended(points, stages[-1], extra, slack, data)
         result = Polished(points, evaluate(problem, points, world))
     return result
 
 
 def resampled(positions: Array, segments: int) -> Array:
-    """The polyline [n, 2] as so many segments of one length, [segments + 1, 2]."""
+    """Return the polyline [n, 2] as so many segments of one length, [segments + 1, 2]."""
     gaps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
     marks = np.concatenate([[0.0], np.cumsum(gaps)])
     even = np.linspace(0.0, marks[-1], segments + 1)
     return np.stack([np.interp(even, marks, positions[:, k]) for k in range(2)], axis=1)
 
 
-def _descended(positions: Array, segments: int, price: float, extra: float, data: tuple) -> Array:
-    """One stage of the descent, [segments + 1, 2] m."""
-    base = resampled(positions, segments)
+def _descended(positions: Array, stage: Stage, extra: float, slack: float, data: tuple) -> Array:
+    """Descend once, [segments + 1, 2] m.
+
+    Args:
+        positions: [n, 2] m.
+        stage: how finely.
+        extra: m of clearance beyond the margins.
+        slack: share of the vehicle's limits that is not used.
+        data: of the problem, from `_data`.
+    """
+    base = resampled(positions, stage.segments)
     tangent = np.gradient(base, axis=0)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
-    shapes = _shapes(segments)
+    shapes = _shapes(stage.segments)
 
     def cost(amplitudes: Array) -> tuple[float, Array]:
         with jax.enable_x64(True):
-            value, slope = _slope(amplitudes, base, normal, shapes, price, extra, data)
+            value, slope = _slope(
+                amplitudes, base, normal, shapes, stage.price, extra, slack, data, stage.parts
+            )
             return float(value), np.asarray(slope)
 
-    options = {"maxiter": _ITERATIONS, "maxcor": 30, "ftol": 1e-11, "gtol": 1e-9}
-    found = minimize(cost, np.zeros(segments - 1), jac=True, method="L-BFGS-B", options=options)
-    return base + normal * (shapes @ found.x)[:, None]
+    options = {"maxiter": stage.iterations, "maxcor": 30, "ftol": 1e-11, "gtol": 1e-9}
+    found = minimize(cost, np.zeros(stage.segments - 1), jac=True, method="L-BFGS-B", options=options)
+    return base + normal * (data[-1][0] * shapes @ found.x)[:, None]
 
 
 @lru_cache(maxsize=8)
@@ -104,12 +142,31 @@ def _shapes(segments: int) -> Array:
 
 def _data(problem: PathProblem, world: World) -> tuple:
     """What the descent needs of a problem, of one shape for all problems with a chart and for all without."""
-    centres, reach = np.zeros((OBSTACLES, 2)), np.full(OBSTACLES, -np.inf)
-    centres[: len(world.reach)], reach[: len(world.reach)] = world.centres, world.reach
+    discs, count = world.discs, len(world.discs)
+    centres, velocity = np.zeros((OBSTACLES, 2)), np.zeros((OBSTACLES, 2))
+    reach, growth, growth_max, seen = np.full(OBSTACLES, -np.inf), *np.zeros((3, OBSTACLES))
+    for padded, field in (
+        (centres, discs.centres), (velocity, discs.velocity), (reach, discs.reach),
+        (growth, discs.growth), (growth_max, discs.growth_max), (seen, discs.observed_at),
+    ):  # fmt: skip
+        padded[:count] = field
     coast = world.distance, world.origin, world.pixel, world.margin
-    speed = float(problem.vehicle.speed)  # type: ignore[arg-type]
-    box = world.low, world.high
-    return problem.environment.current, speed, problem.depart, centres, reach, coast, box
+    vehicle = problem.vehicle
+    limits = tuple(
+        float(limit)  # type: ignore[arg-type]
+        for limit in (vehicle.speed, vehicle.surge_max, vehicle.sway_max, vehicle.turn_rate_max)
+    )
+    units = world.side / _LENGTHS, problem.distance / limits[0] / _TIMES
+    obstacles = centres, velocity, reach, growth, growth_max, seen
+    return (
+        problem.environment.current,
+        limits,
+        problem.depart,
+        obstacles,
+        coast,
+        (world.low, world.high),
+        units,
+    )
 
 
 def _cost(
@@ -119,17 +176,19 @@ def _cost(
     shapes: jax.Array,
     price: float,
     extra: float,
+    slack: float,
     data: tuple,
+    parts: int,
 ) -> jax.Array:
-    """Travel time plus the price of missing clearance, s."""
-    current, speed, depart, centres, reach, coast, box = data
-    points = base + normal * (shapes @ amplitudes)[:, None]
+    """Travel time plus the price of missing clearance and broken limits, in units of time."""
+    current, (speed, surge_max, sway_max, turn_rate_max), depart, obstacles, coast, box, units = data
+    points = base + normal * (units[0] * shapes @ amplitudes)[:, None]
     begin, way = points[:-1, None], jnp.diff(points, axis=0)[:, None]
-    share = ((jnp.arange(_PARTS) + 0.5) / _PARTS)[:, None]
+    share = ((jnp.arange(parts) + 0.5) / parts)[:, None]
     x, y = jnp.moveaxis((begin + share * way).reshape(-1, 2), 1, 0)
-    length = jnp.sqrt((way**2).sum(axis=2) + 1e-12)
-    north, east = (jnp.repeat((way[..., k] / length)[:, 0], _PARTS) for k in range(2))
-    length = jnp.repeat(length[:, 0], _PARTS) / _PARTS
+    whole = jnp.sqrt((way**2).sum(axis=2) + 1e-12)
+    north, east = (jnp.repeat((way[..., k] / whole)[:, 0], parts) for k in range(2))
+    length = jnp.repeat(whole[:, 0], parts) / parts
 
     duration = length / speed
     for _ in range(1 if is_steady(current) else _SWEEPS):
@@ -137,16 +196,35 @@ def _cost(
         u, v, _ = current(x, y, jnp.zeros_like(x), when)
         along, across = u * north + v * east, u * east - v * north
         held = jnp.sqrt(jnp.maximum(speed**2 - across**2, (0.02 * speed) ** 2))
-        duration = length / jnp.maximum(along + held, 0.02 * speed)
+        ground = along + held
+        duration = length / jnp.maximum(ground, 0.02 * speed)
 
+    def over(value: jax.Array, limit: jax.Array | float) -> jax.Array:
+        return (jnp.maximum(value / ((1.0 - slack) * limit) - 1.0, 0.0) ** 2).sum()
+
+    spent = duration.reshape(-1, parts).sum(axis=1)
+    (ax, ay), (bx, by) = way[:-1, 0].T, way[1:, 0].T
+    cross, dot = ax * by - ay * bx, ax * bx + ay * by
+    turn = jnp.abs(jnp.arctan2(cross, dot)) / (0.5 * (spent[1:] + spent[:-1]))
+    broken = over(ground, surge_max) + over(jnp.abs(across), jnp.minimum(sway_max, speed))
+    broken += parts * over(turn, turn_rate_max)
+    broken += (jnp.maximum(SPEED_FLOOR - ground / speed, 0.0) ** 2).sum()
+
+    times = depart + jnp.concatenate([jnp.zeros(1), jnp.cumsum(spent)])
+    when = jnp.concatenate([depart + jnp.cumsum(duration) - 0.5 * duration, times])
     x, y = jnp.concatenate([x, points[:, 0]]), jnp.concatenate([y, points[:, 1]])
-    away = jnp.sqrt((x - centres[:, :1]) ** 2 + (y - centres[:, 1:]) ** 2 + 1e-12) - reach[:, None]
+    centres, velocity, reach, growth, growth_max, seen = (jnp.asarray(part)[:, None] for part in obstacles)
+    since = when - seen
+    grown = jnp.minimum(growth * jnp.maximum(since, 0.0), growth_max)
+    away_x = x - centres[..., 0] - velocity[..., 0] * since
+    away_y = y - centres[..., 1] - velocity[..., 1] * since
+    away = jnp.sqrt(away_x**2 + away_y**2 + 1e-12) - reach - grown
     missing = (jnp.maximum(extra - away, 0.0) ** 2).sum()
     if coast[0].size > 4:
         missing += (jnp.maximum(extra + coast[3] - _coast_distance(x, y, coast), 0.0) ** 2).sum()
     for line, low, high in ((x, box[0][0], box[1][0]), (y, box[0][1], box[1][1])):
         missing += (jnp.maximum(low - line, 0.0) ** 2 + jnp.maximum(line - high, 0.0) ** 2).sum()
-    return duration.sum() + price * missing
+    return duration.sum() / units[1] + price * (missing / units[0] ** 2 + _LIMIT_PRICE * broken)
 
 
 def _coast_distance(x: jax.Array, y: jax.Array, coast: tuple[Any, ...]) -> jax.Array:
@@ -162,4 +240,4 @@ def _coast_distance(x: jax.Array, y: jax.Array, coast: tuple[Any, ...]) -> jax.A
     return (1.0 - a) * south + a * ((1.0 - b) * flat[corner + east] + b * flat[corner + east + 1])
 
 
-_slope = jax.jit(jax.value_and_grad(_cost))
+_slope = jax.jit(jax.value_and_grad(_cost), static_argnames=("parts",))

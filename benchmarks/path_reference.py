@@ -18,7 +18,7 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.path_grid import NODES, Grid, passages
-from benchmarks.path_polish import polish, resampled
+from benchmarks.path_polish import FINE_STAGES, polish, resampled
 from benchmarks.path_problems import PathProblem, have_charts, path_problems
 from benchmarks.path_ruler import Score, World, evaluate
 
@@ -60,7 +60,7 @@ def reference(
     """Find the quickest path of a problem.
 
     Args:
-        problem: planar, with obstacles that stand.
+        problem: planar.
         others: paths [n, 2] m to descend from as well.
         most: passages to try.
         nodes: of the grid along the longer side of the box.
@@ -70,7 +70,7 @@ def reference(
     found = list(passages(problem, world, most, Grid.of(problem, world, nodes)))
     paths = [polish(problem, world, path) for path in [*(path for _, path in found), *others]]
     paths.sort(key=lambda path: (not path.score.feasible, path.score.travel_time))
-    paths += [polish(problem, world, path.positions, fine=True) for path in paths[:FINE]]
+    paths += [polish(problem, world, path.positions, FINE_STAGES) for path in paths[:FINE]]
     safe = [path for path in paths if path.score.feasible]
     grid_time = found[0][0] if found else None
     best = min(safe, key=lambda path: path.score.travel_time) if safe else None

@@ -1,7 +1,8 @@
-"""One ruler for all paths: travel time and clearance of a polyline in float64, apart from the planner's code.
+"""One ruler for all paths, apart from the planner: travel time, clearance and limits in float64.
 
 The vehicle crabs: over ground it makes the current along the track plus what is left of its speed after the
-current across the track is held. Coast and obstacles are kept off by the margins of the planner's settings.
+current across the track is held. Coast and obstacles are kept off by the margins of the planner's settings;
+obstacles that move are where they are when the vehicle arrives.
 """
 
 from dataclasses import dataclass
@@ -15,15 +16,19 @@ from numpy.typing import ArrayLike, NDArray
 from auvplan import PathConfig
 from auvplan.ocean.chart import INTERPOLATION_ERROR
 from auvplan.ocean.currents import is_steady
+from auvplan.ocean.obstacles import CONFIDENCE
 from benchmarks.path_problems import PathProblem
 
 Array = NDArray[np.floating]
 
-#: m, by which a limit may be missed: positions in single precision are no better.
-TOLERANCE = 0.05
+#: Share of the box's longer side by which a clearance may be missed: single precision is no better.
+TOLERANCE = 5e-6
 
-#: m, and the share of the length, between the points at which a path is measured, whichever is less.
-STEP, STEP_SHARE = 1.0, 1.0 / 2000.0
+#: Share by which limits of the vehicle may be broken: planners judge them in the middle of each segment.
+LIMIT_TOLERANCE = 0.01
+
+#: Shares of the box's longer side and of the path between the points at which it is measured, the lesser.
+STEP, STEP_SHARE = 1e-4, 1.0 / 2000.0
 
 #: Points are padded to a multiple of this, so that few programs are compiled.
 _BLOCK = 4096
@@ -41,15 +46,88 @@ class Score:
 
     Attributes:
         travel_time: s; infinite where the current cannot be held.
-        feasible: whether it keeps clear of everything and can be sailed.
+        feasible: whether it keeps clear of everything, keeps the vehicle's limits and makes way everywhere.
         clearance: m beyond the margins, the least on the way; negative where something is too near.
         length: m.
+        excess: greatest share by which ground speed, current across the track or turn rate exceed their
+            limits; negative where all are kept.
     """
 
     travel_time: float
     feasible: bool
     clearance: float
     length: float
+    excess: float
+
+
+@dataclass(frozen=True, eq=False)
+class Discs:
+    """M obstacles in linear motion at the surface.
+
+    Attributes:
+        centres: [M, 2] m, when last observed.
+        velocity: [M, 2] m/s, drift included.
+        reach: [M] m, collision boundaries when last observed plus the margin.
+        growth: [M] m/s.
+        growth_max: [M] m.
+        observed_at: [M] s.
+    """
+
+    centres: Array
+    velocity: Array
+    reach: Array
+    growth: Array
+    growth_max: Array
+    observed_at: Array
+
+    @classmethod
+    def of(cls, problem: PathProblem) -> "Discs":
+        """Return the active obstacles; the current where and when they were last observed carries them on."""
+        found, config = problem.environment.obstacles, PathConfig(**problem.changes)
+        active = np.asarray(found.active)
+        position, own, drift, radius, position_std, radius_std, growth, growth_max, observed_at = (
+            np.asarray(getattr(found, name), float)[active]
+            for name in (
+                "position", "velocity", "drift", "radius", "position_std", "radius_std", "growth",
+                "growth_max", "observed_at",
+            )
+        )  # fmt: skip
+        carried = np.zeros((len(radius), 2))
+        if drift.any():
+            u, v = current_at(problem.environment.current, position[:, 0], position[:, 1], observed_at)
+            carried = drift[:, None] * np.stack([u, v], axis=1)
+        reach = radius + CONFIDENCE * np.hypot(position_std, radius_std) + config.obstacle_margin
+        return cls(position[:, :2], own[:, :2] + carried, reach, growth, growth_max, observed_at)
+
+    def __len__(self) -> int:
+        return len(self.reach)
+
+    @property
+    def moving(self) -> NDArray[np.bool_]:
+        """[M], whether each moves or grows."""
+        return (np.abs(self.velocity).sum(axis=1) > 0.0) | ((self.growth > 0.0) & (self.growth_max > 0.0))
+
+    def chosen(self, which: NDArray[np.bool_]) -> "Discs":
+        """Return some of them."""
+        fields = (self.centres, self.velocity, self.reach, self.growth, self.growth_max, self.observed_at)
+        return Discs(*(field[which] for field in fields))
+
+    def clearance(self, x: Array, y: Array, t: ArrayLike) -> Array:
+        """Return m to the nearest, at the times t [s]; `_FAR` without any."""
+        clear = np.full(np.shape(x), _FAR)
+        for (a, b), (u, v), reach, growth, most, seen in zip(
+            self.centres,
+            self.velocity,
+            self.reach,
+            self.growth,
+            self.growth_max,
+            self.observed_at,
+            strict=True,
+        ):
+            since = np.asarray(t) - seen
+            grown = np.minimum(growth * np.maximum(since, 0.0), most)
+            clear = np.minimum(clear, np.hypot(x - a - u * since, y - b - v * since) - reach - grown)
+        return clear
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,8 +136,7 @@ class World:
 
     Attributes:
         low, high: [2] m, the box.
-        centres: [M, 2] m, obstacles at departure; they are taken to stand.
-        reach: [M] m, their collision boundaries plus the margin.
+        discs: the obstacles, the margin included.
         distance: [nx, ny] m to the coast at pixel centres; [2, 2] far away where there is no chart.
         origin: [2] m, corner of the chart.
         pixel: m.
@@ -68,8 +145,7 @@ class World:
 
     low: Array
     high: Array
-    centres: Array
-    reach: Array
+    discs: Discs
     distance: Array
     origin: Array
     pixel: float
@@ -77,10 +153,8 @@ class World:
 
     @classmethod
     def of(cls, problem: PathProblem) -> "World":
-        """The world of a problem, with the margins of the planner's settings."""
+        """Return the world of a problem, with the margins of the planner's settings."""
         env, config = problem.environment, PathConfig(**problem.changes)
-        active = np.asarray(env.obstacles.active)
-        boundary = np.asarray(env.obstacles.boundary(jnp.asarray(problem.depart)), float)
         if env.chart is None:
             distance, origin, pixel = np.full((2, 2), _FAR), np.zeros(2), 1.0
         else:
@@ -89,25 +163,39 @@ class World:
         return cls(
             np.asarray(env.lower, float)[:2],
             np.asarray(env.upper, float)[:2],
-            np.asarray(env.obstacles.position, float)[active, :2],
-            boundary[active] + config.obstacle_margin,
+            Discs.of(problem),
             distance,
             origin,
             pixel,
             config.coast_margin + INTERPOLATION_ERROR * pixel,
         )
 
-    def clearance(self, x: Array, y: Array) -> Array:
-        """m beyond the margins to the nearest obstacle, coast or edge of the box, any shape."""
+    @property
+    def side(self) -> float:
+        """Longer side of the box, m."""
+        return float((self.high - self.low).max())
+
+    @property
+    def tolerance(self) -> float:
+        """Clearance that may be missed, m."""
+        return TOLERANCE * self.side
+
+    def clearance(self, x: Array, y: Array, t: ArrayLike | None = None) -> Array:
+        """Return m beyond the margins to the nearest obstacle, coast or edge of the box, any shape.
+
+        Args:
+            x, y: m.
+            t: s; None leaves out obstacles that move.
+        """
         clear = np.minimum(self.coast_distance(x, y) - self.margin, _FAR)
-        for (a, b), reach in zip(self.centres, self.reach, strict=True):
-            clear = np.minimum(clear, np.hypot(x - a, y - b) - reach)
+        discs = self.discs.chosen(~self.discs.moving) if t is None else self.discs
+        clear = np.minimum(clear, discs.clearance(x, y, 0.0 if t is None else t))
         for line, low, high in ((x, self.low[0], self.high[0]), (y, self.low[1], self.high[1])):
-            clear = np.minimum(clear, np.minimum(line - low, high - line) + TOLERANCE / 2)
+            clear = np.minimum(clear, np.minimum(line - low, high - line) + self.tolerance / 2)
         return clear
 
     def coast_distance(self, x: Array, y: Array) -> Array:
-        """m to the coast, bilinear between pixel centres."""
+        """Return m to the coast, bilinear between pixel centres."""
         north, east = self.distance.shape
         i = np.clip((x - self.origin[0]) / self.pixel - 0.5, 0.0, north - 1.0)
         j = np.clip((y - self.origin[1]) / self.pixel - 0.5, 0.0, east - 1.0)
@@ -120,8 +208,10 @@ class World:
 def evaluate(problem: PathProblem, positions: ArrayLike, world: World | None = None) -> Score:
     """Measure a path, a straight line between each two positions.
 
+    A turn between two lines is spread over the second half of the one and the first half of the other.
+
     Args:
-        problem: what to sail; its obstacles must stand.
+        problem: what to travel.
         positions: [n, 2] or [n, 3] m, from start to goal; depth does not matter.
         world: `World.of(problem)`, where it is at hand.
     """
@@ -129,7 +219,7 @@ def evaluate(problem: PathProblem, positions: ArrayLike, world: World | None = N
     points = np.asarray(positions, float)[:, :2]
     gaps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     points, gaps = points[np.r_[True, gaps > 0.0]], gaps[gaps > 0.0]
-    step = min(STEP, STEP_SHARE * gaps.sum())
+    step = min(STEP * world.side, STEP_SHARE * gaps.sum())
     parts = np.ceil(gaps / step).astype(int)
     segment = np.repeat(np.arange(len(gaps)), parts)
     before = np.arange(len(segment)) - np.repeat(np.cumsum(parts) - parts, parts)
@@ -138,17 +228,50 @@ def evaluate(problem: PathProblem, positions: ArrayLike, world: World | None = N
     middle = points[segment] + ((before + 0.5) / parts[segment])[:, None] * way
     heading, length = way / gaps[segment][:, None], (gaps / parts)[segment]
 
-    duration, held = sail(problem, middle, heading, length)
+    pieces = _traversed(problem, middle, heading, length)
     ends = np.asarray([problem.start, problem.goal])[:, :2]
-    joined = np.abs(points[[0, -1]] - ends).max() < TOLERANCE
+    joined = np.abs(points[[0, -1]] - ends).max() < world.tolerance
+    times = problem.depart + np.concatenate([[0.0], np.cumsum(pieces.duration)])
     marks = np.concatenate([begin, middle, points[-1:]])
-    clearance = float(world.clearance(*marks.T).min())
-    feasible = bool(held and joined and clearance > -TOLERANCE)
-    return Score(float(duration.sum()) if held else np.inf, feasible, clearance, float(gaps.sum()))
+    when = np.concatenate([times[:-1], 0.5 * (times[:-1] + times[1:]), times[-1:]])
+    clearance = float(world.clearance(*marks.T, when).min())
+
+    vehicle = problem.vehicle
+    spent = np.bincount(segment, pieces.duration)
+    turn = np.diff(np.arctan2(*np.diff(points, axis=0).T[::-1]))
+    turn = np.abs((turn + np.pi) % (2.0 * np.pi) - np.pi) / (0.5 * (spent[1:] + spent[:-1]))
+    excess = max(
+        float(np.max(value, initial=0.0)) / float(limit) - 1.0  # type: ignore[arg-type]
+        for value, limit in (
+            (pieces.ground, vehicle.surge_max),
+            (pieces.across, vehicle.sway_max),
+            (turn, vehicle.turn_rate_max),
+        )
+    )
+    feasible = pieces.held and joined and clearance > -world.tolerance and excess <= LIMIT_TOLERANCE
+    travel_time = float(pieces.duration.sum()) if pieces.held else np.inf
+    return Score(travel_time, bool(feasible), clearance, float(gaps.sum()), excess)
 
 
-def sail(problem: PathProblem, middle: Array, heading: Array, length: Array) -> tuple[Array, bool]:
-    """Time of each of K short pieces, each at the time it is met, and whether every one can be held.
+@dataclass(frozen=True, eq=False)
+class _Pieces:
+    """K short pieces of a path, one after the other.
+
+    Attributes:
+        duration: [K] s.
+        ground: [K] m/s, speed over ground.
+        across: [K] m/s, current across the track.
+        held: whether the vehicle makes way on every one.
+    """
+
+    duration: Array
+    ground: Array
+    across: Array
+    held: bool
+
+
+def _traversed(problem: PathProblem, middle: Array, heading: Array, length: Array) -> _Pieces:
+    """Time each of K pieces, each at the time at which it is reached.
 
     Args:
         problem: current, speed and departure.
@@ -157,18 +280,19 @@ def sail(problem: PathProblem, middle: Array, heading: Array, length: Array) -> 
         length: [K] m.
     """
     speed, current = float(problem.vehicle.speed), problem.environment.current  # type: ignore[arg-type]
-    duration, held = length / speed, True
+    found = _Pieces(length / speed, np.full_like(length, speed), np.zeros_like(length), True)
     for _ in range(1 if is_steady(current) else _SWEEPS):
-        when = problem.depart + np.cumsum(duration) - 0.5 * duration
+        last = found.duration
+        when = problem.depart + np.cumsum(last) - 0.5 * last
         u, v = current_at(current, middle[:, 0], middle[:, 1], when)
         along = u * heading[:, 0] + v * heading[:, 1]
-        across = u * heading[:, 1] - v * heading[:, 0]
+        across = np.abs(u * heading[:, 1] - v * heading[:, 0])
         ground = along + np.sqrt(np.maximum(speed**2 - across**2, 0.0))
-        held = bool((np.abs(across) <= speed).all() and (ground > 0.0).all())
-        last, duration = duration, length / np.maximum(ground, 1e-3 * speed)
-        if np.abs(duration - last).sum() < 1e-9 * duration.sum():
+        held = bool((across <= speed).all() and (ground > 0.0).all())
+        found = _Pieces(length / np.maximum(ground, 1e-3 * speed), ground, across, held)
+        if np.abs(found.duration - last).sum() < 1e-9 * last.sum():
             break
-    return duration, held
+    return found
 
 
 def current_at(current: Any, x: Array, y: Array, t: Array) -> tuple[Array, Array]:

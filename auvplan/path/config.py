@@ -33,6 +33,8 @@ class PathConfig:
     Attributes:
         bbo: the optimiser's settings; `population` and `iterations` are the paper's nPop and Iter_max.
         control_points: free control points, without the two fixed ends.
+        finer: a path that is slower than one that the fields know, or breaks a limit where that one does not,
+            is planned again with so many times as many control points and segments; 1 for never.
         degree: of the B-spline; 3 is cubic.
         samples: points on the curve at which it is scored.
         speed_reading: "track" crabs to hold the track; "eq8" points along it; "eq11" leaves the current out.
@@ -45,11 +47,11 @@ class PathConfig:
         coast_margin: m, least distance kept to the coast.
         obstacle_margin: m, least distance kept to collision boundaries.
         penalties: weights gamma of the violations.
-        passages: paths through different passages, from coarse time-to-reach fields, that the search starts
-            from; 0 for none.
-        field_cells: cells of these fields from start to goal.
-        passage_steps: gradient steps that polish the passages before the search, divided among the windows of
-            a leg as the iterations are.
+        passages: paths through different passages, from time-to-reach fields, that the search starts from; 0
+            for none.
+        field_cells: cells of the finer ones of these fields to each side.
+        passage_steps: gradient steps that polish the passages before the search, a third of them on all and
+            the others on the better half; divided among the windows of a leg as the iterations are.
         refine_steps: gradient steps that polish the elite after the search.
         refine_step_size: of the first gradient step, as a share of the bounds.
         refine_count: habitats that are polished after the search.
@@ -61,12 +63,13 @@ class PathConfig:
 
     bbo: BBOConfig = field(
         default_factory=lambda: BBOConfig(
-            iterations=40, replacement="greedy", mutation="gaussian", mutation_step=0.05
+            iterations=24, replacement="greedy", mutation="gaussian", mutation_step=0.05
         )
     )
-    control_points: int = 16
+    control_points: int = 32
+    finer: int = 2
     degree: int = 3
-    samples: int = 128
+    samples: int = 160
     speed_reading: SpeedReading = "track"
     start_shape: Literal["smooth", "uniform"] = "smooth"
     width: float = 0.75
@@ -76,8 +79,8 @@ class PathConfig:
     coast_margin: float = 10.0
     obstacle_margin: float = 5.0
     penalties: Penalties = field(default_factory=Penalties)
-    passages: int = 8
-    field_cells: int = 64
+    passages: int = 12
+    field_cells: int = 120
     passage_steps: int = 60
     refine_steps: int = 60
     refine_step_size: float = 0.002
@@ -91,8 +94,8 @@ class PathConfig:
             )
         if self.samples < self.control_points + 2:
             raise ValueError(f"samples must be at least {self.control_points + 2}, got {self.samples}")
-        if self.t_series < 1:
-            raise ValueError(f"t_series must be at least 1, got {self.t_series}")
+        if self.t_series < 1 or self.finer < 1:
+            raise ValueError(f"t_series and finer must be at least 1, got {self.t_series} and {self.finer}")
         if self.passages < 0 or self.passages >= self.bbo.population:
             raise ValueError(f"passages must be in [0, population), got {self.passages}")
         if self.field_cells < 8:
@@ -137,7 +140,7 @@ class PathConfig:
             control_points=8,
             samples=64,
             passages=4,
-            field_cells=24,
+            field_cells=56,
             passage_steps=40,
             refine_steps=40,
             refine_count=1,

@@ -37,7 +37,7 @@ ALTITUDE_SCALE = 10.0
 _TOGETHER = 640
 
 #: A polish charges this share of the penalties' weights, and for margins wider by so many metres.
-_GUIDE_SOFTNESS = 0.003
+_GUIDE_SOFTNESS = 0.01
 
 
 @partial(

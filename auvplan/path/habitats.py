@@ -38,6 +38,15 @@ def bounds(
     return lower.reshape(-1), upper.reshape(-1)
 
 
+def widened(
+    lower: jax.Array, upper: jax.Array, found: jax.Array, env: Environment
+) -> tuple[jax.Array, jax.Array]:
+    """Bounds [3 n] m that hold habitats [P, 3 n] m as well, as far as the box goes."""
+    low, high = (jnp.repeat(corner, len(lower) // 3) for corner in (env.lower, env.upper))
+    lower = jnp.minimum(lower, jnp.maximum(found.min(axis=0), low))
+    return lower, jnp.maximum(upper, jnp.minimum(found.max(axis=0), high))
+
+
 def initial(
     key: jax.Array,
     count: int,

@@ -1,13 +1,20 @@
-"""Distinct passages between two points: coarse time-to-reach fields and the best paths through them.
+"""Distinct passages between two points: time-to-reach fields and the best paths through each passage.
 
-One field holds, for every cell of a coarse grid, the least travel time from the start, another one that to
-the goal; their sum is the time of the best path through each cell. Where the sum has a minimum across the
-way, a passage leads through. Paths traced through these minima let the search begin in every passage that
-there is, which neither random detours nor gradients find by themselves.
+One field holds, for every cell of a grid, the least travel time from the start, another one that to the
+goal; their sum is the time of the best path through each cell. Between two passages the sum has a hill: an
+island, an obstacle, a head current. The best path through a cell passes every hill on one side or the other,
+and which sides those are tells passages apart. Paths traced through the best cell of each passage let the
+search begin in every passage that there is, which neither random detours nor gradients find by themselves.
+
+Two grids are used. A coarse one over the surroundings tells which part of them the good paths cross, and when
+they come by; a finer one over that part finds the passages.
 """
 
-from collections.abc import Iterator
-from functools import reduce
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial, reduce
+from itertools import pairwise
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -19,11 +26,22 @@ from auvplan.path.clearance import distance_to_land, obstacle_clearance
 from auvplan.path.config import PathConfig
 from auvplan.path.cost import ALTITUDE_SCALE
 from auvplan.path.habitats import deepest, risen, straight_line
+from auvplan.path.kinematics import Axes
 from auvplan.vehicle import Vehicle, along_track
 
-#: Moves from a cell to another in 32 directions, in cells along the way and across it.
-MOVES = np.array([(a, b) for a in range(-3, 4) for b in range(-3, 4) if np.gcd(a, b) == 1])
-_REACH = int(np.abs(MOVES).max())
+#: Moves towards a greater first index that are no steeper than a diagonal, in cells; with their opposites and
+#: those with both indices exchanged, moves in 32 directions.
+MOVES = ((1, 0), (1, 1), (1, -1), (2, 1), (2, -1), (3, 1), (3, -1), (3, 2), (3, -2))
+_REACH = 3
+
+#: A cell is probed at so many places along each side; it stands for the clearest of them.
+_PROBES = 3
+
+#: Shares of a move at which it is probed.
+_ON_THE_WAY = (0.25, 0.5, 0.75)
+
+#: A place with as much clearance, in cells, is clear enough to stand for its cell.
+_ROOM = 0.75
 
 #: A move that breaks a limit costs this many times its own time for each unit of excess.
 _DETERRENT = 30.0
@@ -31,14 +49,48 @@ _DETERRENT = 30.0
 #: Excess of a move at most; one over a bed too shallow to be crossed has half of that at least.
 _MOST, _SHALLOW = 3.0, 1.5
 
-#: Paths whose times differ by less than this share count as one.
-_SAME = 3e-4
+#: Excess up to which a move counts as one that breaks no limit: rounding to cells alone may cause as much.
+_SLIGHT = 0.1
 
-#: Of the cells between start and goal: share behind the start and beyond the goal, and to each side.
-_BEYOND, _ASIDE = 0.25, 0.75
+#: The surroundings reach as many distances beyond start and goal, the finer grid at least so many of them.
+_SURROUNDINGS, _BESIDE = 2.0, 0.1
 
-#: Passages are looked for on lines across the way that divide it into as many parts.
-_COLUMNS = 8
+#: Paths that take longer than the best one by this share do not matter to where the finer grid lies.
+_SLOWER = 0.25
+
+#: Share of the finer grid's cells to each side that the coarse grid has.
+_COARSE = 0.375
+
+#: The longer side of a grid is at most so many times the shorter one.
+_ASPECT = 2.0
+
+#: Rounds of sweeps at most; each follows a path around one more bend.
+_ROUNDS = 40
+
+#: Times that differ by less than this share do not matter to a field.
+_SETTLED = 1e-5
+
+#: Hills that passages are told apart by, at most; cells around within which each is the highest; and by what
+#: share it must exceed the lowest of these and the best time.
+_HILLS, _AROUND, _HEIGHT = 32, 3, 1e-3
+
+
+@dataclass(frozen=True)
+class _Traced:
+    """Paths through passages as polylines on a grid, quickest first.
+
+    Attributes:
+        x, y: [count, L] m.
+        room: [count, L] m, clearance beyond the margins.
+        times: [count] s, with the deterrents of broken limits; infinite where there are fewer passages.
+        broken: [count], the most that is on the way of `_Grid.broken`.
+    """
+
+    x: jax.Array
+    y: jax.Array
+    room: jax.Array
+    times: jax.Array
+    broken: jax.Array
 
 
 def trace_passages(
@@ -49,8 +101,8 @@ def trace_passages(
     vehicle: Vehicle,
     count: int,
     config: PathConfig,
-) -> tuple[jax.Array, jax.Array]:
-    """The best coarse paths through `count` passages, as habitats.
+) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
+    """Trace the best paths through `count` passages, as habitats.
 
     Args:
         start, goal: [3] m.
@@ -62,98 +114,369 @@ def trace_passages(
         config: static settings; `field_cells` sets the grid.
 
     Returns:
-        ``(habitats [count, 3 n] m, times [count] s)``, quickest first; times of broken limits hold a
-        deterrent. Where there are fewer passages the last ones repeat, with infinite times.
+        ``(habitats [count, 3 n] m, times [count] s, closed [] m, known [] s)``, quickest first; times of
+        broken limits hold a deterrent. Where there are fewer passages the last ones repeat, with infinite
+        times. `closed` is the size of the cells where no path between them keeps clear of coast and
+        obstacles, zero where one does; `known` the time of the quickest path if it breaks no limit, else
+        infinite.
     """
+    ends = jnp.stack([start, goal])
+    distance = jnp.sqrt(((goal - start) ** 2).sum())
+    inner = ends[:, :2].min(axis=0), ends[:, :2].max(axis=0)
+    box = env.lower[:2], env.upper[:2]
+    around = [
+        corner + sign * _SURROUNDINGS * distance for corner, sign in zip(inner, (-1.0, 1.0), strict=True)
+    ]
+    low, high = _proportioned(jnp.maximum(around[0], box[0]), jnp.minimum(around[1], box[1]))
     cells = config.field_cells
-    behind, aside = round(_BEYOND * cells), round(_ASIDE * cells)
-    shape = cells + 1 + 2 * behind, 1 + 2 * aside
-    along, across = jnp.meshgrid(
-        jnp.arange(shape[0]) - behind, jnp.arange(shape[1]) - aside, indexing="ij"
-    )  # in cells, from the start
-    way = goal[:2] - start[:2]
-    spacing = jnp.sqrt((way**2).sum() + 1.0) / cells
-    forward = way / (cells * spacing)
-    x = start[0] + spacing * (along * forward[0] - across * forward[1])
-    y = start[1] + spacing * (along * forward[1] + across * forward[0])
-    z = start[2] + (goal[2] - start[2]) * jnp.clip(along / cells, 0.0, 1.0)
+    build = partial(_Grid.of, ends=ends, depart=depart, env=env, vehicle=vehicle, config=config)
 
-    edges = _edge_times(x, y, z, spacing, forward, start, depart, env, vehicle, config)
-    turned = _reversed(edges)
-    first, last = (behind, aside), (behind + cells, aside)
-    ahead, back = _field(edges, first), _field(turned, last)
-    chosen, times = _minima(ahead + back, count, behind, cells)
-    to_start = _walk(chosen, _previous(ahead, edges, first), 2 * cells)
-    to_goal = _walk(chosen, _previous(back, turned, last), 2 * cells)
-    route = jnp.concatenate([to_start[::-1], to_goal[1:]]).T
-    found = _fitted(x.reshape(-1)[route], y.reshape(-1)[route], start, goal, config)
-    return risen(found, start, goal, env), times
+    coarse = build(low, high, max(round(_COARSE * cells), 8), _straight_times)
+    ahead, back = coarse.fields()
+    total = ahead + back
+    matters = total <= (1.0 + _SLOWER) * total[coarse.source]
+    part = coarse.bounds_of(matters)
+    least = [corner + sign * _BESIDE * distance for corner, sign in zip(inner, (-1.0, 1.0), strict=True)]
+    low = jnp.maximum(jnp.minimum(part[0], least[0]), low)
+    high = jnp.minimum(jnp.maximum(part[1], least[1]), high)
+    low, high = _proportioned(low, high)
+    fine = build(low, high, cells, partial(_known_times, coarse=coarse, ahead=ahead, total=total))
+    traced = fine.traced(count)
+    found = _fitted(traced, start, goal, config)
+    closed = jnp.where((traced.broken == 2.0).all(), fine.spacing.max(), 0.0)
+    known = jnp.where(traced.broken[0] == 0.0, traced.times[0], jnp.inf)
+    return risen(found, start, goal, env), traced.times, closed, known
 
 
-def _edge_times(
+def _proportioned(low: jax.Array, high: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """Corners [2] m of the rectangle, its shorter side lengthened to the aspect that grids may have."""
+    sides = high - low
+    more = jnp.maximum(sides.max() / _ASPECT - sides, 0.0)
+    return low - 0.5 * more, high + 0.5 * more
+
+
+def _straight_times(
+    x: jax.Array, y: jax.Array, ends: jax.Array, depart: jax.Array, vehicle: Vehicle
+) -> tuple[jax.Array, jax.Array]:
+    """Time of arrival at each place, s, and share of the way that is behind, as on straight lines."""
+    from_start, to_goal = (jnp.sqrt((x - end[0]) ** 2 + (y - end[1]) ** 2) for end in ends)
+    return depart + from_start / vehicle.speed, from_start / jnp.maximum(from_start + to_goal, 1e-20)
+
+
+def _known_times(
     x: jax.Array,
     y: jax.Array,
-    z: jax.Array,
-    spacing: jax.Array,
-    forward: jax.Array,
-    start: jax.Array,
+    ends: jax.Array,
     depart: jax.Array,
-    env: Environment,
     vehicle: Vehicle,
-    config: PathConfig,
-) -> jax.Array:
-    """[32, A, B] s: time of each of `MOVES` that ends in a cell, with a deterrent where it breaks a limit."""
-    shallow = _too_shallow(x, y, spacing, env)
-    if env.seabed is not None:
-        z = jnp.minimum(z, deepest(env, x, y, 2.0 * spacing))
-    away = jnp.sqrt((x - start[0]) ** 2 + (y - start[1]) ** 2)
-    when = depart + away / vehicle.speed  # arrival, roughly
-    u, v, _ = env.current(x, y, z, when)
-    ahead, aside = u * forward[0] + v * forward[1], v * forward[0] - u * forward[1]
-    clear = _clearance(x, y, z, when, env, config)
-    risk = jnp.zeros_like(x) if env.chart is None else 1.0 - env.chart.passability_at(x, y)
+    coarse: "_Grid",
+    ahead: jax.Array,
+    total: jax.Array,
+) -> tuple[jax.Array, jax.Array]:
+    """As `_straight_times`, by the fields of a coarse grid."""
+    taken = coarse.looked_up(ahead, x, y)
+    share = taken / jnp.maximum(coarse.looked_up(total, x, y), 1e-20)
+    usual = _straight_times(x, y, ends, depart, vehicle)
+    known = jnp.isfinite(taken)
+    return jnp.where(known, depart + taken, usual[0]), jnp.where(known, share, usual[1])
 
-    times = []
-    for a, b in MOVES:
-        steps = float(np.hypot(a, b))
-        # Mean of both ends of the move; cells whose move comes from off the grid do not count.
-        ahead_mean, aside_mean, risk_mean = (0.5 * (p + _shifted(p, a, b, 0.0)) for p in (ahead, aside, risk))
-        with_track = (a * ahead_mean + b * aside_mean) / steps
-        over_track = jnp.abs(a * aside_mean - b * ahead_mean) / steps
-        ground, shortfall = along_track(config.speed_reading, vehicle.speed, with_track, over_track)
-        before = _shifted(clear, a, b, -1.0)
-        lowest = jnp.minimum(clear, before)
-        if steps > 1.5:  # a long move may cut a corner: distances are 1-Lipschitz
-            lowest = jnp.minimum(lowest, 0.5 * (clear + before - steps * spacing))
-        excess = (
-            jnp.clip(-lowest / spacing, 0.0, _MOST)
-            + jnp.maximum(ground / vehicle.surge_max - 1.0, 0.0)
-            + jnp.maximum(over_track / vehicle.sway_max - 1.0, 0.0)
-            + shortfall
+
+@dataclass(frozen=True)
+class _Grid:
+    """A grid of cells, each of which stands for its clearest place, and the times of moves between them.
+
+    Attributes:
+        low: [2] m, corner of the first cell.
+        spacing: [2] m, sides of a cell.
+        x, y: [N, N] m, places.
+        clear: [N, N] m, their clearance beyond the margins; negative where too near to something.
+        times: for moves along the first and along the second index, [N, 9, 2, N] s: time of each of `MOVES`
+            that ends in a cell, and of its opposite; by the index that moves advance along first.
+        broken: the same, [N, 9, N], 2 where a move comes too near to something, 1 where the current across it
+            breaks a limit, else 0.
+        source, sink: cells of start and goal.
+    """
+
+    low: jax.Array
+    spacing: jax.Array
+    x: jax.Array
+    y: jax.Array
+    clear: jax.Array
+    times: tuple[jax.Array, jax.Array]
+    broken: tuple[jax.Array, jax.Array]
+    source: tuple[jax.Array, jax.Array]
+    sink: tuple[jax.Array, jax.Array]
+
+    @classmethod
+    def of(
+        cls,
+        low: jax.Array,
+        high: jax.Array,
+        cells: int,
+        arrivals: Callable[..., tuple[jax.Array, jax.Array]],
+        ends: jax.Array,
+        depart: jax.Array,
+        env: Environment,
+        vehicle: Vehicle,
+        config: PathConfig,
+    ) -> "_Grid":
+        """The grid of [cells, cells] between two corners; `arrivals` as `_straight_times`."""
+        spacing = (high - low) / cells
+        probes = (jnp.arange(_PROBES * cells) + 0.5) / _PROBES
+        lattice = jnp.meshgrid(low[0] + spacing[0] * probes, low[1] + spacing[1] * probes, indexing="ij")
+        when, share = arrivals(*lattice, ends, depart, vehicle)
+        z = ends[0, 2] + share * (ends[1, 2] - ends[0, 2])
+        places = lattice[0], lattice[1], z
+        room = _clearance(places, when, 1e-3 * spacing.min(), env, config)
+        chosen = _clearest(room, _ROOM * spacing.min())
+        x, y, z, when, clear = (chosen(plane) for plane in (*lattice, z, when, room))
+        source, sink = (
+            tuple(jnp.clip(((end[:2] - low) / spacing).astype(jnp.int32), 0, cells - 1)) for end in ends
         )
-        if shallow is not None:
-            passed = (shallow, *(_shifted(shallow, *cell, 0.0) for cell in _passed(a, b)))
-            excess = excess + reduce(jnp.maximum, passed)
-        dear = 1.0 + _DETERRENT * excess + config.uncertain_price * risk_mean
-        times.append(jnp.where(before == -1.0, jnp.inf, steps * spacing / ground * dear))
-    return jnp.stack(times)
+        for end, cell in zip(ends, (source, sink), strict=True):
+            x, y, z = (plane.at[cell].set(place) for plane, place in zip((x, y, z), end, strict=True))
+        shallow = _too_shallow(x, y, spacing.max(), env)
+        if env.seabed is not None:
+            z = jnp.minimum(z, deepest(env, x, y, 2.0 * spacing.max()))
+        u, v, _ = env.current(x, y, z, when)
+        risk = jnp.zeros_like(x) if env.chart is None else 1.0 - env.chart.passability_at(x, y)
+        open_water = env.chart is None and len(env.obstacles) == 0
+        planes = x, y, u, v, clear, risk, *(() if shallow is None else (shallow,))
+        found = []
+        for turned in (False, True):
+            # Moves along the second index are those along the first one of a grid that is turned over.
+            ordered = (y, x, v, u, *planes[4:]) if turned else planes
+            ordered = [plane.T for plane in ordered] if turned else ordered
+            probed = None if open_water else (room.T if turned else room)
+            corner, sides = (low[::-1], spacing[::-1]) if turned else (low, spacing)
+            found.append(_move_times(ordered, probed, corner, sides, vehicle, config))
+        times, broken = zip(*found, strict=True)
+        return cls(low, spacing, x, y, clear, times, broken, source, sink)
+
+    def looked_up(self, plane: jax.Array, x: jax.Array, y: jax.Array) -> jax.Array:
+        """Look up a plane [N, N] at a lattice [A, B] m, with x by the first index and y by the second."""
+        cells = plane.shape[0]
+        weights = []
+        for axis, line in enumerate((x[:, 0], y[0])):
+            place = jnp.clip((line - self.low[axis]) / self.spacing[axis] - 0.5, 0.0, cells - 1.0)
+            weights.append(jnp.maximum(1.0 - jnp.abs(place[:, None] - jnp.arange(cells)), 0.0))
+        return weights[0] @ plane @ weights[1].T
+
+    def bounds_of(self, chosen: jax.Array) -> tuple[jax.Array, jax.Array]:
+        """Corners [2] m of the smallest rectangle that holds the chosen cells [N, N] and their neighbours."""
+        lows, highs = [], []
+        for axis in range(2):
+            any_in = chosen.any(axis=1 - axis)
+            first = jnp.argmax(any_in)
+            last = len(any_in) - jnp.argmax(any_in[::-1])
+            lows.append(self.low[axis] + self.spacing[axis] * (first - 1.0))
+            highs.append(self.low[axis] + self.spacing[axis] * (last + 1.0))
+        return jnp.stack(lows), jnp.stack(highs)
+
+    def fields(self) -> tuple[jax.Array, jax.Array]:
+        """Least times [N, N] s from the start to every cell, and from every cell to the goal.
+
+        Sweeps to and fro along both indices: one sweep follows every path as far as it advances along its
+        index (fast sweeping, Zhao 2005, with moves in place of an upwind scheme).
+        """
+        along, across = self.times
+        cells = along.shape[0]
+        fields = jnp.full((2, cells, cells), jnp.inf, along.dtype)
+        fields = fields.at[0, *self.source].set(0.0).at[1, *self.sink].set(0.0)
+
+        def round_(carry: tuple[jax.Array, jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array, jax.Array]:
+            fields, _, count = carry
+            new = _swept(fields.swapaxes(0, 1), along)
+            new = _swept(new.transpose(2, 1, 0), across).transpose(1, 2, 0)
+            changed = new < fields * (1.0 - _SETTLED)
+            # Cells that are farther from an end than the other end is lie on no path that matters.
+            best = jnp.minimum(new[0][self.sink], new[1][self.source]) * (1.0 + _SLOWER)
+            return new, (changed & (new <= best)).any() | ~jnp.isfinite(best), count + 1
+
+        carry = fields, jnp.array(True), jnp.array(0)
+        fields = jax.lax.while_loop(lambda c: c[1] & (c[2] < _ROUNDS), round_, carry)[0]
+        return fields[0], fields[1]
+
+    def traced(self, count: int) -> _Traced:
+        """The best paths through `count` passages."""
+        ahead, back = self.fields()
+        total = ahead + back
+        before, broken_before = self._previous(ahead, 0, self.source)
+        after, broken_after = self._previous(back, 1, self.sink)
+        sides = _sides(total, total[self.source], (before, after))
+        chosen, times = _firsts(total, sides, count)
+        steps = 3 * total.shape[0]
+        to_start, to_goal = _walk(chosen, before, steps), _walk(chosen, after, steps)
+        route = jnp.concatenate([to_start[::-1], to_goal[1:]]).T
+        broken = jnp.maximum(broken_before[to_start].max(axis=0), broken_after[to_goal].max(axis=0))
+        x, y, clear = (plane.reshape(-1)[route] for plane in (self.x, self.y, self.clear))
+        return _Traced(x, y, clear, times, broken)
+
+    def _previous(
+        self, field: jax.Array, lane: int, source: tuple[jax.Array, jax.Array]
+    ) -> tuple[jax.Array, jax.Array]:
+        """[N * N] flat index of the cell next to each on the best way to the source, which is next to itself,
+        and what of `broken` the move to it has."""
+        cells = field.shape[0]
+
+        def closer(carry: tuple, move: tuple) -> tuple[tuple, None]:
+            (a, b), forth, opposite, stop, step = move
+            ways = jax.lax.optimization_barrier(
+                (
+                    (_shifted(field, a, b, jnp.inf) + forth, stop, step),
+                    (_shifted(field + opposite, -a, -b, jnp.inf), _shifted(stop, -a, -b, 0.0), -step),
+                )
+            )
+            best, back, broken = carry
+            for time, stopped, way in ways:
+                better = time < best
+                best = jnp.where(better, time, best)
+                back, broken = jnp.where(better, way, back), jnp.where(better, stopped, broken)
+            return (best, back, broken), None
+
+        carry = jnp.full_like(field, jnp.inf), jnp.zeros(field.shape, jnp.int32), jnp.zeros_like(field)
+        for turned in (False, True):
+            moves = np.array(MOVES)[:, :: -1 if turned else 1]
+            times = self.times[turned].transpose((2, 1, 3, 0) if turned else (2, 1, 0, 3))
+            order = (1, 2, 0) if turned else (1, 0, 2)
+            stops = self.broken[turned].transpose(order)
+            steps = jnp.asarray(moves @ (cells, 1), jnp.int32)
+            carry, _ = jax.lax.scan(
+                closer, carry, (jnp.asarray(moves), times[lane], times[1 - lane], stops, steps)
+            )
+        _, back, broken = carry
+        back, broken = back.at[source].set(0), broken.at[source].set(0.0)
+        return jnp.arange(field.size) - back.reshape(-1), broken.reshape(-1)
 
 
 def _clearance(
-    x: jax.Array, y: jax.Array, z: jax.Array, when: jax.Array, env: Environment, config: PathConfig
+    places: Axes, when: jax.Array, slack: jax.Array, env: Environment, config: PathConfig
 ) -> jax.Array:
-    """[A, B] m to the nearest thing to keep clear of, beyond the margins; negative where too near."""
+    """Find the clearance beyond the margins, [A, B] m; negative where something to keep clear of is too near.
+
+    Args:
+        places: x, y, z, [A, B] m.
+        when: [A, B] s since the epoch.
+        slack: m, by which places may lie outside the box.
+        env: the world, obstacles resolved.
+        config: static settings.
+    """
+    x, y, z = places
     inside = [x - env.lower[0], env.upper[0] - x, y - env.lower[1], env.upper[1] - y]
-    clear = jnp.minimum(jnp.minimum(inside[0], inside[1]), jnp.minimum(inside[2], inside[3])) + 1e-3
+    clear = reduce(jnp.minimum, inside) + slack
     if env.chart is not None:
         clear = jnp.minimum(clear, distance_to_land(env.chart, x, y) - config.coast_margin)
-    still = jnp.zeros_like(x)  # a point is a segment of no length
-    near = obstacle_clearance(((x, y, z), (still, still, still), when, still), env)
-    return jnp.minimum(clear, near - config.obstacle_margin)
+    if len(env.obstacles):
+        still = jnp.zeros_like(x)  # a point is a segment of no length
+        near = obstacle_clearance(((x, y, z), (still, still, still), when, still), env)
+        clear = jnp.minimum(clear, near - config.obstacle_margin)
+    return clear
+
+
+def _clearest(room: jax.Array, enough: jax.Array) -> Callable[[jax.Array], jax.Array]:
+    """What picks, from planes of probes [3 N, 3 N], the clearest place of every cell, [N, N].
+
+    The middle of a cell is taken where it is clear enough.
+    """
+
+    def probes(plane: jax.Array) -> jax.Array:
+        cells = plane.shape[0] // _PROBES
+        return plane.reshape(cells, _PROBES, cells, _PROBES).transpose(1, 3, 0, 2).reshape(-1, cells, cells)
+
+    middle = _PROBES * _PROBES // 2
+    found = jnp.minimum(probes(room), enough)
+    best = found.max(axis=0)
+    chosen = jnp.where(found[middle] >= best, middle, jnp.argmax(found, axis=0))
+
+    def pick(plane: jax.Array) -> jax.Array:
+        parts = probes(plane)
+        return reduce(lambda a, k: jnp.where(chosen == k, parts[k], a), range(1, len(parts)), parts[0])
+
+    return pick
+
+
+def _move_times(
+    planes: Sequence[jax.Array],
+    room: jax.Array | None,
+    low: jax.Array,
+    spacing: jax.Array,
+    vehicle: Vehicle,
+    config: PathConfig,
+) -> tuple[jax.Array, jax.Array]:
+    """Times [N, 9, 2, N] s of `MOVES` that end in each cell and of their opposites, and `_Grid.broken`.
+
+    Args:
+        planes: [N, N]: places along both indices, m, currents along both, m/s, clearance, m, risk, and, over
+            a sea bed, excess where it is too shallow.
+        room: [3 N, 3 N] m, clearance at the probes; None where there is nothing to keep clear of but the box.
+        low, spacing: [2] m, of the grid.
+        vehicle: speed and limits.
+        config: static settings.
+    """
+    x, y, u, v, clear, risk, *shallow = planes
+    cell = spacing.min()
+
+    padded = [jnp.pad(plane, _REACH) for plane in (jnp.ones_like(x), *planes)]
+
+    def began(a: jax.Array, b: jax.Array) -> list[jax.Array]:
+        """The planes where the move (a, b) that ends in each cell began; zeros off the grid."""
+        parts = [jax.lax.dynamic_slice(plane, (_REACH - a, _REACH - b), x.shape) for plane in padded]
+        # What the compiler does not store it works out anew for every expression that uses it.
+        return jax.lax.optimization_barrier(parts)
+
+    def timed(_: Any, move: tuple[jax.Array, jax.Array, jax.Array]) -> tuple[Any, tuple]:
+        a, b, passed_by = move
+        inside, x0, y0, u0, v0, clear0, risk0, *_ = began(a, b)
+        dx, dy = x - x0, y - y0
+        length = jnp.sqrt(dx * dx + dy * dy + (1e-3 * cell) ** 2)
+        # Mean of both ends of the move.
+        u_mean, v_mean = 0.5 * (u + u0), 0.5 * (v + v0)
+        with_track = (u_mean * dx + v_mean * dy) / length
+        over_track = jnp.abs(u_mean * dy - v_mean * dx) / length
+        passed = [clear0, clear]
+        if room is not None:
+            probed = [_probed(room, x0 + s * dx, y0 + s * dy, low, spacing) for s in _ON_THE_WAY]
+            passed = [clear0, *jax.lax.optimization_barrier(probed), clear]
+        lowest = reduce(jnp.minimum, passed)
+        # A long move may cut a corner: distances are 1-Lipschitz.
+        part = length / (len(passed) - 1)
+        between = [0.5 * (p + q - part) for p, q in pairwise(passed)]
+        is_long = jnp.abs(a) + jnp.abs(b) > 2
+        lowest = jnp.where(is_long, reduce(jnp.minimum, between, lowest), lowest)
+        excess = jnp.clip(-lowest / cell, 0.0, _MOST) + jnp.maximum(over_track / vehicle.sway_max - 1.0, 0.0)
+        for plane in shallow:
+            crossed = [began(*back)[-1] for back in passed_by]
+            excess = excess + reduce(jnp.maximum, crossed, plane)
+        pair, over = [], over_track / vehicle.sway_max - 1.0
+        for sign in (1.0, -1.0):
+            ground, shortfall = along_track(
+                config.speed_reading, vehicle.speed, sign * with_track, over_track
+            )
+            excess_so = excess + jnp.maximum(ground / vehicle.surge_max - 1.0, 0.0) + shortfall
+            dear = 1.0 + _DETERRENT * excess_so + config.uncertain_price * 0.5 * (risk + risk0)
+            pair.append(jnp.where(inside > 0.0, length / ground * dear, jnp.inf))
+        broken = jnp.where(lowest < -_SLIGHT * cell, 2.0, jnp.where(over > _SLIGHT, 1.0, 0.0))
+        return None, (*pair, broken)
+
+    moves = np.array(MOVES)
+    passed_by = jnp.asarray([_passed(a, b) for a, b in MOVES])
+    rows = jnp.asarray(moves[:, 0]), jnp.asarray(moves[:, 1]), passed_by
+    forth, back, broken = (plane.swapaxes(0, 1) for plane in jax.lax.scan(timed, None, rows)[1])
+    return jnp.stack([forth, back], axis=2), broken
+
+
+def _probed(room: jax.Array, x: jax.Array, y: jax.Array, low: jax.Array, spacing: jax.Array) -> jax.Array:
+    """Clearance at the probes [3 N, 3 N] nearest to places, m."""
+    most = room.shape[0] - 1
+    i, j = (
+        jnp.clip(((place - low[axis]) * (_PROBES / spacing[axis])).astype(jnp.int32), 0, most)
+        for axis, place in enumerate((x, y))
+    )
+    return room.reshape(-1).at[i * (most + 1) + j].get(mode="promise_in_bounds", wrap_negative_indices=False)
 
 
 def _too_shallow(x: jax.Array, y: jax.Array, spacing: jax.Array, env: Environment) -> jax.Array | None:
-    """[A, B], excess where even the top of the box is too near the bed within a cell's spacing; else zero.
+    """[N, N], excess where even the top of the box is too near the bed within a cell's spacing; else zero.
 
     None without a sea bed.
     """
@@ -170,69 +493,113 @@ def _passed(a: int, b: int) -> list[tuple[int, int]]:
     No point of the move is farther than a cell's spacing from one of them.
     """
     steps = max(abs(a), abs(b))
-    return [(round(a * k / steps), round(b * k / steps)) for k in range(1, steps + 1)]
+    passed = [(round(a * k / steps), round(b * k / steps)) for k in range(1, steps + 1)]
+    return passed + passed[-1:] * (_REACH - steps)
 
 
-def _shifted(plane: jax.Array, a: int, b: int, fill: float) -> jax.Array:
+def _shifted(plane: jax.Array, a: jax.Array, b: jax.Array, fill: float) -> jax.Array:
     """The plane's value where the move (a, b) that ends in each cell began; `fill` from off the grid."""
     padded = jnp.pad(plane, _REACH, constant_values=fill)
-    return jax.lax.slice(
-        padded,
-        (_REACH - a, _REACH - b),
-        (_REACH - a + plane.shape[0], _REACH - b + plane.shape[1]),
-    )
+    return jax.lax.dynamic_slice(padded, (_REACH - a, _REACH - b), plane.shape)
 
 
-def _reversed(edges: jax.Array) -> jax.Array:
-    """Times of the same moves gone backwards: entry k ends where move k, from there, would have begun."""
-    turned = [_shifted(plane, -a, -b, jnp.inf) for plane, (a, b) in zip(edges, MOVES, strict=True)]
-    # The opposite of move k is the k-th from the end: the moves are sorted and symmetric.
-    return jnp.stack(turned[::-1])
+def _swept(fields: jax.Array, times: jax.Array) -> jax.Array:
+    """Fields [N, 2, N] s after a sweep that follows moves along the first index, and one back."""
+    width = fields.shape[2]
+
+    def across(row: jax.Array, b: int) -> jax.Array:
+        """[2, N], the entry b places before each."""
+        padded = jnp.pad(row, ((0, 0), (_REACH, _REACH)), constant_values=jnp.inf)
+        return jax.lax.slice_in_dim(padded, _REACH - b, _REACH - b + width, axis=1)
+
+    def forth(last: tuple[jax.Array, ...], here: tuple[jax.Array, jax.Array]) -> tuple[tuple, jax.Array]:
+        row, moves = here
+        arrivals = (across(last[a - 1], b) + moves[k] for k, (a, b) in enumerate(MOVES))
+        row = reduce(jnp.minimum, arrivals, row)
+        return (row, *last[:-1]), row
+
+    def back(ahead: tuple[jax.Array, ...], here: tuple[jax.Array, jax.Array]) -> tuple[tuple, jax.Array]:
+        row, moves = here
+        row = jnp.minimum(row, ahead[0])
+        waiting = [*ahead[1:], jnp.full_like(row, jnp.inf)]
+        for k, (a, b) in enumerate(MOVES):
+            waiting[a - 1] = jnp.minimum(waiting[a - 1], across(row + moves[k, ::-1], -b))
+        return tuple(waiting), row
+
+    nothing = (jnp.full_like(fields[0], jnp.inf),) * _REACH
+    fields = jax.lax.scan(forth, nothing, (fields, times))[1]
+    return jax.lax.scan(back, nothing, (fields, times), reverse=True)[1]
 
 
-def _arrivals(field: jax.Array, edges: jax.Array) -> Iterator[jax.Array]:
-    """[A, B] s: times to every cell by each of `MOVES`."""
-    return (_shifted(field, a, b, jnp.inf) + edge for (a, b), edge in zip(MOVES, edges, strict=True))
+def _sides(total: jax.Array, best: jax.Array, previous: tuple[jax.Array, jax.Array]) -> jax.Array:
+    """[N * N], a number that tells on which sides the best path through each cell passes the hills.
 
-
-def _field(edges: jax.Array, source: tuple[int, int]) -> jax.Array:
-    """Least time from a cell to every cell, [A, B] s, by min-plus sweeps until nothing changes."""
-
-    def step(carry: tuple[jax.Array, jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array, jax.Array]:
-        field, _, count = carry
-        new = reduce(jnp.minimum, _arrivals(field, edges), field)
-        return new, (new < field).any(), count + 1
-
-    shape = edges.shape[1:]
-    field = jnp.full(shape, jnp.inf, edges.dtype).at[source].set(0.0)
-    carry = field, jnp.array(True), jnp.array(0)
-    return jax.lax.while_loop(lambda c: c[1] & (c[2] < sum(shape)), step, carry)[0]
-
-
-def _minima(total: jax.Array, count: int, first: int, cells: int) -> tuple[jax.Array, jax.Array]:
-    """Flat indices [count] of minima across the way, of different passages, and their times, least first."""
+    A path that crosses the line from a hill towards greater first indices counts so many for the hill, and
+    the opposite where it crosses the other way; the number is the sum. Two paths that can be turned into each
+    other without being drawn over a hill have the same number.
+    """
+    hills = _hills(total, best)
     width = total.shape[1]
-    columns = first + cells * np.arange(1, _COLUMNS) // _COLUMNS
-    crossed = total[columns]
-    sides = jnp.pad(crossed, [(0, 0), (2, 2)], constant_values=jnp.inf)
-    lowest = crossed <= jnp.min(jnp.stack([sides[:, k : k + width] for k in (0, 1, 3, 4)]), axis=0)
-    times = jnp.where(lowest, crossed, jnp.inf).reshape(-1)
-    index = jnp.asarray(columns[:, None] * width + np.arange(width)).reshape(-1)
-    least, order = jax.lax.top_k(-times, min(_COLUMNS * count, len(times)))
-    least = -least
-    new = jnp.concatenate([jnp.ones(1, bool), least[1:] > least[:-1] * (1.0 + _SAME)])
-    times, kept = jax.lax.top_k(jnp.where(new, -least, -jnp.inf), count)
-    return index[order[kept]], -times
+    weights = np.random.default_rng(0).integers(1, 2**30, _HILLS).astype(np.int32)
+    sides = jnp.zeros(total.size, jnp.int32)
+    here = jnp.arange(total.size)
+    lines = hills // width, hills % width, jnp.asarray(weights)
+    for sign, nearer in zip((-1, 1), previous, strict=True):
+        (i, j), (i1, j1) = divmod(here, width), divmod(nearer, width)
+        number, _ = jax.lax.scan(partial(_crossed, moves=(i, j, i1, j1)), jnp.zeros_like(here), lines)
+        doublings = int(np.ceil(np.log2(4 * width)))
+        number, _ = jax.lax.fori_loop(0, doublings, _followed, (number, nearer))
+        sides = sides + sign * number
+    return sides
 
 
-def _previous(field: jax.Array, edges: jax.Array, source: tuple[int, int]) -> jax.Array:
-    """[A * B] flat index of the cell before each on the best way; the source comes from itself."""
-    best, move = jnp.full_like(field, jnp.inf), jnp.zeros(field.shape, jnp.int32)
-    for (a, b), time in zip(MOVES, _arrivals(field, edges), strict=True):
-        move = jnp.where(time < best, a * field.shape[1] + b, move)
-        best = jnp.minimum(best, time)
-    move = move.at[source].set(0)
-    return jnp.arange(field.size) - move.reshape(-1)
+def _crossed(
+    number: jax.Array, hill: tuple[jax.Array, ...], moves: tuple[jax.Array, ...]
+) -> tuple[jax.Array, None]:
+    """Add a hill's weight to the numbers of moves (i, j) to (i1, j1) that cross the line from it."""
+    (row, column, weight), (i, j, i1, j1) = hill, moves
+    sense = (j > column).astype(jnp.int32) - (j1 > column).astype(jnp.int32)
+    # Where the move crosses the line half a cell beside the hill's middle, times twice the move's width.
+    beyond = 2 * (i - row) * (j1 - j) + (i1 - i) * (2 * (column - j) + 1)
+    return number + jnp.where(beyond * (j1 - j) > 0, sense * weight, 0), None
+
+
+def _followed(_: int, carry: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
+    """Add up numbers along chains of cells, by chains twice as long as before."""
+    number, nearer = carry
+    return number + number[nearer], nearer[nearer]
+
+
+def _hills(total: jax.Array, best: jax.Array) -> jax.Array:
+    """[_HILLS] flat indices of the lowest hills of a plane; those that there are not lie off the grid."""
+    highest, lowest = total, total
+    for axis in (0, 1):
+        parts = range(-_AROUND, _AROUND + 1)
+        highest = reduce(jnp.maximum, [_moved(highest, axis, k, -jnp.inf) for k in parts])
+        lowest = reduce(jnp.minimum, [_moved(lowest, axis, k, jnp.inf) for k in parts])
+    height = 1.0 + _HEIGHT
+    hill = (total >= highest) & (total > height * lowest) & (total > height * best)
+    least, cells = jax.lax.top_k(jnp.where(hill, -total, -jnp.inf).reshape(-1), _HILLS)
+    return jnp.where(jnp.isfinite(least), cells, total.size * total.shape[1])
+
+
+def _moved(plane: jax.Array, axis: int, by: int, fill: float) -> jax.Array:
+    """The plane moved along an axis; `fill` from beyond."""
+    shape = [(0, 0), (0, 0)]
+    shape[axis] = (_AROUND, _AROUND)
+    padded = jnp.pad(plane, shape, constant_values=fill)
+    return jax.lax.slice_in_dim(padded, _AROUND + by, _AROUND + by + plane.shape[axis], axis=axis)
+
+
+def _firsts(total: jax.Array, sides: jax.Array, count: int) -> tuple[jax.Array, jax.Array]:
+    """Flat indices [count] of the best cell of each passage, the quickest first, and their times, s."""
+
+    def next_(left: jax.Array, _: None) -> tuple[jax.Array, tuple[jax.Array, jax.Array]]:
+        cell = jnp.argmin(left)
+        return jnp.where(sides == sides[cell], jnp.inf, left), (cell, left[cell])
+
+    _, (cells, times) = jax.lax.scan(next_, total.reshape(-1), length=count)
+    return cells, times
 
 
 def _walk(cells: jax.Array, previous: jax.Array, steps: int) -> jax.Array:
@@ -240,10 +607,22 @@ def _walk(cells: jax.Array, previous: jax.Array, steps: int) -> jax.Array:
     return jax.lax.scan(lambda at, _: (previous[at], at), cells, length=steps)[1]
 
 
-def _fitted(x: jax.Array, y: jax.Array, start: jax.Array, goal: jax.Array, config: PathConfig) -> jax.Array:
-    """Habitats [count, 3 n] m of B-splines along polylines [count, L] m, by least squares."""
+#: Samples lie as dense as the clearance is small, but at most so many times denser than evenly.
+_DENSEST = 8.0
+
+
+def _fitted(traced: _Traced, start: jax.Array, goal: jax.Array, config: PathConfig) -> jax.Array:
+    """Habitats [count, 3 n] m of B-splines along traced polylines, by least squares.
+
+    Where there is little room, samples and control points are denser: clearance is certified between samples,
+    and a bend is followed by control points.
+    """
+    x, y = traced.x, traced.y
     legs = jnp.sqrt(jnp.diff(x, axis=1) ** 2 + jnp.diff(y, axis=1) ** 2)
-    marks = jnp.cumsum(jnp.pad(legs, [(0, 0), (1, 0)]), axis=1)
+    even = legs.sum(axis=1, keepdims=True) / config.samples
+    narrow = jnp.minimum(traced.room[:, 1:], traced.room[:, :-1])
+    density = jnp.clip(even / jnp.maximum(narrow, 1e-20 + even / _DENSEST), 1.0, _DENSEST)
+    marks = jnp.cumsum(jnp.pad(legs * density, [(0, 0), (1, 0)]), axis=1)
     share = jnp.linspace(0.0, 1.0, config.samples)
     fit = jnp.asarray(fit_matrix(config.samples, config.control_points + 2, config.degree), x.dtype)
     planes = []

@@ -36,6 +36,8 @@ class PathPlan:
         excess: [V, S - 1] excess of each limit on each segment.
         water: [S - 1, 3] m/s north, east, down, the current met in the middle of each segment.
         conditions: what it was planned for.
+        closed: m, size of the cells at which time-to-reach fields find no passage clear of coast and
+            obstacles; zero where they find one, or do not look for any.
     """
 
     travel_time: float
@@ -52,6 +54,7 @@ class PathPlan:
     excess: Array
     water: Array
     conditions: Conditions = field(repr=False)
+    closed: float = 0.0
 
     @property
     def feasible(self) -> bool:
@@ -68,6 +71,8 @@ class PathPlan:
         """OK, or the limit that is broken most."""
         if self.feasible:
             return PathStatus.OK
+        if self.closed and {"coast", "obstacle"} & set(self.broken()):
+            return PathStatus.NO_WAY
         return STATUS[self.broken()[0]]
 
     @property
@@ -75,6 +80,8 @@ class PathPlan:
         """One line: the binding limit and the value that breaks it, where and when, and what to do."""
         if self.feasible:
             return self.status.value
+        if self.status is PathStatus.NO_WAY:
+            return f"no passage as wide as {self.closed:.3g} m: {self.status.value}"
         return self.explain(self.broken()[0])
 
     @cached_property
@@ -193,6 +200,7 @@ class PathPlans:
     history: History
     excess: Array
     water: Array
+    closed: Array
     conditions: Conditions = field(repr=False)
 
     def __len__(self) -> int:
@@ -219,6 +227,7 @@ class PathPlans:
             self.excess[b],
             self.water[b],
             self.conditions if self.conditions.leg is None else replace(self.conditions, leg=b),
+            float(self.closed[b]),
         )
 
     def __iter__(self):

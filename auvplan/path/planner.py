@@ -16,12 +16,15 @@ from auvplan.ocean.currents import Current, divided, is_gradual, united
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.path import habitats
+from auvplan.path.bspline import basis_matrix, fit_matrix
+from auvplan.path.clearance import FAR
 from auvplan.path.config import PathConfig
-from auvplan.path.cost import curves, fly, guide, score, violations
+from auvplan.path.cost import VIOLATIONS, Flight, curves, fly, guide, score, violations
 from auvplan.path.ends import check_ends
 from auvplan.path.kinematics import PacedCurrent, norm
 from auvplan.path.passages import trace_passages
 from auvplan.path.plan import PathPlan, PathPlans
+from auvplan.path.scaling import factor_of, scaled
 from auvplan.path.sensitivity import Conditions
 from auvplan.rows import over_rows
 from auvplan.vehicle import Vehicle
@@ -124,6 +127,7 @@ def plan_paths(
     conditions = Conditions(env, vehicle or Vehicle(), config, 0 if world_per_leg else None)
     program = partial(_plan, shared=shared, vehicle=conditions.vehicle, config=config)
     found = over_rows(program, keys, start, goal, departs, population, world)
+    found = plan_finely(found, (keys, start, goal, departs), world, shared, conditions.vehicle, config)
     return PathPlans(**found, conditions=conditions)
 
 
@@ -151,6 +155,91 @@ def world_of(own: World, shared: Environment) -> Environment:
 
 #: Paths of a leg are taken to make at least this share of the speed through the water over ground.
 _SLOWEST = 0.3
+
+
+def plan_finely(
+    found: dict[str, Any],
+    legs: tuple[Any, ...],
+    world: World,
+    shared: Environment,
+    vehicle: Vehicle,
+    config: PathConfig,
+) -> dict[str, Any]:
+    """Plan legs again with more control points and samples where the paths found leave something wanting.
+
+    Winding ways have more bends than the usual control points can follow, and narrow ones are certified only
+    between samples that lie close together.
+
+    Args:
+        found: fields of `PathPlans` by name, and `wanting`, which is taken out.
+        legs: keys, starts [B, 3] m, goals [B, 3] m, departures [B] s.
+        world, shared: as `split` gives them.
+        vehicle: speed and limits.
+        config: static settings, those of the paths found.
+
+    Returns:
+        The fields, with better paths where there are any. All legs have `finer` times as many segments,
+        planned again or not, so that no leg's plan depends on those beside it.
+    """
+    again = np.flatnonzero(found.pop("wanting"))
+    times = config.finer
+    if times == 1 or not config.passages:
+        return found
+    found = found | _divided(found, times)
+    if not len(again):
+        return found
+    segments = times * (config.samples - 1)
+    fine = config.replace(control_points=times * config.control_points, samples=segments + 1, finer=1)
+    chosen = jax.tree.map(lambda leaf: leaf[again], (*legs, None, world))
+    better = over_rows(partial(_plan, shared=shared, vehicle=vehicle, config=fine), *chosen)
+    broken = [plans["violations"].sum(axis=1) for plans in (better, found)]
+    less = (broken[0] < broken[1][again]) | (
+        (broken[0] == broken[1][again]) & (better["cost"] < found["cost"][again])
+    )
+    if not less.any():
+        return found
+    better = {name: value for name, value in better.items() if name != "wanting"}
+    better |= _with_fewer_points(better, legs[1][again], legs[2][again], fine, config)
+
+    def replaced(old: Any, new: Any) -> Any:
+        old = np.array(old)
+        old[again[less]] = np.asarray(new)[less]
+        return old
+
+    return jax.tree.map(replaced, found, better)
+
+
+def _divided(found: dict[str, Any], parts: int) -> dict[str, Any]:
+    """Positions, times, excess and water of paths whose segments are divided into so many parts."""
+    share = np.arange(parts * (found["times"].shape[1] - 1) + 1) / parts
+    first = np.minimum(share.astype(int), found["times"].shape[1] - 2)
+    share = (share - first).astype(found["times"].dtype)
+    positions, times = found["positions"], found["times"]
+    return {
+        "positions": positions[:, first] + share[:, None] * (positions[:, first + 1] - positions[:, first]),
+        "times": times[:, first] + share * (times[:, first + 1] - times[:, first]),
+        "excess": np.repeat(found["excess"], parts, axis=2),
+        "water": np.repeat(found["water"], parts, axis=1),
+    }
+
+
+def _with_fewer_points(
+    found: dict[str, Any], starts: np.ndarray, goals: np.ndarray, fine: PathConfig, config: PathConfig
+) -> dict[str, Any]:
+    """Population and control points of paths, fitted by as many points as the settings have."""
+    basis = basis_matrix(config.samples, fine.control_points + 2, config.degree)
+    fit = fit_matrix(config.samples, config.control_points + 2, config.degree)
+    # What takes inner control points, start and goal to fewer inner ones.
+    ends = np.eye(2)
+    along = np.concatenate([basis[:, 1:-1], basis[:, :1], basis[:, -1:]], axis=1)
+    fewer = fit @ np.concatenate([along, np.concatenate([np.zeros((2, fine.control_points)), ends], axis=1)])
+    population = np.asarray(found["population"])
+    planes = population.reshape(*population.shape[:2], 3, fine.control_points)
+    both = np.broadcast_to(np.stack([starts, goals], axis=2)[:, None], (*planes.shape[:3], 2))
+    inner = np.concatenate([planes, both], axis=3) @ fewer.T
+    population = inner.reshape(*inner.shape[:2], -1).astype(population.dtype)
+    points = np.concatenate([starts[:, None], inner[:, 0].swapaxes(1, 2), goals[:, None]], axis=1)
+    return {"population": population, "control_points": points.astype(population.dtype)}
 
 
 @partial(compiled, static_argnames=("config",))
@@ -190,38 +279,73 @@ def search_leg(
     population: jax.Array | None,
     config: PathConfig,
 ) -> dict[str, Any]:
-    """One leg's search, traceable: the fields of a `PathPlan` by name. Obstacles must be resolved."""
-    lower, upper = habitats.bounds(start, goal, env, config)
+    """Search for the path of one leg, traceable: the fields of a `PathPlan` by name, and `wanting`.
+
+    Obstacles must be resolved. `wanting` tells that fields know a path that breaks no limit, and that the one
+    found is slower or breaks one.
+    """
+    factor = factor_of(start, goal)
+    ends, depart = (start * factor, goal * factor), depart * factor
+    env, vehicle, config = scaled(env, vehicle, config, factor)
+    lower, upper = habitats.bounds(*ends, env, config)
     first_key, run_key = jax.random.split(key)
-    problem = (start, goal, depart, _paced(start, goal, depart, env, vehicle, config), vehicle)
+    problem = (*ends, depart, _paced(*ends, depart, env, vehicle, config), vehicle)
     if population is None:
-        count = config.bbo.population
-        population = habitats.initial(first_key, count, start, goal, lower, upper, config, env)
-    population = jnp.clip(population, lower, upper)
+        population = habitats.initial(first_key, config.bbo.population, *ends, lower, upper, config, env)
+    else:
+        population = population * factor
+    closed, known = jnp.zeros((), lower.dtype), jnp.full((), jnp.inf, lower.dtype)
     if config.passages:
-        population = _with_passages(population, lower, upper, problem, config)
+        found, times, closed, known = trace_passages(*problem, count=config.passages, config=config)
+        lower, upper = habitats.widened(lower, upper, found, env)
+        population = jnp.clip(population, lower, upper)
+        population = _with_passages(population, found, times, lower, upper, problem, config)
+    else:
+        population = jnp.clip(population, lower, upper)
     cost = partial(score, config=config)
     result = search.run(run_key, cost, population, lower, upper, config.bbo, problem)
     if config.refine_steps:
         result = _polished(result, lower, upper, problem, config)
 
     best = result.state.population[:1]
-    track = curves(best, start, goal, config)
-    flight = fly(track, depart, env, vehicle, config)
-    inner = best.reshape(3, -1).T
+    flight = fly(curves(best, *ends, config), depart, env, vehicle, config)
+    wanting = jnp.isfinite(known) & ((flight.travel_time[0] > known) | (violations(flight)[:, 0].sum() > 0.0))
+    return _in_own_units(best, flight, result, closed, start, goal, factor) | {"wanting": wanting}
+
+
+def _in_own_units(
+    best: jax.Array,
+    flight: Flight,
+    result: Result,
+    closed: jax.Array,
+    start: jax.Array,
+    goal: jax.Array,
+    factor: jax.Array,
+) -> dict[str, Any]:
+    """The fields of a `PathPlan` by name, from what was found in a world `factor` times as great."""
+    inner = best.reshape(3, -1).T / factor
+    # Excess counts metres of missing clearance and altitude, and shares of all other limits.
+    metres = [name in ("coast", "obstacle", "seabed") for name in VIOLATIONS]
+    excess = jnp.stack(flight.excess)[:, :, 0]
+    excess = jnp.where(np.asarray(metres)[:, None], excess / factor, excess)
+    clearance, altitude = flight.clearance.min(), flight.altitude.min()
+    history = result.history
     return {
-        "travel_time": flight.travel_time[0],
-        "length": flight.length[0],
-        "positions": jnp.stack([flight.x[:, 0], flight.y[:, 0], flight.z[:, 0]], axis=1),
-        "times": flight.times[:, 0],
+        "travel_time": flight.travel_time[0] / factor,
+        "length": flight.length[0] / factor,
+        "positions": jnp.stack([flight.x[:, 0], flight.y[:, 0], flight.z[:, 0]], axis=1) / factor,
+        "times": flight.times[:, 0] / factor,
         "control_points": jnp.concatenate([start[None], inner, goal[None]]),
-        "violations": violations(flight)[:, 0],
-        "clearance": flight.clearance.min(),
-        "altitude": flight.altitude.min(),
-        "cost": result.state.cost[0],
-        "population": result.state.population,
-        "history": result.history,
-        "excess": jnp.stack(flight.excess)[:, :, 0],
+        "violations": excess.mean(axis=1),
+        "clearance": jnp.where(clearance < FAR, clearance / factor, FAR),
+        "altitude": jnp.where(altitude < FAR, altitude / factor, FAR),
+        "cost": result.state.cost[0] / factor,
+        "population": result.state.population / factor,
+        "history": replace(
+            history, **{name: getattr(history, name) / factor for name in ("best", "mean", "std")}
+        ),
+        "excess": excess,
+        "closed": closed / factor,
         "water": jnp.stack(flight.water, axis=-1)[:, 0],
     }
 
@@ -249,16 +373,28 @@ def _paced(
 
 
 def _with_passages(
-    population: jax.Array, lower: jax.Array, upper: jax.Array, problem: tuple, config: PathConfig
+    population: jax.Array,
+    found: jax.Array,
+    times: jax.Array,
+    lower: jax.Array,
+    upper: jax.Array,
+    problem: tuple,
+    config: PathConfig,
 ) -> jax.Array:
     """Put polished paths through the passages that there are in place of the last habitats."""
-    found, times = trace_passages(*problem, count=config.passages, config=config)
-    replaced = population[-config.passages :]
+    count, steps = config.passages, config.passage_steps
+    replaced = population[-count:]
     found = jnp.where(jnp.isfinite(times)[:, None], jnp.clip(found, lower, upper), replaced)
-    if config.passage_steps:
-        steps, size = config.passage_steps, config.refine_step_size
-        found, _, _ = _descend(found, lower, upper, problem, config, steps, size)
-    return population.at[-config.passages :].set(found)
+    if not steps:
+        return population.at[-count:].set(found)
+    # All passages at first, then the better half of them: a few steps tell which ones lead nowhere.
+    size, first = config.refine_step_size, steps // 3
+    found, cost, _ = _descend(found, lower, upper, problem, config, first, size)
+    found = found[jnp.argsort(cost)]
+    half = -(-count // 2)
+    better, _, _ = _descend(found[:half], lower, upper, problem, config, steps - first, size)
+    found = jnp.concatenate([better, found[half:]])
+    return population.at[-count:].set(found)
 
 
 def _descend(

@@ -27,10 +27,13 @@ class PathStatus(Enum):
     OBSTACLE = "no way clear of the obstacles was found: widen the search, raise iterations, or wait"
     CURRENT = "the current is stronger than the vehicle: wait for slack water or choose a faster vehicle"
     SEABED = "no way clear of the sea bed was found: raise the waypoints or ask for less clearance"
+    NO_WAY = (
+        "no way from start to goal clear of coast and obstacles: move the waypoints or ask for less clearance"
+    )
 
 
 #: What the breaking of each limit is called.
-STATUS: dict[str, PathStatus] = dict(zip(VIOLATIONS, list(PathStatus)[1:], strict=True))
+STATUS: dict[str, PathStatus] = dict(zip(VIOLATIONS, list(PathStatus)[1:-1], strict=True))
 
 
 def explanation(plan: "PathPlan", limit: str, epoch: datetime | None = None) -> str:

@@ -18,7 +18,7 @@ from auvplan.path import habitats
 from auvplan.path.config import PathConfig
 from auvplan.path.ends import check_ends
 from auvplan.path.plan import PathPlan, PathPlans
-from auvplan.path.planner import World, search_leg, split, world_of
+from auvplan.path.planner import World, plan_finely, search_leg, split, world_of
 from auvplan.path.sensitivity import Conditions
 from auvplan.rows import over_rows
 from auvplan.vehicle import Vehicle
@@ -90,7 +90,10 @@ def replan_paths(
     conditions = Conditions(env, vehicle or Vehicle(), config, 0 if world_per_leg else None)
     program = partial(_replan, shared=shared, vehicle=conditions.vehicle, config=config)
     rows = keys, populations, starts, goals, np.asarray(reached), position, np.asarray(now, float), world
-    return PathPlans(**over_rows(program, *rows), conditions=conditions)
+    found = over_rows(program, *rows)
+    legs = keys, position, goals, np.asarray(now, float)
+    found = plan_finely(found, legs, world, shared, conditions.vehicle, config.window())
+    return PathPlans(**found, conditions=conditions)
 
 
 def progress(plan: PathPlan, position: np.ndarray) -> float:

@@ -137,11 +137,14 @@ def sail_missions(
 
 
 def path_config(scenario: Scenario) -> PathConfig:
-    """The path planner's settings under the scenario's preset and effort."""
+    """The path planner's settings under the scenario's preset and effort.
+
+    Legs are planned without `PathConfig.finer`, whose program would be compiled under way.
+    """
     planning = scenario.planning.resolved
     efforts = {"quick": PathConfig.quick, "full": PathConfig, "plain": PathConfig.plain}
     config = PathConfig.paper() if planning.preset == "paper" else efforts[planning.effort]()
-    return config.replace(t_series=planning.t_series)
+    return config.replace(t_series=planning.t_series, finer=1)
 
 
 def mission_configs(scenario: Scenario) -> tuple[MissionConfig, MissionConfig]:

@@ -1,8 +1,11 @@
-"""Coarse time-to-reach fields: times against Dijkstra's, passages on both sides of an obstacle."""
+"""Time-to-reach fields against Dijkstra's, and the passages they find: gaps, islands, both sides of rocks."""
+
+from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
@@ -10,40 +13,81 @@ import auvplan as ap
 from auvplan.path import passages
 from auvplan.path.cost import curves
 
-CONFIG = ap.PathConfig(field_cells=24)
+CONFIG = ap.PathConfig(field_cells=48, control_points=16, samples=64)
 START, GOAL = jnp.array([0.0, 0.0, 10.0]), jnp.array([2000.0, 0.0, 10.0])
 LOWER, UPPER = (-1000, -1600, 0), (3000, 1600, 60)
 
+traced = jax.jit(passages.trace_passages, static_argnums=(5, 6))
 
-def test_fields_are_shortest_times():
+
+def grid_with(times):
+    """A grid of given times of moves from (1, 2) to (6, 4)."""
+    cells = times[0].shape[0]
+    nothing, zero = jnp.zeros((cells, cells)), jnp.zeros(2)
+    ends = ((jnp.array(1), jnp.array(2)), (jnp.array(6), jnp.array(4)))
+    broken = tuple(jnp.zeros((cells, len(passages.MOVES), cells)) for _ in range(2))
+    return passages._Grid(zero, zero, nothing, nothing, nothing, times, broken, *ends)
+
+
+def naive(times):
+    """All moves of such a grid as a sparse matrix, from cell to cell."""
+    cells = times[0].shape[0]
+    tails, heads, lengths = [], [], []
+    for turned, table in enumerate(np.asarray(part) for part in times):
+        for i, k, j in np.ndindex(cells, len(passages.MOVES), cells):
+            a, b = passages.MOVES[k]
+            if i < a or not 0 <= j - b < cells:
+                continue
+            here, there = (i, j), (i - a, j - b)
+            here, there = (
+                np.ravel_multi_index(p[::-1] if turned else p, (cells,) * 2) for p in (here, there)
+            )
+            tails += [there, here]
+            heads += [here, there]
+            lengths += [table[i, k, 0, j], table[i, k, 1, j]]
+    # Diagonal moves are in both tables: the quicker one counts.
+    table = np.full((cells**2, cells**2), np.inf)
+    np.minimum.at(table, (tails, heads), lengths)
+    kept = np.nonzero(np.isfinite(table))
+    return coo_array((table[kept], kept), shape=table.shape).tocsr()
+
+
+def test_fields_are_shortest_times(monkeypatch):
+    monkeypatch.setattr(passages, "_SLOWER", 1e6)  # every cell counts, however slow the way through it
     rng = np.random.default_rng(0)
-    shape = (9, 7)
-    edges = rng.uniform(1.0, 10.0, (len(passages.MOVES), *shape))
-    rows, columns, times = [], [], []
-    for k, (a, b) in enumerate(passages.MOVES):
-        for i, j in np.ndindex(shape):
-            if 0 <= i - a < shape[0] and 0 <= j - b < shape[1]:
-                rows.append((i - a) * shape[1] + j - b)
-                columns.append(i * shape[1] + j)
-                times.append(edges[k, i, j])
-    graph = coo_array((times, (rows, columns)), shape=(edges[0].size,) * 2).tocsr()
-    field = passages._field(jnp.asarray(edges), (2, 3))
-    np.testing.assert_allclose(field.reshape(-1), dijkstra(graph, indices=2 * shape[1] + 3), rtol=1e-5)
-    back = passages._field(passages._reversed(jnp.asarray(edges)), (2, 3))
-    np.testing.assert_allclose(back.reshape(-1), dijkstra(graph.T.tocsr(), indices=17), rtol=1e-5)
+    shape = (9, len(passages.MOVES), 2, 9)
+    times = tuple(jnp.asarray(rng.uniform(1.0, 10.0, shape)) for _ in range(2))
+    ahead, back = grid_with(times).fields()
+    graph = naive(times)
+    np.testing.assert_allclose(ahead.ravel(), dijkstra(graph, indices=1 * 9 + 2), rtol=1e-4)
+    np.testing.assert_allclose(back.ravel(), dijkstra(graph.T.tocsr(), indices=6 * 9 + 4), rtol=1e-4)
+
+
+def test_chains_lead_back_along_shortest_ways():
+    rng = np.random.default_rng(1)
+    times = tuple(jnp.asarray(rng.uniform(1.0, 10.0, (9, len(passages.MOVES), 2, 9))) for _ in range(2))
+    grid, graph = grid_with(times), naive(times).toarray()
+    ahead, _ = grid.fields()
+    previous, _ = grid._previous(ahead, 0, grid.source)
+    cell = 6 * 9 + 4
+    elapsed = 0.0
+    while cell != 1 * 9 + 2:
+        elapsed += graph[previous[cell], cell]
+        cell = int(previous[cell])
+    assert elapsed == pytest.approx(float(ahead[6, 4]), rel=1e-4)
 
 
 def test_passages_on_both_sides_of_an_obstacle():
     rock = ap.Obstacles.static([[1000.0, 50.0, 10.0]], [300.0])
     env = ap.Environment(None, None, rock, LOWER, UPPER)
-    found, times = jax.jit(passages.trace_passages, static_argnums=(5, 6))(
-        START, GOAL, 0.0, env, ap.Vehicle(), 4, CONFIG
-    )
-    assert (np.diff(times) >= 0.0).all()
+    found, times, closed, known = traced(START, GOAL, 0.0, env, ap.Vehicle(), 4, CONFIG)
+    assert (np.diff(times[np.isfinite(times)]) >= 0.0).all()
     x, y, _ = (axis.T for axis in curves(found, START, GOAL, CONFIG).places)
     beside = np.asarray(y)[np.arange(4), np.abs(np.asarray(x) - 1000.0).argmin(axis=1)]
     assert beside[0] < -200.0  # the shorter way, west of the rock
-    assert beside[np.isfinite(times)].max() > 300.0
+    assert beside[1] > 300.0
+    assert float(closed) == 0.0
+    assert 800.0 < float(known) < 900.0  # 2000 m at 2.5 m/s, and the detour
 
 
 def test_the_way_follows_the_current():
@@ -51,6 +95,67 @@ def test_the_way_follows_the_current():
     env = ap.Environment(
         lambda x, y, z, t: (1.5 * jnp.exp(-(((y - 400.0) / 150.0) ** 2)), 0.0, 0.0), None, None, LOWER, UPPER
     )
-    found, _ = passages.trace_passages(START, GOAL, 0.0, env, ap.Vehicle(), 1, CONFIG)
+    found, *_ = traced(START, GOAL, 0.0, env, ap.Vehicle(), 1, CONFIG)
     _, y, _ = (axis.T for axis in curves(found, START, GOAL, CONFIG).places)
     assert float(y.max()) > 250.0
+
+
+def walled(gap, length=300):
+    """A wall from side to side of a box of 4 km by 3 km, 100 m thick, with a gap in it, in pixels."""
+    water = np.ones((400, length), bool)
+    water[195:205] = False
+    if gap:
+        water[195:205, gap] = True
+    chart = ap.Chart.from_mask(water, 10.0, (-1000.0, -1600.0))
+    return ap.Environment(None, chart, None, (-1000, -1600, 0), (3000, -1600 + 10 * length, 0))
+
+
+def test_a_gap_narrower_than_a_cell_is_found():
+    env = walled(slice(243, 249))  # 60 m between 830 and 890 m east; the cells are larger
+    ends = jnp.array([0.0, 0.0, 0.0]), jnp.array([2000.0, 0.0, 0.0])
+    found, _, closed, known = traced(*ends, 0.0, env, ap.Vehicle(), 4, CONFIG)
+    assert float(closed) == 0.0
+    assert float(known) == pytest.approx(2.0 * np.hypot(1000.0, 850.0) / 2.5, rel=0.03)
+    x, y, _ = (np.asarray(axis)[:, 0] for axis in curves(found, *ends, CONFIG).places)
+    assert 800.0 < np.interp(1000.0, x, y) < 920.0
+
+
+def test_a_wall_without_a_gap_is_closed():
+    env = walled(None)
+    ends = jnp.array([0.0, 0.0, 0.0]), jnp.array([2000.0, 0.0, 0.0])
+    _, _, closed, known = traced(*ends, 0.0, env, ap.Vehicle(), 4, CONFIG)
+    assert 0.0 < float(closed) < 200.0
+    assert np.isinf(float(known))
+
+
+def test_the_way_round_an_island_wider_than_the_straight_line_is_found():
+    water = np.ones((300, 300), bool)
+    water[145:155, 40:260] = False  # 2.2 km across a way of 1 km
+    env = ap.Environment(None, ap.Chart.from_mask(water, 10.0), None, (0, 0, 0), (3000, 3000, 0))
+    ends = jnp.array([1000.0, 1400.0, 0.0]), jnp.array([2000.0, 1400.0, 0.0])
+    found, times, closed, known = traced(*ends, 0.0, env, ap.Vehicle(), 4, CONFIG)
+    assert float(closed) == 0.0
+    # Round the nearer end, 1010 m aside; the other passage leads round the farther one, 1210 m aside.
+    for time, aside in zip(times[:2], (1010.0, 1210.0), strict=True):
+        assert float(time) == pytest.approx(2.0 * np.hypot(450.0, aside) / 2.5 + 100.0 / 2.5, rel=0.03)
+    assert float(known) == float(times[0])
+    y = np.asarray(curves(found, *ends, CONFIG).places[1])
+    assert y[:, 0].min() < 450.0
+    assert y[:, 1].max() > 2550.0
+
+
+def test_a_passage_that_is_closed_by_the_time_of_arrival_is_not_taken():
+    # Two gaps; a sphere comes to the nearer one while the vehicle is on its way there.
+    env = walled(slice(170, 180))
+    chart = np.array(env.chart.passability)
+    chart[195:205, 110:120] = 1.0
+    chart = ap.Chart.from_passability(chart, 10.0, (-1000.0, -1600.0))
+    comes = ap.Obstacles.create([[1000.0, 950.0, 0.0]], [150.0], velocity=[[0.0, -2.0, 0.0]])
+    free, met = (replace(env, chart=chart, obstacles=seen) for seen in (ap.Obstacles.none(), comes))
+    ends = jnp.array([0.0, 0.0, 0.0]), jnp.array([2000.0, 0.0, 0.0])
+    sides = []
+    for world in (free, met):
+        found, *_ = traced(*ends, 0.0, world, ap.Vehicle(), 4, CONFIG)
+        x, y, _ = (np.asarray(axis)[:, 0] for axis in curves(found, *ends, CONFIG).places)
+        sides.append(np.interp(1000.0, x, y))
+    assert sides[0] > 0.0 > sides[1]

@@ -1,5 +1,7 @@
 """Whole plans: safety, quality, determinism, batching, warm starts and bad input."""
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -14,8 +16,12 @@ CONFIG = ap.PathConfig(
         population=40, iterations=40, replacement="greedy", mutation="gaussian", mutation_step=0.05
     ),
     samples=64,
+    control_points=16,
+    passages=6,
+    field_cells=48,
     refine_steps=20,
     passage_steps=20,
+    finer=1,
 )
 
 
@@ -177,3 +183,87 @@ def test_populations_of_another_shape_are_refused():
 def test_bad_settings_are_refused(changes):
     with pytest.raises(ValueError, match=next(iter(changes))):
         ap.PathConfig(**changes)
+
+
+def walled(gap):
+    """2 km by 2 km of water with a wall from side to side, open over `gap` pixels of 10 m."""
+    water = np.ones((200, 200), bool)
+    water[95:105] = False
+    if gap:
+        water[95:105, gap] = True
+    return ap.Environment(None, ap.Chart.from_mask(water, 10.0), None, LOWER, UPPER)
+
+
+def test_a_wall_is_told_to_leave_no_way():
+    plan = ap.plan_path(START, GOAL, walled(None), key=jax.random.key(0), config=CONFIG)
+    assert not plan.feasible
+    assert plan.status is ap.PathStatus.NO_WAY
+    assert plan.reason.startswith("no passage as wide as ")
+    assert plan.reason.endswith(ap.PathStatus.NO_WAY.value)
+    through = ap.plan_path(START, GOAL, walled(slice(20, 28)), key=jax.random.key(0), config=CONFIG)
+    assert through.feasible
+    assert through.closed == 0.0
+
+
+def test_the_unit_of_length_does_not_matter():
+    env, vehicle, times = world(obstacles=False), ap.Vehicle(), []
+    for unit in (1.0, 1e-3, 100.0):
+        chart = ap.Chart.from_passability(env.chart.passability, 10.0 * unit)
+        current = replace(
+            env.current,
+            centers=env.current.centers * unit,
+            strength=env.current.strength * unit,
+            radius=env.current.radius * unit,
+            depths=env.current.depths * unit,
+            vertical_scale=env.current.vertical_scale * unit,
+        )
+        rock = ap.Obstacles.static([[1300.0 * unit, 1250.0 * unit, 50.0 * unit]], [60.0 * unit])
+        box = np.asarray(LOWER) * unit, np.asarray(UPPER) * unit
+        plan = ap.plan_path(
+            START * unit,
+            GOAL * unit,
+            ap.Environment(current, chart, rock, *box),
+            replace(vehicle, turn_rate_max=0.1 / unit),
+            key=jax.random.key(0),
+            config=CONFIG.replace(coast_margin=10.0 * unit, obstacle_margin=5.0 * unit),
+        )
+        assert plan.feasible
+        times.append(plan.travel_time / unit)
+    np.testing.assert_allclose(times, times[0], rtol=1e-3)
+
+
+def test_winding_ways_are_planned_with_more_control_points():
+    water = np.ones((200, 200), bool)
+    for k, side in enumerate((np.s_[:150], np.s_[50:], np.s_[:150])):
+        water[50 + 40 * k : 55 + 40 * k, side] = False
+    env = ap.Environment(None, ap.Chart.from_mask(water, 10.0), None, LOWER, UPPER)
+    few = CONFIG.replace(control_points=5, samples=40)
+    starts, goals = (
+        np.array([[200.0, 300.0, 0.0]] * 2),
+        np.array([[1800.0, 300.0, 0.0], [300.0, 1500.0, 0.0]]),
+    )
+    keys = jax.random.split(jax.random.key(0), 2)
+    plans = ap.plan_paths(starts, goals, env, key=keys, config=few.replace(finer=3))
+    alone = ap.plan_paths(starts, goals, env, key=keys, config=few)
+    assert plans.positions.shape[1] == 3 * 39 + 1
+    assert plans.feasible.all()
+    assert not alone[0].feasible or plans[0].travel_time < alone[0].travel_time
+    assert plans[1].travel_time == alone[1].travel_time  # nothing was wanting: the same path in more parts
+    np.testing.assert_array_equal(plans[1].positions[::3], alone[1].positions)
+    np.testing.assert_allclose(plans[1].times[::3], alone[1].times)
+    for plan in plans:
+        assert plan.control_points.shape == (7, 3)
+        assert plan.population.shape == alone[0].population.shape
+        assert plan.excess.shape[1] == len(plan.times) - 1
+        points, _ = dense(plan)
+        assert np.asarray(env.chart.is_water(points[:, 0], points[:, 1])).all()
+    rest = ap.replan_path(
+        plans[0],
+        plans[0].positions[10],
+        float(plans[0].times[10]),
+        env,
+        key=keys[0],
+        config=few.replace(finer=3),
+    )
+    assert rest.feasible
+    assert rest.travel_time <= (plans[0].times[-1] - plans[0].times[10]) * 1.02

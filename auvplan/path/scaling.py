@@ -1,0 +1,75 @@
+"""One size for all problems: lengths and times of a leg are scaled alike, so that speeds stay what they are.
+
+A search that sees every leg as long as every other one cannot depend on the unit of length: its margins,
+scales and roundings mean the same in a tank as in a strait.
+"""
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+
+from auvplan.ocean.currents import Current, Velocity, is_gradual, is_steady
+from auvplan.ocean.environment import Environment
+from auvplan.path.config import PathConfig
+from auvplan.vehicle import Vehicle
+
+#: m, straight from start to goal of every leg as the search sees it.
+WAY = 4000.0
+
+
+@partial(jax.tree_util.register_dataclass, data_fields=("current", "factor"), meta_fields=())
+@dataclass(frozen=True)
+class ScaledCurrent:
+    """A current whose lengths and times are `factor` times as great; its velocities stay."""
+
+    current: Current
+    factor: jax.Array
+
+    @property
+    def steady(self) -> bool:
+        return is_steady(self.current)
+
+    @property
+    def gradual(self) -> bool:
+        return is_gradual(self.current)
+
+    def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
+        return self.current(*(axis / self.factor for axis in (x, y, z, t)))
+
+
+def scaled(
+    env: Environment, vehicle: Vehicle, config: PathConfig, factor: jax.Array
+) -> tuple[Environment, Vehicle, PathConfig]:
+    """A world, a vehicle and settings whose lengths and times are `factor` times as great.
+
+    Args:
+        env: the world, its obstacles resolved.
+        vehicle: speed and limits.
+        config: settings; those returned hold traced margins and serve within one traced function only.
+        factor: of all lengths and times.
+    """
+    chart, bed, seen = env.chart, env.seabed, env.obstacles
+    if chart is not None:
+        chart = _multiplied(chart, factor, "signed_distance", "origin", "pixel_size")
+    if bed is not None:
+        bed = _multiplied(bed, factor, "depth", "shallow", "reach", "origin", "pixel_size", "clearance")
+    lengths = "position", "radius", "position_std", "radius_std", "growth_max"
+    seen = _multiplied(seen, factor, *lengths, "observed_at")
+    current = ScaledCurrent(env.current, factor)
+    world = Environment(current, chart, seen, env.lower * factor, env.upper * factor, bed)
+    slower = replace(vehicle, turn_rate_max=vehicle.turn_rate_max / factor)
+    margins = {name: getattr(config, name) * factor for name in ("coast_margin", "obstacle_margin")}
+    return world, slower, config.replace(**margins)
+
+
+def _multiplied(of: object, factor: jax.Array, *names: str):
+    """A dataclass with some of its arrays multiplied."""
+    changes = {name: getattr(of, name) * factor.astype(getattr(of, name).dtype) for name in names}
+    return replace(of, **changes)  # type: ignore[type-var]
+
+
+def factor_of(start: jax.Array, goal: jax.Array) -> jax.Array:
+    """What makes the straight line between two points [3] m `WAY` long."""
+    return WAY / jnp.sqrt(((goal - start) ** 2).sum())

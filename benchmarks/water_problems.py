@@ -1,0 +1,557 @@
+"""Path problems by seed in six kinds of waters, and waters without a way, for a planner that never saw them.
+
+`water_problem(family, seed)` makes the same problem for the same arguments. Sides are log-uniform from 500 m
+to 50 km; every chart has `PIXELS` pixels to each side, every current `VORTICES` vortices and every world
+`OBSTACLES` obstacles, padded, so that problems share compiled programs. Half of the vehicles are held back by
+nothing but their speed, the others have the limits of `ap.Vehicle()`. The fastest water moves at 0.2 to 1.2
+of the vehicle's speed, and in some waters a tide turns it.
+
+Every problem has a way, found on a grid of pixels with margins and walked against the moving obstacles.
+Problems are planar.
+"""
+
+import zlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from types import MappingProxyType
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import dijkstra
+
+import auvplan as ap
+from auvplan.ocean.chart import INTERPOLATION_ERROR
+from auvplan.ocean.currents import Current, Velocity, is_steady
+from benchmarks import water_land as land
+from benchmarks.path_problems import OBSTACLES, PIXELS, VORTICES, PathProblem, unlimited_vehicle
+
+Array = NDArray[np.floating]
+Rng = np.random.Generator
+
+#: m, sides of the square.
+SMALLEST, LARGEST = 500.0, 50_000.0
+
+#: m, least side where a vehicle with limits meets narrow passages: its turns need room.
+ROOM = 3000.0
+
+#: Share of the seas whose current turns with a tide.
+_TIDAL = 0.2
+
+#: Share of the waters whose straight line is free of land that are kept.
+_OPEN = 0.25
+
+#: Share of the limits, and of the speed, that the way which must exist may use.
+_RESERVE = 0.9
+
+#: Least ground speed on that way, as a share of the vehicle's.
+_PROGRESS = 0.15
+
+
+@dataclass(frozen=True)
+class Kind:
+    """How the problems of a family are drawn.
+
+    Attributes:
+        land: ``(rng, gap) -> (water, ends)`` on the unit square, see `water_land`.
+        narrow: whether its passages are narrow.
+        obstacles: least and greatest number of fixed obstacles.
+        radii: least and greatest radius of these, in units of the side.
+        moving: whether obstacles move, one of them into the best passage at the time of arrival.
+        way: whether there is one.
+    """
+
+    land: Callable[[Rng, float], tuple[NDArray[np.bool_], Array]]
+    narrow: bool = False
+    obstacles: tuple[int, int] = (2, 10)
+    radii: tuple[float, float] = (0.004, 0.03)
+    moving: bool = False
+    way: bool = True
+
+
+#: The families of the benchmark.
+KINDS: Mapping[str, Kind] = MappingProxyType(
+    {
+        "open": Kind(land.open_water, obstacles=(4, 15), radii=(0.004, 0.048)),
+        "coast": Kind(land.coast, obstacles=(0, 10)),
+        "island": Kind(land.island, obstacles=(0, 8)),
+        "sounds": Kind(land.sounds, narrow=True, obstacles=(0, 6), radii=(0.003, 0.015)),
+        "fjords": Kind(land.fjords, narrow=True, obstacles=(0, 3), radii=(0.003, 0.01)),
+        "moving": Kind(land.gates, obstacles=(0, 4), radii=(0.004, 0.02), moving=True),
+        "no-way": Kind(land.closed, obstacles=(0, 4), way=False),
+    }
+)
+
+#: Families whose problems have a way.
+FAMILIES = tuple(name for name, kind in KINDS.items() if kind.way)
+
+
+@partial(
+    jax.tree_util.register_dataclass,
+    data_fields=("current", "mean", "swing", "period", "phase"),
+    meta_fields=(),
+)
+@dataclass(frozen=True)
+class TidalCurrent:
+    """A steady current times mean + swing cos(2 pi t / period + phase).
+
+    Attributes:
+        current: at its strongest where mean + swing is 1.
+        mean, swing: of the factor.
+        period: s.
+        phase: rad.
+    """
+
+    current: Current
+    mean: ArrayLike
+    swing: ArrayLike
+    period: ArrayLike
+    phase: ArrayLike
+
+    def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
+        u, v, w = self.current(x, y, z, t)
+        factor = self.mean + self.swing * jnp.cos(2.0 * jnp.pi * t / self.period + self.phase)
+        return factor * u, factor * v, factor * w
+
+    def factor(self, t: Array) -> Array:
+        """Return the factor at times t [s], in NumPy."""
+        mean, swing, period, phase = (
+            np.asarray(part, float) for part in (self.mean, self.swing, self.period, self.phase)
+        )
+        return mean + swing * np.cos(2.0 * np.pi * t / period + phase)
+
+
+def water_problem(family: str, seed: int) -> PathProblem:
+    """Make a problem; the same one for the same family and seed.
+
+    Args:
+        family: of `KINDS`.
+        seed: not negative.
+
+    Raises:
+        ValueError: there is no such family.
+    """
+    if family not in KINDS:
+        raise ValueError(f"family must be one of {', '.join(KINDS)}, got {family!r}")
+    rng = np.random.default_rng([zlib.crc32(family.encode()), seed])
+    while True:
+        problem = _drawn(rng, KINDS[family], family, f"{family}-{seed}")
+        if problem is not None:
+            return problem
+
+
+@partial(jax.tree_util.register_dataclass, data_fields=("current", "factor"), meta_fields=())
+@dataclass(frozen=True)
+class ScaledCurrent:
+    """A current of the same speeds in a world whose lengths and times are `factor` times as great."""
+
+    current: Current
+    factor: ArrayLike
+
+    @property
+    def steady(self) -> bool:
+        return is_steady(self.current)
+
+    def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
+        return self.current(x / self.factor, y / self.factor, z / self.factor, t / self.factor)
+
+
+def scaled(problem: PathProblem, factor: float) -> PathProblem:
+    """Pose a problem with lengths and times `factor` times as great; speeds are kept.
+
+    Its best path is the same one, scaled, and takes `factor` times as long. Margins change by settings.
+    """
+    env, vehicle = problem.environment, problem.vehicle
+    chart, found = env.chart, env.obstacles
+    if chart is not None:
+        chart = replace(
+            chart,
+            signed_distance=chart.signed_distance * factor,
+            origin=chart.origin * factor,
+            pixel_size=chart.pixel_size * factor,
+        )
+    # Growth and velocities are speeds.
+    lengths = ("position", "radius", "position_std", "radius_std", "growth_max", "observed_at")
+    obstacles = replace(found, **{name: getattr(found, name) * factor for name in lengths})
+    config, changes = ap.PathConfig(**problem.changes), dict(problem.changes)
+    # Settings are compiled in: margins of what is not there stay as they are.
+    if chart is not None:
+        changes["coast_margin"] = config.coast_margin * factor
+    if len(found):
+        changes["obstacle_margin"] = config.obstacle_margin * factor
+    return replace(
+        problem,
+        name=f"{problem.name} x {factor:g}",
+        environment=ap.Environment(
+            _scaled_current(env.current, factor),
+            chart,
+            obstacles,
+            np.asarray(env.lower, float) * factor,  # type: ignore[arg-type]
+            np.asarray(env.upper, float) * factor,  # type: ignore[arg-type]
+        ),
+        start=tuple(factor * axis for axis in problem.start),
+        goal=tuple(factor * axis for axis in problem.goal),
+        vehicle=replace(vehicle, turn_rate_max=float(vehicle.turn_rate_max) / factor),  # type: ignore[arg-type]
+        depart=factor * problem.depart,
+        changes=changes,
+        best_known=None if problem.best_known is None else factor * problem.best_known,
+    )
+
+
+def _scaled_current(current: Current, factor: float) -> Current:
+    """Scale vortices and tides field by field, so that they stay what they are; wrap any other current."""
+    if isinstance(current, TidalCurrent):
+        steady = _scaled_current(current.current, factor)
+        return replace(current, current=steady, period=jnp.asarray(current.period) * factor)
+    if isinstance(current, ap.LambVortices) and current.strength.shape[0] == 1:
+        return replace(
+            current,
+            centers=current.centers * factor,
+            strength=current.strength * factor,
+            radius=current.radius * factor,
+        )
+    return ScaledCurrent(current, jnp.asarray(factor, float))
+
+
+def least_gap(side: float) -> float:
+    """Return the least width of a passage in units of the side [m]: both margins and some pixels.
+
+    From 100 m at 10 km on it grows with the side; in small waters the margins are most of it.
+    """
+    margin, pixel = ap.PathConfig().coast_margin, side / PIXELS
+    return max(0.010, (2.4 * margin + 5.0 * pixel) / side)
+
+
+def _drawn(rng: Rng, kind: Kind, family: str, name: str) -> PathProblem | None:
+    """Draw a problem; None where it has no way, or has one that it should not have."""
+    limited = rng.random() < 0.5
+    smallest = ROOM if limited and kind.narrow else SMALLEST
+    side = float(np.exp(rng.uniform(np.log(smallest), np.log(LARGEST))))
+    vehicle = ap.Vehicle() if limited else unlimited_vehicle(float(np.exp(rng.uniform(0.0, np.log(3.0)))))
+    water, ends = kind.land(rng, least_gap(side))
+    ends = side * np.asarray(ends)
+    pixel = side / PIXELS
+    chart = None if water.all() else ap.Chart.from_mask(water, pixel)
+    distance = np.full(water.shape, side) if chart is None else np.asarray(chart.signed_distance, float)
+    start, goal = (_pixel_of(end, pixel) for end in ends)
+    coast = distance - INTERPOLATION_ERROR * pixel - ap.PathConfig().coast_margin
+    if min(coast[start], coast[goal]) < pixel:
+        return None
+    line = ends[0] + np.linspace(0.0, 1.0, 2 * PIXELS)[:, None] * (ends[1] - ends[0])
+    blocked = min(distance[_pixel_of(place, pixel)] for place in line) < 0.0
+    if chart is not None and not blocked and rng.random() > _OPEN:
+        return None
+
+    steady = _vortices(rng, side, float(vehicle.speed))  # type: ignore[arg-type]
+    straight = float(np.linalg.norm(ends[1] - ends[0])) / float(vehicle.speed)  # type: ignore[arg-type]
+    # Moving obstacles are met at the times of a steady current.
+    tidal = rng.random() < _TIDAL and not kind.moving
+    current, factors = _tide(rng, steady, straight) if tidal else (steady, (1.0,))
+    centres, radii = _obstacles(rng, kind, ends, side, coast)
+    fixed = ap.Obstacles.static(np.c_[centres, np.zeros(len(radii))], radii)
+    grid = _Grid.of(coast, pixel, steady, factors, vehicle).without(centres, radii)
+    if not kind.way:
+        return (
+            None
+            if not _is_closed(coast, start, goal)
+            else _problem(name, family, side, current, chart, fixed, ends, vehicle)
+        )
+    route = grid.route(start, goal)
+    if route is None:
+        return None
+    obstacles = fixed
+    if kind.moving:
+        moving = _movers(rng, grid, route, coast, steady, side, vehicle)
+        if not grid.has_way_past(moving.resolved(current), start, goal):
+            return None
+        obstacles = fixed + moving
+    return _problem(name, family, side, current, chart, obstacles, ends, vehicle)
+
+
+def _problem(
+    name: str,
+    family: str,
+    side: float,
+    current: Current,
+    chart: ap.Chart | None,
+    obstacles: ap.Obstacles,
+    ends: Array,
+    vehicle: ap.Vehicle,
+) -> PathProblem:
+    corners = (0.0, 0.0, 0.0), (side, side, 0.0)
+    env = ap.Environment(current, chart, obstacles.padded(OBSTACLES), *corners)  # type: ignore[arg-type]
+    start, goal = ((float(x), float(y), 0.0) for x, y in ends)
+    return PathProblem(name, family, env, start, goal, vehicle)
+
+
+def _pixel_of(place: Array, pixel: float) -> tuple[int, int]:
+    i, j = np.clip((place / pixel).astype(int), 0, PIXELS - 1)
+    return int(i), int(j)
+
+
+def _is_closed(coast: Array, start: tuple[int, int], goal: tuple[int, int]) -> bool:
+    """Whether land parts start and goal even for a vehicle that keeps no margin."""
+    labels, _ = ndimage.label(coast + ap.PathConfig().coast_margin > -1.0, np.ones((3, 3)))  # type: ignore[misc]
+    return labels[start] != labels[goal]
+
+
+def _vortices(rng: Rng, side: float, speed: float) -> ap.LambVortices:
+    """Return one layer of 6 to `VORTICES` vortices, in half of the seas on a uniform stream.
+
+    The fastest water of the square moves at 0.2 to 1.2 of the vehicle's speed [m/s].
+    """
+    count = rng.integers(6, VORTICES + 1)
+    centres, radius, strength = np.zeros((VORTICES, 2)), np.ones(VORTICES), np.zeros(VORTICES)
+    centres[:count] = side * rng.uniform(0.0, 1.0, (count, 2))
+    radius[:count] = side * rng.uniform(0.05, 0.15, count)
+    strength[:count] = radius[:count] * rng.uniform(0.5, 1.0, count) * rng.choice([-1.0, 1.0], count)
+    stream, heading = rng.uniform(0.0, 0.1) * (rng.random() < 0.5), rng.uniform(0.0, 2.0 * np.pi)
+    uniform = stream * np.array([np.cos(heading), np.sin(heading), 0.0])
+    field = ap.LambVortices(
+        centres[None],  # type: ignore[arg-type]
+        strength[None],  # type: ignore[arg-type]
+        radius[None],  # type: ignore[arg-type]
+        uniform=uniform,  # type: ignore[arg-type]
+    )
+    u, v = _at_pixels(field, side / PIXELS)
+    factor = speed * rng.uniform(0.2, 1.2) / np.hypot(u, v).max()
+    return replace(field, strength=factor * field.strength, uniform=factor * field.uniform)
+
+
+def _at_pixels(current: Current, pixel: float) -> tuple[Array, Array]:
+    """Return u and v at the pixels' centres, [PIXELS, PIXELS] m/s."""
+    line = pixel * (jnp.arange(PIXELS) + 0.5)
+    x, y = jnp.meshgrid(line, line, indexing="ij")
+    still = jnp.zeros_like(x)
+    u, v, _ = current(x, y, still, still)
+    return np.asarray(u, float), np.asarray(v, float)
+
+
+def _tide(rng: Rng, steady: Current, straight: float) -> tuple[TidalCurrent, tuple[float, float]]:
+    """Return the current with a tide, and the factors between which it swings.
+
+    Args:
+        rng: consumed.
+        steady: current at its strongest.
+        straight: s, of the straight line in still water.
+    """
+    mean = rng.uniform(0.3, 0.8)
+    period, phase = straight * rng.uniform(0.7, 4.0), rng.uniform(0.0, 2.0 * np.pi)
+    tide = TidalCurrent(steady, mean, 1.0 - mean, period, phase)
+    return jax.tree.map(lambda leaf: jnp.asarray(leaf, float), tide), (2.0 * mean - 1.0, 1.0)
+
+
+def _obstacles(rng: Rng, kind: Kind, ends: Array, side: float, coast: Array) -> tuple[Array, Array]:
+    """Return centres [M, 2] m and radii [M] m, clear of both ends [2, 2] m, most near the straight line.
+
+    In narrow waters they lie anywhere on the water.
+    """
+    way = ends[1] - ends[0]
+    aside = np.array([-way[1], way[0]])
+    count = int(rng.integers(kind.obstacles[0], kind.obstacles[1] + 1))
+    count = min(count, OBSTACLES - 6) if kind.moving else count
+    free = np.argwhere(coast > 0.0)
+    room = 0.012 * side + ap.PathConfig().obstacle_margin
+    centres, radii = np.zeros((count, 2)), np.zeros(count)
+    for k in range(count):
+        while True:
+            radius = side * np.exp(rng.uniform(*np.log(kind.radii)))
+            if kind.narrow:
+                centre = (rng.choice(free) + 0.5) * side / PIXELS
+            else:
+                centre = ends[0] + rng.uniform(0.0, 1.0) * way + rng.normal(0.0, 0.15) * aside
+            if np.linalg.norm(ends - centre, axis=1).min() > radius + room:
+                break
+        centres[k], radii[k] = centre, radius
+    return centres, radii
+
+
+def _movers(
+    rng: Rng,
+    grid: "_Grid",
+    route: tuple[Array, Array],
+    coast: Array,
+    current: Current,
+    side: float,
+    vehicle: ap.Vehicle,
+) -> ap.Obstacles:
+    """Return 2 to 5 obstacles that cross the quickest way as the vehicle does, one where it is narrowest.
+
+    Args:
+        rng: consumed.
+        grid: of the problem without them.
+        route: positions [n, 2] m and times [n] s of the quickest way.
+        coast: m beyond the margin, at the pixels.
+        current: that carries some of them.
+        side: m.
+        vehicle: whose speed theirs is a share of.
+    """
+    places, times = route
+    inner = (times > 0.25 * times[-1]) & (times < 0.8 * times[-1])
+    room = np.array([coast[_pixel_of(place, grid.pixel)] for place in places])
+    speed = float(vehicle.speed)  # type: ignore[arg-type]
+    positions, velocities, radii = [], [], []
+    for k in range(rng.integers(2, 6)):
+        candidates = np.flatnonzero(inner)
+        at = int(candidates[np.argmin(room[candidates])] if k == 0 else rng.choice(candidates))
+        ahead = places[min(at + 3, len(places) - 1)] - places[max(at - 3, 0)]
+        heading = np.arctan2(ahead[1], ahead[0]) + rng.choice([0.0, 0.5, 1.0, 1.5]) * np.pi
+        heading += rng.normal(0.0, 0.3)
+        velocity = speed * rng.uniform(0.1, 0.7) * np.array([np.cos(heading), np.sin(heading)])
+        radius = side * rng.uniform(0.01, 0.03)
+        if k == 0:
+            radius = max(radius, min(0.9 * room[at], 0.12 * side))
+        positions.append(places[at] - velocity * times[at])
+        velocities.append(velocity)
+        radii.append(radius)
+    position, velocity = np.array(positions), np.array(velocities)
+    x, y = (jnp.asarray(axis) for axis in position.T)
+    carried = np.stack(current(x, y, jnp.zeros_like(x), jnp.zeros_like(x))[:2], axis=1)
+    drift = rng.integers(0, 2, len(radii)).astype(float)
+    growth_max = 0.004 * side * rng.integers(0, 2, len(radii))
+    return ap.Obstacles.create(
+        np.c_[position, np.zeros(len(radii))],
+        radii,
+        velocity=np.c_[velocity - drift[:, None] * carried, np.zeros(len(radii))],
+        drift=drift,
+        growth=growth_max / (0.5 * times[-1]),
+        growth_max=growth_max,
+    )
+
+
+#: Moves from a pixel to another, and the pixels beside each that must be free as well.
+_MOVES = [(a, b) for a in range(-2, 3) for b in range(-2, 3) if np.gcd(a, b) == 1]
+
+
+@dataclass(frozen=True, eq=False)
+class _Grid:
+    """Ways over the pixels' centres, coarse but certain.
+
+    Attributes:
+        clear: [PIXELS, PIXELS] m, to coast, edge and fixed obstacles, beyond the margins.
+        pixel: m.
+        seconds: for each of `_MOVES`, [PIXELS, PIXELS] s from each pixel at the current's strongest; infinite
+            where the vehicle's limits forbid the move at any strength.
+    """
+
+    clear: Array
+    pixel: float
+    seconds: tuple[Array, ...]
+
+    @classmethod
+    def of(
+        cls, coast: Array, pixel: float, current: Current, factors: tuple[float, ...], vehicle: ap.Vehicle
+    ) -> "_Grid":
+        """Time all moves.
+
+        Args:
+            coast: m beyond the margin, at the pixels.
+            pixel: m.
+            current: steady.
+            factors: by which the current may be multiplied: the least and the greatest, or 1.
+            vehicle: speed and limits.
+        """
+        u, v = _at_pixels(current, pixel)
+        speed, surge, sway = (
+            float(limit)  # type: ignore[arg-type]
+            for limit in (vehicle.speed, vehicle.surge_max, vehicle.sway_max)
+        )
+        seconds = []
+        for a, b in _MOVES:
+            steps = float(np.hypot(a, b))
+            along, across = (u * a + v * b) / steps, (v * a - u * b) / steps
+            forbidden = np.zeros(u.shape, bool)
+            for factor in factors:
+                held = np.sqrt(np.maximum(speed**2 - (factor * across) ** 2, 0.0))
+                ground = factor * along + held
+                forbidden |= np.abs(factor * across) > _RESERVE * min(speed, sway)
+                forbidden |= (ground < _PROGRESS * speed) | (ground > _RESERVE * surge)
+            # The last factor is the strongest: what is timed is the current as `current` has it.
+            seconds.append(np.where(forbidden, np.inf, steps * pixel / np.maximum(ground, 1e-3 * speed)))
+        return cls(coast, pixel, tuple(seconds))
+
+    def without(self, centres: Array, reach: Array) -> "_Grid":
+        """Return the grid without discs of centres [M, 2] m and radii [M] m, the margin added."""
+        line = (np.arange(PIXELS) + 0.5) * self.pixel
+        clear = self.clear.copy()
+        for (x, y), radius in zip(centres, reach, strict=True):
+            away = np.hypot(line[:, None] - x, line - y) - radius - ap.PathConfig().obstacle_margin
+            np.minimum(clear, away, out=clear)
+        return replace(self, clear=clear)
+
+    def route(self, start: tuple[int, int], goal: tuple[int, int]) -> tuple[Array, Array] | None:
+        """Return positions [n, 2] m and times [n] s of the quickest way; None without any."""
+        # Both ends of a move are so clear that what lies between them is.
+        free = self.clear > 0.8 * self.pixel
+        labels, _ = ndimage.label(free, np.ones((3, 3)))  # type: ignore[misc]
+        if not free[start] or labels[start] != labels[goal]:
+            return None
+        free &= labels == labels[start]
+        index = np.full(free.shape, -1)
+        index[free] = np.arange(free.sum())
+        tails, heads, times = [], [], []
+        for (a, b), seconds in zip(_MOVES, self.seconds, strict=True):
+            ends, between = _shifted(free, a, b), free
+            for part in ((a - np.sign(a), b), (a, b - np.sign(b)), (np.sign(a), np.sign(b))):
+                if max(abs(a), abs(b)) == 2:
+                    between = between & _shifted(free, *(int(p) for p in part))
+            joined = ends & between & np.isfinite(seconds) & np.isfinite(_shifted(seconds, a, b, np.inf))
+            tails.append(index[joined])
+            heads.append(_shifted(index, a, b, -1)[joined])
+            times.append(0.5 * (seconds + _shifted(seconds, a, b, np.inf))[joined])
+        count = int(free.sum())
+        edges = coo_array(
+            (np.concatenate(times), (np.concatenate(tails), np.concatenate(heads))), (count, count)
+        )
+        found, before = dijkstra(edges.tocsr(), indices=index[start], return_predecessors=True)
+        if not np.isfinite(found[index[goal]]):
+            return None
+        chain = [int(index[goal])]
+        while before[chain[-1]] >= 0:
+            chain.append(int(before[chain[-1]]))
+        nodes = np.array(chain[::-1])
+        return (np.argwhere(free)[nodes] + 0.5) * self.pixel, found[nodes]
+
+    def has_way_past(
+        self, movers: ap.Obstacles, start: tuple[int, int], goal: tuple[int, int], tries: int = 6
+    ) -> bool:
+        """Whether a way is found that meets no mover (resolved), walked in time.
+
+        Where a way meets movers, the place where they are met is taken from the grid and the next way tried.
+        """
+        grid = self
+        centre, velocity = (np.asarray(part, float)[:, :2] for part in (movers.position, movers.velocity))
+        for _ in range(tries):
+            route = grid.route(start, goal)
+            if route is None:
+                return False
+            places, times = route
+            reach = np.stack([np.asarray(movers.boundary(t)) for t in times])
+            met = centre + times[:, None, None] * velocity
+            away = np.linalg.norm(places[:, None] - met, axis=2) - reach - ap.PathConfig().obstacle_margin
+            # Between two nodes both move on by no more than this.
+            slack = 2.0 * self.pixel + np.diff(times, append=times[-1])[:, None] * np.linalg.norm(
+                velocity, axis=1
+            )
+            struck = away < slack
+            if not struck.any():
+                return True
+            whom = np.flatnonzero(struck.any(axis=0))
+            when = [int(np.argmin(away[:, k])) for k in whom]
+            grid = grid.without(met[when, whom], reach[when, whom] + slack[when, whom])
+        return False
+
+
+def _shifted(plane: Any, a: int, b: int, fill: Any = False) -> Any:
+    """Return the plane's value (a, b) pixels on; `fill` beyond its edge."""
+    found = np.full_like(plane, fill)
+    here = np.s_[max(0, -a) : PIXELS - max(0, a), max(0, -b) : PIXELS - max(0, b)]
+    there = np.s_[max(0, a) : PIXELS - max(0, -a), max(0, b) : PIXELS - max(0, -b)]
+    found[here] = plane[there]
+    return found

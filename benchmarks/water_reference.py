@@ -1,0 +1,155 @@
+"""References of the random waters: two grids of their own spacing, the best passages of each tightened.
+
+The quicker of the two is the reference, their relative difference its error. Nothing of the planner takes
+part. References are kept in `water_references.json` by family and seed, so that they are computed once.
+"""
+
+import json
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.path_grid import Grid, passages
+from benchmarks.path_polish import Polished, Stage, polish, resampled
+from benchmarks.path_problems import PathProblem
+from benchmarks.path_ruler import LIMIT_TOLERANCE, World
+from benchmarks.path_tighten import tighten
+
+Array = NDArray[np.floating]
+
+STORED = Path(__file__).parent / "water_references.json"
+
+#: Nodes of the two grids along a side.
+RESOLUTIONS = 240, 400
+
+#: Passages of each grid that are tightened at most, and how much slower than the best path so far one may be.
+PASSAGES, _SLOWER = 6, 0.015
+
+#: Boundaries of what moves where a grid path may come too near to it, to be tightened out of it.
+_SMALLER = 0.6
+
+#: Segments of the last tightening.
+_FINEST = 512
+
+#: How paths that turn too sharply are polished, and how many of them.
+_STAGES, _POLISHED = (Stage(128, 4, 1.0, 150), Stage(256, 4, 30.0, 200)), 3
+
+#: Positions of each path that are stored.
+_STORED_POINTS = 24
+
+
+@dataclass(frozen=True, eq=False)
+class WaterReference:
+    """The quickest path known.
+
+    Attributes:
+        travel_time: s, by the ruler; None where no path was found.
+        error: relative difference of what the two grids lead to; None where only one of them leads to a path.
+        positions: [n, 2] m, north and east.
+        seconds: it took to find.
+    """
+
+    travel_time: float | None
+    error: float | None
+    positions: Array
+    seconds: float
+
+
+def water_reference(problem: PathProblem) -> WaterReference:
+    """Find the quickest path of a problem on both grids."""
+    begin = time.perf_counter()
+    world = World.of(problem)
+    found = [best for nodes in RESOLUTIONS if (best := _best(problem, world, nodes)) is not None]
+    times = sorted(path.score.travel_time for path in found)
+    error = times[1] / times[0] - 1.0 if len(times) == 2 else None
+    best = min(found, key=lambda path: path.score.travel_time, default=None)
+    return WaterReference(
+        None if best is None else best.score.travel_time,
+        error,
+        np.zeros((0, 2)) if best is None else best.positions,
+        time.perf_counter() - begin,
+    )
+
+
+def _best(problem: PathProblem, world: World, nodes: int) -> Polished | None:
+    """Return the quickest feasible path that a grid leads to; None where it leads to none."""
+    grid = Grid.of(problem, world, nodes)
+    found: list[Polished] = []
+    for grid_time, path in _candidates(problem, world, grid):
+        quickest = min((one.score.travel_time for one in found), default=np.inf)
+        if grid_time <= quickest * (1.0 + _SLOWER):
+            tightened = tighten(problem, world, grid, path)
+            if tightened is not None and np.isfinite(tightened.score.travel_time):
+                found.append(tightened)
+    found.sort(key=lambda path: path.score.travel_time)
+    polished = 0
+    for path in found:
+        if path.score.feasible:
+            finest = tighten(problem, world, grid, path.positions, _FINEST, 0.5 * grid.spacing)
+            better = finest is not None and finest.score.feasible
+            return min(path, finest, key=lambda one: one.score.travel_time) if better else path
+        if path.score.excess > LIMIT_TOLERANCE and polished < _POLISHED:
+            polished += 1
+            turning = polish(problem, world, path.positions, _STAGES)
+            if turning.score.feasible:
+                return turning
+    return None
+
+
+def _candidates(problem: PathProblem, world: World, grid: Grid) -> Iterator[tuple[float, Array]]:
+    """Yield paths on the grid and their times [s]; where things move, those of smaller and of none as well.
+
+    The label that arrives first need not be the one that passes behind what moves, or through before it:
+    paths that are tightened from where less moves may.
+    """
+    found = passages(problem, world, PASSAGES, grid)
+    if not len(grid.movers):
+        return found
+    smaller = grid.movers.copy()
+    smaller[:, 4] *= _SMALLER
+    others = (replace(grid, movers=smaller), replace(grid, movers=smaller[:0]))
+    return chain(found, *(passages(problem, world, PASSAGES, other) for other in others))
+
+
+def load(path: Path = STORED) -> dict[str, dict[str, Any]]:
+    """Return all stored entries by name; none where there is no file."""
+    return json.loads(path.read_text()) if path.exists() else {}
+
+
+def stored_reference(problem: PathProblem, entries: dict[str, dict[str, Any]]) -> WaterReference | None:
+    """Return a problem's reference, or None where it is not stored or belongs to another problem.
+
+    Problems on real coast differ where the shared charts are absent.
+    """
+    entry = entries.get(problem.name)
+    if entry is None or abs(entry["distance"] / problem.distance - 1.0) > 1e-5:
+        return None
+    return WaterReference(
+        entry["travel_time"], entry["error"], np.asarray(entry["positions"], float), entry["seconds"]
+    )
+
+
+def store(problem: PathProblem, reference: WaterReference, path: Path = STORED) -> None:
+    """Add a reference to the file, a line for each."""
+    entries = load(path)
+    thinned = (
+        resampled(reference.positions, _STORED_POINTS - 1) if len(reference.positions) else np.zeros((0, 2))
+    )
+    digits = max(0, 4 - int(np.log10(problem.distance)))
+    entries[problem.name] = {
+        "travel_time": None if reference.travel_time is None else round(reference.travel_time, 4),
+        "error": None if reference.error is None else round(reference.error, 7),
+        "distance": round(problem.distance, 3),
+        "seconds": round(reference.seconds, 1),
+        "positions": np.round(thinned, digits).tolist(),
+    }
+    lines = [f"{json.dumps(name)}: {json.dumps(entry)}" for name, entry in sorted(entries.items())]
+    partial = path.with_suffix(".partial")
+    partial.write_text("{\n" + ",\n".join(lines) + "\n}\n")
+    partial.replace(path)
