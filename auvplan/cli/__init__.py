@@ -6,7 +6,7 @@ from pathlib import Path
 
 import typer
 
-from auvplan.cli import departures, export, mission, scenario, study, tools
+from auvplan.cli import departures, export, mission, paper, scenario, study, tools
 from auvplan.cli.shared import errors
 
 app = typer.Typer(
@@ -22,6 +22,7 @@ for command in (
     export.export,
     study.montecarlo,
     study.plot,
+    paper.paper,
     tools.chart,
     tools.check,
     scenario.scenarios,
