@@ -59,7 +59,7 @@ def draw_paper(legs: Legs, evidence: Evidence, scenario: Scenario, folder: Path)
 
 
 def example_seed(missions: xr.Dataset) -> int:
-    """Seed of the mission with the number of re-plans nearest to the paper's, one on time where there is any."""
+    """Seed of the mission with nearest to the paper's number of re-plans, one on time where there is any."""
     success, replans = missions["success"].values == 1, missions["mission_replans"].values
     # Ties go to more path calls: the paper's mission is no short one.
     rank = np.lexsort((-missions["path_calls"].values, np.abs(replans - _REPLANS), ~success))
@@ -80,7 +80,7 @@ def _currents(legs: Legs) -> Figure:
     run = shown_leg(legs.rates[SHOWN_RATE], largest=True)
     count = len(legs.rates[SHOWN_RATE])
     note = (
-        f"scenario-1 with $U_R^C$ = {SHOWN_RATE:g}; seed {run.seed}, whose re-plans lead farthest aside of {count}: "
-        f"by {displacement(leg_of(run)):,.0f} m"
+        f"scenario-1 with $U_R^C$ = {SHOWN_RATE:g}; seed {run.seed}, whose re-plans lead farthest aside of "
+        f"{count}: by {displacement(leg_of(run)):,.0f} m"
     )
     return plot_currents(run, followed(leg_of(run)), note=note)

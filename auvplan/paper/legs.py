@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -195,12 +196,12 @@ def rest_of(plan: PlanRecord, position: Array) -> Array:
 
 
 def replan_gain(leg: LegRecord) -> float:
-    """Share of the time left that planning anew saves against going on along the old path; mean over re-plans.
+    """Share of the time left that planning anew saves against the old path, mean over re-plans.
 
     Both paths are timed in the current that the re-plan was made in. NaN without re-plans.
     """
     plans, gains = followed_plans(leg), []
-    for old, new in zip(plans, plans[1:], strict=False):
+    for old, new in pairwise(plans):
         before = time_along(rest_of(old, new.positions[0]), new.current)
         gains.append(1.0 - time_along(new.positions, new.current) / before)
     return float(np.mean(gains)) if gains else np.nan
@@ -209,7 +210,7 @@ def replan_gain(leg: LegRecord) -> float:
 def displacement(leg: LegRecord) -> float:
     """How far the re-plans lead the path aside from what was planned before, m; the largest one."""
     plans, found = followed_plans(leg), [0.0]
-    for old, new in zip(plans, plans[1:], strict=False):
+    for old, new in pairwise(plans):
         away = np.linalg.norm(new.positions[:, None] - old.positions[None], axis=2).min(axis=1)
         found.append(float(away.max()))
     return max(found)

@@ -43,9 +43,11 @@ def plot_clusters(chart: Chart, picture: style.Array, window: tuple[int, int, in
     handles = [
         Patch(facecolor=colour, edgecolor=style.GREY, label=label)
         for colour, label in (
-            (_COAST, "coast, 0: forbidden"), (_UNCERTAIN, "uncertain, (0, 0.35]: risky"), (_WATER, "water, 1: valid"),
+            (_COAST, "coast, 0: forbidden"),
+            (_UNCERTAIN, "uncertain, (0, 0.35]: risky"),
+            (_WATER, "water, 1: valid"),
         )
-    ]  # fmt: skip
+    ]
     handles.append(Patch(facecolor="none", edgecolor=style.RED, lw=1.8, label="window of the path planner"))
     figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=9, frameon=False)
     figure.suptitle("Map of the mission planner (above) and of the path planner (below)", fontsize=11)

@@ -139,7 +139,8 @@ def _draw_obstacles(
         for number, (places, grown) in enumerate(steps):
             north, east, depth = places[k]
             axes.plot(
-                (east + grown[k] * np.cos(circle)) / unit.metres, (north + grown[k] * np.sin(circle)) / unit.metres,
+                (east + grown[k] * np.cos(circle)) / unit.metres,
+                (north + grown[k] * np.sin(circle)) / unit.metres,
                 depth, color=colour, lw=1.1, alpha=0.3 + 0.7 * (number + 1) / len(steps), zorder=3,
             )  # fmt: skip
     return kinds

@@ -60,7 +60,7 @@ def followed_plans(leg: LegRecord) -> list[PlanRecord]:
 
 
 def until_next(plans: Sequence[PlanRecord], index: int) -> tuple[Array, Array]:
-    """Split a followed plan where the next one replaced it: the part sailed and the part given up, [n, 3] m."""
+    """Split a followed plan at the next re-plan: the part sailed and the part given up, [n, 3] m each."""
     positions = plans[index].positions
     if index + 1 == len(plans):
         return positions, positions[:0]

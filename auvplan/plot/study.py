@@ -197,14 +197,10 @@ def plot_call_times(dataset: xr.Dataset, calls: xr.Dataset, interval: float) -> 
         [values for _, values, *_ in shown], widths=0.6, whis=(5, 95), patch_artist=True,
         boxprops={"facecolor": "#dddddd"}, medianprops={"color": "black"},
     )  # fmt: skip
-    right.set_xticklabels(["mission", "leg", "re-plan"])
     medians = [float(np.median(values)) for _, values, *_ in shown]
-    for k, value in enumerate(medians, start=1):
-        right.annotate(
-            f"{value:.2g} s", (k, value), xytext=(0, 12), textcoords="offset points", ha="center", fontsize=9,
-            path_effects=style.halo(),
-        )  # fmt: skip
-    right.set_title("box: quartiles; whiskers: 5-95 %", fontsize=9)
+    names = ("mission", "leg", "re-plan")
+    right.set_xticklabels([f"{name}\n{value:.2g} s" for name, value in zip(names, medians, strict=True)])
+    right.set_title("box: quartiles; whiskers: 5-95 %\nbelow: medians", fontsize=9)
     for axes in (left, right):
         axes.axhline(interval, color=style.GREY, ls="--", lw=1.3, label=f"between two looks, {interval:g} s")
         axes.set_yscale("log")

@@ -55,13 +55,14 @@ def plot_windows(run: MissionRun, leg: LegRecord | None = None) -> Figure:
         Line2D([], [], color="black", ls="--", lw=1.4, label="first path"),
         Line2D([], [], color="black", lw=2.8, label="planned anew"),
         Line2D([], [], color="black", ls=":", lw=1.2, label="given up at the next re-plan"),
-        *(
-            Line2D([], [], ls="", marker=kind["marker"], ms=size, color=kind["color"], mec="black", label=label)
-            for kind, size, label in (
-                (style.START, 8, "start"), (style.VEHICLE, 7, "vehicle at a re-plan"), (style.GOAL, 12, "target"),
-            )
-        ),
-    ]  # fmt: skip
+    ]
+    for kind, size, label in (
+        (style.START, 8, "start"),
+        (style.VEHICLE, 7, "vehicle at a re-plan"),
+        (style.GOAL, 12, "target"),
+    ):
+        mark: dict[str, Any] = {"ls": "", "marker": kind["marker"], "color": kind["color"], "mec": "black"}
+        handles.append(Line2D([], [], ms=size, label=label, **mark))
     figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=8, frameon=False)
     causes = [plan.cause for plan in plans[1:]]
     count = ", ".join(f"{causes.count(cause)} by {cause}" for cause in dict.fromkeys(causes)) or "none"
@@ -83,8 +84,8 @@ def boundaries(run: MissionRun, leg: LegRecord, time: float) -> tuple[style.Arra
     """Where the obstacles of a leg truly were at a time, and their radii grown since they were last seen.
 
     Returns:
-        [M, 3] m and [M] m. The vehicle looks at those within sensor range every `sensors.interval`; before its
-        first look they count as seen when the leg began.
+        [M, 3] m and [M] m. The vehicle looks at those within sensor range every `sensors.interval`; before
+        its first look they count as seen when the leg began.
     """
     sensors = run.scenario["sensors"]
     tracks = np.asarray(leg.obstacle_positions, float)
