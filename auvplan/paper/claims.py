@@ -1,8 +1,8 @@
 """The claims of section 4, each against the figures of both presets.
 
 A claim is judged by a criterion that stands beside it: the paper's own number where it gives one, a reading
-of its words where it does not. A claim about all missions, legs or seeds is confirmed where all meet it, partly
-where at least half of them do. Figures of the default preset are shown for comparison and decide nothing.
+of its words where it does not. A claim about all missions, legs or seeds is confirmed where all meet it, and
+partly where at least half do. Figures of the default preset are shown for comparison and decide nothing.
 """
 
 from collections.abc import Callable, Sequence
@@ -133,7 +133,7 @@ def _converges(evidence: Evidence) -> _Finding:
 
 def no_violation(legs: xr.Dataset) -> np.ndarray:
     """Whether the population's mean violation falls below `NO_VIOLATION`, [scenarios, seeds]."""
-    return (legs["violation_mean"].values < NO_VIOLATION).any(axis=-1)
+    return np.any(legs["violation_mean"].values < NO_VIOLATION, axis=-1)
 
 
 def _violation(evidence: Evidence) -> _Finding:
@@ -394,8 +394,8 @@ QUESTIONS = (
     _Question(
         "the mission is planned anew when, and only when, a leg was late",
         "3.3.2, 4.2",
-        "in every mission as many new orders as late legs before the last one; fewer where it failed, since no "
-        "order was left that fits",
+        "in every mission as many new orders as late legs before the last one; fewer where it failed, "
+        "since no order was left that fits",
         _replans_when_late,
     ),
     _Question(

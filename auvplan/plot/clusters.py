@@ -5,6 +5,9 @@ from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
+from numpy.typing import NDArray
+
+from numpy.typing import NDArray
 
 from auvplan.ocean.chart import Chart
 from auvplan.plot import style
@@ -13,7 +16,7 @@ from auvplan.plot import style
 _COAST, _UNCERTAIN, _WATER = "black", "#9a9a9a", "white"
 
 
-def plot_clusters(chart: Chart, picture: style.Array, window: tuple[int, int, int, int]) -> Figure:
+def plot_clusters(chart: Chart, picture: NDArray[np.uint8], window: tuple[int, int, int, int]) -> Figure:
     """Draw the picture and its clusters side by side, the whole map above and a window of it below.
 
     Args:
