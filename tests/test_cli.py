@@ -50,10 +50,21 @@ def test_mission_check_and_files(tmp_path, capsys, monkeypatch):
     assert code in (0, None), err
     assert "collisions" in out
     assert "first order: total priority" in out
+    assert "mission cost (Eq. 15), total (Eq. 16)" in out
     assert "gap 0.0%" in out, "two waypoints leave no choice"
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     fields = ("t_available", "t_mission", "t_residual", "success", "tasks", "total_priority", "path_calls")
-    for field in (*fields, "mission_replans", "legs", "cpu", "collisions", "seed", "version"):
+    for field in (
+        *fields,
+        "mission_replans",
+        "cost_mission",
+        "cost_total",
+        "legs",
+        "cpu",
+        "collisions",
+        "seed",
+        "version",
+    ):
         assert field in summary
     assert summary["success"] is True
     assert summary["seed"] == 3

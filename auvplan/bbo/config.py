@@ -31,7 +31,8 @@ class BBOConfig:
         emigration: E of the linear rates, or the constant mu.
         mutation_max: m_max of Eq. 5, a probability per SIV.
         mutation_genes: if given, the expected number of mutated SIVs a habitat; replaces `mutation_max`.
-        mutation_law: "species" is Eq. 5; "constant" gives every habitat the same rate.
+        mutation_law: "species" is Eq. 5, from the stationary law of the migration rates; "constant" gives
+            every habitat the same rate.
         mutation: "uniform" draws a new value within bounds; "gaussian" (real SIVs only) takes a step.
         mutation_step: standard deviation of the Gaussian step, as a share of each SIV's range.
         replacement: "generational" replaces all but the elites; "greedy" keeps the better of each habitat
@@ -89,4 +90,4 @@ class BBOConfig:
         largest = self.mutation_max if self.mutation_genes is None else min(1.0, self.mutation_genes / dim)
         if self.mutation_law == "constant":
             return np.full(self.population, largest)
-        return rates.mutation_rates(self.population, largest)
+        return rates.mutation_rates(*self.migration_rates(), largest)

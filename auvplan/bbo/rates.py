@@ -1,7 +1,7 @@
 """Species model of biogeography: migration rates, species probabilities, mutation rates (Eqs 3-5).
 
-Everything here is a function of the population size alone, so it is plain NumPy, computed once and baked
-into the compiled search as constants.
+Everything here is a function of the population size and the configured rates, so it is plain NumPy, computed
+once and baked into the compiled search as constants.
 """
 
 import numpy as np
@@ -34,7 +34,7 @@ def constant_rates(size: int, immigration: float = 0.8, emigration: float = 0.2)
 
 
 def species_derivative(probability: Array, immigration: Array, emigration: Array) -> Array:
-    """Right-hand side of Eq. 4: d P_S / dt for S = 0..n.
+    """Compute the right-hand side of Eq. 4, d P_S / dt for S = 0..n.
 
     Args:
         probability: P_S, [n + 1].
@@ -51,38 +51,60 @@ def species_derivative(probability: Array, immigration: Array, emigration: Array
     return np.concatenate([net, [0.0]]) - np.concatenate([[0.0], net])
 
 
-def stationary_law(immigration: Array, emigration: Array) -> Array:
-    """Stationary solution of Eq. 4 by detailed balance, P_{S+1} = P_S lambda_S / mu_{S+1}, normalised.
+def species_step(probability: Array, immigration: Array, emigration: Array, dt: float) -> Array:
+    """Advance the species probabilities by a time step (Eq. 3).
+
+    P_S(t + dt) = P_S (1 - (lambda_S + mu_S) dt) + P_{S-1} lambda_{S-1} dt + P_{S+1} mu_{S+1} dt, one explicit
+    step of Eq. 4 and its limit for dt to 0.
 
     Args:
-        immigration: lambda_S for S = 0..n, [n + 1]; positive but for the last.
-        emigration: mu_S for S = 0..n, [n + 1]; positive but for the first.
+        probability: P_S, [n + 1].
+        immigration: lambda_S, [n + 1], per unit time; lambda_n is not used.
+        emigration: mu_S, [n + 1], per unit time; mu_0 is not used.
+        dt: time step; the chance of leaving a state, (lambda_S + mu_S) dt, must not exceed one.
 
     Returns:
-        P_S, [n + 1], summing to one. With lambda_S = I (1 - S/n), mu_S = E S/n and E = I it is exactly
-        Binomial(n, 1/2).
+        P_S(t + dt), [n + 1], with the sum of `probability`.
+
+    Raises:
+        ValueError: `dt` is negative or so large that probabilities could become negative.
     """
-    log_ratio = np.log(immigration[:-1]) - np.log(emigration[1:])
+    leaving = np.append(immigration[:-1], 0.0) + np.append(0.0, emigration[1:])
+    if not 0.0 <= dt * leaving.max() <= 1.0:
+        raise ValueError(f"dt must be in [0, {1.0 / leaving.max():g}] for these rates, got {dt:g}")
+    return probability + dt * species_derivative(probability, immigration, emigration)
+
+
+def stationary_law(immigration: Array, emigration: Array) -> Array:
+    """Solve Eq. 4 for its stationary law by detailed balance, P_{S+1} = P_S lambda_S / mu_{S+1}, normalised.
+
+    Args:
+        immigration: lambda_S >= 0 for S = 0..n, [n + 1]; lambda_n is not used.
+        emigration: mu_S for S = 0..n, [n + 1]; positive but for mu_0, which is not used.
+
+    Returns:
+        P_S, [n + 1], summing to one. With lambda_S = I (1 - S/n) and mu_S = E S/n it is exactly
+        Binomial(n, I / (I + E)); with constant rates it is geometric, P_S proportional to (lambda / mu)^S.
+    """
+    with np.errstate(divide="ignore"):  # log 0: no habitat gets beyond a state that nothing enters
+        log_ratio = np.log(immigration[:-1]) - np.log(emigration[1:])
     log_law = np.concatenate([[0.0], np.cumsum(log_ratio)])
     law = np.exp(log_law - log_law.max())
     return law / law.sum()
 
 
-def species_law(count: int, immigration_max: float = 1.0, emigration_max: float = 1.0) -> Array:
-    """P_S for S = 0..n under lambda_S = I (1 - S/n), mu_S = E S/n. Returns [n + 1]."""
-    species = np.arange(count + 1)
-    return stationary_law(immigration_max * (1.0 - species / count), emigration_max * species / count)
+def mutation_rates(immigration: Array, emigration: Array, mutation_max: float) -> Array:
+    """Compute the mutation rate of each rank, best habitat first: m(S) = m_max (1 - P_S / P_max) (Eq. 5).
 
-
-def mutation_rates(size: int, mutation_max: float) -> Array:
-    """Mutation rate of each rank, best habitat first: m(S) = m_max (1 - P_S / P_max) (Eq. 5).
-
-    Rank k hosts S = n - k species of n = P - 1. Unlikely species counts, the very good and the very bad,
-    mutate most; with linear rates m is within 10 % of m_max for about 79 % of the ranks at P = 100, so the
-    law is close to a constant rate that spares the middle of the ranking.
+    Rank k hosts S = n - k species of n = P - 1, and P_S is the stationary law of the rates. With linear
+    rates, I = E, unlikely species counts mutate most, the very good and the very bad: m is within 10 % of
+    m_max for about 79 % of the ranks at P = 100, so the law is close to a constant rate that spares the
+    middle of the ranking. With the constant rates of section 4.2 the best habitat is the likeliest, and
+    spared instead: m = m_max (1 - (mu / lambda)^k).
 
     Args:
-        size: number of habitats P, at least 2.
+        immigration: lambda by rank, best first, [P], at least 2.
+        emigration: mu by rank, best first, [P].
         mutation_max: m_max, a probability.
 
     Returns:
@@ -91,5 +113,5 @@ def mutation_rates(size: int, mutation_max: float) -> Array:
     Differences from the paper:
         The printed brackets, m_max (1 - P_S) / P_max, allow rates above one.
     """
-    law = species_law(size - 1)[::-1]
+    law = stationary_law(immigration[::-1], emigration[::-1])[::-1]
     return mutation_max * (1.0 - law / law.max())

@@ -121,12 +121,15 @@ def _print_summary(summary: dict[str, Any]) -> None:
     table.add_row("bound on total priority", f"{summary['priority_bound']:g}")
     table.add_row("path calls, path re-plans", f"{summary['path_calls']}, {summary['path_replans']}")
     table.add_row("mission re-plans", str(summary["mission_replans"]))
+    costs = f"{summary['cost_mission']:.1f}, {summary['cost_total']:.1f}"
+    table.add_row("mission cost (Eq. 15), total (Eq. 16)", costs)
     table.add_row("collisions", str(summary["collisions"]))
     if forecast := summary["forecast"]:
         planned, sailed = forecast["planned_s"], forecast["sailed_s"]
         table.add_row("travel time as forecast, as sailed", f"{planned:.0f} s, {sailed:.0f} s")
         table.add_row("current told less the true one", f"{forecast['current_difference']:.2f} m/s (rms)")
     cpu = summary["cpu"]
-    table.add_row("planning time", f"paths {cpu['path_s']:.2f} s, orders {cpu['mission_s']:.2f} s")
+    orders = f"orders {cpu['mission_s']:.2f} s, of which re-plans {cpu['mission_replans_s']:.2f} s"
+    table.add_row("planning time", f"paths {cpu['path_s']:.2f} s, {orders}")
     table.add_row("first calls, compilation", f"{cpu['compile_s']:.1f} s")
     console.print(table)

@@ -29,7 +29,11 @@ _SHOWN = {
     "priority_gap_percent": "gap to the bound on it, %",
     "path_replans": "path re-plans a mission",
     "mission_replans": "mission re-plans a mission",
+    "cost_mission": "cost of a mission (Eq. 15)",
+    "cost_total": "total cost with re-planning (Eq. 16)",
     "t_path_s": "T_path of a leg, s",
+    "path_cpu_s": "path planning a mission, s",
+    "mission_cpu_s": "mission planning a mission, s",
     "path_call_cpu_s": "time of a path planning call, s",
     "mission_call_cpu_s": "time of a mission planning call, s",
 }

@@ -32,13 +32,47 @@ def chart(
 
 
 def check(
-    folder: Annotated[Path, typer.Argument(help="Folder of a result.")], quiet: QuietOption = False
+    folder: Annotated[
+        Path, typer.Argument(help="Folder of a result, or of a study whose runs were saved (--save-runs).")
+    ],
+    quiet: QuietOption = False,
 ) -> None:
     """Check a result independently: walk every sailed metre, re-add every second."""
     from auvplan.io.check import check_run
+    from auvplan.study.store import is_study
 
-    report = check_run(folder)
-    if not quiet:
-        console.print(str(report), highlight=False, soft_wrap=True)
-    if not report.ok:
+    if is_study(folder):
+        sound = _check_study(folder, quiet)
+    else:
+        report = check_run(folder)
+        sound = report.ok
+        if not quiet:
+            _say(str(report))
+    if not sound:
         raise typer.Exit(1)
+
+
+def _check_study(folder: Path, quiet: bool) -> bool:
+    """Check all saved runs of a study, a line each, and tell whether none has a fault."""
+    from auvplan.io.check import check_run
+    from auvplan.study.store import saved_runs
+
+    reports = []
+    for run in saved_runs(folder):
+        reports.append(report := check_run(run))
+        if not quiet:
+            met = f"{report.legs} legs, {report.length:.0f} m, {report.collisions} collisions"
+            faults = "no faults" if report.ok else f"{len(report.faults)} faults, first: {report.faults[0]}"
+            _say(f"{run.name}: {met}, {faults}")
+    faulty = sum(not report.ok for report in reports)
+    if not quiet:
+        kilometres = sum(report.length for report in reports) / 1000.0
+        collisions = sum(report.collisions for report in reports)
+        met = f"{kilometres:.1f} km, {collisions} collisions"
+        _say(f"{len(reports)} runs, {met}, {faulty} runs with faults")
+    return not faulty
+
+
+def _say(text: str) -> None:
+    """Print without colours for numbers, folds and signs in brackets."""
+    console.print(text, highlight=False, soft_wrap=True, markup=False)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from auvplan.export.fences import Fence, fences_around
 from auvplan.export.thin import thin
+from auvplan.motion import Motion
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.environment import Environment
 from auvplan.site import Site
@@ -23,10 +24,14 @@ class ExportError(ValueError):
 
 
 class Track(NamedTuple):
-    """A sailed leg: times [n] s since the epoch, and positions [n, 3] m north, east, depth."""
+    """A sailed leg: times [n] s since the epoch, positions [n, 3] m north, east, depth, and motion [n].
+
+    A motion of no moments is one that is not known.
+    """
 
     times: Array
     positions: Array
+    motion: Motion = Motion.none()
 
 
 @dataclass(frozen=True)
@@ -41,6 +46,7 @@ class PlannedLeg:
         times: [n] s since the epoch.
         kept: [k] indices of the samples that are waypoints, the first and the last among them.
         kept_times: [k] s since the epoch, when they are reached along straight lines.
+        motion: [n], attitude and velocities from each sample to the next, as planned; NaN where not known.
         time_change: share by which the straight lines take longer than the path.
         clearance: m, least certified distance of the straight lines to coast and obstacles; 1e6 for none.
         hold: s, the task at the goal; 0 where there is none.
@@ -56,6 +62,7 @@ class PlannedLeg:
     times: Array
     kept: NDArray[np.intp]
     kept_times: Array
+    motion: Motion
     time_change: float = 0.0
     clearance: float = 1e6
     hold: float = 0.0
@@ -73,12 +80,14 @@ class PlannedLeg:
         names: Sequence[str] = (),
         hold: float = 0.0,
         priority: float = 0.0,
+        motion: Motion | None = None,
     ) -> "PlannedLeg":
         """A leg all of whose samples are waypoints.
 
         Args:
             number, start, goal, positions, times, hold, priority: as the attributes.
             names: of the waypoints; those without are called by their index.
+            motion: [n - 1], on the segments between the samples; None where not known.
 
         Raises:
             ExportError: positions or times have a wrong shape, are not finite, or times go back.
@@ -88,9 +97,11 @@ class PlannedLeg:
             raise ExportError(f"leg {number}: a path has at least two samples, got {len(places)}")
         every = np.arange(len(places))
         first, last = (names[k] if k < len(names) else f"waypoint {k}" for k in (start, goal))
+        known = Motion.none(len(places)) if motion is None else Motion.joined([motion, motion[-1:]])
         return cls(
-            number, start, goal, first, last, places, moments, every, moments, hold=hold, priority=priority
-        )
+            number, start, goal, first, last, places, moments, every, moments, known,
+            hold=hold, priority=priority,
+        )  # fmt: skip
 
     def thinned(
         self, env: Environment, vehicle: Vehicle, tolerance: float = 0.02, margin: float = 10.0
@@ -153,10 +164,14 @@ class Itinerary:
     def __post_init__(self) -> None:
         if not self.legs:
             raise ExportError(f"mission {self.name or 'unnamed'}: no leg was planned and sailed to its end")
-        tracks = [
-            _track(f"sailed track {k}", track.positions, track.times) for k, track in enumerate(self.sailed)
-        ]
-        object.__setattr__(self, "sailed", tuple(Track(times, places) for places, times in tracks))
+        tracks = []
+        for k, track in enumerate(self.sailed):
+            places, times = _track(f"sailed track {k}", track.positions, track.times)
+            known = track.motion if len(track.motion) else Motion.none(len(times))
+            if len(known) != len(times):
+                raise ExportError(f"sailed track {k}: motion has {len(known)} moments, times {len(times)}")
+            tracks.append(Track(times, places, known))
+        object.__setattr__(self, "sailed", tuple(tracks))
 
     @property
     def description(self) -> str:

@@ -1,6 +1,6 @@
 """Waypoints of an itinerary in a row, with longitude, latitude and time of day as files give them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC
 
 import numpy as np
@@ -31,6 +31,8 @@ class Waypoint:
         hold: s, of the task there; 0 where there is none.
         priority: of that task.
         ends_leg: whether the leg ends there.
+        yaw, pitch: degrees, attitude that was planned for the path there; NaN where not known.
+        body_velocity: [3] m/s, surge, sway and heave that were.
     """
 
     leg: int
@@ -42,6 +44,9 @@ class Waypoint:
     hold: float = 0.0
     priority: float = 0.0
     ends_leg: bool = False
+    yaw: float = np.nan
+    pitch: float = np.nan
+    body_velocity: Array = field(default_factory=lambda: np.full(3, np.nan))
 
     @property
     def depth(self) -> float:
@@ -59,7 +64,8 @@ def waypoints(itinerary: Itinerary) -> list[Waypoint]:
     rows: list[Waypoint] = []
     for leg in itinerary.legs:
         longitude, latitude = itinerary.site.to_geographic(leg.waypoints[:, 0], leg.waypoints[:, 1])
-        last = len(leg.kept) - 1
+        last, motion = len(leg.kept) - 1, leg.motion[leg.kept]
+        body = motion.body_velocity
         for k, place in enumerate(leg.waypoints):
             if k == 0 and rows and np.linalg.norm(rows[-1].position - place) < _SAME:
                 continue
@@ -75,6 +81,9 @@ def waypoints(itinerary: Itinerary) -> list[Waypoint]:
                     leg.hold if k == last else 0.0,
                     leg.priority if k == last else 0.0,
                     k == last,
+                    float(np.degrees(motion.yaw[k])),
+                    float(np.degrees(motion.pitch[k])),
+                    body[k],
                 )
             )
     return rows

@@ -42,7 +42,7 @@ def itinerary_of(
         plan = leg.plans[leg.followed]
         whole = PlannedLeg.of(
             number, leg.start, leg.goal, plan.positions, plan.times,
-            names=run.names, hold=leg.t_task, priority=leg.priority,
+            names=run.names, hold=leg.t_task, priority=leg.priority, motion=plan.motion,
         )  # fmt: skip
         env = _environment(leg, plan, run.chart, run.seabed)
         legs.append(whole.thinned(env, run.vehicle, tolerance, margin))
@@ -58,7 +58,7 @@ def itinerary_of(
         site,
         float(np.asarray(run.vehicle.speed)),
         legs,
-        [Track(leg.times, leg.positions) for leg in run.legs if len(leg.times) > 1],
+        [Track(leg.times, leg.positions, leg.motion) for leg in run.legs if len(leg.times) > 1],
         chart=run.chart,
         obstacles=still,
         seed=run.seed,

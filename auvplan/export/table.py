@@ -4,18 +4,26 @@ import csv
 import io
 from pathlib import Path
 
+import numpy as np
+
 from auvplan.export.itinerary import Itinerary
 from auvplan.export.places import degrees, metres, moment, waypoints
 from auvplan.io.files import write_atomically
 
 #: Degrees; metres, north and east in the local frame, depth positive down; UTC; s; the task's priority.
+#: Yaw and pitch of the hull, degrees, and its surge, sway and heave, m/s, are those of the planned path at
+#: that place: the bearing of the straight line to the next waypoint may differ.
 COLUMNS = (
     "leg", "seq", "name", "lon", "lat", "depth", "time", "north", "east", "hold", "task", "note",
+    "yaw", "pitch", "surge", "sway", "heave",
 )  # fmt: skip
 
 
 def write_csv(itinerary: Itinerary, path: str | Path) -> Path:
-    """Write a `.csv` file; times are empty where the site has no epoch, notes stand where legs end.
+    """Write a `.csv` file.
+
+    Times are empty where the site has no epoch, attitude and velocities where they are not known; notes stand
+    where legs end.
 
     Raises:
         OutputError: the operating system refused; one line that names the file.
@@ -29,5 +37,12 @@ def write_csv(itinerary: Itinerary, path: str | Path) -> Path:
             row.leg, sequence, row.name, degrees(row.longitude), degrees(row.latitude), metres(row.depth),
             moment(itinerary.site, row.seconds) or "", metres(row.position[0]), metres(row.position[1]),
             f"{row.hold:.1f}", f"{row.priority:g}", notes[row.leg] if row.ends_leg else "",
+            *(_known(value, 2) for value in (row.yaw, row.pitch)),
+            *(_known(value, 3) for value in row.body_velocity),
         ))  # fmt: skip
     return write_atomically(path, lambda part: part.write_text(text.getvalue(), encoding="utf-8"))
+
+
+def _known(value: float, decimals: int) -> str:
+    """A number, never -0, or nothing where it is NaN."""
+    return "" if np.isnan(value) else f"{round(float(value), decimals) + 0.0:.{decimals}f}"

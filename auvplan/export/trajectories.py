@@ -9,14 +9,16 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from auvplan.export.itinerary import ExportError, Itinerary, Track
+from auvplan.io.fields import motion_variables
 from auvplan.io.files import OutputError, write_dataset
 from auvplan.io.results import TIME_UNITS
+from auvplan.motion import Motion
 from auvplan.site import as_utc
 
 
 def trajectories(itinerary: Itinerary) -> xr.Dataset:
     """All samples of all legs, planned first, then sailed; `waypoint` marks what was kept."""
-    planned = [Track(leg.times, leg.positions) for leg in itinerary.legs]
+    planned = [Track(leg.times, leg.positions, leg.motion) for leg in itinerary.legs]
     tracks = [*planned, *itinerary.sailed]
     names = [f"plan, leg {leg.number}" for leg in itinerary.legs]
     names += [f"sailed, leg {number}" for number in range(1, len(itinerary.sailed) + 1)]
@@ -57,6 +59,7 @@ def trajectories(itinerary: Itinerary) -> xr.Dataset:
             "obs", np.concatenate(kept).astype(np.int8), "whether the sample was kept as a waypoint",
             flag_meanings="no yes", **flags,
         ),
+        **motion_variables("obs", Motion.joined([track.motion for track in tracks])),
     }, attrs=_attributes(itinerary))  # fmt: skip
     return dataset.set_coords(["time", "lon", "lat", "depth"])
 

@@ -1,4 +1,4 @@
-"""Charts, sea beds and vortices as variables of a file, and back."""
+"""Charts, sea beds, vortices and motions as variables of a file, and back."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -7,6 +7,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
+from auvplan.motion import Motion
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.seabed import Seabed
 from auvplan.ocean.vortices import LambVortices
@@ -26,6 +27,9 @@ _VORTICES = {
     "vertical_scale": ("vortex_vertical_scale", ("plan",), "gamma of Eq. 1", "m"),
     "uniform": ("vortex_uniform", ("plan", "axis"), "velocity added everywhere", "m s-1"),
 }
+
+#: Body velocities of Eq. 7 by the names of their variables, and which way they count.
+_BODY = {"surge": "forward", "sway": "to starboard", "heave": "downward"}
 
 
 def variable(
@@ -117,3 +121,37 @@ def vortices_of(dataset: xr.Dataset, plan: int) -> LambVortices | None:
         key: np.asarray(dataset[name].values[plan]) for key, (name, *_) in _VORTICES.items()
     }
     return LambVortices(**arrays)
+
+
+def motion_variables(dims: str | tuple[str, ...], motion: Motion, prefix: str = "") -> Variables:
+    """Write course, attitude and body velocities, an array each.
+
+    Args:
+        dims: of each array.
+        motion: of as many moments.
+        prefix: of the names.
+    """
+    angles = {
+        "course": (motion.course % (2.0 * np.pi), "course over ground, from north", "platform_course"),
+        "yaw": (motion.yaw, "yaw psi of the hull, from north towards east", "platform_yaw_fore_starboard"),
+        "pitch": (motion.pitch, "pitch theta of the hull, nose up", "platform_pitch_fore_up"),
+    }
+    body = motion.body_velocity.astype(np.float32)
+    return {
+        prefix + name: variable(
+            dims, np.degrees(values).astype(np.float32), what, "degree", standard_name=standard_name
+        )
+        for name, (values, what, standard_name) in angles.items()
+    } | {
+        prefix + name: variable(
+            dims, body[..., axis], f"{name}: speed over ground {way} of the hull", "m s-1"
+        )
+        for axis, (name, way) in enumerate(_BODY.items())
+    }
+
+
+def motion_of(dataset: xr.Dataset, prefix: str = "") -> Motion:
+    """Read what `motion_variables` wrote."""
+    yaw, pitch = (np.radians(np.asarray(dataset[prefix + name].values, float)) for name in ("yaw", "pitch"))
+    body = np.stack([dataset[prefix + name].values for name in _BODY], axis=-1)
+    return Motion.of_body(yaw, pitch, body)

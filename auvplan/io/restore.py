@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from auvplan.io.fields import chart_of, seabed_of, vortices_of
+from auvplan.io.fields import chart_of, motion_of, seabed_of, vortices_of
 from auvplan.io.files import MISSION, ResultError, read_mission, read_summary
 from auvplan.io.ledger import read_legs, require
 from auvplan.io.scenario_file import validate_scenario
@@ -91,7 +91,8 @@ def _legs(dataset: xr.Dataset, settings: dict, home: str) -> list[LegRecord]:
     model = None
     if settings["current"]["source"] == "file" and "plan_leg" in dataset:
         model = load_truth(validate_scenario(settings, "saved scenario"), home)
-    kinds = _kinds(dataset)
+    kinds, motion = _kinds(dataset), motion_of(dataset)
+    begins = np.cumsum(dataset["row_size"].values) - dataset["row_size"].values
     legs = []
     for number, leg in enumerate(read_legs(dataset)):
         record = LegRecord(
@@ -101,6 +102,7 @@ def _legs(dataset: xr.Dataset, settings: dict, home: str) -> list[LegRecord]:
         record.followed = int(dataset["leg_followed"].values[number])
         record.current_difference = float(dataset["leg_current_difference"].values[number])
         record.times, record.positions, record.obstacle_positions = leg.times, leg.positions, leg.obstacles
+        record.motion = motion[begins[number] : begins[number] + len(leg.times)]
         record.obstacle_radii, record.obstacle_kinds = leg.radii, kinds[number][: len(leg.radii)]
         record.arrived = leg.arrived
         record.plans = _plans(dataset, number, model)
@@ -113,7 +115,7 @@ def _plans(dataset: xr.Dataset, leg: int, model: Current | None) -> list[PlanRec
     if "plan_leg" not in dataset:
         return []
     causes = str(dataset["plan_cause"].attrs["flag_meanings"]).split()
-    plans = []
+    motion, plans = motion_of(dataset, "plan_"), []
     for row in np.flatnonzero(dataset["plan_leg"].values == leg):
         times = np.asarray(dataset["plan_time"].values[row], float)
         real = np.isfinite(times)
@@ -131,6 +133,7 @@ def _plans(dataset: xr.Dataset, leg: int, model: Current | None) -> list[PlanRec
                 float(dataset["plan_cpu"].values[row]),
                 {},
                 current,
+                motion[row, : real.sum() - 1],
             )
         )
     return plans

@@ -10,8 +10,16 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
-from auvplan.io.fields import Variables, chart_variables, seabed_variables, variable, vortex_variables
+from auvplan.io.fields import (
+    Variables,
+    chart_variables,
+    motion_variables,
+    seabed_variables,
+    variable,
+    vortex_variables,
+)
 from auvplan.io.files import MISSION, SUMMARY, output_folder, read_mission, write_atomically, write_dataset
+from auvplan.motion import Motion
 from auvplan.site import Site
 from auvplan.voyage.records import LegRecord, MissionRun
 
@@ -56,7 +64,7 @@ def load_run(folder: str | Path) -> xr.Dataset:
 def to_dataset(run: MissionRun) -> xr.Dataset:
     """A run as CF trajectories, one a leg, contiguous and ragged along `obs`."""
     variables = _sailed(run) | _legs(run) | _obstacles(run.legs) | _graph(run)
-    variables |= _orders(run) | _plans(run.legs) | vortex_variables(run.legs)
+    variables |= _orders(run) | _sailed_motion(run.legs) | _plans(run.legs) | vortex_variables(run.legs)
     if run.chart is not None:
         variables |= chart_variables(run.chart)
     if run.seabed is not None:
@@ -146,6 +154,11 @@ def _sailed(run: MissionRun) -> Variables:
         ),
         "leg_index": variable("obs", index.astype(np.int32), "index of the leg"),
     }  # fmt: skip
+
+
+def _sailed_motion(legs: Sequence[LegRecord]) -> Variables:
+    """Attitude and velocities along the trajectories, as simulated."""
+    return motion_variables("obs", Motion.joined([leg.motion for leg in legs]))
 
 
 def _legs(run: MissionRun) -> Variables:
@@ -280,6 +293,9 @@ def _plans(legs: Sequence[LegRecord]) -> Variables:
         ),
         "plan_cpu": variable("plan", [plan.cpu for _, plan in plans], "wall-clock time of planning", "s"),
         "plan_cause": variable("plan", codes, "why it was made", **flags),
+        **motion_variables(
+            ("plan", "segment"), Motion.padded([plan.motion for _, plan in plans], most - 1), "plan_"
+        ),
     }
 
 

@@ -90,7 +90,8 @@ class MissionConfig:
     def paper(cls) -> Self:
         """Section 4.2 and Fig. 6: 150 random habitats, 200 iterations, mu = 0.2, lambda = 0.8, m(S) = 0.5.
 
-        One elite, nothing planted, orders decoded without a look at the time, Eq. 15.
+        One elite, nothing planted, orders decoded without a look at the time, Eq. 15. As in
+        `PathConfig.paper`, m(S) is the probability that a habitat mutates in one of its SIVs.
         """
         bbo = BBOConfig(
             population=150,
@@ -100,7 +101,7 @@ class MissionConfig:
             rates="constant",
             immigration=0.8,
             emigration=0.2,
-            mutation_max=0.5,
+            mutation_genes=0.5,
         )
         return cls(bbo=bbo, decoder="paper", objective="eq15", plant=False, seeds=0, local_rounds=0)
 

@@ -52,7 +52,7 @@ def trail_bound(
 
     Returns:
         Bound on the sum of priorities, rounded down to a multiple of `common_step` where there is one; 0.0
-        where the goal is the start or cannot be reached in time.
+        where the goal is the start or cannot be reached in time, tasks at waypoints left out.
 
     Raises:
         ValueError: an argument is out of range or of the wrong shape.

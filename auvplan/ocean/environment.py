@@ -22,31 +22,37 @@ class Environment:
         current: any `Current`, or a plain function ``(x, y, z, t) -> (u, v, w)``, or None for still water.
         chart: coast and uncertain areas, or None for open water.
         obstacles: M obstacles, or None.
-        lower: [3] m, north, east, depth; the box that every path stays in.
+        lower: [3] m, north, east, depth; the box that every path stays in. Without one it is the waters below
+            the surface, as far as chart and sea bed reach where they are given.
         upper: [3] m. Equal depths make the problem planar.
         seabed: depth and the clearance to be kept above it, or None where it is out of reach.
 
     Raises:
         TypeError: `current` is not callable.
-        ValueError: the box is not two finite corners, the lower one first, or reaches beyond the sea bed.
+        ValueError: the box is not two corners, the lower one first, or reaches beyond the sea bed.
     """
 
     current: Current
     chart: Chart | None = None
     obstacles: Obstacles = None  # type: ignore[assignment]
     lower: jax.Array = (-np.inf, -np.inf, 0.0)  # type: ignore[assignment]
-    upper: jax.Array = (np.inf, np.inf, 0.0)  # type: ignore[assignment]
+    upper: jax.Array = (np.inf, np.inf, np.inf)  # type: ignore[assignment]
     seabed: Seabed | None = None
 
     def __post_init__(self) -> None:
         if isinstance(self.lower, jax.Array):  # made from another one, perhaps while JAX traces: complete
             return
-        corners = [np.asarray(corner, float) for corner in (self.lower, self.upper)]
-        if (
-            any(c.shape != (3,) or not np.isfinite(c).all() for c in corners)
-            or (corners[0] > corners[1]).any()
+        corners = lower, upper = [np.array(corner, float) for corner in (self.lower, self.upper)]
+        if any(corner.shape != (3,) for corner in corners) or not (lower <= upper).all():
+            raise ValueError("environment lower and upper must be (x, y, z) with lower <= upper")
+        rasters = [raster for raster in (self.chart, self.seabed) if raster is not None]
+        for corner, known, innermost in (
+            (lower, [raster.lower for raster in rasters], np.max),
+            (upper, [raster.upper for raster in rasters], np.min),
         ):
-            raise ValueError("environment lower and upper must be finite (x, y, z) with lower <= upper")
+            if known:
+                reach = innermost(np.asarray(known, float), axis=0)
+                corner[:2] = np.where(np.isinf(corner[:2]), reach, corner[:2])
         object.__setattr__(self, "current", as_current(self.current))
         object.__setattr__(self, "obstacles", Obstacles.none() if self.obstacles is None else self.obstacles)
         object.__setattr__(self, "lower", jnp.asarray(corners[0], float))

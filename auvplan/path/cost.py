@@ -42,7 +42,19 @@ _GUIDE_SOFTNESS = 0.003
 
 @partial(
     jax.tree_util.register_dataclass,
-    data_fields=("x", "y", "z", "times", "length", "excess", "coast", "obstacles", "altitude", "price"),
+    data_fields=(
+        "x",
+        "y",
+        "z",
+        "times",
+        "length",
+        "water",
+        "excess",
+        "coast",
+        "obstacles",
+        "altitude",
+        "price",
+    ),
     meta_fields=(),
 )
 @dataclass(frozen=True)
@@ -51,8 +63,11 @@ class Flight:
 
     Attributes:
         x, y, z: [S, P] m, positions of the samples.
-        times: [S, P] s since the epoch, arrival at each sample.
+        times: [S, P] s since the epoch, arrival at each sample; differentiable in track, departure, vehicle
+            and current, but for what `PacedCurrent` holds fixed. The first is the departure: it answers to
+            nothing else, and later ones to it by a second a second besides the change of the way's duration.
         length: [P] m.
+        water: u, v, w, [S - 1, P] m/s north, east, down, the current met in the middle of each segment.
         excess: a plane [S - 1, P] for each limit of `VIOLATIONS`, how far each segment breaks it; zero where
             it is kept.
         coast: [S - 1, P] m, certified distance of each segment to the coast; 1e6 without a chart.
@@ -66,6 +81,7 @@ class Flight:
     z: jax.Array
     times: jax.Array
     length: jax.Array
+    water: Axes
     excess: tuple[jax.Array, ...]
     coast: jax.Array
     obstacles: jax.Array
@@ -140,7 +156,8 @@ def fly(track: Track, depart: jax.Array, env: Environment, vehicle: Vehicle, con
     middle = starts[0] + 0.5 * dx, starts[1] + 0.5 * dy, starts[2] + 0.5 * dz
     gap = norm(dx, dy, dz)
     middle_time = middle_times(middle, track.way, gap, depart, env, vehicle, config)
-    water = env.current(*middle, middle_time)
+    u, v, w = (jnp.broadcast_to(component, gap.shape) for component in env.current(*middle, middle_time))
+    water = u, v, w
     ground, across, shortfall = over_ground(water, track.way, gap, vehicle, config)
     duration = gap / ground
     times = depart + elapsed(duration)
@@ -159,7 +176,8 @@ def fly(track: Track, depart: jax.Array, env: Environment, vehicle: Vehicle, con
         shortfall,
         _too_low(altitude, env, 0.0),
     )
-    return Flight(x, y, z, times, gap.sum(axis=0), excess, coast_clear, obstacle_clear, altitude, price)
+    length = gap.sum(axis=0)
+    return Flight(x, y, z, times, length, water, excess, coast_clear, obstacle_clear, altitude, price)
 
 
 def _too_near(clearance: jax.Array, margin: float) -> jax.Array:

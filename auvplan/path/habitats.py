@@ -48,10 +48,11 @@ def initial(
     config: PathConfig,
     env: Environment | None = None,
 ) -> jax.Array:
-    """A first population of `count` habitats, [count, 3 n] m, the straight line among them.
+    """A first population of `count` habitats, [count, 3 n] m.
 
-    "uniform" draws every control point within its bounds; "smooth" draws detours of a few bends, of all sizes
-    up to the bounds and to both sides. Where the world has a sea bed they rise over its banks.
+    "uniform" draws every control point within its bounds; "smooth" is the straight line and detours of a few
+    bends, of all sizes up to the bounds and to both sides. Where the world has a sea bed they rise over its
+    banks.
     """
     free = config.control_points
     line = straight_line(start, goal, config)
@@ -66,8 +67,8 @@ def initial(
         amplitude = jax.random.normal(amplitude_key, (count, 3, _MODES), lower.dtype)
         size = jax.random.uniform(size_key, (count, 1, 1), lower.dtype)
         offset = size * (amplitude @ jnp.asarray(shape, lower.dtype)) * scale
-        population = line + offset.reshape(count, 3 * free)
-    population = jnp.clip(population.at[0].set(line), lower, upper)
+        population = (line + offset.reshape(count, 3 * free)).at[0].set(line)
+    population = jnp.clip(population, lower, upper)
     return population if env is None else risen(population, start, goal, env)
 
 

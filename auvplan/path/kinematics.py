@@ -92,6 +92,10 @@ def middle_times(
 class PacedCurrent:
     """A gradual current, and by what pace the paths of a leg are taken to be sailed when it is looked up.
 
+    Times of look-ups follow the length of a path at that pace, and derivatives stop there: slopes in control
+    points count where the path leads, not that a longer one meets a later current. A search alone uses it;
+    the path that it finds, and `sensitivity`, are timed segment by segment.
+
     Attributes:
         current: that it is.
         pace: [S - 1] m/s over ground on the segments of a path.

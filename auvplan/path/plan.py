@@ -2,12 +2,14 @@
 
 from dataclasses import dataclass, field, replace
 from datetime import datetime
+from functools import cached_property
 
 import jax
 import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.bbo import History
+from auvplan.motion import Motion
 from auvplan.path.cost import VIOLATIONS
 from auvplan.path.reasons import STATUS, PathStatus, explanation
 from auvplan.path.sensitivity import Conditions, Sensitivity, sensitivity
@@ -32,6 +34,7 @@ class PathPlan:
         population: [P, 3 n] m, habitats to re-plan from.
         history: cost and violation by iteration.
         excess: [V, S - 1] excess of each limit on each segment.
+        water: [S - 1, 3] m/s north, east, down, the current met in the middle of each segment.
         conditions: what it was planned for.
     """
 
@@ -47,6 +50,7 @@ class PathPlan:
     population: jax.Array
     history: History
     excess: Array
+    water: Array
     conditions: Conditions = field(repr=False)
 
     @property
@@ -72,6 +76,56 @@ class PathPlan:
         if self.feasible:
             return self.status.value
         return self.explain(self.broken()[0])
+
+    @cached_property
+    def motion(self) -> Motion:
+        """Attitude and velocities of the vehicle on each of the S - 1 segments, see `Motion.along`.
+
+        They follow the plan's reading of speed (`PathConfig.speed_reading`): "track" crabs, so that `course`
+        is Eq. 10's psi of the segment and `yaw` and `pitch` say where the hull points to hold it; in "eq8"
+        and "eq11" `yaw` and `pitch` are Eq. 10's, and in "eq8" the course differs by the drift. In "track"
+        the speed through the water is |v| wherever the limit "current" is kept: elsewhere the vehicle would
+        have to be faster.
+        """
+        conditions = self.conditions
+        speed, reading = float(np.asarray(conditions.vehicle.speed)), conditions.config.speed_reading
+        return Motion.along(reading, speed, np.diff(np.asarray(self.positions, float), axis=0), self.water)
+
+    @property
+    def course(self) -> Array:
+        """Course over ground on each segment, from north towards east, [S - 1] rad."""
+        return self.motion.course
+
+    @property
+    def yaw(self) -> Array:
+        """Heading psi of the hull on each segment, from north towards east, [S - 1] rad."""
+        return self.motion.yaw
+
+    @property
+    def pitch(self) -> Array:
+        """Pitch theta of the hull on each segment, nose up positive, [S - 1] rad."""
+        return self.motion.pitch
+
+    @property
+    def ground_velocity(self) -> Array:
+        """Velocity over ground on each segment, north, east, down, [S - 1, 3] m/s."""
+        return self.motion.ground_velocity
+
+    @property
+    def body_velocity(self) -> Array:
+        """Surge u, sway v and heave w on each segment, [S - 1, 3] m/s.
+
+        They are the velocity over ground in axes of the hull: R(psi, theta) of Eq. 7 turns them back.
+
+        Example:
+            >>> import jax, auvplan as ap
+            >>> stream = lambda x, y, z, t: (0.0, 1.5, 0.0)
+            >>> env = ap.Environment(stream, lower=(-500, -500, 0), upper=(2500, 500, 0))
+            >>> plan = ap.plan_path((0, 0, 0), (2000, 0, 0), env, key=jax.random.key(0))
+            >>> print(plan.body_velocity[0].round(2) + 0.0)  # 2 m/s to the north, crabbing by 37 degrees
+            [ 1.6  1.2  0. ]
+        """
+        return self.motion.body_velocity
 
     def sensitivity(self) -> Sensitivity:
         """How the travel time along this path answers to departure, vehicle speed and current strength.
@@ -122,7 +176,8 @@ class PathPlan:
 class PathPlans:
     """B plans; `plans[b]` is a `PathPlan`.
 
-    Attributes: as in `PathPlan`, with a leading axis B; `violations` is [B, V], `excess` [B, V, S - 1].
+    Attributes: as in `PathPlan`, with a leading axis B; `violations` is [B, V], `excess` [B, V, S - 1],
+        `water` [B, S - 1, 3].
     """
 
     travel_time: Array
@@ -137,6 +192,7 @@ class PathPlans:
     population: jax.Array
     history: History
     excess: Array
+    water: Array
     conditions: Conditions = field(repr=False)
 
     def __len__(self) -> int:
@@ -161,6 +217,7 @@ class PathPlans:
             self.population[b],
             jax.tree.map(lambda a: a[b], self.history),
             self.excess[b],
+            self.water[b],
             self.conditions if self.conditions.leg is None else replace(self.conditions, leg=b),
         )
 

@@ -4,7 +4,6 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-import chex
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -105,7 +104,7 @@ def plan_paths(
         world_per_leg: whether current and obstacles differ by leg.
 
     Raises:
-        ValueError: as `plan_path`, naming the leg.
+        ValueError: as `plan_path`, naming the leg; or shapes do not fit.
     """
     config = config or PathConfig()
     start, goal = np.asarray(starts, float), np.asarray(goals, float)
@@ -115,7 +114,11 @@ def plan_paths(
     legs = start.shape[0]
     keys = jax.random.split(key, legs) if key.ndim == 0 else key
     if population is not None:
-        chex.assert_shape(population, (legs, config.bbo.population, 3 * config.control_points))
+        shape = (legs, config.bbo.population, 3 * config.control_points)
+        if np.shape(population) != shape:
+            raise ValueError(
+                f"population must be [B, P, 3 n], {shape} here, got shape {np.shape(population)}"
+            )
     departs = np.broadcast_to(np.asarray(depart, float), (legs,))
     world, shared = split(env, world_per_leg)
     conditions = Conditions(env, vehicle or Vehicle(), config, 0 if world_per_leg else None)
@@ -219,6 +222,7 @@ def search_leg(
         "population": result.state.population,
         "history": result.history,
         "excess": jnp.stack(flight.excess)[:, :, 0],
+        "water": jnp.stack(flight.water, axis=-1)[:, 0],
     }
 
 

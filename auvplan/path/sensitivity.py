@@ -36,10 +36,16 @@ class Conditions:
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """Derivatives of the travel time along a path that stays as it is.
+    """Derivatives of the travel time, times[-1] - times[0], along a path that stays as it is.
 
     Around the fastest path they are those of the fastest travel time as well, as long as no limit of the path
-    binds: a small change of the path changes its time by nothing then.
+    binds: a small change of the path changes its time by nothing then. The time of arrival, times[-1], moves
+    by one second more for each second of later departure, as do all of times[1:]: times[0] is the departure.
+
+    Arrival times are followed segment by segment in every current, gradual ones included, and nothing on that
+    way stops a derivative. Two kinds of kinks remain. Where the current beats the vehicle, progress stays at
+    `SPEED_FLOOR` of its speed and no longer answers to the current. Between the nodes of a gridded current
+    slopes in time and place are those of its interpolation, constant within a cell along each axis.
 
     Attributes:
         departure: s per s of later departure; 0 in a steady current.

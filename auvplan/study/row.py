@@ -54,6 +54,8 @@ VARIABLES = {
     "path_calls": Variable(_EACH, "legs planned", "1", -1),
     "path_replans": Variable(_EACH, "paths planned anew on the way", "1", -1),
     "mission_replans": Variable(_EACH, "orders planned anew", "1", -1),
+    "cost_mission": Variable(_EACH, "cost of the mission as done (Eq. 15)", "1"),
+    "cost_total": Variable(_EACH, "the same with the computing time of re-plans (Eq. 16)", "1", clock=True),
     "collisions": Variable(_EACH, "collisions found by the independent checker", "1", -1),
     "faults": Variable(_EACH, "faults found by the independent checker", "1", -1),
     "coast_clearance": Variable(_EACH, "least distance to the coast; infinite without one", "m"),
@@ -61,6 +63,9 @@ VARIABLES = {
     "length": Variable(_EACH, "length sailed", "m"),
     "path_cpu": Variable(_EACH, "wall-clock time of all path planning calls", "s", clock=True),
     "mission_cpu": Variable(_EACH, "wall-clock time of all mission planning calls", "s", clock=True),
+    "mission_replan_cpu": Variable(
+        _EACH, "wall-clock time of mission re-planning, sum of T_compute", "s", clock=True
+    ),
     "travel_time_cpu": Variable(_EACH, "wall-clock time of all estimates of travel times", "s", clock=True),
     "leg_from": Variable(_LEG, "waypoint left", fill=-1),
     "leg_to": Variable(_LEG, "waypoint headed for", fill=-1),
@@ -97,7 +102,10 @@ def row_of(run: MissionRun) -> Row:
 
 
 def _mission(run: MissionRun, summary: dict[str, Any], report: CheckReport) -> Row:
-    names = ("t_available", "t_mission", "t_residual", "total_priority", "priority_bound")
+    names = (
+        *("t_available", "t_mission", "t_residual", "total_priority", "priority_bound"),
+        *("cost_mission", "cost_total"),
+    )
     counts = ("success", "tasks", "revisits", "path_calls", "path_replans", "mission_replans")
     cpu = summary["cpu"]
     return (
@@ -112,6 +120,7 @@ def _mission(run: MissionRun, summary: dict[str, Any], report: CheckReport) -> R
             "length": np.asarray(report.length, float),
             "path_cpu": np.asarray(cpu["path_s"], float),
             "mission_cpu": np.asarray(cpu["mission_s"], float),
+            "mission_replan_cpu": np.asarray(cpu["mission_replans_s"], float),
             "travel_time_cpu": np.asarray(cpu["travel_times_s"], float),
             "waypoint_position": np.asarray(run.graph.positions, float),
         }

@@ -16,7 +16,7 @@ import xarray as xr
 from auvplan.study.cluster import connected, sail_on_cluster
 from auvplan.study.design import Design, StudyError
 from auvplan.study.statistics import summarise
-from auvplan.study.store import Store, load_study
+from auvplan.study.store import RUNS, Store, load_study
 from auvplan.study.table import table
 from auvplan.study.worker import Done, Finished, Job, Report, UnderWay, sail, work
 from auvplan.voyage.executive import make_fleet
@@ -85,7 +85,7 @@ def run_study(
         resume: continue the study in `out`.
         workers: processes on this machine; 1 runs in this one; None is one a core.
         dask: address of a Dask scheduler, or path of its scheduler file, whose workers do the work instead.
-        save_runs: whether to save a whole result of each mission as well, in `runs/` of the folder.
+        save_runs: whether to save a whole result of each mission as well, in `store.RUNS` of the folder.
         progress: called with missions done, missions in all, and the share of the work that is done.
 
     Returns:
@@ -105,7 +105,7 @@ def run_study(
             return load_study(out)
         tasks, begin = store.missing(), time.perf_counter()
         tally = _Tally(store, len(tasks), progress)
-        saves = str((Path(out) / "runs").resolve()) if save_runs else None
+        saves = str((Path(out) / RUNS).resolve()) if save_runs else None
 
         def job(chosen: list[tuple[int, int]]) -> Job:
             return Job(design.plain(), str(Path(folder).resolve()), tuple(chosen), saves)

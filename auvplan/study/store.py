@@ -15,6 +15,9 @@ from auvplan.study.row import VARIABLES, Row
 #: Names in the folder of a study: what it runs, its missions while it runs, its results.
 DESIGN, PIECES, DATASET, SUMMARY = "study.json", "missions", "missions.nc", "summary.json"
 
+#: Folder in that of a study for whole results of its missions, one each, where they are saved.
+RUNS = "runs"
+
 
 class Store:
     """The folder of one study.
@@ -101,6 +104,24 @@ def load_study(folder: str | Path) -> xr.Dataset:
         ResultError: one line that names the file and what is wrong with it.
     """
     return read_dataset(folder, DATASET)
+
+
+def is_study(folder: str | Path) -> bool:
+    """Whether a folder holds a study, finished or not."""
+    return (Path(folder) / DESIGN).is_file()
+
+
+def saved_runs(folder: str | Path) -> list[Path]:
+    """List the folders of a study's saved missions, by case and seed.
+
+    Raises:
+        StudyError: there are none; one line that says how to save them.
+    """
+    runs = Path(folder) / RUNS
+    found = sorted(path for path in runs.iterdir() if path.is_dir()) if runs.is_dir() else []
+    if not found:
+        raise StudyError(f"{folder}: the study has no saved runs; run it with --save-runs to check them")
+    return found
 
 
 def _same(path: Path, plain: dict[str, Any]) -> None:

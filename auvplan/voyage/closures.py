@@ -111,6 +111,7 @@ def _straight(
         "positions": jnp.stack([flight.x[:, 0], flight.y[:, 0], flight.z[:, 0]], axis=1),
         "times": flight.times[:, 0],
         "excess": jnp.stack(flight.excess)[:, :, 0],
+        "water": jnp.stack(flight.water, axis=-1)[:, 0],
         "length": flight.length[0],
         "clearance": flight.clearance.min(),
         "altitude": flight.altitude.min(),

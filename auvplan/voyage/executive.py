@@ -39,21 +39,31 @@ def seed_keys(seeds: Sequence[int]) -> jax.Array:
 def run_mission(
     scenario: Scenario,
     *,
-    key: jax.Array,
-    seed: int = 0,
+    key: jax.Array | None = None,
+    seed: int | None = None,
     folder: str | Path = ".",
     waters: Waters | None = None,
     progress: Progress | None = None,
 ) -> MissionRun:
-    """Plan and sail one mission; see `run_missions`."""
-    common = {"folder": folder, "waters": waters, "progress": progress}
-    return run_missions(scenario, keys=key[None], seeds=[seed], **common)[0]
+    """Plan and sail one mission; see `run_missions`.
+
+    Example:
+        >>> import auvplan as ap
+        >>> ap.run_mission(ap.load_scenario("whitsunday"))
+        Traceback (most recent call last):
+            ...
+        ValueError: a mission needs a key or a seed: run_mission(scenario, seed=0)
+    """
+    if key is None and seed is None:
+        raise ValueError("a mission needs a key or a seed: run_mission(scenario, seed=0)")
+    keys, seeds = None if key is None else key[None], None if seed is None else [seed]
+    return run_missions(scenario, keys=keys, seeds=seeds, folder=folder, waters=waters, progress=progress)[0]
 
 
 def run_missions(
     scenario: Scenario,
     *,
-    keys: jax.Array,
+    keys: jax.Array | None = None,
     seeds: Sequence[int] | None = None,
     folder: str | Path = ".",
     waters: Waters | None = None,
@@ -63,8 +73,9 @@ def run_missions(
 
     Args:
         scenario: settings; graph, current and obstacles differ by key.
-        keys: [B] PRNG keys; the result of a mission depends on its own key alone.
-        seeds: B numbers to report beside the results.
+        keys: [B] PRNG keys; the result of a mission depends on its own key alone. Those of `seeds` if absent.
+        seeds: B numbers, that missions are made from where no keys are given, and that results are labelled
+            with; 0, 1, ... if absent.
         folder: that relative paths in the scenario start from.
         waters: what the scenario's files tell, as `load_waters` reads it; read here if absent.
         progress: called with (mission, time s, what it does) as missions advance.
@@ -74,16 +85,17 @@ def run_missions(
 
     Raises:
         ScenarioError, ChartError, GeoError, CurrentError: the scenario cannot be built.
+        ValueError: neither keys nor seeds are given, or their numbers differ.
     """
     common = {"folder": folder, "waters": waters, "progress": progress}
     found = dict(sail_missions(scenario, keys=keys, seeds=seeds, **common))
-    return [found[number] for number in range(len(keys))]
+    return [found[number] for number in range(len(found))]
 
 
 def sail_missions(
     scenario: Scenario,
     *,
-    keys: jax.Array,
+    keys: jax.Array | None = None,
     seeds: Sequence[int] | None = None,
     folder: str | Path = ".",
     waters: Waters | None = None,
@@ -96,8 +108,15 @@ def sail_missions(
         scenario, keys, seeds, folder, waters, progress: as for `run_missions`.
         together: missions under way at the same time, at most.
     """
+    if keys is None:
+        if seeds is None:
+            raise ValueError("missions need keys or seeds: run_missions(scenario, seeds=range(10))")
+        keys = seed_keys(seeds)
+    labels = range(len(keys)) if seeds is None else seeds
+    if len(labels) != len(keys):
+        raise ValueError(f"keys and seeds must be as many, got {len(keys)} and {len(labels)}")
     fleet = make_fleet(scenario, folder, waters)
-    waiting = deque(enumerate(zip(keys, seeds or range(len(keys)), strict=True)))
+    waiting = deque(enumerate(zip(keys, labels, strict=True)))
     active: list[Mission] = []
     while active or waiting:
         while waiting and len(active) < together:
@@ -285,15 +304,21 @@ def _judge(fleet: Fleet, mission: Mission) -> None:
     mission.here = record.goal
     mission.step += 1
     mission.visited |= {record.start, record.goal}
-    mission.graph = _what_is_left(mission.graph, record, planning.visits)
+    mission.graph = what_is_left(mission.graph, record.start, record.goal, planning.visits)
     if record.goal == run.goal:
         mission.end("")
     elif planning.replan == "late" and record.t_path + record.t_task > record.t_expected:
         mission.cause = "late"
 
 
-def _what_is_left(graph: MissionGraph, leg: LegRecord, visits: str) -> MissionGraph:
-    """The graph after a leg: what may still be visited, and the tasks that are not done."""
+def what_is_left(graph: MissionGraph, left: int, reached: int, visits: str) -> MissionGraph:
+    """The graph after a leg: what may still be visited, and the tasks that are not done.
+
+    Args:
+        graph: before it.
+        left, reached: waypoints at the leg's ends.
+        visits: "once" or "edges", as in `PlanningSettings`.
+    """
     if visits == "once":
-        return graph.without_waypoints([leg.start]).without_task_at(leg.goal)
-    return graph.without_edges([(leg.start, leg.goal)]).without_task_at(leg.goal)
+        return graph.without_waypoints([left]).without_task_at(reached)
+    return graph.without_edges([(left, reached)]).without_task_at(reached)

@@ -102,7 +102,8 @@ class Leg:
         escaping: whether the track gives way to an obstacle.
         windows: s, times at which the path is planned anew.
         stopped: why it was given up, or empty.
-        stretches: times [n] s, positions [n, 3] m and obstacles [n, M, 3] m as sailed.
+        stretches: times [n] s, positions [n, 3] m and obstacles [n, M, 3] m as sailed, with velocity over
+            ground and current [n, 3] m/s of the steps before; the first stretch is the start, without a step.
     """
 
     record: LegRecord
@@ -119,7 +120,7 @@ class Leg:
     escaping: bool = False
     windows: list[float] = field(default_factory=list)
     stopped: str = ""
-    stretches: list[tuple[Array, Array, Array]] = field(default_factory=list)
+    stretches: list[tuple[Array, Array, Array, Array, Array]] = field(default_factory=list)
 
     @property
     def position(self) -> Array:

@@ -7,6 +7,7 @@ import jax
 import numpy as np
 from numpy.typing import NDArray
 
+from auvplan.motion import Motion
 from auvplan.path.outlook import outlook
 from auvplan.rows import padded_batches
 from auvplan.voyage.belief import ObstacleBelief
@@ -32,26 +33,31 @@ CLOSE = 40.0
 
 def begin_legs(fleet: Fleet, missions: list[Mission], records: Sequence[LegRecord]) -> None:
     """Set the obstacles of each mission's leg, believe them roughly, and plan all first paths in one call."""
-    scenario = fleet.scenario
     for mission, record in zip(missions, records, strict=True):
-        mission.sea.advance(mission.now)
-        origin, target = (np.asarray(mission.graph.positions[k]) for k in (record.start, record.goal))
-        truth = draw_obstacles(scenario, origin, target, mission.rng)
-        record.obstacle_radii, record.obstacle_kinds = truth.radius, truth.kinds
-        moves = np.asarray(over_ground(mission.sea.field, *truth.motion, mission.now), float)
-        belief = ObstacleBelief(truth, moves, mission.now, scenario.sensors, mission.rng)
-        mission.leg = Leg(record, origin, target, truth, moves, belief)
+        set_out(fleet, mission, record)
     plan_legs(fleet, missions, ["leg"] * len(missions), cold=True)
     again = [mission for mission in missions if refusal(mission.sailing)]
     if again:
         plan_legs(fleet, again, ["leg"] * len(again), cold=True)
     for mission in missions:
         mission.sailing.record.followed = len(mission.sailing.record.plans) - 1
-    _hope(fleet, [mission for mission in missions if _detours(mission.sailing)])
+    if fleet.rules.preset == "default":
+        _hope(fleet, [mission for mission in missions if _detours(mission.sailing)])
     parts = fleet.path_config.t_series
     for mission in missions:
         share = mission.sailing.followed.travel_time / parts
         mission.sailing.windows = [mission.now + share * (k + 1) for k in range(parts - 1)]
+
+
+def set_out(fleet: Fleet, mission: Mission, record: LegRecord) -> None:
+    """Put a mission on a leg: draw its true obstacles and what is believed of them; no path yet."""
+    mission.sea.advance(mission.now)
+    origin, target = (np.asarray(mission.graph.positions[k]) for k in (record.start, record.goal))
+    truth = draw_obstacles(fleet.scenario, origin, target, mission.rng)
+    record.obstacle_radii, record.obstacle_kinds = truth.radius, truth.kinds
+    moves = np.asarray(over_ground(mission.sea.field, *truth.motion, mission.now), float)
+    belief = ObstacleBelief(truth, moves, mission.now, fleet.scenario.sensors, mission.rng)
+    mission.leg = Leg(record, origin, target, truth, moves, belief)
 
 
 def _detours(leg: Leg) -> bool:
@@ -127,10 +133,12 @@ def _take(fleet: Fleet, mission: Mission, out: Sailed) -> None:
     # Time stands still after the arrival: keep the steps that moved it.
     fresh = np.diff(times, prepend=mission.now) > 0
     if not leg.stretches:
-        leg.stretches.append((np.asarray([mission.now]), leg.origin[None], leg.truth.position[None]))
-    leg.stretches.append(
-        (times[fresh], np.asarray(out.positions, float)[fresh], np.asarray(out.obstacles, float)[fresh])
+        start = np.asarray([mission.now]), leg.origin[None], leg.truth.position[None]
+        leg.stretches.append((*start, np.zeros((0, 3)), np.zeros((0, 3))))
+    positions, obstacles, ground, water = (
+        np.asarray(part, float)[fresh] for part in (out.positions, out.obstacles, out.ground, out.water)
     )
+    leg.stretches.append((times[fresh], positions, obstacles, ground, water))
     leg.truth.position = np.asarray(out.obstacles[-1], float)
     leg.moves = np.asarray(out.moves, float)
     leg.arc = float(out.arc)
@@ -145,7 +153,13 @@ def _take(fleet: Fleet, mission: Mission, out: Sailed) -> None:
 def finish(leg: Leg) -> None:
     """Write what was sailed into the leg's record."""
     parts = [np.concatenate(part) for part in zip(*leg.stretches, strict=True)]
-    leg.record.times, leg.record.positions, leg.record.obstacle_positions = parts
+    leg.record.times, leg.record.positions, leg.record.obstacle_positions, ground, water = parts
+    # What a step is sailed at holds from its first record on; the arrival keeps that of the last step.
+    if len(ground):
+        ground, water = (np.concatenate([part, part[-1:]]) for part in (ground, water))
+        leg.record.motion = Motion.through_water(ground, water)
+    else:
+        leg.record.motion = Motion.none(len(leg.record.times))
 
 
 def _react(fleet: Fleet, missions: list[Mission]) -> None:

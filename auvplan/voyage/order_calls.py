@@ -139,6 +139,8 @@ def _open_passages(fleet: Fleet, mission: Mission, passing: str) -> bool:
         return False
     legs = list(pairwise(way))
     passages = [(i, j) for i, j in legs if revisited[j]]
+    for _, node in passages:
+        mission.graph = mission.graph.without_task_at(node)
     mission.graph = mission.graph.with_edges(passages, tasks=False)
     # The way from a passed waypoint on to a new one carries what it always did.
     onward = [(i, j) for i, j in legs if revisited[i] and not revisited[j]]

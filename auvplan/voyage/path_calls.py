@@ -31,7 +31,7 @@ def plan_legs(
         growing: whether the boundaries of obstacles grow until they are seen again.
     """
     keys = jnp.stack([mission.path_key() for mission in missions])
-    env = _believed(fleet, missions)
+    env = believed(fleet, missions)
     if not growing:
         env = replace(env, obstacles=replace(env.obstacles, growth=0.0 * env.obstacles.growth))
     # What a compiled program is made for: the settings and the shapes of the world.
@@ -44,7 +44,7 @@ def plan_legs(
         _follow(mission, plan, cause, seconds / len(missions))
 
 
-def _believed(fleet: Fleet, missions: list[Mission]) -> Environment:
+def believed(fleet: Fleet, missions: list[Mission]) -> Environment:
     """The world as the vehicles know it now; current and obstacles have a leading axis."""
     obstacles = as_obstacles([mission.sailing.belief for mission in missions], fleet.scenario.sensors)
     return fleet.environment(stacked([mission.sea.told() for mission in missions]), obstacles)
@@ -80,6 +80,7 @@ def _follow(mission: Mission, plan: PathPlan, cause: str, seconds: float) -> Non
             seconds,
             history,
             mission.sea.field,
+            plan.motion,
         )
     )
     leg.follow(plan)

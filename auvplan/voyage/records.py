@@ -9,8 +9,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan.mission import MissionGraph, MissionOrder, trail_bound, upper_bound
+from auvplan.mission import MissionConfig, MissionGraph, MissionOrder, trail_bound, upper_bound
 from auvplan.mission.jobs import jobs_done
+from auvplan.motion import Motion
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.currents import Current
 from auvplan.ocean.seabed import Seabed
@@ -34,6 +35,7 @@ class PlanRecord:
         cpu: s of wall-clock time.
         history: by iteration, [I + 1] each: best, mean, std, violation_best, violation_mean, violation_std.
         current: the true one when the plan was made, for pictures.
+        motion: attitude and velocities on its S - 1 segments, as planned.
     """
 
     made_at: float
@@ -45,6 +47,7 @@ class PlanRecord:
     cpu: float
     history: dict[str, Array]
     current: Current
+    motion: Motion
 
 
 @dataclass
@@ -65,6 +68,7 @@ class LegRecord:
             true one along the track; NaN where both change as vortices do.
         times: [n] s since the epoch; the last is the arrival.
         positions: [n, 3] m, sailed.
+        motion: attitude and velocities, [n] as simulated: each from its time to the next.
         obstacle_positions: [n, M, 3] m, the truth.
         obstacle_radii: [M] m, the truth.
         obstacle_kinds: [M] names: "static", "afloat" or "self-motivated".
@@ -82,6 +86,7 @@ class LegRecord:
     current_difference: float = math.nan
     times: Array = field(default_factory=lambda: np.zeros(0))
     positions: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    motion: Motion = field(default_factory=Motion.none)
     obstacle_positions: Array = field(default_factory=lambda: np.zeros((0, 0, 3)))
     obstacle_radii: Array = field(default_factory=lambda: np.zeros(0))
     obstacle_kinds: list[str] = field(default_factory=list)
@@ -206,12 +211,15 @@ class MissionRun:
         return float(sum(leg.priority for leg in self.done))
 
     @property
-    def tasks_done(self) -> int:
+    def earning(self) -> list[LegRecord]:
+        """Legs whose task was done."""
+        return [leg for leg in self.done if leg.priority > 0.0]
+
+    @property
+    def tasks(self) -> int:
         """Tasks that were done; a survey line of several parts is one, done when all of its parts are."""
-        earning = [(leg.start, leg.goal) for leg in self.done if leg.priority > 0.0]
-        if not self.names:
-            return len(earning)
-        return len(jobs_done(self.names, earning))
+        legs = [(leg.start, leg.goal) for leg in self.earning]
+        return len(jobs_done(self.names, legs)) if self.names else len(legs)
 
     @cached_property
     def bound(self) -> float:
@@ -237,6 +245,35 @@ class MissionRun:
             edges = np.where(graph.adjacency, graph.priority - once, 0.0)
             return float(np.triu(np.maximum(edges, edges.T), 1).sum() + once.sum())
         return upper_bound(*common)
+
+    @property
+    def replan_compute(self) -> float:
+        """Sum of T_compute over the mission's re-plans, s of wall-clock time; the first order is none."""
+        return sum(order.cpu for order in self.orders[1:])
+
+    def cost_mission(self, phi1: float = MissionConfig.phi1, phi2: float = MissionConfig.phi2) -> float:
+        """Weigh the mission as it was done: Phi_1 |T_Mission - T_available| + Phi_2 sum(1 / rho) (Eq. 15).
+
+        The sum is over the tasks done.
+
+        Args:
+            phi1: Phi_1, per second.
+            phi2: Phi_2.
+
+        Differences from the paper:
+            The path cost of a leg is read as its travel time, T_path; planning time that the mission's clock
+            was charged with is left out, since Eq. 16 adds it.
+        """
+        used = self.t_mission - self.charged_compute
+        return phi1 * abs(used - self.t_available) + phi2 * sum(1.0 / leg.priority for leg in self.earning)
+
+    def cost_total(self, phi1: float = MissionConfig.phi1, phi2: float = MissionConfig.phi2) -> float:
+        """Add the computing time of the mission's re-plans to `cost_mission` (Eq. 16).
+
+        Differences from the paper:
+            T_compute is the time of the new order alone: what checks whether it is due is not timed apart.
+        """
+        return self.cost_mission(phi1, phi2) + self.replan_compute
 
     @property
     def collisions(self) -> int:
@@ -283,13 +320,15 @@ class MissionRun:
             "t_residual": self.t_residual,
             "success": self.success,
             "reason": self.reason,
-            "tasks": self.tasks_done,
+            "tasks": self.tasks,
             "total_priority": self.total_priority,
             "priority_bound": self.bound,
             "revisits": sum(leg.revisit for leg in self.done),
             "path_calls": len(self.legs),
             "path_replans": sum(leg.path_replans for leg in self.legs),
             "mission_replans": max(len(self.orders) - 1, 0),
+            "cost_mission": self.cost_mission(),
+            "cost_total": self.cost_total(),
             "legs": [
                 {
                     "from": leg.start,
@@ -309,6 +348,7 @@ class MissionRun:
             "cpu": {
                 "path_s": sum(leg.cpu for leg in self.legs),
                 "mission_s": sum(order.cpu for order in self.orders),
+                "mission_replans_s": self.replan_compute,
                 "travel_times_s": self.estimate_seconds,
                 "charged_s": self.charged_compute,
                 "compile_s": self.compile_seconds,

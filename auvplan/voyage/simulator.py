@@ -22,7 +22,17 @@ WIDTH = 32
 
 @partial(
     jax.tree_util.register_dataclass,
-    data_fields=("positions", "times", "obstacles", "moves", "arc", "arrived", "shortfall"),
+    data_fields=(
+        "positions",
+        "times",
+        "obstacles",
+        "ground",
+        "water",
+        "moves",
+        "arc",
+        "arrived",
+        "shortfall",
+    ),
     meta_fields=(),
 )
 @dataclass(frozen=True)
@@ -33,6 +43,8 @@ class Sailed:
         positions: [B, n, 3] m.
         times: [B, n] s.
         obstacles: [B, n, M, 3] m, true positions at those times.
+        ground: [B, n, 3] m/s, velocity over ground of the vehicle during each step.
+        water: [B, n, 3] m/s, the true current at the beginning of each step, which it is sailed in.
         moves: [B, M, 3] m/s, true velocities of the obstacles over ground at the end.
         arc: [B] m sailed along the track.
         arrived: [B] bool, the end of the track was reached; time stands still from there on.
@@ -42,6 +54,8 @@ class Sailed:
     positions: jax.Array
     times: jax.Array
     obstacles: jax.Array
+    ground: jax.Array
+    water: jax.Array
     moves: jax.Array
     arc: jax.Array
     arrived: jax.Array
@@ -99,14 +113,15 @@ def sail(
             arc = jnp.where(arrives, total, arc + jnp.where(moving, ground * elapsed, 0.0))
             position = position + _over_ground(current, position, velocity, drift, now) * elapsed
             carry = (arc, now + elapsed, position, arrived | arrives, jnp.maximum(worst, shortfall))
-            return carry, (_along(track, marks, arc), now + elapsed, position)
+            over_ground = jnp.where(moving, ground, 0.0) * tangent
+            return carry, (_along(track, marks, arc), now + elapsed, position, over_ground, water)
 
         begin = (arc, now, position, jnp.array(False), jnp.array(0.0))
-        (arc, now, position, arrived, worst), (positions, times, trace) = jax.lax.scan(
+        (arc, now, position, arrived, worst), (positions, times, trace, ground, water) = jax.lax.scan(
             step, begin, length=steps
         )
         moves = _over_ground(current, position, velocity, drift, now)
-        return Sailed(positions, times, trace, moves, arc, arrived, worst)
+        return Sailed(positions, times, trace, ground, water, moves, arc, arrived, worst)
 
     return jax.vmap(one)(track, arc, moving, now, each, *obstacles)
 

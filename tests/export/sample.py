@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 import numpy as np
 
 from auvplan.export import Circle, Itinerary, PlannedLeg, Polygon, Track
+from auvplan.motion import Motion
 from auvplan.site import Site
 
 EPOCH = datetime(2024, 2, 28, 23, 59, 30, 500_000, tzinfo=UTC)
@@ -14,10 +15,12 @@ NAMES = ("harbour", "wreck & reef", "mooring <7>")
 
 
 def make_leg(
-    number: int, start: int, goal: int, places, times, kept, hold: float, priority: float
+    number: int, start: int, goal: int, places, times, kept, hold: float, priority: float, motion=None
 ) -> PlannedLeg:
     """A leg with some samples kept; straight lines take 1 % less."""
-    leg = PlannedLeg.of(number, start, goal, places, times, names=NAMES, hold=hold, priority=priority)
+    leg = PlannedLeg.of(
+        number, start, goal, places, times, names=NAMES, hold=hold, priority=priority, motion=motion
+    )
     kept = np.asarray(kept)
     return replace(leg, kept=kept, kept_times=times[0] + 0.99 * (times[kept] - times[0]), time_change=-0.01)
 
@@ -30,8 +33,10 @@ def make_itinerary(site: Site = SITE) -> Itinerary:
     second = first[-1] + share * np.array([-2100.0, -700.0, -35.25])
     second[:, 1] += 90.0 * np.sin(np.pi * share[:, 0])
     times = 60.0 + 100.0 * np.arange(9.0)
+    stream = np.broadcast_to([0.1, -0.3, 0.0], (8, 3))
+    motion = Motion.along("track", 1.75, np.diff(first, axis=0), stream)
     legs = (
-        make_leg(1, 0, 1, first, times, [0, 3, 5, 8], 45.5, 3.0),
+        make_leg(1, 0, 1, first, times, [0, 3, 5, 8], 45.5, 3.0, motion),
         make_leg(2, 1, 2, second, times + 845.5, [0, 8], 0.0, 0.0),
     )
     sailed = (

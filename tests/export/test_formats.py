@@ -168,6 +168,13 @@ def test_csv(itinerary: Itinerary, tmp_path: Path):
     assert [row["leg"] for row in rows] == ["1", "1", "1", "1", "2"]
     assert [(row["hold"], row["task"]) for row in rows if float(row["hold"])] == [("45.5", "3")]
     assert [row["note"] for row in rows if row["note"]] == [leg.note for leg in itinerary.legs]
+    # What the first leg's path was planned at; nothing is known of the second one.
+    first = itinerary.legs[0].motion[itinerary.legs[0].kept]
+    attitude = np.array([[row["yaw"], row["pitch"]] for row in rows[:4]], float)
+    assert attitude == pytest.approx(np.degrees(np.stack([first.yaw, first.pitch], axis=1)), abs=0.006)
+    body = np.array([[row[name] for name in ("surge", "sway", "heave")] for row in rows[:4]], float)
+    assert body == pytest.approx(first.body_velocity, abs=6e-4)
+    assert [rows[4][name] for name in ("yaw", "pitch", "surge", "sway", "heave")] == [""] * 5
 
 
 def test_netcdf(itinerary: Itinerary, tmp_path: Path):
@@ -191,6 +198,10 @@ def test_netcdf(itinerary: Itinerary, tmp_path: Path):
     places = np.concatenate([track.positions for track in tracks])
     near(itinerary, np.stack([data[name].values for name in ("lon", "lat", "depth")], axis=1), places)
     assert data["time"].values == pytest.approx(np.concatenate([track.times for track in tracks]))
+    motion = itinerary.legs[0].motion
+    assert data["yaw"].values[:9] == pytest.approx(np.degrees(motion.yaw), abs=1e-4)
+    assert data["sway"].values[:9] == pytest.approx(motion.body_velocity[:, 1], abs=1e-6)
+    assert np.isnan(data["sway"].values[9:]).all()
     epoch = "2000-01-01 00:00:00" if itinerary.site.epoch is None else "2024-02-28 23:59:30.500000"
     assert data["time"].attrs["units"] == f"seconds since {epoch}"
     assert ("no date" in data.attrs["comment"]) == (itinerary.site.epoch is None)

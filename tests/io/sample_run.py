@@ -5,6 +5,7 @@ from itertools import pairwise
 import numpy as np
 
 from auvplan.mission.graph import MissionGraph
+from auvplan.motion import Motion
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.vortices import LambVortices
 from auvplan.vehicle import Vehicle
@@ -60,7 +61,8 @@ def make_plan(start: np.ndarray, goal: np.ndarray, made_at: float, cause: str, b
         "violation_std": 15.0 * fall,
     }  # fmt: skip
     duration = float(times[-1] - times[0])
-    return PlanRecord(made_at, positions, times, duration, True, cause, 0.2, history, make_vortices())
+    motion = Motion.along("track", SPEED, np.diff(positions, axis=0), np.zeros((31, 3)))
+    return PlanRecord(made_at, positions, times, duration, True, cause, 0.2, history, make_vortices(), motion)
 
 
 def make_leg(
@@ -74,6 +76,8 @@ def make_leg(
     task = float(graph.duration[i, j])
     leg = LegRecord(i, j, length / SPEED + task + 5.0, task, float(graph.priority[i, j]), arrived=True)
     leg.times, leg.positions = depart + times, positions
+    straight = np.broadcast_to(SPEED * (goal - start) / length, positions.shape)
+    leg.motion = Motion.through_water(straight, np.zeros(3))
     leg.plans = [make_plan(start, goal, depart, "leg", 80.0)]
     middle = len(times) // 2
     leg.plans.append(make_plan(positions[middle], goal, float(leg.times[middle]), "window", 30.0))

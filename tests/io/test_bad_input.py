@@ -5,6 +5,7 @@ import time
 import pytest
 
 from auvplan import cli
+from auvplan.voyage import executive
 from tests.io.bad_input import CASES
 from tests.io.small_site import SmallSite
 
@@ -23,12 +24,19 @@ def call(capsys, monkeypatch, *arguments):
     return stop.value.code, *capsys.readouterr()
 
 
+def planned(*_):
+    """Stands in for the first step of a mission."""
+    raise AssertionError("bad input was planned with")
+
+
 @pytest.mark.parametrize("case", CASES)
 def test_bad_input_is_one_line_and_status_2(case, sound, tmp_path, capsys, monkeypatch):
     spoil, *words = CASES[case]
     site, out = SmallSite(tmp_path / "site", sound), tmp_path / "out"
     spoil(site)
-    begin = time.perf_counter()
+    monkeypatch.setattr(executive, "_step", planned)
+    # Of this process alone, whatever else the machine does: hostile files must not be worked on for long.
+    begin = time.process_time()
     path = site.folder / "scenario.yaml"
     code, said, err = call(capsys, monkeypatch, "mission", path, "--out", out, "--quiet")
     assert code == 2, (said, err)
@@ -39,7 +47,7 @@ def test_bad_input_is_one_line_and_status_2(case, sound, tmp_path, capsys, monke
     for word in words:
         assert word in err, (word, err)
     assert not out.exists() or not list(out.iterdir())
-    assert time.perf_counter() - begin < 20.0
+    assert time.process_time() - begin < 20.0
 
 
 @pytest.mark.parametrize("case", [name for name in CASES if not name.startswith("scenario")][::5])

@@ -9,6 +9,7 @@ import xarray as xr
 
 from auvplan.io import save_run
 from auvplan.io.check import ResultError, check_run
+from auvplan.voyage.records import MissionRun
 from tests.io.sample_run import WAYPOINTS, make_leg, make_run, refused_leg
 
 
@@ -232,7 +233,7 @@ def test_claimed_arrival(tmp_path):
 def test_stolen_priority(tmp_path):
     run = make_run()
     run.legs[0].priority = 5.0
-    assert any("not the edge's" in fault for fault in check(run, tmp_path).faults)
+    assert any("counts a priority of 5" in fault for fault in check(run, tmp_path).faults)
 
 
 @pytest.mark.parametrize("name", ["summary.json", "mission.nc"])
@@ -297,3 +298,87 @@ def test_attribute_missing(tmp_path):
     less.to_netcdf(path, engine="h5netcdf")
     with pytest.raises(ResultError, match="attribute vehicle_speed is missing"):
         check_run(tmp_path)
+
+
+def round_trip() -> MissionRun:
+    """A run that comes back to waypoint 1 although 3 leads to the destination."""
+    run = make_run((1, 0, 3, 1, 2))
+    run.legs[2].revisit = True
+    return run
+
+
+def test_a_waypoint_visited_twice_is_found(tmp_path):
+    report = check(round_trip(), tmp_path)
+    assert any("waypoint 1 is visited twice" in fault for fault in report.faults), report
+
+
+def test_waypoints_may_be_visited_again_where_the_rule_allows_it(tmp_path):
+    run = round_trip()
+    run.scenario |= {"planning": {"visits": "edges"}}
+    assert check(run, tmp_path).ok
+
+
+def test_a_visited_waypoint_may_be_passed_on_the_only_way(tmp_path):
+    """Without the edge from 3 to 2 nothing else is left; but its task does not count again."""
+    run = round_trip()
+    run.graph.adjacency[3, 2] = run.graph.adjacency[2, 3] = False
+    report = check(run, tmp_path / "counted")
+    assert [fault.split(": ", 1)[1][:20] for fault in report.faults[:1]] == ["counts a priority of"]
+    leg = run.legs[2]
+    run.t_mission -= leg.t_task
+    run.legs[3].times = run.legs[3].times - leg.t_task
+    leg.priority = leg.t_task = 0.0
+    report = check(run, tmp_path / "passed")
+    assert report.ok, report
+
+
+JOBS = "x,y,depth,name,priority,duration\n"
+
+
+def with_jobs(run, folder, rows):
+    """The run as one of a file of jobs with these rows."""
+    (folder / "jobs.csv").write_text(JOBS + "".join(f"{row}\n" for row in rows))
+    run.scenario |= {"mission": {"jobs": "jobs.csv"}, "vehicle": {"depth_min": 0.0}}
+    run.folder, run.names = str(folder), ["start", "gauge", "goal", "wreck"]
+    return run
+
+
+@pytest.mark.parametrize(
+    ("gauge", "found"),
+    [("3,60", ""), ("2,60", "its tasks are worth 2"), ("3,50", "on tasks that take 50.00 s")],
+)
+def test_jobs_are_counted_from_their_file(tmp_path, gauge, found):
+    """Whatever graph and legs say: what a place is worth stands in the file."""
+    rows = [f"700,900,40,gauge,{gauge}", "400,1200,25,wreck,3,60", "1000,1800,30,end,3,60"]
+    report = check(with_jobs(make_run(), tmp_path, rows), tmp_path / "run")
+    assert report.ok == (not found), report
+    assert found in str(report)
+
+
+def test_a_survey_line_counts_when_all_of_it_is_done(tmp_path):
+    rows = [
+        "x,y,depth,line,priority,duration",
+        "300,300,20,survey,9,180",
+        "700,900,40,survey,9,180",
+        "400,1200,25,survey,9,180",
+    ]
+    run = with_jobs(make_run((0, 1, 3)), tmp_path, [])
+    (tmp_path / "jobs.csv").write_text("\n".join(rows))
+    lengths = np.linalg.norm(np.diff(WAYPOINTS[[0, 1, 3]], axis=0), axis=1)
+    for leg, share in zip(run.legs, lengths / lengths.sum(), strict=True):
+        leg.priority, late = 9.0 * float(share), 180.0 * float(share) - leg.t_task
+        leg.t_task += late
+        run.t_mission += late
+    run.legs[1].times = run.legs[1].times + run.legs[0].t_task - 60.0
+    run.names = ["survey[1]", "survey[2]", "goal", "survey[3]"]
+    report = check(run, tmp_path / "run")
+    assert report.ok, report
+    assert run.summary()["tasks"] == 1
+
+
+def test_jobs_that_cannot_be_read_any_more_are_a_note(tmp_path):
+    run = with_jobs(make_run(), tmp_path, [])
+    (tmp_path / "jobs.csv").unlink()
+    report = check(run, tmp_path / "run")
+    assert report.ok, report
+    assert "tasks were counted from the graph" in report.notes[0]

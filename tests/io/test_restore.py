@@ -1,5 +1,6 @@
 """Saved runs come back as they were."""
 
+import csv
 import json
 from datetime import UTC, datetime
 
@@ -24,7 +25,7 @@ SITE = Site(148.96, -20.34, datetime(2026, 11, 22, 6, tzinfo=UTC), (5000.0, 3000
 def run():
     made = make_run()
     made.scenario = Scenario().model_dump(mode="json")
-    made.site, made.names = SITE, ["alpha", "bravo"]
+    made.site, made.names = SITE, ["alpha", "bravo", "charlie", "delta"]
     made.seabed = Seabed.from_depth(np.full((40, 30), 300.0), 100.0, (-500.0, -400.0), clearance=7.0)
     return made
 
@@ -47,10 +48,12 @@ def test_plans_tracks_and_their_currents_come_back(run, tmp_path):
             was.followed,
         )
         np.testing.assert_allclose(leg.positions, was.positions, atol=1e-3)
+        np.testing.assert_allclose(leg.motion.ground_velocity, was.motion.ground_velocity, atol=1e-5)
         assert leg.obstacle_kinds == list(was.obstacle_kinds)
         for plan, made in zip(leg.plans, was.plans, strict=True):
             assert plan.cause == made.cause
             np.testing.assert_allclose(plan.positions, made.positions, atol=1e-2)
+            np.testing.assert_allclose(plan.motion.ground_velocity, made.motion.ground_velocity, atol=1e-5)
             here = (500.0, 700.0, 10.0, 0.0)
             np.testing.assert_allclose(plan.current(*here), made.current(*here), rtol=1e-5)
 
@@ -62,6 +65,9 @@ def test_a_restored_run_is_exported_as_the_run_itself(run, tmp_path):
     for name in ("itinerary.csv", "itinerary.geojson"):
         one, two = ((tmp_path / part / name).read_text() for part in ("one", "two"))
         assert len(one.splitlines()) == len(two.splitlines())
+    with (tmp_path / "two" / "itinerary.csv").open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert {round(float(row["surge"]), 2) for row in rows} == {2.5}
     assert "2026-11-22T06:" in one
 
 

@@ -8,6 +8,7 @@ import xarray as xr
 
 from auvplan.io import OutputError, load_run, output_folder, save_run, write_atomically
 from auvplan.io.check import ResultError
+from auvplan.motion import Motion
 from tests.io.sample_run import SPIT, make_run, refused_leg
 
 
@@ -38,6 +39,25 @@ def test_legs_come_back(saved):
         assert (data.leg_index[part] == k).all()
         assert data.leg_t_path[k] == leg.t_path
         assert bool(data.leg_arrived[k])
+
+
+def test_course_attitude_and_body_velocities_come_back(saved):
+    run, folder = saved
+    data = load_run(folder)
+    motion = Motion.joined([leg.motion for leg in run.legs])
+    for name, values in (
+        ("course", motion.course % (2 * np.pi)),
+        ("yaw", motion.yaw),
+        ("pitch", motion.pitch),
+    ):
+        assert data[name].attrs["units"] == "degree"
+        np.testing.assert_allclose(data[name], np.degrees(values), atol=1e-4)
+    body = np.stack([data[name] for name in ("surge", "sway", "heave")], axis=1)
+    np.testing.assert_allclose(body, motion.body_velocity, atol=1e-6)
+    plans = [plan for leg in run.legs for plan in leg.plans]
+    np.testing.assert_allclose(np.radians(data.plan_yaw), [plan.motion.yaw for plan in plans], atol=1e-6)
+    surge = [plan.motion.body_velocity[:, 0] for plan in plans]
+    np.testing.assert_allclose(data.plan_surge, surge, rtol=1e-6)
 
 
 def test_plans_orders_and_graph_come_back(saved):

@@ -329,3 +329,17 @@ def test_the_bound_holds_with_a_return_margin(seed: int) -> None:
     )
     assert careful.priority <= careful.bound <= free.bound + 1e-9
     assert (careful.limiting_times >= free.edge_times).all()
+
+
+def test_given_populations_are_what_the_search_starts_from():
+    """With nothing planted and no generation the answer is the best of the habitats given."""
+    paper = MissionConfig.paper()
+    config = paper.replace(bbo=paper.bbo.replace(population=20, iterations=0))
+    graph = medium_graph()
+    good = plan(graph, seed=3)
+    habitats = np.random.default_rng(0).integers(-200, 0, (20, 15))
+    habitats[7, good.nodes] = 100 - np.arange(len(good.nodes))
+    kept = plan(graph, config=config, population=habitats)
+    np.testing.assert_array_equal(kept.nodes, good.nodes)
+    rows = {tuple(row) for row in np.asarray(kept.population).tolist()}
+    assert rows == {tuple(row) for row in habitats.tolist()}

@@ -163,6 +163,16 @@ def test_bad_ends_are_named(start, goal, message):
         ap.plan_path(start, goal, world(), key=jax.random.key(0), config=CONFIG)
 
 
+def test_populations_of_another_shape_are_refused():
+    right, given = (1, CONFIG.bbo.population, 3 * CONFIG.control_points), (1, 7, 3)
+    with pytest.raises(ValueError, match="population") as refused:
+        ap.plan_path(
+            START, GOAL, world(), key=jax.random.key(0), config=CONFIG, population=np.zeros(given[1:])
+        )
+    assert str(right) in str(refused.value)
+    assert str(given) in str(refused.value)
+
+
 @pytest.mark.parametrize("changes", [{"control_points": 0}, {"samples": 5}, {"t_series": 0}, {"width": 0.0}])
 def test_bad_settings_are_refused(changes):
     with pytest.raises(ValueError, match=next(iter(changes))):

@@ -41,7 +41,8 @@ def followed(positions, depart=0.0, vehicle=None, leg=None, **world) -> PathPlan
         float(flight.travel_time[0]), float(flight.length[0]), np.asarray(positions),
         np.asarray(flight.times[:, 0]), positions, np.asarray(violations(flight)[:, 0]),
         float(flight.clearance.min()), float(flight.altitude.min()), 0.0, jnp.zeros((0, 0)),
-        History(*[none] * 6), np.stack(flight.excess)[:, :, 0], Conditions(env, vehicle, CONFIG, leg),
+        History(*[none] * 6), np.stack(flight.excess)[:, :, 0],
+        np.stack(flight.water, axis=-1)[:, 0], Conditions(env, vehicle, CONFIG, leg),
     )  # fmt: skip
 
 

@@ -1,5 +1,6 @@
 """Sensitivities of a plan against closed forms and finite differences."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import jax
@@ -8,7 +9,10 @@ import numpy as np
 import pytest
 
 import auvplan as ap
-from auvplan.path.sensitivity import Conditions, sensitivity
+from auvplan.ocean.currents import is_gradual
+from auvplan.path.cost import Track, fly
+from auvplan.path.kinematics import PacedCurrent
+from auvplan.path.sensitivity import Conditions, _Scaled, sensitivity
 from tests.path.worlds import GOAL, START, world
 
 CONFIG = ap.PathConfig(samples=48)
@@ -22,17 +26,23 @@ def tide(x, y, z, t):
     return 0.4 * jnp.sin(t / 500.0 + x / 900.0), 0.3 * jnp.cos(t / 400.0 - y / 700.0), 0.0 * z
 
 
-def travel_time(depart, speed, factor, current):
-    """s along `PATH`, the sum over its segments sailed one after the other."""
-    time, pace = depart, speed
+def arrivals(depart, speed, factor, current):
+    """[S] s at the samples of `PATH`, its segments sailed one after the other."""
+    times, pace = [depart], speed
     for a, b in pairwise(PATH):
         gap = np.linalg.norm(b - a)
-        half = time + 0.5 * gap / pace
+        half = times[-1] + 0.5 * gap / pace
         water = factor * np.array([float(c) for c in current(*jnp.asarray(0.5 * (a + b)), jnp.asarray(half))])
         along = water @ (b - a) / gap
         pace = along + np.sqrt(speed**2 - (water @ water - along**2))
-        time += gap / pace
-    return time - depart
+        times.append(times[-1] + gap / pace)
+    return np.array(times)
+
+
+def travel_time(depart, speed, factor, current):
+    """s along `PATH`."""
+    times = arrivals(depart, speed, factor, current)
+    return times[-1] - times[0]
 
 
 @pytest.mark.parametrize("steady", [True, False])
@@ -47,6 +57,70 @@ def test_slopes_match_finite_differences(steady):
         difference = travel_time(*(at + aside), current) - travel_time(*(at - aside), current)
         assert getattr(found, name) == pytest.approx(difference / (2 * step), rel=1e-4, abs=1e-6)
     assert (found.departure == 0.0) is steady
+
+
+def gradual_tide():
+    """A few nodes of the tide, as files of an ocean model have it: quasi-steady."""
+    north, east, times = (
+        np.linspace(-200, 2200, 13),
+        np.linspace(-200, 2200, 13),
+        np.arange(0.0, 3600.0, 600.0),
+    )
+    t, x, y = np.meshgrid(times, north, east, indexing="ij")
+    u, v, _ = tide(x, y, 0.0 * x, t)
+    return ap.GriddedCurrent.from_arrays(
+        u[:, None], v[:, None], origin=(-200.0, -200.0), spacing=200.0, times=times
+    )
+
+
+@pytest.mark.parametrize("kind", ["steady", "tide", "gradual"])
+@pytest.mark.usefixtures("x64")
+def test_slopes_of_every_arrival_match_finite_differences(kind):
+    """Of the times at all samples, and of each segment's duration, their difference."""
+    current = {"steady": lambda: world().current, "tide": lambda: tide, "gradual": gradual_tide}[kind]()
+    env = ap.Environment(current)
+    assert is_gradual(env.current) is (kind == "gradual")
+    track = Track.through(*(jnp.asarray(PATH[:, axis, None]) for axis in range(3)))
+
+    def times(depart, speed, factor):
+        world = replace(env, current=_Scaled(env.current, factor))
+        return fly(track, depart, world, ap.Vehicle(speed=speed), CONFIG).times[:, 0]
+
+    at, steps = np.array([100.0, 2.5, 1.0]), (1e-2, 1e-5, 1e-5)
+    found = np.stack(jax.jit(jax.jacrev(times, argnums=(0, 1, 2)))(*at))
+    twin = env.current
+    for k, step in enumerate(steps):
+        aside = step * np.eye(3)[k]
+        expected = (arrivals(*(at + aside), twin) - arrivals(*(at - aside), twin)) / (2.0 * step)
+        rounding = 4.0 * np.spacing(expected.size * 100.0) / step
+        for ours, theirs in ((found[k], expected), (np.diff(found[k]), np.diff(expected))):
+            np.testing.assert_allclose(ours, theirs, rtol=1e-3, atol=rounding + 1e-4 * np.abs(theirs).max())
+    # The departure itself is the first of the times: it moves with itself and with nothing else.
+    np.testing.assert_array_equal(found[:, 0], [1.0, 0.0, 0.0])
+    if kind == "steady":
+        np.testing.assert_allclose(found[0], 1.0)
+
+
+@pytest.mark.usefixtures("x64")
+def test_in_a_paced_current_slopes_take_the_times_of_look_ups_as_they_are():
+    """A path bent in a search counts the water where it leads, not that it comes there sooner or later."""
+    pace, depart = jnp.linspace(2.0, 2.6, len(PATH) - 1), 100.0
+
+    def travel(positions, current):
+        track = Track.through(*(positions[:, axis, None] for axis in range(3)))
+        env = replace(ap.Environment(tide), current=current)
+        return fly(track, jnp.asarray(depart), env, ap.Vehicle(), CONFIG).travel_time[0]
+
+    duration = np.linalg.norm(np.diff(PATH, axis=0), axis=1) / np.asarray(pace)
+    met = (depart + np.cumsum(duration) - 0.5 * duration)[:, None]
+    # Obstacles are asked about as well, one place at a time.
+    frozen = ap.Environment(lambda x, y, z, t: tide(x, y, z, met if jnp.ndim(x) == 2 else t)).current
+    paced = PacedCurrent(ap.Environment(tide).current, pace)
+    assert travel(jnp.asarray(PATH), paced) == pytest.approx(
+        float(travel(jnp.asarray(PATH), frozen)), rel=1e-9
+    )
+    slopes = (jax.grad(travel)(jnp.asarray(PATH), current) for current in (paced, frozen))
+    np.testing.assert_allclose(*slopes, rtol=1e-6, atol=1e-9)
 
 
 def test_plans_of_a_batch_know_their_own_world():

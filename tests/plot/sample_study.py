@@ -14,7 +14,9 @@ LEGS, PLANS, ORDERS, STOPS = 14, 80, 9, 14
 
 _FLOATS = {
     "t_available": "s", "t_mission": "s", "t_residual": "s", "total_priority": "1", "path_cpu": "s",
-    "mission_cpu": "s", "travel_time_cpu": "s", "coast_clearance": "m", "obstacle_clearance": "m",
+    "mission_cpu": "s", "mission_replan_cpu": "s", "travel_time_cpu": "s",
+    "cost_mission": "1", "cost_total": "1", "priority_bound": "1",
+    "coast_clearance": "m", "obstacle_clearance": "m",
 }  # fmt: skip
 _COUNTS = ("tasks", "path_calls", "path_replans", "mission_replans", "collisions", "faults")
 _LEG_FLOATS = ("leg_t_expected", "leg_t_path", "leg_t_task", "leg_priority", "leg_distance", "leg_cpu")
@@ -156,8 +158,13 @@ def _total(row: dict[str, np.ndarray], rng: np.random.Generator, plans: int, ord
     figures = {
         "t_available": AVAILABLE, "t_mission": used, "t_residual": AVAILABLE - used, "tasks": done.sum(),
         "total_priority": row["leg_priority"][done].sum(), "path_calls": done.sum(),
+        "priority_bound": 1.0 + 1.25 * row["leg_priority"][done].sum(),
         "path_replans": plans - done.sum(), "mission_replans": orders - 1, "collisions": 0,
         "path_cpu": np.nansum(row["plan_cpu"]), "mission_cpu": np.nansum(row["order_cpu"]),
+        "mission_replan_cpu": np.nansum(row["order_cpu"][1:]),
+        "cost_mission": AVAILABLE - used + (100.0 / row["leg_priority"][done]).sum(),
+        "cost_total": AVAILABLE - used + (100.0 / row["leg_priority"][done]).sum()
+        + np.nansum(row["order_cpu"][1:]),
         "travel_time_cpu": rng.uniform(0.5, 1.0), "faults": 0, "coast_clearance": np.inf,
         "obstacle_clearance": rng.uniform(1.0, 30.0),
     }  # fmt: skip

@@ -1,6 +1,9 @@
 """Small studies with light searches: in worker processes, on a cluster, as a command that can be killed.
 
-`python -m tests.study.light OUT COUNT [--resume] [--workers N] [--slow]` sails in calm water.
+`python -m tests.study.light OUT COUNT [--resume] [--workers N] [--hold N]` sails in calm water. With
+`--hold N` the study stands still as soon as N missions are done and waits to be killed; in worker processes,
+each does so after N missions of its own. Where one stands still, a file in the folder that `HOLDS` names says
+so.
 """
 
 import argparse
@@ -9,6 +12,7 @@ import struct
 import subprocess
 import sys
 import time
+from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 
@@ -22,8 +26,8 @@ from tests.voyage.small import SMALL, light_config, scenario
 #: Seconds until a test gives up on a process.
 PATIENCE = 300.0
 
-#: Seconds between two reports of a study that is to be killed between them.
-PAUSE = 0.2
+#: Name in the environment of the folder in which processes that stand still say so.
+HOLDS = "AUVPLAN_TEST_HOLDS"
 
 
 def lighten() -> None:
@@ -76,21 +80,30 @@ def unbroken(tmp_path_factory, count: int) -> xr.Dataset:
     return without_clocks(load_study(out))
 
 
-class Slow:
-    """A pipe that takes its time, so that a test can come between two reports."""
+def hold() -> None:
+    """Say so, and do nothing more until this process is killed."""
+    (Path(os.environ[HOLDS]) / str(os.getpid())).touch()
+    while True:
+        time.sleep(3600.0)
 
-    def __init__(self, pipe: Connection):
-        self._pipe = pipe
+
+class Holding:
+    """A pipe that lets so many missions pass, and then holds the process that sends them."""
+
+    def __init__(self, pipe: Connection, missions: int):
+        self._pipe, self._left = pipe, missions
 
     def send(self, report) -> None:
+        if not self._left:
+            hold()
         self._pipe.send(report)
-        time.sleep(PAUSE)
+        self._left -= isinstance(report, worker.Done)
 
 
-def work(job, core, settings, pipe: Connection) -> None:
-    """A worker process with light searches that reports slowly."""
+def work(job, core, settings, pipe: Connection, missions: int = sys.maxsize) -> None:
+    """A worker process with light searches."""
     lighten()
-    worker.work(job, core, settings, Slow(pipe))
+    worker.work(job, core, settings, Holding(pipe, missions))
 
 
 def work_and_die(job, core, settings, pipe: Connection) -> None:
@@ -132,19 +145,18 @@ def main() -> None:
     parser.add_argument("count", type=int)
     parser.add_argument("--resume", action="store_true")
     parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--slow", action="store_true")
+    parser.add_argument("--hold", type=int, default=sys.maxsize)
     given = parser.parse_args()
     lighten()
     from tests.study import light
 
-    runner.work = light.work
-    run_study(
-        calm(given.count),
-        given.out,
-        resume=given.resume,
-        workers=given.workers,
-        progress=lambda *_: time.sleep(PAUSE if given.slow else 0.0),
-    )
+    runner.work = partial(light.work, missions=given.hold)
+
+    def progress(done: int, total: int, share: float) -> None:
+        if given.workers == 1 and done >= given.hold:
+            hold()
+
+    run_study(calm(given.count), given.out, resume=given.resume, workers=given.workers, progress=progress)
 
 
 if __name__ == "__main__":

@@ -16,16 +16,20 @@ COUNT = 8
 
 needs_proc = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
 
-#: Seconds that a process has to notice that nobody listens to it any more.
-NOTICE = 10.0
+
+@pytest.fixture
+def holds(tmp_path_factory):
+    """Folder in which processes that stand still, waiting to be killed, say so by their numbers."""
+    return tmp_path_factory.mktemp("holds")
 
 
 @pytest.fixture
-def begin(tmp_path_factory, tmp_path):
+def begin(tmp_path_factory, tmp_path, holds):
     """Starts the study in a process that does not outlive the test."""
     started = []
 
     def start(*options, **settings):
+        settings |= {light.HOLDS: str(holds)}
         started.append(light.begin(tmp_path_factory, tmp_path, COUNT, *options, **settings))
         return started[-1]
 
@@ -40,13 +44,13 @@ def done(out) -> int:
     return len(list(out.glob("missions/0*.npz")))
 
 
-def wait_for(condition, process=None, patience=light.PATIENCE):
-    """Look often until something is true."""
-    end = time.monotonic() + patience
+def wait_for(condition, process=None):
+    """Look often until something is true; how long that takes is not what is tested."""
+    end = time.monotonic() + light.PATIENCE
     while not condition():
         assert time.monotonic() < end, "nothing happened"
         assert process is None or process.poll() is None, "the process ended"
-        time.sleep(0.002)
+        time.sleep(0.01)
 
 
 def kill(process):
@@ -76,40 +80,39 @@ def workers_of(process) -> list[int]:
 
 
 def assert_gone(workers):
-    """Two processes notice that nobody listens to them any more; none of them lives on, in any case."""
+    """Two processes that would do nothing for ever end by themselves; none of them lives on, in any case."""
     try:
         assert len(workers) == 2
-        wait_for(lambda: not any(alive(pid) for pid in workers), patience=NOTICE)
+        wait_for(lambda: not any(alive(pid) for pid in workers))
     finally:
         for pid in filter(alive, workers):
             os.kill(pid, signal.SIGKILL)
 
 
 @needs_proc
-def test_a_study_killed_three_times_ends_like_one_never_killed(begin, tmp_path_factory, tmp_path):
+def test_a_study_killed_three_times_ends_like_one_never_killed(begin, holds, tmp_path_factory, tmp_path):
     """Killed before a mission is done, when some are, and while two processes sail the rest."""
     whole, rng = light.unbroken(tmp_path_factory, COUNT), np.random.default_rng(7)
 
-    process = begin()
-    wait_for((tmp_path / "study.json").is_file, process)
-    time.sleep(rng.uniform(0.0, 1.0))
+    process = begin("--hold", "0")
+    wait_for((holds / str(process.pid)).is_file, process)
     kill(process)
+    assert (tmp_path / "study.json").is_file()
     assert done(tmp_path) == 0
 
-    process = begin("--resume", "--slow")
-    wait_for(lambda: done(tmp_path) > 0, process)
-    time.sleep(rng.uniform(0.0, 2.0 * light.PAUSE))
+    first = int(rng.integers(1, COUNT - 3))
+    process = begin("--resume", "--hold", str(first))
+    wait_for((holds / str(process.pid)).is_file, process)
     kill(process)
-    first = done(tmp_path)
-    assert 0 < first < COUNT - 1
+    assert done(tmp_path) == first
 
-    process = begin("--resume", "--workers", "2")
-    wait_for(lambda: done(tmp_path) > first, process)
+    process = begin("--resume", "--workers", "2", "--hold", "1")
+    wait_for(lambda: done(tmp_path) == first + 2, process)
     workers = workers_of(process)
-    time.sleep(rng.uniform(0.0, light.PAUSE))
+    wait_for(lambda: all((holds / str(pid)).is_file() for pid in workers), process)
     kill(process)
     assert_gone(workers)
-    assert first < done(tmp_path) < COUNT
+    assert done(tmp_path) == first + 2 < COUNT
     assert not (tmp_path / "missions.nc").exists()
 
     process = begin("--resume")
@@ -119,12 +122,12 @@ def test_a_study_killed_three_times_ends_like_one_never_killed(begin, tmp_path_f
 
 
 @needs_proc
-def test_processes_of_a_killed_study_do_not_compile_to_the_end(begin, tmp_path):
-    """They have nothing to send then, so nothing tells them that nobody listens."""
-    process = begin("--workers", "2", JAX_COMPILATION_CACHE_DIR=str(tmp_path / "empty"))
-    wait_for(lambda: len(workers_of(process)) == 2, process)
-    time.sleep(5.0)
+def test_processes_of_a_killed_study_do_not_go_on_when_they_have_nothing_to_send(begin, holds, tmp_path):
+    """As in a compilation: no broken pipe tells them then that nobody listens."""
+    process = begin("--workers", "2", "--hold", "0")
+    wait_for(lambda: len(list(holds.iterdir())) == 2, process)
     workers = workers_of(process)
+    assert {path.name for path in holds.iterdir()} == {str(pid) for pid in workers}
     kill(process)
     assert done(tmp_path) == 0
     assert_gone(workers)

@@ -166,7 +166,7 @@ def test_figures_are_those_of_the_missions_sailed_directly(three):
         one, summary = mission(dataset, seed).isel(mission=0), run.summary()
         for name in ("t_available", "t_mission", "t_residual", "success", "reason", "tasks", "collisions"):
             assert one[name] == summary[name], name
-        for name in ("total_priority", "path_calls", "path_replans", "mission_replans"):
+        for name in ("total_priority", "path_calls", "path_replans", "mission_replans", "cost_mission"):
             assert one[name] == summary[name], name
         for name, values in {
             "leg_from": [leg.start for leg in run.legs],

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import auvplan as ap
+from auvplan.motion import Motion
 from auvplan.ocean import CurrentUpdate, Seabed
 from auvplan.voyage.belief import ObstacleBelief, as_obstacles
 from auvplan.voyage.evasion import escape_track
@@ -42,6 +43,10 @@ def test_vehicle_holds_its_track_at_the_closed_form_speed(stream, speed):
     expected = speed * TIME_STEP * np.arange(1, 21)
     np.testing.assert_allclose(out.positions[0, :, 0], expected, rtol=1e-4)
     np.testing.assert_allclose(out.positions[0, :, 1:], [[0.0, 10.0]] * 20, atol=1e-3)
+    np.testing.assert_allclose(out.water[0], [[*stream, 0.0]] * 20, atol=1e-5)
+    np.testing.assert_allclose(out.ground[0], [[speed, 0.0, 0.0]] * 20, atol=1e-4)
+    motion = Motion.through_water(out.ground[0], out.water[0])
+    np.testing.assert_allclose(motion.yaw, -np.arcsin(stream[1] / 2.5), atol=1e-4)
     np.testing.assert_allclose(out.times[0], 100.0 + TIME_STEP * np.arange(1, 21))
 
 
@@ -50,6 +55,12 @@ def test_arrival_is_timed_within_the_step_and_time_then_stands_still():
     assert bool(out.arrived[0])
     assert float(out.times[0, -1]) == pytest.approx(100.0 + 600.0 / 2.5, rel=1e-5)
     np.testing.assert_allclose(out.positions[0, -1], TRACK[-1], atol=1e-3)
+
+
+def test_a_vehicle_that_keeps_station_heads_into_the_current():
+    out = sail_one(uniform_field(0.0, 1.5), TRACK, 3, moving=False)
+    np.testing.assert_array_equal(out.ground[0], 0.0)
+    np.testing.assert_allclose(Motion.through_water(out.ground[0], out.water[0]).yaw, -np.pi / 2)
 
 
 def test_station_keeping_lets_time_pass():

@@ -1,0 +1,90 @@
+"""What the species law behind the mutation rates (Eq. 5) is worth to searches with constant migration.
+
+``python -m benchmarks.mutation_laws`` runs the paper's mission preset (lambda = 0.8, mu = 0.2, m_max = 0.5)
+on generated graphs of 40 waypoints, and plain biogeography-based optimisation with the same rates on a small
+function, under three laws of mutation by rank.
+"""
+
+import argparse
+from dataclasses import dataclass, replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+from rich.table import Table
+
+import auvplan as ap
+from auvplan.bbo import BBOConfig, minimize, rates
+from benchmarks.machine import console
+from benchmarks.mission_sets import generated_cases
+
+#: SIVs of the small function, each within +-5.12.
+DIM = 10
+
+
+@dataclass(frozen=True)
+class OfLinearRates(BBOConfig):
+    """Mutation by the species law of linear unit rates, whatever the rates of migration are."""
+
+    def mutation_rate(self, dim: int) -> NDArray[np.float64]:
+        largest = self.mutation_max if self.mutation_genes is None else min(1.0, self.mutation_genes / dim)
+        return rates.mutation_rates(*rates.linear_rates(self.population), largest)
+
+
+def laws(bbo: BBOConfig) -> dict[str, BBOConfig]:
+    """The same search under three laws of mutation."""
+    return {
+        "of the configured rates (Eq. 5)": bbo,
+        "of linear unit rates": OfLinearRates(**vars(bbo)),
+        "m_max for all": bbo.replace(mutation_law="constant"),
+    }
+
+
+def rastrigin(x: jax.Array) -> jax.Array:
+    """[P] of [P, D]: a bowl full of dents, least 0 at the origin."""
+    return (x * x - 10.0 * jnp.cos(2.0 * jnp.pi * x) + 10.0).sum(axis=1)
+
+
+def search_costs(bbo: BBOConfig, seeds: int) -> NDArray[np.float64]:
+    """Best cost on the small function, [seeds]."""
+    low, high = np.full(DIM, -5.12), np.full(DIM, 5.12)
+    runs = [minimize(rastrigin, low, high, key=jax.random.key(seed), config=bbo) for seed in range(seeds)]
+    return np.asarray([float(run.cost) for run in runs])
+
+
+def mission_costs(bbo: BBOConfig, seeds: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Cost of Eq. 15 and total priority of the orders found, [graphs x seeds] each."""
+    config = replace(ap.MissionConfig.paper(), bbo=bbo)
+    orders = [
+        ap.plan_mission(
+            case.graph, start=case.start, goal=case.goal, time_available=case.time_available,
+            speed=case.speed, key=jax.random.key(seed), config=config,
+        )
+        for case in generated_cases(sizes=(40,))
+        for seed in range(seeds)
+    ]  # fmt: skip
+    return np.asarray([order.cost for order in orders]), np.asarray([order.priority for order in orders])
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.mutation_laws", description="Laws of mutation."
+    )
+    parser.add_argument("--seeds", type=int, default=10, help="runs of each problem")
+    options = parser.parse_args()
+    table = Table(title=f"Laws of mutation under constant migration rates, {options.seeds} seeds: mean (std)")
+    for column in ("mutation by rank", "Eq. 15, 3 graphs", "total priority", f"Rastrigin, {DIM} SIVs"):
+        table.add_column(column, justify="left" if column == "mutation by rank" else "right")
+    small = ap.MissionConfig.paper().bbo
+    for name, bbo in laws(small).items():
+        cost, priority = mission_costs(bbo, options.seeds)
+        found = search_costs(bbo.replace(mutation_max=0.1), options.seeds)
+        cells = (f"{values.mean():.4g} ({values.std(ddof=1):.2g})" for values in (cost, priority, found))
+        table.add_row(name, *cells)
+    console().print(table)
+
+
+if __name__ == "__main__":
+    main()

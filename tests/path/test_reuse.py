@@ -1,0 +1,72 @@
+"""A re-plan lives off the population that it keeps (section 3.2.2, Fig. 5)."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import auvplan as ap
+from auvplan.path import habitats, replan_path
+from auvplan.path.bspline import basis_matrix
+
+CONFIG = ap.PathConfig.paper().replace(
+    bbo=ap.PathConfig.paper().bbo.replace(population=30, iterations=120),
+    control_points=5,
+    samples=48,
+    t_series=60,
+)
+
+
+@pytest.fixture(scope="module")
+def world():
+    vortices = ap.LambVortices([[[900.0, 700.0], [1700.0, 1500.0]]], [[1500.0, -1800.0]], [[300.0, 350.0]])
+    return ap.Environment(vortices, lower=(0, 0, 0), upper=(2500, 2500, 50))
+
+
+@pytest.fixture(scope="module")
+def plan(world):
+    return ap.plan_path((200, 200, 20), (2300, 2200, 30), world, key=jax.random.key(0), config=CONFIG)
+
+
+def time_left(plan, share: float) -> tuple[np.ndarray, float, float]:
+    sample = int(share * (len(plan.times) - 1))
+    return plan.positions[sample], float(plan.times[sample]), float(plan.times[-1] - plan.times[sample])
+
+
+def excess(plan, world) -> float:
+    """By what share two generations from a third of the way on are slower than the rest of the old path."""
+    place, now, left = time_left(plan, 1.0 / 3.0)
+    new = replan_path(plan, place, now, world, key=jax.random.key(1), config=CONFIG)
+    assert new.feasible
+    return new.travel_time / left - 1.0
+
+
+def test_a_few_generations_keep_what_many_have_found(plan, world):
+    assert CONFIG.window().bbo.iterations == 2
+    assert excess(plan, world) < 0.02
+
+
+def test_noise_in_place_of_the_kept_population_would_not(plan, world):
+    """What the test above would see if the population were not kept."""
+    span = np.asarray(plan.population).reshape(len(plan.population), 3, -1)
+    rng = np.random.default_rng(0)
+    low, high = (np.array([0.0, 0.0, 20.0]), np.array([2500.0, 2500.0, 30.0]))
+    noise = rng.uniform(low[None, :, None], high[None, :, None], span.shape).reshape(len(span), -1)
+    assert excess(replace(plan, population=jnp.asarray(noise, "float32")), world) > 0.05
+
+
+def test_a_transferred_population_follows_the_old_paths(plan):
+    """Every habitat's rest is fitted within metres, from the vehicle's place to the goal."""
+    start, goal = plan.control_points[0], plan.control_points[-1]
+    best = np.concatenate([plan.control_points[1:-1].T.ravel()])[None]
+    place = plan.positions[16]
+    moved = habitats.transfer(jnp.asarray(best, "float32"), start, goal, 16 / 47, jnp.asarray(place), CONFIG)
+    basis = basis_matrix(48, 7, 3)
+    polygon = np.concatenate([place[None], np.asarray(moved).reshape(3, -1).T, goal[None]])
+    curve = basis @ polygon
+    fine = np.linspace(16.0, 47.0, 1000)
+    old = np.stack([np.interp(fine, np.arange(48), plan.positions[:, axis]) for axis in range(3)], axis=1)
+    gaps = np.linalg.norm(curve[:, None] - old[None], axis=2).min(axis=1)
+    assert gaps.max() < 25.0

@@ -1,0 +1,70 @@
+"""`auvplan check` on one run and on the saved runs of a study."""
+
+import pytest
+
+from auvplan import cli
+from auvplan.io import save_run
+from auvplan.study.store import DESIGN, RUNS
+from tests.io.sample_run import make_run
+
+
+@pytest.fixture
+def study(tmp_path):
+    """A folder with three saved runs, of which the second comes from another place at its first leg's end."""
+    (tmp_path / DESIGN).write_text("{}")
+    for seed in range(3):
+        run = make_run()
+        if seed == 1:
+            run.legs[0].positions[-1] += [60.0, 0.0, 0.0]
+        save_run(run, tmp_path / RUNS / f"0000-{seed:08d}")
+    return tmp_path
+
+
+@pytest.fixture
+def check(capsys, monkeypatch):
+    """Exit status, standard output and standard error of the command."""
+    monkeypatch.setenv("AUVPLAN_CACHE", "off")
+
+    def call(*arguments):
+        monkeypatch.setattr("sys.argv", ["auvplan", "check", *map(str, arguments)])
+        with pytest.raises(SystemExit) as stop:
+            cli.main()
+        return stop.value.code or 0, *capsys.readouterr()
+
+    return call
+
+
+def test_every_saved_run_of_a_study_is_checked(study, check):
+    code, said, err = check(study)
+    assert (code, err) == (1, "")
+    lines = said.splitlines()
+    assert [line.split(":")[0] for line in lines[:3]] == [f"0000-{seed:08d}" for seed in range(3)]
+    assert "no faults" in lines[0]
+    assert "faults, first: leg 0" in lines[1]
+    assert lines[3].startswith("3 runs, ")
+    assert lines[3].endswith("1 runs with faults")
+    assert len(lines) == 4
+
+
+def test_without_faults_the_status_is_0(study, check):
+    save_run(make_run(), study / RUNS / "0000-00000001")
+    code, said, _ = check(study)
+    assert code == 0
+    assert said.splitlines()[-1].endswith("0 runs with faults")
+    assert check(study, "--quiet") == (0, "", "")
+
+
+def test_a_study_without_saved_runs_is_one_line_and_status_2(tmp_path, check):
+    (tmp_path / DESIGN).write_text("{}")
+    code, said, err = check(tmp_path)
+    assert (code, said) == (2, "")
+    assert "--save-runs" in err
+    assert len(err.splitlines()) == 1
+
+
+def test_a_damaged_run_is_named(study, check):
+    (study / RUNS / "0000-00000002" / "summary.json").unlink()
+    code, _, err = check(study)
+    assert code == 2
+    assert "0000-00000002" in err
+    assert len(err.splitlines()) == 1
