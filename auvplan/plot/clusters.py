@@ -7,8 +7,6 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 from numpy.typing import NDArray
 
-from numpy.typing import NDArray
-
 from auvplan.ocean.chart import Chart
 from auvplan.plot import style
 
