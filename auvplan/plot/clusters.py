@@ -1,5 +1,7 @@
 """A picture and its clusters, the whole map and the window of the path planner (Fig. 1)."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
@@ -62,7 +64,7 @@ def _coloured(raster: style.Array) -> style.Array:
     return image
 
 
-def _draw(axes: Axes, image: style.Array, size: float) -> None:
+def _draw(axes: Axes, image: NDArray[Any], size: float) -> None:
     rows, columns = image.shape[:2]
     axes.imshow(image, extent=(0.0, columns * size / 1000.0, 0.0, rows * size / 1000.0), interpolation="none")
     axes.set_xlabel("east [km]")
