@@ -211,9 +211,17 @@ def displacement(leg: LegRecord) -> float:
     """How far the re-plans lead the path aside from what was planned before, m; the largest one."""
     plans, found = followed_plans(leg), [0.0]
     for old, new in pairwise(plans):
-        away = np.linalg.norm(new.positions[:, None] - old.positions[None], axis=2).min(axis=1)
-        found.append(float(away.max()))
+        found.append(float(_away(new.positions, old.positions).max()))
     return max(found)
+
+
+def _away(places: Array, line: Array) -> Array:
+    """Distance of places [n, 3] m to a line through points [S, 3] m, [n] m."""
+    begin, step = line[:-1], np.diff(line, axis=0)
+    square = np.maximum((step**2).sum(axis=1), 1e-12)
+    share = np.clip(((places[:, None] - begin) * step).sum(axis=2) / square, 0.0, 1.0)
+    nearest = begin + share[..., None] * step
+    return np.linalg.norm(places[:, None] - nearest, axis=2).min(axis=1)
 
 
 def fitness(leg: LegRecord) -> float:
