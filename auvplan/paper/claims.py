@@ -164,7 +164,11 @@ def _uses_current(evidence: Evidence) -> _Finding:
     one = evidence.legs.sel(scenario="scenario-1")
     saved = 1.0 - one["planned_s"].values / one["straight_s"].values
     count, size = _share(saved > 0.0)
-    words = f"{-100.0 * saved.mean():+.1f} % time against the straight line; faster in {count} of {size}"
+    less = "less" if saved.mean() > 0.0 else "more"
+    words = (
+        f"{100.0 * abs(saved.mean()):.1f} % {less} time than the straight line on average; faster in {count} "
+        f"of {size}"
+    )
     return _Finding(words, _all_or_some(saved > 0.0) if saved.mean() > 0.0 else False)
 
 
@@ -204,7 +208,9 @@ def _use(evidence: Evidence) -> _Finding:
         return _Finding("no mission on time", False)
     mean = float(use.mean())
     met = True if mean >= 95.0 else (None if mean >= 90.0 else False)
-    return _Finding(f"{mean:.1f} % on average of {use.size} missions, least {use.min():.1f} %", met)
+    count = evidence.missions.sizes["mission"]
+    words = f"{mean:.1f} % on average of the {use.size} of {count} missions on time, least {use.min():.1f} %"
+    return _Finding(words, met)
 
 
 def _similar_times(evidence: Evidence) -> _Finding:

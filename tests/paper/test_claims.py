@@ -81,7 +81,8 @@ def test_use_of_the_time_counts_missions_on_time():
     success = np.array([1, 0, 1, 1, 1])
     used = np.array([13_680.0, 14_430.0, 13_680.0, 13_680.0, 13_680.0])
     found = {claim.claim: claim for claim in judge(changed_missions(success=success, t_mission=used))}
-    assert found["T_mission approaches T_available"].paper == "95.0 % on average of 4 missions, least 95.0 %"
+    words = "95.0 % on average of the 4 of 5 missions on time, least 95.0 %"
+    assert found["T_mission approaches T_available"].paper == words
 
 
 def test_errors_of_the_expected_times_are_relative():
