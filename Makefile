@@ -3,10 +3,13 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= out/whitsunday
 
-.PHONY: mission test bench lint clean
+.PHONY: mission paper test bench lint clean
 
 mission: $(VENV)/.installed
 	$(BIN)/auvplan mission --out $(OUT)
+
+paper: $(VENV)/.installed
+	$(BIN)/auvplan paper --out out/paper
 
 test: $(VENV)/.installed-dev
 	$(BIN)/pytest -n 2 --dist loadfile --doctest-modules --nbmake auvplan tests notebooks

@@ -144,7 +144,7 @@ def test_help_names_every_command():
     out = CliRunner().invoke(cli.app, ["--help"]).output
     for command in ("mission", "path", "departures", "export", "montecarlo", "plot", "chart", "check"):
         assert command in out
-    for command in ("init", "validate", "schema", "scenarios"):
+    for command in ("init", "validate", "schema", "scenarios", "paper"):
         assert command in out
 
 

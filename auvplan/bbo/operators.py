@@ -103,7 +103,8 @@ def migrate_fig6(
         [P, D] candidates.
 
     Differences from the paper:
-        Donors are the ranked population before migration, so that all habitats migrate at once.
+        Donors are the ranked population before migration, so that all habitats migrate at once. The text
+        selects h_j with probability proportional to mu_j, the pseudo code tries every j: the latter is done.
     """
     size, dim = population.shape
     immigrates = immigrate < jnp.asarray(immigration, immigrate.dtype)

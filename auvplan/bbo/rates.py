@@ -42,8 +42,8 @@ def species_derivative(probability: Array, immigration: Array, emigration: Array
         emigration: mu_S, [n + 1], per unit time; mu_0 is not used.
 
     Differences from the paper:
-        The first case is printed with lambda_1 where balance needs mu_1; this uses mu_1, so that the sum of
-        the derivatives vanishes.
+        The first case is printed with lambda_1 where balance needs mu_1, the last with mu_{n-1} where it
+        needs lambda_{n-1}; this uses what balance needs, so that the sum of the derivatives vanishes.
     """
     up = immigration[:-1] * probability[:-1]
     down = emigration[1:] * probability[1:]

@@ -8,7 +8,7 @@ from typing import Any
 
 import typer
 
-from auvplan.cli import departures, export, mission, scenario, study, tools
+from auvplan.cli import departures, export, mission, paper, scenario, study, tools
 from auvplan.cli.shared import errors
 
 app = typer.Typer(
@@ -24,6 +24,7 @@ for command in (
     export.export,
     study.montecarlo,
     study.plot,
+    paper.paper,
     tools.chart,
     tools.check,
     scenario.scenarios,

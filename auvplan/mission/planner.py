@@ -77,6 +77,9 @@ def plan_mission(
         (True, True)
         >>> order.priority <= order.bound
         True
+
+    Differences from the paper:
+        Its search starts from random priority vectors alone and minimises Eq. 15: `MissionConfig.paper()`.
     """
     if method not in ("search", "exact"):
         raise ValueError(f'method must be "search" or "exact", got {method!r}')

@@ -110,6 +110,10 @@ def classify(rgb: NDArray[np.uint8], clusters: int = DEFAULT_CLUSTERS, seed: int
 
     Raises:
         ValueError: `rgb` is not such an array, it is empty, or `clusters` is not positive.
+
+    Differences from the paper:
+        It names neither the number of clusters nor how the value of an uncertain pixel follows from its
+        colour; both are chosen here. Its blue clusters are water; here sea tones far less blue are uncertain.
     """
     # Imported here because it takes most of a second, and only pictures need it.
     from sklearn.cluster import KMeans

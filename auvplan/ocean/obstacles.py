@@ -49,6 +49,10 @@ class Obstacles:
         growth_max: [M] m, where that growth ends.
         observed_at: [M] s, time of the last look.
         active: [M] bool.
+
+    Differences from the paper:
+        Theta_r, its "dimension (diameter)", is the radius. It says that boundaries grow with time, not how:
+        the speed and the end of the growth are settings, and the errors of measurement add to it.
     """
 
     position: jax.Array

@@ -217,6 +217,9 @@ def random_vortices(
         peak_speed: m/s.
         layer_noise: relative change from one layer to the next.
         vertical_scale: gamma, m.
+
+    Differences from the paper:
+        It gives neither the number of vortices nor their sizes and strengths; all are chosen here.
     """
     low, high = jnp.asarray(lower, float), jnp.asarray(upper, float)
     center_key, radius_key, speed_key, sign_key, layer_key = jax.random.split(key, 5)
@@ -267,6 +270,10 @@ def evolve(key: jax.Array, vortices: LambVortices, update: CurrentUpdate) -> Lam
         key: PRNG key, consumed.
         vortices: the field before.
         update: sizes of the steps.
+
+    Differences from the paper:
+        It gives no standard deviations; those of `CurrentUpdate` are chosen here. The step of the strength is
+        a share of it, and the radius keeps above a floor, under which a vortex would become a spike.
     """
     count = vortices.strength.shape[-1]
     step = update.rate * jax.random.normal(key, (count, 4))

@@ -59,6 +59,11 @@ class PathConfig:
 
     Raises:
         ValueError: a setting is out of its range.
+
+    Differences from the paper:
+        It has the plain search of `paper`. The default starts from passages, steps by Gaussian mutation,
+        keeps the better of habitat and candidate, polishes by gradients, and redraws a share of a kept
+        population.
     """
 
     bbo: BBOConfig = field(

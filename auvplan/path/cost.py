@@ -150,6 +150,11 @@ def fly(track: Track, depart: jax.Array, env: Environment, vehicle: Vehicle, con
         env: the world; its obstacles must be resolved (`Obstacles.resolved`).
         vehicle: speed and limits.
         config: static settings.
+
+    Differences from the paper:
+        Eq. 11 divides the length by |v|; here each segment has its ground speed in the current that is met
+        there, but for the speed reading "eq11". Eq. 12 tests points of the path against obstacles; here the
+        clearance of every segment is certified, against obstacles at the time of arrival.
     """
     (x, y, z), (dx, dy, dz) = track.places, track.way
     starts = x[:-1], y[:-1], z[:-1]
@@ -218,6 +223,11 @@ def score(
 
     Returns:
         ``(cost [P] s, violation [P])``: the violation is the sum over all limits, zero for a feasible path.
+
+    Differences from the paper:
+        Eq. 12 prints Map = 1 for coast, against section 2: coast is 0. Its limit on |psi| is read as one on
+        the turn rate. Its weights gamma have no values there; here they count in straight-line times, on the
+        mean excess over the path. Uncertain area has a price per second, which the paper does not name.
     """
     straight = _straight_time(start, goal, vehicle)
 

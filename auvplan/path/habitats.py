@@ -26,6 +26,9 @@ def bounds(
     Every control point may leave its place on the straight line by a share of the distance, within the box of
     the environment; the curve stays in the box because a B-spline lies in the hull of its control points.
     Over a sea bed it may rise to the top of the box, or no bank could be crossed.
+
+    Differences from the paper:
+        It gives no values for the bounds L and U; the shares are chosen here (`PathConfig.width`).
     """
     distance = jnp.sqrt(((goal - start) ** 2).sum() + 1e-8)
     half = distance * jnp.asarray([config.width, config.width, config.depth_width], start.dtype)

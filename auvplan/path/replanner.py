@@ -48,6 +48,11 @@ def replan_path(
     Returns:
         A plan from `position` to the old goal, departing now.
 
+    Differences from the paper:
+        It preserves "a part of information from the previous solution" without saying which; here every
+        habitat is carried over by `habitats.transfer`, and `config.fresh_share` of them redrawn, none by the
+        paper's preset.
+
     Raises:
         ValueError: the position lies on land, below the sea bed or outside, or at the goal.
     """

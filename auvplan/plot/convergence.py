@@ -1,6 +1,7 @@
 """How a leg's plans converge (Fig. 11)."""
 
 import numpy as np
+import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -33,6 +34,67 @@ def plot_convergence(run: MissionRun, leg: LegRecord | None = None) -> Figure:
     figure.legend(handles, labels, loc="outside lower center", ncols=5, fontsize=8, frameon=False)
     figure.suptitle(f"Convergence of the path planner, leg {leg.start} → {leg.goal}", fontsize=11)
     return figure
+
+
+def plot_populations(legs: xr.Dataset, met: style.Array, least: float) -> Figure:
+    """Cost and violation of the population by iteration, a column for each scenario (Fig. 11).
+
+    Lines are means over the seeds of the population's mean, error bars those of its standard deviation.
+
+    Args:
+        legs: `cost_mean`, `cost_std`, `violation_mean` and `violation_std` over scenario, seed and iteration.
+        met: [scenarios, seeds] bool, whether the mean violation fell below `least`.
+        least: mean violation that counts as none.
+    """
+    names = legs["scenario"].values
+    figure = style.new_figure(4.3 * len(names) + 0.6, 6.8)
+    grid = figure.subplots(2, len(names), sharex=True, squeeze=False)
+    for column, name in enumerate(names):
+        one = legs.sel(scenario=name)
+        for axes, key, label in zip(grid[:, column], ("cost", "violation"), _LABELS, strict=True):
+            mean, std = (one[f"{key}_{part}"].values for part in ("mean", "std"))
+            _draw_population(axes, mean, std)
+            axes.set_ylabel(label if column == 0 else "")
+        if least > 0.0:
+            grid[1, column].axhline(least, color=style.GREY, ls="--", lw=1.0, label=f"{least:g}")
+        share = 100.0 * float(np.mean(met[column]))
+        grid[0, column].set_title(str(name), fontsize=10)
+        grid[1, column].set_title(
+            f"mean violation below {least:g}: {share:.0f} % of {met.shape[1]} seeds", fontsize=9
+        )
+        grid[1, column].set_xlabel("iteration [-]")
+    handles, labels = grid[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=8, frameon=False)
+    figure.suptitle("First plans of a leg: cost and violation of the population by iteration", fontsize=11)
+    return figure
+
+
+_LABELS = ("cost [s, penalties included]", "violation [-]")
+
+
+def _draw_population(axes: Axes, mean: style.Array, std: style.Array) -> None:
+    """Mean over the seeds, its error bars and every seed's mean, [seeds, iterations] each."""
+    iteration = np.arange(mean.shape[1])
+    middle, spread = mean.mean(axis=0), std.mean(axis=0)
+    bars = np.unique(np.linspace(0, len(iteration) - 1, _BARS).astype(int))
+    axes.errorbar(
+        iteration[bars], middle[bars], yerr=[np.minimum(spread, 0.999 * middle)[bars], spread[bars]],
+        fmt="none", ecolor=style.BLUE, elinewidth=0.9, capsize=1.8, zorder=2,
+        label="standard deviation over the population",
+    )  # fmt: skip
+    for k, each in enumerate(mean):
+        axes.plot(
+            iteration,
+            each,
+            color=style.ORANGE,
+            lw=0.7,
+            zorder=3,
+            label="mean of one seed" if k == 0 else None,
+        )
+    axes.plot(iteration, middle, color="black", lw=1.8, zorder=4, label="mean")
+    _scale(axes, _finite(np.concatenate([middle, middle + spread])))
+    axes.grid(alpha=0.25)
+    axes.tick_params(labelsize=8)
 
 
 def _draw(axes: Axes, leg: LegRecord, keys: tuple[str, str, str], label: str) -> None:

@@ -15,18 +15,19 @@ PANELS = 4
 _FINE, _COARSE = 90, 17
 
 
-def plot_currents(run: MissionRun, leg: LegRecord | None = None) -> Figure:
+def plot_currents(run: MissionRun, leg: LegRecord | None = None, note: str = "") -> Figure:
     """Current and paths at each re-plan of a leg: lighter is faster water.
 
     Args:
         run: as sailed.
         leg: the one with most re-plans where not given.
+        note: a second line of the title.
     """
     leg = leg or busiest_leg(run)
     if leg is None:
         return style.empty_figure("no path was planned")
     chosen = chosen_plans(leg, PANELS)
-    columns = min(len(chosen), 2)
+    columns = 3 if len(chosen) == 3 else min(len(chosen), 2)
     rows = -(-len(chosen) // columns)
     figure = style.new_figure(4.6 * columns + 1.0, 4.3 * rows + 0.9)
     grid = list(figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).flat)
@@ -36,8 +37,9 @@ def plot_currents(run: MissionRun, leg: LegRecord | None = None) -> Figure:
     north, east = (np.linspace(low[k], high[k], _FINE) for k in range(2))
     mesh = np.meshgrid(north, east, indexing="ij")
     fields = [current_at(leg.plans[index], mesh[0], mesh[1], depth) for index in chosen]
-    fastest = max(max(float(np.hypot(u, v).max()) for u, v, _ in fields), 1e-3)
-    slowest = min(float(np.hypot(u, v).min()) for u, v, _ in fields)
+    speeds = np.stack([np.hypot(u, v) for u, v, _ in fields])
+    # The core of one strong vortex would darken all the rest.
+    fastest, slowest = max(float(np.quantile(speeds, 0.995)), 1e-3), float(speeds.min())
     image, coast = None, []
     for axes, index, (u, v, _) in zip(grid, chosen, fields, strict=False):
         extent = (low[1], high[1], low[0], high[0])
@@ -65,12 +67,15 @@ def plot_currents(run: MissionRun, leg: LegRecord | None = None) -> Figure:
     for axes in grid:
         axes.label_outer()
     assert image is not None
-    bar = figure.colorbar(image, ax=grid, shrink=0.8, pad=0.02)
+    beyond = "max" if float(speeds.max()) > 1.02 * fastest else "neither"
+    bar = figure.colorbar(image, ax=grid, shrink=0.8, pad=0.02, extend=beyond)
     bar.set_label(f"current at {depth:.0f} m depth [m/s]")
     figure.legend(
         handles=[*_legend(), *coast], loc="outside lower center", ncols=4, fontsize=8, frameon=False
     )
-    figure.suptitle(f"Paths and current, leg {leg.start} → {leg.goal}", fontsize=11)
+    figure.suptitle(
+        f"Paths and current, leg {leg.start} → {leg.goal}" + f"\n{note}" * bool(note), fontsize=11
+    )
     return figure
 
 

@@ -1,5 +1,6 @@
 """Which leg and which plans the figures of single legs show."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -48,3 +49,23 @@ def current_at(plan: PlanRecord, x: Array, y: Array, z: float) -> tuple[Array, A
     field: Any = plan.current
     u, v, w = field(x, y, np.full_like(x, z), np.full_like(x, plan.made_at))
     return np.asarray(u), np.asarray(v), np.asarray(w)
+
+
+def followed_plans(leg: LegRecord) -> list[PlanRecord]:
+    """Plans that were followed: the one that the leg was begun with, and the last one of each re-plan."""
+    if not leg.plans:
+        return []
+    later = {plan.made_at: plan for plan in leg.plans[leg.followed + 1 :] if plan.cause != "leg"}
+    return [leg.plans[leg.followed], *later.values()]
+
+
+def until_next(plans: Sequence[PlanRecord], index: int) -> tuple[Array, Array]:
+    """Split a followed plan at the next re-plan: the part sailed and the part given up, [n, 3] m each."""
+    positions = plans[index].positions
+    if index + 1 == len(plans):
+        return positions, positions[:0]
+    end = plans[index + 1].positions[0]
+    nearest = int(np.argmin(np.linalg.norm(positions - end, axis=1)))
+    return np.concatenate([positions[:nearest], end[None]]), np.concatenate(
+        [end[None], positions[nearest + 1 :]]
+    )

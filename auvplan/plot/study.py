@@ -173,6 +173,49 @@ def plot_planning_time(dataset: xr.Dataset) -> Figure:
     return figure
 
 
+def plot_call_times(dataset: xr.Dataset, calls: xr.Dataset, interval: float) -> Figure:
+    """Single path planning calls in one thread beside all planning of a mission (Fig. 14).
+
+    Args:
+        dataset: without a sweep, missions in order of seed.
+        calls: `first_cpu` and `window_cpu` [mission] s, CPU time of single calls in one thread, by `seed`.
+        interval: s between two looks of the vehicle at the sea.
+    """
+    figure = style.new_figure(11.6, 5.6)
+    left, right = figure.subplots(1, 2, width_ratios=[3.2, 1], sharey=True)
+    parts = [dataset[name].values.astype(float) for name in ("path_cpu", "mission_cpu", "travel_time_cpu")]
+    place, whole = np.arange(dataset.sizes["mission"]), np.nansum(parts, axis=0)
+    at = np.searchsorted(dataset["seed"].values, calls["seed"].values)
+    shown = (
+        (place, whole, "s", style.RED, "all planning of the mission, wall-clock time"),
+        (at, calls["first_cpu"].values, "o", style.BLUE, "one path call, a leg, CPU time in one thread"),
+        (at, calls["window_cpu"].values, "^", style.GREEN, "one path call, a re-plan, the same"),
+    )
+    for x, values, marker, colour, label in shown:
+        left.plot(x, values, ls="none", marker=marker, ms=_mark_size(len(x)), color=colour, label=label)
+    right.boxplot(
+        [values for _, values, *_ in shown], widths=0.6, whis=(5, 95), patch_artist=True,
+        boxprops={"facecolor": "#dddddd"}, medianprops={"color": "black"},
+    )  # fmt: skip
+    medians = [float(np.median(values)) for _, values, *_ in shown]
+    names = ("mission", "leg", "re-plan")
+    right.set_xticklabels([f"{name}\n{value:.2g} s" for name, value in zip(names, medians, strict=True)])
+    right.set_title("box: quartiles; whiskers: 5-95 %\nbelow: medians", fontsize=9)
+    for axes in (left, right):
+        axes.axhline(interval, color=style.GREY, ls="--", lw=1.3, label=f"between two looks, {interval:g} s")
+        axes.set_yscale("log")
+        axes.tick_params(labelsize=8)
+        axes.grid(which="both", axis="y", alpha=0.25)
+        axes.set_axisbelow(True)
+    left.set_ylabel("time of planning [s]")
+    _mission_axis(left, dataset)
+    handles, labels = left.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=2, fontsize=8, frameon=False)
+    share = 100.0 * medians[1] / medians[0]
+    set_title(figure, dataset, f"a path call takes {share:.2g} % of a mission's planning (medians)")
+    return figure
+
+
 def _draw_scatter(axes: Axes, expected: Array, sailed: Array, errors: Array) -> None:
     """Every leg's time sailed against the time expected, [legs] s."""
     axes.scatter(

@@ -57,9 +57,7 @@ def plot_timeline(run: MissionRun) -> Figure:
         axes.plot([order.made_at] * 2, [row - 0.48, row + 0.48], color=style.RED, lw=1.6, zorder=4)
     axes.axhline(rows - 1.5, color="black", lw=0.8)
     axes.axvline(run.t_available, color="red", lw=2.0, zorder=5)
-    axes.set_yticks(
-        range(rows), [*(_name(k, order) for k, order in enumerate(run.orders)), _sailed_name(run)]
-    )
+    axes.set_yticks(range(rows), [*(_name(run, k) for k in range(len(run.orders))), _sailed_name(run)])
     axes.tick_params(labelsize=8)
     axes.set_xlabel("time since the mission began [s]")
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:,.0f}")
@@ -127,9 +125,21 @@ def _draw(axes: Axes, row: int, bars: list[Bar], norm: Normalize, letter: float)
         )  # fmt: skip
 
 
-def _name(number: int, order: OrderRecord) -> str:
-    title = "first order" if number == 0 else f"re-plan R{number}, {order.cause}"
+def _name(run: MissionRun, number: int) -> str:
+    order = run.orders[number]
+    title = f"re-plan R{number} at {order.made_at:,.0f} s, {order.cause}" if number else "first order"
+    if order.cause == "late" and (why := _lateness(run, order)):
+        title += f":\n{why}"
     return f"{title}\npriority {order.priority:g}, {order.time:,.0f} s"
+
+
+def _lateness(run: MissionRun, order: OrderRecord) -> str:
+    """Words for the leg that an order was made after; empty where it took no longer than expected."""
+    before = [leg for leg in run.done if leg.times[-1] + leg.t_task <= order.made_at + 1.0]
+    if not before or before[-1].t_path + before[-1].t_task <= before[-1].t_expected:
+        return ""
+    leg = before[-1]
+    return f"{leg.start}→{leg.goal} took {leg.t_path + leg.t_task:,.0f} s, not {leg.t_expected:,.0f} s"
 
 
 def _sailed_name(run: MissionRun) -> str:

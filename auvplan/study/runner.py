@@ -26,7 +26,7 @@ from auvplan.voyage.waypoints import make_graph
 Progress = Callable[[int, int, float], None]
 
 #: Settings of JAX that worker processes take over.
-_SETTINGS = (
+JAX_SETTINGS = (
     "jax_compilation_cache_dir",
     "jax_persistent_cache_min_compile_time_secs",
     "jax_enable_x64",
@@ -159,7 +159,7 @@ def _processes(jobs: list[Job]) -> Iterator[dict[Connection, Any]]:
     import jax
 
     context = multiprocessing.get_context("spawn")
-    settings = {name: getattr(jax.config, name) for name in _SETTINGS}
+    settings = {name: getattr(jax.config, name) for name in JAX_SETTINGS}
     cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else [None]
     pipes: dict[Connection, Any] = {}
     running = []

@@ -92,6 +92,11 @@ class Store:
         return self.folder / PIECES / f"{case:04d}-{seed:08d}.npz"
 
 
+def is_unfinished(folder: str | Path) -> bool:
+    """Whether a folder holds a study that was broken off, which can be resumed."""
+    return (Path(folder) / PIECES).is_dir()
+
+
 def load_study(folder: str | Path) -> xr.Dataset:
     """The dataset of a finished study, in memory.
 

@@ -304,6 +304,11 @@ class PlanningSettings(Section):
     """How the mission is planned and re-planned.
 
     A field that is absent here takes the preset's value, which `resolved` has.
+
+    Differences from the paper:
+        The preset "paper" keeps its rules. The default times edges in the forecast current, visits waypoints
+        once, keeps time for the way back, plans paths anew where the sea has changed and the mission where
+        its order no longer fits.
     """
 
     preset: Literal["default", "paper"] = Field(

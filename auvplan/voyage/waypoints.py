@@ -23,6 +23,11 @@ def make_graph(
     Raises:
         ScenarioError: a given start, goal or job lies on land or too deep, or no connected set of waypoints
             was found.
+
+    Differences from the paper:
+        It draws waypoints over the whole area's waters once for all runs in section 2, and anew for every run
+        in 4.2: the latter is done here, and they keep a clearance to the coast. It does not say which
+        waypoints have an edge; each has one to its nearest that a straight line over water reaches.
     """
     settings = scenario.mission
     for name, point in (("start", settings.start), ("goal", settings.goal)):

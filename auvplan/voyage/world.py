@@ -166,6 +166,10 @@ def draw_obstacles(
 
     They keep off the two waypoints, where the vehicle has to be. On a leg too short for that there are none
     near: the obstacle is moved far away, so that all legs share one shape.
+
+    Differences from the paper:
+        Its N(0, sigma^2) bounded to the two waypoints is read as a scatter about the middle 70 % of the line
+        between them. Numbers, sizes and speeds of obstacles are chosen here.
     """
     settings = scenario.obstacles
     count = settings.total

@@ -110,7 +110,7 @@ def test_timeline_has_a_row_for_each_order_and_one_as_sailed():
     run = make_run()
     axes = data_axes(plot_timeline(run))[0]
     rows = [label.get_text().splitlines()[0] for label in axes.get_yticklabels()]
-    assert rows == ["first order", "re-plan R1, late", "sailed"]
+    assert rows == ["first order", f"re-plan R1 at {run.orders[1].made_at:,.0f} s, late", "sailed"]
     assert any(line.get_xdata()[0] == run.t_available for line in axes.lines)
 
 

@@ -1,0 +1,266 @@
+"""The path planner on the paper's three scenarios (section 4.1): what is run and what is kept of it."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from auvplan.io.check import check_dataset
+from auvplan.io.results import to_dataset
+from auvplan.io.scenario_file import load_scenario, validate_scenario
+from auvplan.ocean.currents import Current
+from auvplan.plot.legs import followed_plans
+from auvplan.voyage import MissionRun, Scenario, run_missions, seed_keys
+from auvplan.voyage.records import LegRecord, PlanRecord
+
+Array = np.ndarray
+
+SCENARIOS = ("scenario-1", "scenario-2", "scenario-3")
+
+#: Values of U_R^C (Eq. 2) that the claim on update rates is tested at; 1 is the shipped scenarios'.
+RATES = (0.0, 1.0, 4.0, 16.0)
+
+#: The one whose paths are drawn in Fig. 8: at 1 the current hardly changes within a leg.
+SHOWN_RATE = 4.0
+
+_HISTORY = {
+    "cost_mean": "mean", "cost_std": "std", "cost_best": "best",
+    "violation_mean": "violation_mean", "violation_std": "violation_std",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Legs:
+    """Runs of single legs under one preset, all for the same seeds.
+
+    Attributes:
+        scenarios: of each of `SCENARIOS`, as planned from the kept population.
+        fresh: of each of `SCENARIOS`, planned anew from a fresh population.
+        rates: of scenario-1, by each of `RATES`.
+    """
+
+    scenarios: dict[str, list[MissionRun]]
+    fresh: dict[str, list[MissionRun]]
+    rates: dict[float, list[MissionRun]]
+
+
+def changed(name: str, preset: str, **sections: dict[str, Any]) -> Scenario:
+    """Load a shipped scenario under a preset, with some settings of its sections changed."""
+    plain = load_scenario(name).model_dump(mode="json")
+    plain["planning"]["preset"] = preset
+    for section, settings in sections.items():
+        plain[section] |= settings
+    return validate_scenario(plain, name)
+
+
+def sail_legs(
+    preset: str, seeds: Sequence[int], rate_seeds: Sequence[int], done: Callable[[str], None]
+) -> Legs:
+    """Run the three scenarios from a kept and a fresh population, and the first one by update rate.
+
+    Args:
+        preset: "paper" or "default".
+        seeds: of the three scenarios.
+        rate_seeds: of scenario-1 at each of `RATES`.
+        done: called with what comes next, once for each of the ten runs.
+    """
+
+    def run(scenario: Scenario, seeds: Sequence[int], words: str) -> list[MissionRun]:
+        done(words)
+        return run_missions(scenario, keys=seed_keys(seeds), seeds=seeds)
+
+    found: dict[str, dict[str, list[MissionRun]]] = {}
+    for source in ("kept", "fresh"):
+        found[source] = {
+            name: run(changed(name, preset, planning={"replan_from": source}), seeds, f"{name}, {source}")
+            for name in SCENARIOS
+        }
+    rates = {
+        rate: run(
+            changed("scenario-1", preset, current={"update_rate": rate}), rate_seeds, f"update rate {rate:g}"
+        )
+        for rate in RATES
+    }
+    return Legs(found["kept"], found["fresh"], rates)
+
+
+def legs_dataset(legs: Legs) -> xr.Dataset:
+    """Condense runs of single legs into the figures that the claims of section 4.1 are judged by.
+
+    Returns:
+        Variables over scenario, seed and iteration of the first plan; and over update rate and its seeds.
+    """
+    each = {
+        name: np.asarray([[of(leg_of(run)) for run in runs] for runs in legs.scenarios.values()], float)
+        for name, of in {"planned_s": _planned, "straight_s": _straight, "replan_gain": replan_gain}.items()
+    }
+    pairs = [
+        [warm_start(leg_of(a), leg_of(b)) for a, b in zip(*both, strict=True)]
+        for both in zip(legs.scenarios.values(), legs.fresh.values(), strict=True)
+    ]
+    each |= dict(
+        zip(
+            ("kept_cost", "fresh_cost", "kept_iterations"), np.moveaxis(np.asarray(pairs), -1, 0), strict=True
+        )
+    )
+    reports = [
+        [check_dataset(run.summary(), to_dataset(run)) for run in runs] for runs in legs.scenarios.values()
+    ]
+    each |= {
+        "success": np.asarray([[run.success for run in runs] for runs in legs.scenarios.values()], float),
+        "collisions": np.asarray([[report.collisions for report in row] for row in reports], float),
+        "feasible": np.asarray(
+            [[leg_of(run).plans[0].feasible for run in runs] for runs in legs.scenarios.values()], float
+        ),
+    }
+    history = {
+        name: _histories(
+            [[leg_of(run).plans[0].history[key] for run in runs] for runs in legs.scenarios.values()]
+        )
+        for name, key in _HISTORY.items()
+    }
+    by_rate = {
+        "rate_cost": [[fitness(leg_of(run)) for run in runs] for runs in legs.rates.values()],
+        "rate_success": [[run.success for run in runs] for runs in legs.rates.values()],
+        "rate_time": [[leg_of(run).t_path for run in runs] for runs in legs.rates.values()],
+    }
+    return xr.Dataset(
+        {name: (("scenario", "seed"), values) for name, values in each.items()}
+        | {name: (("scenario", "seed", "iteration"), values) for name, values in history.items()}
+        | {name: (("rate", "rate_seed"), np.asarray(values, float)) for name, values in by_rate.items()},
+        {
+            "scenario": list(legs.scenarios),
+            "seed": [run.seed for run in next(iter(legs.scenarios.values()))],
+            "rate": list(legs.rates),
+            "rate_seed": [run.seed for run in next(iter(legs.rates.values()))],
+        },
+    )
+
+
+def leg_of(run: MissionRun) -> LegRecord:
+    """Return the one leg of a run."""
+    return run.legs[0]
+
+
+def _histories(rows: list[list[Array]]) -> Array:
+    """[scenarios, seeds, iterations]; searches of fewer iterations end in NaN."""
+    longest = max(len(history) for row in rows for history in row)
+    return np.asarray(
+        [
+            [np.pad(history, (0, longest - len(history)), constant_values=np.nan) for history in row]
+            for row in rows
+        ]
+    )
+
+
+def _planned(leg: LegRecord) -> float:
+    return leg.t_planned
+
+
+def _straight(leg: LegRecord) -> float:
+    """Time of the straight line at the current of the first plan, s; land and obstacles left out."""
+    plan = leg.plans[0]
+    share = np.linspace(0.0, 1.0, len(plan.positions))[:, None]
+    return time_along(plan.positions[0] + share * (plan.positions[-1] - plan.positions[0]), plan.current)
+
+
+def time_along(positions: Array, current: Current, speed: float = 2.5) -> float:
+    """Time a vehicle takes that holds a track in a steady current, s.
+
+    Args:
+        positions: [n, 3] m.
+        current: taken at time zero.
+        speed: m/s through the water; the shipped scenarios' is 2.5.
+    """
+    positions = np.asarray(positions, float)
+    step = np.diff(positions, axis=0)
+    length = np.maximum(np.linalg.norm(step, axis=1), 1e-9)
+    middle = 0.5 * (positions[1:] + positions[:-1])
+    field: Any = current
+    water = np.stack([np.asarray(part, float) for part in field(*middle.T, np.zeros(len(middle)))], axis=1)
+    along = (water * step).sum(axis=1) / length
+    across = (water**2).sum(axis=1) - along**2
+    ground = along + np.sqrt(np.maximum(speed**2 - across, 0.0))
+    return float((length / np.maximum(ground, 0.05 * speed)).sum())
+
+
+def rest_of(plan: PlanRecord, position: Array) -> Array:
+    """Return the part of a plan that is left at a position [3] m, as many points [S, 3] m as the plan has."""
+    nearest = int(np.argmin(np.linalg.norm(plan.positions - position, axis=1)))
+    left = np.concatenate([position[None], plan.positions[nearest + 1 :]])
+    place = np.linspace(0.0, len(left) - 1.0, len(plan.positions))
+    return np.stack([np.interp(place, np.arange(len(left)), part) for part in left.T], axis=1)
+
+
+def replan_gain(leg: LegRecord) -> float:
+    """Share of the time left that planning anew saves against the old path, mean over re-plans.
+
+    Both paths are timed in the current that the re-plan was made in. NaN without re-plans.
+    """
+    plans, gains = followed_plans(leg), []
+    for old, new in pairwise(plans):
+        before = time_along(rest_of(old, new.positions[0]), new.current)
+        gains.append(1.0 - time_along(new.positions, new.current) / before)
+    return float(np.mean(gains)) if gains else np.nan
+
+
+def displacement(leg: LegRecord) -> float:
+    """How far the re-plans lead the path aside from what was planned before, m; the largest one."""
+    plans, found = followed_plans(leg), [0.0]
+    for old, new in pairwise(plans):
+        found.append(float(_away(new.positions, old.positions).max()))
+    return max(found)
+
+
+def _away(places: Array, line: Array) -> Array:
+    """Distance of places [n, 3] m to a line through points [S, 3] m, [n] m."""
+    begin, step = line[:-1], np.diff(line, axis=0)
+    square = np.maximum((step**2).sum(axis=1), 1e-12)
+    share = np.clip(((places[:, None] - begin) * step).sum(axis=2) / square, 0.0, 1.0)
+    nearest = begin + share[..., None] * step
+    return np.linalg.norm(places[:, None] - nearest, axis=2).min(axis=1)
+
+
+def fitness(leg: LegRecord) -> float:
+    """Cost of the path as produced: time to the last re-plan and the cost (Eq. 12) of what it planned, s."""
+    last = followed_plans(leg)[-1]
+    return last.made_at - leg.plans[0].made_at + last.cost
+
+
+def warm_start(kept: LegRecord, fresh: LegRecord) -> tuple[float, float, float]:
+    """Compare the first re-plan from the kept population with a fresh one at the same place (Fig. 5).
+
+    Both searches get the iterations of a window: later ones of the fresh search do not count.
+
+    Returns:
+        Cost from the kept population and from the fresh one, s; and the share of the window's iterations
+        after which the kept population is as good as the fresh one at their end, 1 where it never is. NaN
+        where the legs had no common re-plan.
+    """
+    pair = [next((plan for plan in leg.plans if plan.cause != "leg"), None) for leg in (kept, fresh)]
+    if pair[0] is None or pair[1] is None or not np.allclose(pair[0].positions[0], pair[1].positions[0]):
+        return np.nan, np.nan, np.nan
+    warm, cold = (np.asarray(plan.history["best"], float) for plan in pair if plan is not None)
+    budget = min(len(warm), len(cold)) - 1
+    reached = warm[: budget + 1] <= cold[budget]
+    first = int(np.argmax(reached)) if reached.any() else budget
+    return float(warm[budget]), float(cold[budget]), first / max(budget, 1)
+
+
+def shown_leg(runs: Sequence[MissionRun], largest: bool = False) -> MissionRun:
+    """Choose the run to draw, of those that arrived, that of middle or of largest `displacement`.
+
+    Runs with a plan that broke a limit are left out where there are others.
+    """
+    arrived = [run for run in runs if run.success] or list(runs)
+    sound = [run for run in arrived if all(plan.feasible for plan in followed_plans(leg_of(run)))] or arrived
+    ranked = sorted(sound, key=lambda run: displacement(leg_of(run)))
+    return ranked[-1] if largest else ranked[len(ranked) // 2]
+
+
+def followed(leg: LegRecord) -> LegRecord:
+    """Copy a leg without the plans that were made and not followed."""
+    return replace(leg, plans=followed_plans(leg), followed=0)

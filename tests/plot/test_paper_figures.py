@@ -1,0 +1,135 @@
+"""The paper's figures show what the records hold."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from auvplan.ocean.chart import Chart
+from auvplan.plot import style
+from auvplan.plot.clusters import plot_clusters
+from auvplan.plot.convergence import plot_populations
+from auvplan.plot.currents import plot_currents
+from auvplan.plot.layers import plot_layers
+from auvplan.plot.study import plot_call_times
+from auvplan.plot.timeline import plot_timeline
+from auvplan.plot.windows import plot_windows
+from tests.io.sample_run import make_run, refused_leg
+from tests.paper import evidence
+from tests.plot.sample_study import make_study
+
+SENSORS = {"range": 150.0, "interval": 30.0, "growth": 0.1, "growth_max": 20.0}
+
+
+@pytest.fixture
+def run():
+    run = make_run((0, 1))
+    run.scenario |= {"sensors": SENSORS}
+    return run
+
+
+def saved(figure, tmp_path):
+    path = style.save(figure, tmp_path / "figure.png")
+    assert path.stat().st_size > 10_000
+    return figure
+
+
+def test_clusters_show_the_map_and_its_window(tmp_path):
+    passability = np.ones((100, 100))
+    passability[60:80, 20:40], passability[80:, 20:40] = 0.3, 0.0
+    chart = Chart.from_passability(passability, 10.0)
+    picture = np.full((100, 100, 3), 200, np.uint8)
+    figure = saved(plot_clusters(chart, picture, (0, 10, 50, 40)), tmp_path)
+    titles = [axes.get_title() for axes in figure.axes]
+    assert "100 × 100 pixels of 10 m" in titles[0]
+    assert titles[1] == "clusters: coast 4.0%, uncertain 4.0%, water 92.0%"
+    assert "50 × 40 pixels" in titles[2]
+    # Rows 0 to 50 from the north, columns 10 to 50: all of the land.
+    assert titles[3] == "clusters: coast 20.0%, uncertain 20.0%, water 60.0%"
+    image = np.asarray(figure.axes[1].images[0].get_array())
+    assert (image[:20, 20:40] == 0.0).all(), "coast in the north is black"
+    assert (image[50:] == 1.0).all(), "water is white"
+
+
+def test_current_panels_stand_side_by_side_and_carry_the_note(run, tmp_path):
+    figure = saved(plot_currents(run, note="as chosen"), tmp_path)
+    assert "as chosen" in figure.get_suptitle()
+
+
+def test_layers_have_one_current_for_each_plan(run, tmp_path):
+    figure = saved(plot_layers(run), tmp_path)
+    axes = figure.axes[0]
+    times = ", ".join(f"{plan.made_at:,.0f}" for plan in run.legs[0].plans)
+    assert f"layers of the current at {times} s" in figure.get_suptitle()
+    low, high = axes.get_zlim()
+    assert low > high, "depth points down"
+
+
+def test_windows_draw_the_first_path_dashed_and_re_plans_thick(run, tmp_path):
+    figure = saved(plot_windows(run), tmp_path)
+    lines = figure.axes[0].lines
+    first, last = run.legs[0].plans
+    dashed = next(line for line in lines if line.get_linestyle() == "--")
+    np.testing.assert_allclose(dashed.get_xydata(), first.positions[:, [1, 0]])
+    thick = max(lines, key=lambda line: line.get_linewidth())
+    np.testing.assert_allclose(thick.get_xydata(), last.positions[:, [1, 0]])
+    assert "re-plans 1 by window" in figure.axes[0].get_title()
+
+
+def test_a_rejected_retry_is_not_drawn(run):
+    leg = run.legs[0]
+    leg.plans.insert(1, refused_leg(make_run()).plans[0])
+    dashed = [line for line in plot_windows(run).axes[0].lines if line.get_linestyle() == "--"]
+    assert len(dashed) == 1
+    drawn = np.concatenate([line.get_xydata() for line in plot_windows(run).axes[0].lines])
+    retry = leg.plans[1].positions[:, [1, 0]]
+    assert not any(np.isclose(drawn, place).all(axis=1).any() for place in retry[5:-5])
+
+
+def test_windows_show_growing_boundaries(run):
+    circles = plot_windows(run).axes[0].patches
+    leg = run.legs[0]
+    assert len(circles) == 2 * 2 * len(leg.plans)
+    radii = sorted(circle.get_radius() for circle in circles)
+    assert radii[0] == pytest.approx(leg.obstacle_radii.min())
+    assert leg.obstacle_radii.max() < radii[-1] <= leg.obstacle_radii.max() + SENSORS["growth_max"]
+
+
+def test_nothing_planned_is_said(run):
+    run.legs = []
+    for plot in (plot_windows, plot_layers):
+        assert "no path was planned" in plot(run).texts[0].get_text()
+
+
+def test_populations_show_the_mean_over_the_seeds(tmp_path):
+    legs = evidence.legs()
+    legs["violation_mean"][1] += 0.5
+    met = np.array([[True] * 4, [False] * 4, [True, True, True, False]])
+    figure = saved(plot_populations(legs, met, 1e-3), tmp_path)
+    assert [axes.get_title() for axes in figure.axes[:3]] == list(legs["scenario"].values)
+    shares = [axes.get_title() for axes in figure.axes[3:]]
+    assert [title.split(": ")[1].split(" %")[0] for title in shares] == ["100", "0", "75"]
+    mean = next(line for line in figure.axes[0].lines if line.get_label() == "mean")
+    np.testing.assert_allclose(mean.get_ydata(), legs["cost_mean"][0].mean("seed"))
+
+
+def test_call_times_stand_beside_all_planning_and_the_interval(tmp_path):
+    study = make_study(8)
+    calls = xr.Dataset(
+        {"first_cpu": ("mission", np.full(4, 0.2)), "window_cpu": ("mission", np.full(4, 0.05))},
+        {"seed": ("mission", [0, 2, 4, 6])},
+    )
+    figure = saved(plot_call_times(study, calls, 30.0), tmp_path)
+    left, right = figure.axes
+    single = next(line for line in left.lines if "a leg" in str(line.get_label()))
+    np.testing.assert_allclose(single.get_xydata(), np.stack([[0, 2, 4, 6], np.full(4, 0.2)], axis=1))
+    assert any(np.allclose(line.get_ydata(), 30.0) for line in left.lines)
+    assert [text.get_text().split("\n")[1] for text in right.get_xticklabels()][1:] == ["0.2 s", "0.05 s"]
+
+
+def test_a_new_order_says_when_it_was_made_and_which_leg_was_late():
+    run = make_run()
+    run.legs[0].t_expected = run.legs[0].t_path + run.legs[0].t_task - 25.0
+    names = [text.get_text() for text in plot_timeline(run).axes[0].get_yticklabels()]
+    assert f"at {run.orders[1].made_at:,.0f} s, late" in names[1]
+    took, expected = run.legs[0].t_path + run.legs[0].t_task, run.legs[0].t_expected
+    assert f"0→1 took {took:,.0f} s, not {expected:,.0f} s" in names[1]
