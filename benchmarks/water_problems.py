@@ -220,12 +220,11 @@ def _scaled_current(current: Current, factor: float) -> Current:
 
 
 def least_gap(side: float) -> float:
-    """Return the least width of a passage in units of the side [m]: both margins and some pixels.
+    """Return the least width of a passage in units of the side [m]: both margins, some room and five pixels.
 
-    From 100 m at 10 km on it grows with the side; in small waters the margins are most of it.
+    Of 10 km it is 1.5 %; in small waters the margins are most of it.
     """
-    margin, pixel = ap.PathConfig().coast_margin, side / PIXELS
-    return max(0.010, (2.4 * margin + 5.0 * pixel) / side)
+    return (2.4 * ap.PathConfig().coast_margin + 5.0 * side / PIXELS) / side
 
 
 def _drawn(rng: Rng, kind: Kind, family: str, name: str) -> PathProblem | None:
@@ -256,17 +255,10 @@ def _drawn(rng: Rng, kind: Kind, family: str, name: str) -> PathProblem | None:
     centres, radii = _obstacles(rng, kind, ends, side, coast)
     fixed = ap.Obstacles.static(np.c_[centres, np.zeros(len(radii))], radii)
     grid = _Grid.of(coast, pixel, steady, factors, vehicle).without(centres, radii)
-    if not kind.way:
-        return (
-            None
-            if not _is_closed(coast, start, goal)
-            else _problem(name, family, side, current, chart, fixed, ends, vehicle)
-        )
-    route = grid.route(start, goal)
-    if route is None:
+    route, obstacles = grid.route(start, goal), fixed
+    if (route is not None) != kind.way or (not kind.way and _joined(distance, start, goal)):
         return None
-    obstacles = fixed
-    if kind.moving:
+    if route is not None and kind.moving:
         moving = _movers(rng, grid, route, coast, steady, side, vehicle)
         if not grid.has_way_past(moving.resolved(current), start, goal):
             return None
@@ -295,10 +287,10 @@ def _pixel_of(place: Array, pixel: float) -> tuple[int, int]:
     return int(i), int(j)
 
 
-def _is_closed(coast: Array, start: tuple[int, int], goal: tuple[int, int]) -> bool:
-    """Whether land parts start and goal even for a vehicle that keeps no margin."""
-    labels, _ = ndimage.label(coast + ap.PathConfig().coast_margin > -1.0, np.ones((3, 3)))  # type: ignore[misc]
-    return labels[start] != labels[goal]
+def _joined(distance: Array, start: tuple[int, int], goal: tuple[int, int]) -> bool:
+    """Whether water joins start and goal, for a vehicle that keeps no margin."""
+    labels, _ = ndimage.label(distance > 0.0, np.ones((3, 3)))  # type: ignore[misc]
+    return labels[start] == labels[goal]
 
 
 def _vortices(rng: Rng, side: float, speed: float) -> ap.LambVortices:
