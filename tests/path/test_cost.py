@@ -15,7 +15,7 @@ from auvplan.path.bspline import basis_at
 from auvplan.path.cost import CLEARANCE_SCALE, Track, curves, fly, guide, violations
 from tests.path.worlds import GOAL, LOWER, START, UPPER, world
 
-CONFIG = ap.PathConfig(samples=48)
+CONFIG = ap.PathConfig(control_points=16, samples=48)
 score = jax.jit(kernel.score, static_argnums=6)
 
 
