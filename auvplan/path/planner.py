@@ -125,7 +125,8 @@ def plan_paths(
     departs = np.broadcast_to(np.asarray(depart, float), (legs,))
     world, shared = split(env, world_per_leg)
     conditions = Conditions(env, vehicle or Vehicle(), config, 0 if world_per_leg else None)
-    program = partial(_plan, shared=shared, vehicle=conditions.vehicle, config=config)
+    # What is planned again does not change the program of what is planned at first.
+    program = partial(_plan, shared=shared, vehicle=conditions.vehicle, config=config.replace(finer=1))
     found = over_rows(program, keys, start, goal, departs, population, world)
     found = plan_finely(found, (keys, start, goal, departs), world, shared, conditions.vehicle, config)
     return PathPlans(**found, conditions=conditions)

@@ -93,7 +93,7 @@ def replan_paths(
     populations = np.stack([plan.population for plan in plans])
     world, shared = split(env, world_per_leg)
     conditions = Conditions(env, vehicle or Vehicle(), config, 0 if world_per_leg else None)
-    program = partial(_replan, shared=shared, vehicle=conditions.vehicle, config=config)
+    program = partial(_replan, shared=shared, vehicle=conditions.vehicle, config=config.replace(finer=1))
     rows = keys, populations, starts, goals, np.asarray(reached), position, np.asarray(now, float), world
     found = over_rows(program, *rows)
     legs = keys, position, goals, np.asarray(now, float)

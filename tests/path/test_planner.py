@@ -257,13 +257,3 @@ def test_winding_ways_are_planned_with_more_control_points():
         assert plan.excess.shape[1] == len(plan.times) - 1
         points, _ = dense(plan)
         assert np.asarray(env.chart.is_water(points[:, 0], points[:, 1])).all()
-    rest = ap.replan_path(
-        plans[0],
-        plans[0].positions[10],
-        float(plans[0].times[10]),
-        env,
-        key=keys[0],
-        config=few.replace(finer=3),
-    )
-    assert rest.feasible
-    assert rest.travel_time <= (plans[0].times[-1] - plans[0].times[10]) * 1.02
