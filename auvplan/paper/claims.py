@@ -294,9 +294,10 @@ def _replans_when_late(evidence: Evidence) -> _Finding:
     causes = missions["order_cause"]
     code = dict(zip(causes.attrs["flag_meanings"].split(), causes.attrs["flag_values"], strict=False))["late"]
     replans = (causes.values == code).sum(axis=-1)
-    words = f"{late.sum()} late legs, {replans.sum()} new orders for one; the same number in "
-    words += f"{(late == replans).sum()} of {late.size} missions"
     failed = missions["success"].values != 1
+    words = f"{late.sum()} late legs, {replans.sum()} new orders for one; the same number in "
+    words += f"{(late == replans).sum()} of {late.size} missions, {(late == replans)[~failed].sum()} of "
+    words += f"{(~failed).sum()} on time"
     return _Finding(words, _all_or_some((late == replans) | (failed & (replans < late))))
 
 
@@ -400,8 +401,7 @@ QUESTIONS = (
     _Question(
         "the mission is planned anew when, and only when, a leg was late",
         "3.3.2, 4.2",
-        "in every mission as many new orders as late legs before the last one; fewer where it failed, "
-        "since no order was left that fits",
+        "no new order without a late leg; in every mission on time as many as late legs before the last one",
         _replans_when_late,
     ),
     _Question(
