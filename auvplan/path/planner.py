@@ -179,15 +179,11 @@ def plan_finely(
         config: static settings, those of the paths found.
 
     Returns:
-        The fields, with better paths where there are any. All legs have `finer` times as many segments,
-        planned again or not, so that no leg's plan depends on those beside it.
+        The fields, with better paths where there are any; then all legs have `finer` times as many segments.
     """
     again = np.flatnonzero(found.pop("wanting"))
     times = config.finer
-    if times == 1 or not config.passages:
-        return found
-    found = found | _divided(found, times)
-    if not len(again):
+    if times == 1 or not len(again):
         return found
     segments = times * (config.samples - 1)
     fine = config.replace(control_points=times * config.control_points, samples=segments + 1, finer=1)
@@ -199,6 +195,7 @@ def plan_finely(
     )
     if not less.any():
         return found
+    found = found | _divided(found, times)
     better = {name: value for name, value in better.items() if name != "wanting"}
     better |= _with_fewer_points(better, legs[1][again], legs[2][again], fine, config)
 

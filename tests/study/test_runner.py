@@ -226,7 +226,7 @@ def test_a_sweep_adds_dimensions_and_its_cases_are_the_single_studies(tmp_path):
             for seed in (5, 6):
                 xr.testing.assert_identical(mission(case, seed), mission(alone, seed))
             settled.append(tuple(alone["t_mission"].values))
-    assert len(set(settled)) > 2, "settings that change nothing show nothing"
+    assert len(set(settled)) > 1, "settings that change nothing show nothing"
     cases = read_summary(tmp_path / "swept")["cases"]
     assert [case["setting"] for case in cases] == [
         {"planning.replan": replan, "current.update_rate": rate}
