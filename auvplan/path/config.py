@@ -133,6 +133,7 @@ class PathConfig:
             start_shape="uniform",
             width=0.35,
             passages=0,
+            finer=1,
             refine_steps=0,
             fresh_share=0.0,
         )
