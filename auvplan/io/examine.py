@@ -70,7 +70,7 @@ def examine_scenario(source: str | Path) -> Examination:
         found.attempt("scenario", scenario, partial(load_waters, scenario, folder))
         found.attempt("mission", scenario.mission, lambda: _graph(scenario, waters))
     notes = tuple(dict.fromkeys(note for part in found.read for note in part.notes))
-    return Examination(str(source), tuple(in_order(found.faults)), (*scenario.planning.departures, *notes))
+    return Examination(str(source), tuple(in_order(found.faults)), (*scenario.planning.overrides, *notes))
 
 
 @dataclass

@@ -154,12 +154,12 @@ def place_faults(dataset: xr.Dataset, legs: list[Leg]) -> Iterator[str]:
     for leg in sailed:
         if leg.start != here:
             yield f"{leg}: begins at waypoint {leg.start}, the vehicle is at {here}"
-        if place is not None and not _near(leg.positions[0], place):
+        if place is not None and not near(leg.positions[0], place):
             gap = np.linalg.norm(leg.positions[0] - place)
             yield f"{leg}: begins {gap:.1f} m from where the last leg ended"
-        if not _near(leg.positions[0], waypoints[leg.start]):
+        if not near(leg.positions[0], waypoints[leg.start]):
             yield f"{leg}: begins off waypoint {leg.start}"
-        if leg.arrived and not _near(leg.positions[-1], waypoints[leg.goal]):
+        if leg.arrived and not near(leg.positions[-1], waypoints[leg.goal]):
             yield f"{leg}: ends off waypoint {leg.goal}"
         if not leg.arrived and leg is not sailed[-1]:
             yield f"{leg}: did not arrive, yet the mission went on"
@@ -211,7 +211,8 @@ def figure_faults(summary: dict[str, Any], dataset: xr.Dataset, legs: list[Leg])
             yield f"{leg}: its times differ between {SUMMARY} and {MISSION}"
 
 
-def _near(a: Array, b: Array) -> bool:
+def near(a: Array, b: Array) -> bool:
+    """Whether two places [3] m are one, up to `PLACE_TOLERANCE`."""
     return bool(np.linalg.norm(a - b) <= PLACE_TOLERANCE)
 
 

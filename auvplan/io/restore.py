@@ -1,7 +1,6 @@
 """A saved run as it was: what was planned and sailed, for exports and pictures."""
 
 import json
-from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -9,13 +8,12 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from auvplan.io.fields import chart_of, motion_of, seabed_of, vortices_of
-from auvplan.io.files import MISSION, ResultError, read_mission, read_summary
+from auvplan.io.files import MISSION, ResultError, read_mission, read_summary, site_of
 from auvplan.io.ledger import read_legs, require
 from auvplan.io.scenario_file import validate_scenario
 from auvplan.io.waters import load_truth
 from auvplan.mission import MissionGraph
 from auvplan.ocean.currents import Current
-from auvplan.site import Site
 from auvplan.vehicle import Vehicle
 from auvplan.voyage.records import LegRecord, MissionRun, PlanRecord
 
@@ -64,7 +62,7 @@ def restore_run(folder: str | Path) -> MissionRun:
             reason=str(attributes["reason"]),
             charged_compute=float(attributes["charged_compute"]),
             folder=home,
-            site=_site(dataset),
+            site=site_of(dataset),
             seabed=seabed_of(dataset),
             names=names,
         )
@@ -75,15 +73,6 @@ def restore_run(folder: str | Path) -> MissionRun:
 
 def _limits(attributes: dict) -> list[str]:
     return [name for name in attributes if name.startswith("vehicle_")]
-
-
-def _site(dataset: xr.Dataset) -> Site | None:
-    attributes = dataset.attrs
-    if "site_longitude" not in attributes:
-        return None
-    north, east = (float(value) for value in np.asarray(attributes["site_origin"]))
-    epoch = datetime.fromisoformat(attributes["site_epoch"]) if "site_epoch" in attributes else None
-    return Site(float(attributes["site_longitude"]), float(attributes["site_latitude"]), epoch, (north, east))
 
 
 def _legs(dataset: xr.Dataset, settings: dict, home: str) -> list[LegRecord]:

@@ -76,7 +76,7 @@ def validate_scenario(plain: dict[str, Any], source: str = "scenario") -> Scenar
 
 def _warn(scenario: Scenario) -> None:
     """Warn of settings that differ from what the preset fixes."""
-    for line in scenario.planning.departures:
+    for line in scenario.planning.overrides:
         warnings.warn(line, ScenarioWarning, stacklevel=1)
 
 

@@ -17,11 +17,10 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from auvplan.io.files import MISSION, SUMMARY
+from auvplan.io.files import MISSION, SUMMARY, site_of
 from auvplan.io.geo import GeoError, read_jobs
-from auvplan.io.ledger import PLACE_TOLERANCE, TIME_TOLERANCE, Leg
+from auvplan.io.ledger import TIME_TOLERANCE, Leg, near
 from auvplan.mission.jobs import Jobs
-from auvplan.site import Site
 
 Array = NDArray[np.floating]
 
@@ -35,7 +34,7 @@ _SURELY_IN_TIME = 0.5
 
 @dataclass(frozen=True)
 class Earned:
-    """What a leg does: priority, time on station in s, and the names of jobs that it completes."""
+    """What a leg does: priority, time on station in s, and the number of tasks that it completes."""
 
     priority: float
     duration: float
@@ -116,19 +115,10 @@ def _book(settings: dict[str, Any], dataset: xr.Dataset, once: bool, notes: list
         path = Path(str(dataset.attrs["scenario_folder"])) / Path(name).expanduser()
         depth = max(settings["area"]["lower"][2], settings["vehicle"]["depth_min"])
         try:
-            return _JobBook.of(read_jobs(path, _site(dataset), default_depth=depth), dataset)
+            return _JobBook.of(read_jobs(path, site_of(dataset), default_depth=depth), dataset)
         except GeoError as error:
             notes.append(f"tasks were counted from the graph in {MISSION}, not from the jobs: {error}")
     return _GraphBook.of(dataset, once)
-
-
-def _site(dataset: xr.Dataset) -> Site | None:
-    attributes = dataset.attrs
-    if "site_longitude" not in attributes:
-        return None
-    north, east = (float(value) for value in np.asarray(attributes["site_origin"]))
-    longitude, latitude = float(attributes["site_longitude"]), float(attributes["site_latitude"])
-    return Site(longitude, latitude, origin=(north, east))
 
 
 @dataclass
@@ -196,7 +186,7 @@ class _JobBook:
         points = [
             _Task(point.name, (np.asarray(point.position),), point.priority, point.duration)
             for point in jobs.points
-            if not _near(np.asarray(point.position), start)  # what lies at the start is never arrived at
+            if not near(np.asarray(point.position), start)  # what lies at the start is never arrived at
         ]
         return cls([*points, *(part for line in jobs.lines for part in _parts(line))])
 
@@ -221,10 +211,6 @@ def _does(leg: Leg, ends: tuple[Array, ...]) -> bool:
     """Whether a leg ends at the place of a task, or leads along its line, either way."""
     first, last = leg.positions[0], leg.positions[-1]
     if len(ends) == 1:
-        return _near(last, ends[0])
+        return near(last, ends[0])
     a, b = ends
-    return (_near(first, a) and _near(last, b)) or (_near(first, b) and _near(last, a))
-
-
-def _near(a: Array, b: Array) -> bool:
-    return bool(np.linalg.norm(a - b) <= PLACE_TOLERANCE)
+    return (near(first, a) and near(last, b)) or (near(first, b) and near(last, a))

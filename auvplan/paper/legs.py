@@ -94,7 +94,7 @@ def legs_dataset(legs: Legs) -> xr.Dataset:
         Variables over scenario, seed and iteration of the first plan; and over update rate and its seeds.
     """
     each = {
-        name: np.asarray([[of(leg_of(run)) for run in runs] for runs in legs.scenarios.values()], float)
+        name: np.asarray([[of(run) for run in runs] for runs in legs.scenarios.values()], float)
         for name, of in {"planned_s": _planned, "straight_s": _straight, "replan_gain": replan_gain}.items()
     }
     pairs = [
@@ -156,24 +156,30 @@ def _histories(rows: list[list[Array]]) -> Array:
     )
 
 
-def _planned(leg: LegRecord) -> float:
-    return leg.t_planned
+def _planned(run: MissionRun) -> float:
+    return leg_of(run).t_planned
 
 
-def _straight(leg: LegRecord) -> float:
+def _straight(run: MissionRun) -> float:
     """Time of the straight line at the current of the first plan, s; land and obstacles left out."""
-    plan = leg.plans[0]
+    plan = leg_of(run).plans[0]
     share = np.linspace(0.0, 1.0, len(plan.positions))[:, None]
-    return time_along(plan.positions[0] + share * (plan.positions[-1] - plan.positions[0]), plan.current)
+    line = plan.positions[0] + share * (plan.positions[-1] - plan.positions[0])
+    return time_along(line, plan.current, speed_of(run))
 
 
-def time_along(positions: Array, current: Current, speed: float = 2.5) -> float:
+def speed_of(run: MissionRun) -> float:
+    """|v| of the run's vehicle, m/s."""
+    return float(np.asarray(run.vehicle.speed))
+
+
+def time_along(positions: Array, current: Current, speed: float) -> float:
     """Time a vehicle takes that holds a track in a steady current, s.
 
     Args:
         positions: [n, 3] m.
         current: taken at time zero.
-        speed: m/s through the water; the shipped scenarios' is 2.5.
+        speed: m/s through the water.
     """
     positions = np.asarray(positions, float)
     step = np.diff(positions, axis=0)
@@ -195,15 +201,15 @@ def rest_of(plan: PlanRecord, position: Array) -> Array:
     return np.stack([np.interp(place, np.arange(len(left)), part) for part in left.T], axis=1)
 
 
-def replan_gain(leg: LegRecord) -> float:
+def replan_gain(run: MissionRun) -> float:
     """Share of the time left that planning anew saves against the old path, mean over re-plans.
 
     Both paths are timed in the current that the re-plan was made in. NaN without re-plans.
     """
-    plans, gains = followed_plans(leg), []
+    plans, speed, gains = followed_plans(leg_of(run)), speed_of(run), []
     for old, new in pairwise(plans):
-        before = time_along(rest_of(old, new.positions[0]), new.current)
-        gains.append(1.0 - time_along(new.positions, new.current) / before)
+        before = time_along(rest_of(old, new.positions[0]), new.current, speed)
+        gains.append(1.0 - time_along(new.positions, new.current, speed) / before)
     return float(np.mean(gains)) if gains else np.nan
 
 

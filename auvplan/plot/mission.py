@@ -22,12 +22,7 @@ def plot_mission(run: MissionRun) -> Figure:
     waypoints = np.asarray(run.graph.positions, float)
     sailed = [leg for leg in run.legs if len(leg.times)]
     points = np.concatenate([waypoints, *(leg.positions for leg in sailed)])
-    low, high = style.frame_of(points, margin=0.05)
-    if run.chart is not None:
-        low, high = (
-            np.maximum(low, np.asarray(run.chart.lower)),
-            np.minimum(high, np.asarray(run.chart.upper)),
-        )
+    low, high = style.frame_on_chart(points, run.chart, margin=0.05)
     unit = style.Unit.for_extent(float((high - low).max()))
     tall, wide = high - low
     figure = style.new_figure(9.4, float(np.clip(7.9 * tall / wide, 4.0, 11.0)) + 1.1)

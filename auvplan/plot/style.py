@@ -154,6 +154,14 @@ def frame_of(points: Array, margin: float = 0.12, least: float = 100.0) -> tuple
     return middle - half, middle + half
 
 
+def frame_on_chart(points: Array, chart: Chart | None, margin: float) -> tuple[Array, Array]:
+    """`frame_of`, as far as the chart reaches where there is one."""
+    low, high = frame_of(points, margin=margin)
+    if chart is None:
+        return low, high
+    return np.maximum(low, np.asarray(chart.lower)), np.minimum(high, np.asarray(chart.upper))
+
+
 def place_labels(
     axes: Axes, places: Array, texts: Sequence[str], taken: Array | None = None, **style: Any
 ) -> None:

@@ -27,12 +27,7 @@ def plot_windows(run: MissionRun, leg: LegRecord | None = None) -> Figure:
     if leg is None:
         return style.empty_figure("no path was planned")
     plans = followed_plans(leg)
-    low, high = style.frame_of(extent_points(leg), margin=0.06)
-    if run.chart is not None:
-        low, high = (
-            np.maximum(low, np.asarray(run.chart.lower)),
-            np.minimum(high, np.asarray(run.chart.upper)),
-        )
+    low, high = style.frame_on_chart(extent_points(leg), run.chart, margin=0.06)
     unit = style.Unit.for_extent(float((high - low).max()))
     tall, wide = high - low
     figure = style.new_figure(8.6, float(np.clip(7.6 * tall / wide, 4.0, 10.0)) + 1.4)

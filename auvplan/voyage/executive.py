@@ -195,7 +195,6 @@ def embark(fleet: Fleet, number: int, key: jax.Array, seed: int) -> Mission:
         site=fleet.waters.site,
         seabed=fleet.waters.seabed,
         names=names,
-        visits=fleet.rules.visits,
     )
     sea = make_sea(scenario, fleet.waters, field_key, sea_key)
     return Mission(number, run, sea, planner_key, _generator(chance_key), graph, graph)

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from datetime import datetime
+from functools import cached_property
 
 import jax
 import jax.numpy as jnp
@@ -50,7 +51,7 @@ class Fleet:
     folder: str = "."
     clock: Clock = field(default_factory=Clock)
 
-    @property
+    @cached_property
     def rules(self) -> PlanningRules:
         """How missions are planned, with the preset's values for what the scenario leaves open."""
         return self.scenario.planning.resolved

@@ -41,7 +41,7 @@ def begin_legs(fleet: Fleet, missions: list[Mission], records: Sequence[LegRecor
         plan_legs(fleet, again, ["leg"] * len(again), cold=True)
     for mission in missions:
         mission.sailing.record.followed = len(mission.sailing.record.plans) - 1
-    if fleet.rules.preset == "default":
+    if fleet.rules.second_look:
         _hope(fleet, [mission for mission in missions if _detours(mission.sailing)])
     parts = fleet.path_config.t_series
     for mission in missions:

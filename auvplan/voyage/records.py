@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib.metadata import version
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from auvplan.ocean.currents import Current
 from auvplan.ocean.seabed import Seabed
 from auvplan.site import Site
 from auvplan.vehicle import Vehicle
+from auvplan.voyage.settings import PlanningSettings
 
 Array = NDArray[np.floating]
 
@@ -164,7 +165,6 @@ class MissionRun:
         site: where and when local coordinates begin, or None.
         seabed: or None.
         names: of the waypoints; empty where they have none.
-        visits: "once" or "edges", the rule for visits (see `PlanningSettings`).
     """
 
     scenario: dict[str, Any]
@@ -188,7 +188,6 @@ class MissionRun:
     site: Site | None = None
     seabed: Seabed | None = None
     names: list[str] = field(default_factory=list)
-    visits: Literal["once", "edges"] = "once"
 
     @property
     def t_residual(self) -> float:
@@ -239,7 +238,8 @@ class MissionRun:
             taken = leg.t_path + own + stay[leg.goal]
             times[leg.start, leg.goal] = min(times[leg.start, leg.goal], taken)
         common = (times, graph.priority, self.start, self.goal, self.t_available)
-        if self.visits == "edges":
+        planning = PlanningSettings.model_validate(self.scenario.get("planning", {}))
+        if planning.resolved.visits == "edges":
             return trail_bound(*common, waypoint_priority=once, waypoint_duration=stay)
         if any(leg.revisit for leg in self.done):
             edges = np.where(graph.adjacency, graph.priority - once, 0.0)

@@ -263,6 +263,7 @@ class PlanningRules:
     reserve: float
     return_margin: float
     guard_return: bool
+    second_look: bool
     replan: Literal["late", "deviation"]
     tolerance: float
     gain: float
@@ -277,6 +278,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "visits": "once",
         "reserve": 60.0,
         "guard_return": True,
+        "second_look": True,
         "window_change": 0.01,
         "replan": "deviation",
         "orders_from": "fresh",
@@ -289,6 +291,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "reserve": 0.0,
         "return_margin": 0.0,
         "guard_return": False,
+        "second_look": False,
         "window_change": 0.0,
         "replan": "late",
         "orders_from": "kept",
@@ -369,6 +372,11 @@ class PlanningSettings(Section):
         description="whether a leg is refused whose path would leave too little time for the way back; "
         "default true, paper false",
     )
+    second_look: bool | None = Field(
+        default=None,
+        description="whether a path that takes much longer than expected of its leg is compared with one "
+        "past obstacles whose boundaries do not grow; default true, paper false",
+    )
     replan: Literal["late", "deviation"] | None = Field(
         default=None,
         description="'late' after every leg that took longer than expected (3.3.2); 'deviation' when the "
@@ -395,7 +403,7 @@ class PlanningSettings(Section):
         return PlanningRules(**values)
 
     @property
-    def departures(self) -> list[str]:
+    def overrides(self) -> list[str]:
         """One line for each setting that differs from what the preset 'paper' fixes; none for 'default'."""
         if self.preset != "paper":
             return []

@@ -298,4 +298,4 @@ def test_a_setting_that_the_papers_preset_fixes_is_warned_of_with_both_values():
 def test_the_papers_preset_alone_is_warned_of_by_nothing():
     """Warnings are errors in the tests; so are settings that repeat what the preset has."""
     plain = {"planning": {"preset": "paper", "reserve": 0, "visits": "edges", "t_series": 3}}
-    assert validate_scenario(plain).planning.departures == []
+    assert validate_scenario(plain).planning.overrides == []

@@ -30,9 +30,9 @@ def one_leg() -> LegRecord:
 
 def test_times_along_and_across_a_uniform_current():
     north = line(np.zeros(3), np.array([1000.0, 0.0, 0.0]))
-    assert legs.time_along(north, stream(0.0, 0.0)) == pytest.approx(400.0)
-    assert legs.time_along(north, stream(0.5, 0.0)) == pytest.approx(1000.0 / 3.0, rel=1e-6)
-    assert legs.time_along(north, stream(0.0, 1.5)) == pytest.approx(500.0, rel=1e-6)
+    assert legs.time_along(north, stream(0.0, 0.0), 2.5) == pytest.approx(400.0)
+    assert legs.time_along(north, stream(0.5, 0.0), 2.5) == pytest.approx(1000.0 / 3.0, rel=1e-6)
+    assert legs.time_along(north, stream(0.0, 1.5), 2.5) == pytest.approx(500.0, rel=1e-6)
 
 
 def test_the_rest_of_a_plan_begins_at_the_vehicle_and_ends_at_the_goal():
@@ -67,7 +67,8 @@ def test_a_plan_ends_where_the_next_one_replaces_it():
 
 
 def test_a_re_plan_gains_what_its_path_is_shorter_by_in_still_water():
-    leg, still = one_leg(), stream(0.0, 0.0)
+    run, still = make_run((0, 1)), stream(0.0, 0.0)
+    leg = run.legs[0]
     leg.plans = [replace(plan, current=still) for plan in leg.plans]
     old, new = leg.plans
 
@@ -76,9 +77,9 @@ def test_a_re_plan_gains_what_its_path_is_shorter_by_in_still_water():
 
     expected = 1.0 - length(new.positions) / length(legs.rest_of(old, new.positions[0]))
     assert expected > 0.01
-    assert legs.replan_gain(leg) == pytest.approx(expected, rel=1e-6)
+    assert legs.replan_gain(run) == pytest.approx(expected, rel=1e-6)
     leg.plans = leg.plans[:1]
-    assert np.isnan(legs.replan_gain(leg))
+    assert np.isnan(legs.replan_gain(run))
 
 
 def test_displacement_is_the_farthest_step_aside():
