@@ -3,7 +3,30 @@
 from functools import partial
 
 import jax
+from jax import monitoring
 
 #: `jax.jit` for programs that no other program calls. Vector registers as wide as the CPU has them: XLA takes
 #: half of them by default, which costs a path a fifth of its time. Elsewhere the option says nothing.
 compiled = partial(jax.jit, compiler_options={"xla_cpu_prefer_vector_width": 512})
+
+#: The same for programs that run no faster by XLA's newer code generators for fused operations: without these
+#: they are compiled in two thirds of the time.
+compiled_fast = partial(
+    jax.jit, compiler_options={"xla_cpu_prefer_vector_width": 512, "xla_cpu_use_fusion_emitters": False}
+)
+
+_count = 0
+
+
+def compilations() -> int:
+    """How many programs this process has compiled, or taken from JAX's cache, so far."""
+    return _count
+
+
+def _book(event: str, _: float, **__: object) -> None:
+    global _count
+    if event == "/jax/core/compile/backend_compile_duration":
+        _count += 1
+
+
+monitoring.register_event_duration_secs_listener(_book)

@@ -1,6 +1,18 @@
 """Shared helpers of the tests."""
 
+import ctypes
+import gc
+import os
 from pathlib import Path
+
+# Most programs of the tests run once, on little: compiling them takes longer than running them slowly.
+os.environ["XLA_FLAGS"] = " ".join(
+    [
+        os.environ.get("XLA_FLAGS", ""),
+        "--xla_cpu_use_fusion_emitters=false",
+        "--xla_backend_optimization_level=0",
+    ]
+)
 
 import jax
 import pytest
@@ -10,9 +22,24 @@ from tests.voyage.small import light_config
 
 # What several test processes compile alike is compiled once, and kept for the next run.
 jax.config.update("jax_compilation_cache_dir", str(Path(__file__).parent.parent / ".pytest_cache" / "jax"))
-jax.config.update("jax_persistent_cache_min_compile_time_secs", 1.0)
+jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
 
 SHARED = Path(__file__).resolve().parent.parent.parent / "shared"
+
+#: Mappings of memory from which on compiled programs are dropped. Each has dozens, and Linux gives a process
+#: 65,530: the program beyond these crashes it.
+_MAPPINGS = 12_000
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few_programs():
+    """Programs of earlier modules are dropped where there are many."""
+    yield
+    maps = Path("/proc/self/maps")
+    if maps.is_file() and maps.read_bytes().count(b"\n") > _MAPPINGS:
+        jax.clear_caches()
+        gc.collect()
+        ctypes.CDLL(None).malloc_trim(0)
 
 
 @pytest.fixture

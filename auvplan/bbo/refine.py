@@ -51,21 +51,26 @@ def descend(
     habitats: jax.Array,
     lower: jax.Array,
     upper: jax.Array,
-    steps: int,
+    steps: jax.typing.ArrayLike,
     args: tuple[Any, ...] = (),
-    step_size: float = 0.01,
+    step_size: jax.typing.ArrayLike = 0.01,
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
     """`refine` along the slope of a guide, such as a cost that is less stiff, judged by the cost itself.
 
     Args:
         guide: gives what to descend on, and the cost and violation that choose the iterate to keep.
-        habitats, lower, upper, steps, args, step_size: as for `refine`.
+        habitats, lower, upper, steps, args, step_size: as for `refine`; steps and their size may be traced.
 
     Returns:
         As `refine`.
     """
     span = jnp.maximum(upper - lower, 1e-9)
-    optimizer = optax.adam(optax.cosine_decay_schedule(step_size, steps))
+
+    def falling(count: jax.Array) -> jax.Array:
+        """`optax.cosine_decay_schedule` for a number of steps that may be traced."""
+        return 0.5 * step_size * (1.0 + jnp.cos(jnp.pi * jnp.minimum(count / jnp.maximum(steps, 1), 1.0)))
+
+    optimizer = optax.adam(falling)
 
     def total(unit: jax.Array) -> tuple[jax.Array, tuple[jax.Array, jax.Array]]:
         aim, (cost, violation) = guide(lower + unit * span, *args)
@@ -73,18 +78,18 @@ def descend(
 
     value_and_slope = jax.value_and_grad(total, has_aux=True)
 
-    def step(carry: Any, _: None) -> tuple[Any, None]:
+    def step(_: jax.Array, carry: Any) -> Any:
         unit, memory, best = carry
         (_, scored), gradient = value_and_slope(unit)
         best = _keep_better(best, (unit, *scored))
         change, memory = optimizer.update(jnp.nan_to_num(gradient), memory)
-        return (jnp.clip(unit + change, 0.0, 1.0), memory, best), None
+        return jnp.clip(unit + change, 0.0, 1.0), memory, best
 
     unit = jnp.clip((habitats - lower) / span, 0.0, 1.0)
     worst = jnp.full(habitats.shape[0], jnp.inf, habitats.dtype)
     carry = (unit, optimizer.init(unit), (unit, worst, worst))
     # The last step only scores what the one before it reached.
-    (_, _, (unit, cost, violation)), _ = jax.lax.scan(step, carry, length=steps + 1)
+    _, _, (unit, cost, violation) = jax.lax.fori_loop(0, steps + 1, step, carry)
     return jnp.clip(lower + unit * span, lower, upper), cost, violation
 
 

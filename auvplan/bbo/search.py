@@ -218,6 +218,7 @@ def run(
     args: tuple[Any, ...] = (),
     improve: Callable[..., jax.Array] | None = None,
     period: int = 20,
+    iterations: jax.Array | None = None,
 ) -> Result:
     """Search from a given population; traceable, for use inside a larger compiled function.
 
@@ -232,33 +233,36 @@ def run(
         improve: ``improve(population, *args)`` -> [Q, D], a local search from the best habitats: a memetic
             step. What it finds takes the place of the worst Q habitats where it is better.
         period: iterations between two memetic steps; the first comes before the first iteration.
+        iterations: how many to make, at most those of the settings; None for these. Later rows of the history
+            are zero.
     """
     chex.assert_shape(population, (config.population, lower.shape[0]))
-    state = init(population, *evaluate(fun, population, *args))
+    keys = jax.random.split(key, max(config.iterations, 1))
+    kinds = jax.eval_shape(partial(evaluate, fun), population, *args)
+    unknown = State(population, *(jnp.full(kind.shape, jnp.inf, kind.dtype) for kind in kinds))
+    rows = jax.tree.map(lambda row: jnp.zeros((config.iterations + 1,), row.dtype), statistics(unknown))
 
-    def generation(state: State, key: jax.Array) -> tuple[State, History]:
-        candidates = ask(key, state, lower, upper, config)
-        state = tell(state, candidates, *evaluate(fun, candidates, *args), config)
-        return state, statistics(state)
+    def generation(k: jax.Array, carry: tuple[State, History]) -> tuple[State, History]:
+        """The first population is scored at k = 0, by the one copy of the cost that is compiled."""
+        state, rows = carry
+        if improve is not None:
+            state = jax.lax.cond((k - 1) % period == 0, improved, lambda state: state, state)
+        candidates = ask(keys[jnp.maximum(k - 1, 0)], state, lower, upper, config)
+        candidates = jnp.where(k == 0, population, candidates)
+        scored = evaluate(fun, candidates, *args)
+        state = jax.tree.map(
+            partial(jnp.where, k == 0),
+            init(candidates, *scored),
+            tell(state, candidates, *scored, config),
+        )
+        return state, jax.tree.map(lambda rows, row: rows.at[k].set(row), rows, statistics(state))
 
-    first = statistics(state)
-    keys = jax.random.split(key, config.iterations)
-    if improve is None:
-        state, rows = jax.lax.scan(generation, state, keys)
-    else:
+    def improved(state: State) -> State:
+        found = improve(state.population, *args)  # type: ignore[misc]
+        return _take_in(state, found, *evaluate(fun, found, *args))
 
-        def epoch(state: State, keys: jax.Array) -> tuple[State, History]:
-            found = improve(state.population, *args)
-            state = _take_in(state, found, *evaluate(fun, found, *args))
-            return jax.lax.scan(generation, state, keys)
-
-        whole = config.iterations // period * period
-        state, rows = jax.lax.scan(epoch, state, keys[:whole].reshape(-1, period))
-        rows = jax.tree.map(jnp.ravel, rows)
-        if whole < config.iterations:
-            state, rest = epoch(state, keys[whole:])
-            rows = jax.tree.map(lambda *parts: jnp.concatenate(parts), rows, rest)
-    history = jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first, rows)
+    last = config.iterations if iterations is None else iterations
+    state, history = jax.lax.fori_loop(0, last + 1, generation, (unknown, rows))
     return Result(state.population[0], state.cost[0], state.violation[0], state, history)
 
 

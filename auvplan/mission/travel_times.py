@@ -32,9 +32,6 @@ _FANS = (8, 64)
 _POLISHED = 4
 _STEP_SIZE = 0.03
 
-#: Edges of every program compiled so far.
-_programs: list[int] = []
-
 
 @dataclass(frozen=True)
 class TravelTimeConfig:
@@ -145,7 +142,6 @@ def _estimate(
     world_per_edge: bool,
 ) -> tuple[jax.Array, jax.Array]:
     """Time [E] s and whether it keeps every limit [E], of the straight lines or of the best detours."""
-    _programs.append(len(starts))  # runs when it is compiled, not when it is called
 
     def one(
         start: jax.Array, goal: jax.Array, depart: jax.Array, current: Current, chart: Chart | None
@@ -173,8 +169,3 @@ def _estimate(
     return jax.vmap(one, in_axes=(0, 0, 0, 0 if world_per_edge else None, None))(
         starts, goals, departs, currents, sea.chart
     )
-
-
-def programs() -> int:
-    """How many programs have been compiled so far: a clock tells by it whether a call compiled."""
-    return len(_programs)

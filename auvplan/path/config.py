@@ -26,6 +26,19 @@ class Penalties:
     seabed: float = 1000.0
 
 
+#: Settings that the cost of a path depends on.
+_OF_THE_COST = (
+    "control_points",
+    "degree",
+    "samples",
+    "speed_reading",
+    "uncertain_price",
+    "coast_margin",
+    "obstacle_margin",
+    "penalties",
+)
+
+
 @dataclass(frozen=True)
 class PathConfig:
     """Settings of the path planner; hashable, so that it is a static argument of `jax.jit`.
@@ -54,7 +67,8 @@ class PathConfig:
             the others on the better half; divided among the windows of a leg as the iterations are.
         refine_steps: gradient steps that polish the elite after the search.
         refine_step_size: of the first gradient step, as a share of the bounds.
-        refine_count: habitats that are polished after the search.
+        refine_count: habitats that are polished together: the best ones after the search, and before it
+            passages, so many at a time.
         fresh_share: share of a kept population that is redrawn when a path is re-planned.
 
     Raises:
@@ -160,6 +174,14 @@ class PathConfig:
     def replace(self, **changes: Any) -> Self:
         """A copy with some settings changed."""
         return replace(self, **changes)
+
+    def only(self, *names: str) -> Self:
+        """The settings that the cost of a path depends on and those named; what else there is has no value.
+
+        Programs that are compiled for it serve all settings that agree in these.
+        """
+        kept = {name: getattr(self, name) for name in (*_OF_THE_COST, *names)}
+        return type(self)(**{"passages": 0} | kept)
 
     def window(self) -> Self:
         """The settings of a window: its share of the iterations (3.2.2), and half the passages."""

@@ -46,6 +46,10 @@ _ROOM = 0.75
 #: A move that breaks a limit costs this many times its own time for each unit of excess.
 _DETERRENT = 30.0
 
+#: A move that comes too near to something costs so many times the straight line's time besides: a wall is
+#: passed round even where it is thin, as long as there is a way round it.
+_TOLL = 10.0
+
 #: Excess of a move at most; one over a bed too shallow to be crossed has half of that at least.
 _MOST, _SHALLOW = 3.0, 1.5
 
@@ -190,10 +194,10 @@ class _Grid:
         spacing: [2] m, sides of a cell.
         x, y: [N, N] m, places.
         clear: [N, N] m, their clearance beyond the margins; negative where too near to something.
-        times: for moves along the first and along the second index, [N, 9, 2, N] s: time of each of `MOVES`
-            that ends in a cell, and of its opposite; by the index that moves advance along first.
-        broken: the same, [N, 9, N], 2 where a move comes too near to something, 1 where the current across it
-            breaks a limit, else 0.
+        times: for moves along the first and along the second index, [2, N, 9, 2, N] s: time of each of
+            `MOVES` that ends in a cell, and of its opposite; by the index that moves advance along first.
+        broken: the same, [2, N, 9, N], 2 where a move comes too near to something, 1 where the current across
+            it breaks a limit, else 0.
         source, sink: cells of start and goal.
     """
 
@@ -202,8 +206,8 @@ class _Grid:
     x: jax.Array
     y: jax.Array
     clear: jax.Array
-    times: tuple[jax.Array, jax.Array]
-    broken: tuple[jax.Array, jax.Array]
+    times: jax.Array
+    broken: jax.Array
     source: tuple[jax.Array, jax.Array]
     sink: tuple[jax.Array, jax.Array]
 
@@ -241,16 +245,15 @@ class _Grid:
         u, v, _ = env.current(x, y, z, when)
         risk = jnp.zeros_like(x) if env.chart is None else 1.0 - env.chart.passability_at(x, y)
         open_water = env.chart is None and len(env.obstacles) == 0
-        planes = x, y, u, v, clear, risk, *(() if shallow is None else (shallow,))
-        found = []
-        for turned in (False, True):
-            # Moves along the second index are those along the first one of a grid that is turned over.
-            ordered = (y, x, v, u, *planes[4:]) if turned else planes
-            ordered = [plane.T for plane in ordered] if turned else ordered
-            probed = None if open_water else (room.T if turned else room)
-            corner, sides = (low[::-1], spacing[::-1]) if turned else (low, spacing)
-            found.append(_move_times(ordered, probed, corner, sides, vehicle, config))
-        times, broken = zip(*found, strict=True)
+        toll = _TOLL * jnp.sqrt(((ends[1] - ends[0]) ** 2).sum()) / vehicle.speed
+        rest = clear, risk, *(() if shallow is None else (shallow,))
+        timed = partial(_move_times, toll=toll, vehicle=vehicle, config=config)
+        # Moves along the second index are those along the first one of a grid that is turned over.
+        upright = ((x, y, u, v, *rest), None if open_water else room, low, spacing)
+        over = ((y, x, v, u, *rest), upright[1], low[::-1], spacing[::-1])
+        over = jax.tree.map(lambda leaf: leaf.T, over)
+        both = jax.tree.map(lambda *two: jnp.stack(two), upright, over)
+        times, broken = jax.lax.map(lambda one: timed(*one), both)
         return cls(low, spacing, x, y, clear, times, broken, source, sink)
 
     def looked_up(self, plane: jax.Array, x: jax.Array, y: jax.Array) -> jax.Array:
@@ -279,15 +282,17 @@ class _Grid:
         Sweeps to and fro along both indices: one sweep follows every path as far as it advances along its
         index (fast sweeping, Zhao 2005, with moves in place of an upwind scheme).
         """
-        along, across = self.times
-        cells = along.shape[0]
-        fields = jnp.full((2, cells, cells), jnp.inf, along.dtype)
+        cells = self.times.shape[1]
+        fields = jnp.full((2, cells, cells), jnp.inf, self.times.dtype)
         fields = fields.at[0, *self.source].set(0.0).at[1, *self.sink].set(0.0)
+
+        def along(fields: jax.Array, times: jax.Array) -> tuple[jax.Array, None]:
+            """Sweep along the first index, and turn the grid over."""
+            return _swept(fields, times).transpose(2, 1, 0), None
 
         def round_(carry: tuple[jax.Array, jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array, jax.Array]:
             fields, _, count = carry
-            new = _swept(fields.swapaxes(0, 1), along)
-            new = _swept(new.transpose(2, 1, 0), across).transpose(1, 2, 0)
+            new = jax.lax.scan(along, fields.swapaxes(0, 1), self.times)[0].swapaxes(0, 1)
             changed = new < fields * (1.0 - _SETTLED)
             # Cells that are farther from an end than the other end is lie on no path that matters.
             best = jnp.minimum(new[0][self.sink], new[1][self.source]) * (1.0 + _SLOWER)
@@ -299,54 +304,58 @@ class _Grid:
 
     def traced(self, count: int) -> _Traced:
         """The best paths through `count` passages."""
-        ahead, back = self.fields()
-        total = ahead + back
-        before, broken_before = self._previous(ahead, 0, self.source)
-        after, broken_after = self._previous(back, 1, self.sink)
-        sides = _sides(total, total[self.source], (before, after))
+        fields = self.fields()
+        total = fields[0] + fields[1]
+        nearer, broken = self._previous(jnp.stack(fields))
+        sides = _sides(total, total[self.source], nearer)
         chosen, times = _firsts(total, sides, count)
-        steps = 3 * total.shape[0]
-        to_start, to_goal = _walk(chosen, before, steps), _walk(chosen, after, steps)
-        route = jnp.concatenate([to_start[::-1], to_goal[1:]]).T
-        broken = jnp.maximum(broken_before[to_start].max(axis=0), broken_after[to_goal].max(axis=0))
+        walks = jax.lax.map(lambda towards: _walk(chosen, towards, 3 * total.shape[0]), nearer)
+        route = jnp.concatenate([walks[0, ::-1], walks[1, 1:]]).T
+        most = jnp.maximum(broken[0][walks[0]].max(axis=0), broken[1][walks[1]].max(axis=0))
         x, y, clear = (plane.reshape(-1)[route] for plane in (self.x, self.y, self.clear))
-        return _Traced(x, y, clear, times, broken)
+        return _Traced(x, y, clear, times, most)
 
-    def _previous(
-        self, field: jax.Array, lane: int, source: tuple[jax.Array, jax.Array]
-    ) -> tuple[jax.Array, jax.Array]:
-        """[N * N] flat index of the cell next to each on the best way to the source, which is next to itself,
-        and what of `broken` the move to it has."""
-        cells = field.shape[0]
+    def _previous(self, fields: jax.Array) -> tuple[jax.Array, jax.Array]:
+        """[2, N * N] flat index of the cell next to each on the best way to the start and to the goal, which
+        are next to themselves, and what of `broken` the moves to them have.
 
-        def closer(carry: tuple, move: tuple) -> tuple[tuple, None]:
-            (a, b), forth, opposite, stop, step = move
-            ways = jax.lax.optimization_barrier(
-                (
-                    (_shifted(field, a, b, jnp.inf) + forth, stop, step),
-                    (_shifted(field + opposite, -a, -b, jnp.inf), _shifted(stop, -a, -b, 0.0), -step),
+        Args:
+            fields: [2, N, N] s, from the start and to the goal.
+        """
+        cells = fields.shape[1]
+        # Moves along both indices in one row: steps [18, 2], times [18, 2, N, N] and what they break.
+        upright = np.array(MOVES)
+        moves = np.concatenate([upright, upright[:, ::-1]])
+        times = jnp.concatenate([self.times[0].transpose(1, 2, 0, 3), self.times[1].transpose(1, 2, 3, 0)])
+        stops = jnp.concatenate([self.broken[0].swapaxes(0, 1), self.broken[1].transpose(1, 2, 0)])
+        steps = jnp.asarray(moves @ (cells, 1), jnp.int32)
+
+        def towards(lane: tuple[jax.Array, ...]) -> tuple[jax.Array, jax.Array]:
+            field, own, end = lane
+
+            def closer(carry: tuple, move: tuple) -> tuple[tuple, None]:
+                (a, b), pair, stop, step = move
+                forth, opposite = pair[own], pair[1 - own]
+                ways = jax.lax.optimization_barrier(
+                    (
+                        (_shifted(field, a, b, jnp.inf) + forth, stop, step),
+                        (_shifted(field + opposite, -a, -b, jnp.inf), _shifted(stop, -a, -b, 0.0), -step),
+                    )
                 )
-            )
-            best, back, broken = carry
-            for time, stopped, way in ways:
-                better = time < best
-                best = jnp.where(better, time, best)
-                back, broken = jnp.where(better, way, back), jnp.where(better, stopped, broken)
-            return (best, back, broken), None
+                best, back, broken = carry
+                for time, stopped, way in ways:
+                    better = time < best
+                    best = jnp.where(better, time, best)
+                    back, broken = jnp.where(better, way, back), jnp.where(better, stopped, broken)
+                return (best, back, broken), None
 
-        carry = jnp.full_like(field, jnp.inf), jnp.zeros(field.shape, jnp.int32), jnp.zeros_like(field)
-        for turned in (False, True):
-            moves = np.array(MOVES)[:, :: -1 if turned else 1]
-            times = self.times[turned].transpose((2, 1, 3, 0) if turned else (2, 1, 0, 3))
-            order = (1, 2, 0) if turned else (1, 0, 2)
-            stops = self.broken[turned].transpose(order)
-            steps = jnp.asarray(moves @ (cells, 1), jnp.int32)
-            carry, _ = jax.lax.scan(
-                closer, carry, (jnp.asarray(moves), times[lane], times[1 - lane], stops, steps)
-            )
-        _, back, broken = carry
-        back, broken = back.at[source].set(0), broken.at[source].set(0.0)
-        return jnp.arange(field.size) - back.reshape(-1), broken.reshape(-1)
+            carry = jnp.full_like(field, jnp.inf), jnp.zeros(field.shape, jnp.int32), jnp.zeros_like(field)
+            _, back, broken = jax.lax.scan(closer, carry, (jnp.asarray(moves), times, stops, steps))[0]
+            back, broken = back.reshape(-1).at[end].set(0), broken.reshape(-1).at[end].set(0.0)
+            return jnp.arange(field.size) - back, broken
+
+        ends = jnp.stack([row * cells + column for row, column in (self.source, self.sink)])
+        return jax.lax.map(towards, (fields, jnp.arange(2), ends))
 
 
 def _clearance(
@@ -400,6 +409,7 @@ def _move_times(
     room: jax.Array | None,
     low: jax.Array,
     spacing: jax.Array,
+    toll: jax.Array,
     vehicle: Vehicle,
     config: PathConfig,
 ) -> tuple[jax.Array, jax.Array]:
@@ -410,6 +420,7 @@ def _move_times(
             a sea bed, excess where it is too shallow.
         room: [3 N, 3 N] m, clearance at the probes; None where there is nothing to keep clear of but the box.
         low, spacing: [2] m, of the grid.
+        toll: s, for a move that comes too near to something.
         vehicle: speed and limits.
         config: static settings.
     """
@@ -448,14 +459,16 @@ def _move_times(
             crossed = [began(*back)[-1] for back in passed_by]
             excess = excess + reduce(jnp.maximum, crossed, plane)
         pair, over = [], over_track / vehicle.sway_max - 1.0
+        blocked = lowest < -_SLIGHT * cell
+        fee = jnp.where(blocked, toll, 0.0)
         for sign in (1.0, -1.0):
             ground, shortfall = along_track(
                 config.speed_reading, vehicle.speed, sign * with_track, over_track
             )
             excess_so = excess + jnp.maximum(ground / vehicle.surge_max - 1.0, 0.0) + shortfall
             dear = 1.0 + _DETERRENT * excess_so + config.uncertain_price * 0.5 * (risk + risk0)
-            pair.append(jnp.where(inside > 0.0, length / ground * dear, jnp.inf))
-        broken = jnp.where(lowest < -_SLIGHT * cell, 2.0, jnp.where(over > _SLIGHT, 1.0, 0.0))
+            pair.append(jnp.where(inside > 0.0, length / ground * dear + fee, jnp.inf))
+        broken = jnp.where(blocked, 2.0, jnp.where(over > _SLIGHT, 1.0, 0.0))
         return None, (*pair, broken)
 
     moves = np.array(MOVES)
@@ -531,26 +544,33 @@ def _swept(fields: jax.Array, times: jax.Array) -> jax.Array:
     return jax.lax.scan(back, nothing, (fields, times), reverse=True)[1]
 
 
-def _sides(total: jax.Array, best: jax.Array, previous: tuple[jax.Array, jax.Array]) -> jax.Array:
+def _sides(total: jax.Array, best: jax.Array, nearer: jax.Array) -> jax.Array:
     """[N * N], a number that tells on which sides the best path through each cell passes the hills.
 
     A path that crosses the line from a hill towards greater first indices counts so many for the hill, and
     the opposite where it crosses the other way; the number is the sum. Two paths that can be turned into each
     other without being drawn over a hill have the same number.
+
+    Args:
+        total: [N, N] s, of the best path through each cell.
+        best: s, of the best of all.
+        nearer: [2, N * N] as `_Grid._previous` finds it.
     """
     hills = _hills(total, best)
     width = total.shape[1]
     weights = np.random.default_rng(0).integers(1, 2**30, _HILLS).astype(np.int32)
-    sides = jnp.zeros(total.size, jnp.int32)
     here = jnp.arange(total.size)
     lines = hills // width, hills % width, jnp.asarray(weights)
-    for sign, nearer in zip((-1, 1), previous, strict=True):
+    doublings = int(np.ceil(np.log2(4 * width)))
+
+    def half(nearer: jax.Array) -> jax.Array:
+        """Of the half of the path on one side of the cell, as it leads away from it."""
         (i, j), (i1, j1) = divmod(here, width), divmod(nearer, width)
         number, _ = jax.lax.scan(partial(_crossed, moves=(i, j, i1, j1)), jnp.zeros_like(here), lines)
-        doublings = int(np.ceil(np.log2(4 * width)))
-        number, _ = jax.lax.fori_loop(0, doublings, _followed, (number, nearer))
-        sides = sides + sign * number
-    return sides
+        return jax.lax.fori_loop(0, doublings, _followed, (number, nearer))[0]
+
+    to_start, to_goal = jax.lax.map(half, nearer)
+    return to_goal - to_start
 
 
 def _crossed(

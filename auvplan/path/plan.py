@@ -1,8 +1,10 @@
 """What the path planner returns."""
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
 from datetime import datetime
 from functools import cached_property
+from typing import Any
 
 import jax
 import numpy as np
@@ -184,7 +186,9 @@ class PathPlans:
     """B plans; `plans[b]` is a `PathPlan`.
 
     Attributes: as in `PathPlan`, with a leading axis B; `violations` is [B, V], `excess` [B, V, S - 1],
-        `water` [B, S - 1, 3].
+        `water` [B, S - 1, 3]. A leg that was planned with more samples than the others (`PathConfig.finer`)
+        has all of them in `plans[b]` alone; arrays hold what they are like at the samples of the others.
+        finer: fields of such legs, by leg.
     """
 
     travel_time: Array
@@ -202,6 +206,7 @@ class PathPlans:
     water: Array
     closed: Array
     conditions: Conditions = field(repr=False)
+    finer: Mapping[int, dict[str, Any]] = field(default_factory=dict, repr=False)
 
     def __len__(self) -> int:
         return len(self.travel_time)
@@ -212,23 +217,18 @@ class PathPlans:
         return self.violations.sum(axis=1) == 0.0
 
     def __getitem__(self, b: int) -> PathPlan:
-        return PathPlan(
-            float(self.travel_time[b]),
-            float(self.length[b]),
-            self.positions[b],
-            self.times[b],
-            self.control_points[b],
-            self.violations[b],
-            float(self.clearance[b]),
-            float(self.altitude[b]),
-            float(self.cost[b]),
-            self.population[b],
-            jax.tree.map(lambda a: a[b], self.history),
-            self.excess[b],
-            self.water[b],
-            self.conditions if self.conditions.leg is None else replace(self.conditions, leg=b),
-            float(self.closed[b]),
-        )
+        b = range(len(self))[b]
+        own = self.finer.get(b)
+        if own is None:
+            own = {name: jax.tree.map(lambda a: a[b], getattr(self, name)) for name in _FIELDS}
+        numbers = {name: float(own[name]) for name in _NUMBERS}
+        conditions = self.conditions if self.conditions.leg is None else replace(self.conditions, leg=b)
+        return PathPlan(**own | numbers, conditions=conditions)
 
     def __iter__(self):
         return (self[b] for b in range(len(self)))
+
+
+#: Fields of a plan that a batch has an array of, and those of them that are numbers.
+_FIELDS = tuple(part.name for part in fields(PathPlan) if part.name != "conditions")
+_NUMBERS = ("travel_time", "length", "clearance", "altitude", "cost", "closed")

@@ -12,14 +12,15 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from auvplan.compiled import compiled
+from auvplan.compiled import compiled_fast
 from auvplan.ocean.environment import Environment
 from auvplan.path import habitats
 from auvplan.path.config import PathConfig
 from auvplan.path.ends import check_ends
 from auvplan.path.plan import PathPlan, PathPlans
-from auvplan.path.planner import World, plan_finely, search_leg, split, world_of
+from auvplan.path.planner import plan_finely
 from auvplan.path.sensitivity import Conditions
+from auvplan.path.stages import Legs, search_legs, split, world_of
 from auvplan.rows import over_rows
 from auvplan.vehicle import Vehicle
 
@@ -93,12 +94,12 @@ def replan_paths(
     populations = np.stack([plan.population for plan in plans])
     world, shared = split(env, world_per_leg)
     conditions = Conditions(env, vehicle or Vehicle(), config, 0 if world_per_leg else None)
-    program = partial(_replan, shared=shared, vehicle=conditions.vehicle, config=config.replace(finer=1))
-    rows = keys, populations, starts, goals, np.asarray(reached), position, np.asarray(now, float), world
-    found = over_rows(program, *rows)
-    legs = keys, position, goals, np.asarray(now, float)
-    found = plan_finely(found, legs, world, shared, conditions.vehicle, config.window())
-    return PathPlans(**found, conditions=conditions)
+    problem = {"shared": shared, "vehicle": conditions.vehicle}
+    posed = Legs(position, goals, np.asarray(now, float), world)
+    program = partial(_search_on, **problem, config=config)
+    found = over_rows(program, keys, populations, starts, np.asarray(reached), posed)
+    found, finer = plan_finely(found, keys, posed, **problem, config=config, window=True)
+    return PathPlans(**found, conditions=conditions, finer=finer)
 
 
 def progress(plan: PathPlan, position: np.ndarray) -> float:
@@ -107,41 +108,47 @@ def progress(plan: PathPlan, position: np.ndarray) -> float:
     return min(nearest / (len(plan.positions) - 1), 0.999)
 
 
-@partial(compiled, static_argnames=("config",))
-def _replan(
+def _search_on(
     keys: jax.Array,
     populations: jax.Array,
     starts: jax.Array,
-    goals: jax.Array,
     reached: jax.Array,
-    positions: jax.Array,
-    now: jax.Array,
-    worlds: World,
+    legs: Legs,
     shared: Environment,
     vehicle: Vehicle,
     config: PathConfig,
 ) -> dict[str, Any]:
-    """The fields of `PathPlans` by name."""
+    """The fields of `PathPlans` by name, searched for from populations kept of paths from other starts."""
+    keeping = config.only("start_shape", "width", "depth_width")
     fresh = round(config.fresh_share * config.bbo.population)
+    kept, keys = _kept(keys, populations, starts, reached, legs, shared, config=keeping, fresh=fresh)
+    return search_legs(keys, legs, kept, shared, vehicle, config, window=True)
+
+
+@partial(compiled_fast, static_argnames=("config", "fresh"))
+def _kept(
+    keys: jax.Array,
+    populations: jax.Array,
+    starts: jax.Array,
+    reached: jax.Array,
+    legs: Legs,
+    shared: Environment,
+    config: PathConfig,
+    fresh: int,
+) -> tuple[jax.Array, jax.Array]:
+    """Populations [B, P, 3 n] m carried over to where the vehicles are, and keys to search with."""
 
     def one(
-        key: jax.Array,
-        population: jax.Array,
-        start: jax.Array,
-        goal: jax.Array,
-        reached: jax.Array,
-        position: jax.Array,
-        now: jax.Array,
-        own: World,
-    ) -> dict[str, Any]:
-        world = world_of(own, shared)
+        key: jax.Array, population: jax.Array, start: jax.Array, reached: jax.Array, leg: Legs
+    ) -> tuple[jax.Array, jax.Array]:
         fresh_key, search_key = jax.random.split(key)
-        kept = habitats.transfer(population, start, goal, reached, position, config)
+        kept = habitats.transfer(population, start, leg.goal, reached, leg.start, config)
         if fresh:
             # The worst of the kept ones make room for new detours: an obstacle may have closed the passage.
-            lower, upper = habitats.bounds(position, goal, world, config)
-            new = habitats.initial(fresh_key, fresh, position, goal, lower, upper, config, world)
+            world = world_of(leg.own, shared)
+            lower, upper = habitats.bounds(leg.start, leg.goal, world, config)
+            new = habitats.initial(fresh_key, fresh, leg.start, leg.goal, lower, upper, config, world)
             kept = jnp.concatenate([kept[: kept.shape[0] - fresh], new])
-        return search_leg(search_key, position, goal, now, world, vehicle, kept, config.window())
+        return kept, search_key
 
-    return jax.vmap(one)(keys, populations, starts, goals, reached, positions, now, worlds)
+    return jax.vmap(one)(keys, populations, starts, reached, legs)

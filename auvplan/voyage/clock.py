@@ -1,32 +1,36 @@
 """Honest clocks for planning calls."""
 
 import time
-from collections.abc import Callable, Hashable
+from collections.abc import Callable
 from typing import Any
 
 import jax
 
+from auvplan.compiled import compilations
+
 
 class Clock:
-    """Times calls with compilation apart: a call of a new signature is made twice, the second one timed.
+    """Times calls with compilation apart: a call that compiled something is made again, and that one timed.
 
     Attributes:
-        compile_seconds: s of all first calls.
+        compile_seconds: s of all calls that compiled something.
     """
-
-    _seen: set[Hashable] = set()  # noqa: RUF012 - compiled code is shared by all voyages of the process
 
     def __init__(self) -> None:
         self.compile_seconds = 0.0
 
-    def time(self, signature: Hashable, call: Callable[[], Any]) -> tuple[Any, float]:
+    def time(self, call: Callable[[], Any]) -> tuple[Any, float]:
         """The call's result and its wall-clock seconds, free of compilation."""
-        if signature not in self._seen:
-            begin = time.perf_counter()
-            jax.block_until_ready(call())
-            self.compile_seconds += time.perf_counter() - begin
-            self._seen.add(signature)
-        begin = time.perf_counter()
-        result = call()
-        jax.block_until_ready(result)
-        return result, time.perf_counter() - begin
+        before = compilations()
+        result, seconds = _timed(call)
+        if compilations() == before:
+            return result, seconds
+        self.compile_seconds += seconds
+        return _timed(call)
+
+
+def _timed(call: Callable[[], Any]) -> tuple[Any, float]:
+    begin = time.perf_counter()
+    result = call()
+    jax.block_until_ready(result)
+    return result, time.perf_counter() - begin

@@ -1,6 +1,6 @@
 """When to leave: one mission or one leg planned at many departures, each in the sea as it is then."""
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from datetime import timedelta
@@ -165,7 +165,7 @@ def moment_name(site: Site | None, seconds: float) -> str:
 class _Stopwatch(Clock):
     """Times calls without making any of them twice: compilation is no matter here."""
 
-    def time(self, signature: Hashable, call: Callable[[], Any]) -> tuple[Any, float]:
+    def time(self, call: Callable[[], Any]) -> tuple[Any, float]:
         return call(), 0.0
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from auvplan.mission import MissionConfig, MissionGraph, MissionOrder, plan_missions
 from auvplan.mission.graph import shortest_way
-from auvplan.mission.travel_times import TravelTimeConfig, programs
+from auvplan.mission.travel_times import TravelTimeConfig
 from auvplan.path import PathConfig
 from auvplan.voyage.fleet import Fleet, Mission
 from auvplan.voyage.records import OrderRecord
@@ -45,16 +45,7 @@ def _timed(fleet: Fleet, mission: Mission) -> tuple[MissionGraph, float]:
     """The timed graph and the wall-clock seconds that took, free of compilation."""
     env = fleet.environment(mission.sea.told())
     config = effort(fleet.path_config)
-    while True:
-        # Which programs are needed shows only as blocked edges turn up.
-        compiled = programs()
-        timed, seconds = fleet.clock.time(
-            ("travel times",),
-            lambda: mission.graph.with_travel_times(env, fleet.vehicle, mission.now, config),
-        )
-        if programs() == compiled:
-            return timed, seconds
-        fleet.clock.compile_seconds += seconds
+    return fleet.clock.time(lambda: mission.graph.with_travel_times(env, fleet.vehicle, mission.now, config))
 
 
 @dataclass(frozen=True)
@@ -166,7 +157,6 @@ def _plan_orders(
     left = [mission.run.t_available - mission.now - reserve for mission in missions]
     populations = np.stack([mission.last_order.population for mission in missions]) if kept else None
     orders, seconds = fleet.clock.time(
-        ("mission", missions[0].graph.size, config),
         partial(
             plan_missions,
             MissionGraph.stack(mission.timed for mission in missions),

@@ -9,7 +9,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from auvplan.ocean.currents import divided
 from auvplan.ocean.environment import Environment
 from auvplan.path import PathPlan, PathPlans, plan_paths, replan_paths
 from auvplan.voyage.belief import as_obstacles
@@ -34,12 +33,7 @@ def plan_legs(
     env = believed(fleet, missions)
     if not growing:
         env = replace(env, obstacles=replace(env.obstacles, growth=0.0 * env.obstacles.growth))
-    # What a compiled program is made for: the settings and the shapes of the world.
-    shared, own = divided(env.current)
-    shapes = [leaf.shape[1:] for leaf in jax.tree.leaves((own, env.obstacles))]
-    shapes += [leaf.shape for leaf in jax.tree.leaves((shared, fleet.waters.seabed))]
-    signature = ("path", cold, fleet.path_config, *shapes, fleet.chart and fleet.chart.shape)
-    plans, seconds = fleet.clock.time(signature, partial(_call, fleet, missions, env, keys, cold))
+    plans, seconds = fleet.clock.time(partial(_call, fleet, missions, env, keys, cold))
     for mission, plan, cause in zip(missions, plans, causes, strict=True):
         _follow(mission, plan, cause, seconds / len(missions))
 

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import auvplan as ap
+from auvplan.compiled import compilations
 from auvplan.mission import MissionGraph
-from auvplan.mission.travel_times import TravelTimeConfig, programs
+from auvplan.mission.travel_times import TravelTimeConfig
 from auvplan.ocean.currents import UniformCurrent
 from auvplan.ocean.seabed import Seabed
 
@@ -129,11 +130,11 @@ def test_bending_to_the_current_only_shortens_and_comes_near_the_planned_path() 
 def test_a_later_call_compiles_nothing_and_repeats_itself() -> None:
     box = BOX | {"upper": (3000.0, 3000.0, 40.0)}
     first = compass().with_travel_times(ap.Environment(vortices(2), **box))
-    compiled = programs()
+    compiled = compilations()
     again = compass().with_travel_times(ap.Environment(vortices(2), **box))
     smaller = compass(700.0).without_edges([(0, 1), (2, 3)])
     smaller.with_travel_times(ap.Environment(vortices(3), **box), ap.Vehicle(speed=2.0), depart=600.0)
-    assert programs() == compiled
+    assert compilations() == compiled
     np.testing.assert_array_equal(first.travel_time, again.travel_time)
 
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import auvplan as ap
+from auvplan.compiled import compilations
 from auvplan.io.currents import open_ocean, read_current
 from auvplan.ocean import FunctionCurrent, GriddedCurrent
-from auvplan.path import planner
 from auvplan.site import Site
 
 START, GOAL = np.array([400.0, 500.0, 10.0]), np.array([3500.0, 3200.0, 30.0])
@@ -94,9 +94,9 @@ def test_pacing_the_search_loses_next_to_nothing(tide):
 
 def test_the_plan_of_another_hour_and_field_compiles_nothing(tide):
     plan(tide)
-    compiled = planner._plan._cache_size()
+    compiled = compilations()
     turned = plan(sampled(-np.cos(2.0 * np.pi * HOURS / 12.42)), seed=1, depart=3600.0)
-    assert planner._plan._cache_size() == compiled
+    assert compilations() == compiled
     assert turned.feasible
 
 

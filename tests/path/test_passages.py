@@ -22,18 +22,18 @@ traced = jax.jit(passages.trace_passages, static_argnums=(5, 6))
 
 def grid_with(times):
     """A grid of given times of moves from (1, 2) to (6, 4)."""
-    cells = times[0].shape[0]
+    cells = times.shape[1]
     nothing, zero = jnp.zeros((cells, cells)), jnp.zeros(2)
     ends = ((jnp.array(1), jnp.array(2)), (jnp.array(6), jnp.array(4)))
-    broken = tuple(jnp.zeros((cells, len(passages.MOVES), cells)) for _ in range(2))
+    broken = jnp.zeros((2, cells, len(passages.MOVES), cells))
     return passages._Grid(zero, zero, nothing, nothing, nothing, times, broken, *ends)
 
 
 def naive(times):
     """All moves of such a grid as a sparse matrix, from cell to cell."""
-    cells = times[0].shape[0]
+    cells = times.shape[1]
     tails, heads, lengths = [], [], []
-    for turned, table in enumerate(np.asarray(part) for part in times):
+    for turned, table in enumerate(np.asarray(times)):
         for i, k, j in np.ndindex(cells, len(passages.MOVES), cells):
             a, b = passages.MOVES[k]
             if i < a or not 0 <= j - b < cells:
@@ -55,8 +55,7 @@ def naive(times):
 def test_fields_are_shortest_times(monkeypatch):
     monkeypatch.setattr(passages, "_SLOWER", 1e6)  # every cell counts, however slow the way through it
     rng = np.random.default_rng(0)
-    shape = (9, len(passages.MOVES), 2, 9)
-    times = tuple(jnp.asarray(rng.uniform(1.0, 10.0, shape)) for _ in range(2))
+    times = jnp.asarray(rng.uniform(1.0, 10.0, (2, 9, len(passages.MOVES), 2, 9)))
     ahead, back = grid_with(times).fields()
     graph = naive(times)
     np.testing.assert_allclose(ahead.ravel(), dijkstra(graph, indices=1 * 9 + 2), rtol=1e-4)
@@ -65,10 +64,10 @@ def test_fields_are_shortest_times(monkeypatch):
 
 def test_chains_lead_back_along_shortest_ways():
     rng = np.random.default_rng(1)
-    times = tuple(jnp.asarray(rng.uniform(1.0, 10.0, (9, len(passages.MOVES), 2, 9))) for _ in range(2))
+    times = jnp.asarray(rng.uniform(1.0, 10.0, (2, 9, len(passages.MOVES), 2, 9)))
     grid, graph = grid_with(times), naive(times).toarray()
-    ahead, _ = grid.fields()
-    previous, _ = grid._previous(ahead, 0, grid.source)
+    ahead, back = grid.fields()
+    previous = np.asarray(grid._previous(jnp.stack([ahead, back]))[0])[0]
     cell = 6 * 9 + 4
     elapsed = 0.0
     while cell != 1 * 9 + 2:

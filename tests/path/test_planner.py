@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import auvplan as ap
-from auvplan.path import planner, replanner
+from auvplan.compiled import compilations
 from tests.path.worlds import GOAL, LOWER, START, UPPER, world
 
 CONFIG = ap.PathConfig(
@@ -53,11 +53,11 @@ def test_plan_is_feasible_and_truly_clear():
 def test_same_key_same_plan_and_second_call_compiles_nothing():
     env = world()
     first = ap.plan_path(START, GOAL, env, key=jax.random.key(1), config=CONFIG)
-    compiled = planner._plan._cache_size()
+    compiled = compilations()
     again = ap.plan_path(START, GOAL, env, key=jax.random.key(1), config=CONFIG)
     np.testing.assert_array_equal(first.positions, again.positions)
     other = ap.plan_path(START + 50.0, GOAL - 50.0, env, key=jax.random.key(2), config=CONFIG, depart=60.0)
-    assert planner._plan._cache_size() == compiled
+    assert compilations() == compiled
     assert not np.array_equal(first.positions, other.positions)
 
 
@@ -140,9 +140,9 @@ def test_replanning_starts_at_the_vehicle_and_keeps_the_quality():
     assert (
         len(rest.history.best) == CONFIG.window().bbo.iterations + 2
     )  # the start, the windows' share, the polish
-    compiled = replanner._replan._cache_size()
+    compiled = compilations()
     ap.replan_path(rest, rest.positions[20], float(rest.times[20]), env, key=jax.random.key(2), config=CONFIG)
-    assert replanner._replan._cache_size() == compiled
+    assert compilations() == compiled
 
 
 def test_given_population_is_used():
@@ -245,15 +245,25 @@ def test_winding_ways_are_planned_with_more_control_points():
     keys = jax.random.split(jax.random.key(0), 2)
     plans = ap.plan_paths(starts, goals, env, key=keys, config=few.replace(finer=3))
     alone = ap.plan_paths(starts, goals, env, key=keys, config=few)
-    assert plans.positions.shape[1] == 3 * 39 + 1
     assert plans.feasible.all()
     assert not alone[0].feasible or plans[0].travel_time < alone[0].travel_time
-    assert plans[1].travel_time == alone[1].travel_time  # nothing was wanting: the same path in more parts
-    np.testing.assert_array_equal(plans[1].positions[::3], alone[1].positions)
-    np.testing.assert_allclose(plans[1].times[::3], alone[1].times)
+    # Nothing was wanting of the second leg: it is the same path, whatever its neighbours are.
+    assert list(plans.finer) == [0]
+    for one, other in zip(jax.tree.leaves(vars(plans[1])), jax.tree.leaves(vars(alone[1])), strict=True):
+        if isinstance(one, np.ndarray):
+            np.testing.assert_array_equal(one, other)
+    fine = plans[0]
+    assert (len(fine.times), len(fine.control_points)) == (3 * 39 + 1, 3 * 3 + 2)
+    # Arrays of the batch show the finer path at every third sample.
+    np.testing.assert_array_equal(plans.positions[0], fine.positions[::3])
+    np.testing.assert_array_equal(plans.times[0], fine.times[::3])
+    assert plans.travel_time[0] == fine.travel_time
     for plan in plans:
-        assert plan.control_points.shape == (5, 3)
         assert plan.population.shape == alone[0].population.shape
-        assert plan.excess.shape[1] == len(plan.times) - 1
+        assert plan.excess.shape[1] == len(plan.water) == len(plan.times) - 1
         points, _ = dense(plan)
         assert np.asarray(env.chart.is_water(points[:, 0], points[:, 1])).all()
+    here, now = fine.positions[40], float(fine.times[40])
+    rest = ap.replan_path(fine, here, now, env, key=keys[0], config=few.replace(finer=3))
+    assert rest.feasible
+    assert rest.travel_time <= 1.02 * (fine.times[-1] - now)

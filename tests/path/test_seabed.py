@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import auvplan as ap
+from auvplan.compiled import compilations
 from auvplan.ocean.seabed import Seabed
-from auvplan.path import VIOLATIONS, habitats, planner
+from auvplan.path import VIOLATIONS, habitats
 from auvplan.path import cost as kernel
 from auvplan.path.clearance import bed_altitude
 from auvplan.path.cost import ALTITUDE_SCALE, Track, curves, fly
@@ -108,7 +109,7 @@ def test_batched_legs_equal_single_ones_and_later_calls_compile_nothing():
     starts, goals = np.array([START, (300.0, 500.0, 40.0)]), np.array([GOAL, (2500.0, 1500.0, 60.0)])
     keys = jax.random.split(jax.random.key(3), 2)
     together = ap.plan_paths(starts, goals, env, key=keys, config=CONFIG)
-    compiled = planner._plan._cache_size()
+    compiled = compilations()
     for b in range(2):
         alone = ap.plan_paths(
             starts[b : b + 1],
@@ -120,7 +121,7 @@ def test_batched_legs_equal_single_ones_and_later_calls_compile_nothing():
         if not b:
             assert alone.travel_time == pytest.approx(together[b].travel_time, rel=1e-5)
             assert alone.altitude == pytest.approx(together[b].altitude, abs=1e-2)
-    assert planner._plan._cache_size() == compiled
+    assert compilations() == compiled
 
 
 def test_a_vehicle_under_way_is_planned_anew_over_the_bank():

@@ -5,10 +5,8 @@ import numpy as np
 import pytest
 
 import auvplan as ap
+from auvplan.compiled import compilations
 from auvplan.io.waters import load_waters
-from auvplan.mission import evolution
-from auvplan.mission.travel_times import programs
-from auvplan.path import planner, replanner
 from auvplan.voyage import ScenarioError, sail_missions, seed_keys
 from auvplan.voyage.scenario import Scenario
 from auvplan.voyage.simulator import TIME_STEP
@@ -107,12 +105,6 @@ def test_windows_plan_anew_always_never_or_where_the_sea_changed():
 
     every, changed, none = windows(window_change=0.0), windows(), windows(window_change=1e6)
     assert every > changed >= none
-
-
-def compilations() -> list[int]:
-    """Programs compiled so far of each planner."""
-    planners = (planner._plan, replanner._replan, evolution.search_missions)
-    return [programs(), *(compiled._cache_size() for compiled in planners)]
 
 
 def test_same_key_same_mission_and_the_second_one_compiles_nothing():

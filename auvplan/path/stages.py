@@ -1,0 +1,363 @@
+"""The search for paths between two points, as a few compiled programs one after the other (section 3.2).
+
+Each program depends on no more settings and shapes than it uses. So a first plan and those that replace it on
+the way share all of them, and the costly part of each, the kernel with its gradient, is compiled once.
+"""
+
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from auvplan.bbo import search
+from auvplan.bbo.refine import descend
+from auvplan.compiled import compiled, compiled_fast
+from auvplan.ocean.currents import Current, divided, is_gradual, united
+from auvplan.ocean.environment import Environment
+from auvplan.ocean.obstacles import Obstacles
+from auvplan.path import habitats
+from auvplan.path.clearance import FAR
+from auvplan.path.config import PathConfig
+from auvplan.path.cost import VIOLATIONS, Flight, curves, fly, guide, score, violations
+from auvplan.path.kinematics import PacedCurrent, norm
+from auvplan.path.passages import trace_passages
+from auvplan.path.scaling import factor_of, scaled
+from auvplan.vehicle import Vehicle
+
+#: Current (or None, where all of it is shared) and obstacles; None where the legs share both.
+World = tuple[Current | None, Obstacles] | None
+
+#: Paths of a leg are taken to make at least this share of the speed through the water over ground.
+_SLOWEST = 0.3
+
+
+def split(env: Environment, world_per_leg: bool) -> tuple[World, Environment]:
+    """What differs by leg, and what is the same for all."""
+    if not world_per_leg:
+        return None, env
+    current, own = divided(env.current)
+    return (own, env.obstacles), replace(env, current=current, obstacles=None)
+
+
+def world_of(own: World, shared: Environment) -> Environment:
+    """The world of one leg, obstacles resolved."""
+    if own is None:
+        current, obstacles = shared.current, shared.obstacles
+    else:
+        current, obstacles = united(shared.current, own[0]), own[1]
+    resolved = obstacles.resolved(current)
+    return Environment(current, shared.chart, resolved, shared.lower, shared.upper, shared.seabed)
+
+
+@partial(jax.tree_util.register_dataclass, data_fields=("start", "goal", "depart", "own"), meta_fields=())
+@dataclass(frozen=True)
+class Legs:
+    """B legs that paths are searched for.
+
+    Attributes:
+        start, goal: [B, 3] m.
+        depart: [B] s since the epoch.
+        own: what of the world differs by leg.
+    """
+
+    start: Any
+    goal: Any
+    depart: Any
+    own: World
+
+
+def search_legs(
+    keys: jax.Array,
+    legs: Legs,
+    population: Any,
+    shared: Environment,
+    vehicle: Vehicle,
+    config: PathConfig,
+    window: bool = False,
+) -> dict[str, Any]:
+    """Search for the paths of B legs: the fields of `PathPlans` by name, and `wanting`.
+
+    Args:
+        keys: [B] PRNG keys, consumed.
+        legs: B legs.
+        population: [B, P, 3 n] m, habitats to start from, or None.
+        shared: what of the world is the same for all legs.
+        vehicle: speed and limits.
+        config: settings.
+        window: whether to make the effort of one window alone (`PathConfig.window`).
+
+    Returns:
+        Arrays with a leading axis B. `wanting` tells that fields know a path that breaks no limit, and that
+        the one found is slower or breaks one.
+    """
+    effort = config.window() if window else config
+    world: dict[str, Any] = {"legs": legs, "shared": shared, "vehicle": vehicle}
+    cost: dict[str, Any] = world | {"config": config.only()}
+    found = None
+    if config.passages:
+        found = _trace(**world, config=config.only("field_cells"), count=config.passages)
+    fresh = config.only("start_shape", "width", "depth_width")
+    size = config.bbo.population
+    begun = _begin(keys, population, found, **world, config=fresh, size=size, count=effort.passages)
+    population, bounds = np.asarray(begun["population"]), (begun["lower"], begun["upper"], begun["pace"])
+
+    def descended(rows: np.ndarray, steps: int, step_size: float) -> list[np.ndarray]:
+        """Rows [B, R, 3 n] polished by gradients, their costs and violations [B, R], so many at a time."""
+        parts = []
+        for begin in range(0, rows.shape[1], config.refine_count):
+            part = rows[:, begin : begin + config.refine_count]
+            more = config.refine_count - part.shape[1]
+            padded = np.pad(part, ((0, 0), (0, more), (0, 0)), mode="edge")
+            better = _descend(padded, *bounds, np.int32(steps), np.float32(step_size), **cost)
+            parts.append([np.asarray(plane)[:, : part.shape[1]] for plane in better])
+        return [np.concatenate(planes, axis=1) for planes in zip(*parts, strict=True)]
+
+    if (count := effort.passages) and effort.passage_steps:
+        # All passages at first, then the better half of them: a few steps tell which ones lead nowhere.
+        first, step_size = effort.passage_steps // 3, config.refine_step_size
+        rows, costs, _ = descended(population[:, -count:], first, step_size)
+        rows = np.take_along_axis(rows, np.argsort(costs, axis=1, kind="stable")[:, :, None], axis=1)
+        half = -(-count // 2)
+        better = descended(rows[:, :half], effort.passage_steps - first, step_size)[0]
+        population = np.concatenate([population[:, :-count], better, rows[:, half:]], axis=1)
+
+    iterations = np.int32(effort.bbo.iterations)
+    state, history = _evolve(keys, population, *bounds, iterations, **world, config=config.only("bbo"))
+    polished = None
+    if effort.refine_steps:
+        elite = np.asarray(state.population)[:, : config.refine_count]
+        polished = descended(elite, effort.refine_steps, config.refine_step_size / 3.0)
+    plans, last = _finish(state, polished, None if found is None else found[2:], **cost)
+    plans, last, history = jax.device_get((plans, last, history))
+    history = jax.tree.map(lambda rows: rows[:, : iterations + 1], history)
+    if polished is not None:
+        history = jax.tree.map(lambda rows, end: np.concatenate([rows, end[:, None]], axis=1), history, last)
+    return plans | {"history": history}
+
+
+def _posed(
+    leg: Legs, shared: Environment, vehicle: Vehicle, config: PathConfig
+) -> tuple[tuple[jax.Array, jax.Array, jax.Array, Environment, Vehicle], PathConfig, jax.Array]:
+    """One leg as the search sees it: start, goal, departure, world and vehicle; settings; scaled by what."""
+    factor = factor_of(leg.start, leg.goal)
+    env, vehicle, config = scaled(world_of(leg.own, shared), vehicle, config, factor)
+    return (leg.start * factor, leg.goal * factor, leg.depart * factor, env, vehicle), config, factor
+
+
+@partial(compiled_fast, static_argnames=("config", "count"))
+def _trace(
+    legs: Legs, shared: Environment, vehicle: Vehicle, config: PathConfig, count: int
+) -> tuple[jax.Array, ...]:
+    """Paths through passages, as `trace_passages` returns them."""
+
+    def one(leg: Legs) -> tuple[jax.Array, ...]:
+        problem, own, _ = _posed(leg, shared, vehicle, config)
+        return trace_passages(*problem, count=count, config=own)
+
+    return jax.vmap(one)(legs)
+
+
+@partial(compiled_fast, static_argnames=("config", "size", "count"))
+def _begin(
+    keys: jax.Array,
+    populations: jax.Array | None,
+    found: tuple[jax.Array, ...] | None,
+    legs: Legs,
+    shared: Environment,
+    vehicle: Vehicle,
+    config: PathConfig,
+    size: int,
+    count: int,
+) -> dict[str, jax.Array | None]:
+    """Populations [B, size, 3 n] that hold the best `count` of the paths found, bounds and paces."""
+
+    def one(
+        key: jax.Array, population: jax.Array | None, found: tuple[jax.Array, ...] | None, leg: Legs
+    ) -> dict[str, jax.Array | None]:
+        (start, goal, depart, env, vehicle_), own, factor = _posed(leg, shared, vehicle, config)
+        lower, upper = habitats.bounds(start, goal, env, own)
+        if population is None:
+            population = habitats.initial(_keys(key)[0], size, start, goal, lower, upper, own, env)
+        else:
+            population = population * factor
+        if found is not None and count:
+            passages, times = found[0][:count], found[1][:count]
+            lower, upper = habitats.widened(lower, upper, passages, env)
+            population = jnp.clip(population, lower, upper)
+            through = jnp.clip(passages, lower, upper)
+            through = jnp.where(jnp.isfinite(times)[:, None], through, population[-count:])
+            population = population.at[-count:].set(through)
+        else:
+            population = jnp.clip(population, lower, upper)
+        pace = _pace(start, goal, depart, env, vehicle_, own)
+        return {"population": population, "lower": lower, "upper": upper, "pace": pace}
+
+    return jax.vmap(one)(keys, populations, found, legs)
+
+
+def _keys(key: jax.Array) -> jax.Array:
+    """Keys of a leg's first population and of its evolution."""
+    return jax.random.split(key)
+
+
+def _pace(
+    start: jax.Array,
+    goal: jax.Array,
+    depart: jax.Array,
+    env: Environment,
+    vehicle: Vehicle,
+    config: PathConfig,
+) -> jax.Array | None:
+    """[S - 1] m/s over ground at which paths are taken to be sailed while they are compared.
+
+    A gradual current is met at the pace of the straight line, which spares the search the sailing of segments
+    one after the other; the path that it finds is timed so. None in all other currents.
+    """
+    if not is_gradual(env.current):
+        return None
+    line = curves(habitats.straight_line(start, goal, config)[None], start, goal, config)
+    bare = replace(env, chart=None, obstacles=Obstacles.none(), seabed=None)
+    flight = fly(line, depart, bare, vehicle, config)
+    gap = norm(*line.way)[:, 0]
+    return jnp.maximum(gap / jnp.diff(flight.times[:, 0]), _SLOWEST * vehicle.speed)
+
+
+def _compared(
+    leg: Legs, pace: jax.Array | None, shared: Environment, vehicle: Vehicle, config: PathConfig
+) -> tuple[tuple, PathConfig]:
+    """One leg as `_posed`, in the world that paths are compared in."""
+    (start, goal, depart, env, vehicle), config, _ = _posed(leg, shared, vehicle, config)
+    if pace is not None:
+        env = replace(env, current=PacedCurrent(env.current, pace))
+    return (start, goal, depart, env, vehicle), config
+
+
+@partial(compiled, static_argnames=("config",))
+def _descend(
+    rows: jax.Array,
+    lowers: jax.Array,
+    uppers: jax.Array,
+    paces: jax.Array | None,
+    steps: jax.Array,
+    step_size: jax.Array,
+    legs: Legs,
+    shared: Environment,
+    vehicle: Vehicle,
+    config: PathConfig,
+) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """Rows [B, R, 3 n] polished by gradients, their costs and violations [B, R]."""
+
+    def one(
+        rows: jax.Array, lower: jax.Array, upper: jax.Array, pace: jax.Array | None, leg: Legs
+    ) -> tuple[jax.Array, jax.Array, jax.Array]:
+        problem, own = _compared(leg, pace, shared, vehicle, config)
+        return descend(partial(guide, config=own), rows, lower, upper, steps, problem, step_size)
+
+    return jax.vmap(one)(rows, lowers, uppers, paces, legs)
+
+
+@partial(compiled, static_argnames=("config",))
+def _evolve(
+    keys: jax.Array,
+    populations: jax.Array,
+    lowers: jax.Array,
+    uppers: jax.Array,
+    paces: jax.Array | None,
+    iterations: jax.Array,
+    legs: Legs,
+    shared: Environment,
+    vehicle: Vehicle,
+    config: PathConfig,
+) -> tuple[search.State, search.History]:
+    """Last populations and histories; rows of a history after so many iterations say nothing."""
+
+    def one(
+        key: jax.Array,
+        population: jax.Array,
+        lower: jax.Array,
+        upper: jax.Array,
+        pace: jax.Array | None,
+        leg: Legs,
+    ) -> tuple[search.State, search.History]:
+        problem, own = _compared(leg, pace, shared, vehicle, config)
+        cost = partial(score, config=own)
+        result = search.run(
+            _keys(key)[1], cost, population, lower, upper, config.bbo, problem, iterations=iterations
+        )
+        return result.state, _in_seconds(result.history, leg)
+
+    return jax.vmap(one)(keys, populations, lowers, uppers, paces, legs)
+
+
+@partial(compiled_fast, static_argnames=("config",))
+def _finish(
+    states: search.State,
+    polished: list[jax.Array] | None,
+    known: tuple[jax.Array, jax.Array] | None,
+    legs: Legs,
+    shared: Environment,
+    vehicle: Vehicle,
+    config: PathConfig,
+) -> tuple[dict[str, jax.Array], search.History]:
+    """The best paths, as fields of `PathPlans` but for the history, and its last rows.
+
+    Args:
+        states: populations after the search.
+        polished: the best of them after a descent, with costs and violations [B, R].
+        known: `closed` and `known` of `trace_passages`.
+        legs, shared, vehicle, config: as for `search_legs`.
+    """
+
+    def one(
+        state: search.State,
+        polished: list[jax.Array] | None,
+        known: tuple[jax.Array, jax.Array] | None,
+        leg: Legs,
+    ) -> tuple[dict[str, jax.Array], search.History]:
+        (start, goal, depart, env, vehicle_), own, factor = _posed(leg, shared, vehicle, config)
+        if polished is not None:
+            # The polished elite is ranked into the population.
+            parts = zip((state.population, state.cost, state.violation), polished, strict=True)
+            state = search.init(*(old.at[: len(new)].set(new) for old, new in parts))
+        best = state.population[:1]
+        flight = fly(curves(best, start, goal, own), depart, env, vehicle_, own)
+        closed, quickest = (jnp.zeros(()), jnp.full((), jnp.inf)) if known is None else known
+        slower = (flight.travel_time[0] > quickest) | (violations(flight)[:, 0].sum() > 0.0)
+        plan = _in_own_units(flight, state, leg, factor)
+        plan |= {"closed": closed / factor, "wanting": jnp.isfinite(quickest) & slower}
+        return plan, _in_seconds(search.statistics(state), leg)
+
+    return jax.vmap(one)(states, polished, known, legs)
+
+
+def _in_seconds(history: search.History, leg: Legs) -> search.History:
+    """A history whose costs are those of the leg itself."""
+    factor = factor_of(leg.start, leg.goal)
+    return replace(history, **{name: getattr(history, name) / factor for name in ("best", "mean", "std")})
+
+
+def _in_own_units(flight: Flight, state: search.State, leg: Legs, factor: jax.Array) -> dict[str, jax.Array]:
+    """The fields of a `PathPlan` by name, from what was found in a world `factor` times as great."""
+    inner = state.population[0].reshape(3, -1).T / factor
+    # Excess counts metres of missing clearance and altitude, and shares of all other limits.
+    metres = [name in ("coast", "obstacle", "seabed") for name in VIOLATIONS]
+    excess = jnp.stack(flight.excess)[:, :, 0]
+    excess = jnp.where(np.asarray(metres)[:, None], excess / factor, excess)
+    clearance, altitude = flight.clearance.min(), flight.altitude.min()
+    return {
+        "travel_time": flight.travel_time[0] / factor,
+        "length": flight.length[0] / factor,
+        "positions": jnp.stack([flight.x[:, 0], flight.y[:, 0], flight.z[:, 0]], axis=1) / factor,
+        "times": flight.times[:, 0] / factor,
+        "control_points": jnp.concatenate([leg.start[None], inner, leg.goal[None]]),
+        "violations": excess.mean(axis=1),
+        "clearance": jnp.where(clearance < FAR, clearance / factor, FAR),
+        "altitude": jnp.where(altitude < FAR, altitude / factor, FAR),
+        "cost": state.cost[0] / factor,
+        "population": state.population / factor,
+        "excess": excess,
+        "water": jnp.stack(flight.water, axis=-1)[:, 0],
+    }
