@@ -26,17 +26,8 @@ class Penalties:
     seabed: float = 1000.0
 
 
-#: Settings that the cost of a path depends on.
-_OF_THE_COST = (
-    "control_points",
-    "degree",
-    "samples",
-    "speed_reading",
-    "uncertain_price",
-    "coast_margin",
-    "obstacle_margin",
-    "penalties",
-)
+#: Settings that the form of a path's cost depends on.
+_OF_THE_COST = "control_points", "degree", "samples", "speed_reading", "penalties"
 
 
 @dataclass(frozen=True)
@@ -176,9 +167,10 @@ class PathConfig:
         return replace(self, **changes)
 
     def only(self, *names: str) -> Self:
-        """The settings that the cost of a path depends on and those named; what else there is has no value.
+        """The settings that the form of a path's cost depends on and those named; the others are defaults.
 
-        Programs that are compiled for it serve all settings that agree in these.
+        Programs that are compiled for it serve all settings that agree in these; margins and price are
+        numbers that they are given.
         """
         kept = {name: getattr(self, name) for name in (*_OF_THE_COST, *names)}
         return type(self)(**{"passages": 0} | kept)

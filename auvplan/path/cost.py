@@ -33,6 +33,9 @@ CLEARANCE_SCALE = 50.0
 #: Metres of missing altitude that count so: a few metres are kept from the bed where tens are from a coast.
 ALTITUDE_SCALE = 10.0
 
+#: Share of a limit by which a value may exceed it.
+_ROUNDING = 1e-6
+
 #: Paths that a CPU scores in one go, so that their planes stay in its caches; whole vector registers.
 _TOGETHER = 640
 
@@ -173,9 +176,9 @@ def fly(track: Track, depart: jax.Array, env: Environment, vehicle: Vehicle, con
     altitude = bed_altitude(x, y, z, level, env)
     turning = turn_rate(dx, dy, duration)
     excess = (
-        jnp.maximum(ground / vehicle.surge_max - 1.0, 0.0),
-        jnp.maximum(across / vehicle.sway_max - 1.0, 0.0),
-        jnp.maximum(turning / vehicle.turn_rate_max - 1.0, 0.0),
+        _beyond(ground, vehicle.surge_max),
+        _beyond(across, vehicle.sway_max),
+        _beyond(turning, vehicle.turn_rate_max),
         _too_near(coast_clear, config.coast_margin),
         _too_near(obstacle_clear, config.obstacle_margin),
         shortfall,
@@ -183,6 +186,11 @@ def fly(track: Track, depart: jax.Array, env: Environment, vehicle: Vehicle, con
     )
     length = gap.sum(axis=0)
     return Flight(x, y, z, times, length, water, excess, coast_clear, obstacle_clear, altitude, price)
+
+
+def _beyond(value: jax.Array, limit: jax.Array) -> jax.Array:
+    """Excess over a limit; what single precision may round a value at the limit to has none."""
+    return jnp.maximum(value / limit - (1.0 + _ROUNDING), 0.0)
 
 
 def _too_near(clearance: jax.Array, margin: float) -> jax.Array:

@@ -1,4 +1,4 @@
-"""Two points to a timed, checked trajectory, for any number of legs by one compiled search (section 3.2)."""
+"""Two points to a timed, checked trajectory, for any number of legs by the same compiled programs (section 3.2)."""
 
 from functools import partial
 from typing import Any
@@ -82,7 +82,7 @@ def plan_paths(
     population: ArrayLike | None = None,
     world_per_leg: bool = False,
 ) -> PathPlans:
-    """Plan B legs by one compiled program, as many at once as the device does best.
+    """Plan B legs by the same compiled programs, as many at once as the device does best.
 
     Args:
         starts: [B, 3] m, north, east, depth.

@@ -72,7 +72,7 @@ def replan_paths(
     config: PathConfig | None = None,
     world_per_leg: bool = False,
 ) -> PathPlans:
-    """Re-plan B legs by one compiled program; arguments as `replan_path` and `plan_paths`.
+    """Re-plan B legs by the same compiled programs; arguments as `replan_path` and `plan_paths`.
 
     Args:
         plans: B plans being followed.

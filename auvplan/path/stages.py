@@ -69,6 +69,28 @@ class Legs:
     own: World
 
 
+@partial(
+    jax.tree_util.register_dataclass,
+    data_fields=("env", "vehicle", "coast_margin", "obstacle_margin", "uncertain_price"),
+    meta_fields=(),
+)
+@dataclass(frozen=True)
+class Common:
+    """What the legs of a batch share, apart from what programs are compiled for.
+
+    Attributes:
+        env: the part of the world that is the same for all legs.
+        vehicle: speed and limits.
+        coast_margin, obstacle_margin, uncertain_price: as in `PathConfig`.
+    """
+
+    env: Environment
+    vehicle: Vehicle
+    coast_margin: Any
+    obstacle_margin: Any
+    uncertain_price: Any
+
+
 def search_legs(
     keys: jax.Array,
     legs: Legs,
@@ -94,7 +116,8 @@ def search_legs(
         the one found is slower or breaks one.
     """
     effort = config.window() if window else config
-    world: dict[str, Any] = {"legs": legs, "shared": shared, "vehicle": vehicle}
+    numbers = config.coast_margin, config.obstacle_margin, config.uncertain_price
+    world: dict[str, Any] = {"legs": legs, "common": Common(shared, vehicle, *numbers)}
     cost: dict[str, Any] = world | {"config": config.only()}
     found = None
     if config.passages:
@@ -139,22 +162,25 @@ def search_legs(
 
 
 def _posed(
-    leg: Legs, shared: Environment, vehicle: Vehicle, config: PathConfig
+    leg: Legs, common: Common, config: PathConfig
 ) -> tuple[tuple[jax.Array, jax.Array, jax.Array, Environment, Vehicle], PathConfig, jax.Array]:
     """One leg as the search sees it: start, goal, departure, world and vehicle; settings; scaled by what."""
     factor = factor_of(leg.start, leg.goal)
-    env, vehicle, config = scaled(world_of(leg.own, shared), vehicle, config, factor)
+    config = config.replace(
+        coast_margin=common.coast_margin,
+        obstacle_margin=common.obstacle_margin,
+        uncertain_price=common.uncertain_price,
+    )
+    env, vehicle, config = scaled(world_of(leg.own, common.env), common.vehicle, config, factor)
     return (leg.start * factor, leg.goal * factor, leg.depart * factor, env, vehicle), config, factor
 
 
 @partial(compiled_fast, static_argnames=("config", "count"))
-def _trace(
-    legs: Legs, shared: Environment, vehicle: Vehicle, config: PathConfig, count: int
-) -> tuple[jax.Array, ...]:
+def _trace(legs: Legs, common: Common, config: PathConfig, count: int) -> tuple[jax.Array, ...]:
     """Paths through passages, as `trace_passages` returns them."""
 
     def one(leg: Legs) -> tuple[jax.Array, ...]:
-        problem, own, _ = _posed(leg, shared, vehicle, config)
+        problem, own, _ = _posed(leg, common, config)
         return trace_passages(*problem, count=count, config=own)
 
     return jax.vmap(one)(legs)
@@ -166,8 +192,7 @@ def _begin(
     populations: jax.Array | None,
     found: tuple[jax.Array, ...] | None,
     legs: Legs,
-    shared: Environment,
-    vehicle: Vehicle,
+    common: Common,
     config: PathConfig,
     size: int,
     count: int,
@@ -177,7 +202,7 @@ def _begin(
     def one(
         key: jax.Array, population: jax.Array | None, found: tuple[jax.Array, ...] | None, leg: Legs
     ) -> dict[str, jax.Array | None]:
-        (start, goal, depart, env, vehicle_), own, factor = _posed(leg, shared, vehicle, config)
+        (start, goal, depart, env, vehicle), own, factor = _posed(leg, common, config)
         lower, upper = habitats.bounds(start, goal, env, own)
         if population is None:
             population = habitats.initial(_keys(key)[0], size, start, goal, lower, upper, own, env)
@@ -192,7 +217,7 @@ def _begin(
             population = population.at[-count:].set(through)
         else:
             population = jnp.clip(population, lower, upper)
-        pace = _pace(start, goal, depart, env, vehicle_, own)
+        pace = _pace(start, goal, depart, env, vehicle, own)
         return {"population": population, "lower": lower, "upper": upper, "pace": pace}
 
     return jax.vmap(one)(keys, populations, found, legs)
@@ -226,10 +251,10 @@ def _pace(
 
 
 def _compared(
-    leg: Legs, pace: jax.Array | None, shared: Environment, vehicle: Vehicle, config: PathConfig
+    leg: Legs, pace: jax.Array | None, common: Common, config: PathConfig
 ) -> tuple[tuple, PathConfig]:
     """One leg as `_posed`, in the world that paths are compared in."""
-    (start, goal, depart, env, vehicle), config, _ = _posed(leg, shared, vehicle, config)
+    (start, goal, depart, env, vehicle), config, _ = _posed(leg, common, config)
     if pace is not None:
         env = replace(env, current=PacedCurrent(env.current, pace))
     return (start, goal, depart, env, vehicle), config
@@ -244,8 +269,7 @@ def _descend(
     steps: jax.Array,
     step_size: jax.Array,
     legs: Legs,
-    shared: Environment,
-    vehicle: Vehicle,
+    common: Common,
     config: PathConfig,
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
     """Rows [B, R, 3 n] polished by gradients, their costs and violations [B, R]."""
@@ -253,7 +277,7 @@ def _descend(
     def one(
         rows: jax.Array, lower: jax.Array, upper: jax.Array, pace: jax.Array | None, leg: Legs
     ) -> tuple[jax.Array, jax.Array, jax.Array]:
-        problem, own = _compared(leg, pace, shared, vehicle, config)
+        problem, own = _compared(leg, pace, common, config)
         return descend(partial(guide, config=own), rows, lower, upper, steps, problem, step_size)
 
     return jax.vmap(one)(rows, lowers, uppers, paces, legs)
@@ -268,8 +292,7 @@ def _evolve(
     paces: jax.Array | None,
     iterations: jax.Array,
     legs: Legs,
-    shared: Environment,
-    vehicle: Vehicle,
+    common: Common,
     config: PathConfig,
 ) -> tuple[search.State, search.History]:
     """Last populations and histories; rows of a history after so many iterations say nothing."""
@@ -282,7 +305,7 @@ def _evolve(
         pace: jax.Array | None,
         leg: Legs,
     ) -> tuple[search.State, search.History]:
-        problem, own = _compared(leg, pace, shared, vehicle, config)
+        problem, own = _compared(leg, pace, common, config)
         cost = partial(score, config=own)
         result = search.run(
             _keys(key)[1], cost, population, lower, upper, config.bbo, problem, iterations=iterations
@@ -298,8 +321,7 @@ def _finish(
     polished: list[jax.Array] | None,
     known: tuple[jax.Array, jax.Array] | None,
     legs: Legs,
-    shared: Environment,
-    vehicle: Vehicle,
+    common: Common,
     config: PathConfig,
 ) -> tuple[dict[str, jax.Array], search.History]:
     """The best paths, as fields of `PathPlans` but for the history, and its last rows.
@@ -308,7 +330,7 @@ def _finish(
         states: populations after the search.
         polished: the best of them after a descent, with costs and violations [B, R].
         known: `closed` and `known` of `trace_passages`.
-        legs, shared, vehicle, config: as for `search_legs`.
+        legs, common, config: as for the other stages.
     """
 
     def one(
@@ -317,13 +339,13 @@ def _finish(
         known: tuple[jax.Array, jax.Array] | None,
         leg: Legs,
     ) -> tuple[dict[str, jax.Array], search.History]:
-        (start, goal, depart, env, vehicle_), own, factor = _posed(leg, shared, vehicle, config)
+        (start, goal, depart, env, vehicle), own, factor = _posed(leg, common, config)
         if polished is not None:
             # The polished elite is ranked into the population.
             parts = zip((state.population, state.cost, state.violation), polished, strict=True)
             state = search.init(*(old.at[: len(new)].set(new) for old, new in parts))
         best = state.population[:1]
-        flight = fly(curves(best, start, goal, own), depart, env, vehicle_, own)
+        flight = fly(curves(best, start, goal, own), depart, env, vehicle, own)
         closed, quickest = (jnp.zeros(()), jnp.full((), jnp.inf)) if known is None else known
         slower = (flight.travel_time[0] > quickest) | (violations(flight)[:, 0].sum() > 0.0)
         plan = _in_own_units(flight, state, leg, factor)

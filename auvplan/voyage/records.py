@@ -159,7 +159,7 @@ class MissionRun:
         reason: one line on how the mission ended.
         estimate_seconds: s of wall-clock time of all estimates of travel times.
         charged_compute: s of planning time charged to the mission clock; zero unless asked for (Eq. 16).
-        compile_seconds: s spent on first calls of the planners, which compile; shared by all missions of a
+        compile_seconds: s spent on calls of the planners that compiled something; shared by all missions of a
             batch and counted nowhere else.
         folder: that relative paths in the scenario start from.
         site: where and when local coordinates begin, or None.

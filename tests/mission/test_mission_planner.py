@@ -40,6 +40,7 @@ CONFIGS = {
     "paper": MissionConfig.paper().replace(
         bbo=MissionConfig.paper().bbo.replace(population=20, iterations=10)
     ),
+    "plain": MissionConfig.plain().replace(bbo=QUICK.bbo),
     "timely decoder": QUICK.replace(decoder="timely"),
     "generational": QUICK.replace(bbo=QUICK.bbo.replace(replacement="generational", elites=1)),
 }
@@ -75,7 +76,7 @@ def test_an_order_keeps_all_rules_and_adds_up(config: MissionConfig) -> None:
     assert order.history.best[-1] == np.float32(order.cost)
 
 
-@pytest.mark.parametrize("config", [CONFIGS["default"], CONFIGS["paper"], CONFIGS["generational"]])
+@pytest.mark.parametrize("config", [CONFIGS["default"], CONFIGS["plain"], CONFIGS["generational"]])
 @settings(max_examples=25, deadline=None)
 @given(
     seed=st.integers(0, 10_000),

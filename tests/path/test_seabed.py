@@ -109,15 +109,10 @@ def test_batched_legs_equal_single_ones_and_later_calls_compile_nothing():
     starts, goals = np.array([START, (300.0, 500.0, 40.0)]), np.array([GOAL, (2500.0, 1500.0, 60.0)])
     keys = jax.random.split(jax.random.key(3), 2)
     together = ap.plan_paths(starts, goals, env, key=keys, config=CONFIG)
+    worlds, own_keys = (env, over(RIDGE)), [keys[b : b + 1] for b in range(2)]
     compiled = compilations()
-    for b in range(2):
-        alone = ap.plan_paths(
-            starts[b : b + 1],
-            goals[b : b + 1],
-            over(RIDGE if b else SEAMOUNT),
-            key=keys[b : b + 1],
-            config=CONFIG,
-        )[0]
+    for b, (world, key) in enumerate(zip(worlds, own_keys, strict=True)):
+        alone = ap.plan_paths(starts[b : b + 1], goals[b : b + 1], world, key=key, config=CONFIG)[0]
         if not b:
             assert alone.travel_time == pytest.approx(together[b].travel_time, rel=1e-5)
             assert alone.altitude == pytest.approx(together[b].altitude, abs=1e-2)
