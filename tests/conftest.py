@@ -11,6 +11,7 @@ os.environ["XLA_FLAGS"] = " ".join(
         os.environ.get("XLA_FLAGS", ""),
         "--xla_cpu_use_fusion_emitters=false",
         "--xla_backend_optimization_level=0",
+        "--xla_cpu_parallel_codegen_split_count=1",
     ]
 )
 
@@ -28,7 +29,7 @@ SHARED = Path(__file__).resolve().parent.parent.parent / "shared"
 
 #: Mappings of memory from which on compiled programs are dropped. Each has dozens, and Linux gives a process
 #: 65,530: the program beyond these crashes it.
-_MAPPINGS = 12_000
+_MAPPINGS = 16_000
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -45,13 +45,11 @@ def test_spheres_are_passed_at_their_nearest(seed):
 
     segments = planes(start), planes(step), jnp.asarray([[begin]]), jnp.asarray([[lasts]])
     found = clearance.obstacle_clearance(segments, env)
-    share = np.linspace(0.0, 1.0, 401)
-    true = np.inf
-    for s in share:
-        t = begin + s * lasts
-        centres = np.asarray(spheres.position) + np.asarray(spheres.velocity) * t
-        away = np.linalg.norm(start + s * step - centres, axis=1)
-        true = min(true, (away - np.asarray(spheres.boundary(jnp.asarray(t)))).min())
+    share = np.linspace(0.0, 1.0, 401)[:, None]
+    times = begin + share * lasts
+    centres = np.asarray(spheres.position) + np.asarray(spheres.velocity) * times[..., None]
+    away = np.linalg.norm((start + share * step)[:, None] - centres, axis=2)
+    true = (away - np.asarray(spheres.boundary(jnp.asarray(times)))).min()
     assert float(found[0, 0]) <= true + 1e-3
     assert float(found[0, 0]) >= true - 0.2 * lasts - 0.5  # growth within the segment, and the grid of times
 
