@@ -1,0 +1,61 @@
+"""A search is a few compiled programs, which others share."""
+
+import jax
+import numpy as np
+import pytest
+
+import auvplan as ap
+from auvplan.compiled import compilations
+from tests.path.test_planner import CONFIG, GOAL, START, world
+
+PROGRAMS = 5  # passages, first population, gradient steps, evolution, the path that was found
+
+
+@pytest.fixture(scope="module")
+def planned():
+    """A plan, and how many programs it took."""
+    env, key = world(), jax.random.split(jax.random.key(0), 1)  # the split of one key is compiled here
+    before = compilations()
+    # Settings that no other test has.
+    plan = ap.plan_paths(START[None], GOAL[None], env, key=key, config=CONFIG.replace(samples=61))[0]
+    return plan, compilations() - before
+
+
+def test_a_first_plan_takes_as_many_programs_as_there_are_stages(planned):
+    # One program more may resolve the obstacles of the world.
+    assert PROGRAMS <= planned[1] <= PROGRAMS + 1
+
+
+def test_a_re_plan_shares_all_but_the_making_of_its_population(planned):
+    plan, key = planned[0], jax.random.key(1)
+    before = compilations()
+    args = plan.positions[20], float(plan.times[20]), plan.conditions.env
+    ap.replan_path(plan, *args, key=key, config=plan.conditions.config)
+    assert compilations() - before <= 2 + 1  # carried over, put together; and the split of a key
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"coast_margin": 25.0, "obstacle_margin": 1.0, "uncertain_price": 3.0},
+        {"refine_steps": 9, "passage_steps": 6, "refine_step_size": 0.001},
+        {"t_series": 2, "fresh_share": 0.5},
+    ],
+)
+def test_numbers_among_the_settings_compile_nothing(planned, changes):
+    plan = planned[0]
+    config = plan.conditions.config.replace(**changes)
+    keys = jax.random.split(jax.random.key(0), 1)
+    before = compilations()
+    other = ap.plan_paths(START[None], GOAL[None], plan.conditions.env, key=keys, config=config)
+    assert compilations() == before
+    assert np.isfinite(other.travel_time).all()
+
+
+def test_the_margin_is_the_one_asked_for(planned):
+    plan = planned[0]
+    keys = jax.random.split(jax.random.key(0), 1)
+    config = plan.conditions.config.replace(coast_margin=60.0, obstacle_margin=60.0)
+    wider = ap.plan_paths(START[None], GOAL[None], plan.conditions.env, key=keys, config=config)[0]
+    assert wider.feasible
+    assert wider.clearance >= 60.0 > plan.clearance
