@@ -94,7 +94,7 @@ class PathConfig:
     passage_steps: int = 60
     refine_steps: int = 60
     refine_step_size: float = 0.002
-    refine_count: int = 2
+    refine_count: int = 3
     fresh_share: float = 0.2
 
     def __post_init__(self) -> None:
@@ -154,7 +154,7 @@ class PathConfig:
             field_cells=56,
             passage_steps=40,
             refine_steps=40,
-            refine_count=1,
+            refine_count=2,
         )
 
     @classmethod

@@ -175,7 +175,7 @@ def _posed(
     return (leg.start * factor, leg.goal * factor, leg.depart * factor, env, vehicle), config, factor
 
 
-@partial(compiled_fast, static_argnames=("config", "count"))
+@partial(compiled, static_argnames=("config", "count"))
 def _trace(legs: Legs, common: Common, config: PathConfig, count: int) -> tuple[jax.Array, ...]:
     """Paths through passages, as `trace_passages` returns them."""
 
