@@ -12,7 +12,7 @@ paper: $(VENV)/.installed
 	$(BIN)/auvplan paper --out out/paper
 
 test: $(VENV)/.installed-dev
-	$(BIN)/pytest -n 2 --dist loadfile --doctest-modules --nbmake auvplan tests notebooks
+	$(BIN)/pytest -n 2 --dist worksteal --doctest-modules --nbmake auvplan tests notebooks
 
 bench: $(VENV)/.installed-bench
 	mkdir -p out
