@@ -10,6 +10,7 @@ from functools import partial
 import chex
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.typing import ArrayLike
 
 from auvplan.ocean.currents import Current
@@ -149,6 +150,21 @@ class Obstacles:
         if missing < 0:
             raise ValueError(f"{len(self)} obstacles exceed the capacity of {capacity}")
         return jax.tree.map(lambda a: jnp.pad(a, [(0, missing)] + [(0, 0)] * (a.ndim - 1)), self)
+
+    def filled(self, parts: int) -> "Obstacles":
+        """Filled up with inactive obstacles to a number that `parts` divides; leading axes are kept."""
+        missing = -self.radius.shape[-1] % parts
+        if not missing:
+            return self
+        axis = np.ndim(self.radius) - 1
+
+        def longer(leaf: ArrayLike) -> np.ndarray:
+            more = [(0, missing if k == axis else 0) for k in range(np.ndim(leaf))]
+            return np.pad(np.asarray(leaf), more, mode="edge")
+
+        active = longer(self.active)
+        active[..., -missing:] = False
+        return replace(jax.tree.map(longer, self), active=active)
 
     def resolved(self, current: Current) -> "Obstacles":
         """Obstacles whose `velocity` is all of their motion, as their present state foretells it.

@@ -89,6 +89,21 @@ class LambVortices:
         ]
         return [1.0 - below[0], *(below[k - 1] - below[k] for k in range(1, layers - 1)), below[-1]]
 
+    def filled(self, parts: int) -> "LambVortices":
+        """The same field, its layers filled up to a number of vortices that `parts` divides.
+
+        The others have no strength. Leaves may have leading axes.
+        """
+        missing = -self.strength.shape[-1] % parts
+        if not missing:
+            return self
+        (centers, strength, radius, *others), tree = jax.tree.flatten(self)
+        more = [(0, 0)] * (np.ndim(strength) - 1) + [(0, missing)]
+        centers = np.pad(np.asarray(centers), [*more, (0, 0)])
+        strength = np.pad(np.asarray(strength), more)
+        radius = np.pad(np.asarray(radius), more, constant_values=1.0)
+        return tree.unflatten([centers, strength, radius, *others])
+
     def scaled(self, factor: ArrayLike) -> "LambVortices":
         """The same vortices, `factor` times as strong."""
         return replace(self, strength=self.strength * factor)

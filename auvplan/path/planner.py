@@ -1,4 +1,4 @@
-"""Two points to a timed, checked trajectory, for any number of legs by the same compiled programs (section 3.2)."""
+"""Two points to a timed, checked trajectory, any number of legs by the same programs (section 3.2)."""
 
 from functools import partial
 from typing import Any

@@ -18,6 +18,7 @@ from auvplan.compiled import compiled, compiled_fast
 from auvplan.ocean.currents import Current, divided, is_gradual, united
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
+from auvplan.ocean.vortices import LambVortices
 from auvplan.path import habitats
 from auvplan.path.clearance import FAR
 from auvplan.path.config import PathConfig
@@ -34,12 +35,29 @@ World = tuple[Current | None, Obstacles] | None
 _SLOWEST = 0.3
 
 
+#: Vortices and obstacles are filled up to multiples of this by such that do nothing. It is how many of them
+#: one step of their loops takes, and programs serve worlds with other numbers of them.
+_PARTS = 4
+
+
 def split(env: Environment, world_per_leg: bool) -> tuple[World, Environment]:
     """What differs by leg, and what is the same for all."""
+    env = replace(env, current=_filled(env.current), obstacles=env.obstacles.filled(_PARTS))
     if not world_per_leg:
         return None, env
     current, own = divided(env.current)
     return (own, env.obstacles), replace(env, current=current, obstacles=None)
+
+
+def _filled(current: Current) -> Current:
+    """A current whose vortices, if it has any, are filled up."""
+
+    def is_field(node: Any) -> bool:
+        return isinstance(node, LambVortices)
+
+    return jax.tree.map(
+        lambda node: node.filled(_PARTS) if is_field(node) else node, current, is_leaf=is_field
+    )
 
 
 def world_of(own: World, shared: Environment) -> Environment:
