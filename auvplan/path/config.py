@@ -149,6 +149,7 @@ class PathConfig:
         return cls(
             bbo=cls().bbo.replace(population=32, iterations=8),
             control_points=8,
+            finer=4,
             samples=64,
             passages=4,
             field_cells=56,
