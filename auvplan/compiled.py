@@ -23,7 +23,7 @@ def compilations() -> int:
     return _count
 
 
-def _book(event: str, _: float, **__: object) -> None:
+def _book(event: str, duration_secs: float, **_: str | int) -> None:
     global _count
     if event == "/jax/core/compile/backend_compile_duration":
         _count += 1

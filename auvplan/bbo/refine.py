@@ -66,9 +66,10 @@ def descend(
     """
     span = jnp.maximum(upper - lower, 1e-9)
 
-    def falling(count: jax.Array) -> jax.Array:
+    def falling(count: jax.typing.ArrayLike) -> jax.Array:
         """`optax.cosine_decay_schedule` for a number of steps that may be traced."""
-        return 0.5 * step_size * (1.0 + jnp.cos(jnp.pi * jnp.minimum(count / jnp.maximum(steps, 1), 1.0)))
+        share = jnp.minimum(jnp.asarray(count) / jnp.maximum(steps, 1), 1.0)
+        return jnp.asarray(0.5 * step_size) * (1.0 + jnp.cos(jnp.pi * share))
 
     optimizer = optax.adam(falling)
 

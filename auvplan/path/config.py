@@ -173,8 +173,8 @@ class PathConfig:
         Programs that are compiled for it serve all settings that agree in these; margins and price are
         numbers that they are given.
         """
-        kept = {name: getattr(self, name) for name in (*_OF_THE_COST, *names)}
-        return type(self)(**{"passages": 0} | kept)
+        kept: dict[str, Any] = {name: getattr(self, name) for name in (*_OF_THE_COST, *names)}
+        return replace(type(self)(passages=0), **kept)
 
     def window(self) -> Self:
         """The settings of a window: its share of the iterations (3.2.2), and half the passages."""

@@ -5,7 +5,7 @@ together, so that steps from sample to sample, sums along paths and their gradie
 Limits are checked on every segment between samples, not at the samples alone.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial, reduce
 
 import jax
@@ -35,6 +35,9 @@ ALTITUDE_SCALE = 10.0
 
 #: Share of a limit by which a value may exceed it.
 _ROUNDING = 1e-6
+
+#: Shares of a segment at which the path that was found is judged, and excess that is let pass there.
+_PLACES, _WITHIN = (0.05, 0.25, 0.5, 0.75, 0.95), 0.005
 
 #: Paths that a CPU scores in one go, so that their planes stay in its caches; whole vector registers.
 _TOGETHER = 640
@@ -188,7 +191,7 @@ def fly(track: Track, depart: jax.Array, env: Environment, vehicle: Vehicle, con
     return Flight(x, y, z, times, length, water, excess, coast_clear, obstacle_clear, altitude, price)
 
 
-def _beyond(value: jax.Array, limit: jax.Array) -> jax.Array:
+def _beyond(value: jax.Array, limit: jax.typing.ArrayLike) -> jax.Array:
     """Excess over a limit; what single precision may round a value at the limit to has none."""
     return jnp.maximum(value / limit - (1.0 + _ROUNDING), 0.0)
 
@@ -203,6 +206,41 @@ def _too_low(altitude: jax.Array, env: Environment, margin: float) -> jax.Array:
     if env.seabed is None:
         return jnp.zeros_like(altitude)
     return jnp.maximum(env.seabed.clearance + margin - altitude, 0.0) / ALTITUDE_SCALE
+
+
+def judged_within(flight: Flight, env: Environment, vehicle: Vehicle, config: PathConfig) -> Flight:
+    """A flight whose limits on speed, current across and way made hold within segments too.
+
+    `fly` meets the current in the middle of each segment. Here it is looked up at `_PLACES` of them as well;
+    an excess there counts from `_WITHIN` on.
+    """
+    ends = flight.x, flight.y, flight.z
+    way = tuple(jnp.diff(axis, axis=0) for axis in ends)
+    gap, begin, lasts = norm(*way), flight.times[:-1], jnp.diff(flight.times, axis=0)
+
+    def at(share: float) -> tuple[jax.Array, ...]:
+        place = (axis[:-1] + share * step for axis, step in zip(ends, way, strict=True))
+        return *place, begin + share * lasts
+
+    places = (jnp.concatenate(planes) for planes in zip(*map(at, _PLACES), strict=True))
+    again = partial(jnp.tile, reps=(len(_PLACES), 1))
+    way, gap = tuple(map(again, way)), again(gap)
+    water = tuple(jnp.broadcast_to(component, gap.shape) for component in env.current(*places))
+    ground, across, shortfall = over_ground(water, way, gap, vehicle, config)  # type: ignore[arg-type]
+    found = {
+        "surge": _beyond(ground, vehicle.surge_max),
+        "sway": _beyond(across, vehicle.sway_max),
+        "current": shortfall,
+    }
+
+    def most(name: str, plane: jax.Array) -> jax.Array:
+        if name not in found:
+            return plane
+        within = jnp.maximum(found[name] - _WITHIN, 0.0).reshape(len(_PLACES), *plane.shape)
+        return jnp.maximum(plane, within.max(axis=0))
+
+    excess = (most(name, plane) for name, plane in zip(VIOLATIONS, flight.excess, strict=True))
+    return replace(flight, excess=tuple(excess))
 
 
 def violations(flight: Flight) -> jax.Array:

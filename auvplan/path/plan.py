@@ -218,12 +218,12 @@ class PathPlans:
 
     def __getitem__(self, b: int) -> PathPlan:
         b = range(len(self))[b]
-        own = self.finer.get(b)
+        own: dict[str, Any] | None = self.finer.get(b)
         if own is None:
             own = {name: jax.tree.map(lambda a: a[b], getattr(self, name)) for name in _FIELDS}
-        numbers = {name: float(own[name]) for name in _NUMBERS}
+        own = own | {name: float(own[name]) for name in _NUMBERS}
         conditions = self.conditions if self.conditions.leg is None else replace(self.conditions, leg=b)
-        return PathPlan(**own | numbers, conditions=conditions)
+        return PathPlan(**own, conditions=conditions)
 
     def __iter__(self):
         return (self[b] for b in range(len(self)))

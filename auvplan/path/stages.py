@@ -22,7 +22,7 @@ from auvplan.ocean.vortices import LambVortices
 from auvplan.path import habitats
 from auvplan.path.clearance import FAR
 from auvplan.path.config import PathConfig
-from auvplan.path.cost import VIOLATIONS, Flight, curves, fly, guide, score, violations
+from auvplan.path.cost import VIOLATIONS, Flight, curves, fly, guide, judged_within, score, violations
 from auvplan.path.kinematics import PacedCurrent, norm
 from auvplan.path.passages import trace_passages
 from auvplan.path.scaling import factor_of, scaled
@@ -364,6 +364,7 @@ def _finish(
             state = search.init(*(old.at[: len(new)].set(new) for old, new in parts))
         best = state.population[:1]
         flight = fly(curves(best, start, goal, own), depart, env, vehicle, own)
+        flight = judged_within(flight, env, vehicle, own)
         closed, quickest = (jnp.zeros(()), jnp.full((), jnp.inf)) if known is None else known
         slower = (flight.travel_time[0] > quickest) | (violations(flight)[:, 0].sum() > 0.0)
         plan = _in_own_units(flight, state, leg, factor)
