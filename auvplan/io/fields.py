@@ -1,6 +1,7 @@
-"""Charts, sea beds, vortices and motions as variables of a file, and back."""
+"""Charts, sea beds, vortices, motions and sites as variables and attributes of a file, and back."""
 
 from collections.abc import Sequence
+from datetime import datetime
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from auvplan.motion import Motion
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.seabed import Seabed
 from auvplan.ocean.vortices import LambVortices
+from auvplan.site import Site
 from auvplan.voyage.records import LegRecord
 
 #: Steps of the stored passability; 0 is coast and nothing else is.
@@ -38,6 +40,16 @@ def variable(
     return xr.Variable(
         dims, np.asarray(values), {"long_name": name} | ({"units": units} if units else {}) | attrs
     )
+
+
+def site_of(dataset: xr.Dataset) -> Site | None:
+    """Where the local frame of a file lies, or None."""
+    attributes = dataset.attrs
+    if "site_longitude" not in attributes:
+        return None
+    north, east = (float(value) for value in np.asarray(attributes["site_origin"]))
+    epoch = datetime.fromisoformat(attributes["site_epoch"]) if "site_epoch" in attributes else None
+    return Site(float(attributes["site_longitude"]), float(attributes["site_latitude"]), epoch, (north, east))
 
 
 def chart_variables(chart: Chart) -> Variables:

@@ -4,14 +4,11 @@ import json
 import os
 import secrets
 from collections.abc import Callable
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
-
-from auvplan.site import Site
 
 #: Names of the two files that hold a run.
 SUMMARY, MISSION = "summary.json", "mission.nc"
@@ -152,13 +149,3 @@ def _beside(path: Path) -> Path:
 
 def _reason(error: OSError) -> str:
     return error.strerror or type(error).__name__
-
-
-def site_of(dataset: xr.Dataset) -> Site | None:
-    """Where the local frame of a file lies, or None."""
-    attributes = dataset.attrs
-    if "site_longitude" not in attributes:
-        return None
-    north, east = (float(value) for value in np.asarray(attributes["site_origin"]))
-    epoch = datetime.fromisoformat(attributes["site_epoch"]) if "site_epoch" in attributes else None
-    return Site(float(attributes["site_longitude"]), float(attributes["site_latitude"]), epoch, (north, east))

@@ -7,8 +7,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from auvplan.io.fields import chart_of, motion_of, seabed_of, vortices_of
-from auvplan.io.files import MISSION, ResultError, read_mission, read_summary, site_of
+from auvplan.io.fields import chart_of, motion_of, seabed_of, site_of, vortices_of
+from auvplan.io.files import MISSION, ResultError, read_mission, read_summary
 from auvplan.io.ledger import read_legs, require
 from auvplan.io.scenario_file import validate_scenario
 from auvplan.io.waters import load_truth

@@ -141,29 +141,23 @@ class Obstacles:
         return self.position.shape[0]
 
     def padded(self, capacity: int) -> "Obstacles":
-        """Filled up with inactive obstacles, so that all worlds share one shape.
+        """Filled up with inactive obstacles, so that worlds share one shape; leaves may have leading axes.
 
         Raises:
             ValueError: there are more obstacles than `capacity`.
         """
-        missing = capacity - len(self)
-        if missing < 0:
-            raise ValueError(f"{len(self)} obstacles exceed the capacity of {capacity}")
-        return jax.tree.map(lambda a: jnp.pad(a, [(0, missing)] + [(0, 0)] * (a.ndim - 1)), self)
-
-    def filled(self, parts: int) -> "Obstacles":
-        """Filled up with inactive obstacles to a number that `parts` divides; leading axes are kept."""
-        missing = -self.radius.shape[-1] % parts
-        if not missing:
-            return self
         axis = np.ndim(self.radius) - 1
+        count = self.radius.shape[axis]
+        if count > capacity:
+            raise ValueError(f"{count} obstacles exceed the capacity of {capacity}")
 
         def longer(leaf: ArrayLike) -> np.ndarray:
-            more = [(0, missing if k == axis else 0) for k in range(np.ndim(leaf))]
-            return np.pad(np.asarray(leaf), more, mode="edge")
+            more = [(0, capacity - count if k == axis else 0) for k in range(np.ndim(leaf))]
+            # Where the last obstacle is a current is known.
+            return np.pad(np.asarray(leaf), more, mode="edge" if count else "constant")
 
         active = longer(self.active)
-        active[..., -missing:] = False
+        active[..., count:] = False
         return replace(jax.tree.map(longer, self), active=active)
 
     def resolved(self, current: Current) -> "Obstacles":

@@ -89,16 +89,19 @@ class LambVortices:
         ]
         return [1.0 - below[0], *(below[k - 1] - below[k] for k in range(1, layers - 1)), below[-1]]
 
-    def filled(self, parts: int) -> "LambVortices":
-        """The same field, its layers filled up to a number of vortices that `parts` divides.
+    def padded(self, capacity: int) -> "LambVortices":
+        """The same field with so many vortices in each layer, the others of no strength.
 
-        The others have no strength. Leaves may have leading axes.
+        Fields share one shape so; leaves may have leading axes.
+
+        Raises:
+            ValueError: there are more vortices in a layer than `capacity`.
         """
-        missing = -self.strength.shape[-1] % parts
-        if not missing:
-            return self
+        count = self.strength.shape[-1]
+        if count > capacity:
+            raise ValueError(f"{count} vortices exceed the capacity of {capacity}")
         (centers, strength, radius, *others), tree = jax.tree.flatten(self)
-        more = [(0, 0)] * (np.ndim(strength) - 1) + [(0, missing)]
+        more = [(0, 0)] * (np.ndim(strength) - 1) + [(0, capacity - count)]
         centers = np.pad(np.asarray(centers), [*more, (0, 0)])
         strength = np.pad(np.asarray(strength), more)
         radius = np.pad(np.asarray(radius), more, constant_values=1.0)

@@ -37,7 +37,7 @@ ALTITUDE_SCALE = 10.0
 _ROUNDING = 1e-6
 
 #: Shares of a segment at which the path that was found is judged, and excess that is let pass there.
-_PLACES, _WITHIN = (0.05, 0.25, 0.5, 0.75, 0.95), 0.005
+JUDGED_AT, _WITHIN = (0.05, 0.25, 0.5, 0.75, 0.95), 0.005
 
 #: Paths that a CPU scores in one go, so that their planes stay in its caches; whole vector registers.
 _TOGETHER = 640
@@ -211,8 +211,8 @@ def _too_low(altitude: jax.Array, env: Environment, margin: float) -> jax.Array:
 def judged_within(flight: Flight, env: Environment, vehicle: Vehicle, config: PathConfig) -> Flight:
     """A flight whose limits on speed, current across and way made hold within segments too.
 
-    `fly` meets the current in the middle of each segment. Here it is looked up at `_PLACES` of them as well;
-    an excess there counts from `_WITHIN` on.
+    `fly` meets the current in the middle of each segment. Here it is looked up at the shares `JUDGED_AT` of
+    them as well; an excess there counts where it is greater than `_WITHIN`.
     """
     ends = flight.x, flight.y, flight.z
     way = tuple(jnp.diff(axis, axis=0) for axis in ends)
@@ -222,25 +222,23 @@ def judged_within(flight: Flight, env: Environment, vehicle: Vehicle, config: Pa
         place = (axis[:-1] + share * step for axis, step in zip(ends, way, strict=True))
         return *place, begin + share * lasts
 
-    places = (jnp.concatenate(planes) for planes in zip(*map(at, _PLACES), strict=True))
-    again = partial(jnp.tile, reps=(len(_PLACES), 1))
+    places = (jnp.concatenate(planes) for planes in zip(*map(at, JUDGED_AT), strict=True))
+    again = partial(jnp.tile, reps=(len(JUDGED_AT), 1))
     way, gap = tuple(map(again, way)), again(gap)
     water = tuple(jnp.broadcast_to(component, gap.shape) for component in env.current(*places))
     ground, across, shortfall = over_ground(water, way, gap, vehicle, config)  # type: ignore[arg-type]
-    found = {
+    within = {
         "surge": _beyond(ground, vehicle.surge_max),
         "sway": _beyond(across, vehicle.sway_max),
         "current": shortfall,
     }
-
-    def most(name: str, plane: jax.Array) -> jax.Array:
-        if name not in found:
-            return plane
-        within = jnp.maximum(found[name] - _WITHIN, 0.0).reshape(len(_PLACES), *plane.shape)
-        return jnp.maximum(plane, within.max(axis=0))
-
-    excess = (most(name, plane) for name, plane in zip(VIOLATIONS, flight.excess, strict=True))
-    return replace(flight, excess=tuple(excess))
+    shape = (len(JUDGED_AT), *flight.excess[0].shape)
+    most = {
+        name: jnp.where(plane > _WITHIN, plane, 0.0).reshape(shape).max(axis=0)
+        for name, plane in within.items()
+    }
+    both = zip(VIOLATIONS, flight.excess, strict=True)
+    return replace(flight, excess=tuple(jnp.maximum(plane, most.get(name, 0.0)) for name, plane in both))
 
 
 def violations(flight: Flight) -> jax.Array:

@@ -128,7 +128,7 @@ class PathPlan:
 
         Example:
             >>> import jax, auvplan as ap
-            >>> stream = lambda x, y, z, t: (0.0, 1.5, 0.0)
+            >>> stream = ap.UniformCurrent(0.0, 1.5)
             >>> env = ap.Environment(stream, lower=(-500, -500, 0), upper=(2500, 500, 0))
             >>> plan = ap.plan_path((0, 0, 0), (2000, 0, 0), env, key=jax.random.key(0))
             >>> [round(float(c), 1) + 0.0 for c in plan.body_velocity[0]]  # at 2 m/s to the north
@@ -141,7 +141,7 @@ class PathPlan:
 
         Example:
             >>> import jax, auvplan as ap
-            >>> stream = lambda x, y, z, t: (0.5, 0.0, 0.0)
+            >>> stream = ap.UniformCurrent(0.5, 0.0)
             >>> env = ap.Environment(stream, lower=(-500, -500, 0), upper=(3500, 500, 0))
             >>> plan = ap.plan_path((0, 0, 0), (3000, 0, 0), env, key=jax.random.key(0))
             >>> slopes = plan.sensitivity()
@@ -172,7 +172,7 @@ class PathPlan:
         Example:
             >>> import jax, auvplan as ap
             >>> from datetime import datetime
-            >>> stream = lambda x, y, z, t: (0.0, 1.9, 0.0)
+            >>> stream = ap.UniformCurrent(0.0, 1.9)
             >>> env = ap.Environment(stream, lower=(0, -50, 0), upper=(2000, 50, 0))
             >>> plan = ap.plan_path((0, 0, 0), (2000, 0, 0), env, key=jax.random.key(0), depart=14400.0)
             >>> plan.explain("sway", datetime(2024, 5, 1)).split(" at ")[0]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import jax.numpy as jnp
 import numpy as np
 
-from auvplan.path.cost import ALTITUDE_SCALE, CLEARANCE_SCALE, VIOLATIONS
+from auvplan.path.cost import ALTITUDE_SCALE, CLEARANCE_SCALE, JUDGED_AT, VIOLATIONS
 from auvplan.site import at_time
 
 if TYPE_CHECKING:
@@ -90,20 +90,23 @@ _NAMES = {
 
 
 def _beaten(plan: "PathPlan", segment: int) -> str:
-    """The current on a segment that the vehicle cannot make way in."""
+    """The current on a segment where it leaves the vehicle the least way."""
     way = plan.positions[segment + 1] - plan.positions[segment]
-    middle = 0.5 * (plan.positions[segment] + plan.positions[segment + 1])
-    time = 0.5 * (plan.times[segment] + plan.times[segment + 1])
-    found = plan.conditions.world().current(*(jnp.asarray([v], float) for v in (*middle, time)))
-    water = np.asarray([float(axis[0]) for axis in found])
-    along = float(water @ way / np.linalg.norm(way))
-    across = float(np.sqrt(max(water @ water - along**2, 0.0)))
+    share = np.asarray(JUDGED_AT)
+    places = plan.positions[segment] + share[:, None] * way
+    times = plan.times[segment] + share * (plan.times[segment + 1] - plan.times[segment])
+    found = plan.conditions.world().current(*(jnp.asarray(v, float) for v in (*places.T, times)))
+    water = np.stack([np.broadcast_to(np.asarray(axis, float), share.shape) for axis in found], axis=1)
+    all_along = water @ way / np.linalg.norm(way)
+    all_across = np.sqrt(np.maximum((water**2).sum(axis=1) - all_along**2, 0.0))
+    speed = float(np.asarray(plan.conditions.vehicle.speed))
+    worst = int(np.argmin(all_along + np.sqrt(np.maximum(speed**2 - all_across**2, 0.0))))
+    along, across = float(all_along[worst]), float(all_across[worst])
     parts = [
         f"{speed:.1f} m/s {sense}"
         for speed, sense in ((abs(along), "against" if along < 0.0 else "along"), (across, "across"))
         if speed >= 0.05
     ]
-    speed = float(np.asarray(plan.conditions.vehicle.speed))
     return f"current {' and '.join(parts)} the track beats the vehicle's {speed:.1f} m/s"
 
 

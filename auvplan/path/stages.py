@@ -14,7 +14,7 @@ import numpy as np
 
 from auvplan.bbo import search
 from auvplan.bbo.refine import descend
-from auvplan.compiled import compiled, compiled_fast
+from auvplan.compiled import compiled, quickly_compiled
 from auvplan.ocean.currents import Current, divided, is_gradual, united
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
@@ -28,36 +28,44 @@ from auvplan.path.passages import trace_passages
 from auvplan.path.scaling import factor_of, scaled
 from auvplan.vehicle import Vehicle
 
+#: Start and goal [3] m, departure s, world and vehicle: what paths are judged by.
+Problem = tuple[jax.Array, jax.Array, jax.Array, Environment, Vehicle]
+
 #: Current (or None, where all of it is shared) and obstacles; None where the legs share both.
 World = tuple[Current | None, Obstacles] | None
 
 #: Paths of a leg are taken to make at least this share of the speed through the water over ground.
 _SLOWEST = 0.3
 
-
-#: Vortices and obstacles are filled up to multiples of this by such that do nothing. It is how many of them
-#: one step of their loops takes, and programs serve worlds with other numbers of them.
-_PARTS = 4
+#: Vortices and obstacles are padded to multiples of this, as many as one step of their loops takes, so that
+#: programs serve worlds with other numbers of them.
+_MULTIPLE = 4
 
 
 def split(env: Environment, world_per_leg: bool) -> tuple[World, Environment]:
     """What differs by leg, and what is the same for all."""
-    env = replace(env, current=_filled(env.current), obstacles=env.obstacles.filled(_PARTS))
+    obstacles = env.obstacles.padded(_rounded_up(env.obstacles.radius.shape[-1]))
+    env = replace(env, current=_padded(env.current), obstacles=obstacles)
     if not world_per_leg:
         return None, env
     current, own = divided(env.current)
     return (own, env.obstacles), replace(env, current=current, obstacles=None)
 
 
-def _filled(current: Current) -> Current:
-    """A current whose vortices, if it has any, are filled up."""
+def _padded(current: Current) -> Current:
+    """A current whose vortices, if it has any, are padded."""
 
     def is_field(node: Any) -> bool:
         return isinstance(node, LambVortices)
 
-    return jax.tree.map(
-        lambda node: node.filled(_PARTS) if is_field(node) else node, current, is_leaf=is_field
-    )
+    def padded(node: Any) -> Any:
+        return node.padded(_rounded_up(node.strength.shape[-1])) if is_field(node) else node
+
+    return jax.tree.map(padded, current, is_leaf=is_field)
+
+
+def _rounded_up(count: int) -> int:
+    return -(-count // _MULTIPLE) * _MULTIPLE
 
 
 def world_of(own: World, shared: Environment) -> Environment:
@@ -179,10 +187,8 @@ def search_legs(
     return plans | {"history": history}
 
 
-def _posed(
-    leg: Legs, common: Common, config: PathConfig
-) -> tuple[tuple[jax.Array, jax.Array, jax.Array, Environment, Vehicle], PathConfig, jax.Array]:
-    """One leg as the search sees it: start, goal, departure, world and vehicle; settings; scaled by what."""
+def _posed(leg: Legs, common: Common, config: PathConfig) -> tuple[Problem, PathConfig, jax.Array]:
+    """One leg as the search sees it, its settings, and by what factor both are scaled."""
     factor = factor_of(leg.start, leg.goal)
     config = config.replace(
         coast_margin=common.coast_margin,
@@ -204,7 +210,7 @@ def _trace(legs: Legs, common: Common, config: PathConfig, count: int) -> tuple[
     return jax.vmap(one)(legs)
 
 
-@partial(compiled_fast, static_argnames=("config", "size", "count"))
+@partial(quickly_compiled, static_argnames=("config", "size", "count"))
 def _begin(
     keys: jax.Array,
     populations: jax.Array | None,
@@ -220,22 +226,20 @@ def _begin(
     def one(
         key: jax.Array, population: jax.Array | None, found: tuple[jax.Array, ...] | None, leg: Legs
     ) -> dict[str, jax.Array | None]:
-        (start, goal, depart, env, vehicle), own, factor = _posed(leg, common, config)
+        problem, own, factor = _posed(leg, common, config)
+        start, goal, _, env, _ = problem
         lower, upper = habitats.bounds(start, goal, env, own)
         if population is None:
             population = habitats.initial(_keys(key)[0], size, start, goal, lower, upper, own, env)
         else:
             population = population * factor
-        if found is not None and count:
-            passages, times = found[0][:count], found[1][:count]
+        if found is not None:
+            passages, exist = found[0][:count], jnp.isfinite(found[1][:count])
             lower, upper = habitats.widened(lower, upper, passages, env)
-            population = jnp.clip(population, lower, upper)
-            through = jnp.clip(passages, lower, upper)
-            through = jnp.where(jnp.isfinite(times)[:, None], through, population[-count:])
+            through = jnp.where(exist[:, None], passages, population[-count:])
             population = population.at[-count:].set(through)
-        else:
-            population = jnp.clip(population, lower, upper)
-        pace = _pace(start, goal, depart, env, vehicle, own)
+        population = jnp.clip(population, lower, upper)
+        pace = _pace(problem, own)
         return {"population": population, "lower": lower, "upper": upper, "pace": pace}
 
     return jax.vmap(one)(keys, populations, found, legs)
@@ -246,19 +250,13 @@ def _keys(key: jax.Array) -> jax.Array:
     return jax.random.split(key)
 
 
-def _pace(
-    start: jax.Array,
-    goal: jax.Array,
-    depart: jax.Array,
-    env: Environment,
-    vehicle: Vehicle,
-    config: PathConfig,
-) -> jax.Array | None:
+def _pace(problem: Problem, config: PathConfig) -> jax.Array | None:
     """[S - 1] m/s over ground at which paths are taken to be sailed while they are compared.
 
     A gradual current is met at the pace of the straight line, which spares the search the sailing of segments
     one after the other; the path that it finds is timed so. None in all other currents.
     """
+    start, goal, depart, env, vehicle = problem
     if not is_gradual(env.current):
         return None
     line = curves(habitats.straight_line(start, goal, config)[None], start, goal, config)
@@ -270,7 +268,7 @@ def _pace(
 
 def _compared(
     leg: Legs, pace: jax.Array | None, common: Common, config: PathConfig
-) -> tuple[tuple, PathConfig]:
+) -> tuple[Problem, PathConfig]:
     """One leg as `_posed`, in the world that paths are compared in."""
     (start, goal, depart, env, vehicle), config, _ = _posed(leg, common, config)
     if pace is not None:
@@ -333,7 +331,7 @@ def _evolve(
     return jax.vmap(one)(keys, populations, lowers, uppers, paces, legs)
 
 
-@partial(compiled_fast, static_argnames=("config",))
+@partial(quickly_compiled, static_argnames=("config",))
 def _finish(
     states: search.State,
     polished: list[jax.Array] | None,

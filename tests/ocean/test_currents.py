@@ -70,6 +70,20 @@ def test_profile_is_exact_near_the_centre():
     np.testing.assert_allclose(v, exact, rtol=1e-11)
 
 
+def test_padding_with_vortices_of_no_strength_changes_nothing():
+    field = field_of(2)
+    count = field.strength.shape[1]
+    padded = field.padded(count + 3)
+    assert padded.strength.shape == (len(field.strength), count + 3)
+    x, y, z = np.random.default_rng(0).uniform(0.0, 3000.0, (3, 50))
+    for one, other in zip(padded(x, y, z, 0.0), field(x, y, z, 0.0), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-5, atol=1e-6)
+    stacked = jax.tree.map(lambda leaf: jnp.stack([leaf, leaf]), field).padded(count + 3)
+    np.testing.assert_array_equal(stacked.radius[1], padded.radius)
+    with pytest.raises(ValueError, match="capacity"):
+        field.padded(count - 1)
+
+
 def test_positive_strength_turns_from_north_to_east():
     field = ap.LambVortices([[[0.0, 0.0]]], [[1000.0]], [[100.0]])
     u, v, _ = field(jnp.array(50.0), jnp.array(0.0), jnp.array(0.0), jnp.array(0.0))

@@ -1,5 +1,6 @@
 """Obstacle kinds, their motion, and the growth of the collision boundary."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -46,8 +47,16 @@ def test_padding_is_inactive_and_bounded():
     assert len(padded) == 3
     np.testing.assert_array_equal(padded.active, [True, False, False])
     assert len(ap.Obstacles.none()) == 0
+    assert not ap.Obstacles.none().padded(2).active.any()
     with pytest.raises(ValueError, match="capacity"):
         padded.padded(2)
+
+
+def test_padding_keeps_leading_axes():
+    one = ap.Obstacles.static([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]], [4.0, 5.0])
+    both = jax.tree.map(lambda leaf: jnp.stack([leaf, leaf]), one).padded(4)
+    for stacked, leaf in zip(jax.tree.leaves(both), jax.tree.leaves(one.padded(4)), strict=True):
+        np.testing.assert_array_equal(stacked, [leaf, leaf])
 
 
 @pytest.mark.parametrize(

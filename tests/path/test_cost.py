@@ -258,3 +258,29 @@ def test_obstacle_counts_at_the_time_of_arrival():
         env = resolved(ap.Environment(None, None, obstacles, LOWER, UPPER))
         flight = fly(curves(line, start, goal, CONFIG), 0.0, env, ap.Vehicle(), CONFIG)
         assert bool(flight.excess[VIOLATIONS.index("obstacle")].max() > 0) is hit
+
+
+@pytest.mark.parametrize(
+    ("limit", "jet", "excess"),
+    [
+        ("sway", (0.0, 1.8, 0.0), 1.8 / 1.5 - 1.0),
+        ("sway", (0.0, 1.504, 0.0), 0.0),  # a quarter of a per cent is let pass
+        ("surge", (2.0, 0.0, 0.0), 4.5 / 4.0 - 1.0),
+    ],
+)
+def test_a_jet_that_all_middles_miss_is_seen_when_the_path_is_judged(limit, jet, excess):
+    """Four segments of 100 m, and a jet 20 m wide across a quarter of the second one."""
+
+    def current(x, y, z, t):
+        inside = abs(x - 125.0) < 10.0
+        return tuple(jnp.where(inside, speed, 0.0) for speed in jet)
+
+    env = ap.Environment(current, None, None, (-500, -500, 0), (500, 500, 100))
+    vehicle, config = ap.Vehicle(surge_max=4.0, sway_max=1.5), ap.PathConfig()
+    x = jnp.arange(5.0)[:, None] * 100.0
+    flight = fly(Track.through(x, 0.0 * x, 0.0 * x), jnp.asarray(0.0), env, vehicle, config)
+    assert not violations(flight).any()
+    judged = kernel.judged_within(flight, env, vehicle, config)
+    broken = np.asarray(judged.excess[VIOLATIONS.index(limit)])[:, 0]
+    np.testing.assert_allclose(broken, [0.0, excess, 0.0, 0.0], atol=1e-5)
+    assert float(violations(judged).sum()) == pytest.approx(excess / 4.0, abs=1e-5)

@@ -92,7 +92,7 @@ def test_world_per_leg():
 
 
 def test_planar_problem_stays_planar():
-    env = ap.Environment(lambda x, y, z, t: (0.0, 0.4, 0.0), lower=(0, 0, 5), upper=(2000, 2000, 5))
+    env = ap.Environment(ap.UniformCurrent(0.0, 0.4), lower=(0, 0, 5), upper=(2000, 2000, 5))
     plan = ap.plan_path((200, 200, 5), (1800, 900, 5), env, key=jax.random.key(0), config=CONFIG)
     assert plan.feasible
     np.testing.assert_allclose(plan.positions[:, 2], 5.0, atol=1e-4)
@@ -118,7 +118,7 @@ def test_default_is_no_worse_than_the_paper_preset():
 
 
 def test_current_that_wins_everywhere_is_named_with_its_place():
-    env = ap.Environment(lambda x, y, z, t: (-3.0, 0.0, 0.0), lower=(0, 0, 0), upper=(2000, 2000, 50))
+    env = ap.Environment(ap.UniformCurrent(-3.0, 0.0), lower=(0, 0, 0), upper=(2000, 2000, 50))
     plan = ap.plan_path((200, 200, 5), (1800, 900, 5), env, key=jax.random.key(0), config=CONFIG)
     assert not plan.feasible
     assert plan.status is ap.PathStatus.CURRENT

@@ -1,11 +1,14 @@
 """A search is a few compiled programs, which others share."""
 
+from dataclasses import replace
+
 import jax
 import numpy as np
 import pytest
 
 import auvplan as ap
 from auvplan.compiled import compilations
+from auvplan.path.cost import Track, fly
 from tests.path.test_planner import CONFIG, GOAL, START, world
 
 PROGRAMS = 5  # passages, first population, gradient steps, evolution, the path that was found
@@ -59,3 +62,25 @@ def test_the_margin_is_the_one_asked_for(planned):
     wider = ap.plan_paths(START[None], GOAL[None], plan.conditions.env, key=keys, config=config)[0]
     assert wider.feasible
     assert wider.clearance >= 60.0 > plan.clearance
+
+
+def test_other_numbers_of_vortices_and_obstacles_compile_nothing(planned):
+    plan = planned[0]
+    env, config = plan.conditions.env, plan.conditions.config
+    current = replace(
+        env.current,
+        centers=env.current.centers[:, :3],
+        strength=env.current.strength[:, :3],
+        radius=env.current.radius[:, :3],
+    )
+    fewer = replace(env, current=current, obstacles=jax.tree.map(lambda leaf: leaf[:2], env.obstacles))
+    keys = jax.random.split(jax.random.key(0), 1)
+    before = compilations()
+    other = ap.plan_paths(START[None], GOAL[None], fewer, key=keys, config=config)[0]
+    assert compilations() == before
+    # By the time that the plan's own world gives, without what it was padded by.
+    track = Track.through(*(np.asarray(axis)[:, None] for axis in other.positions.T))
+    resolved = replace(fewer, obstacles=fewer.obstacles.resolved(fewer.current))
+    flight = fly(track, np.float32(0.0), resolved, plan.conditions.vehicle, config)
+    assert float(flight.travel_time[0]) == pytest.approx(other.travel_time, rel=1e-4)
+    assert float(flight.clearance.min()) == pytest.approx(other.clearance, abs=0.1)
