@@ -37,8 +37,8 @@ class PathConfig:
     Attributes:
         bbo: the optimiser's settings; `population` and `iterations` are the paper's nPop and Iter_max.
         control_points: free control points, without the two fixed ends.
-        finer: a path that is slower than one that the fields know, or breaks a limit where that one does not,
-            is planned again with so many times as many control points and segments; 1 for never.
+        finer: paths that a polish still improves, or that are worse than one that the fields know, are
+            polished again with so many times as many control points and segments; 1 for never.
         degree: of the B-spline; 3 is cubic.
         samples: points on the curve at which it is scored.
         speed_reading: "track" crabs to hold the track; "eq8" points along it; "eq11" leaves the current out.
@@ -60,6 +60,8 @@ class PathConfig:
         refine_step_size: of the first gradient step, as a share of the bounds.
         refine_count: habitats that are polished together: the best ones after the search, and before it
             passages, so many at a time.
+        settled: share of its cost by which the last polish improves a path that needs no finer one.
+        fine_steps: gradient steps of a finer polish, which are as much smaller as control points are denser.
         fresh_share: share of a kept population that is redrawn when a path is re-planned.
 
     Raises:
@@ -73,11 +75,11 @@ class PathConfig:
 
     bbo: BBOConfig = field(
         default_factory=lambda: BBOConfig(
-            iterations=24, replacement="greedy", mutation="gaussian", mutation_step=0.05
+            iterations=8, replacement="greedy", mutation="gaussian", mutation_step=0.05
         )
     )
     control_points: int = 32
-    finer: int = 2
+    finer: int = 4
     degree: int = 3
     samples: int = 160
     speed_reading: SpeedReading = "track"
@@ -92,9 +94,11 @@ class PathConfig:
     passages: int = 12
     field_cells: int = 120
     passage_steps: int = 60
-    refine_steps: int = 60
+    refine_steps: int = 20
     refine_step_size: float = 0.002
     refine_count: int = 3
+    settled: float = 5e-4
+    fine_steps: int = 160
     fresh_share: float = 0.2
 
     def __post_init__(self) -> None:
@@ -149,13 +153,14 @@ class PathConfig:
         return cls(
             bbo=cls().bbo.replace(population=32, iterations=8),
             control_points=8,
-            finer=4,
             samples=64,
             passages=4,
             field_cells=56,
             passage_steps=40,
             refine_steps=40,
             refine_count=2,
+            settled=2e-3,
+            fine_steps=80,
         )
 
     @classmethod
@@ -174,7 +179,19 @@ class PathConfig:
         numbers that they are given.
         """
         kept: dict[str, Any] = {name: getattr(self, name) for name in (*_OF_THE_COST, *names)}
-        return replace(type(self)(passages=0), **kept)
+        return replace(type(self)(passages=0, finer=1), **kept)
+
+    def fine(self) -> Self:
+        """The settings of paths with `finer` times the control points and segments, and of their polish."""
+        times = self.finer
+        return self.replace(
+            control_points=times * self.control_points,
+            samples=times * (self.samples - 1) + 1,
+            finer=1,
+            refine_steps=self.fine_steps,
+            refine_step_size=self.refine_step_size / times,
+            refine_count=1,
+        )
 
     def window(self) -> Self:
         """The settings of a window: its share of the iterations (3.2.2), and half the passages."""

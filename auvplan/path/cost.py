@@ -42,8 +42,8 @@ JUDGED_AT, _WITHIN = (0.05, 0.25, 0.5, 0.75, 0.95), 0.005
 #: Paths that a CPU scores in one go, so that their planes stay in its caches; whole vector registers.
 _TOGETHER = 640
 
-#: A polish charges this share of the penalties' weights, and for margins wider by so many metres.
-_GUIDE_SOFTNESS = 0.01
+#: Share of the penalties' weights that a polish charges.
+SOFTNESS = 0.01
 
 
 @partial(
@@ -296,8 +296,11 @@ def guide(
     env: Environment,
     vehicle: Vehicle,
     config: PathConfig,
+    softness: jax.typing.ArrayLike = SOFTNESS,
 ) -> tuple[jax.Array, tuple[jax.Array, jax.Array]]:
-    """What a polish descends on, and the cost that judges its steps; arguments as `score`.
+    """What a polish descends on, and the cost that judges its steps.
+
+    Arguments as `score`, and the share of the penalties' weights to charge.
 
     The weights of the cost are so stiff that a descent jumps to and fro at every limit that it meets. The
     guide has soft weights, and margins a little wider, so that it settles just inside what the cost allows.
@@ -314,7 +317,7 @@ def guide(
     )
     low = _too_low(flight.altitude, env, GUIDE_MARGIN)
     wider = (*flight.excess[:_COAST], *near, *flight.excess[_COAST + 2 : -1], low)
-    soft = _GUIDE_SOFTNESS * straight * _penalty(wider, config)
+    soft = softness * straight * _penalty(wider, config)
     return flight.travel_time + flight.price + soft, _cost(flight, straight, config)
 
 

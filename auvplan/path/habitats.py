@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from auvplan.ocean.environment import Environment
-from auvplan.path.bspline import basis_at, fit_matrix, greville_abscissae
+from auvplan.path.bspline import basis_at, basis_matrix, fit_matrix, greville_abscissae
 from auvplan.path.config import GUIDE_MARGIN, PathConfig
 
 #: Sine modes of the initial detours: the first bends the path once, the second twice, ...
@@ -150,6 +150,28 @@ def transfer(
         ends = jnp.broadcast_to(jnp.stack([position[axis], goal[axis]]), (curve.shape[0], 2))
         fitted.append(jnp.concatenate([curve, ends.astype(dtype)], axis=1) @ fit.T)
     return jnp.stack(fitted, axis=1).reshape(-1, 3 * free)
+
+
+def refitted(
+    habitats: np.ndarray, start: np.ndarray, goal: np.ndarray, old: PathConfig, new: PathConfig
+) -> np.ndarray:
+    """Habitats [B, P, 3 n] m with the control points of other settings, by least squares along their curves.
+
+    Args:
+        habitats: [B, P, 3 m] m, of paths with the control points of `old`.
+        start, goal: [B, 3] m.
+        old, new: settings.
+    """
+    basis = basis_matrix(new.samples, old.control_points + 2, old.degree)
+    fit = fit_matrix(new.samples, new.control_points + 2, new.degree)
+    # Inner control points of the new splines from those of the old ones, start and goal.
+    through = fit @ np.block(
+        [[basis[:, 1:-1], basis[:, [0, -1]]], [np.zeros((2, old.control_points)), np.eye(2)]]
+    )
+    planes = habitats.reshape(*habitats.shape[:2], 3, old.control_points)
+    ends = np.broadcast_to(np.stack([start, goal], axis=2)[:, None], (*planes.shape[:3], 2))
+    inner = np.concatenate([planes, ends], axis=3) @ through.T
+    return inner.reshape(*inner.shape[:2], -1).astype(habitats.dtype)
 
 
 def _basis_traced(parameter: jax.Array, config: PathConfig) -> jax.Array:

@@ -105,7 +105,7 @@ def trace_passages(
     vehicle: Vehicle,
     count: int,
     config: PathConfig,
-) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
+) -> tuple[jax.Array, ...]:
     """Trace the best paths through `count` passages, as habitats.
 
     Args:
@@ -118,11 +118,11 @@ def trace_passages(
         config: static settings; `field_cells` sets the grid.
 
     Returns:
-        ``(habitats [count, 3 n] m, times [count] s, closed [] m, known [] s)``, quickest first; times of
-        broken limits hold a deterrent. Where there are fewer passages the last ones repeat, with infinite
-        times. `closed` is the size of the cells where no path between them keeps clear of coast and
-        obstacles, zero where one does; `known` the time of the quickest path if it breaks no limit, else
-        infinite.
+        ``(habitats [count, 3 n] m, fine [count, 3 m] m, times [count] s, closed [] m, known [] s)``, quickest
+        first. `fine` are the same paths with the control points of `config.fine()`. Times of broken limits
+        hold a deterrent; where there are fewer passages the last ones repeat, with infinite times. `closed` is
+        the size of the cells where no path between them keeps clear of coast and obstacles, zero where one
+        does; `known` the time of the quickest path if it breaks no limit, else infinite.
     """
     ends = jnp.stack([start, goal])
     distance = jnp.sqrt(((goal - start) ** 2).sum())
@@ -146,10 +146,10 @@ def trace_passages(
     low, high = _proportioned(low, high)
     fine = build(low, high, cells, partial(_known_times, coarse=coarse, ahead=ahead, total=total))
     traced = fine.traced(count)
-    found = _fitted(traced, start, goal, config)
     closed = jnp.where((traced.broken == 2.0).all(), fine.spacing.max(), 0.0)
     known = jnp.where(traced.broken[0] == 0.0, traced.times[0], jnp.inf)
-    return risen(found, start, goal, env), traced.times, closed, known
+    habitats = (risen(_fitted(traced, start, goal, own), start, goal, env) for own in (config, config.fine()))
+    return *habitats, traced.times, closed, known
 
 
 def _proportioned(low: jax.Array, high: jax.Array) -> tuple[jax.Array, jax.Array]:

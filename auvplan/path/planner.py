@@ -7,14 +7,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
+from numpy.typing import NDArray
 
 from auvplan.ocean.environment import Environment
-from auvplan.path.bspline import basis_matrix, fit_matrix
 from auvplan.path.config import PathConfig
 from auvplan.path.ends import check_ends
+from auvplan.path.habitats import refitted
 from auvplan.path.plan import PathPlan, PathPlans
 from auvplan.path.sensitivity import Conditions
-from auvplan.path.stages import Legs, search_legs, split
+from auvplan.path.stages import Legs, polish_finely, search_legs, split
 from auvplan.rows import over_rows
 from auvplan.vehicle import Vehicle
 
@@ -128,55 +129,68 @@ def plan_finely(
     shared: Environment,
     vehicle: Vehicle,
     config: PathConfig,
-    window: bool = False,
 ) -> tuple[dict[str, Any], dict[int, dict[str, Any]]]:
-    """Plan legs again with more control points and samples where the paths found leave something wanting.
+    """Polish paths with more control points and samples where those found leave something wanting.
 
     Winding ways have more bends than the usual control points can follow, and narrow ones are certified only
     between samples that lie close together.
 
     Args:
-        found: fields of `PathPlans` by name, and `wanting`, which is taken out.
+        found: fields of `PathPlans` by name, and `wanting` and `unsettled`, which are taken out.
         keys: [B].
         legs: B legs.
-        shared, vehicle, config, window: as for `search_legs`.
+        shared, vehicle, config: as for `search_legs`.
 
     Returns:
         The fields, with better paths where there are any, seen at every `finer`-th sample; and by index of
         the leg the fields of these paths at all samples.
     """
-    again = np.flatnonzero(found.pop("wanting"))
-    times = config.finer
-    if times == 1 or not len(again):
-        return found, {}
-    segments = times * (config.samples - 1)
-    fine = config.replace(control_points=times * config.control_points, samples=segments + 1)
-    chosen = jax.tree.map(lambda leaf: np.asarray(leaf)[again], legs)
-    program = partial(search_legs, shared=shared, vehicle=vehicle, config=fine, window=window)
-    better = over_rows(program, keys[again], chosen, None)
-    broken = [plans["violations"].sum(axis=1) for plans in (better, found)]
-    less = (broken[0] < broken[1][again]) | (
-        (broken[0] == broken[1][again]) & (better["cost"] < found["cost"][again])
-    )
+    wanting, unsettled = found.pop("wanting"), found.pop("unsettled")
+    finer: dict[int, dict[str, Any]] = {}
+    if config.finer > 1:
+        for chosen, again in ((wanting, True), (unsettled & ~wanting, False)):
+            if chosen.any():
+                program = partial(polish_finely, shared=shared, vehicle=vehicle, config=config, again=again)
+                found, new = _improved(found, np.flatnonzero(chosen), program, keys, legs, config)
+                finer |= new
+    return found, finer
+
+
+def _improved(
+    found: dict[str, Any],
+    chosen: NDArray[np.int_],
+    program: Any,
+    keys: jax.Array,
+    legs: Legs,
+    config: PathConfig,
+) -> tuple[dict[str, Any], dict[int, dict[str, Any]]]:
+    """As `plan_finely`, by a program for the legs chosen."""
+    posed = jax.tree.map(lambda leaf: np.asarray(leaf)[chosen], legs)
+    old = {name: jax.tree.map(lambda leaf: np.asarray(leaf)[chosen], found[name]) for name in found}
+    new = over_rows(program, keys[chosen], posed, old["population"][:, 0])
+    del new["wanting"]
+    broken = [plans["violations"].sum(axis=1) for plans in (new, old)]
+    less = (broken[0] < broken[1]) | ((broken[0] == broken[1]) & (new["cost"] < old["cost"]))
     if not less.any():
         return found, {}
-    del better["wanting"]
-    better |= {"population": _fitted(better["population"], chosen, fine, config)}
-    better = jax.tree.map(lambda leaf: np.asarray(leaf)[less], better)
-    again = again[less]
-    finer = {int(leg): jax.tree.map(lambda leaf, k=k: leaf[k], better) for k, leg in enumerate(again)}
+    best = refitted(new["population"], posed.start, posed.goal, config.fine(), config)
+    new["population"] = np.concatenate([best, old["population"][:, :-1]], axis=1)
+    new["history"] = old["history"]
+    new = jax.tree.map(lambda leaf: np.asarray(leaf)[less], new)
+    better = chosen[less]
 
-    def replaced(old: Any, new: Any) -> Any:
-        old = np.array(old)
-        old[again] = new
-        return old
+    def replaced(plane: Any, by: Any) -> Any:
+        plane = np.array(plane)
+        plane[better] = by
+        return plane
 
-    return jax.tree.map(replaced, found, better | _thinned(better, times, config)), finer
+    finer = {int(leg): jax.tree.map(lambda leaf, k=k: leaf[k], new) for k, leg in enumerate(better)}
+    return jax.tree.map(replaced, found, new | _thinned(new, config)), finer
 
 
-def _thinned(found: dict[str, Any], times: int, config: PathConfig) -> dict[str, Any]:
-    """What paths with so many times as many segments are like at the usual samples and control points."""
-    free = config.control_points
+def _thinned(found: dict[str, Any], config: PathConfig) -> dict[str, Any]:
+    """What paths of `config.fine()` are like at the usual samples and control points."""
+    times, free = config.finer, config.control_points
     excess, water = found["excess"], found["water"]
     inner = found["population"][:, 0].reshape(-1, 3, free).swapaxes(1, 2)
     ends = found["control_points"][:, :1], found["control_points"][:, -1:]
@@ -187,18 +201,3 @@ def _thinned(found: dict[str, Any], times: int, config: PathConfig) -> dict[str,
         "excess": excess.reshape(*excess.shape[:2], -1, times).max(axis=3),
         "water": water.reshape(len(water), -1, times, 3).mean(axis=2),
     }
-
-
-def _fitted(population: Any, legs: Legs, fine: PathConfig, config: PathConfig) -> np.ndarray:
-    """Habitats [B, P, 3 n] m of fewer control points, as near as may be to those of finer settings."""
-    basis = basis_matrix(config.samples, fine.control_points + 2, config.degree)
-    fit = fit_matrix(config.samples, config.control_points + 2, config.degree)
-    # What takes inner control points, start and goal to fewer inner ones.
-    ends = np.eye(2)
-    along = np.concatenate([basis[:, 1:-1], basis[:, :1], basis[:, -1:]], axis=1)
-    fewer = fit @ np.concatenate([along, np.concatenate([np.zeros((2, fine.control_points)), ends], axis=1)])
-    population = np.asarray(population)
-    planes = population.reshape(*population.shape[:2], 3, fine.control_points)
-    both = np.broadcast_to(np.stack([legs.start, legs.goal], axis=2)[:, None], (*planes.shape[:3], 2))
-    inner = np.concatenate([planes, both], axis=3) @ fewer.T
-    return inner.reshape(*inner.shape[:2], -1).astype(population.dtype)

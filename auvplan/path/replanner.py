@@ -98,7 +98,7 @@ def replan_paths(
     posed = Legs(position, goals, np.asarray(now, float), world)
     program = partial(_search_on, **problem, config=config)
     found = over_rows(program, keys, populations, starts, np.asarray(reached), posed)
-    found, finer = plan_finely(found, keys, posed, **problem, config=config, window=True)
+    found, finer = plan_finely(found, keys, posed, **problem, config=config)
     return PathPlans(**found, conditions=conditions, finer=finer)
 
 

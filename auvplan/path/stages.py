@@ -22,7 +22,17 @@ from auvplan.ocean.vortices import LambVortices
 from auvplan.path import habitats
 from auvplan.path.clearance import FAR
 from auvplan.path.config import PathConfig
-from auvplan.path.cost import VIOLATIONS, Flight, curves, fly, guide, judged_within, score, violations
+from auvplan.path.cost import (
+    SOFTNESS,
+    VIOLATIONS,
+    Flight,
+    curves,
+    fly,
+    guide,
+    judged_within,
+    score,
+    violations,
+)
 from auvplan.path.kinematics import PacedCurrent, norm
 from auvplan.path.passages import trace_passages
 from auvplan.path.scaling import factor_of, scaled
@@ -36,6 +46,14 @@ World = tuple[Current | None, Obstacles] | None
 
 #: Paths of a leg are taken to make at least this share of the speed through the water over ground.
 _SLOWEST = 0.3
+
+#: Paths that leave something wanting are looked for in fields so many times as dense, and so many of the
+#: passages found there are polished with fine settings.
+_DENSER, _FEW = 2, 2
+
+#: A path that breaks a limit after that is polished with these shares of the penalties' weights, against
+#: limits of the vehicle that are so much tighter.
+_STRICTER, _TIGHTER = (0.1, 1.0), 0.99
 
 #: Vortices and obstacles are padded to multiples of this, as many as one step of their loops takes, so that
 #: programs serve worlds with other numbers of them.
@@ -139,36 +157,24 @@ def search_legs(
 
     Returns:
         Arrays with a leading axis B. `wanting` tells that fields know a path that breaks no limit, and that
-        the one found is slower or breaks one.
+        the one found is slower or breaks one; `unsettled`, that the last polish still improved it.
     """
     effort = config.window() if window else config
-    numbers = config.coast_margin, config.obstacle_margin, config.uncertain_price
-    world: dict[str, Any] = {"legs": legs, "common": Common(shared, vehicle, *numbers)}
-    cost: dict[str, Any] = world | {"config": config.only()}
+    world = _world(legs, shared, vehicle, config)
     found = None
     if config.passages:
-        found = _trace(**world, config=config.only("field_cells"), count=config.passages)
+        passages, _, *found = _trace(**world, config=config.only("field_cells"), count=config.passages)
+        found = passages, *found
     fresh = config.only("start_shape", "width", "depth_width")
     size = config.bbo.population
     begun = _begin(keys, population, found, **world, config=fresh, size=size, count=effort.passages)
     population, bounds = np.asarray(begun["population"]), (begun["lower"], begun["upper"], begun["pace"])
 
-    def descended(rows: np.ndarray, steps: int, step_size: float) -> list[np.ndarray]:
-        """Rows [B, R, 3 n] polished by gradients, their costs and violations [B, R], so many at a time."""
-        parts = []
-        for begin in range(0, rows.shape[1], config.refine_count):
-            part = rows[:, begin : begin + config.refine_count]
-            more = config.refine_count - part.shape[1]
-            padded = np.pad(part, ((0, 0), (0, more), (0, 0)), mode="edge")
-            better = _descend(padded, *bounds, np.int32(steps), np.float32(step_size), **cost)
-            parts.append([np.asarray(plane)[:, : part.shape[1]] for plane in better])
-        return [np.concatenate(planes, axis=1) for planes in zip(*parts, strict=True)]
-
+    descended = partial(_descended, bounds=bounds, world=world, config=config)
     if (count := effort.passages) and effort.passage_steps:
         # All passages at first, then the better half of them: a few steps tell which ones lead nowhere.
         first, step_size = effort.passage_steps // 3, config.refine_step_size
-        rows, costs, _ = descended(population[:, -count:], first, step_size)
-        rows = np.take_along_axis(rows, np.argsort(costs, axis=1, kind="stable")[:, :, None], axis=1)
+        rows = _ranked(*descended(population[:, -count:], first, step_size))[0]
         half = -(-count // 2)
         better = descended(rows[:, :half], effort.passage_steps - first, step_size)[0]
         population = np.concatenate([population[:, :-count], better, rows[:, half:]], axis=1)
@@ -179,12 +185,124 @@ def search_legs(
     if effort.refine_steps:
         elite = np.asarray(state.population)[:, : config.refine_count]
         polished = descended(elite, effort.refine_steps, config.refine_step_size / 3.0)
-    plans, last = _finish(state, polished, None if found is None else found[2:], **cost)
+    known = None if found is None else found[2:]
+    plans, last = _finish(state, polished, known, **world, config=config.only())
     plans, last, history = jax.device_get((plans, last, history))
     history = jax.tree.map(lambda rows: rows[:, : iterations + 1], history)
+    unsettled = np.zeros(len(last.best), bool)
     if polished is not None:
+        unsettled = last.best < (1.0 - config.settled) * history.best[:, -1]
         history = jax.tree.map(lambda rows, end: np.concatenate([rows, end[:, None]], axis=1), history, last)
-    return plans | {"history": history}
+    return plans | {"history": history, "unsettled": unsettled}
+
+
+def polish_finely(
+    keys: jax.Array,
+    legs: Legs,
+    known: np.ndarray,
+    shared: Environment,
+    vehicle: Vehicle,
+    config: PathConfig,
+    again: bool,
+) -> dict[str, Any]:
+    """Polish the paths of B legs with the control points and samples of `config.fine()`.
+
+    Args:
+        keys: [B] PRNG keys, consumed.
+        legs: B legs.
+        known: [B, 3 n] m, a path of each.
+        shared: what of the world is the same for all legs.
+        vehicle: speed and limits.
+        config: settings.
+        again: whether to look for passages in denser fields too, and to polish the best of them.
+
+    Returns:
+        As `search_legs` but for the history; populations hold the best path alone.
+    """
+    world, fine = _world(legs, shared, vehicle, config), config.fine()
+    factors = np.array([factor_of(*ends) for ends in zip(legs.start, legs.goal, strict=True)])[:, None]
+    ends = legs.start * factors, legs.goal * factors
+    rows, outcome = (known * factors)[:, None].astype(np.float32), None
+    polished = partial(_polished, keys, world=world)
+    if again:
+        dense = config.only("field_cells", "finer").replace(field_cells=_DENSER * config.field_cells)
+        passages, few, _, *outcome = _trace(**world, config=dense, count=config.passages)
+        rows = np.concatenate([rows, passages], axis=1)
+        rows = _ranked(*polished(rows, config.replace(refine_steps=config.passage_steps)))[0][:, :1]
+    rows = habitats.refitted(rows, *ends, config, fine)
+    if again:
+        rows = np.concatenate([rows, few[:, :_FEW]], axis=1)
+    best = _ranked(*polished(rows, fine))
+    for share in _STRICTER:
+        broken = best[2][:, :1] > 0.0
+        if not broken.any():
+            break
+        tighter = {name: _TIGHTER * getattr(vehicle, name) for name in ("surge_max", "sway_max")}
+        strict = _world(legs, shared, replace(vehicle, **tighter), config)
+        more = list(polished(best[0], fine, world=strict, softness=share))
+        # What a leg gets depends on no other leg.
+        more[1] = np.where(broken, more[1], np.inf)
+        best = _ranked(*(np.concatenate(both, axis=1) for both in zip(best, more, strict=True)))
+        best = tuple(plane[:, : rows.shape[1]] for plane in best)
+    state = search.State(*(plane[:, :1] for plane in best))
+    return jax.device_get(_finish(state, None, outcome, **world, config=fine.only())[0])
+
+
+def _world(legs: Legs, shared: Environment, vehicle: Vehicle, config: PathConfig) -> dict[str, Any]:
+    """Arguments that all programs take."""
+    return {
+        "legs": legs,
+        "common": Common(
+            shared, vehicle, config.coast_margin, config.obstacle_margin, config.uncertain_price
+        ),
+    }
+
+
+def _polished(
+    keys: jax.Array, rows: np.ndarray, config: PathConfig, world: dict[str, Any], softness: float = SOFTNESS
+) -> tuple[np.ndarray, ...]:
+    """Rows [B, R, 3 n] in the units of the search, polished as by `_descended` within bounds that hold them."""
+    parts = []
+    fresh, size = (
+        config.only("start_shape", "width", "depth_width"),
+        1 if config.refine_count == 1 else rows.shape[1],
+    )
+    for begin in range(0, rows.shape[1], size):
+        part = rows[:, begin : begin + size]
+        found = part, np.zeros(part.shape[:2], part.dtype)
+        begun = _begin(keys, None, found, **world, config=fresh, size=size, count=size)
+        bounds, steps = (begun["lower"], begun["upper"], begun["pace"]), config.refine_steps
+        part = np.asarray(begun["population"])
+        parts.append(_descended(part, steps, config.refine_step_size, bounds, world, config, softness))
+    return tuple(np.concatenate(planes, axis=1) for planes in zip(*parts, strict=True))
+
+
+def _descended(
+    rows: np.ndarray,
+    steps: int,
+    step_size: float,
+    bounds: tuple,
+    world: dict[str, Any],
+    config: PathConfig,
+    softness: float = SOFTNESS,
+) -> tuple[np.ndarray, ...]:
+    """Rows [B, R, 3 n] polished by gradients, their costs and violations [B, R], `refine_count` at a time."""
+    parts, at_once = [], config.refine_count
+    numbers = np.int32(steps), np.float32(step_size), np.float32(softness)
+    for begin in range(0, rows.shape[1], at_once):
+        part = rows[:, begin : begin + at_once]
+        more = at_once - part.shape[1]
+        padded = np.pad(part, ((0, 0), (0, more), (0, 0)), mode="edge")
+        better = _descend(padded, *bounds, *numbers, **world, config=config.only())
+        parts.append([np.asarray(plane)[:, : part.shape[1]] for plane in better])
+    return tuple(np.concatenate(planes, axis=1) for planes in zip(*parts, strict=True))
+
+
+def _ranked(rows: np.ndarray, costs: np.ndarray, violations: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Rows [B, R, 3 n], costs and violations [B, R], the least cost first."""
+    order = np.argsort(costs, axis=1, kind="stable")
+    rows = np.take_along_axis(rows, order[:, :, None], axis=1)
+    return rows, *(np.take_along_axis(plane, order, axis=1) for plane in (costs, violations))
 
 
 def _posed(leg: Legs, common: Common, config: PathConfig) -> tuple[Problem, PathConfig, jax.Array]:
@@ -284,6 +402,7 @@ def _descend(
     paces: jax.Array | None,
     steps: jax.Array,
     step_size: jax.Array,
+    softness: jax.Array,
     legs: Legs,
     common: Common,
     config: PathConfig,
@@ -294,7 +413,9 @@ def _descend(
         rows: jax.Array, lower: jax.Array, upper: jax.Array, pace: jax.Array | None, leg: Legs
     ) -> tuple[jax.Array, jax.Array, jax.Array]:
         problem, own = _compared(leg, pace, common, config)
-        return descend(partial(guide, config=own), rows, lower, upper, steps, problem, step_size)
+        return descend(
+            partial(guide, config=own, softness=softness), rows, lower, upper, steps, problem, step_size
+        )
 
     return jax.vmap(one)(rows, lowers, uppers, paces, legs)
 
