@@ -120,8 +120,8 @@ def trace_passages(
     Returns:
         ``(habitats [count, 3 n] m, fine [count, 3 m] m, times [count] s, closed [] m, known [] s)``, quickest
         first. `fine` are the same paths with the control points of `config.fine()`. Times of broken limits
-        hold a deterrent; where there are fewer passages the last ones repeat, with infinite times. `closed` is
-        the size of the cells where no path between them keeps clear of coast and obstacles, zero where one
+        hold a deterrent; where there are fewer passages the last ones repeat, with infinite times. `closed`
+        is the size of the cells where no path between them keeps clear of coast and obstacles, zero where one
         does; `known` the time of the quickest path if it breaks no limit, else infinite.
     """
     ends = jnp.stack([start, goal])

@@ -51,9 +51,9 @@ _SLOWEST = 0.3
 #: passages found there are polished with fine settings.
 _DENSER, _FEW = 2, 2
 
-#: A path that breaks a limit after that is polished with these shares of the penalties' weights, against
-#: limits of the vehicle that are so much tighter.
-_STRICTER, _TIGHTER = (0.1, 1.0), 0.99
+#: A path that breaks a limit after that is polished with the first of these shares of the penalties' weights,
+#: against limits of the vehicle that are lower by the second factor.
+_STRICTER = (0.1, 0.99), (1.0, 0.98)
 
 #: Vortices and obstacles are padded to multiples of this, as many as one step of their loops takes, so that
 #: programs serve worlds with other numbers of them.
@@ -232,20 +232,24 @@ def polish_finely(
     rows = habitats.refitted(rows, *ends, config, fine)
     if again:
         rows = np.concatenate([rows, few[:, :_FEW]], axis=1)
-    best = _ranked(*polished(rows, fine))
-    for share in _STRICTER:
-        broken = best[2][:, :1] > 0.0
-        if not broken.any():
+    rows, costs, broken = _ranked(*polished(rows, fine))
+    finish = partial(_finish, polished=None, known=outcome, **world, config=fine.only())
+    best = jax.device_get(finish(search.State(rows[:, :1], costs[:, :1], broken[:, :1]))[0])
+    for softness, lower in _STRICTER:
+        if not best["violations"].any():
             break
-        tighter = {name: _TIGHTER * getattr(vehicle, name) for name in ("surge_max", "sway_max")}
-        strict = _world(legs, shared, replace(vehicle, **tighter), config)
-        more = list(polished(best[0], fine, world=strict, softness=share))
-        # What a leg gets depends on no other leg.
-        more[1] = np.where(broken, more[1], np.inf)
-        best = _ranked(*(np.concatenate(both, axis=1) for both in zip(best, more, strict=True)))
-        best = tuple(plane[:, : rows.shape[1]] for plane in best)
-    state = search.State(*(plane[:, :1] for plane in best))
-    return jax.device_get(_finish(state, None, outcome, **world, config=fine.only())[0])
+        limits = {name: lower * getattr(vehicle, name) for name in ("surge_max", "sway_max")}
+        strict = _world(legs, shared, replace(vehicle, **limits), config)
+        rows, costs, broken = _ranked(*polished(rows, fine, world=strict, softness=softness))
+        more = jax.device_get(finish(search.State(rows[:, :1], costs[:, :1], broken[:, :1]))[0])
+        less = more["violations"].sum(axis=1) < best["violations"].sum(axis=1)
+        best = jax.tree.map(lambda new, old, less=less: np.where(_over(less, new), new, old), more, best)
+    return best
+
+
+def _over(chosen: np.ndarray, plane: np.ndarray) -> np.ndarray:
+    """What is chosen of B legs, [B], with as many axes as a plane that has B rows."""
+    return chosen.reshape(-1, *(1,) * (plane.ndim - 1))
 
 
 def _world(legs: Legs, shared: Environment, vehicle: Vehicle, config: PathConfig) -> dict[str, Any]:
@@ -261,7 +265,7 @@ def _world(legs: Legs, shared: Environment, vehicle: Vehicle, config: PathConfig
 def _polished(
     keys: jax.Array, rows: np.ndarray, config: PathConfig, world: dict[str, Any], softness: float = SOFTNESS
 ) -> tuple[np.ndarray, ...]:
-    """Rows [B, R, 3 n] in the units of the search, polished as by `_descended` within bounds that hold them."""
+    """Rows [B, R, 3 n], as the search sees them, polished as by `_descended` within bounds that hold them."""
     parts = []
     fresh, size = (
         config.only("start_shape", "width", "depth_width"),
@@ -291,8 +295,9 @@ def _descended(
     numbers = np.int32(steps), np.float32(step_size), np.float32(softness)
     for begin in range(0, rows.shape[1], at_once):
         part = rows[:, begin : begin + at_once]
-        more = at_once - part.shape[1]
-        padded = np.pad(part, ((0, 0), (0, more), (0, 0)), mode="edge")
+        padded = part
+        if more := at_once - part.shape[1]:
+            padded = np.concatenate([part, np.repeat(part[:, -1:], more, axis=1)], axis=1)
         better = _descend(padded, *bounds, *numbers, **world, config=config.only())
         parts.append([np.asarray(plane)[:, : part.shape[1]] for plane in better])
     return tuple(np.concatenate(planes, axis=1) for planes in zip(*parts, strict=True))

@@ -79,7 +79,7 @@ def test_chains_lead_back_along_shortest_ways():
 def test_passages_on_both_sides_of_an_obstacle():
     rock = ap.Obstacles.static([[1000.0, 50.0, 10.0]], [300.0])
     env = ap.Environment(None, None, rock, LOWER, UPPER)
-    found, times, closed, known = traced(START, GOAL, 0.0, env, ap.Vehicle(), 4, CONFIG)
+    found, _, times, closed, known = traced(START, GOAL, 0.0, env, ap.Vehicle(), 4, CONFIG)
     assert (np.diff(times[np.isfinite(times)]) >= 0.0).all()
     x, y, _ = (axis.T for axis in curves(found, START, GOAL, CONFIG).places)
     beside = np.asarray(y)[np.arange(4), np.abs(np.asarray(x) - 1000.0).argmin(axis=1)]
@@ -109,10 +109,22 @@ def walled(gap, length=300):
     return ap.Environment(None, chart, None, (-1000, -1600, 0), (3000, -1600 + 10 * length, 0))
 
 
+def test_passages_with_more_control_points_are_the_same_ways():
+    rock = ap.Obstacles.static([[1000.0, 0.0, 10.0]], [300.0])
+    env = ap.Environment(None, None, rock.resolved(None), LOWER, UPPER)
+    config = CONFIG.replace(finer=3)
+    usual, fine, *_ = traced(START, GOAL, 0.0, env, ap.Vehicle(), 2, config)
+    assert fine.shape == (2, 3 * 3 * CONFIG.control_points)
+    tracks = [curves(rows, START, GOAL, own) for rows, own in ((usual, config), (fine, config.fine()))]
+    # Samples of the fine splines are where every third one of them is a sample of the usual ones.
+    for usual_axis, fine_axis in zip(tracks[0].places, tracks[1].places, strict=True):
+        np.testing.assert_allclose(usual_axis, fine_axis[::3], atol=60.0)  # a cell
+
+
 def test_a_gap_narrower_than_a_cell_is_found():
     env = walled(slice(243, 249))  # 60 m between 830 and 890 m east; the cells are larger
     ends = jnp.array([0.0, 0.0, 0.0]), jnp.array([2000.0, 0.0, 0.0])
-    found, _, closed, known = traced(*ends, 0.0, env, ap.Vehicle(), 4, CONFIG)
+    found, _, _, closed, known = traced(*ends, 0.0, env, ap.Vehicle(), 4, CONFIG)
     assert float(closed) == 0.0
     assert float(known) == pytest.approx(2.0 * np.hypot(1000.0, 850.0) / 2.5, rel=0.03)
     x, y, _ = (np.asarray(axis)[:, 0] for axis in curves(found, *ends, CONFIG).places)
@@ -122,7 +134,7 @@ def test_a_gap_narrower_than_a_cell_is_found():
 def test_a_wall_without_a_gap_is_closed():
     env = walled(None)
     ends = jnp.array([0.0, 0.0, 0.0]), jnp.array([2000.0, 0.0, 0.0])
-    _, _, closed, known = traced(*ends, 0.0, env, ap.Vehicle(), 4, CONFIG)
+    _, _, _, closed, known = traced(*ends, 0.0, env, ap.Vehicle(), 4, CONFIG)
     assert 0.0 < float(closed) < 200.0
     assert np.isinf(float(known))
 
@@ -132,7 +144,7 @@ def test_the_way_round_an_island_wider_than_the_straight_line_is_found():
     water[145:155, 40:260] = False  # 2.2 km across a way of 1 km
     env = ap.Environment(None, ap.Chart.from_mask(water, 10.0), None, (0, 0, 0), (3000, 3000, 0))
     ends = jnp.array([1000.0, 1400.0, 0.0]), jnp.array([2000.0, 1400.0, 0.0])
-    found, times, closed, known = traced(*ends, 0.0, env, ap.Vehicle(), 4, CONFIG)
+    found, _, times, closed, known = traced(*ends, 0.0, env, ap.Vehicle(), 4, CONFIG)
     assert float(closed) == 0.0
     # Round the nearer end, 1010 m aside; the other passage leads round the farther one, 1210 m aside.
     for time, aside in zip(times[:2], (1010.0, 1210.0), strict=True):

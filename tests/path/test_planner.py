@@ -1,6 +1,7 @@
 """Whole plans: safety, quality, determinism, batching, warm starts and bad input."""
 
 from dataclasses import replace
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -9,6 +10,8 @@ import pytest
 
 import auvplan as ap
 from auvplan.compiled import compilations
+from auvplan.path import stages
+from auvplan.path.habitats import straight_line
 from tests.path.worlds import GOAL, LOWER, START, UPPER, world
 
 CONFIG = ap.PathConfig(
@@ -243,7 +246,8 @@ def test_winding_ways_are_planned_with_more_control_points():
         np.array([[1800.0, 300.0, 0.0], [300.0, 1500.0, 0.0]]),
     )
     keys = jax.random.split(jax.random.key(0), 2)
-    plans = ap.plan_paths(starts, goals, env, key=keys, config=few.replace(finer=3))
+    finely = few.replace(finer=3, settled=1.0)  # paths that are worse than what the fields know alone
+    plans = ap.plan_paths(starts, goals, env, key=keys, config=finely)
     alone = ap.plan_paths(starts, goals, env, key=keys, config=few)
     assert plans.feasible.all()
     assert not alone[0].feasible or plans[0].travel_time < alone[0].travel_time
@@ -264,6 +268,41 @@ def test_winding_ways_are_planned_with_more_control_points():
         points, _ = dense(plan)
         assert np.asarray(env.chart.is_water(points[:, 0], points[:, 1])).all()
     here, now = fine.positions[40], float(fine.times[40])
-    rest = ap.replan_path(fine, here, now, env, key=keys[0], config=few.replace(finer=3))
+    rest = ap.replan_path(fine, here, now, env, key=keys[0], config=finely)
     assert rest.feasible
     assert rest.travel_time <= 1.02 * (fine.times[-1] - now)
+
+
+def test_a_path_that_the_last_polish_still_improves_is_polished_finely():
+    env, key = world(), jax.random.key(0)
+    few = CONFIG.replace(control_points=6, samples=32, settled=0.0)
+    usual = ap.plan_path(START, GOAL, env, key=key, config=few)
+    fine = ap.plan_path(START, GOAL, env, key=key, config=few.replace(finer=2))
+    assert fine.feasible
+    assert len(fine.times) == 2 * 31 + 1
+    assert fine.travel_time < usual.travel_time
+    # What counts as settled is left as it is.
+    calm = ap.plan_path(START, GOAL, env, key=key, config=few.replace(finer=2, settled=1.0))
+    assert calm.travel_time == usual.travel_time
+
+
+def jet(x, y, z, t):
+    """2.4 m/s across the straight line, where the vehicle may have 1.5 across its track."""
+    return 0.0 * x, 2.4 * jnp.exp(-(((x - 1000.0) / 200.0) ** 2)), 0.0 * x
+
+
+def test_a_path_that_breaks_a_limit_is_polished_strictly(monkeypatch):
+    config = CONFIG.replace(
+        control_points=8, samples=80, finer=2, fine_steps=40, refine_step_size=0.004, passages=0
+    )
+    env = ap.Environment(jet, lower=(0, -1500, 0), upper=(2000, 1500, 0))
+    ends = np.array([[0.0, 0.0, 0.0]]), np.array([[2000.0, 0.0, 0.0]])
+    own, shared = stages.split(env, False)
+    legs = stages.Legs(*ends, np.zeros(1), own)
+    line = np.asarray(straight_line(jnp.asarray(ends[0][0]), jnp.asarray(ends[1][0]), config))[None]
+    keys = jax.random.split(jax.random.key(0), 1)
+    polish = partial(stages.polish_finely, keys, legs, line, shared, ap.Vehicle(), config, again=False)
+    strict = polish()
+    assert not strict["violations"].any()
+    monkeypatch.setattr(stages, "_STRICTER", ())
+    assert polish()["violations"].any()

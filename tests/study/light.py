@@ -4,14 +4,20 @@
 `--hold N` the study stands still as soon as N missions are done and waits to be killed; in worker processes,
 each does so after N missions of its own. Where one stands still, a file in the folder that `HOLDS` names says
 so.
+
+A mission that was sailed once in a session of tests is not sailed again: `sail` takes it from disk.
 """
 
 import argparse
+import hashlib
 import os
+import pickle
 import struct
 import subprocess
 import sys
 import time
+from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -20,6 +26,7 @@ import numpy as np
 import xarray as xr
 
 from auvplan.study import Design, load_study, run_study, runner, without_clocks, worker
+from auvplan.study.worker import Done, Finished, Job, Report, UnderWay
 from auvplan.voyage import Scenario, ScenarioError, executive
 from tests.voyage.small import SMALL, light_config, scenario
 
@@ -29,10 +36,16 @@ PATIENCE = 300.0
 #: Name in the environment of the folder in which processes that stand still say so.
 HOLDS = "AUVPLAN_TEST_HOLDS"
 
+#: Name in the environment of the folder that holds the missions that were sailed.
+SAILED = "AUVPLAN_TEST_SAILED"
+
+_really_sail = worker.sail
+
 
 def lighten() -> None:
-    """Make path searches of this process light for good."""
+    """Make path searches of this process light for good, and sail no mission twice."""
     executive.path_config = light_config
+    runner.sail = worker.sail = sail
 
 
 def small(**sections) -> Scenario:
@@ -59,10 +72,44 @@ def mission(dataset: xr.Dataset, seed: int) -> xr.Dataset:
     )
 
 
+def sail(job: Job, report: Callable[[Report], None], anew: bool = False) -> None:
+    """Stand in for `worker.sail`: take missions that were sailed before from disk, unless asked for anew."""
+    report(UnderWay(0.0))
+    folder, cases, left = Path(os.environ[SAILED]), Design.of(job.design).cases, []
+    folder.mkdir(exist_ok=True)
+
+    def piece(case: int, seed: int) -> Path:
+        text = f"{cases[case].model_dump_json()} {seed}"
+        return folder / hashlib.sha256(text.encode()).hexdigest()
+
+    for case, seed in job.tasks:
+        if piece(case, seed).is_file() and not anew and job.saves is None:
+            report(Done(case, seed, pickle.loads(piece(case, seed).read_bytes())))
+        else:
+            left.append((case, seed))
+
+    def keep(told: Report) -> None:
+        if isinstance(told, Done):
+            half = folder / str(os.getpid())
+            half.write_bytes(pickle.dumps(told.row))
+            half.rename(piece(told.case, told.seed))
+        report(told)
+
+    if left:
+        _really_sail(replace(job, tasks=tuple(left)), keep)
+    else:
+        report(Finished(0.0))
+
+
 def cache_settings(tmp_path_factory) -> dict[str, str]:
-    """Environment of processes that share what they compile, in this session of tests."""
-    folder = str(tmp_path_factory.getbasetemp() / "jax")
-    return {"JAX_COMPILATION_CACHE_DIR": folder, "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0"}
+    """Environment of processes that share what they compile and sail, in this session of tests."""
+    base = tmp_path_factory.getbasetemp()
+    base = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    return {
+        "JAX_COMPILATION_CACHE_DIR": str(base / "jax"),
+        "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
+        SAILED: str(base / "sailed"),
+    }
 
 
 def begin(tmp_path_factory, out: Path, count: int, *options: str, **settings: str) -> subprocess.Popen:
@@ -124,8 +171,9 @@ def work_and_fail(job, core, settings, pipe: Connection) -> None:
 
 
 def sail_all(job):
-    """What a cluster's worker does, with light searches."""
+    """What a cluster's worker does, with light searches; every mission is sailed."""
     lighten()
+    worker.sail = _really_sail
     return worker.sail_all(job)
 
 

@@ -20,7 +20,7 @@ from auvplan.voyage.scenario import Scenario
 from tests.study import light
 from tests.study.light import mission, small
 
-pytestmark = pytest.mark.usefixtures("light_search")
+pytestmark = pytest.mark.usefixtures("light_search", "sailed")
 
 run_here = partial(run_study, workers=1)
 
@@ -51,15 +51,26 @@ def assert_same(first, second):
 
 
 @pytest.fixture(scope="module")
-def seven(light_search, tmp_path_factory):
+def sailed(tmp_path_factory):
+    """Missions that were sailed once are taken from disk: most of what is tested happens after that."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(light.SAILED, light.cache_settings(tmp_path_factory)[light.SAILED])
+        patch.setattr(runner_module, "sail", light.sail)
+        yield
+
+
+@pytest.fixture(scope="module")
+def seven(light_search, sailed, tmp_path_factory):
     """A study of seven missions: its folder, its dataset, and what its progress was told."""
     out, told = tmp_path_factory.mktemp("seven") / "new" / "folder", []
-    dataset = run_here(Design(small(), 7), out, progress=lambda *words: told.append(words))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(runner_module, "sail", partial(light.sail, anew=True))
+        dataset = run_here(Design(small(), 7), out, progress=lambda *words: told.append(words))
     return out, dataset, told
 
 
 @pytest.fixture(scope="module")
-def three(light_search, tmp_path_factory):
+def three(light_search, sailed, tmp_path_factory):
     """A study of three missions: its folder and its dataset."""
     out = tmp_path_factory.mktemp("three")
     return out, run_here(Design(small(), 3), out)
@@ -193,7 +204,8 @@ def test_figures_are_those_of_the_missions_sailed_directly(three):
             assert row[row >= 0].tolist() == list(order.nodes)
 
 
-def test_a_mission_is_the_same_to_the_last_bit_in_batches_of_1_3_and_7(seven, tmp_path):
+def test_a_mission_is_the_same_to_the_last_bit_in_batches_of_1_3_and_7(seven, tmp_path, monkeypatch):
+    monkeypatch.setattr(runner_module, "sail", partial(light.sail, anew=True))
     batches = [seven[1]]
     batches += [run_here(Design(small(), n, seed), tmp_path / str(n)) for n, seed in ((1, 3), (3, 2))]
     first, *others = (mission(batch, 3) for batch in batches)
