@@ -54,6 +54,7 @@ class PathConfig:
         passages: paths through different passages, from time-to-reach fields, that the search starts from; 0
             for none.
         field_cells: cells of the finer ones of these fields to each side.
+        dense_cells: the same of the fields that are searched again for paths that leave something wanting.
         passage_steps: gradient steps that polish the passages before the search, a third of them on all and
             the others on the better half; divided among the windows of a leg as the iterations are.
         refine_steps: gradient steps that polish the elite after the search.
@@ -93,6 +94,7 @@ class PathConfig:
     penalties: Penalties = field(default_factory=Penalties)
     passages: int = 12
     field_cells: int = 120
+    dense_cells: int = 240
     passage_steps: int = 60
     refine_steps: int = 20
     refine_step_size: float = 0.002
@@ -156,6 +158,7 @@ class PathConfig:
             samples=64,
             passages=4,
             field_cells=56,
+            dense_cells=200,
             passage_steps=40,
             refine_steps=40,
             refine_count=2,

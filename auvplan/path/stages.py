@@ -35,7 +35,7 @@ from auvplan.path.cost import (
 )
 from auvplan.path.kinematics import PacedCurrent, norm
 from auvplan.path.passages import trace_passages
-from auvplan.path.scaling import factor_of, scaled
+from auvplan.path.scaling import WAY, factor_of, scaled
 from auvplan.vehicle import Vehicle
 
 #: Start and goal [3] m, departure s, world and vehicle: what paths are judged by.
@@ -47,9 +47,12 @@ World = tuple[Current | None, Obstacles] | None
 #: Paths of a leg are taken to make at least this share of the speed through the water over ground.
 _SLOWEST = 0.3
 
-#: Paths that leave something wanting are looked for in fields so many times as dense, and so many of the
-#: passages found there are polished with fine settings.
-_DENSER, _FEW = 2, 2
+#: Passages of denser fields that are polished with fine settings.
+_FEW = 2
+
+#: So many times the straight line's time in still water is a long way round: a nearer passage may be narrower
+#: than a cell.
+_ROUNDABOUT = 1.5
 
 #: A path that breaks a limit after that is polished with the first of these shares of the penalties' weights,
 #: against limits of the vehicle that are lower by the second factor.
@@ -157,7 +160,8 @@ def search_legs(
 
     Returns:
         Arrays with a leading axis B. `wanting` tells that fields know a path that breaks no limit, and that
-        the one found is slower or breaks one; `unsettled`, that the last polish still improved it.
+        the one found is slower, breaks one, or goes a long way round; `unsettled`, that the last polish still
+        improved it.
     """
     effort = config.window() if window else config
     world = _world(legs, shared, vehicle, config)
@@ -225,7 +229,7 @@ def polish_finely(
     rows, outcome = (known * factors)[:, None].astype(np.float32), None
     polished = partial(_polished, keys, world=world)
     if again:
-        dense = config.only("field_cells", "finer").replace(field_cells=_DENSER * config.field_cells)
+        dense = config.only("finer").replace(field_cells=config.dense_cells)
         passages, few, _, *outcome = _trace(**world, config=dense, count=config.passages)
         rows = np.concatenate([rows, passages], axis=1)
         rows = _ranked(*polished(rows, config.replace(refine_steps=config.passage_steps)))[0][:, :1]
@@ -491,8 +495,9 @@ def _finish(
         flight = judged_within(flight, env, vehicle, own)
         closed, quickest = (jnp.zeros(()), jnp.full((), jnp.inf)) if known is None else known
         slower = (flight.travel_time[0] > quickest) | (violations(flight)[:, 0].sum() > 0.0)
+        roundabout = flight.travel_time[0] > _ROUNDABOUT * WAY / vehicle.speed
         plan = _in_own_units(flight, state, leg, factor)
-        plan |= {"closed": closed / factor, "wanting": jnp.isfinite(quickest) & slower}
+        plan |= {"closed": closed / factor, "wanting": jnp.isfinite(quickest) & (slower | roundabout)}
         return plan, _in_seconds(search.statistics(state), leg)
 
     return jax.vmap(one)(states, polished, known, legs)
