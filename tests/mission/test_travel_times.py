@@ -119,7 +119,7 @@ def test_bending_to_the_current_only_shortens_and_comes_near_the_planned_path() 
     bent = compass().with_travel_times(env, config=TravelTimeConfig(steps=8))
     edges = straight.adjacency & bent.adjacency
     assert (bent.travel_time[edges] <= straight.travel_time[edges] + 0.1).all()
-    config = ap.PathConfig(control_points=6, samples=64)
+    config = ap.PathConfig(control_points=6, samples=64, finer=1)
     graph = compass()
     for i, j in [(0, 1), (3, 2)]:
         ends = graph.positions[i], graph.positions[j]

@@ -7,7 +7,7 @@ import pytest
 import auvplan as ap
 from tests.path.worlds import GOAL, START, chart_with_island, world
 
-LIGHT = ap.PathConfig(samples=48)
+LIGHT = ap.PathConfig(samples=48, finer=1)
 LIGHT = LIGHT.replace(bbo=LIGHT.bbo.replace(population=24, iterations=12))
 
 

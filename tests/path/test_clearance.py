@@ -60,6 +60,10 @@ def test_paths_called_clear_are_clear_when_walked():
     assert found.collisions == 0
 
 
+between = jax.jit(clearance._between)
+between_slopes = jax.jit(jax.grad(clearance._between, argnums=(0, 1, 2)))
+
+
 def _slope(fun, at, step=1e-5):
     return (fun(at + step) - fun(at - step)) / (2 * step)
 
@@ -69,11 +73,11 @@ def _slope(fun, at, step=1e-5):
 @pytest.mark.usefixtures("x64")
 def test_slopes_between_two_circles_match_finite_differences(first, last, gap):
     at = np.array([first, last, gap])
-    slopes = jax.grad(lambda v: clearance._between(v[0], v[1], v[2]))(jnp.asarray(at))
+    slopes = between_slopes(*at)
     for slope, unit in zip(slopes, np.eye(3), strict=True):
 
         def along(d, unit=unit):
-            return float(clearance._between(*jnp.asarray(at + d * unit)))
+            return float(between(*at + d * unit))
 
         below, above = _slope(along, -1e-4), _slope(along, 1e-4)
         assume(abs(below - above) < 1e-3 * (1.0 + abs(above)))  # a kink has no slope
@@ -89,11 +93,12 @@ def test_slopes_past_moving_spheres_match_finite_differences():
     env = ap.Environment(None, None, spheres, (-500, -500, -500), (500, 500, 500))
     values = np.concatenate([rng.uniform(-200, 200, 3), rng.uniform(-60, 60, 3), [20.0, 15.0]])
 
+    @jax.jit
     def clear(values, env):
         x, y, z, dx, dy, dz, begin, lasts = (value[None] for value in values)
         return clearance.obstacle_clearance(((x, y, z), (dx, dy, dz), begin, lasts), env)[0]
 
-    slopes = jax.grad(clear)(jnp.asarray(values), env)
+    slopes = jax.jit(jax.grad(clear))(jnp.asarray(values), env)
     for k in range(8):
         unit = np.eye(8)[k]
         difference = _slope(lambda d, u=unit: float(clear(jnp.asarray(values + d * u), env)), 0.0)

@@ -41,6 +41,7 @@ def naive_between(first, last, gap):
 
 def naive_flight(habitat, env, vehicle, depart, config):
     """One path, segment by segment, in plain Python."""
+    current, distance = jax.jit(lambda *at: env.current(*at)), jax.jit(lambda *at: env.chart.distance(*at))
     free = config.control_points
     points = np.vstack([START, np.asarray(habitat).reshape(3, free).T, GOAL])
     path = basis_at(np.linspace(0, 1, config.samples), free + 2, config.degree) @ points
@@ -48,9 +49,7 @@ def naive_flight(habitat, env, vehicle, depart, config):
     for a, b in pairwise(path):
         step = b - a
         gap = np.linalg.norm(step)
-        water = np.array(
-            [float(c) for c in env.current(*[jnp.asarray(v) for v in 0.5 * (a + b)], jnp.asarray(t))]
-        )
+        water = np.array([float(c) for c in current(*0.5 * (a + b), t)])
         along = water @ step / gap
         across = np.linalg.norm(water - along * step / gap)
         raw = along + np.sqrt(max(vehicle.speed**2 - across**2, (0.05 * vehicle.speed) ** 2))
@@ -64,7 +63,7 @@ def naive_flight(habitat, env, vehicle, depart, config):
             turn = 2 * min(np.tan(0.5 * angle), 2000.0) / (0.5 * (lasts + last[1]))
         coast = 1e6
         if env.chart is not None:
-            ends = [float(env.chart.distance(p[0], p[1])) - 0.2 * float(env.chart.pixel_size) for p in (a, b)]
+            ends = [float(distance(p[0], p[1])) - 0.2 * float(env.chart.pixel_size) for p in (a, b)]
             coast = naive_between(*ends, np.linalg.norm(step[:2]))
         clear = 1e6
         o = env.obstacles
@@ -175,9 +174,9 @@ def test_gradients_are_finite_at_awkward_places():
     env = ap.Environment(
         strong, None, ap.Obstacles.static([[0.0, 0.0, 0.0]], [10.0]), (-500, -500, 0), (1500, 500, 0)
     )
+    slope = jax.jit(jax.grad(lambda h: score(h[None], start, goal, 0.0, env, ap.Vehicle(), CONFIG)[0][0]))
     for habitat in (jnp.zeros(3 * CONFIG.control_points), habitats.straight_line(start, goal, CONFIG)):
-        slope = jax.grad(lambda h: score(h[None], start, goal, 0.0, env, ap.Vehicle(), CONFIG)[0][0])(habitat)
-        assert np.isfinite(slope).all()
+        assert np.isfinite(slope(habitat)).all()
 
 
 def test_batched_equals_looped():

@@ -22,6 +22,7 @@ SMALL = ap.PathConfig.quick().replace(
     samples=48,
     refine_steps=60,
     refine_count=2,
+    finer=1,
 )
 VORTICES = ap.random_vortices(
     jax.random.key(2), LOWER, UPPER, count=6, layers=2, radius=(500.0, 1000.0), peak_speed=1.0
