@@ -159,9 +159,9 @@ def search_legs(
         window: whether to make the effort of one window alone (`PathConfig.window`).
 
     Returns:
-        Arrays with a leading axis B. `wanting` tells that fields know a path that breaks no limit, and that
-        the one found is slower, breaks one, or goes a long way round; `unsettled`, that the last polish still
-        improved it.
+        Arrays with a leading axis B. `wanting` tells that the path found breaks a limit although fields find
+        the way open, or that it goes a long way round or is slower than one that they know; `unsettled`, that
+        the last polish still improved it.
     """
     effort = config.window() if window else config
     world = _world(legs, shared, vehicle, config)
@@ -494,10 +494,11 @@ def _finish(
         flight = fly(curves(best, start, goal, own), depart, env, vehicle, own)
         flight = judged_within(flight, env, vehicle, own)
         closed, quickest = (jnp.zeros(()), jnp.full((), jnp.inf)) if known is None else known
-        slower = (flight.travel_time[0] > quickest) | (violations(flight)[:, 0].sum() > 0.0)
+        broken = violations(flight)[:, 0].sum() > 0.0
         roundabout = flight.travel_time[0] > _ROUNDABOUT * WAY / vehicle.speed
+        slower = jnp.isfinite(quickest) & ((flight.travel_time[0] > quickest) | roundabout)
         plan = _in_own_units(flight, state, leg, factor)
-        plan |= {"closed": closed / factor, "wanting": jnp.isfinite(quickest) & (slower | roundabout)}
+        plan |= {"closed": closed / factor, "wanting": jnp.where(broken, closed == 0.0, slower)}
         return plan, _in_seconds(search.statistics(state), leg)
 
     return jax.vmap(one)(states, polished, known, legs)
