@@ -2,8 +2,9 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= out/whitsunday
+PYTEST := -n 2 --dist worksteal --doctest-modules
 
-.PHONY: mission paper test bench lint clean
+.PHONY: mission paper test test-all bench lint clean
 
 mission: $(VENV)/.installed
 	$(BIN)/auvplan mission --out $(OUT)
@@ -12,7 +13,10 @@ paper: $(VENV)/.installed
 	$(BIN)/auvplan paper --out out/paper
 
 test: $(VENV)/.installed-dev
-	$(BIN)/pytest -n 2 --dist worksteal --doctest-modules --nbmake auvplan tests notebooks
+	$(BIN)/pytest $(PYTEST) -m "not slow" auvplan tests
+
+test-all: $(VENV)/.installed-dev
+	$(BIN)/pytest $(PYTEST) --nbmake auvplan tests notebooks
 
 bench: $(VENV)/.installed-bench
 	mkdir -p out

@@ -9,6 +9,7 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from auvplan import cli
+from auvplan.study import cluster
 
 pytestmark = pytest.mark.usefixtures("light_search")
 
@@ -116,6 +117,7 @@ def test_montecarlo_reports_statistics_and_plot_draws_them(tmp_path, capsys, mon
 )
 def test_bad_studies_are_one_line_and_exit_2(tmp_path, capsys, monkeypatch, arguments, words):
     out = tmp_path / "mc"
+    monkeypatch.setattr(cluster, "PATIENCE", "1s")
     code, _, err = call(capsys, monkeypatch, "montecarlo", write(tmp_path), "-n", 2, "--out", out, *arguments)
     assert code == 2
     assert words in err

@@ -174,7 +174,8 @@ class PathPlan:
             >>> from datetime import datetime
             >>> stream = ap.UniformCurrent(0.0, 1.9)
             >>> env = ap.Environment(stream, lower=(0, -50, 0), upper=(2000, 50, 0))
-            >>> plan = ap.plan_path((0, 0, 0), (2000, 0, 0), env, key=jax.random.key(0), depart=14400.0)
+            >>> start, goal, config = (0, 0, 0), (2000, 0, 0), ap.PathConfig(finer=1)
+            >>> plan = ap.plan_path(start, goal, env, key=jax.random.key(0), config=config, depart=14400.0)
             >>> plan.explain("sway", datetime(2024, 5, 1)).split(" at ")[0]
             'cross-current 1.9 m/s over 1.5'
         """

@@ -11,6 +11,9 @@ from auvplan.study.worker import Job, Report, sail_all
 #: Missions that a worker is handed at a time; so many are lost when it dies.
 CHUNK = 16
 
+#: How long a scheduler is waited for.
+PATIENCE = "10s"
+
 
 @contextmanager
 def connected(address: str) -> Iterator[Any]:
@@ -28,7 +31,7 @@ def connected(address: str) -> Iterator[Any]:
         raise StudyError("--dask needs the extra auvplan[dask]: pip install 'auvplan[dask]'") from None
     place: dict[str, Any] = {"scheduler_file": address} if Path(address).is_file() else {"address": address}
     try:
-        client = Client(**place, timeout="10s", set_as_default=False)
+        client = Client(**place, timeout=PATIENCE, set_as_default=False)
     # A scheduler file without an address ends in an assertion.
     except (OSError, ValueError, AssertionError) as error:
         line = " ".join(str(error).split()) or "no address"

@@ -5,10 +5,8 @@ import numpy as np
 import pytest
 
 import auvplan as ap
+from tests.path.test_planner import CONFIG as LIGHT
 from tests.path.worlds import GOAL, START, chart_with_island, world
-
-LIGHT = ap.PathConfig(samples=48, finer=1)
-LIGHT = LIGHT.replace(bbo=LIGHT.bbo.replace(population=24, iterations=12))
 
 
 def test_without_a_box_it_is_the_waters_below_the_surface():

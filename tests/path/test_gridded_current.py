@@ -101,6 +101,7 @@ def test_the_plan_of_another_hour_and_field_compiles_nothing(tide):
     assert turned.feasible
 
 
+@pytest.mark.slow
 def test_a_leg_in_a_fjord_at_each_hour_of_a_day(shared):
     path = shared / "data" / "currents" / "norfjords160_roms_native_24h.nc"
     if not path.is_file():

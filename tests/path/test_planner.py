@@ -275,14 +275,13 @@ def test_winding_ways_are_planned_with_more_control_points():
 
 def test_a_path_that_the_last_polish_still_improves_is_polished_finely():
     env, key = world(), jax.random.key(0)
-    few = CONFIG.replace(control_points=6, samples=32, settled=0.0)
-    usual = ap.plan_path(START, GOAL, env, key=key, config=few)
-    fine = ap.plan_path(START, GOAL, env, key=key, config=few.replace(finer=2))
+    usual = ap.plan_path(START, GOAL, env, key=key, config=CONFIG)
+    fine = ap.plan_path(START, GOAL, env, key=key, config=CONFIG.replace(finer=2, settled=0.0))
     assert fine.feasible
-    assert len(fine.times) == 2 * 31 + 1
+    assert len(fine.times) == 2 * 63 + 1
     assert fine.travel_time < usual.travel_time
     # What counts as settled is left as it is.
-    calm = ap.plan_path(START, GOAL, env, key=key, config=few.replace(finer=2, settled=1.0))
+    calm = ap.plan_path(START, GOAL, env, key=key, config=CONFIG.replace(finer=2, settled=1.0))
     assert calm.travel_time == usual.travel_time
 
 

@@ -37,6 +37,7 @@ def light_sail_all(monkeypatch):
     monkeypatch.setattr(cluster, "sail_all", light.sail_all)
 
 
+@pytest.mark.slow
 def test_a_study_whose_worker_is_killed_ends_like_a_local_one(
     workers, tmp_path_factory, tmp_path, monkeypatch
 ):
@@ -77,6 +78,7 @@ def test_missions_that_kill_every_worker_are_told(workers, tmp_path, monkeypatch
 @pytest.mark.parametrize("address", ["nowhere://127.0.0.1:1", "no-scheduler.json"])
 def test_a_scheduler_that_cannot_be_reached_is_told_and_nothing_written(tmp_path, monkeypatch, address):
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(cluster, "PATIENCE", "1s")
     (tmp_path / "no-scheduler.json").write_text("no file of a scheduler")
     with pytest.raises(StudyError, match=f"Dask scheduler {address} cannot be reached") as told:
         run_study(calm(1), tmp_path / "out", dask=address)

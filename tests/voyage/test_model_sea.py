@@ -102,6 +102,7 @@ def test_a_mission_sails_in_the_truth_and_reports_both_seas():
 
 
 @pytest.mark.usefixtures("light")
+@pytest.mark.slow
 def test_missions_together_are_those_sailed_alone():
     settings, known = modelled(0.1), waters()
     keys = jax.random.split(jax.random.key(5), 2)
