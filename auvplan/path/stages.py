@@ -236,16 +236,21 @@ def polish_finely(
     rows = habitats.refitted(rows, *ends, config, fine)
     if again:
         rows = np.concatenate([rows, few[:, :_FEW]], axis=1)
-    rows, costs, broken = _ranked(*polished(rows, fine))
-    finish = partial(_finish, polished=None, known=outcome, **world, config=fine.only())
-    best = jax.device_get(finish(search.State(rows[:, :1], costs[:, :1], broken[:, :1]))[0])
+
+    def judged(rows: np.ndarray, costs: np.ndarray, broken: np.ndarray) -> dict[str, Any]:
+        """The first rows as fields of `PathPlans`."""
+        state = search.State(*(jnp.asarray(plane[:, :1]) for plane in (rows, costs, broken)))
+        return jax.device_get(_finish(state, None, outcome, **world, config=fine.only())[0])
+
+    ranked = _ranked(*polished(rows, fine))
+    best = judged(*ranked)
     for softness, lower in _STRICTER:
         if not best["violations"].any():
             break
         limits = {name: lower * getattr(vehicle, name) for name in ("surge_max", "sway_max")}
         strict = _world(legs, shared, replace(vehicle, **limits), config)
-        rows, costs, broken = _ranked(*polished(rows, fine, world=strict, softness=softness))
-        more = jax.device_get(finish(search.State(rows[:, :1], costs[:, :1], broken[:, :1]))[0])
+        ranked = _ranked(*polished(ranked[0], fine, world=strict, softness=softness))
+        more = judged(*ranked)
         less = more["violations"].sum(axis=1) < best["violations"].sum(axis=1)
         best = jax.tree.map(lambda new, old, less=less: np.where(_over(less, new), new, old), more, best)
     return best
@@ -493,12 +498,15 @@ def _finish(
         best = state.population[:1]
         flight = fly(curves(best, start, goal, own), depart, env, vehicle, own)
         flight = judged_within(flight, env, vehicle, own)
-        closed, quickest = (jnp.zeros(()), jnp.full((), jnp.inf)) if known is None else known
-        broken = violations(flight)[:, 0].sum() > 0.0
-        roundabout = flight.travel_time[0] > _ROUNDABOUT * WAY / vehicle.speed
-        slower = jnp.isfinite(quickest) & ((flight.travel_time[0] > quickest) | roundabout)
         plan = _in_own_units(flight, state, leg, factor)
-        plan |= {"closed": closed / factor, "wanting": jnp.where(broken, closed == 0.0, slower)}
+        if known is None:
+            plan |= {"closed": jnp.zeros(()), "wanting": jnp.zeros((), bool)}
+        else:
+            closed, quickest = known
+            broken = violations(flight)[:, 0].sum() > 0.0
+            roundabout = flight.travel_time[0] > _ROUNDABOUT * WAY / vehicle.speed
+            slower = jnp.isfinite(quickest) & ((flight.travel_time[0] > quickest) | roundabout)
+            plan |= {"closed": closed / factor, "wanting": jnp.where(broken, closed == 0.0, slower)}
         return plan, _in_seconds(search.statistics(state), leg)
 
     return jax.vmap(one)(states, polished, known, legs)

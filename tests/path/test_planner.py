@@ -305,3 +305,11 @@ def test_a_path_that_breaks_a_limit_is_polished_strictly(monkeypatch):
     assert not strict["violations"].any()
     monkeypatch.setattr(stages, "_STRICTER", ())
     assert polish()["violations"].any()
+
+
+def test_without_passages_none_are_looked_for_again():
+    """Although the path breaks a limit."""
+    config = CONFIG.replace(passages=0, finer=2, refine_steps=0, control_points=3)
+    env = ap.Environment(ap.UniformCurrent(0.0, 1.9), lower=(0, -50, 0), upper=(2000, 50, 0))
+    plan = ap.plan_path((0, 0, 0), (2000, 0, 0), env, key=jax.random.key(0), config=config)
+    assert plan.status is ap.PathStatus.SWAY
