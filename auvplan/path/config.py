@@ -37,8 +37,8 @@ class PathConfig:
     Attributes:
         bbo: the optimiser's settings; `population` and `iterations` are the paper's nPop and Iter_max.
         control_points: free control points, without the two fixed ends.
-        finer: paths that a polish still improves, or that are worse than one that the fields know, are
-            polished again with so many times as many control points and segments; 1 for never.
+        finer: paths that a polish still improves, or that leave something wanting, are polished again with so
+            many times as many control points and segments; 1 for never.
         degree: of the B-spline; 3 is cubic.
         samples: points on the curve at which it is scored.
         speed_reading: "track" crabs to hold the track; "eq8" points along it; "eq11" leaves the current out.
@@ -54,7 +54,8 @@ class PathConfig:
         passages: paths through different passages, from time-to-reach fields, that the search starts from; 0
             for none.
         field_cells: cells of the finer ones of these fields to each side.
-        dense_cells: the same of the fields that are searched again for paths that leave something wanting.
+        dense_cells: the same of the fields that are searched again for paths that leave something wanting:
+            those that break a limit, go a long way round, or are slower than one that the fields know.
         passage_steps: gradient steps that polish the passages before the search, a third of them on all and
             the others on the better half; divided among the windows of a leg as the iterations are.
         refine_steps: gradient steps that polish the elite after the search.
@@ -114,8 +115,12 @@ class PathConfig:
             raise ValueError(f"t_series and finer must be at least 1, got {self.t_series} and {self.finer}")
         if self.passages < 0 or self.passages >= self.bbo.population:
             raise ValueError(f"passages must be in [0, population), got {self.passages}")
-        if self.field_cells < 8:
-            raise ValueError(f"field_cells must be at least 8, got {self.field_cells}")
+        for name in ("field_cells", "dense_cells"):
+            if getattr(self, name) < 8:
+                raise ValueError(f"{name} must be at least 8, got {getattr(self, name)}")
+        for name in ("settled", "fine_steps"):
+            if not getattr(self, name) >= 0:
+                raise ValueError(f"{name} must not be negative, got {getattr(self, name)}")
         if not self.width > 0.0 or not self.depth_width >= 0.0:
             raise ValueError("width must be positive and depth_width not negative")
 

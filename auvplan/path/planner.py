@@ -165,8 +165,7 @@ def _improved(
     config: PathConfig,
 ) -> tuple[dict[str, Any], dict[int, dict[str, Any]]]:
     """As `plan_finely`, by a program for the legs chosen."""
-    posed = jax.tree.map(lambda leaf: np.asarray(leaf)[chosen], legs)
-    old = {name: jax.tree.map(lambda leaf: np.asarray(leaf)[chosen], found[name]) for name in found}
+    posed, old = jax.tree.map(lambda leaf: np.asarray(leaf)[chosen], (legs, found))
     new = over_rows(program, keys[chosen], posed, old["population"][:, 0])
     del new["wanting"]
     broken = [plans["violations"].sum(axis=1) for plans in (new, old)]

@@ -147,7 +147,7 @@ def search_legs(
     config: PathConfig,
     window: bool = False,
 ) -> dict[str, Any]:
-    """Search for the paths of B legs: the fields of `PathPlans` by name, and `wanting`.
+    """Search for the paths of B legs: the fields of `PathPlans` by name, `wanting` and `unsettled`.
 
     Args:
         keys: [B] PRNG keys, consumed.
@@ -232,7 +232,8 @@ def polish_finely(
         dense = config.only("finer").replace(field_cells=config.dense_cells)
         passages, few, _, *outcome = _trace(**world, config=dense, count=config.passages)
         rows = np.concatenate([rows, passages], axis=1)
-        rows = _ranked(*polished(rows, config.replace(refine_steps=config.passage_steps)))[0][:, :1]
+        settings = config.replace(refine_steps=config.passage_steps)
+        rows = _ranked(*polished(rows, settings, together=rows.shape[1]))[0][:, :1]
     rows = habitats.refitted(rows, *ends, config, fine)
     if again:
         rows = np.concatenate([rows, few[:, :_FEW]], axis=1)
@@ -263,27 +264,24 @@ def _over(chosen: np.ndarray, plane: np.ndarray) -> np.ndarray:
 
 def _world(legs: Legs, shared: Environment, vehicle: Vehicle, config: PathConfig) -> dict[str, Any]:
     """Arguments that all programs take."""
-    return {
-        "legs": legs,
-        "common": Common(
-            shared, vehicle, config.coast_margin, config.obstacle_margin, config.uncertain_price
-        ),
-    }
+    numbers = config.coast_margin, config.obstacle_margin, config.uncertain_price
+    return {"legs": legs, "common": Common(shared, vehicle, *numbers)}
 
 
 def _polished(
-    keys: jax.Array, rows: np.ndarray, config: PathConfig, world: dict[str, Any], softness: float = SOFTNESS
+    keys: jax.Array,
+    rows: np.ndarray,
+    config: PathConfig,
+    world: dict[str, Any],
+    softness: float = SOFTNESS,
+    together: int = 1,
 ) -> tuple[np.ndarray, ...]:
-    """Rows [B, R, 3 n], as the search sees them, polished as by `_descended` within bounds that hold them."""
-    parts = []
-    fresh, size = (
-        config.only("start_shape", "width", "depth_width"),
-        1 if config.refine_count == 1 else rows.shape[1],
-    )
-    for begin in range(0, rows.shape[1], size):
-        part = rows[:, begin : begin + size]
+    """Rows [B, R, 3 n], as the search sees them, polished by `_descended`, so many within the same bounds."""
+    parts, fresh = [], config.only("start_shape", "width", "depth_width")
+    for begin in range(0, rows.shape[1], together):
+        part = rows[:, begin : begin + together]
         found = part, np.zeros(part.shape[:2], part.dtype)
-        begun = _begin(keys, None, found, **world, config=fresh, size=size, count=size)
+        begun = _begin(keys, None, found, **world, config=fresh, size=together, count=together)
         bounds, steps = (begun["lower"], begun["upper"], begun["pace"]), config.refine_steps
         part = np.asarray(begun["population"])
         parts.append(_descended(part, steps, config.refine_step_size, bounds, world, config, softness))

@@ -11,7 +11,7 @@ from auvplan.mission import MissionGraph
 from auvplan.mission.travel_times import TravelTimeConfig
 from auvplan.ocean.currents import UniformCurrent
 from auvplan.ocean.seabed import Seabed
-from tests.path.test_planner import CONFIG as LIGHT
+from tests.path.worlds import CONFIG
 
 BOX = {"lower": (-3000.0, -3000.0, 0.0), "upper": (3000.0, 3000.0, 50.0)}
 VEHICLE = ap.Vehicle(speed=2.5)
@@ -120,7 +120,7 @@ def test_bending_to_the_current_only_shortens_and_comes_near_the_planned_path() 
     bent = compass().with_travel_times(env, config=TravelTimeConfig(steps=8))
     edges = straight.adjacency & bent.adjacency
     assert (bent.travel_time[edges] <= straight.travel_time[edges] + 0.1).all()
-    config = LIGHT.replace(control_points=6)
+    config = CONFIG.replace(control_points=6)
     graph = compass()
     for i, j in [(0, 1), (3, 2)]:
         ends = graph.positions[i], graph.positions[j]

@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 
 import auvplan as ap
-from tests.path.test_planner import CONFIG as LIGHT
-from tests.path.worlds import GOAL, START, chart_with_island, world
+from tests.path.worlds import CONFIG, GOAL, START, chart_with_island, world
 
 
 def test_without_a_box_it_is_the_waters_below_the_surface():
@@ -37,7 +36,7 @@ def test_what_is_no_box_is_refused(lower, upper):
 def test_paths_are_planned_without_a_box():
     """The README's shortest call: in a stream across, 2 m/s over ground remain of 2.5 m/s."""
     env = ap.Environment(lambda x, y, z, t: (0.0, 1.5, 0.0))
-    plan = ap.plan_path((0, 0, 10), (2000, 0, 30), env, key=jax.random.key(0), config=LIGHT)
+    plan = ap.plan_path((0, 0, 10), (2000, 0, 30), env, key=jax.random.key(0), config=CONFIG)
     assert plan.feasible
     assert np.isfinite(plan.positions).all()
     assert plan.positions[:, 2].min() >= 0.0
@@ -50,6 +49,6 @@ def test_a_box_that_binds_nothing_changes_nothing():
     boxed = world()
     free = ap.Environment(boxed.current, boxed.chart, boxed.obstacles)
     wide = ap.Environment(boxed.current, boxed.chart, boxed.obstacles, (-1e4, -1e4, 0.0), (1e4, 1e4, 1e4))
-    one, two = (ap.plan_path(START, GOAL, env, key=jax.random.key(1), config=LIGHT) for env in (free, wide))
+    one, two = (ap.plan_path(START, GOAL, env, key=jax.random.key(1), config=CONFIG) for env in (free, wide))
     assert one.feasible
     assert one.travel_time == pytest.approx(two.travel_time, rel=0.02)

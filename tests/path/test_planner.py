@@ -12,20 +12,7 @@ import auvplan as ap
 from auvplan.compiled import compilations
 from auvplan.path import stages
 from auvplan.path.habitats import straight_line
-from tests.path.worlds import GOAL, LOWER, START, UPPER, world
-
-CONFIG = ap.PathConfig(
-    bbo=ap.bbo.BBOConfig(
-        population=40, iterations=40, replacement="greedy", mutation="gaussian", mutation_step=0.05
-    ),
-    samples=64,
-    control_points=16,
-    passages=6,
-    field_cells=48,
-    refine_steps=20,
-    passage_steps=20,
-    finer=1,
-)
+from tests.path.worlds import CONFIG, GOAL, LOWER, START, UPPER, world
 
 
 def dense(plan, count=3000):
@@ -182,7 +169,18 @@ def test_populations_of_another_shape_are_refused():
     assert str(given) in str(refused.value)
 
 
-@pytest.mark.parametrize("changes", [{"control_points": 0}, {"samples": 5}, {"t_series": 0}, {"width": 0.0}])
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"control_points": 0},
+        {"samples": 5},
+        {"t_series": 0},
+        {"width": 0.0},
+        {"dense_cells": 4},
+        {"settled": -1.0},
+        {"fine_steps": -1},
+    ],
+)
 def test_bad_settings_are_refused(changes):
     with pytest.raises(ValueError, match=next(iter(changes))):
         ap.PathConfig(**changes)
@@ -308,7 +306,7 @@ def test_a_path_that_breaks_a_limit_is_polished_strictly(monkeypatch):
 
 
 def test_without_passages_none_are_looked_for_again():
-    """Although the path breaks a limit."""
+    """Not even for a path that breaks a limit."""
     config = CONFIG.replace(passages=0, finer=2, refine_steps=0, control_points=3)
     env = ap.Environment(ap.UniformCurrent(0.0, 1.9), lower=(0, -50, 0), upper=(2000, 50, 0))
     plan = ap.plan_path((0, 0, 0), (2000, 0, 0), env, key=jax.random.key(0), config=config)

@@ -9,7 +9,7 @@ import pytest
 import auvplan as ap
 from auvplan.compiled import compilations
 from auvplan.path.cost import Track, fly
-from tests.path.test_planner import CONFIG, GOAL, START, world
+from tests.path.worlds import CONFIG, GOAL, START, world
 
 PROGRAMS = 5  # passages, first population, gradient steps, evolution, the path that was found
 

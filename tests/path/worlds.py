@@ -1,4 +1,4 @@
-"""Small worlds that several path tests share."""
+"""Small worlds, and settings of a small search, that several tests share."""
 
 import jax
 import numpy as np
@@ -8,6 +8,20 @@ import auvplan as ap
 START = np.array([200.0, 300.0, 20.0])
 GOAL = np.array([1800.0, 1500.0, 60.0])
 LOWER, UPPER = (0.0, 0.0, 0.0), (2000.0, 2000.0, 100.0)
+
+#: Tests that plan with the same settings share compiled programs.
+CONFIG = ap.PathConfig(
+    bbo=ap.bbo.BBOConfig(
+        population=40, iterations=40, replacement="greedy", mutation="gaussian", mutation_step=0.05
+    ),
+    samples=64,
+    control_points=16,
+    passages=6,
+    field_cells=48,
+    refine_steps=20,
+    passage_steps=20,
+    finer=1,
+)
 
 
 def chart_with_island() -> ap.Chart:

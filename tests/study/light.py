@@ -5,7 +5,8 @@
 each does so after N missions of its own. Where one stands still, a file in the folder that `HOLDS` names says
 so.
 
-A mission that was sailed once in a session of tests is not sailed again: `sail` takes it from disk.
+A mission that was sailed once in a session of tests is not sailed again in the process of the study: `sail`
+takes it from disk. Worker processes sail all of theirs.
 """
 
 import argparse
@@ -148,8 +149,9 @@ class Holding:
 
 
 def work(job, core, settings, pipe: Connection, missions: int = sys.maxsize) -> None:
-    """A worker process with light searches."""
+    """A worker process with light searches; every mission is sailed."""
     lighten()
+    worker.sail = partial(sail, anew=True)
     worker.work(job, core, settings, Holding(pipe, missions))
 
 
