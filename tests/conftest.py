@@ -18,11 +18,15 @@ os.environ["XLA_FLAGS"] = " ".join(
 import jax
 import pytest
 
+from auvplan.compiled import drop_programs
 from auvplan.voyage import executive
 from tests.voyage.small import light_config
 
-# What several test processes compile alike is compiled once, and kept for the next run.
-jax.config.update("jax_compilation_cache_dir", str(Path(__file__).parent.parent / ".pytest_cache" / "jax"))
+# What several test processes compile alike is compiled once, and kept for the next run: planners' programs by
+# the package itself, those of the tests' own functions by JAX.
+KEPT = Path(__file__).parent.parent / ".pytest_cache"
+os.environ["AUVPLAN_CACHE"] = str(KEPT)
+jax.config.update("jax_compilation_cache_dir", str(KEPT / "jax"))
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
 
 SHARED = Path(__file__).resolve().parent.parent.parent / "shared"
@@ -39,6 +43,7 @@ def few_programs():
     maps = Path("/proc/self/maps")
     if maps.is_file() and maps.read_bytes().count(b"\n") > _MAPPINGS:
         jax.clear_caches()
+        drop_programs()
         gc.collect()
         ctypes.CDLL(None).malloc_trim(0)
 

@@ -1,9 +1,7 @@
 """The command line: plan a mission, a path, many missions; draw a study; look at a chart; check a result."""
 
-import os
 import sys
 import warnings
-from pathlib import Path
 from typing import Any
 
 import typer
@@ -35,18 +33,6 @@ for command in (
     app.command()(command)
 
 
-def _enable_compilation_cache() -> None:
-    """Keep compiled programs in the user's cache directory, unless AUVPLAN_CACHE says off."""
-    choice = os.environ.get("AUVPLAN_CACHE", "")
-    if choice.lower() in ("off", "0", "no"):
-        return
-    import jax
-
-    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    jax.config.update("jax_compilation_cache_dir", choice or str(base / "auvplan" / "jax"))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
-
-
 def _shorten_warnings() -> None:
     """Show what a scenario warns of as one line without a place in the code."""
     from auvplan.voyage.world import ScenarioWarning
@@ -64,7 +50,6 @@ def _shorten_warnings() -> None:
 
 def main() -> None:
     """Entry point: bad input is one line and exit status 2."""
-    _enable_compilation_cache()
     from auvplan.export import ExportError
     from auvplan.io import OutputError
     from auvplan.io.check import ResultError

@@ -9,6 +9,7 @@ import numpy as np
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
+from auvplan.compiled import compiled
 from auvplan.ocean.environment import Environment
 from auvplan.path.clearance import bed_altitude, coast_clearance, obstacle_clearance
 from auvplan.path.config import PathConfig
@@ -163,7 +164,7 @@ def _room(
     return jnp.stack([coast.min(axis=0), obstacle_clearance(segments, env), altitude, *speeds])
 
 
-@jax.jit
+@compiled
 def _steps(
     starts: Axes, way: Axes, time: jax.Array, env: Environment, vehicle: Vehicle
 ) -> tuple[jax.Array, jax.Array]:

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 
 from auvplan.bbo import search
+from auvplan.compiled import compiled
 from auvplan.mission import beam, local_search
 from auvplan.mission import decoder as decoders
 from auvplan.mission import objective as objectives
@@ -13,7 +14,7 @@ from auvplan.mission.config import MissionConfig
 from auvplan.mission.problem import Edges, Problem, prepare
 
 
-@partial(jax.jit, static_argnames="config")
+@partial(compiled, static_argnames=("config",))
 def search_missions(
     keys: jax.Array,
     edges: Edges,

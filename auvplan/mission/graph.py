@@ -13,6 +13,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial.distance import cdist
 
+from auvplan.compiled import compiled
 from auvplan.mission.problem import shortest_routes
 from auvplan.mission.travel_times import TravelTimeConfig, travel_times
 from auvplan.ocean.environment import Environment
@@ -298,7 +299,7 @@ def random_graph(
     return MissionGraph(positions, adjacency, symmetric(rho.astype(float)), symmetric(delta))
 
 
-@jax.jit
+@compiled
 def time_to_go(leg_times: jax.Array, goal: Any) -> jax.Array:
     """Shortest time from each waypoint to the goal, [N] s, infinite where it is out of reach.
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.bbo.refine import refine
+from auvplan.compiled import compiled
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.currents import Current
 from auvplan.ocean.environment import Environment
@@ -128,7 +129,7 @@ def _inside(points: np.ndarray, env: Environment) -> NDArray[np.bool_]:
     return np.asarray(inside)
 
 
-@partial(jax.jit, static_argnames=("config", "detours", "steps", "world_per_edge"))
+@partial(compiled, static_argnames=("config", "detours", "steps", "world_per_edge"))
 def _estimate(
     starts: Any,
     goals: Any,

@@ -5,6 +5,7 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 
+from auvplan.compiled import compiled
 from auvplan.tangents import fixed, instantiated
 
 
@@ -45,7 +46,7 @@ def _bilinear_jvp(primals: tuple, tangents: tuple) -> tuple[jax.Array, jax.Array
 
 
 #: Compiled, or every call outside a compiled program would compile its loop anew.
-bilinear = jax.jit(_bilinear)
+bilinear = compiled(_bilinear)
 
 
 def _with_slopes(

@@ -13,6 +13,7 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from auvplan.compiled import compiled
 from auvplan.ocean.bilinear import bilinear
 from auvplan.ocean.classify import DEFAULT_CLUSTERS, UNCERTAIN_MAX, classify
 from auvplan.ocean.picture import colours, opened
@@ -143,13 +144,7 @@ class Chart:
         Returns:
             Broadcast shape, m. Outside the chart: that of the nearest point inside less the way there.
         """
-        x, y = jnp.asarray(x), jnp.asarray(y)
-        low, high = self.lower, self.upper
-        dx = x - jnp.clip(x, low[0], high[0])
-        dy = y - jnp.clip(y, low[1], high[1])
-        out = dx * dx + dy * dy
-        outside = jnp.where(out > 0.0, jnp.sqrt(jnp.where(out > 0.0, out, 1.0)), 0.0)
-        return self._at(self.signed_distance, x, y) - outside
+        return _distance(self, x, y)
 
     def passability_at(self, x: ArrayLike, y: ArrayLike) -> jax.Array:
         """Passability by bilinear interpolation, 0 to 1; arguments as `distance`."""
@@ -194,6 +189,17 @@ class Chart:
         raster = np.asarray(self.passability)
         coast, water = float((raster == 0.0).mean()), float((raster == 1.0).mean())
         return {"coast": coast, "uncertain": 1.0 - coast - water, "water": water}
+
+
+@compiled
+def _distance(chart: Chart, x: jax.Array, y: jax.Array) -> jax.Array:
+    """`Chart.distance`."""
+    low, high = chart.lower, chart.upper
+    dx = x - jnp.clip(x, low[0], high[0])
+    dy = y - jnp.clip(y, low[1], high[1])
+    out = dx * dx + dy * dy
+    outside = jnp.where(out > 0.0, jnp.sqrt(jnp.where(out > 0.0, out, 1.0)), 0.0)
+    return chart._at(chart.signed_distance, x, y) - outside
 
 
 def _signed_distance(land: NDArray[np.bool_]) -> NDArray[np.floating]:

@@ -6,14 +6,20 @@ matter, one ``gradual`` that it matters little within minutes: both spare planne
 after the other.
 """
 
-from collections.abc import Callable
+import hashlib
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial, reduce
+from types import CodeType
 from typing import Any, Protocol, runtime_checkable
 
 import jax
 import jax.numpy as jnp
+import numpy as np
+from jax.extend.core import Literal
 from jax.typing import ArrayLike
+
+from auvplan.compiled import compiled
 
 Velocity = tuple[jax.Array, jax.Array, jax.Array]
 
@@ -28,10 +34,34 @@ class Current(Protocol):
 @partial(jax.tree_util.register_dataclass, data_fields=(), meta_fields=("function", "steady"))
 @dataclass(frozen=True)
 class FunctionCurrent:
-    """A plain Python function as a current; compiled code is reused for the same function object."""
+    """A plain Python function as a current; compiled code is reused for the same function object.
+
+    Stored programs are found again by what the function does: see `fingerprint`.
+    """
 
     function: Callable[..., Any]
     steady: bool = False
+
+    def fingerprint(self) -> str | None:
+        """What the function does, in words that are the same in every process; None where there are none.
+
+        They are its byte code and what JAX sees of it at points and in a row of points, with the values of
+        all that it takes from around it.
+        """
+        code = getattr(self.function, "__code__", None)
+        if not isinstance(code, CodeType):
+            return None
+        words = [_code_words(code), repr(self.steady)]
+        for shape in ((), (3,)):
+            places = [jax.ShapeDtypeStruct(shape, jnp.result_type(float))] * 4
+            try:
+                seen = jax.make_jaxpr(self.function)(*places)
+            except Exception:  # the planner's own call will say what is wrong with it
+                return None
+            words.append(str(seen))
+            words += [f"{value.dtype} {value.shape} {value.tobytes().hex()}" for value in _constants(seen)]
+        told = "\n".join(words)
+        return None if " at 0x" in told else hashlib.sha256(told.encode()).hexdigest()
 
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
         shape = jnp.broadcast_shapes(jnp.shape(x), jnp.shape(y), jnp.shape(z), jnp.shape(t))
@@ -42,6 +72,36 @@ class FunctionCurrent:
             jnp.broadcast_to(jnp.asarray(v, dtype), shape),
             jnp.broadcast_to(jnp.asarray(w, dtype), shape),
         )
+
+
+def _code_words(code: CodeType) -> str:
+    """Byte code, with that of the functions defined in it."""
+    inner = [_code_words(value) if isinstance(value, CodeType) else repr(value) for value in code.co_consts]
+    return f"{code.co_code.hex()} {code.co_names} {code.co_freevars} {inner}"
+
+
+def _constants(seen: Any) -> Iterator[np.ndarray]:
+    """Values that a traced function, and those traced within it, take from around them."""
+    for value in getattr(seen, "consts", ()):
+        yield np.asarray(value)
+    for equation in getattr(seen, "jaxpr", seen).eqns:
+        for variable in equation.invars:
+            if isinstance(variable, Literal):
+                yield np.asarray(variable.val)
+        for setting in equation.params.values():
+            for inner in setting if isinstance(setting, tuple | list) else (setting,):
+                if hasattr(inner, "eqns") or hasattr(inner, "jaxpr"):
+                    yield from _constants(inner)
+
+
+def evaluated(current: Current, x: ArrayLike, y: ArrayLike, z: ArrayLike, t: ArrayLike) -> Velocity:
+    """A current at places and times, in one compiled call: for use on the host, where arrays are large."""
+    return _evaluated(current, x, y, z, t)
+
+
+@compiled
+def _evaluated(current: Current, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
+    return current(x, y, z, t)
 
 
 @partial(jax.tree_util.register_dataclass, data_fields=("u", "v", "w"), meta_fields=())

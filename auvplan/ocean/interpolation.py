@@ -7,6 +7,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from auvplan.compiled import compiled
 from auvplan.tangents import fixed, instantiated
 
 #: Up to so many uneven nodes all are compared with, which beats a search; more would only make code longer.
@@ -85,7 +86,7 @@ def _positive_in_batch(_: int, __: list, spacing: jax.Array) -> tuple[jax.Array,
 
 
 #: Compiled, or every call outside a compiled program would run operation by operation.
-interpolated = jax.jit(_interpolated)
+interpolated = compiled(_interpolated)
 
 
 def _located(shape: tuple[int, ...], axes: tuple, places: _Places) -> tuple[jax.Array, tuple, tuple]:

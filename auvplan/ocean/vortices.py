@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
+from auvplan.compiled import compiled
 from auvplan.ocean.currents import Velocity
 from auvplan.ocean.exponential import exponential
 from auvplan.pytree import rebuilt_as_is
@@ -150,7 +151,7 @@ def _layer_jvp(primals: tuple, tangents: tuple) -> tuple[Velocity, Velocity]:
 
 
 #: Compiled, or every call outside a compiled program would compile its loop anew.
-_compiled_layer = jax.jit(_layer)
+_compiled_layer = compiled(_layer)
 
 
 @dataclass(frozen=True)
@@ -239,7 +240,24 @@ def random_vortices(
     Differences from the paper:
         It gives neither the number of vortices nor their sizes and strengths; all are chosen here.
     """
-    low, high = jnp.asarray(lower, float), jnp.asarray(upper, float)
+    corners = jnp.asarray(lower, float), jnp.asarray(upper, float)
+    sizes = radius, peak_speed, layer_noise, vertical_scale
+    return _random_vortices(key, *corners, *sizes, count=count, layers=layers)
+
+
+@partial(compiled, static_argnames=("count", "layers"))
+def _random_vortices(
+    key: jax.Array,
+    low: jax.Array,
+    high: jax.Array,
+    radius: tuple[jax.Array, jax.Array],
+    peak_speed: jax.Array,
+    layer_noise: jax.Array,
+    vertical_scale: jax.Array,
+    count: int,
+    layers: int,
+) -> LambVortices:
+    """`random_vortices`."""
     center_key, radius_key, speed_key, sign_key, layer_key = jax.random.split(key, 5)
     first = jax.random.uniform(center_key, (count, 2), minval=low[:2], maxval=high[:2])
     size = jax.random.uniform(radius_key, (count,), minval=radius[0], maxval=radius[1])

@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from auvplan.compiled import compiled
 from auvplan.ocean.chart import INTERPOLATION_ERROR, Chart
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
@@ -172,7 +173,7 @@ def _nearest_jvp(primals: tuple, tangents: tuple) -> tuple[jax.Array, jax.Array]
 
 
 #: Compiled, or every call outside a compiled program would compile its loop anew.
-_compiled_nearest = jax.jit(_nearest)
+_compiled_nearest = compiled(_nearest)
 
 
 def _mixed(spheres: tuple[Obstacles, jax.Array], shares: jax.Array) -> tuple[Obstacles, jax.Array]:

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from auvplan.compiled import compiled
 from auvplan.ocean.currents import Current
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
@@ -46,7 +47,7 @@ def outlook(plan: PathPlan, sample: float, current: Current, vehicle: Vehicle, c
         vehicle: speed and limits.
         config: the settings that it was planned by.
     """
-    times, excess = jax.device_get(_sailed(plan.positions, plan.times[0], current, vehicle, config))
+    times, excess = jax.device_get(_sailed(plan.positions, plan.times[0], current, vehicle, config=config))
     count = np.arange(len(times))
     ahead = count[:-1] >= np.floor(sample)
     return Outlook(
@@ -56,7 +57,7 @@ def outlook(plan: PathPlan, sample: float, current: Current, vehicle: Vehicle, c
     )
 
 
-@partial(jax.jit, static_argnames=("config",))
+@partial(compiled, static_argnames=("config",))
 def _sailed(
     positions: jax.Array, depart: jax.Array, current: Current, vehicle: Vehicle, config: PathConfig
 ) -> tuple[jax.Array, jax.Array]:

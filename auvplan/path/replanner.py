@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from auvplan.compiled import quickly_compiled
+from auvplan.compiled import compiled
 from auvplan.ocean.environment import Environment
 from auvplan.path import habitats
 from auvplan.path.config import PathConfig
@@ -125,7 +125,7 @@ def _search_on(
     return search_legs(keys, legs, kept, shared, vehicle, config, window=True)
 
 
-@partial(quickly_compiled, static_argnames=("config", "fresh"))
+@partial(compiled, static_argnames=("config", "fresh"), wide=True, quick=True)
 def _kept(
     keys: jax.Array,
     populations: jax.Array,

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from auvplan.compiled import compiled
 from auvplan.ocean.currents import Current, Velocity, divided, is_steady, united
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
@@ -87,7 +88,7 @@ def sensitivity(positions: np.ndarray, depart: float, conditions: Conditions) ->
     return Sensitivity(*(float(slope) for slope in slopes))
 
 
-@partial(jax.jit, static_argnames=("config",))
+@partial(compiled, static_argnames=("config",))
 def _slopes(
     positions: jax.Array, depart: jax.Array, env: Environment, vehicle: Vehicle, config: PathConfig
 ) -> tuple[jax.Array, ...]:

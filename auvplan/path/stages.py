@@ -14,7 +14,7 @@ import numpy as np
 
 from auvplan.bbo import search
 from auvplan.bbo.refine import descend
-from auvplan.compiled import compiled, quickly_compiled
+from auvplan.compiled import compiled
 from auvplan.ocean.currents import Current, divided, is_gradual, united
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
@@ -329,7 +329,7 @@ def _posed(leg: Legs, common: Common, config: PathConfig) -> tuple[Problem, Path
     return (leg.start * factor, leg.goal * factor, leg.depart * factor, env, vehicle), config, factor
 
 
-@partial(compiled, static_argnames=("config", "count"))
+@partial(compiled, static_argnames=("config", "count"), wide=True)
 def _trace(legs: Legs, common: Common, config: PathConfig, count: int) -> tuple[jax.Array, ...]:
     """Paths through passages, as `trace_passages` returns them."""
 
@@ -340,7 +340,7 @@ def _trace(legs: Legs, common: Common, config: PathConfig, count: int) -> tuple[
     return jax.vmap(one)(legs)
 
 
-@partial(quickly_compiled, static_argnames=("config", "size", "count"))
+@partial(compiled, static_argnames=("config", "size", "count"), wide=True, quick=True)
 def _begin(
     keys: jax.Array,
     populations: jax.Array | None,
@@ -406,7 +406,7 @@ def _compared(
     return (start, goal, depart, env, vehicle), config
 
 
-@partial(compiled, static_argnames=("config",))
+@partial(compiled, static_argnames=("config",), wide=True)
 def _descend(
     rows: jax.Array,
     lowers: jax.Array,
@@ -432,7 +432,7 @@ def _descend(
     return jax.vmap(one)(rows, lowers, uppers, paces, legs)
 
 
-@partial(compiled, static_argnames=("config",))
+@partial(compiled, static_argnames=("config",), wide=True)
 def _evolve(
     keys: jax.Array,
     populations: jax.Array,
@@ -464,7 +464,7 @@ def _evolve(
     return jax.vmap(one)(keys, populations, lowers, uppers, paces, legs)
 
 
-@partial(quickly_compiled, static_argnames=("config",))
+@partial(compiled, static_argnames=("config",), wide=True, quick=True)
 def _finish(
     states: search.State,
     polished: list[jax.Array] | None,

@@ -1,11 +1,11 @@
 """Which leg and which plans the figures of single legs show."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from auvplan.ocean.currents import evaluated
 from auvplan.voyage.records import LegRecord, MissionRun, PlanRecord
 
 Array = NDArray[np.floating]
@@ -46,8 +46,7 @@ def extent_points(leg: LegRecord) -> Array:
 
 def current_at(plan: PlanRecord, x: Array, y: Array, z: float) -> tuple[Array, Array, Array]:
     """The true current when a plan was made, m/s north, east, down, on arrays x, y at depth z m."""
-    field: Any = plan.current
-    u, v, w = field(x, y, np.full_like(x, z), np.full_like(x, plan.made_at))
+    u, v, w = evaluated(plan.current, x, y, np.full_like(x, z), np.full_like(x, plan.made_at))
     return np.asarray(u), np.asarray(v), np.asarray(w)
 
 

@@ -1,6 +1,5 @@
 """What a vehicle believes of the obstacles on its leg: known beforehand roughly, within sensor range well."""
 
-import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
@@ -87,4 +86,4 @@ def as_obstacles(beliefs: list[ObstacleBelief], sensors: SensorSettings) -> Obst
         "observed_at": stacked("observed_at"),
         "active": np.ones(radius.shape, bool),
     }
-    return Obstacles(**{name: jnp.asarray(field) for name, field in fields.items()})
+    return Obstacles(**fields)  # type: ignore[arg-type]

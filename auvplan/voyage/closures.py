@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from auvplan.bbo import History
+from auvplan.compiled import compiled
 from auvplan.mission import MissionGraph
 from auvplan.mission.graph import shortest_way
 from auvplan.ocean.currents import Current
@@ -85,7 +86,7 @@ def straight_plan(
         vehicle: speed and limits.
         config: of the path planner; its search is not run.
     """
-    found = jax.device_get(_straight(start, goal, depart, env, vehicle, config))
+    found = jax.device_get(_straight(start, goal, depart, env, vehicle, config=config))
     nothing = jnp.zeros(0)
     return PathPlan(
         control_points=np.stack([start, goal]),
@@ -100,7 +101,7 @@ def straight_plan(
     )
 
 
-@partial(jax.jit, static_argnames="config")
+@partial(compiled, static_argnames=("config",))
 def _straight(
     start: jax.Array, goal: jax.Array, depart: float, env: Environment, vehicle: Vehicle, config: PathConfig
 ) -> dict[str, jax.Array]:

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from auvplan import prng
 from auvplan.mission import MissionOrder
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.path import PathPlan, PathPlans, plan_paths
@@ -237,14 +237,14 @@ def _plan_legs(fleet: Fleet, missions: list[Mission], progress: Progress | None)
     if progress:
         progress(0, count, "planning paths")
     common = _circumstances(missions)
-    none = jax.tree.map(lambda leaf: jnp.zeros((count, *leaf.shape), leaf.dtype), Obstacles.none())
+    none = jax.tree.map(lambda leaf: np.zeros((count, *leaf.shape), leaf.dtype), Obstacles.none())
     start, goal = (np.tile(run.graph.positions[end], (count, 1)) for end in (run.start, run.goal))
     plans = plan_paths(
         start,
         goal,
         fleet.environment(stacked([mission.sea.told() for mission in missions]), none),
         fleet.vehicle,
-        key=jnp.stack([mission.path_key() for mission in missions]),
+        key=prng.stacked([mission.path_key() for mission in missions]),
         config=fleet.path_config,
         depart=common["departs"],
         world_per_leg=True,

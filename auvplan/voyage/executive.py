@@ -12,6 +12,7 @@ from pathlib import Path
 import jax
 import numpy as np
 
+from auvplan import prng
 from auvplan.mission import MissionConfig, MissionGraph, time_to_go
 from auvplan.path import PathConfig
 from auvplan.voyage.fleet import Fleet, Leg, Mission
@@ -33,7 +34,7 @@ Progress = Callable[[int, float, str], None]
 
 def seed_keys(seeds: Sequence[int]) -> jax.Array:
     """[B] PRNG keys of B seeds, as the commands make them."""
-    return jax.vmap(jax.random.key)(np.asarray(seeds))
+    return prng.of_seeds(seeds)
 
 
 def run_mission(
@@ -180,7 +181,7 @@ def make_fleet(scenario: Scenario, folder: str | Path, waters: Waters | None = N
 def embark(fleet: Fleet, number: int, key: jax.Array, seed: int) -> Mission:
     """Build a mission's world; nothing is planned yet."""
     scenario = fleet.scenario
-    graph_key, field_key, sea_key, planner_key, chance_key = jax.random.split(key, 5)
+    graph_key, field_key, sea_key, planner_key, chance_key = prng.parts(key, 5)
     graph, names = make_graph(scenario, fleet.waters, _generator(graph_key))
     run = MissionRun(
         scenario.model_dump(mode="json"),

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
+from auvplan import prng
 from auvplan.mission import MissionConfig, MissionGraph, MissionOrder
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.currents import Current
@@ -224,11 +225,11 @@ class Mission:
     def path_key(self) -> jax.Array:
         """A fresh key for the next path planning call."""
         self.path_calls += 1
-        return jax.random.fold_in(self.key, self.path_calls)
+        return prng.folded(self.key, self.path_calls)
 
     def order_key(self) -> jax.Array:
         """A key for the next order of tasks."""
-        return jax.random.fold_in(jax.random.fold_in(self.key, 0), len(self.run.orders))
+        return prng.folded(self.key, 0, len(self.run.orders))
 
     def charge(self, seconds: float) -> None:
         """Let the mission's clock pass planning time (Eq. 16)."""

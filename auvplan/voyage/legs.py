@@ -111,7 +111,7 @@ def sail_on(fleet: Fleet, missions: list[Mission]) -> None:
                 stacked(fields),
                 tuple(np.stack(part) for part in motions),
                 fleet.vehicle,
-                steps,
+                steps=steps,
             )
         )
         for row, mission in enumerate(batch[:real]):

@@ -5,9 +5,9 @@ from functools import partial
 from itertools import pairwise
 from typing import Literal
 
-import jax.numpy as jnp
 import numpy as np
 
+from auvplan import prng
 from auvplan.mission import MissionConfig, MissionGraph, MissionOrder, plan_missions
 from auvplan.mission.graph import shortest_way
 from auvplan.mission.travel_times import TravelTimeConfig
@@ -164,7 +164,7 @@ def _plan_orders(
             np.asarray([mission.run.goal for mission in missions]),
             np.maximum(left, 1.0),
             speed=fleet.vehicle.speed,
-            keys=jnp.stack([mission.order_key() for mission in missions]),
+            keys=prng.stacked([mission.order_key() for mission in missions]),
             populations=populations,
             config=config,
             return_margin=share * planning.return_margin,

@@ -6,9 +6,9 @@ from functools import partial
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
+from auvplan import prng
 from auvplan.ocean.environment import Environment
 from auvplan.path import PathPlan, PathPlans, plan_paths, replan_paths
 from auvplan.voyage.belief import as_obstacles
@@ -29,10 +29,10 @@ def plan_legs(
         cold: search afresh; otherwise from the kept population.
         growing: whether the boundaries of obstacles grow until they are seen again.
     """
-    keys = jnp.stack([mission.path_key() for mission in missions])
+    keys = prng.stacked([mission.path_key() for mission in missions])
     env = believed(fleet, missions)
     if not growing:
-        env = replace(env, obstacles=replace(env.obstacles, growth=0.0 * env.obstacles.growth))
+        env = replace(env, obstacles=replace(env.obstacles, growth=np.zeros_like(env.obstacles.growth)))
     plans, seconds = fleet.clock.time(partial(_call, fleet, missions, env, keys, cold))
     for mission, plan, cause in zip(missions, plans, causes, strict=True):
         _follow(mission, plan, cause, seconds / len(missions))

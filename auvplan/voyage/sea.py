@@ -8,6 +8,8 @@ from typing import Protocol
 import jax
 import numpy as np
 
+from auvplan import prng
+from auvplan.compiled import compiled
 from auvplan.ocean.currents import Current, SumCurrent, divided, united
 from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.ocean.vortices import CurrentUpdate, LambVortices, evolve
@@ -54,7 +56,7 @@ class VortexSea:
         It changes every `interval` s, or, where that is None, at every window of a leg.
         """
         self.field: LambVortices = jax.device_get(field)
-        self._change_key, self._telling_key = jax.random.split(key, 2)
+        self._change_key, self._telling_key = prng.parts(key, 2)
         self._update = update
         self._interval = interval
         self._error = error
@@ -72,7 +74,8 @@ class VortexSea:
             self._change()
 
     def _change(self) -> None:
-        self.field = jax.device_get(_changed(self._change_key, self._updates, self.field, self._update))
+        field = _changed(self._change_key, self._updates, self.field, update=self._update)
+        self.field = jax.device_get(field)
         self._updates += 1
 
     def told(self) -> LambVortices:
@@ -118,12 +121,12 @@ def stacked(currents: Sequence[Current]) -> Current:
     return united(shared, own)
 
 
-@partial(jax.jit, static_argnames="update")
+@partial(compiled, static_argnames=("update",))
 def _changed(key: jax.Array, count: int, field: LambVortices, update: CurrentUpdate) -> LambVortices:
     return evolve(jax.random.fold_in(key, count), field, update)
 
 
-@jax.jit
+@compiled
 def _told(key: jax.Array, count: int, field: LambVortices, error: float) -> LambVortices:
     noise = error * jax.random.normal(jax.random.fold_in(key, count), (field.strength.shape[-1], 3))
     return replace(

@@ -9,6 +9,7 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 
+from auvplan.compiled import compiled
 from auvplan.ocean.currents import Current, divided, united
 from auvplan.vehicle import Vehicle, along_track
 
@@ -62,7 +63,7 @@ class Sailed:
     shortfall: jax.Array
 
 
-@partial(jax.jit, static_argnames=("steps",))
+@partial(compiled, static_argnames=("steps",))
 def sail(
     track: jax.Array,
     arc: jax.Array,
@@ -134,7 +135,7 @@ def _over_ground(
     return velocity + drift[:, None] * swept
 
 
-over_ground = jax.jit(_over_ground)
+over_ground = compiled(_over_ground)
 
 
 def _along(track: jax.Array, marks: jax.Array, arc: jax.Array) -> jax.Array:

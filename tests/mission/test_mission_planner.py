@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from auvplan.bbo import BBOConfig
+from auvplan.compiled import compilations
 from auvplan.mission import (
     MissionConfig,
     MissionGraph,
@@ -22,7 +23,6 @@ from auvplan.mission import (
     plan_missions,
     random_graph,
 )
-from auvplan.mission.evolution import search_missions
 from tests.mission.naive import best_priority, grid_graph
 from tests.mission.naive import time_to_go as dijkstra_time_to_go
 
@@ -161,7 +161,7 @@ def test_a_batch_equals_its_missions_one_by_one() -> None:
 def test_planning_again_compiles_nothing() -> None:
     graph = medium_graph()
     first = plan(graph)
-    compiled = search_missions._cache_size()
+    compiled = compilations()
     again = graph.without_edges([tuple(first.nodes[:2])]).with_travel_time(2, 3, 99.0)
     visited = np.zeros(15, bool)
     visited[0] = True
@@ -179,7 +179,7 @@ def test_planning_again_compiles_nothing() -> None:
     assert order.feasible
     assert 0 not in order.nodes
     plan(graph, population=first.population[:5])
-    assert search_missions._cache_size() == compiled
+    assert compilations() == compiled
 
 
 def test_a_given_population_is_used() -> None:

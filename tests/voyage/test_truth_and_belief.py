@@ -30,7 +30,7 @@ def sail_one(field, track, steps, moving=True, obstacles=None, arc=0.0):
     obstacles = obstacles or (jnp.zeros((1, 0, 3)), jnp.zeros((1, 0, 3)), jnp.zeros((1, 0)))
     return sail(
         jnp.asarray(track)[None], jnp.array([arc]), jnp.array([moving]), jnp.array([100.0]),
-        batch(field), obstacles, ap.Vehicle(), steps,
+        batch(field), obstacles, ap.Vehicle(), steps=steps,
     )  # fmt: skip
 
 

@@ -1,0 +1,194 @@
+"""Compiled programs on disk.
+
+An entry is named by what its program depends on: the function and the kinds of its arguments, the sources of
+this package, the versions of Python, JAX and its compiler, the processor, and JAX's settings. So an entry is
+never out of date: it is found, or it is not. One that is damaged, or that JAX does not take, is left out and
+told to the log; nothing fails for it.
+
+The folder is ``~/.cache/auvplan/programs``. The environment variable ``AUVPLAN_CACHE`` names another one, or
+says ``off``. Entries not used for longest are removed where all together exceed `LIMIT`.
+"""
+
+import functools
+import hashlib
+import logging
+import os
+import pickle
+import platform
+import tempfile
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import jax
+import jaxlib
+
+log = logging.getLogger(__name__)
+
+#: Bytes that all entries together may take; a mission's programs take 15 MB.
+LIMIT = 1_000_000_000
+
+#: Settings of JAX that say nothing about programs: where things are kept and what is printed.
+_SILENT = "cache", "log", "dump", "dir", "profil", "traceback", "monitor", "distributed"
+
+_DIGEST = hashlib.sha256().digest_size
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One stored program.
+
+    Attributes:
+        path: of its file.
+        program: name of the function.
+        size: bytes.
+        used: s since the epoch of the clock, when it was stored or last loaded.
+    """
+
+    path: Path
+    program: str
+    size: int
+    used: float
+
+
+def folder() -> Path | None:
+    """Where programs are kept; None where they are not."""
+    choice = os.environ.get("AUVPLAN_CACHE", "")
+    if choice.lower() in ("off", "0", "no"):
+        return None
+    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "auvplan"
+    return (Path(choice) if choice else base) / "programs"
+
+
+def enabled() -> bool:
+    """Whether programs are kept."""
+    return folder() is not None
+
+
+def key_of(*parts: str) -> str:
+    """The key of what the parts and everything else that compiled code depends on say."""
+    return hashlib.sha256("\n".join((_surroundings(), *parts)).encode()).hexdigest()[:32]
+
+
+def load(program: str, key: str) -> Any | None:
+    """What was stored under a key; None where there is nothing, or nothing whole."""
+    path = _path(program, key)
+    if path is None:
+        return None
+    try:
+        content = path.read_bytes()
+    except OSError:
+        return None
+    try:
+        digest, body = content[:_DIGEST], content[_DIGEST:]
+        if hashlib.sha256(body).digest() != digest:
+            raise ValueError("it is damaged")
+        found = pickle.loads(body)
+    except Exception as error:  # unpickling raises what it likes
+        discard(program, key, error)
+        return None
+    with suppress(OSError):  # others may own the folder
+        os.utime(path)
+    return found
+
+
+def store(program: str, key: str, value: Any) -> None:
+    """Keep a value under a key, whole or not at all; where that cannot be done the log says why."""
+    path = _path(program, key)
+    if path is None:
+        return
+    try:
+        body = pickle.dumps(value)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=".new-")
+        try:
+            with os.fdopen(handle, "wb") as file:
+                file.write(hashlib.sha256(body).digest() + body)
+            os.replace(name, path)
+        except BaseException:
+            Path(name).unlink(missing_ok=True)
+            raise
+        trim()
+    except Exception as error:  # a full disk, or what cannot be pickled
+        log.info("%s is not stored: %s", program, error)
+
+
+def discard(program: str, key: str, error: Exception) -> None:
+    """Remove an entry that could not be used, and tell the log."""
+    log.info("a stored %s is left out and compiled anew: %s", program, error)
+    path = _path(program, key)
+    if path is not None:
+        with suppress(OSError):
+            path.unlink()
+
+
+def entries() -> Iterator[Entry]:
+    """All that is stored, in no order."""
+    place = folder()
+    for path in place.glob("*.program") if place and place.is_dir() else ():
+        try:
+            status = path.stat()
+        except OSError:
+            continue
+        yield Entry(path, path.name.rsplit("-", 1)[0], status.st_size, status.st_mtime)
+
+
+def trim(limit: int = LIMIT) -> list[Entry]:
+    """Remove the entries not used for longest until at most `limit` bytes are left; returns those removed."""
+    left = sorted(entries(), key=lambda entry: entry.used)
+    total, removed = sum(entry.size for entry in left), []
+    while left and total > limit:
+        oldest = left.pop(0)
+        with suppress(OSError):
+            oldest.path.unlink()
+        total -= oldest.size
+        removed.append(oldest)
+    return removed
+
+
+def _path(program: str, key: str) -> Path | None:
+    place = folder()
+    return None if place is None else place / f"{program}-{key}.program"
+
+
+@functools.cache
+def _surroundings() -> str:
+    """All that every compiled program depends on."""
+    settings = {
+        name: value
+        for name, value in sorted(jax.config.values.items())
+        if not any(word in name for word in _SILENT) and name != "jax_enable_x64"
+    }
+    device = jax.devices()[0]
+    parts = (
+        platform.python_version(),
+        jax.__version__,
+        jaxlib.__version__,
+        device.platform,
+        device.device_kind,
+        _processor(),
+        os.environ.get("XLA_FLAGS", ""),
+        settings,
+        _sources(),
+    )
+    return repr(parts)
+
+
+def _processor() -> str:
+    """Make and instruction sets of the CPU."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().split("\n\n")[0].splitlines()
+    except OSError:
+        return f"{platform.machine()} {platform.processor()}"
+    told = ("model name", "flags", "Features", "CPU part")
+    return f"{platform.machine()} {[line for line in lines if line.startswith(told)]}"
+
+
+def _sources() -> str:
+    """Digest of this package's code."""
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.rglob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()

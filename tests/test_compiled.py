@@ -1,0 +1,212 @@
+"""Programs that are kept on disk: found again, told apart, never in the way."""
+
+import logging
+import subprocess
+import sys
+from dataclasses import dataclass
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import auvplan as ap
+from auvplan import cache
+from auvplan.compiled import Program, compilations, compiled
+from auvplan.ocean.currents import FunctionCurrent, evaluated
+
+
+@pytest.fixture
+def place(tmp_path, monkeypatch):
+    """An empty cache."""
+    monkeypatch.setenv("AUVPLAN_CACHE", str(tmp_path))
+    return tmp_path / "programs"
+
+
+def expected(x, times):
+    return np.cumsum(np.sort(x)[::-1]) * times
+
+
+def program() -> Program:
+    """A new one of the same name, as another process would make it."""
+
+    def sorted_sum(x, *, times):
+        """A sort is among what some executables cannot be stored with."""
+        return jnp.sort(x)[::-1].cumsum() * times
+
+    return compiled(sorted_sum, static_argnames=("times",))
+
+
+def entries() -> list[cache.Entry]:
+    return sorted(cache.entries(), key=lambda entry: entry.path)
+
+
+def test_it_computes_what_jit_does_before_and_after_it_is_loaded(place):
+    x = np.array([3.0, 1.0, 2.0])
+    np.testing.assert_array_equal(program()(x, times=2), expected(x, 2))
+    assert len(entries()) == 1
+    used = entries()[0].path.stat().st_mtime_ns
+    np.testing.assert_array_equal(program()(x, times=2), expected(x, 2))
+    assert [entry.path.stat().st_mtime_ns >= used for entry in entries()] == [True]
+
+
+def test_a_second_call_compiles_and_loads_nothing(place):
+    one = program()
+    one(np.ones(3), times=2)
+    before = compilations()
+    one(np.zeros(3), times=2)
+    assert compilations() == before
+
+
+@pytest.mark.parametrize("change", [{"times": 3}, {"x": np.ones(4)}, {"x": np.ones(3, np.int32)}])
+def test_other_settings_shapes_and_types_are_other_programs(place, change):
+    given = {"x": np.ones(3), "times": 2}
+    one = program()
+    for case in (given, given | change):
+        x, times = case["x"], case["times"]
+        np.testing.assert_array_equal(one(x, times=times), expected(x, times))
+    assert len(entries()) == 2
+
+
+def test_precision_tells_programs_apart(place):
+    one = program()
+    assert one(np.ones(3), times=2).dtype == np.float32
+    with jax.enable_x64(True):
+        assert one(np.ones(3), times=2).dtype == np.float64
+
+
+def test_it_can_be_traced(place):
+    one = partial(program(), times=2)
+    slopes = jax.jit(jax.grad(lambda x: one(x).sum()))(jnp.arange(3.0))
+    np.testing.assert_allclose(slopes, [2.0, 4.0, 6.0])
+    assert not entries()
+
+
+@pytest.mark.parametrize(
+    "harm", [lambda old: old[:-7], lambda old: b"", lambda old: old[:64] + b"x" + old[65:]]
+)
+def test_a_damaged_entry_is_left_out_and_told_to_the_log(place, caplog, harm):
+    program()(np.arange(3.0), times=2)
+    (entry,) = entries()
+    entry.path.write_bytes(harm(entry.path.read_bytes()))
+    with caplog.at_level(logging.INFO, "auvplan.cache"):
+        np.testing.assert_array_equal(program()(np.arange(3.0), times=2), [4.0, 6.0, 6.0])
+    assert len(caplog.messages) == 1
+    assert "compiled anew" in caplog.text
+    caplog.clear()
+    program()(np.arange(3.0), times=2)
+    assert not caplog.messages
+
+
+def test_an_entry_that_is_no_program_is_left_out(place, caplog):
+    program()(np.arange(3.0), times=2)
+    (entry,) = entries()
+    name, key = entry.path.stem.rsplit("-", 1)
+    cache.store(name, key, (b"nothing of the kind", None))
+    with caplog.at_level(logging.INFO, "auvplan.cache"):
+        np.testing.assert_array_equal(program()(np.arange(3.0), times=2), [4.0, 6.0, 6.0])
+    assert "compiled anew" in caplog.text
+
+
+def test_nothing_is_kept_where_that_is_switched_off(place, monkeypatch):
+    monkeypatch.setenv("AUVPLAN_CACHE", "off")
+    np.testing.assert_array_equal(program()(np.arange(3.0), times=2), [4.0, 6.0, 6.0])
+    monkeypatch.setenv("AUVPLAN_CACHE", str(place.parent))
+    assert not entries()
+
+
+def test_a_folder_that_cannot_be_written_is_no_failure(tmp_path, monkeypatch, caplog):
+    (tmp_path / "file").write_text("in the way")
+    monkeypatch.setenv("AUVPLAN_CACHE", str(tmp_path / "file"))
+    with caplog.at_level(logging.INFO, "auvplan.cache"):
+        np.testing.assert_array_equal(program()(np.arange(3.0), times=2), [4.0, 6.0, 6.0])
+    assert "is not stored" in caplog.text
+
+
+def test_the_entries_not_used_for_longest_go_first(place):
+    one = program()
+    for length in (3, 4, 5):
+        one(np.ones(length), times=2)
+    size = {entry.path: entry.size for entry in entries()}
+    oldest, *newer = sorted(size, key=lambda path: path.stat().st_mtime_ns)
+    removed = cache.trim(limit=sum(size[path] for path in newer))
+    assert [entry.path for entry in removed] == [oldest]
+    assert {entry.path for entry in entries()} == set(newer)
+
+
+@partial(jax.tree_util.register_dataclass, data_fields=("speed",), meta_fields=())
+@dataclass(frozen=True)
+class Stream:
+    """A current of somebody else's, whose code may change from one process to the next."""
+
+    speed: jax.Array
+
+    def __call__(self, x, y, z, t):
+        return self.speed + 0.0 * x, 0.0 * x, 0.0 * x
+
+
+def test_what_other_classes_do_is_not_kept(place):
+    evaluated(Stream(np.float32(1.0)), *np.ones((4, 3)))
+    assert not entries()
+    evaluated(ap.UniformCurrent(1.0), *np.ones((4, 3)))
+    assert len(entries()) == 1
+
+
+def a_stream(strength):
+    return FunctionCurrent(lambda x, y, z, t: (strength, 0.1 * x, jnp.sin(t)))
+
+
+def test_functions_are_told_apart_by_what_they_do():
+    one, same, other = a_stream(0.4), a_stream(0.4), a_stream(0.5)
+    assert one.fingerprint() == same.fingerprint() is not None
+    assert other.fingerprint() != one.fingerprint()
+    table = np.arange(100.0)
+    tables = [
+        FunctionCurrent(
+            lambda x, y, z, t, table=table: (jax.jit(lambda x: x * table.sum() + table[0])(x), 0.0, 0.0)
+        )
+        for table in (table, table + 1.0)
+    ]
+    assert tables[0].fingerprint() != tables[1].fingerprint()
+
+
+def test_functions_that_hide_arrays_are_told_apart():
+    def looked_up(table):
+        inner = jax.jit(lambda x: jnp.interp(x, jnp.arange(100.0), table))
+        return FunctionCurrent(lambda x, y, z, t: (inner(x), 0.0, 0.0))
+
+    table = np.linspace(0.0, 1.0, 100)
+    marks = [looked_up(jnp.asarray(values)).fingerprint() for values in (table, table, np.flip(table))]
+    assert marks[0] is None or (marks[0] == marks[1] != marks[2])
+
+
+def test_a_function_that_cannot_be_traced_has_no_fingerprint():
+    assert FunctionCurrent(lambda x, y, z, t: (float(x), 0.0, 0.0)).fingerprint() is None
+
+
+PLAN = """
+import jax, auvplan as ap
+from auvplan.compiled import compilations
+stream = lambda x, y, z, t: (0.0, {speed}, 0.0)
+env = ap.Environment(stream, lower=(0, 0, 0), upper=(2000, 1000, 0))
+config = ap.PathConfig(bbo=ap.bbo.BBOConfig(population=12, iterations=2), passages=2, field_cells=16,
+                       control_points=4, samples=32, passage_steps=3, refine_steps=2, finer=1)
+plan = ap.plan_path((0, 500, 0), (2000, 500, 0), env, key=jax.random.key(0), config=config)
+print(repr(plan.travel_time))
+"""
+
+
+def run(code: str) -> str:
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return done.stdout.strip()
+
+
+def test_another_process_finds_programs_of_a_function_and_none_of_another(place):
+    first = run(PLAN.format(speed=0.5))
+    kept = {entry.path for entry in entries()}
+    assert kept
+    assert run(PLAN.format(speed=0.5)) == first
+    assert {entry.path for entry in entries()} == kept
+    assert run(PLAN.format(speed=0.9)) != first
+    assert {entry.path for entry in entries()} > kept
