@@ -1,12 +1,12 @@
-"""Compiled programs on disk.
+"""What takes long to compute and is computed again in every process, on disk: programs, clustered charts.
 
-An entry is named by what its program depends on: the function and the kinds of its arguments, the sources of
-this package, the versions of Python, JAX and its compiler, the processor, and JAX's settings. So an entry is
-never out of date: it is found, or it is not. One that is damaged, or that JAX does not take, is left out and
-told to the log; nothing fails for it.
+An entry is named by all that it depends on; for a program these are the function and the kinds of its
+arguments, the sources of this package, the versions of Python, JAX and its compiler, the processor, and JAX's
+settings. So an entry is never out of date: it is found, or it is not. One that is damaged, or that JAX does
+not take, is left out and told to the log; nothing fails for it.
 
-The folder is ``~/.cache/auvplan/programs``. The environment variable ``AUVPLAN_CACHE`` names another one, or
-says ``off``. Entries not used for longest are removed where all together exceed `LIMIT`.
+The folder is ``~/.cache/auvplan``. The environment variable ``AUVPLAN_CACHE`` names another one, or says
+``off``. Entries not used for longest are removed where all together exceed `LIMIT`.
 """
 
 import functools
@@ -16,18 +16,20 @@ import os
 import pickle
 import platform
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import jax
 import jaxlib
 
+T = TypeVar("T")
+
 log = logging.getLogger(__name__)
 
-#: Bytes that all entries together may take; a mission's programs take 15 MB.
+#: Bytes that all entries together may take; what a mission needs takes 25 MB.
 LIMIT = 1_000_000_000
 
 #: Settings of JAX that say nothing about programs: where things are kept and what is printed.
@@ -38,32 +40,32 @@ _DIGEST = hashlib.sha256().digest_size
 
 @dataclass(frozen=True)
 class Entry:
-    """One stored program.
+    """One of the things kept.
 
     Attributes:
         path: of its file.
-        program: name of the function.
+        name: of the function that made it.
         size: bytes.
         used: s since the epoch of the clock, when it was stored or last loaded.
     """
 
     path: Path
-    program: str
+    name: str
     size: int
     used: float
 
 
 def folder() -> Path | None:
-    """Where programs are kept; None where they are not."""
+    """Where things are kept; None where they are not."""
     choice = os.environ.get("AUVPLAN_CACHE", "")
     if choice.lower() in ("off", "0", "no"):
         return None
-    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "auvplan"
-    return (Path(choice) if choice else base) / "programs"
+    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return Path(choice) if choice else base / "auvplan"
 
 
 def enabled() -> bool:
-    """Whether programs are kept."""
+    """Whether anything is kept."""
     return folder() is not None
 
 
@@ -72,9 +74,21 @@ def key_of(*parts: str) -> str:
     return hashlib.sha256("\n".join((_surroundings(), *parts)).encode()).hexdigest()[:32]
 
 
-def load(program: str, key: str) -> Any | None:
+def kept(name: str, make: Callable[[], T], *parts: str) -> T:
+    """What `make` returns, computed where it is not kept yet; the parts say all that it depends on."""
+    if not enabled():
+        return make()
+    key = key_of(name, *parts)
+    found = load(name, key)
+    if found is None:
+        found = make()
+        store(name, key, found)
+    return found
+
+
+def load(name: str, key: str) -> Any | None:
     """What was stored under a key; None where there is nothing, or nothing whole."""
-    path = _path(program, key)
+    path = _path(name, key)
     if path is None:
         return None
     try:
@@ -87,38 +101,38 @@ def load(program: str, key: str) -> Any | None:
             raise ValueError("it is damaged")
         found = pickle.loads(body)
     except Exception as error:  # unpickling raises what it likes
-        discard(program, key, error)
+        discard(name, key, error)
         return None
     with suppress(OSError):  # others may own the folder
         os.utime(path)
     return found
 
 
-def store(program: str, key: str, value: Any) -> None:
+def store(name: str, key: str, value: Any) -> None:
     """Keep a value under a key, whole or not at all; where that cannot be done the log says why."""
-    path = _path(program, key)
+    path = _path(name, key)
     if path is None:
         return
     try:
         body = pickle.dumps(value)
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=path.parent, prefix=".new-")
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".new-")
         try:
             with os.fdopen(handle, "wb") as file:
                 file.write(hashlib.sha256(body).digest() + body)
-            os.replace(name, path)
+            os.replace(temporary, path)
         except BaseException:
-            Path(name).unlink(missing_ok=True)
+            Path(temporary).unlink(missing_ok=True)
             raise
         trim()
     except Exception as error:  # a full disk, or what cannot be pickled
-        log.info("%s is not stored: %s", program, error)
+        log.info("%s is not stored: %s", name, error)
 
 
-def discard(program: str, key: str, error: Exception) -> None:
+def discard(name: str, key: str, error: Exception) -> None:
     """Remove an entry that could not be used, and tell the log."""
-    log.info("a stored %s is left out and compiled anew: %s", program, error)
-    path = _path(program, key)
+    log.info("a stored %s is left out and made anew: %s", name, error)
+    path = _path(name, key)
     if path is not None:
         with suppress(OSError):
             path.unlink()
@@ -127,7 +141,7 @@ def discard(program: str, key: str, error: Exception) -> None:
 def entries() -> Iterator[Entry]:
     """All that is stored, in no order."""
     place = folder()
-    for path in place.glob("*.program") if place and place.is_dir() else ():
+    for path in place.glob("*.pickle") if place and place.is_dir() else ():
         try:
             status = path.stat()
         except OSError:
@@ -148,14 +162,14 @@ def trim(limit: int = LIMIT) -> list[Entry]:
     return removed
 
 
-def _path(program: str, key: str) -> Path | None:
+def _path(name: str, key: str) -> Path | None:
     place = folder()
-    return None if place is None else place / f"{program}-{key}.program"
+    return None if place is None else place / f"{name}-{key}.pickle"
 
 
 @functools.cache
 def _surroundings() -> str:
-    """All that every compiled program depends on."""
+    """All that every entry depends on."""
     settings = {
         name: value
         for name, value in sorted(jax.config.values.items())

@@ -9,9 +9,12 @@ Where one is not found, cannot be stored or does not load, it is compiled as `ja
 import dataclasses
 import enum
 import functools
+import pickle
 import threading
-from collections.abc import Callable, Iterable
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -23,9 +26,16 @@ from auvplan import cache
 #: Packages whose classes are what they were when a program was stored, as long as their versions are.
 _OURS = "auvplan", "builtins", "collections", "jax", "jaxlib", "numpy"
 
+#: Threads that programs are loaded by before they are asked for.
+_THREADS = 2
+
+_OCCASIONS = f"{__name__}.expecting"
+
 _count = 0
 _hits = 0
 _programs: list["Program"] = []
+_used: dict[str, str] = {}
+_early: dict[str, Future[tuple[Callable[..., list], bytes] | None]] = {}
 
 
 class Program:
@@ -38,11 +48,12 @@ class Program:
     def __init__(self, function: Callable[..., Any], static_argnames: Iterable[str], options: dict[str, Any]):
         """Compile `function` with XLA's `options`, for every value of the arguments named."""
         functools.update_wrapper(self, function)
+        self._function = function
         self._name = f"{function.__module__}.{function.__qualname__}"
         self._options = options
         self._static = tuple(sorted(static_argnames))
         self._jitted = jax.jit(function, static_argnames=self._static, compiler_options=options)
-        self._ready: dict[Any, Callable[..., Any]] = {}
+        self._ready: dict[Any, Callable[[list], Any]] = {}
         self._lock = threading.Lock()
         _programs.append(self)
 
@@ -51,45 +62,68 @@ class Program:
         settings = tuple(kwargs.pop(name) for name in self._static)
         leaves, tree = jax.tree.flatten((args, kwargs))
         kinds = tuple(map(_kind, leaves))
-        given = dict(zip(self._static, settings, strict=True))
         if None in kinds or jax.device_count() > 1 or jax.config.jax_disable_jit:
-            return self._jitted(*args, **kwargs, **given)
+            return self._jitted(*args, **kwargs, **self._named(settings))
         signature = tree, kinds, settings, jax.config.jax_enable_x64
         ready = self._ready.get(signature)
         if ready is None:
             with self._lock:
-                ready = self._ready.get(signature) or self._prepared(signature, args, kwargs, given)
+                ready = self._ready.get(signature) or self._prepared(signature, leaves)
                 self._ready[signature] = ready
-        return ready(*args, **kwargs)
+        return ready(leaves)
 
-    def _prepared(self, signature: Any, args: tuple, kwargs: dict, given: dict) -> Callable[..., Any]:
-        """The executable for one kind of call: from disk, or else compiled and stored."""
+    def _named(self, settings: tuple) -> dict[str, Any]:
+        return dict(zip(self._static, settings, strict=True))
+
+    def _prepared(self, signature: Any, leaves: list) -> Callable[[list], Any]:
+        """What answers one kind of call: an executable from disk, or else compiled and stored."""
+        tree, _, settings, _ = signature
         key = self._key(*signature)
-        tree = signature[0]
-        if key and (stored := cache.load(self._name, key)):
-            try:
-                payload, out_tree = stored
-                found = serialize_executable.deserialize_and_load(payload, tree, out_tree)
-                # Some executables load and do not run.
-                jax.block_until_ready(found(*args, **kwargs))
-            except Exception as error:  # whatever is wrong with it
-                cache.discard(self._name, key, error)
-            else:
-                _book_one()
-                return found
         if not key:
-            return functools.partial(self._jitted, **given)
-        before = _hits
-        made = self._jitted.lower(*args, **kwargs, **given).compile()
-        if _hits > before:  # what comes out of JAX's own cache cannot be stored again
-            return made
+            return functools.partial(self._plain, tree, settings)
+        _used.setdefault(key, self._name)
+        early = _early.pop(key, None)
         try:
-            payload, _, out_tree = serialize_executable.serialize(made)
+            if found := early.result() if early else _load(self._name, key):
+                executable, out_tree = found
+                ready = _Ready(executable, pickle.loads(out_tree))
+                # Some executables load and do not run.
+                jax.block_until_ready(ready(leaves))
+                _book_one()
+                return ready
+        except Exception as error:  # whatever is wrong with it
+            cache.discard(self._name, key, error)
+        return self._made(key, tree, settings, leaves)
+
+    def _plain(self, tree: Any, settings: tuple, leaves: list) -> Any:
+        """The jitted function of flattened arguments."""
+        args, kwargs = tree.unflatten(leaves)
+        return self._jitted(*args, **kwargs, **self._named(settings))
+
+    def _made(self, key: str, tree: Any, settings: tuple, leaves: list) -> "_Ready":
+        """Compile an executable, and store it where that can be done."""
+        forms = []
+
+        def flat(*leaves: Any) -> list[Any]:
+            # Flat arguments and results: an executable is loaded without the classes that they are made of.
+            args, kwargs = tree.unflatten(leaves)
+            found, form = jax.tree.flatten(self._function(*args, **kwargs, **self._named(settings)))
+            forms.append(form)
+            return found
+
+        flat.__name__ = self._function.__name__
+        before = _hits
+        made = jax.jit(flat, compiler_options=self._options).lower(*leaves).compile()
+        ready = _Ready(made, forms[0])
+        if _hits > before:  # what comes out of JAX's own cache cannot be stored again
+            return ready
+        try:
+            payload, _, _ = serialize_executable.serialize(made)
+            counts = len(leaves), forms[0].num_leaves
+            cache.store(self._name, key, (payload, counts, pickle.dumps(forms[0])))
         except Exception as error:  # some executables cannot be stored
             cache.log.info("%s is not stored: %s", self._name, error)
-        else:
-            cache.store(self._name, key, (payload, out_tree))
-        return made
+        return ready
 
     def _key(self, tree: Any, kinds: tuple, settings: tuple, precise: bool) -> str | None:
         """What the executable depends on, as a key; None where that cannot be told or nothing is stored."""
@@ -104,6 +138,57 @@ class Program:
         """Forget what was loaded and compiled."""
         with self._lock:
             self._ready.clear()
+
+
+class _Ready(NamedTuple):
+    """An executable of flat arguments and results, and the form of the results."""
+
+    executable: Callable[..., list]
+    form: Any
+
+    def __call__(self, leaves: list) -> Any:
+        return self.form.unflatten(self.executable(*leaves))
+
+
+def _load(name: str, key: str) -> tuple[Callable[..., list], bytes] | None:
+    """A stored executable and the pickled form of its results; None where there is none."""
+    stored = cache.load(name, key)
+    if stored is None:
+        return None
+    payload, counts, form = stored
+    arguments, results = jax.tree.structure(((0,) * counts[0], {})), jax.tree.structure([0] * counts[1])
+    return serialize_executable.deserialize_and_load(payload, arguments, results), form
+
+
+@contextmanager
+def expecting(occasion: str) -> Iterator[None]:
+    """Load what the last such occasion used beside what is done meanwhile; remember what this one uses."""
+    preload(occasion)
+    before = set(_used)
+    yield
+    if cache.enabled():
+        place = cache.key_of(occasion)
+        listed = cache.load(_OCCASIONS, place) or []
+        used = [(name, key) for name, key in listed if key in _used]
+        used += [(name, key) for key, name in _used.items() if key not in before and (name, key) not in used]
+        if used != listed:
+            cache.store(_OCCASIONS, place, used)
+
+
+def preload(occasion: str) -> None:
+    """Begin to load the programs that were used on the last occasion of a name, in threads of their own."""
+    if not cache.enabled():
+        return
+    listed = [
+        (name, key)
+        for name, key in cache.load(_OCCASIONS, cache.key_of(occasion)) or ()
+        if key not in _used and key not in _early
+    ]
+    if listed:
+        pool = ThreadPoolExecutor(_THREADS, "auvplan-preload")
+        for name, key in listed:
+            _early[key] = pool.submit(_load, name, key)
+        pool.shutdown(wait=False)
 
 
 def _kind(leaf: Any) -> Any:

@@ -25,7 +25,7 @@ from tests.voyage.small import light_config
 # What several test processes compile alike is compiled once, and kept for the next run: planners' programs by
 # the package itself, those of the tests' own functions by JAX.
 KEPT = Path(__file__).parent.parent / ".pytest_cache"
-os.environ["AUVPLAN_CACHE"] = str(KEPT)
+os.environ["AUVPLAN_CACHE"] = str(KEPT / "auvplan")
 jax.config.update("jax_compilation_cache_dir", str(KEPT / "jax"))
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
 

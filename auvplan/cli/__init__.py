@@ -8,6 +8,7 @@ import typer
 
 from auvplan.cli import departures, export, mission, paper, scenario, study, tools
 from auvplan.cli.shared import errors
+from auvplan.errors import AuvplanError, ScenarioWarning
 
 app = typer.Typer(
     add_completion=False,
@@ -35,8 +36,6 @@ for command in (
 
 def _shorten_warnings() -> None:
     """Show what a scenario warns of as one line without a place in the code."""
-    from auvplan.voyage.world import ScenarioWarning
-
     usual = warnings.showwarning
 
     def show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
@@ -50,21 +49,10 @@ def _shorten_warnings() -> None:
 
 def main() -> None:
     """Entry point: bad input is one line and exit status 2."""
-    from auvplan.export import ExportError
-    from auvplan.io import OutputError
-    from auvplan.io.check import ResultError
-    from auvplan.io.geo import GeoError
-    from auvplan.ocean.chart import ChartError
-    from auvplan.ocean.gridded import CurrentError
-    from auvplan.ocean.seabed import SeabedError
-    from auvplan.study import StudyError
-    from auvplan.voyage import ScenarioError
-
     _shorten_warnings()
-    bad_input = ScenarioError, ChartError, CurrentError, GeoError, SeabedError
     try:
         app()
-    except (*bad_input, ExportError, OutputError, ResultError, StudyError) as error:
+    except AuvplanError as error:
         # Names of files may hold line breaks; and :100: in a place is no emoji.
         line = " ".join(str(error).split())
         errors.print(f"auvplan: {line}", soft_wrap=True, highlight=False, markup=False, emoji=False)

@@ -103,7 +103,7 @@ def departure_times(settings: Any, folder: Path, begin: str, end: str, step: str
     Raises:
         ScenarioError: an option cannot be understood or is out of range; the line names it.
     """
-    from auvplan.voyage import ScenarioError
+    from auvplan.errors import ScenarioError
 
     first, last = (
         _seconds(name, text, settings, folder) for name, text in (("--from", begin), ("--to", end))
@@ -125,9 +125,9 @@ def departure_times(settings: Any, folder: Path, begin: str, end: str, step: str
 
 def _seconds(option: str, text: str, settings: Any, folder: Path) -> float:
     """A departure, s since the scenario's epoch."""
+    from auvplan.errors import ScenarioError
     from auvplan.io.waters import load_waters
     from auvplan.site import as_utc
-    from auvplan.voyage import ScenarioError
 
     seconds = _duration(text)
     if seconds is None:

@@ -1,6 +1,8 @@
 """Commands for one mission or one leg."""
 
+from importlib import import_module
 from pathlib import Path
+from threading import Thread
 from typing import Annotated, Any
 
 import typer
@@ -9,6 +11,8 @@ from rich.table import Table
 from auvplan.cli.shared import (
     ObjectiveOption,
     OutOption,
+    Pictures,
+    PicturesOption,
     PresetOption,
     QuietOption,
     ScenarioArgument,
@@ -28,13 +32,13 @@ def mission(
     preset: PresetOption = None,
     objective: ObjectiveOption = None,
     quiet: QuietOption = False,
+    pictures: PicturesOption = Pictures.ALL,
     certify: Annotated[
         bool, typer.Option("--certify", help="Also say how far the first order can be from the best.")
     ] = False,
 ) -> None:
     """Plan a whole mission, sail it in the simulator and draw it."""
-    with naming(scenario):
-        run = _run(*load(scenario, preset, objective), out, seed, quiet)
+    run = _run(scenario, preset, objective, out, seed, quiet, pictures)
     if certify:
         _print_certificate(run.first_order)
     _exit_where_failed(run)
@@ -46,43 +50,61 @@ def path(
     seed: SeedOption = 0,
     preset: PresetOption = None,
     quiet: QuietOption = False,
+    pictures: PicturesOption = Pictures.ALL,
 ) -> None:
     """Plan one leg, from the scenario's start to its goal, and sail it with re-planning windows."""
-    with naming(scenario):
-        run = _run(*load(scenario, preset, None, leg=True), out, seed, quiet)
+    run = _run(scenario, preset, None, out, seed, quiet, pictures, leg=True)
     _exit_where_failed(run)
 
 
-def _run(scenario: Any, folder: Path, out: Path, seed: int, quiet: bool) -> Any:
-    """Run one mission, write its results and print its summary."""
-    from auvplan.io import output_folder, save_run
-    from auvplan.io.waters import load_waters
+def _run(
+    source: str,
+    preset: str | None,
+    objective: str | None,
+    out: Path,
+    seed: int,
+    quiet: bool,
+    pictures: Pictures,
+    leg: bool = False,
+) -> Any:
+    """Run one mission, or one leg, write its results and print its summary."""
+    from auvplan.plot.painter import Painter
 
-    waters = load_waters(scenario, folder)
-    if not quiet:
-        for note in waters.notes:
-            console.print(f"note: {note}", soft_wrap=True, highlight=False, markup=False)
-    output_folder(out)
-    import jax
+    with Painter(pictures.value) as painter, naming(source):
+        from auvplan.compiled import preload
 
-    from auvplan.plot import draw_run
-    from auvplan.voyage import run_mission
+        preload("missions")
+        from auvplan.io import output_folder
+        from auvplan.io.waters import load_waters
 
-    available = scenario.mission.time_available
-    with time_bar("compiling the planners", available, quiet) as advance:
-        run = run_mission(
-            scenario,
-            key=jax.random.key(seed),
-            seed=seed,
-            folder=folder,
-            waters=waters,
-            progress=lambda _, now, doing: advance(now, doing),
-        )
-    save_run(run, out)
-    pictures = draw_run(run, out)
+        scenario, folder = load(source, preset, objective, leg)
+        waters = load_waters(scenario, folder)
+        if not quiet:
+            for note in waters.notes:
+                console.print(f"note: {note}", soft_wrap=True, highlight=False, markup=False)
+        output_folder(out)
+        from auvplan.voyage import run_mission
+
+        # What saving needs is loaded while compiled code plans.
+        Thread(target=import_module, args=("xarray",), daemon=True).start()
+        available = scenario.mission.time_available
+        with time_bar("loading the planners", available, quiet) as advance:
+            run = run_mission(
+                scenario,
+                seed=seed,
+                folder=folder,
+                waters=waters,
+                progress=lambda _, now, doing: advance(now, doing),
+            )
+        painter.begin(run, out)
+        from auvplan.io import save_run
+
+        save_run(run, out)
+        drawn = painter.finish()
     if not quiet:
         _print_summary(run.summary())
-        console.print("pictures:", *(f"  {picture}" for picture in pictures), sep="\n", soft_wrap=True)
+        if drawn:
+            console.print("pictures:", *(f"  {picture}" for picture in drawn), sep="\n", soft_wrap=True)
     return run
 
 

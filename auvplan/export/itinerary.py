@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from auvplan.errors import AuvplanError
 from auvplan.export.fences import Fence, fences_around
 from auvplan.export.thin import thin
 from auvplan.motion import Motion
@@ -19,7 +20,7 @@ from auvplan.vehicle import Vehicle
 Array = NDArray[np.floating]
 
 
-class ExportError(ValueError):
+class ExportError(AuvplanError):
     """A mission that cannot be exported; the message is one line that names the leg or field and why."""
 
 

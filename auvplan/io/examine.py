@@ -9,19 +9,19 @@ from typing import Any
 
 import numpy as np
 
-from auvplan.io.currents import CurrentError
+from auvplan.errors import ScenarioError
 from auvplan.io.faults import Fault, fault_at, in_order
 from auvplan.io.geo import GeoError
 from auvplan.io.scenario_file import check_scenario
 from auvplan.io.waters import load_waters
 from auvplan.io.yaml_lines import Document
 from auvplan.ocean.chart import ChartError
+from auvplan.ocean.gridded import CurrentError
 from auvplan.ocean.seabed import SeabedError
 from auvplan.voyage.scenario import Scenario
 from auvplan.voyage.settings import BathymetrySettings, ChartSettings, CurrentSettings
 from auvplan.voyage.waters import Waters
 from auvplan.voyage.waypoints import make_graph, misplaced
-from auvplan.voyage.world import ScenarioError
 
 #: What the readers of files raise.
 _ERRORS = (ScenarioError, ChartError, GeoError, CurrentError, SeabedError)

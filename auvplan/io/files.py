@@ -5,10 +5,14 @@ import os
 import secrets
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
+
+from auvplan.errors import AuvplanError
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 #: Names of the two files that hold a run.
 SUMMARY, MISSION = "summary.json", "mission.nc"
@@ -17,11 +21,11 @@ SUMMARY, MISSION = "summary.json", "mission.nc"
 _MAX_SUMMARY_BYTES = 50_000_000
 
 
-class OutputError(ValueError):
+class OutputError(AuvplanError):
     """A result that cannot be written; the message is one line."""
 
 
-class ResultError(ValueError):
+class ResultError(AuvplanError):
     """A result that cannot be read; the message is one line."""
 
 
@@ -91,17 +95,20 @@ def read_summary(folder: str | Path) -> dict[str, Any]:
     return summary
 
 
-def read_mission(folder: str | Path) -> xr.Dataset:
+def read_mission(folder: str | Path) -> "xr.Dataset":
     """The NetCDF file of a saved run, see `read_dataset`."""
     return read_dataset(folder, MISSION)
 
 
-def read_dataset(folder: str | Path, name: str) -> xr.Dataset:
+def read_dataset(folder: str | Path, name: str) -> "xr.Dataset":
     """A NetCDF file of results, loaded whole; times stay seconds since the scenario's epoch.
 
     Raises:
         ResultError: one line that names the file and the reason.
     """
+    # Imported here because it takes half a second, which those who write no such file need not wait.
+    import xarray as xr
+
     path = _existing(folder, name)
     try:
         with xr.open_dataset(path, engine="h5netcdf", decode_times=False) as dataset:
@@ -112,7 +119,7 @@ def read_dataset(folder: str | Path, name: str) -> xr.Dataset:
         raise ResultError(f"{path}: not a readable NetCDF file ({line})") from None
 
 
-def write_dataset(dataset: xr.Dataset, path: str | Path) -> Path:
+def write_dataset(dataset: "xr.Dataset", path: str | Path) -> Path:
     """Write a NetCDF file, compressed, under a temporary name that is moved into place.
 
     Raises:
@@ -122,7 +129,7 @@ def write_dataset(dataset: xr.Dataset, path: str | Path) -> Path:
     return write_atomically(path, lambda part: dataset.to_netcdf(part, engine="h5netcdf", encoding=encoding))
 
 
-def _encoding(variable: xr.Variable) -> dict[str, Any]:
+def _encoding(variable: "xr.Variable") -> dict[str, Any]:
     """Compression, and a fill value only where something is missing."""
     if variable.dtype.kind == "O":
         return {}

@@ -5,11 +5,11 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from auvplan.errors import ScenarioError, ScenarioWarning
 from auvplan.io.faults import Fault, first_of
 from auvplan.io.scenario_faults import check_fields
 from auvplan.io.yaml_lines import Document, YamlError, read_yaml
 from auvplan.voyage.scenario import Scenario
-from auvplan.voyage.world import ScenarioError, ScenarioWarning
 
 #: Larger files are no scenarios.
 _MAX_BYTES = 200_000

@@ -3,19 +3,13 @@
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import ndimage
 
-from auvplan.io.currents import CurrentFile, read_current
-from auvplan.io.geo import (
-    chart_from_polygons,
-    chart_from_raster,
-    read_bathymetry,
-    read_jobs,
-    read_zones,
-    with_no_go,
-)
+from auvplan.errors import ScenarioError
+from auvplan.io import currents, geo
 from auvplan.ocean import whitsunday
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.gridded import GriddedCurrent
@@ -24,10 +18,13 @@ from auvplan.site import Site
 from auvplan.voyage.scenario import Scenario
 from auvplan.voyage.settings import BathymetrySettings, ChartSettings, CurrentSettings
 from auvplan.voyage.waters import Waters
-from auvplan.voyage.world import ScenarioError, picture_chart, require_area_on_chart
+from auvplan.voyage.world import picture_chart, require_area_on_chart
 
 #: Pixels of a raster made from a current's file at most.
 _MAX_PIXELS = 16_000_000
+
+if TYPE_CHECKING:
+    from auvplan.io.currents import CurrentFile
 
 Corners = tuple[tuple[float, float, float], tuple[float, float, float]]
 
@@ -50,7 +47,7 @@ def load_waters(scenario: Scenario, folder: str | Path = ".", until: float | Non
     seabed, found = _seabed(scenario.bathymetry, site, box, forecast, home)
     jobs = None
     if scenario.mission.jobs is not None:
-        jobs = read_jobs(_path(home, scenario.mission.jobs), site, default_depth=box[0][2])
+        jobs = geo.read_jobs(_path(home, scenario.mission.jobs), site, default_depth=box[0][2])
     notes = [note for file in (forecast, truth) if file is not None for note in file.notes]
     return Waters(
         chart,
@@ -71,7 +68,7 @@ def load_truth(scenario: Scenario, folder: str | Path = ".") -> GriddedCurrent |
 
 def _currents(
     scenario: Scenario, home: str, until: float | None
-) -> tuple[Site | None, CurrentFile | None, CurrentFile | None]:
+) -> "tuple[Site | None, CurrentFile | None, CurrentFile | None]":
     """The site, whose epoch the files may tell, and the currents of files that are told and sailed in."""
     site, settings = _site(scenario), scenario.current
     if settings.source != "file":
@@ -116,12 +113,12 @@ def _current(
     box: Corners,
     window: tuple[float, float],
     home: str,
-) -> CurrentFile:
+) -> "CurrentFile":
     spacing, outside = reach
     names = (files,) if isinstance(files, str) else files
     paths = [_path(home, name) for name in names]
     times = None if site.epoch is None else window
-    found = read_current(
+    found = currents.read_current(
         paths if len(paths) != 1 else paths[0],
         site,
         lower=box[0],
@@ -138,7 +135,11 @@ def _current(
 
 @lru_cache(maxsize=4)
 def _chart(
-    settings: ChartSettings, site: Site | None, box: Corners, current: CurrentFile | None, home: str
+    settings: ChartSettings,
+    site: Site | None,
+    box: Corners,
+    current: "CurrentFile | None",
+    home: str,
 ) -> Chart | None:
     lower, upper = box[0][:2], box[1][:2]
     size = settings.pixel_size
@@ -153,18 +154,18 @@ def _chart(
         place = {"lower": lower, "upper": upper, "pixel_size": size}
         file = _path(home, settings.file)
         if settings.source == "raster":
-            chart = chart_from_raster(file, site, crs=settings.crs, **place)
+            chart = geo.chart_from_raster(file, site, crs=settings.crs, **place)
         else:
             uncertain = None if settings.uncertain is None else _path(home, settings.uncertain)
-            chart = chart_from_polygons(file, site, fringe=settings.fringe, uncertain=uncertain, **place)
+            chart = geo.chart_from_polygons(file, site, fringe=settings.fringe, uncertain=uncertain, **place)
     if settings.no_go is not None:
         assert site is not None
-        zones = read_zones(_path(home, settings.no_go), site)
-        chart = with_no_go(chart, zones, lower=lower, upper=upper, pixel_size=size)
+        zones = geo.read_zones(_path(home, settings.no_go), site)
+        chart = geo.with_no_go(chart, zones, lower=lower, upper=upper, pixel_size=size)
     return chart
 
 
-def _water_chart(current: CurrentFile, box: Corners, size: float) -> Chart:
+def _water_chart(current: "CurrentFile", box: Corners, size: float) -> Chart:
     """Coast where a current's file has no water, each pixel as the nearest node."""
     nodes = _node_indices(current, box, size, "chart.pixel_size")
     i, j = (np.rint(axis).astype(int) for axis in nodes)
@@ -174,7 +175,7 @@ def _water_chart(current: CurrentFile, box: Corners, size: float) -> Chart:
 
 
 def _node_indices(
-    current: CurrentFile, box: Corners, size: float, field: str
+    current: "CurrentFile", box: Corners, size: float, field: str
 ) -> tuple[np.ndarray, np.ndarray]:
     """Of the pixels' centres north and east, where they lie among a current's nodes."""
     extent = np.asarray(box[1][:2]) - np.asarray(box[0][:2])
@@ -192,7 +193,7 @@ def _seabed(
     settings: BathymetrySettings,
     site: Site | None,
     box: Corners,
-    current: CurrentFile | None,
+    current: "CurrentFile | None",
     home: str,
 ) -> tuple[Seabed | None, tuple[str, ...]]:
     """The sea bed, and what was assumed of its file."""
@@ -208,7 +209,7 @@ def _seabed(
         return Seabed.from_depth(depth, size, np.asarray(box[0][:2]), clearance=settings.clearance), ()
     assert site is not None
     assert settings.file is not None
-    found = read_bathymetry(
+    found = geo.read_bathymetry(
         _path(home, settings.file),
         site,
         lower=box[0][:2],

@@ -4,6 +4,7 @@ from functools import partial
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from auvplan.compiled import compiled
 from auvplan.tangents import fixed, instantiated
@@ -97,3 +98,11 @@ def _looked_up(
     along = along_south + a * (along_north - along_south)
     slopes = (jnp.where(within_i, across, 0.0) / pixel_size, jnp.where(within_j, along, 0.0) / pixel_size)
     return south + a * across, *slopes
+
+
+def far_corner(origin: jax.Array, pixel_size: jax.Array, shape: tuple[int, int]) -> jax.Array:
+    """[2] m, north-eastern corner of a raster of a shape; in NumPy where nothing is traced."""
+    if isinstance(origin, jax.core.Tracer) or isinstance(pixel_size, jax.core.Tracer):
+        return origin + pixel_size * jnp.asarray(shape, origin.dtype)
+    corner = np.asarray(origin)
+    return corner + np.asarray(pixel_size) * np.asarray(shape, corner.dtype)  # type: ignore[return-value]

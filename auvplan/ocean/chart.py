@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from auvplan.compiled import compiled
-from auvplan.ocean.bilinear import bilinear
+from auvplan.errors import AuvplanError
+from auvplan.ocean.bilinear import bilinear, far_corner
 from auvplan.ocean.classify import DEFAULT_CLUSTERS, UNCERTAIN_MAX, classify
 from auvplan.ocean.picture import colours, opened
 
@@ -26,7 +27,7 @@ INTERPOLATION_ERROR = 0.2
 _COLOURLESS = ("1", "L", "LA", "I", "F")
 
 
-class ChartError(ValueError):
+class ChartError(AuvplanError):
     """A picture that is no chart; the message is one line that names it."""
 
 
@@ -129,7 +130,7 @@ class Chart:
     @property
     def upper(self) -> jax.Array:
         """[2] m, north-eastern corner."""
-        return self.origin + self.pixel_size * jnp.asarray(self.shape, self.origin.dtype)
+        return far_corner(self.origin, self.pixel_size, self.shape)
 
     def distance(self, x: ArrayLike, y: ArrayLike) -> jax.Array:
         """Signed distance to the coast, m, positive in water; bilinear, differentiable.

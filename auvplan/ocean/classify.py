@@ -6,9 +6,15 @@ more clusters than there are classes, and each cluster is named by the colour of
 blueness, both taken in CIELAB, where distance and hue follow what the eye sees.
 """
 
+import hashlib
+from functools import partial
+from importlib.metadata import version
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
+
+from auvplan.cache import kept
 
 UNCERTAIN_MAX = 0.35
 """Highest passability of an uncertain pixel (section 2 of the paper)."""
@@ -115,13 +121,20 @@ def classify(rgb: NDArray[np.uint8], clusters: int = DEFAULT_CLUSTERS, seed: int
         It names neither the number of clusters nor how the value of an uncertain pixel follows from its
         colour; both are chosen here. Its blue clusters are water; here sea tones far less blue are uncertain.
     """
-    # Imported here because it takes most of a second, and only pictures need it.
-    from sklearn.cluster import KMeans
-
     if rgb.ndim != 3 or rgb.shape[2] != 3 or rgb.dtype != np.uint8 or rgb.size == 0:
         raise ValueError(f"a picture is a non-empty [h, w, 3] uint8 array, got {rgb.dtype} {list(rgb.shape)}")
     if clusters < 1:
         raise ValueError(f"clusters must be positive, got {clusters}")
+    parts = hashlib.sha256(np.ascontiguousarray(rgb)).hexdigest(), f"{rgb.shape} {clusters} {seed}"
+    return kept(
+        "auvplan.ocean.classify", partial(_classified, rgb, clusters, seed), *parts, version("scikit-learn")
+    )
+
+
+def _classified(rgb: NDArray[np.uint8], clusters: int, seed: int) -> NDArray[np.float32]:
+    """`classify` of what is a picture."""
+    # Imported here because it takes most of a second, and only pictures need it.
+    from sklearn.cluster import KMeans
 
     smooth = np.stack([ndimage.median_filter(rgb[..., c], size=3, mode="nearest") for c in range(3)], axis=-1)
     pixels = smooth.reshape(-1, 3)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
+from auvplan.errors import AuvplanError
 from auvplan.ocean.currents import Velocity
 from auvplan.ocean.interpolation import interpolated
 from auvplan.pytree import rebuilt_as_is
@@ -20,7 +21,7 @@ _EVEN = 1e-4
 _RESOLVED = 0.01
 
 
-class CurrentError(ValueError):
+class CurrentError(AuvplanError):
     """A current that cannot be read or used; the message is one line that names what is wrong."""
 
 

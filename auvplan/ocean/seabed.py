@@ -11,7 +11,8 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from auvplan.ocean.bilinear import bilinear
+from auvplan.errors import AuvplanError
+from auvplan.ocean.bilinear import bilinear, far_corner
 
 #: Depth of unknown pixels, m: dry land, above every vehicle.
 UNKNOWN = -10.0
@@ -23,7 +24,7 @@ FARTHEST = 32
 _SHARE = 1.0 / 64.0
 
 
-class SeabedError(ValueError):
+class SeabedError(AuvplanError):
     """A raster that is no sea bed; the message is one line."""
 
 
@@ -139,7 +140,7 @@ class Seabed:
     @property
     def upper(self) -> jax.Array:
         """[2] m, north-eastern corner."""
-        return self.origin + self.pixel_size * jnp.asarray(self.shape, self.origin.dtype)
+        return far_corner(self.origin, self.pixel_size, self.shape)
 
     def depth_at(self, x: ArrayLike, y: ArrayLike) -> jax.Array:
         """Depth of the sea bed, m, positive down; bilinear, differentiable.

@@ -8,11 +8,13 @@ import json
 from functools import cache
 from importlib.resources import files
 
+import jax
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 from scipy import ndimage
 
+from auvplan.cache import kept
 from auvplan.ocean.chart import Chart
 from auvplan.site import Site
 
@@ -37,8 +39,7 @@ def classes(size: int = PIXELS) -> NDArray[np.uint8]:
     scale = size / EXTENT
     picture = Image.new("L", (size, size), 0)
     draw = ImageDraw.Draw(picture)
-    text = (files("auvplan") / "data" / "whitsunday_coast.geojson").read_text(encoding="utf-8")
-    for feature in json.loads(text)["features"]:
+    for feature in json.loads(_coast())["features"]:
         for k, ring in enumerate(feature["geometry"]["coordinates"]):
             north, east = SITE.to_local(*np.asarray(ring, float).T)
             outline = [(float(e * scale), float(size - n * scale)) for n, e in zip(north, east, strict=True)]
@@ -62,4 +63,14 @@ def render(size: int = PIXELS, seed: int = 0) -> NDArray[np.uint8]:
 @cache
 def whitsunday_chart() -> Chart:
     """The shipped chart: the picture, clustered as any other (section 2). 1000 x 1000 pixels of 10 m."""
-    return Chart.from_rgb(render(), pixel_size=EXTENT / PIXELS)
+    return jax.device_put(kept("auvplan.ocean.whitsunday", _clustered, _coast()))
+
+
+def _clustered() -> Chart:
+    """The shipped chart, in NumPy."""
+    return jax.device_get(Chart.from_rgb(render(), pixel_size=EXTENT / PIXELS))
+
+
+def _coast() -> str:
+    """The coast lines, GeoJSON."""
+    return (files("auvplan") / "data" / "whitsunday_coast.geojson").read_text(encoding="utf-8")

@@ -14,7 +14,6 @@ from matplotlib.colors import LinearSegmentedColormap, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
-from matplotlib.transforms import Bbox
 from numpy.typing import NDArray
 
 from auvplan.io.files import write_atomically
@@ -110,18 +109,16 @@ def draw_coast(axes: Axes, chart: Chart | None, unit: Unit, see_through: bool = 
     """
     if chart is None:
         return []
-    passability = np.asarray(chart.passability)
-    colours = np.zeros((*passability.shape, 4))
+    limits = axes.get_xlim(), axes.get_ylim()
+    passability, low, high = _seen(chart, limits, unit)
     uncertain = (passability > 0.0) & (passability < 1.0)
     coast = LAND if see_through else COAST
-    colours[passability == 0.0] = (*to_rgb(coast), 1.0)
-    if not see_through:
-        colours[passability == 1.0] = (*to_rgb(WATER), 1.0)
-        colours[uncertain] = (*to_rgb(UNCERTAIN), 1.0)
-    low, high = np.asarray(chart.lower) / unit.metres, np.asarray(chart.upper) / unit.metres
-    limits = axes.get_xlim(), axes.get_ylim()
+    kinds = np.where(passability == 0.0, 0, np.where(uncertain, 1, 2))
+    palette = [[*to_rgb(colour), 1.0] for colour in (coast, UNCERTAIN, WATER)]
+    if see_through:
+        palette[1:] = [[0.0] * 4] * 2
     axes.imshow(
-        colours,
+        np.round(255.0 * np.asarray(palette)).astype(np.uint8)[kinds],
         origin="lower",
         extent=(low[1], high[1], low[0], high[0]),
         interpolation="nearest",
@@ -138,6 +135,20 @@ def draw_coast(axes: Axes, chart: Chart | None, unit: Unit, see_through: bool = 
     if uncertain.any() and not see_through:
         found.append(Patch(facecolor=UNCERTAIN, edgecolor=GREY, label="uncertain area"))
     return found
+
+
+def _seen(chart: Chart, limits: tuple, unit: Unit) -> tuple[Array, Array, Array]:
+    """Passability of what axes of these limits show of a chart, and its corners in their unit."""
+    passability, size = np.asarray(chart.passability), float(chart.pixel_size)
+    corner = np.asarray(chart.lower, float)
+    shown = np.sort(np.asarray(limits, float)[::-1], axis=1) * unit.metres  # north, east
+    # A pixel more on every side; all of it where the limits say nothing about it.
+    begin = np.clip(np.floor((shown[:, 0] - corner) / size).astype(int) - 1, 0, passability.shape)
+    end = np.clip(np.ceil((shown[:, 1] - corner) / size).astype(int) + 1, 0, passability.shape)
+    if (end - begin < 2).any():
+        begin, end = np.zeros(2, int), np.asarray(passability.shape)
+    part = passability[begin[0] : end[0], begin[1] : end[1]]
+    return part, (corner + begin * size) / unit.metres, (corner + end * size) / unit.metres
 
 
 def frame_of(points: Array, margin: float = 0.12, least: float = 100.0) -> tuple[Array, Array]:
@@ -176,37 +187,35 @@ def place_labels(
     """
     figure = axes.figure.get_figure(root=True)
     assert figure is not None
-    boxes: list[Bbox] | None = getattr(axes, "_labels_placed", None)
+    boxes: Array | None = getattr(axes, "_labels_placed", None)
     if boxes is None:
-        boxes = []
+        boxes = np.zeros((0, 4))
         # The layout is settled by drawing; labels are no part of it.
         figure.draw_without_rendering()
     pixel = figure.dpi / 72.0
     size = style.setdefault("fontsize", 7)
     points = axes.transData.transform(places if taken is None else np.concatenate([places, taken]))
     angles = np.deg2rad([45, 135, -45, -135, 0, 180, 90, -90])
-    for (x, y), text in zip(axes.transData.transform(places), texts, strict=True):
-        width, height = 0.62 * size * len(text) * pixel, 1.15 * size * pixel
-        best, least, chosen = (0.0, 0.0), np.inf, None
-        for distance in (4.0, 8.0, 13.0, 19.0):
-            for angle in angles:
-                reach = distance * pixel
-                middle = (
-                    x + np.cos(angle) * (reach + 0.5 * width),
-                    y + np.sin(angle) * (reach + 0.5 * height),
-                )
-                box = Bbox.from_bounds(middle[0] - 0.5 * width, middle[1] - 0.5 * height, width, height)
-                room = box.padded(2.0 * pixel)
-                price = 10.0 * sum(box.overlaps(other) for other in boxes)
-                price += 3.0 * room.count_contains(points) + 0.1 * distance
-                price += (
-                    0.0 if axes.bbox.fully_contains(*box.min) and axes.bbox.fully_contains(*box.max) else 50.0
-                )
-                if price < least:
-                    best, least, chosen = middle, price, box
-        assert chosen is not None
-        boxes.append(chosen)
-        at = axes.transData.inverted().transform(best)
+    around = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    distances = np.repeat([4.0, 8.0, 13.0, 19.0], len(angles))[:, None]
+    inside = np.asarray(axes.bbox.extents)
+    for place, text in zip(axes.transData.transform(places), texts, strict=True):
+        half = np.array([0.31 * size * len(text), 0.575 * size]) * pixel
+        middles = place + np.tile(around, (4, 1)) * (distances * pixel + half)
+        tried = np.concatenate([middles - half, middles + half], axis=1)
+        room = 2.0 * pixel * np.array([-1.0, -1.0, 1.0, 1.0])
+        price = 10.0 * _overlaps(tried, boxes).sum(axis=1) + 0.1 * distances[:, 0]
+        price += 3.0 * _overlaps(tried + room, np.tile(points, (1, 2))).sum(axis=1)
+        price += 50.0 * ((tried[:, :2] < inside[:2]) | (tried[:, 2:] > inside[2:])).any(axis=1)
+        chosen = int(np.argmin(price))
+        boxes = np.concatenate([boxes, tried[chosen, None]])
+        at = axes.transData.inverted().transform(middles[chosen])
         note = axes.text(at[0], at[1], text, ha="center", va="center", path_effects=halo(1.8), **style)
         note.set_in_layout(False)
     axes._labels_placed = boxes  # type: ignore[attr-defined]
+
+
+def _overlaps(these: Array, those: Array) -> NDArray[np.bool_]:
+    """[n, m] whether boxes [n, 4] and [m, 4], each of its two corners, overlap."""
+    low, high = np.maximum(these[:, None, :2], those[:, :2]), np.minimum(these[:, None, 2:], those[:, 2:])
+    return (low <= high).all(axis=2)

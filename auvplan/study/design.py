@@ -9,12 +9,12 @@ from typing import Any
 
 import yaml
 
+from auvplan.errors import AuvplanError, ScenarioError
 from auvplan.io.scenario_file import validate_scenario
 from auvplan.voyage.scenario import Scenario
-from auvplan.voyage.world import ScenarioError
 
 
-class StudyError(ValueError):
+class StudyError(AuvplanError):
     """A study that cannot be run or continued; the message is one line."""
 
 

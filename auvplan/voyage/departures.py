@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from auvplan import prng
+from auvplan.errors import ScenarioError
 from auvplan.mission import MissionOrder
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.path import PathPlan, PathPlans, plan_paths
@@ -27,7 +28,6 @@ from auvplan.voyage.scenario import Scenario
 from auvplan.voyage.sea import stacked
 from auvplan.voyage.simulator import over_ground
 from auvplan.voyage.waters import Waters
-from auvplan.voyage.world import ScenarioError
 
 Array = NDArray[np.float64]
 

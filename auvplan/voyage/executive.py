@@ -13,6 +13,7 @@ import jax
 import numpy as np
 
 from auvplan import prng
+from auvplan.compiled import expecting
 from auvplan.mission import MissionConfig, MissionGraph, time_to_go
 from auvplan.path import PathConfig
 from auvplan.voyage.fleet import Fleet, Leg, Mission
@@ -25,6 +26,9 @@ from auvplan.voyage.simulator import WIDTH
 from auvplan.voyage.waters import Waters
 from auvplan.voyage.waypoints import make_graph
 from auvplan.voyage.world import make_sea, make_vehicle
+
+#: What the programs that missions use are kept together as.
+OCCASION = "missions"
 
 #: Legs that may be refused at one waypoint before the mission is given up.
 _REFUSALS = 8
@@ -116,25 +120,22 @@ def sail_missions(
     labels = range(len(keys)) if seeds is None else seeds
     if len(labels) != len(keys):
         raise ValueError(f"keys and seeds must be as many, got {len(keys)} and {len(labels)}")
-    fleet = make_fleet(scenario, folder, waters)
-    waiting = deque(enumerate(zip(keys, labels, strict=True)))
-    active: list[Mission] = []
-    while active or waiting:
-        while waiting and len(active) < together:
-            number, (key, seed) = waiting.popleft()
-            active.append(embark(fleet, number, key, int(seed)))
-        _step(fleet, active)
-        for mission in active:
-            if mission.ended:
-                mission.run.compile_seconds = fleet.clock.compile_seconds
-                yield mission.number, mission.run
-            elif progress:
-                leg = mission.leg
-                doing = (
-                    f"leg {leg.record.start} to {leg.record.goal}" if leg else f"at waypoint {mission.here}"
-                )
-                progress(mission.number, mission.now, doing)
-        active = [mission for mission in active if not mission.ended]
+    with expecting(OCCASION):
+        fleet = make_fleet(scenario, folder, waters)
+        waiting = deque(enumerate(zip(keys, labels, strict=True)))
+        active: list[Mission] = []
+        while active or waiting:
+            while waiting and len(active) < together:
+                number, (key, seed) = waiting.popleft()
+                active.append(embark(fleet, number, key, int(seed)))
+            _step(fleet, active)
+            for mission in active:
+                if mission.ended:
+                    mission.run.compile_seconds = fleet.clock.compile_seconds
+                    yield mission.number, mission.run
+                elif progress:
+                    progress(mission.number, mission.now, mission.doing)
+            active = [mission for mission in active if not mission.ended]
 
 
 def path_config(scenario: Scenario) -> PathConfig:

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
+from auvplan.errors import ScenarioError
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.vortices import CurrentUpdate, LambVortices, random_vortices
 from auvplan.ocean.whitsunday import whitsunday_chart
@@ -19,14 +20,6 @@ from auvplan.voyage.settings import ChartSettings
 from auvplan.voyage.waters import Waters
 
 KINDS = ("static", "afloat", "self-motivated")
-
-
-class ScenarioError(ValueError):
-    """A scenario that cannot be built; the message is one line."""
-
-
-class ScenarioWarning(UserWarning):
-    """A setting that changes what a preset stands for; the message is one line."""
 
 
 @dataclass

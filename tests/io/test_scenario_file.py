@@ -7,6 +7,7 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from auvplan.errors import ScenarioError, ScenarioWarning
 from auvplan.io.scenario_faults import check_fields
 from auvplan.io.scenario_file import (
     check_scenario,
@@ -16,7 +17,6 @@ from auvplan.io.scenario_file import (
 )
 from auvplan.io.yaml_lines import YamlError, read_yaml
 from auvplan.voyage.scenario import Scenario
-from auvplan.voyage.world import ScenarioError, ScenarioWarning
 
 
 def faults_of(tmp_path, text):

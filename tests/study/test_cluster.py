@@ -9,8 +9,8 @@ from functools import partial
 import pytest
 import xarray as xr
 
+from auvplan.errors import ScenarioError
 from auvplan.study import StudyError, cluster, load_study, run_study, runner, without_clocks
-from auvplan.voyage import ScenarioError
 from tests.study import light
 from tests.study.light import cache_settings, calm, unbroken
 

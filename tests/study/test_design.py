@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from auvplan.errors import ScenarioError
 from auvplan.study import Design, StudyError, Sweep
 from auvplan.study.design import by_case
-from auvplan.voyage import ScenarioError
 from tests.voyage.small import SMALL, scenario
 
 RATES = Sweep("current.update_rate", (0.0, 0.5, 1.0))

@@ -11,10 +11,11 @@ from scipy.optimize import brentq
 
 from auvplan import cli
 from auvplan.cli.departures import departure_times
+from auvplan.errors import ScenarioError
 from auvplan.io.waters import load_waters
 from auvplan.mission.travel_times import TravelTimeConfig
 from auvplan.ocean.gridded import CurrentError
-from auvplan.voyage import ScenarioError, load_waters_at, order_calls, plan_departures
+from auvplan.voyage import load_waters_at, order_calls, plan_departures
 from auvplan.voyage.executive import embark, make_fleet
 from auvplan.voyage.order_calls import effort, plan_orders, time_edges
 from auvplan.voyage.scenario import Scenario

@@ -6,8 +6,9 @@ import pytest
 
 import auvplan as ap
 from auvplan.compiled import compilations
+from auvplan.errors import ScenarioError
 from auvplan.io.waters import load_waters
-from auvplan.voyage import ScenarioError, sail_missions, seed_keys
+from auvplan.voyage import sail_missions, seed_keys
 from auvplan.voyage.scenario import Scenario
 from auvplan.voyage.simulator import TIME_STEP
 from auvplan.voyage.waypoints import make_graph

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 import auvplan as ap
+from auvplan.errors import ScenarioError
 from auvplan.ocean.currents import SumCurrent, UniformCurrent, divided, united
 from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.voyage import executive
 from auvplan.voyage.sea import ModelSea, stacked
 from auvplan.voyage.waters import Waters
 from auvplan.voyage.waypoints import lines_clear, make_graph
-from auvplan.voyage.world import ScenarioError, make_sea
+from auvplan.voyage.world import make_sea
 from tests.voyage.small import SMALL, light_config, scenario
 
 PLACES = np.array([[100.0, 200.0, 5.0], [1500.0, 700.0, 20.0], [3900.0, 3000.0, 40.0]])

@@ -1,7 +1,5 @@
 """Currents from files of ocean models."""
 
-from auvplan.io.currents.ocean import OceanData, open_ocean
-from auvplan.io.currents.reader import CurrentFile, read_current
-from auvplan.ocean.gridded import CurrentError
+import lazy_loader
 
-__all__ = ["CurrentError", "CurrentFile", "OceanData", "open_ocean", "read_current"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

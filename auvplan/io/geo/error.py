@@ -4,10 +4,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from auvplan.errors import AuvplanError
 from auvplan.ocean.chart import ChartError
 
 
-class GeoError(ValueError):
+class GeoError(AuvplanError):
     """A file of places that cannot be used; the message is one line that names it."""
 
 

@@ -7,8 +7,9 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from auvplan.io.currents import CurrentError, open_ocean, read_current
+from auvplan.io.currents import open_ocean, read_current
 from auvplan.io.currents.units import length_factor, speed_factor
+from auvplan.ocean.gridded import CurrentError
 from tests.io.currents.samples import (
     BOX,
     LAT,

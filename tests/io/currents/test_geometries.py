@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from auvplan.io.currents import CurrentError, open_ocean, read_current
+from auvplan.io.currents import open_ocean, read_current
 from auvplan.io.currents.s_levels import s_depths
+from auvplan.ocean.gridded import CurrentError
 from auvplan.site import Site
 from tests.io.currents.samples import (
     LAT,

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from auvplan.io.currents import CurrentError, open_ocean, read_current, reader
+from auvplan.io.currents import open_ocean, read_current, reader
 from auvplan.io.currents import opening as opening_module
+from auvplan.ocean.gridded import CurrentError
 from tests.io.currents.samples import (
     BOX,
     LAT,

@@ -1,0 +1,76 @@
+from . import bbo as bbo
+from .export import export_run as export_run
+from .io import load_scenario as load_scenario
+from .io import save_run as save_run
+from .io.currents import read_current as read_current
+from .io.restore import restore_run as restore_run
+from .io.waters import load_waters as load_waters
+from .mission import MissionConfig as MissionConfig
+from .mission import MissionGraph as MissionGraph
+from .mission import MissionOrder as MissionOrder
+from .mission import plan_mission as plan_mission
+from .mission import plan_missions as plan_missions
+from .ocean import Chart as Chart
+from .ocean import Current as Current
+from .ocean import Environment as Environment
+from .ocean import GriddedCurrent as GriddedCurrent
+from .ocean import LambVortices as LambVortices
+from .ocean import Obstacles as Obstacles
+from .ocean import Seabed as Seabed
+from .ocean import UniformCurrent as UniformCurrent
+from .ocean import random_vortices as random_vortices
+from .path import PathConfig as PathConfig
+from .path import PathPlan as PathPlan
+from .path import PathPlans as PathPlans
+from .path import PathStatus as PathStatus
+from .path import plan_path as plan_path
+from .path import plan_paths as plan_paths
+from .path import replan_path as replan_path
+from .path import replan_paths as replan_paths
+from .site import Site as Site
+from .vehicle import Vehicle as Vehicle
+from .voyage import MissionRun as MissionRun
+from .voyage import Scenario as Scenario
+from .voyage import run_mission as run_mission
+from .voyage import run_missions as run_missions
+
+__version__: str
+
+__all__ = [
+    "Chart",
+    "Current",
+    "Environment",
+    "GriddedCurrent",
+    "LambVortices",
+    "MissionConfig",
+    "MissionGraph",
+    "MissionOrder",
+    "MissionRun",
+    "Obstacles",
+    "PathConfig",
+    "PathPlan",
+    "PathPlans",
+    "PathStatus",
+    "Scenario",
+    "Seabed",
+    "Site",
+    "UniformCurrent",
+    "Vehicle",
+    "__version__",
+    "bbo",
+    "export_run",
+    "load_scenario",
+    "load_waters",
+    "plan_mission",
+    "plan_missions",
+    "plan_path",
+    "plan_paths",
+    "random_vortices",
+    "read_current",
+    "replan_path",
+    "replan_paths",
+    "restore_run",
+    "run_mission",
+    "run_missions",
+    "save_run",
+]

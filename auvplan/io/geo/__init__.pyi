@@ -1,0 +1,25 @@
+from .bathymetry import Bathymetry as Bathymetry
+from .bathymetry import read_bathymetry as read_bathymetry
+from .charts import Zone as Zone
+from .charts import chart_from_polygons as chart_from_polygons
+from .charts import chart_from_raster as chart_from_raster
+from .charts import read_zones as read_zones
+from .charts import with_no_go as with_no_go
+from .error import GeoError as GeoError
+from .jobs import read_jobs as read_jobs
+from .raster import Raster as Raster
+from .raster import read_raster as read_raster
+
+__all__ = [
+    "Bathymetry",
+    "GeoError",
+    "Raster",
+    "Zone",
+    "chart_from_polygons",
+    "chart_from_raster",
+    "read_bathymetry",
+    "read_jobs",
+    "read_raster",
+    "read_zones",
+    "with_no_go",
+]

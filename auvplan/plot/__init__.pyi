@@ -1,0 +1,25 @@
+from .chart import draw_chart as draw_chart
+from .chart import plot_chart as plot_chart
+from .convergence import plot_convergence as plot_convergence
+from .currents import plot_currents as plot_currents
+from .departures import plot_departures as plot_departures
+from .legs import busiest_leg as busiest_leg
+from .mission import plot_mission as plot_mission
+from .obstacles import plot_obstacles as plot_obstacles
+from .run import draw_run as draw_run
+from .study import draw_study as draw_study
+from .timeline import plot_timeline as plot_timeline
+
+__all__ = [
+    "busiest_leg",
+    "draw_chart",
+    "draw_run",
+    "draw_study",
+    "plot_chart",
+    "plot_convergence",
+    "plot_currents",
+    "plot_departures",
+    "plot_mission",
+    "plot_obstacles",
+    "plot_timeline",
+]

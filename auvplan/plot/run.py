@@ -1,0 +1,40 @@
+"""The figures of a run."""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from auvplan.io.files import output_folder
+from auvplan.plot.convergence import plot_convergence
+from auvplan.plot.currents import plot_currents
+from auvplan.plot.mission import plot_mission
+from auvplan.plot.obstacles import plot_obstacles
+from auvplan.plot.style import save
+from auvplan.plot.timeline import plot_timeline
+from auvplan.voyage.records import MissionRun
+
+#: By the name of their file.
+FIGURES = {
+    "mission.png": plot_mission,
+    "timeline.png": plot_timeline,
+    "currents.png": plot_currents,
+    "obstacles.png": plot_obstacles,
+    "convergence.png": plot_convergence,
+}
+
+
+def draw_run(run: MissionRun, folder: str | Path, names: Iterable[str] | None = None) -> list[Path]:
+    """Write the figures of a run; those of a single leg show the one with most re-plans.
+
+    Args:
+        run: as sailed; one that failed on the way is fine.
+        folder: made where missing.
+        names: of the figures, in `FIGURES`; all of them if absent.
+
+    Returns:
+        The paths of the pictures.
+
+    Raises:
+        OutputError: the folder or a file cannot be written; one line that names it.
+    """
+    target = output_folder(folder)
+    return [save(FIGURES[name](run), target / name) for name in (FIGURES if names is None else names)]

@@ -1,0 +1,33 @@
+from .departures import Departures as Departures
+from .departures import load_waters_at as load_waters_at
+from .departures import plan_departures as plan_departures
+from .executive import mission_configs as mission_configs
+from .executive import path_config as path_config
+from .executive import run_mission as run_mission
+from .executive import run_missions as run_missions
+from .executive import sail_missions as sail_missions
+from .executive import seed_keys as seed_keys
+from .records import LegRecord as LegRecord
+from .records import MissionRun as MissionRun
+from .records import OrderRecord as OrderRecord
+from .records import PlanRecord as PlanRecord
+from .scenario import Scenario as Scenario
+from .world import ScenarioError as ScenarioError
+
+__all__ = [
+    "Departures",
+    "LegRecord",
+    "MissionRun",
+    "OrderRecord",
+    "PlanRecord",
+    "Scenario",
+    "ScenarioError",
+    "load_waters_at",
+    "mission_configs",
+    "path_config",
+    "plan_departures",
+    "run_mission",
+    "run_missions",
+    "sail_missions",
+    "seed_keys",
+]
