@@ -1,6 +1,5 @@
 """Commands for one mission or one leg."""
 
-from importlib import import_module
 from pathlib import Path
 from threading import Thread
 from typing import Annotated, Any
@@ -85,8 +84,7 @@ def _run(
         output_folder(out)
         from auvplan.voyage import run_mission
 
-        # What saving needs is loaded while compiled code plans.
-        Thread(target=import_module, args=("xarray",), daemon=True).start()
+        Thread(target=_load_writers, daemon=True).start()
         available = scenario.mission.time_available
         with time_bar("loading the planners", available, quiet) as advance:
             run = run_mission(
@@ -106,6 +104,13 @@ def _run(
         if drawn:
             console.print("pictures:", *(f"  {picture}" for picture in drawn), sep="\n", soft_wrap=True)
     return run
+
+
+def _load_writers() -> None:
+    """Load what saving needs; beside compiled code that plans, it takes no time."""
+    import xarray
+
+    xarray.Dataset({"a": ("n", [0.0])}).to_netcdf(engine="h5netcdf")
 
 
 def _exit_where_failed(run: Any) -> None:
