@@ -19,11 +19,11 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, TypeVar
 
 import jax
-import jaxlib
 
 T = TypeVar("T")
 
@@ -84,6 +84,12 @@ def kept(name: str, make: Callable[[], T], *parts: str) -> T:
         found = make()
         store(name, key, found)
     return found
+
+
+def holds(name: str, key: str) -> bool:
+    """Whether something is kept under a key."""
+    path = _path(name, key)
+    return path is not None and path.is_file()
 
 
 def load(name: str, key: str) -> Any | None:
@@ -179,7 +185,7 @@ def _surroundings() -> str:
     parts = (
         platform.python_version(),
         jax.__version__,
-        jaxlib.__version__,
+        version("jaxlib"),
         device.platform,
         device.device_kind,
         _processor(),

@@ -17,8 +17,10 @@ from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jax import monitoring
+from jax.core import Tracer
 from jax.experimental import serialize_executable
 
 from auvplan import cache
@@ -35,6 +37,8 @@ _count = 0
 _hits = 0
 _programs: list["Program"] = []
 _used: dict[str, str] = {}
+_thread = threading.local()
+_compilers = ThreadPoolExecutor(_THREADS, "auvplan-compile")
 _early: dict[str, Future[tuple[Callable[..., list], bytes] | None]] = {}
 
 
@@ -45,15 +49,26 @@ class Program:
     plain jitted one.
     """
 
-    def __init__(self, function: Callable[..., Any], static_argnames: Iterable[str], options: dict[str, Any]):
-        """Compile `function` with XLA's `options`, for every value of the arguments named."""
+    def __init__(
+        self,
+        function: Callable[..., Any],
+        static_argnames: Iterable[str],
+        options: dict[str, Any],
+        outlined: bool = False,
+    ):
+        """Compile `function` with XLA's `options`, for every value of the arguments named.
+
+        In a `rehearsal` a program that is `outlined` is compiled and not run.
+        """
         functools.update_wrapper(self, function)
         self._function = function
         self._name = f"{function.__module__}.{function.__qualname__}"
         self._options = options
         self._static = tuple(sorted(static_argnames))
         self._jitted = jax.jit(function, static_argnames=self._static, compiler_options=options)
+        self._outlined = outlined
         self._ready: dict[Any, Callable[[list], Any]] = {}
+        self._outlines: dict[Any, tuple[Any, list]] = {}
         self._lock = threading.Lock()
         _programs.append(self)
 
@@ -62,13 +77,18 @@ class Program:
         settings = tuple(kwargs.pop(name) for name in self._static)
         leaves, tree = jax.tree.flatten((args, kwargs))
         kinds = tuple(map(_kind, leaves))
-        if None in kinds or jax.device_count() > 1 or jax.config.jax_disable_jit:
+        if None in kinds or jax.device_count() > 1 or jax.config.read("jax_disable_jit"):
             return self._jitted(*args, **kwargs, **self._named(settings))
-        signature = tree, kinds, settings, jax.config.jax_enable_x64
+        signature = tree, kinds, settings, jax.config.read("jax_enable_x64")
         ready = self._ready.get(signature)
         if ready is None:
             with self._lock:
-                ready = self._ready.get(signature) or self._prepared(signature, leaves)
+                ready = self._ready.get(signature)
+                if ready is None and self._outlined and getattr(_thread, "rehearsing", False):
+                    outline = self._begun(signature, leaves)
+                    if outline is not None:
+                        return outline
+                ready = ready or self._prepared(signature, leaves)
                 self._ready[signature] = ready
         return ready(leaves)
 
@@ -100,44 +120,68 @@ class Program:
         args, kwargs = tree.unflatten(leaves)
         return self._jitted(*args, **kwargs, **self._named(settings))
 
+    def _begun(self, signature: Any, leaves: list) -> Any | None:
+        """Begin to compile what is neither stored nor begun, and return zeros in the form of its results."""
+        outline = self._outlines.get(signature)
+        if outline is None:
+            key = self._key(*signature)
+            if not key or key in _early or cache.holds(self._name, key):
+                return None
+            lowered, form = self._lowered(signature[0], signature[2], leaves)
+            _used.setdefault(key, self._name)
+            _early[key] = _compilers.submit(self._finished, key, lowered, form, len(leaves))
+            outline = self._outlines[signature] = form, lowered.out_info
+        form, kinds = outline
+        return form.unflatten([_zeros(kind) for kind in kinds])
+
     def _made(self, key: str, tree: Any, settings: tuple, leaves: list) -> "_Ready":
         """Compile an executable, and store it where that can be done."""
+        lowered, form = self._lowered(tree, settings, leaves)
+        return _Ready(self._finished(key, lowered, form, len(leaves))[0], form)
+
+    def _lowered(self, tree: Any, settings: tuple, leaves: list) -> tuple[Any, Any]:
+        """The program of flat arguments and results, ready to be compiled, and the form of its results.
+
+        Flat, an executable is loaded without the classes that arguments and results are made of.
+        """
         forms = []
 
         def flat(*leaves: Any) -> list[Any]:
-            # Flat arguments and results: an executable is loaded without the classes that they are made of.
             args, kwargs = tree.unflatten(leaves)
             found, form = jax.tree.flatten(self._function(*args, **kwargs, **self._named(settings)))
             forms.append(form)
             return found
 
         flat.__name__ = self._function.__name__
-        before = _hits
-        made = jax.jit(flat, compiler_options=self._options).lower(*leaves).compile()
-        ready = _Ready(made, forms[0])
-        if _hits > before:  # what comes out of JAX's own cache cannot be stored again
-            return ready
-        try:
-            payload, _, _ = serialize_executable.serialize(made)
-            counts = len(leaves), forms[0].num_leaves
-            cache.store(self._name, key, (payload, counts, pickle.dumps(forms[0])))
-        except Exception as error:  # some executables cannot be stored
-            cache.log.info("%s is not stored: %s", self._name, error)
-        return ready
+        return jax.jit(flat, compiler_options=self._options).lower(*leaves), forms[0]
+
+    def _finished(self, key: str, lowered: Any, form: Any, count: int) -> tuple[Callable[..., list], bytes]:
+        """Compile what is lowered, for so many arguments; see `_load` for what is returned."""
+        before, pickled = _hits, pickle.dumps(form)
+        made = lowered.compile()
+        if _hits == before:  # what comes out of JAX's own cache cannot be stored again
+            try:
+                payload, _, _ = serialize_executable.serialize(made)
+                cache.store(self._name, key, (payload, (count, form.num_leaves), pickled))
+            except Exception as error:  # some executables cannot be stored
+                cache.log.info("%s is not stored: %s", self._name, error)
+        return made, pickled
 
     def _key(self, tree: Any, kinds: tuple, settings: tuple, precise: bool) -> str | None:
         """What the executable depends on, as a key; None where that cannot be told or nothing is stored."""
         if not cache.enabled():
             return None
-        parts = (_tree_token(tree), _token(settings), _token(sorted(self._options.items())))
-        if None in parts:
+        parts = [_tree_token(tree), _token(settings), _token(sorted(self._options.items()))]
+        told = [part for part in parts if part is not None]
+        if len(told) < len(parts):
             return None
-        return cache.key_of(self._name, *parts, repr(kinds), repr(precise))
+        return cache.key_of(self._name, *told, repr(kinds), repr(precise))
 
     def drop(self) -> None:
         """Forget what was loaded and compiled."""
         with self._lock:
             self._ready.clear()
+            self._outlines.clear()
 
 
 class _Ready(NamedTuple):
@@ -158,6 +202,26 @@ def _load(name: str, key: str) -> tuple[Callable[..., list], bytes] | None:
     payload, counts, form = stored
     arguments, results = jax.tree.structure(((0,) * counts[0], {})), jax.tree.structure([0] * counts[1])
     return serialize_executable.deserialize_and_load(payload, arguments, results), form
+
+
+@contextmanager
+def rehearsal() -> Iterator[None]:
+    """Calls of large programs in this thread return zeros at once, and compile beside what follows.
+
+    Code that does not mind zeros goes through all that leads to a result so, and the programs that it will
+    call are compiled side by side.
+    """
+    _thread.rehearsing = True
+    try:
+        yield
+    finally:
+        _thread.rehearsing = False
+
+
+def _zeros(leaf: jax.ShapeDtypeStruct) -> Any:
+    if jnp.issubdtype(leaf.dtype, jax.dtypes.prng_key):
+        return jax.random.split(jax.random.key(0), leaf.shape)
+    return np.zeros(leaf.shape, leaf.dtype)
 
 
 @contextmanager
@@ -193,7 +257,7 @@ def preload(occasion: str) -> None:
 
 def _kind(leaf: Any) -> Any:
     """Shape and type of an argument as programs tell them apart; None where only a trace can tell."""
-    if isinstance(leaf, jax.core.Tracer):
+    if isinstance(leaf, Tracer):
         return None
     if isinstance(leaf, jax.Array):
         return leaf.shape, leaf.dtype, getattr(leaf, "weak_type", False)  # keys have none
@@ -259,7 +323,7 @@ def compiled(
     options: dict[str, Any] = {"xla_cpu_prefer_vector_width": 512} if wide else {}
     if quick:
         options["xla_cpu_use_fusion_emitters"] = False
-    return Program(function, static_argnames, options)
+    return Program(function, static_argnames, options, outlined=wide)
 
 
 def compilations() -> int:

@@ -1,8 +1,9 @@
 """The command line: plan a mission, a path, many missions; draw a study; look at a chart; check a result."""
 
+import logging
 import sys
 import warnings
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 
@@ -32,6 +33,19 @@ for command in (
     scenario.schema,
 ):
     app.command()(command)
+app.command("cache")(tools.kept)
+
+
+@app.callback()
+def options(
+    verbose: Annotated[
+        bool, typer.Option("--verbose", help="Say what is loaded, stored and left out on the way.")
+    ] = False,
+) -> None:
+    """Options of all commands."""
+    if verbose:
+        logging.basicConfig(format="auvplan: %(message)s")
+        logging.getLogger("auvplan").setLevel(logging.INFO)
 
 
 def _shorten_warnings() -> None:

@@ -1,9 +1,11 @@
 """Commands that look at charts and results."""
 
+from datetime import datetime
 from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.table import Table
 
 from auvplan.cli.shared import OutOption, QuietOption, console
 
@@ -76,3 +78,32 @@ def _check_study(folder: Path, quiet: bool) -> bool:
 def _say(text: str) -> None:
     """Print without colours for numbers, folds and signs in brackets."""
     console.print(text, highlight=False, soft_wrap=True, markup=False)
+
+
+def kept(
+    clear: Annotated[bool, typer.Option("--clear", help="Remove all of it.")] = False,
+) -> None:
+    """Show what is kept on disk for later runs: compiled programs and clustered charts."""
+    from auvplan import cache
+
+    place = cache.folder()
+    if place is None:
+        _say("nothing is kept: AUVPLAN_CACHE is off")
+        return
+    if clear:
+        removed = cache.trim(limit=0)
+        _say(f"{place}: {len(removed)} entries removed, {_megabytes(removed)}")
+        return
+    entries = list(cache.entries())
+    table = Table("what", "entries", "size", "last used")
+    for name in sorted({entry.name for entry in entries}):
+        own = [entry for entry in entries if entry.name == name]
+        used = datetime.fromtimestamp(max(entry.used for entry in own))
+        table.add_row(name, str(len(own)), _megabytes(own), f"{used:%Y-%m-%d %H:%M}")
+    if entries:
+        console.print(table)
+    _say(f"{place}: {_megabytes(entries)} of at most {cache.LIMIT / 1e6:.0f} MB")
+
+
+def _megabytes(entries: list) -> str:
+    return f"{sum(entry.size for entry in entries) / 1e6:.1f} MB"

@@ -26,6 +26,7 @@ def search_missions(
     given: jax.Array,
     known: jax.Array,
     count: jax.Array,
+    iterations: jax.Array,
     config: MissionConfig,
 ) -> tuple[search.Result, decoders.Decoded, jax.Array]:
     """Search B missions at once.
@@ -40,6 +41,7 @@ def search_missions(
         given: [B, P, D] habitats to start from, of which the first `count` are used.
         known: [B, N] orders to start from, padded with -1; all -1 where there is none.
         count: number of habitats given.
+        iterations: to be made, at most those of the settings; later rows of histories are zero.
         config: static settings.
 
     Returns:
@@ -71,6 +73,7 @@ def search_missions(
             (problem,),
             partial(_improved, config=config) if config.local_rounds else None,
             config.local_period,
+            iterations,
         )
         best = decoders.decode(result.x[None], problem, config.decoder, config.rate_weight)
         return result, best, problem.time_to_go[start]

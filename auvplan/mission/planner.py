@@ -1,6 +1,7 @@
 """The mission planner: a graph and a time budget into an order of tasks (section 3.3)."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -19,6 +20,9 @@ from auvplan.rows import over_rows
 
 if TYPE_CHECKING:
     from auvplan.vehicle import Vehicle
+
+#: One program serves searches of up to so many iterations.
+_ITERATIONS = 256
 
 
 def plan_mission(
@@ -155,9 +159,10 @@ def plan_missions(
     given, count = _given(populations, batch, size, config)
     known = _known(known_orders, starts, goals, size)
 
-    legs = graphs.leg_times(rate)
+    legs, iterations = graphs.leg_times(rate), config.bbo.iterations
+    shared = config.replace(bbo=config.bbo.replace(iterations=max(iterations, _ITERATIONS)))
     found = over_rows(
-        partial(search_missions, count=count, config=config),
+        partial(search_missions, count=count, iterations=np.int32(iterations), config=shared),
         keys,
         Edges.of(legs, graphs.priority, config.degree),
         starts,
@@ -168,6 +173,8 @@ def plan_missions(
         given,
         known,
     )
+    rows = iterations + 1
+    found = (replace(found[0], history=jax.tree.map(lambda row: row[:, :rows], found[0].history)), *found[1:])
     return _collect(found, graphs, np.where(closed[:, None, :], np.inf, legs), starts, goals, budget, margins)
 
 

@@ -5,6 +5,7 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 
 from auvplan.compiled import compiled
 from auvplan.tangents import fixed, instantiated
@@ -102,7 +103,7 @@ def _looked_up(
 
 def far_corner(origin: jax.Array, pixel_size: jax.Array, shape: tuple[int, int]) -> jax.Array:
     """[2] m, north-eastern corner of a raster of a shape; in NumPy where nothing is traced."""
-    if isinstance(origin, jax.core.Tracer) or isinstance(pixel_size, jax.core.Tracer):
+    if isinstance(origin, Tracer) or isinstance(pixel_size, Tracer):
         return origin + pixel_size * jnp.asarray(shape, origin.dtype)
     corner = np.asarray(origin)
     return corner + np.asarray(pixel_size) * np.asarray(shape, corner.dtype)  # type: ignore[return-value]

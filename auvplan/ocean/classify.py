@@ -125,7 +125,7 @@ def classify(rgb: NDArray[np.uint8], clusters: int = DEFAULT_CLUSTERS, seed: int
         raise ValueError(f"a picture is a non-empty [h, w, 3] uint8 array, got {rgb.dtype} {list(rgb.shape)}")
     if clusters < 1:
         raise ValueError(f"clusters must be positive, got {clusters}")
-    parts = hashlib.sha256(np.ascontiguousarray(rgb)).hexdigest(), f"{rgb.shape} {clusters} {seed}"
+    parts = hashlib.sha256(rgb.tobytes()).hexdigest(), f"{rgb.shape} {clusters} {seed}"
     return kept(
         "auvplan.ocean.classify", partial(_classified, rgb, clusters, seed), *parts, version("scikit-learn")
     )

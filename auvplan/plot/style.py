@@ -218,4 +218,4 @@ def place_labels(
 def _overlaps(these: Array, those: Array) -> NDArray[np.bool_]:
     """[n, m] whether boxes [n, 4] and [m, 4], each of its two corners, overlap."""
     low, high = np.maximum(these[:, None, :2], those[:, :2]), np.minimum(these[:, None, 2:], those[:, 2:])
-    return (low <= high).all(axis=2)
+    return np.all(low <= high, axis=2)

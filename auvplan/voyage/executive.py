@@ -7,6 +7,7 @@ tasks; when a mission ends the next one takes its place.
 
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 import jax
@@ -20,6 +21,7 @@ from auvplan.voyage.fleet import Fleet, Leg, Mission
 from auvplan.voyage.legs import begin_legs, finish, refusal, sail_on
 from auvplan.voyage.order_calls import plan_orders, time_edges
 from auvplan.voyage.records import LegRecord, MissionRun
+from auvplan.voyage.rehearsal import rehearse
 from auvplan.voyage.scenario import Scenario
 from auvplan.voyage.sea import ModelSea
 from auvplan.voyage.simulator import WIDTH
@@ -128,6 +130,7 @@ def sail_missions(
             while waiting and len(active) < together:
                 number, (key, seed) = waiting.popleft()
                 active.append(embark(fleet, number, key, int(seed)))
+                rehearse(fleet, partial(embark, fleet, number, key, int(seed)))
             _step(fleet, active)
             for mission in active:
                 if mission.ended:
@@ -157,7 +160,11 @@ def mission_configs(scenario: Scenario) -> tuple[MissionConfig, MissionConfig]:
         return config, config
     config = MissionConfig.plain() if planning.effort == "plain" else MissionConfig()
     config = config.replace(objective=planning.objective)
-    return config, config.quick() if planning.effort == "quick" else config
+    if planning.effort != "quick":
+        return config, config
+    # Beams of one width make the first order and later ones one program.
+    later = config.quick()
+    return config.replace(beam_width=later.beam_width), later
 
 
 def make_fleet(scenario: Scenario, folder: str | Path, waters: Waters | None = None) -> Fleet:

@@ -1,0 +1,48 @@
+"""Compiles what missions will need while the first of them is begun."""
+
+import logging
+import os
+from collections.abc import Callable
+from dataclasses import replace
+from threading import Thread
+
+from auvplan import cache
+from auvplan.compiled import rehearsal
+from auvplan.voyage.clock import Clock
+from auvplan.voyage.fleet import Fleet, Mission
+from auvplan.voyage.legs import begin_legs, sail_on
+from auvplan.voyage.path_calls import plan_legs
+from auvplan.voyage.records import LegRecord
+
+log = logging.getLogger(__name__)
+
+#: Scenarios, JSON.
+_rehearsed: set[str] = set()
+
+
+def rehearse(fleet: Fleet, embark: Callable[[], Mission]) -> None:
+    """Let a mission that nobody waits for begin a leg, in a thread of its own, where a core is free for that.
+
+    Args:
+        fleet: what it shares with those that are to be sailed.
+        embark: makes the mission.
+    """
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    scenario = fleet.scenario.model_dump_json()
+    if cores == 1 or not cache.enabled() or scenario in _rehearsed:
+        return
+    _rehearsed.add(scenario)
+    Thread(target=_begin_a_leg, args=(replace(fleet, clock=Clock()), embark), daemon=True).start()
+
+
+def _begin_a_leg(fleet: Fleet, embark: Callable[[], Mission]) -> None:
+    try:
+        mission = embark()
+        start = mission.here
+        goal = int(mission.graph.adjacency[start].argmax())
+        with rehearsal():
+            begin_legs(fleet, [mission], [LegRecord(start, goal, 0.0, 0.0, 0.0)])
+            plan_legs(fleet, [mission], ["window"])
+            sail_on(fleet, [mission])
+    except Exception as error:  # what is wrong shows where it matters
+        log.info("programs are not compiled side by side: %s", error)
