@@ -77,7 +77,7 @@ class Program:
         settings = tuple(kwargs.pop(name) for name in self._static)
         leaves, tree = jax.tree.flatten((args, kwargs))
         kinds = tuple(map(_kind, leaves))
-        if None in kinds or jax.device_count() > 1 or jax.config.read("jax_disable_jit"):
+        if None in kinds or jax.device_count() > 1 or jax.config.jax_disable_jit:  # type: ignore[attr-defined]
             return self._jitted(*args, **kwargs, **self._named(settings))
         signature = tree, kinds, settings, jax.config.read("jax_enable_x64")
         ready = self._ready.get(signature)

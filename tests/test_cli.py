@@ -23,12 +23,6 @@ LEG = {
 }
 
 
-@pytest.fixture(autouse=True)
-def no_cache(monkeypatch):
-    """Tests leave the user's cache alone."""
-    monkeypatch.setenv("AUVPLAN_CACHE", "off")
-
-
 def call(capsys, monkeypatch, *arguments):
     """Exit status, standard output, standard error of a command."""
     monkeypatch.setattr("sys.argv", ["auvplan", *map(str, arguments)])

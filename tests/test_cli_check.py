@@ -23,7 +23,6 @@ def study(tmp_path):
 @pytest.fixture
 def check(capsys, monkeypatch):
     """Exit status, standard output and standard error of the command."""
-    monkeypatch.setenv("AUVPLAN_CACHE", "off")
 
     def call(*arguments):
         monkeypatch.setattr("sys.argv", ["auvplan", "check", *map(str, arguments)])

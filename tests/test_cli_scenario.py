@@ -11,7 +11,6 @@ from auvplan import cli
 @pytest.fixture
 def call(capsys, monkeypatch):
     """Runs a command; exit status, standard output, standard error."""
-    monkeypatch.setenv("AUVPLAN_CACHE", "off")
 
     def run(*arguments):
         monkeypatch.setattr("sys.argv", ["auvplan", *map(str, arguments)])

@@ -10,10 +10,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from PIL import Image
 
 import auvplan as ap
-from auvplan import cache
-from auvplan.compiled import Program, compilations, compiled
+from auvplan import cache, cli
+from auvplan.compiled import Program, compilations, compiled, expecting, rehearsal
 from auvplan.ocean.currents import FunctionCurrent, evaluated
 
 
@@ -210,3 +211,58 @@ def test_another_process_finds_programs_of_a_function_and_none_of_another(place)
     assert {entry.path for entry in entries()} == kept
     assert run(PLAN.format(speed=0.9)) != first
     assert {entry.path for entry in entries()} > kept
+
+
+def test_in_a_rehearsal_large_programs_are_compiled_and_not_run(place):
+    def doubled(x):
+        return {"twice": 2.0 * x, "key": jax.random.split(jax.random.key(1), 2)}
+
+    large = compiled(doubled, wide=True)
+    with rehearsal():
+        for _ in range(2):
+            outline = large(np.ones(3))
+            np.testing.assert_array_equal(outline["twice"], np.zeros(3))
+            assert outline["key"].shape == (2,)
+        np.testing.assert_array_equal(program()(np.arange(3.0), times=2), [4.0, 6.0, 6.0])
+    before = compilations()
+    np.testing.assert_array_equal(large(np.ones(3))["twice"], [2.0, 2.0, 2.0])
+    assert compilations() <= before + 1
+    np.testing.assert_array_equal(compiled(doubled, wide=True)(np.ones(3))["twice"], [2.0, 2.0, 2.0])
+
+
+def test_what_one_occasion_used_is_loaded_for_the_next(place):
+    one = program()
+    with expecting("tests"):
+        one(np.arange(3.0), times=2)
+    (entry,) = (entry for entry in entries() if "sorted_sum" in entry.name)
+    key = entry.path.stem.rsplit("-", 1)[1]
+    listed = cache.load("auvplan.compiled.expecting", cache.key_of("tests"))
+    assert [found for _, found in listed] == [key]
+
+
+def test_the_command_shows_and_clears_what_is_kept(place, capsys, monkeypatch):
+    program()(np.arange(3.0), times=2)
+    for arguments, said in (((), "of at most 1000 MB"), (("--clear",), "1 entries removed")):
+        monkeypatch.setattr("sys.argv", ["auvplan", "cache", *arguments])
+        with pytest.raises(SystemExit):
+            cli.main()
+        assert said in capsys.readouterr().out
+    assert not entries()
+    monkeypatch.setenv("AUVPLAN_CACHE", "off")
+    monkeypatch.setattr("sys.argv", ["auvplan", "cache"])
+    with pytest.raises(SystemExit):
+        cli.main()
+    assert "AUVPLAN_CACHE is off" in capsys.readouterr().out
+
+
+def test_the_command_says_what_was_left_out(place, capsys, monkeypatch, tmp_path):
+    picture = tmp_path / "chart.png"
+    Image.fromarray(np.full((8, 8, 3), (70, 130, 200), np.uint8)).save(picture)
+    command = ["auvplan", "--verbose", "chart", str(picture), "--out", str(tmp_path / "out")]
+    monkeypatch.setattr("sys.argv", command)
+    for _ in range(2):
+        with pytest.raises(SystemExit):
+            cli.main()
+        (entry,) = (entry for entry in entries() if "classify" in entry.name)
+        entry.path.write_bytes(b"damaged")
+    assert "made anew" in capsys.readouterr().err

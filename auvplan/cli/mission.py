@@ -67,23 +67,23 @@ def _run(
     leg: bool = False,
 ) -> Any:
     """Run one mission, or one leg, write its results and print its summary."""
+    from auvplan.compiled import preload
     from auvplan.plot.painter import Painter
 
-    with Painter(pictures.value) as painter, naming(source):
-        from auvplan.compiled import preload
+    preload("missions")
+    from auvplan.io import output_folder
+    from auvplan.io.waters import load_waters
 
-        preload("missions")
-        from auvplan.io import output_folder
-        from auvplan.io.waters import load_waters
-
+    with naming(source):
         scenario, folder = load(source, preset, objective, leg)
         waters = load_waters(scenario, folder)
-        if not quiet:
-            for note in waters.notes:
-                console.print(f"note: {note}", soft_wrap=True, highlight=False, markup=False)
-        output_folder(out)
-        from auvplan.voyage import run_mission
+    if not quiet:
+        for note in waters.notes:
+            console.print(f"note: {note}", soft_wrap=True, highlight=False, markup=False)
+    output_folder(out)
+    from auvplan.voyage import run_mission
 
+    with Painter(pictures.value) as painter, naming(source):
         Thread(target=_load_writers, daemon=True).start()
         available = scenario.mission.time_available
         with time_bar("loading the planners", available, quiet) as advance:

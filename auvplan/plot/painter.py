@@ -72,7 +72,7 @@ class Painter:
         if self._beside:
             try:
                 outcome = self._pipe.recv()
-            except EOFError:
+            except (EOFError, OSError):  # it ended on the way
                 outcome = draw_run(self._run, self._folder, self._beside)
             if isinstance(outcome, Exception):
                 raise outcome

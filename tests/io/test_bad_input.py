@@ -17,7 +17,6 @@ def sound(tmp_path_factory):
 
 
 def call(capsys, monkeypatch, *arguments):
-    monkeypatch.setenv("AUVPLAN_CACHE", "off")
     monkeypatch.setattr("sys.argv", ["auvplan", *map(str, arguments)])
     with pytest.raises(SystemExit) as stop:
         cli.main()

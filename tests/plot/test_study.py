@@ -244,8 +244,13 @@ def test_maps_have_east_right_and_north_up():
         assert axes.get_aspect() == 1.0
         assert axes.get_xlim()[0] < axes.get_xlim()[1]
         assert axes.get_ylim()[0] < axes.get_ylim()[1]
-        extent = axes.images[0].get_extent()
-        np.testing.assert_allclose(extent, [0.0, 10.0, 0.0, 10.0])
+        west, east, south, north = axes.images[0].get_extent()
+        # As much of the chart as is seen: 10 km in pixels of 10 m.
+        for (low, high), (begin, end) in ((axes.get_xlim(), (west, east)), (axes.get_ylim(), (south, north))):
+            assert 0.0 <= begin <= max(low, 0.0)
+            assert min(high, 10.0) <= end <= 10.0
+            pixels = 100.0 * np.asarray([begin, end])
+            np.testing.assert_allclose(pixels, np.round(pixels), atol=1e-6)
 
 
 @pytest.mark.usefixtures("coarse")

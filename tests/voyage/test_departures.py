@@ -258,7 +258,6 @@ def test_dates_need_a_dated_scenario(tmp_path):
 
 def call(capsys, monkeypatch, settings, folder, *options):
     """Exit status, standard output and standard error of the command."""
-    monkeypatch.setenv("AUVPLAN_CACHE", "off")
     path = folder / "dated.yaml"
     path.write_text(yaml.safe_dump(settings))
     arguments = ["departures", str(path), "--out", str(folder / "out"), *options]

@@ -1,0 +1,82 @@
+"""Pictures drawn by a process beside this one are those that are drawn here, whatever becomes of it."""
+
+import os
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from auvplan.io import OutputError
+from auvplan.plot import draw_run
+from auvplan.plot.painter import Painter
+from tests.io.sample_run import make_run
+
+RUN = make_run()
+
+
+@pytest.fixture
+def two_cores(monkeypatch):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
+
+
+@pytest.fixture(scope="module")
+def expected(tmp_path_factory):
+    """Pixels by the name of the picture."""
+    return {path.name: pixels(path) for path in draw_run(RUN, tmp_path_factory.mktemp("here"))}
+
+
+def pixels(path):
+    with Image.open(path) as picture:
+        return np.asarray(picture.convert("RGB"))
+
+
+def assert_drawn(paths, expected):
+    assert sorted(path.name for path in paths) == sorted(expected)
+    for path in paths:
+        np.testing.assert_array_equal(pixels(path), expected[path.name])
+
+
+def test_they_are_those_drawn_here(tmp_path, two_cores, expected):
+    with Painter() as painter:
+        painter.begin(RUN, tmp_path)
+        found = painter.finish()
+    assert_drawn(found, expected)
+
+
+@pytest.mark.parametrize("begun", [False, True])
+def test_all_are_drawn_where_the_process_has_ended(tmp_path, two_cores, expected, begun):
+    with Painter() as painter:
+        if begun:
+            painter.begin(RUN, tmp_path)
+        painter._process.kill()
+        painter._process.join()
+        if not begun:
+            painter.begin(RUN, tmp_path)
+        found = painter.finish()
+    assert_drawn(found, expected)
+
+
+def test_on_one_core_there_is_no_process(tmp_path, monkeypatch, expected):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0})
+    with Painter() as painter:
+        assert painter._process is None
+        painter.begin(RUN, tmp_path)
+        assert_drawn(painter.finish(), expected)
+
+
+@pytest.mark.parametrize(("choice", "names"), [("main", ["mission.png"]), ("none", [])])
+def test_fewer_are_drawn_where_fewer_are_asked_for(tmp_path, choice, names):
+    with Painter(choice) as painter:
+        painter.begin(RUN, tmp_path)
+        assert [path.name for path in painter.finish()] == names
+    assert [path.name for path in tmp_path.iterdir()] == names
+
+
+def test_what_is_wrong_there_is_told_here(tmp_path, two_cores, monkeypatch):
+    folder = tmp_path / "taken"
+    folder.touch()
+    monkeypatch.setattr("auvplan.plot.run.draw_run", lambda *_: [])
+    with Painter() as painter:
+        painter.begin(RUN, folder)
+        with pytest.raises(OutputError, match="taken"):
+            painter.finish()
