@@ -83,7 +83,7 @@ def sensitivity(positions: np.ndarray, depart: float, conditions: Conditions) ->
         jnp.asarray(depart, float),
         conditions.world(),
         conditions.vehicle,
-        conditions.config,
+        config=conditions.config,
     )
     return Sensitivity(*(float(slope) for slope in slopes))
 
