@@ -85,7 +85,7 @@ def test_a_study_leaves_its_design_its_dataset_and_its_summary(seven):
     assert summary == json.loads(json.dumps(summarise(dataset), allow_nan=False))
     assert summary["missions"] == clock["missions"] == 7
     assert clock["workers"] == 1
-    assert 0.0 < clock["compile_s"] < clock["wall_s"]
+    assert 0.0 <= clock["compile_s"] < clock["wall_s"]
 
 
 def test_the_dataset_is_read_back_as_it_was_handed_over(seven):
