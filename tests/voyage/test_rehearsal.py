@@ -1,0 +1,55 @@
+"""What is compiled while a first mission is begun changes nothing about it."""
+
+import logging
+import os
+from functools import partial
+
+import numpy as np
+import pytest
+
+from auvplan.compiled import drop_programs
+from auvplan.voyage import executive, rehearsal, run_mission
+from auvplan.voyage.executive import embark, make_fleet, seed_keys
+from tests.voyage.small import scenario
+
+pytestmark = pytest.mark.usefixtures("light_search")
+
+
+@pytest.fixture
+def real(monkeypatch):
+    """The loop rehearses, as it does outside the tests."""
+    monkeypatch.setattr(executive, "rehearse", rehearsal.rehearse)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
+    monkeypatch.setattr(rehearsal, "_rehearsed", set())
+
+
+def test_a_leg_is_begun_by_what_begins_missions(caplog):
+    fleet = make_fleet(scenario(), ".")
+    with caplog.at_level(logging.INFO, "auvplan"):
+        rehearsal._begin_a_leg(fleet, partial(embark, fleet, 0, seed_keys([0])[0], 0))
+    assert "side by side" not in caplog.text
+
+
+@pytest.mark.slow
+def test_a_mission_is_the_same_with_and_without_it(tmp_path, monkeypatch, real):
+    monkeypatch.setenv("AUVPLAN_CACHE", str(tmp_path))
+    drop_programs()
+    first = run_mission(scenario(), seed=3)
+    again = run_mission(scenario(), seed=3)
+    assert list(tmp_path.glob("*.pickle"))
+    assert first.summary()["total_priority"] == again.summary()["total_priority"]
+    for one, other in zip(first.legs, again.legs, strict=True):
+        np.testing.assert_array_equal(one.positions, other.positions)
+
+
+def test_it_is_done_once_for_a_scenario_and_not_on_one_core(monkeypatch, real):
+    begun = []
+    monkeypatch.setattr(rehearsal, "_begin_a_leg", lambda *_: begun.append(True))
+    fleet = make_fleet(scenario(), ".")
+    for _ in range(2):
+        rehearsal.rehearse(fleet, lambda: None)
+    assert len(begun) == 1
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0})
+    monkeypatch.setattr(rehearsal, "_rehearsed", set())
+    rehearsal.rehearse(fleet, lambda: None)
+    assert len(begun) == 1
