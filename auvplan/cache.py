@@ -15,7 +15,6 @@ import logging
 import os
 import pickle
 import platform
-import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -23,7 +22,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, TypeVar
 
-import jax
+from auvplan.io.files import write_atomically
 
 T = TypeVar("T")
 
@@ -122,14 +121,7 @@ def store(name: str, key: str, value: Any) -> None:
     try:
         body = pickle.dumps(value)
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=".new-")
-        try:
-            with os.fdopen(handle, "wb") as file:
-                file.write(hashlib.sha256(body).digest() + body)
-            os.replace(temporary, path)
-        except BaseException:
-            Path(temporary).unlink(missing_ok=True)
-            raise
+        write_atomically(path, lambda part: part.write_bytes(hashlib.sha256(body).digest() + body))
         trim()
     except Exception as error:  # a full disk, or what cannot be pickled
         log.info("%s is not stored: %s", name, error)
@@ -176,6 +168,9 @@ def _path(name: str, key: str) -> Path | None:
 @functools.cache
 def _surroundings() -> str:
     """All that every entry depends on."""
+    # Imported here because it takes most of a second, and showing what is kept does without it.
+    import jax
+
     settings = {
         name: value
         for name, value in sorted(jax.config.values.items())

@@ -31,6 +31,9 @@ _OURS = "auvplan", "builtins", "collections", "jax", "jaxlib", "numpy"
 #: Threads that programs are loaded by before they are asked for.
 _THREADS = 2
 
+#: The occasion of planning and sailing missions; see `expecting`.
+MISSIONS = "missions"
+
 _OCCASIONS = f"{__name__}.expecting"
 
 _count = 0
@@ -84,23 +87,25 @@ class Program:
         if ready is None:
             with self._lock:
                 ready = self._ready.get(signature)
-                if ready is None and self._outlined and getattr(_thread, "rehearsing", False):
-                    outline = self._begun(signature, leaves)
-                    if outline is not None:
-                        return outline
-                ready = ready or self._prepared(signature, leaves)
-                self._ready[signature] = ready
+                if ready is None:
+                    if self._outlined and getattr(_thread, "rehearsing", False):
+                        outline = self._begun(signature, leaves)
+                        if outline is not None:
+                            return outline
+                    self._ready[signature], result = self._prepared(signature, leaves)
+                    return result
         return ready(leaves)
 
     def _named(self, settings: tuple) -> dict[str, Any]:
         return dict(zip(self._static, settings, strict=True))
 
-    def _prepared(self, signature: Any, leaves: list) -> Callable[[list], Any]:
-        """What answers one kind of call: an executable from disk, or else compiled and stored."""
+    def _prepared(self, signature: Any, leaves: list) -> tuple[Callable[[list], Any], Any]:
+        """An executable for one kind of call, from disk or else compiled and stored, and its first answer."""
         tree, _, settings, _ = signature
         key = self._key(*signature)
         if not key:
-            return functools.partial(self._plain, tree, settings)
+            plain = functools.partial(self._plain, tree, settings)
+            return plain, plain(leaves)
         _used.setdefault(key, self._name)
         early = _early.pop(key, None)
         try:
@@ -108,12 +113,13 @@ class Program:
                 executable, out_tree = found
                 ready = _Ready(executable, pickle.loads(out_tree))
                 # Some executables load and do not run.
-                jax.block_until_ready(ready(leaves))
+                result = jax.block_until_ready(ready(leaves))
                 _book_one()
-                return ready
+                return ready, result
         except Exception as error:  # whatever is wrong with it
             cache.discard(self._name, key, error)
-        return self._made(key, tree, settings, leaves)
+        ready = self._made(key, tree, settings, leaves)
+        return ready, ready(leaves)
 
     def _plain(self, tree: Any, settings: tuple, leaves: list) -> Any:
         """The jitted function of flattened arguments."""

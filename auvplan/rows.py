@@ -5,7 +5,6 @@ idle. The same program on several rows at once, one a thread, keeps them all bus
 every number of rows. An accelerator takes all rows in one call.
 """
 
-import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar
@@ -14,6 +13,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
+
+from auvplan import cores
 
 #: Batches of one call are padded to these sizes, so that their number never causes a compilation.
 SIZES = (1, 8, 32, 128)
@@ -73,13 +74,8 @@ def _threaded(call: Callable[[NDArray[np.int_]], T], rows: list[NDArray[np.int_]
         with jax.enable_x64(precise):
             return call(index)
 
-    with ThreadPoolExecutor(min(len(rows) - 1, _cores())) as pool:
+    with ThreadPoolExecutor(min(len(rows) - 1, cores.count())) as pool:
         return first + list(pool.map(in_thread, rows[1:]))
-
-
-def _cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def padded_batches(count: int, sizes: tuple[int, ...] = SIZES) -> Iterator[tuple[NDArray[np.int_], int]]:

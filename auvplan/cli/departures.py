@@ -22,6 +22,7 @@ from auvplan.cli.shared import (
     errors,
     load,
 )
+from auvplan.errors import ScenarioError
 
 #: Departures at most, and the hours from the scenario's own that they may lie away.
 _MOST = 500
@@ -103,8 +104,6 @@ def departure_times(settings: Any, folder: Path, begin: str, end: str, step: str
     Raises:
         ScenarioError: an option cannot be understood or is out of range; the line names it.
     """
-    from auvplan.errors import ScenarioError
-
     first, last = (
         _seconds(name, text, settings, folder) for name, text in (("--from", begin), ("--to", end))
     )
@@ -125,7 +124,6 @@ def departure_times(settings: Any, folder: Path, begin: str, end: str, step: str
 
 def _seconds(option: str, text: str, settings: Any, folder: Path) -> float:
     """A departure, s since the scenario's epoch."""
-    from auvplan.errors import ScenarioError
     from auvplan.io.waters import load_waters
     from auvplan.site import as_utc
 

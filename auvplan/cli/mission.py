@@ -10,7 +10,6 @@ from rich.table import Table
 from auvplan.cli.shared import (
     ObjectiveOption,
     OutOption,
-    Pictures,
     PicturesOption,
     PresetOption,
     QuietOption,
@@ -22,6 +21,7 @@ from auvplan.cli.shared import (
     naming,
     time_bar,
 )
+from auvplan.plot.painter import Painter, Pictures
 
 
 def mission(
@@ -67,10 +67,9 @@ def _run(
     leg: bool = False,
 ) -> Any:
     """Run one mission, or one leg, write its results and print its summary."""
-    from auvplan.compiled import preload
-    from auvplan.plot.painter import Painter
+    from auvplan.compiled import MISSIONS, preload
 
-    preload("missions")
+    preload(MISSIONS)
     from auvplan.io import output_folder
     from auvplan.io.waters import load_waters
 
@@ -83,7 +82,7 @@ def _run(
     output_folder(out)
     from auvplan.voyage import run_mission
 
-    with Painter(pictures.value) as painter, naming(source):
+    with Painter(pictures) as painter, naming(source):
         Thread(target=_load_writers, daemon=True).start()
         available = scenario.mission.time_available
         with time_bar("loading the planners", available, quiet) as advance:

@@ -2,12 +2,14 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from rich.console import Console
+
+from auvplan.errors import ScenarioError
+from auvplan.plot.painter import Pictures
 
 console = Console()
 errors = Console(stderr=True)
@@ -20,16 +22,6 @@ OutOption = Annotated[Path, typer.Option("--out", help="Folder for results; made
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of world, sensors and planners.")]
 QuietOption = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
 PresetOption = Annotated[str | None, typer.Option("--preset", help="Planner settings: paper or default.")]
-
-
-class Pictures(StrEnum):
-    """Which pictures are drawn."""
-
-    NONE = "none"
-    MAIN = "main"
-    ALL = "all"
-
-
 PicturesOption = Annotated[
     Pictures, typer.Option("--pictures", help="All of them, that of the mission alone, or none.")
 ]
@@ -56,8 +48,6 @@ def load(source: str, preset: str | None, objective: str | None, leg: bool = Fal
 @contextmanager
 def naming(source: str) -> Iterator[None]:
     """Put the scenario's name before what is wrong with it where the message does not have it."""
-    from auvplan.errors import ScenarioError
-
     try:
         yield
     except ScenarioError as error:

@@ -9,22 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from auvplan.errors import ScenarioError
+from auvplan.errors import AuvplanError
 from auvplan.io.faults import Fault, fault_at, in_order
-from auvplan.io.geo import GeoError
 from auvplan.io.scenario_file import check_scenario
 from auvplan.io.waters import load_waters
 from auvplan.io.yaml_lines import Document
-from auvplan.ocean.chart import ChartError
-from auvplan.ocean.gridded import CurrentError
-from auvplan.ocean.seabed import SeabedError
 from auvplan.voyage.scenario import Scenario
 from auvplan.voyage.settings import BathymetrySettings, ChartSettings, CurrentSettings
 from auvplan.voyage.waters import Waters
 from auvplan.voyage.waypoints import make_graph, misplaced
-
-#: What the readers of files raise.
-_ERRORS = (ScenarioError, ChartError, GeoError, CurrentError, SeabedError)
 
 
 @dataclass(frozen=True)
@@ -87,7 +80,7 @@ class _Findings:
         """What an action gives; None where it fails, which becomes a fault."""
         try:
             waters = action()
-        except _ERRORS as error:
+        except AuvplanError as error:
             path, reason = self._blamed(section, settings, str(error))
             self.faults.append(fault_at(path, reason, self.document))
             return None

@@ -5,16 +5,26 @@ It loads what drawing needs while the mission is planned. Nothing that takes lon
 
 import os
 from contextlib import suppress
+from enum import StrEnum
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Literal, Self
+from typing import TYPE_CHECKING, Self
+
+from auvplan import cores
 
 if TYPE_CHECKING:
     from auvplan.voyage.records import MissionRun
 
-Choice = Literal["none", "main", "all"]
+
+class Pictures(StrEnum):
+    """Which pictures are drawn."""
+
+    NONE = "none"
+    MAIN = "main"
+    ALL = "all"
+
 
 #: What the process beside this one draws; the other half of the work is the picture of the mission.
 _BESIDE = "timeline.png", "currents.png", "obstacles.png", "convergence.png"
@@ -23,14 +33,14 @@ _BESIDE = "timeline.png", "currents.png", "obstacles.png", "convergence.png"
 class Painter:
     """Draws the pictures of one run: ``with Painter() as painter``, then `begin` and `finish`."""
 
-    def __init__(self, choice: Choice = "all"):
+    def __init__(self, choice: Pictures = Pictures.ALL):
         """Draw all pictures, that of the mission alone, or none."""
         self._choice = choice
         self._process = None
         self._beside: tuple[str, ...] = ()
 
     def __enter__(self) -> Self:
-        if self._choice == "all" and len(os.sched_getaffinity(0)) > 1:
+        if self._choice == Pictures.ALL and cores.count() > 1:
             context = get_context("spawn")
             self._pipe, other = context.Pipe()
             self._process = context.Process(target=_paint, args=(other,), daemon=True)
@@ -63,11 +73,11 @@ class Painter:
         Raises:
             OutputError: as `draw_run`.
         """
-        if self._choice == "none":
+        if self._choice == Pictures.NONE:
             return []
         from auvplan.plot.run import FIGURES, draw_run
 
-        names = FIGURES if self._choice == "all" else ["mission.png"]
+        names = FIGURES if self._choice == Pictures.ALL else ["mission.png"]
         found = draw_run(self._run, self._folder, [name for name in names if name not in self._beside])
         if self._beside:
             try:

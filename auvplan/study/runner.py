@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from auvplan import cores
 from auvplan.study.cluster import connected, sail_on_cluster
 from auvplan.study.design import Design, StudyError
 from auvplan.study.statistics import summarise
@@ -110,7 +111,7 @@ def run_study(
         def job(chosen: list[tuple[int, int]]) -> Job:
             return Job(design.plain(), str(Path(folder).resolve()), tuple(chosen), saves)
 
-        count = min(workers or _cores(), len(tasks))
+        count = min(workers or cores.count(), len(tasks))
         if client is not None:
             sail_on_cluster(client, tasks, job, tally.take)
         elif count == 1:
@@ -128,10 +129,6 @@ def run_study(
     }
     store.finish(dataset, summarise(dataset) | {"clock": clock})
     return load_study(out)
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _sail_on_cores(jobs: list[Job], take: Callable[[Report, Any], None]) -> None:
@@ -160,13 +157,13 @@ def _processes(jobs: list[Job]) -> Iterator[dict[Connection, Any]]:
 
     context = multiprocessing.get_context("spawn")
     settings = {name: getattr(jax.config, name) for name in JAX_SETTINGS}
-    cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else [None]
+    numbers = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else [None]
     pipes: dict[Connection, Any] = {}
     running = []
     try:
         for number, job in enumerate(jobs):
             ours, theirs = context.Pipe(duplex=False)
-            core = cores[number % len(cores)]
+            core = numbers[number % len(numbers)]
             process = context.Process(target=work, args=(job, core, settings, theirs), daemon=True)
             process.start()
             running.append(process)

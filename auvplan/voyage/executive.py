@@ -14,7 +14,7 @@ import jax
 import numpy as np
 
 from auvplan import prng
-from auvplan.compiled import expecting
+from auvplan.compiled import MISSIONS, expecting
 from auvplan.mission import MissionConfig, MissionGraph, time_to_go
 from auvplan.path import PathConfig
 from auvplan.voyage.fleet import Fleet, Leg, Mission
@@ -28,9 +28,6 @@ from auvplan.voyage.simulator import WIDTH
 from auvplan.voyage.waters import Waters
 from auvplan.voyage.waypoints import make_graph
 from auvplan.voyage.world import make_sea, make_vehicle
-
-#: What the programs that missions use are kept together as.
-OCCASION = "missions"
 
 #: Legs that may be refused at one waypoint before the mission is given up.
 _REFUSALS = 8
@@ -122,7 +119,7 @@ def sail_missions(
     labels = range(len(keys)) if seeds is None else seeds
     if len(labels) != len(keys):
         raise ValueError(f"keys and seeds must be as many, got {len(keys)} and {len(labels)}")
-    with expecting(OCCASION):
+    with expecting(MISSIONS):
         fleet = make_fleet(scenario, folder, waters)
         waiting = deque(enumerate(zip(keys, labels, strict=True)))
         active: list[Mission] = []

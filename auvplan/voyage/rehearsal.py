@@ -1,12 +1,11 @@
 """Compiles what missions will need while the first of them is begun."""
 
 import logging
-import os
 from collections.abc import Callable
 from dataclasses import replace
 from threading import Thread
 
-from auvplan import cache
+from auvplan import cache, cores
 from auvplan.compiled import rehearsal
 from auvplan.voyage.clock import Clock
 from auvplan.voyage.fleet import Fleet, Mission
@@ -27,9 +26,10 @@ def rehearse(fleet: Fleet, embark: Callable[[], Mission]) -> None:
         fleet: what it shares with those that are to be sailed.
         embark: makes the mission.
     """
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    if cores.count() == 1 or not cache.enabled():
+        return
     scenario = fleet.scenario.model_dump_json()
-    if cores == 1 or not cache.enabled() or scenario in _rehearsed:
+    if scenario in _rehearsed:
         return
     _rehearsed.add(scenario)
     Thread(target=_begin_a_leg, args=(replace(fleet, clock=Clock()), embark), daemon=True).start()
