@@ -13,8 +13,6 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial.distance import cdist
 
-from auvplan.compiled import compiled
-from auvplan.mission.problem import shortest_routes
 from auvplan.mission.travel_times import TravelTimeConfig, travel_times
 from auvplan.ocean.environment import Environment
 from auvplan.vehicle import Vehicle
@@ -299,17 +297,14 @@ def random_graph(
     return MissionGraph(positions, adjacency, symmetric(rho.astype(float)), symmetric(delta))
 
 
-@compiled
-def time_to_go(leg_times: jax.Array, goal: Any) -> jax.Array:
+def time_to_go(leg_times: NDArray[np.floating], goal: int) -> NDArray[np.float64]:
     """Shortest time from each waypoint to the goal, [N] s, infinite where it is out of reach.
 
     Args:
         leg_times: [N, N] s, infinite off the edges.
-        goal: index, may be traced.
+        goal: index.
     """
-    leg_times = jnp.asarray(leg_times)
-    everywhere = jnp.broadcast_to(jnp.arange(leg_times.shape[0], dtype=jnp.int32), leg_times.shape)
-    return shortest_routes(everywhere, leg_times, goal)[0]
+    return dijkstra(_sparse(leg_times).T, indices=goal)
 
 
 def shortest_way(leg_times: NDArray[np.floating], start: int, goal: int) -> list[int]:
@@ -319,11 +314,16 @@ def shortest_way(leg_times: NDArray[np.floating], start: int, goal: int) -> list
         leg_times: [N, N] s, infinite off the edges.
         start, goal: indices.
     """
-    edges = csr_array(np.where(np.isfinite(leg_times), np.maximum(leg_times, 1e-3), 0.0))
-    times, before = dijkstra(edges, indices=start, return_predecessors=True)
+    times, before = dijkstra(_sparse(leg_times), indices=start, return_predecessors=True)
     if not np.isfinite(times[goal]):
         return []
     way = [int(goal)]
     while way[-1] != start:
         way.append(int(before[way[-1]]))
     return way[::-1]
+
+
+def _sparse(leg_times: NDArray[np.floating]) -> csr_array:
+    """[N, N] leg times with entries for the finite ones alone, those of no time among them."""
+    edges = np.nonzero(np.isfinite(leg_times))
+    return csr_array((np.asarray(leg_times, float)[edges], edges), shape=np.shape(leg_times))

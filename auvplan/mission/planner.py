@@ -24,6 +24,10 @@ if TYPE_CHECKING:
 #: One program serves searches of up to so many iterations.
 _ITERATIONS = 256
 
+#: Graphs are padded with waypoints that no edge leads to, so that one program serves several numbers of them:
+#: to one of these, or to a multiple of the largest.
+_SIZES = (16, 40, 64, 80, 100, 125, 160, 200, 250, 320, 400, 500)
+
 
 def plan_mission(
     graph: MissionGraph,
@@ -159,27 +163,42 @@ def plan_missions(
     given, count = _given(populations, batch, size, config)
     known = _known(known_orders, starts, goals, size)
 
-    legs, iterations = graphs.leg_times(rate), config.bbo.iterations
+    legs, iterations, more = graphs.leg_times(rate), config.bbo.iterations, _padded(size) - size
     shared = config.replace(bbo=config.bbo.replace(iterations=max(iterations, _ITERATIONS)))
+    square, row = [(0, 0), (0, more), (0, more)], [(0, 0), (0, more)]
+    edges = Edges.of(
+        np.pad(legs, square, constant_values=np.inf), np.pad(graphs.priority, square), config.degree
+    )
     found = over_rows(
         partial(search_missions, count=count, iterations=np.int32(iterations), config=shared),
         keys,
-        Edges.of(legs, graphs.priority, config.degree),
+        edges,
         starts,
         goals,
         budget.astype(np.float32),
-        closed,
+        np.pad(closed, row),
         margins.astype(np.float32),
-        given,
-        known,
+        np.insert(given, [size] * more, 0, axis=2),
+        np.pad(known, row, constant_values=-1),
     )
-    rows = iterations + 1
-    found = (replace(found[0], history=jax.tree.map(lambda row: row[:, :rows], found[0].history)), *found[1:])
-    return _collect(found, graphs, np.where(closed[:, None, :], np.inf, legs), starts, goals, budget, margins)
+    result, best, least = found
+    population = np.delete(result.state.population, np.s_[size : size + more], axis=2)
+    history = jax.tree.map(lambda rows: rows[:, : iterations + 1], result.history)
+    result = replace(result, state=replace(result.state, population=population), history=history)
+    best = replace(best, nodes=best.nodes[..., :size])
+    open_legs = np.where(closed[:, None, :], np.inf, legs)
+    return _collect(result, best, least, graphs, open_legs, starts, goals, budget, margins)
+
+
+def _padded(size: int) -> int:
+    """The number of waypoints that a graph of `size` of them is padded to."""
+    return next((most for most in _SIZES if most >= size), -(-size // _SIZES[-1]) * _SIZES[-1])
 
 
 def _collect(
-    found: Any,
+    result: Any,
+    best: Any,
+    least: np.ndarray,
     graphs: MissionGraph,
     legs: np.ndarray,
     starts: np.ndarray,
@@ -187,8 +206,7 @@ def _collect(
     budget: np.ndarray,
     margins: np.ndarray,
 ) -> MissionOrders:
-    """Results of `_plan` as orders, added up in double precision."""
-    result, best, least = found
+    """What a search found as orders, added up in double precision."""
     batch, size = legs.shape[:2]
     reached = np.asarray(best.reached[:, 0])
     nodes = np.where(reached[:, None], best.nodes[:, 0], -1)

@@ -20,14 +20,15 @@ from auvplan.ocean.chart import Chart
 from auvplan.ocean.currents import Current
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
+from auvplan.ocean.vortices import padded
 from auvplan.path import PathConfig, habitats
 from auvplan.path.cost import curves, fly, score, violations
 from auvplan.rows import padded_batches
 from auvplan.vehicle import Vehicle
 
-#: Numbers of edges that one call takes: batches are padded to them, so that no graph causes a compilation.
-_LINES = (64, 256, 384, 512, 4096)
-_FANS = (8, 64)
+#: Edges that one call takes, of straight lines and of fans: larger calls gain little, and one program each
+#: serves every graph.
+_LINES, _FANS = 64, 16
 
 #: Best detours of a fan that are polished, and the first step of the polish as a share of the bounds.
 _POLISHED = 4
@@ -88,16 +89,17 @@ def travel_times(
     sea = replace(env, current=None, obstacles=None)
     inside = _inside(starts, env) & _inside(goals, env)
 
-    leaves, tree = jax.tree.flatten(env.current)
+    shared = padded(env.current)
+    leaves, tree = jax.tree.flatten(shared)
     hosted = [np.asarray(leaf) for leaf in leaves] if world is not None else []
 
     def estimated(
-        chosen: NDArray[np.int_], sizes: tuple[int, ...], detours: int, steps: int
+        chosen: NDArray[np.int_], together: int, detours: int, steps: int
     ) -> tuple[np.ndarray, np.ndarray]:
         seconds, sailable = np.zeros(len(chosen)), np.zeros(len(chosen), bool)
-        for part, real in padded_batches(len(chosen), sizes):
+        for part, real in padded_batches(len(chosen), (together,)):
             edges = chosen[part]
-            current = env.current
+            current = shared
             if world is not None:
                 current = tree.unflatten([jnp.asarray(leaf[world[edges]]) for leaf in hosted])
             out = _estimate(

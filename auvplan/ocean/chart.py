@@ -9,6 +9,7 @@ import chex
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 from scipy import ndimage
@@ -18,9 +19,12 @@ from auvplan.errors import AuvplanError
 from auvplan.ocean.bilinear import bilinear, far_corner
 from auvplan.ocean.classify import DEFAULT_CLUSTERS, UNCERTAIN_MAX, classify
 from auvplan.ocean.picture import colours, opened
+from auvplan.rows import padded_batches
 
 #: Distance to a coast that is nowhere, in pixels.
 FAR = 1e6
+#: Points that one call looks up: others are padded to these numbers, so that they cause no compilation.
+_POINTS = (64, 1024, 16384, 131072)
 #: By how many pixels the interpolated distance may exceed the true one between pixel centres.
 INTERPOLATION_ERROR = 0.2
 # Pillow's names of the modes that hold one grey level a pixel.
@@ -145,7 +149,13 @@ class Chart:
         Returns:
             Broadcast shape, m. Outside the chart: that of the nearest point inside less the way there.
         """
-        return _distance(self, x, y)
+        if isinstance(x, Tracer) or isinstance(y, Tracer) or isinstance(self.signed_distance, Tracer):
+            return _distance(self, x, y)
+        x, y = np.broadcast_arrays(x, y)
+        found = np.zeros(x.size, jax.dtypes.canonicalize_dtype(np.result_type(x, y, np.float32)))
+        for points, real in padded_batches(x.size, _POINTS):
+            found[points[:real]] = np.asarray(_distance(self, x.ravel()[points], y.ravel()[points]))[:real]
+        return jnp.asarray(found.reshape(x.shape))
 
     def passability_at(self, x: ArrayLike, y: ArrayLike) -> jax.Array:
         """Passability by bilinear interpolation, 0 to 1; arguments as `distance`."""

@@ -18,10 +18,15 @@ import jax.numpy as jnp
 import numpy as np
 from jax.extend.core import Literal
 from jax.typing import ArrayLike
+from numpy.typing import NDArray
 
 from auvplan.compiled import compiled
+from auvplan.rows import padded_batches
 
 Velocity = tuple[jax.Array, jax.Array, jax.Array]
+
+#: Places that one call of `evaluated` takes; others are padded to these numbers.
+_POINTS = (64, 1024, 16384)
 
 
 @runtime_checkable
@@ -94,9 +99,17 @@ def _constants(seen: Any) -> Iterator[np.ndarray]:
                     yield from _constants(inner)
 
 
-def evaluated(current: Current, x: ArrayLike, y: ArrayLike, z: ArrayLike, t: ArrayLike) -> Velocity:
+def evaluated(
+    current: Current, x: ArrayLike, y: ArrayLike, z: ArrayLike, t: ArrayLike
+) -> tuple[NDArray[np.float64], ...]:
     """A current at places and times, in one compiled call: for use on the host, where arrays are large."""
-    return _evaluated(current, x, y, z, t)
+    places = np.broadcast_arrays(*(np.asarray(axis) for axis in (x, y, z, t)))
+    found = [np.zeros(places[0].size) for _ in range(3)]
+    for points, real in padded_batches(places[0].size, _POINTS):
+        part = _evaluated(current, *(axis.ravel()[points] for axis in places))
+        for whole, values in zip(found, part, strict=True):
+            whole[points[:real]] = np.asarray(values)[:real]
+    return tuple(component.reshape(places[0].shape) for component in found)
 
 
 @compiled

@@ -2,11 +2,13 @@
 
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import chex
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jax.typing import ArrayLike
 
 from auvplan.compiled import compiled
@@ -18,7 +20,8 @@ from auvplan.tangents import fixed, instantiated
 #: Peak of (1 - exp(-s^2)) / s over s, reached at s = 1.1209: where a Lamb-Oseen vortex turns fastest.
 _LAMB_PEAK = 0.63817
 
-#: Vortices added up in one go of the loop: fewer, longer steps; more only makes compilation longer.
+#: Vortices added up in one go of the loop: fewer, longer steps; more only makes compilation longer. Their
+#: number is padded to a multiple of it, so that one program serves several.
 _UNROLL = 4
 
 
@@ -107,6 +110,15 @@ class LambVortices:
         strength = np.pad(np.asarray(strength), more)
         radius = np.pad(np.asarray(radius), more, constant_values=1.0)
         return tree.unflatten([centers, strength, radius, *others])
+
+    def first(self, count: int) -> "LambVortices":
+        """The first vortices of each layer; leaves may have leading axes."""
+        return replace(
+            self,
+            centers=self.centers[..., :count, :],
+            strength=self.strength[..., :count],
+            radius=self.radius[..., :count],
+        )
 
     def scaled(self, factor: ArrayLike) -> "LambVortices":
         """The same vortices, `factor` times as strong."""
@@ -242,7 +254,10 @@ def random_vortices(
     """
     corners = jnp.asarray(lower, float), jnp.asarray(upper, float)
     sizes = radius, peak_speed, layer_noise, vertical_scale
-    return _random_vortices(key, *corners, *sizes, count=count, layers=layers)
+    field = _random_vortices(key, *corners, *sizes, count, count=rounded_up(count), layers=layers)
+    if field.strength.shape[-1] == count:
+        return field
+    return (field if isinstance(field.strength, Tracer) else jax.device_get(field)).first(count)
 
 
 @partial(compiled, static_argnames=("count", "layers"))
@@ -254,16 +269,17 @@ def _random_vortices(
     peak_speed: jax.Array,
     layer_noise: jax.Array,
     vertical_scale: jax.Array,
+    present: jax.Array,
     count: int,
     layers: int,
 ) -> LambVortices:
-    """`random_vortices`."""
+    """`random_vortices` of `count` places, of which the first `present` are taken."""
     center_key, radius_key, speed_key, sign_key, layer_key = jax.random.split(key, 5)
     first = jax.random.uniform(center_key, (count, 2), minval=low[:2], maxval=high[:2])
     size = jax.random.uniform(radius_key, (count,), minval=radius[0], maxval=radius[1])
     speed = jax.random.uniform(speed_key, (count,), minval=0.5, maxval=1.0)
     sign = jax.random.rademacher(sign_key, (count,), float)
-    strength = sign * strength_for_peak_speed(speed, size)
+    strength = sign * strength_for_peak_speed(speed, size) * (jnp.arange(count) < present)
 
     noise = jnp.cumsum(jax.random.normal(layer_key, (layers, count, 4)).at[0].set(0.0), axis=0) * layer_noise
     centers = first + noise[..., :2] * size[:, None]
@@ -319,3 +335,20 @@ def evolve(key: jax.Array, vortices: LambVortices, update: CurrentUpdate) -> Lam
         strength=vortices.strength * (1.0 + update.strength_std * step[:, 3]),
         radius=jnp.maximum(vortices.radius + update.radius_std * step[:, 2], update.radius_floor),
     )
+
+
+def padded(current: Any) -> Any:
+    """A current, a pytree, whose vortices, if it has any, are padded to a number that many fields share."""
+
+    def is_field(node: Any) -> bool:
+        return isinstance(node, LambVortices)
+
+    def longer(node: Any) -> Any:
+        return node.padded(rounded_up(node.strength.shape[-1])) if is_field(node) else node
+
+    return jax.tree.map(longer, current, is_leaf=is_field)
+
+
+def rounded_up(count: int) -> int:
+    """The number that so many vortices or obstacles are padded to."""
+    return -(-count // _UNROLL) * _UNROLL

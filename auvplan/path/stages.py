@@ -18,7 +18,7 @@ from auvplan.compiled import compiled
 from auvplan.ocean.currents import Current, divided, is_gradual, united
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
-from auvplan.ocean.vortices import LambVortices
+from auvplan.ocean.vortices import padded, rounded_up
 from auvplan.path import habitats
 from auvplan.path.clearance import FAR
 from auvplan.path.config import PathConfig
@@ -58,35 +58,15 @@ _ROUNDABOUT = 1.5
 #: against limits of the vehicle that are lower by the second factor.
 _STRICTER = (0.1, 0.99), (1.0, 0.98)
 
-#: Vortices and obstacles are padded to multiples of this, as many as one step of their loops takes, so that
-#: programs serve worlds with other numbers of them.
-_MULTIPLE = 4
-
 
 def split(env: Environment, world_per_leg: bool) -> tuple[World, Environment]:
     """What differs by leg, and what is the same for all."""
-    obstacles = env.obstacles.padded(_rounded_up(env.obstacles.radius.shape[-1]))
-    env = replace(env, current=_padded(env.current), obstacles=obstacles)
+    obstacles = env.obstacles.padded(rounded_up(env.obstacles.radius.shape[-1]))
+    env = replace(env, current=padded(env.current), obstacles=obstacles)
     if not world_per_leg:
         return None, env
     current, own = divided(env.current)
     return (own, env.obstacles), replace(env, current=current, obstacles=None)
-
-
-def _padded(current: Current) -> Current:
-    """A current whose vortices, if it has any, are padded."""
-
-    def is_field(node: Any) -> bool:
-        return isinstance(node, LambVortices)
-
-    def padded(node: Any) -> Any:
-        return node.padded(_rounded_up(node.strength.shape[-1])) if is_field(node) else node
-
-    return jax.tree.map(padded, current, is_leaf=is_field)
-
-
-def _rounded_up(count: int) -> int:
-    return -(-count // _MULTIPLE) * _MULTIPLE
 
 
 def world_of(own: World, shared: Environment) -> Environment:

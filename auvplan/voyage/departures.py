@@ -221,7 +221,7 @@ def _circumstances(missions: Sequence[Mission]) -> dict[str, Any]:
     speeds = []
     for mission in missions:
         told = copy(mission.sea).told()
-        water = np.asarray(over_ground(told, places, still, adrift, mission.now))
+        water = over_ground(told, places, still, adrift, now=mission.now)
         speeds.append(float(np.hypot(water[:, 0], water[:, 1]).mean()))
     return {
         "departs": np.asarray([mission.now for mission in missions]),

@@ -16,7 +16,7 @@ from auvplan.voyage.fleet import Fleet, Leg, Mission
 from auvplan.voyage.path_calls import plan_legs
 from auvplan.voyage.records import LegRecord
 from auvplan.voyage.sea import stacked
-from auvplan.voyage.simulator import TIME_STEP, WIDTH, Sailed, over_ground, sail
+from auvplan.voyage.simulator import TIME_STEP, WIDTH, Sailed, over_ground, padded_rows, sail
 from auvplan.voyage.world import draw_obstacles
 
 Array = NDArray[np.floating]
@@ -55,7 +55,7 @@ def set_out(fleet: Fleet, mission: Mission, record: LegRecord) -> None:
     origin, target = (np.asarray(mission.graph.positions[k]) for k in (record.start, record.goal))
     truth = draw_obstacles(fleet.scenario, origin, target, mission.rng)
     record.obstacle_radii, record.obstacle_kinds = truth.radius, truth.kinds
-    moves = np.asarray(over_ground(mission.sea.field, *truth.motion, mission.now), float)
+    moves = over_ground(mission.sea.field, *truth.motion, now=mission.now)
     belief = ObstacleBelief(truth, moves, mission.now, fleet.scenario.sensors, mission.rng)
     mission.leg = Leg(record, origin, target, truth, moves, belief)
 
@@ -101,7 +101,7 @@ def sail_on(fleet: Fleet, missions: list[Mission]) -> None:
         for mission in batch[:real]:
             mission.sea.advance(mission.now)
         fields = [mission.sea.field for mission in batch]
-        motions = zip(*(leg.truth.motion for leg in legs), strict=True)
+        motions = zip(*(map(padded_rows, leg.truth.motion) for leg in legs), strict=True)
         out: Sailed = jax.device_get(
             sail(
                 np.stack([leg.track for leg in legs]),
@@ -135,12 +135,14 @@ def _take(fleet: Fleet, mission: Mission, out: Sailed) -> None:
     if not leg.stretches:
         start = np.asarray([mission.now]), leg.origin[None], leg.truth.position[None]
         leg.stretches.append((*start, np.zeros((0, 3)), np.zeros((0, 3))))
+    present = len(leg.truth.radius)
     positions, obstacles, ground, water = (
-        np.asarray(part, float)[fresh] for part in (out.positions, out.obstacles, out.ground, out.water)
+        np.asarray(part, float)[fresh]
+        for part in (out.positions, out.obstacles[:, :present], out.ground, out.water)
     )
     leg.stretches.append((times[fresh], positions, obstacles, ground, water))
-    leg.truth.position = np.asarray(out.obstacles[-1], float)
-    leg.moves = np.asarray(out.moves, float)
+    leg.truth.position = np.asarray(out.obstacles[-1, :present], float)
+    leg.moves = np.asarray(out.moves[:present], float)
     leg.arc = float(out.arc)
     mission.now = float(times[-1])
     # The end of an escape is not the goal.

@@ -12,7 +12,7 @@ from auvplan import prng
 from auvplan.compiled import compiled
 from auvplan.ocean.currents import Current, SumCurrent, divided, united
 from auvplan.ocean.gridded import GriddedCurrent
-from auvplan.ocean.vortices import CurrentUpdate, LambVortices, evolve
+from auvplan.ocean.vortices import CurrentUpdate, LambVortices, evolve, padded
 
 
 class Sea(Protocol):
@@ -55,7 +55,7 @@ class VortexSea:
 
         It changes every `interval` s, or, where that is None, at every window of a leg.
         """
-        self.field: LambVortices = jax.device_get(field)
+        self.field: LambVortices = padded(jax.device_get(field))
         self._change_key, self._telling_key = prng.parts(key, 2)
         self._update = update
         self._interval = interval
@@ -94,7 +94,7 @@ class ModelSea:
     def __init__(self, truth: GriddedCurrent, forecast: GriddedCurrent, error: LambVortices | None = None):
         """Sail in `truth`; planners are told `forecast` and this mission's `error` added to it."""
         self.field = SumCurrent(truth)
-        self._told = SumCurrent(forecast, jax.device_get(error))
+        self._told = SumCurrent(forecast, padded(jax.device_get(error)))
 
     def advance(self, now: float) -> None:
         """Do nothing: the files' currents depend on time."""

@@ -8,9 +8,13 @@ from functools import partial
 
 import jax
 import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+from numpy.typing import NDArray
 
 from auvplan.compiled import compiled
 from auvplan.ocean.currents import Current, divided, united
+from auvplan.ocean.vortices import rounded_up
 from auvplan.vehicle import Vehicle, along_track
 
 #: Seconds between two recorded positions.
@@ -135,7 +139,21 @@ def _over_ground(
     return velocity + drift[:, None] * swept
 
 
-over_ground = compiled(_over_ground)
+_compiled_over_ground = compiled(_over_ground)
+
+
+def over_ground(current: Current, *motion: ArrayLike, now: float) -> NDArray[np.float64]:
+    """Velocity over ground, [M, 3] m/s, of obstacles of position, own velocity [M, 3] and drift [M]."""
+    count = len(motion[0])  # type: ignore[arg-type]
+    found = _compiled_over_ground(current, *(padded_rows(part) for part in motion), now)
+    return np.asarray(found, float)[:count]
+
+
+def padded_rows(values: ArrayLike) -> NDArray[np.float64]:
+    """Figures [M, ...] of obstacles, followed by zeros up to a number that one program serves."""
+    figures = np.asarray(values, float)
+    more = rounded_up(len(figures)) - len(figures)
+    return np.pad(figures, [(0, more)] + [(0, 0)] * (figures.ndim - 1))
 
 
 def _along(track: jax.Array, marks: jax.Array, arc: jax.Array) -> jax.Array:

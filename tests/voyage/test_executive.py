@@ -119,6 +119,18 @@ def test_same_key_same_mission_and_the_second_one_compiles_nothing():
     assert other.t_mission != first.t_mission
 
 
+def test_a_scenario_with_other_numbers_of_things_compiles_nothing():
+    ap.run_mission(scenario(), key=jax.random.key(5))
+    compiled = compilations()
+    other = scenario(
+        current=SMALL["current"] | {"vortices": 4},
+        obstacles={"static": 2, "afloat": 1, "self_motivated": 1},
+        mission=SMALL["mission"] | {"waypoints": 11},
+    )
+    ap.run_mission(other, key=jax.random.key(5))
+    assert compiled == compilations()
+
+
 def test_planning_time_is_charged_only_when_asked():
     charged = ap.run_mission(planning(charge_compute=True), key=jax.random.key(0))
     assert charged.charged_compute > 0.0
