@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from auvplan.compiled import compiled
 from auvplan.ocean.environment import Environment
+from auvplan.ocean.vortices import padded, rounded_up
 from auvplan.path.clearance import bed_altitude, coast_clearance, obstacle_clearance
 from auvplan.path.config import PathConfig
 from auvplan.path.kinematics import Axes, inner, norm
@@ -92,7 +93,8 @@ def thin(
             f"positions must be [S, 3] with S > 1 and times [S], got {places.shape} and {np.shape(times)}"
         )
     start = float(np.asarray(times)[0]) if depart is None else float(depart)
-    sea = _Sea(replace(env, obstacles=env.obstacles.resolved(env.current)), vehicle)
+    obstacles = env.obstacles.padded(rounded_up(len(env.obstacles)))
+    sea = _Sea(replace(env, current=padded(env.current), obstacles=obstacles), vehicle)
     path_times, path_room = sea.sail(places, start)
     distances = np.arange(len(path_room)) < _DISTANCES
     asked = np.where(distances, margin, 0.0)
@@ -169,6 +171,7 @@ def _steps(
     starts: Axes, way: Axes, time: jax.Array, env: Environment, vehicle: Vehicle
 ) -> tuple[jax.Array, jax.Array]:
     """Durations of steps [N] s whose middles are passed at a time [N] s, and `_room`."""
+    env = replace(env, obstacles=env.obstacles.resolved(env.current))
     x, y, z = (first + 0.5 * step for first, step in zip(starts, way, strict=True))
     water, gap = env.current(x, y, z, time), norm(*way)
     along = inner(water, way) / gap
@@ -184,7 +187,7 @@ class _Sea:
     """What straight lines are sailed through.
 
     Attributes:
-        env: the world, obstacles resolved.
+        env: the world.
         vehicle: speed and limits.
     """
 

@@ -23,8 +23,8 @@ from auvplan.rows import padded_batches
 
 #: Distance to a coast that is nowhere, in pixels.
 FAR = 1e6
-#: Points that one call looks up: others are padded to these numbers, so that they cause no compilation.
-_POINTS = (64, 1024, 16384, 131072)
+#: Points that one call from the host looks up.
+_POINTS = 16384
 #: By how many pixels the interpolated distance may exceed the true one between pixel centres.
 INTERPOLATION_ERROR = 0.2
 # Pillow's names of the modes that hold one grey level a pixel.
@@ -153,7 +153,7 @@ class Chart:
             return _distance(self, x, y)
         x, y = np.broadcast_arrays(x, y)
         found = np.zeros(x.size, jax.dtypes.canonicalize_dtype(np.result_type(x, y, np.float32)))
-        for points, real in padded_batches(x.size, _POINTS):
+        for points, real in padded_batches(x.size, (_POINTS,)):
             found[points[:real]] = np.asarray(_distance(self, x.ravel()[points], y.ravel()[points]))[:real]
         return jnp.asarray(found.reshape(x.shape))
 

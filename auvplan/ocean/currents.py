@@ -25,8 +25,8 @@ from auvplan.rows import padded_batches
 
 Velocity = tuple[jax.Array, jax.Array, jax.Array]
 
-#: Places that one call of `evaluated` takes; others are padded to these numbers.
-_POINTS = (64, 1024, 16384)
+#: Places that one call of `evaluated` takes.
+_POINTS = 4096
 
 
 @runtime_checkable
@@ -105,7 +105,7 @@ def evaluated(
     """A current at places and times, in one compiled call: for use on the host, where arrays are large."""
     places = np.broadcast_arrays(*(np.asarray(axis) for axis in (x, y, z, t)))
     found = [np.zeros(places[0].size) for _ in range(3)]
-    for points, real in padded_batches(places[0].size, _POINTS):
+    for points, real in padded_batches(places[0].size, (_POINTS,)):
         part = _evaluated(current, *(axis.ravel()[points] for axis in places))
         for whole, values in zip(found, part, strict=True):
             whole[points[:real]] = np.asarray(values)[:real]

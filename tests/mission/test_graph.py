@@ -1,7 +1,6 @@
 """The task graph."""
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given, settings
