@@ -38,9 +38,12 @@ _OCCASIONS = f"{__name__}.expecting"
 
 _count = 0
 _hits = 0
+_compiling = {"begun": 0, "done": 0}
+_listeners: list[Callable[..., None]] = []
 _programs: list["Program"] = []
 _used: dict[str, str] = {}
 _thread = threading.local()
+_counting = threading.Lock()
 _compilers = ThreadPoolExecutor(_THREADS, "auvplan-compile")
 _early: dict[str, Future[tuple[Callable[..., list], bytes] | None]] = {}
 
@@ -164,7 +167,9 @@ class Program:
     def _finished(self, key: str, lowered: Any, form: Any, count: int) -> tuple[Callable[..., list], bytes]:
         """Compile what is lowered, for so many arguments; see `_load` for what is returned."""
         before, pickled = _hits, pickle.dumps(form)
+        _announce(begun=1)
         made = lowered.compile()
+        _announce(done=1)
         if _hits == before:  # what comes out of JAX's own cache cannot be stored again
             try:
                 payload, _, _ = serialize_executable.serialize(made)
@@ -341,6 +346,26 @@ def drop_programs() -> None:
     """Forget all programs of this process, as `jax.clear_caches` does those of `jax.jit`."""
     for program in _programs:
         program.drop()
+
+
+@contextmanager
+def listening(tell: Callable[..., None]) -> Iterator[None]:
+    """Call `tell(begun=, done=)`, numbers of programs, whenever a program that is to be stored begins or ends to be compiled."""
+    _listeners.append(tell)
+    try:
+        yield
+    finally:
+        _listeners.remove(tell)
+
+
+def _announce(begun: int = 0, done: int = 0) -> None:
+    """Count programs as begun or done, and tell those who listen."""
+    with _counting:
+        _compiling["begun"] += begun
+        _compiling["done"] += done
+        now = dict(_compiling)
+    for tell in tuple(_listeners):
+        tell(**now)
 
 
 def _book_one() -> None:

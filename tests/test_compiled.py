@@ -14,7 +14,7 @@ from PIL import Image
 
 import auvplan as ap
 from auvplan import cache, cli
-from auvplan.compiled import Program, compilations, compiled, expecting, rehearsal
+from auvplan.compiled import Program, compilations, compiled, expecting, listening, rehearsal
 from auvplan.ocean.currents import FunctionCurrent, evaluated
 
 
@@ -50,6 +50,17 @@ def test_it_computes_what_jit_does_before_and_after_it_is_loaded(place):
     used = entries()[0].path.stat().st_mtime_ns
     np.testing.assert_array_equal(program()(x, times=2), expected(x, 2))
     assert [entry.path.stat().st_mtime_ns >= used for entry in entries()] == [True]
+
+
+def test_those_who_wait_are_told_of_compilations_and_of_nothing_else(place):
+    told = []
+    one = program()
+    with listening(lambda **counts: told.append(counts["begun"] - counts["done"])):
+        one(np.ones(3), times=2)
+        one(np.ones(3), times=2)
+        program()(np.ones(3), times=2)
+    one(np.ones(4), times=2)
+    assert told == [1, 0]
 
 
 def test_a_second_call_compiles_and_loads_nothing(place):

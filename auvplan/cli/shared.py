@@ -65,6 +65,22 @@ def time_bar(title: str, total: float, quiet: bool) -> Iterator[Callable[[float,
         TextColumn("{task.percentage:>3.0f} % of mission time"),
         TimeElapsedColumn(),
     )
+    from auvplan.compiled import listening
+
+    told: list[str] = []
+
+    def compiling(begun: int, done: int) -> None:
+        if quiet:
+            return
+        if not told:
+            told.append("once")
+            bar.console.print(
+                "compiling programs for this kind of scenario: up to a minute, once", highlight=False
+            )
+        if done < begun:
+            bar.update(task, description=f"compiling, {done} programs done")
+
     with Progress(*columns, console=errors, disable=quiet, transient=True) as bar:
         task = bar.add_task(title, total=total)
-        yield lambda now, doing: bar.update(task, completed=now, description=doing)
+        with listening(compiling):
+            yield lambda now, doing: bar.update(task, completed=now, description=doing)
