@@ -15,7 +15,7 @@ from auvplan.io.yaml_lines import Document, Path, short
 from auvplan.site import Site
 from auvplan.voyage.places import localised
 from auvplan.voyage.scenario import Scenario
-from auvplan.voyage.settings import SiteSettings
+from auvplan.voyage.settings import MOVED, SiteSettings
 
 #: Stands where a place is none: it is none either.
 _NO_PLACE = "no place"
@@ -125,8 +125,12 @@ def _read_error(found: Any, plain: dict[str, Any]) -> tuple[Path, str, str, str]
 def unknown_key(path: Path) -> str:
     """What to say of a key that there is not: the one that may be meant, or the section where it belongs."""
     key = str(path[-1])
-    sections = {name: _section(name) for name in Scenario.model_fields}
-    home = sections.get(str(path[0])) if len(path) > 1 else Scenario
+    if moved := MOVED.get(".".join(map(str, path))):
+        return f"is now {moved}"
+    sections = {name: _section(Scenario, name) for name in Scenario.model_fields}
+    home: type[BaseModel] | None = Scenario
+    for part in path[:-1]:
+        home = home and _section(home, str(part))
     elsewhere = {
         f"{name}.{inner}": inner for name, part in sections.items() if part for inner in part.model_fields
     }
@@ -137,9 +141,9 @@ def unknown_key(path: Path) -> str:
     return f"unknown key {short(key)}" + (f", did you mean {close[0]!r}?" if close else "")
 
 
-def _section(name: str) -> type[BaseModel] | None:
-    """The model of a section, of a plain field None."""
-    annotation = Scenario.model_fields[name].annotation
+def _section(model: type[BaseModel], name: str) -> type[BaseModel] | None:
+    """The model of a field that is a section; None of a plain field or of none."""
+    annotation = model.model_fields[name].annotation if name in model.model_fields else None
     for part in (annotation, *get_args(annotation)):
         if isinstance(part, type) and issubclass(part, BaseModel):
             return part
@@ -152,7 +156,7 @@ def _of_rule(location: Path, message: str) -> Path:
     first, second = words.groups() if words else ("", None)
     if not location:
         return (first, *([second] if second else [])) if first in Scenario.model_fields else ()
-    section = _section(str(location[0]))
+    section = _section(Scenario, str(location[0]))
     return (*location, first) if section is not None and first in section.model_fields else location
 
 
