@@ -124,11 +124,9 @@ def make_sea(
     settings = scenario.current
     if waters.truth is None or waters.forecast is None:
         field, update = make_current(scenario, field_key), current_update(scenario)
-        if not simulated:
-            return VortexSea(sea_key, field, update, None)
         by_window = scenario.planning.resolved.current_updates == "window"
         interval = None if by_window else settings.update_interval
-        return VortexSea(sea_key, field, update, interval, settings.forecast_error)
+        return VortexSea(sea_key, field, update, interval, settings.forecast_error if simulated else 0.0)
     if not simulated:
         return ModelSea(waters.forecast, waters.forecast)
     if settings.forecast_error == 0.0:
