@@ -1,5 +1,6 @@
 """Reads the waters of a scenario from its files."""
 
+from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -18,7 +19,7 @@ from auvplan.site import Site
 from auvplan.voyage.scenario import Scenario
 from auvplan.voyage.settings import ChartSettings, CurrentSettings
 from auvplan.voyage.waters import Waters
-from auvplan.voyage.world import picture_chart, require_area_on_chart
+from auvplan.voyage.world import picture_chart_and_notes, require_area_on_chart
 
 #: Pixels of a raster made from a current's file at most.
 _MAX_PIXELS = 16_000_000
@@ -42,7 +43,7 @@ def load_waters(scenario: Scenario, folder: str | Path = ".", until: float | Non
     """
     home, box = str(folder), scenario.box
     site, forecast, truth = _currents(scenario, home, until)
-    chart = _chart(scenario.chart, site, box, forecast, home)  # type: ignore[arg-type] - frozen models hash
+    chart, seen = _chart(scenario.chart, site, box, forecast, home)  # type: ignore[arg-type] - frozen models hash
     require_area_on_chart(scenario, chart)
     seabed, found = _seabed(scenario, site, box, forecast, home)
     jobs = None
@@ -61,7 +62,7 @@ def load_waters(scenario: Scenario, folder: str | Path = ".", until: float | Non
         truth and truth.field,
         jobs,
         obstacles,
-        tuple(dict.fromkeys((*notes, *found))),
+        tuple(dict.fromkeys((*notes, *seen, *found))),
     )
 
 
@@ -145,11 +146,15 @@ def _chart(
     box: Corners,
     current: "CurrentFile | None",
     home: str,
-) -> Chart | None:
+) -> tuple[Chart | None, tuple[str, ...]]:
+    """The chart, and what was assumed of its file."""
     lower, upper = box[0][:2], box[1][:2]
+    notes: tuple[str, ...] = ()
     size = settings.pixel_size
     if settings.source in ("whitsunday", "image", "none"):
-        chart = picture_chart(settings, home)  # type: ignore[arg-type] - frozen models hash
+        chart, notes = picture_chart_and_notes(settings, home)  # type: ignore[arg-type] - frozen models hash
+        if settings.source == "image":
+            notes += _other_size(settings, home)
     elif settings.source == "current":
         assert current is not None
         chart = _water_chart(current, box, size)
@@ -159,7 +164,9 @@ def _chart(
         place = {"lower": lower, "upper": upper, "pixel_size": size}
         file = _path(home, settings.file)
         if settings.source == "raster":
-            chart = geo.chart_from_raster(file, site, crs=settings.crs, **place)
+            chart, notes = geo.chart_and_notes(
+                file, site, crs=settings.crs, colours=settings.colours.told, **place
+            )
         else:
             uncertain = None if settings.uncertain is None else _path(home, settings.uncertain)
             chart = geo.chart_from_polygons(file, site, fringe=settings.fringe, uncertain=uncertain, **place)
@@ -167,7 +174,20 @@ def _chart(
         assert site is not None
         zones = geo.read_zones(_path(home, settings.no_go), site)
         chart = geo.with_no_go(chart, zones, lower=lower, upper=upper, pixel_size=size)
-    return chart
+    return chart, notes
+
+
+def _other_size(settings: ChartSettings, home: str) -> tuple[str, ...]:
+    """What is to be said where a picture's file tells another size of its pixels than the scenario."""
+    assert settings.image is not None
+    path = _path(home, settings.image)
+    with suppress(geo.GeoError):  # the place of such a picture is not used
+        told = geo.pixel_size(path)
+        if told is not None and abs(told.metres / settings.pixel_size - 1.0) > 0.01:
+            return (
+                f"{path}: chart.pixel_size is {settings.pixel_size:g} m, the file tells {told.metres:.4g} m",
+            )
+    return ()
 
 
 def _water_chart(current: "CurrentFile", box: Corners, size: float) -> Chart:
