@@ -105,7 +105,7 @@ def test_places_on_land_are_all_told_though_another_file_is_at_fault(tmp_path):
     ]
     (tmp_path / "coast.geojson").write_text(f'{{"type": "Polygon", "coordinates": [{ring}]}}')
     (tmp_path / "jobs.csv").write_text(
-        "x,y,depth,name\n100,100,5,a\n1000,1000,5,b\n-1000,0,99,c\n5000,0,1,d\n"
+        "north,east,depth,name\n100,100,5,a\n1000,1000,5,b\n-1000,0,99,c\n5000,0,1,d\n"
     )
     found = examine_scenario(tmp_path / "my.yaml")
     reasons = [(fault.field, fault.reason) for fault in found.faults]

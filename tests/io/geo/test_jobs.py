@@ -54,7 +54,7 @@ def test_csv_by_longitude_and_latitude(tmp_path):
 
 
 @pytest.mark.parametrize("site", [SITE, None])
-@pytest.mark.parametrize("heads", ["x;y", "North;East", "NORTH ; east"])
+@pytest.mark.parametrize("heads", ["North;East", "NORTH ; east"])
 def test_csv_in_local_metres_with_lines(tmp_path, site, heads):
     path = tmp_path / "jobs.csv"
     path.write_text(
@@ -95,28 +95,31 @@ def test_the_same_jobs_from_both(tmp_path):
     ("text", "words"),
     [
         ("", "has no rows of jobs"),
-        ("x,y\n", "has no rows of jobs"),
-        ("x,depth\n1,2\n", "needs the columns lon and lat, or x and y; it has x, depth"),
-        ("x,y,lon,lat\n1,2,3,4\n", "needs the columns lon and lat, or x and y"),
-        ("lon,y\n1,2\n", "needs the columns"),
-        ("x,north,y\n1,2,3\n", "two columns tell north"),
-        ("x,y,priorty\n1,2,3\n", "'priorty' means nothing here: 'priority' does"),
-        ("x,y\n1,2\n3\n", "row 3: east is missing"),
-        ("x,y\n1,2,3\n", "row 2: has 3 cells under 2 headings"),
-        ("x,y\n1,2\n\nthree,4\n", "row 4: north must be a finite number, got 'three'"),
-        ("x,y\nnan,2\n", "row 2: north must be a finite number"),
-        ("x,y,depth\n1,2,-5\n", "row 2: depth must be at least 0, got -5"),
-        ("x,y,priority\n1,2,-1\n", "row 2: priority must be at least 0"),
-        ("x,y,duration\n1,2,inf\n", "row 2: duration must be a finite number"),
+        ("north,east\n", "has no rows of jobs"),
+        (
+            "north,depth\n1,2\n",
+            "needs the columns longitude and latitude, or north and east; it has north, depth",
+        ),
+        ("north,east,lon,lat\n1,2,3,4\n", "needs the columns longitude and latitude, or north and east"),
+        ("lon,east\n1,2\n", "needs the columns"),
+        ("x,north,east\n1,2,3\n", "two columns tell north"),
+        ("north,east,priorty\n1,2,3\n", "'priorty' means nothing here: 'priority' does"),
+        ("north,east\n1,2\n3\n", "row 3: east is missing"),
+        ("north,east\n1,2,3\n", "row 2: has 3 cells under 2 headings"),
+        ("north,east\n1,2\n\nthree,4\n", "row 4: north must be a finite number, got 'three'"),
+        ("north,east\nnan,2\n", "row 2: north must be a finite number"),
+        ("north,east,depth\n1,2,-5\n", "row 2: depth must be at least 0, got -5"),
+        ("north,east,priority\n1,2,-1\n", "row 2: priority must be at least 0"),
+        ("north,east,duration\n1,2,inf\n", "row 2: duration must be a finite number"),
         ("lon,lat\n400,2\n", r"row 2: \(400, 2\) is no longitude"),
         ("lon,lat\n-20,148\n", r"row 2: \(-20, 148\) is no longitude"),
-        ("x,y,name\n1,2,a\n3,4,a\n", "two jobs are named 'a'"),
-        ("x,y,name,line\n1,2,a,\n3,4,,a\n5,6,,a\n", "two jobs are named 'a'"),
-        ("x,y,line\n1,2,a\n", "line 'a': a survey line needs at least two positions, got 1"),
-        ("x,y,line\n1,2,a\n1,2,a\n", "line 'a': positions 1 and 2 are the same place"),
-        ("x,y,line\n1,2,a\n3,4,a\n5,6,b\n7,8,b\n9,9,a\n", "row 6: line 'a' goes on after other rows"),
+        ("north,east,name\n1,2,a\n3,4,a\n", "two jobs are named 'a'"),
+        ("north,east,name,line\n1,2,a,\n3,4,,a\n5,6,,a\n", "two jobs are named 'a'"),
+        ("north,east,line\n1,2,a\n", "line 'a': a survey line needs at least two positions, got 1"),
+        ("north,east,line\n1,2,a\n1,2,a\n", "line 'a': positions 1 and 2 are the same place"),
+        ("north,east,line\n1,2,a\n3,4,a\n5,6,b\n7,8,b\n9,9,a\n", "row 6: line 'a' goes on after other rows"),
         (
-            "x,y,line,priority\n1,2,a,1\n3,4,a,2\n",
+            "north,east,line,priority\n1,2,a,1\n3,4,a,2\n",
             "row 3: line 'a' has priority 1 in an earlier row, 2 in this",
         ),
     ],
