@@ -84,6 +84,7 @@ def test_every_file_is_tried(tmp_path):
     found = examine_scenario(tmp_path / "my.yaml")
     assert [(fault.field, fault.place and fault.place[0]) for fault in found.faults] == [
         ("chart.file", 5),
+        ("chart.no_go", 6),
         ("bathymetry.file", 9),
         ("current.files", 12),
         ("current.truth", 13),

@@ -76,8 +76,8 @@ def check_values(
         file = series.files[int(series.frames[frames][first, 0])].path
         more = f" and at {len(missing) - 1} other of {len(moments)} times" if len(missing) > 1 else ""
         raise CurrentError(
-            f"{file}: at {stamp(float(moments[first]))}{more} the current is missing in {lost[first]:.0%} of the "
-            "water that other times have: take such times out of the file, or fetch it anew"
+            f"{file}: at {stamp(float(moments[first]))}{more} the current is missing in {lost[first]:.0%} of "
+            "the water that other times have: take such times out of the file, or fetch it anew"
         )
     if follows:  # the tide lifts and lowers the bed among the depths
         gone[:, 1:] &= ~known[:, :-1]
