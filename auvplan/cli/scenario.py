@@ -106,7 +106,7 @@ def _tell(found: "Examination") -> None:
 
 def _draw(found: "Examination", path: Path) -> None:
     """Draw a scenario as far as its files could be read."""
-    if found.scenario is None:
+    if found.scenario is None or found.waters is None:
         typer.echo("no map: the scenario's fields are at fault")
         return
     from auvplan.plot.waters import draw_waters

@@ -9,7 +9,6 @@ import numpy as np
 from auvplan.io.faults import Fault, fault_at, in_order
 from auvplan.io.swapped import swapped
 from auvplan.io.yaml_lines import Document, Path
-from auvplan.ocean import whitsunday
 from auvplan.site import Site, as_utc
 from auvplan.voyage.scenario import Scenario
 
@@ -83,7 +82,9 @@ def _place(scenario: Scenario, sections: dict[str, dict[str, Any]]) -> Iterator[
                 f"{hint}: move the site into the area",
             )
         if scenario.chart.source == "whitsunday":
-            home = Site(*whitsunday.CENTRE)
+            from auvplan.ocean.whitsunday import CENTRE  # it loads JAX, which most scenarios need later only
+
+            home = Site(*CENTRE)
             away = float(np.hypot(*home.to_local(site.longitude, site.latitude)))
             if away > _FAR:
                 yield (

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from glob import glob
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,12 +17,13 @@ from auvplan.io import geo
 from auvplan.io.doubts import doubts, unreachable
 from auvplan.io.faults import Fault, fault_at, in_order
 from auvplan.io.scenario_file import check_scenario
-from auvplan.io.waters import load_waters
 from auvplan.io.yaml_lines import Document
 from auvplan.voyage.scenario import Scenario
 from auvplan.voyage.settings import BathymetrySettings, ChartSettings, CurrentSettings, SiteSettings
-from auvplan.voyage.waters import Waters
-from auvplan.voyage.waypoints import make_graph, misplaced
+
+# Readers, charts and graphs load JAX and more: fields that are at fault are told without them.
+if TYPE_CHECKING:
+    from auvplan.voyage.waters import Waters
 
 #: Fields that name files, by section.
 _FILES = {
@@ -43,7 +44,7 @@ class Examination:
         warnings: what can hardly be meant, a line each.
         notes: assumptions that were made in reading its files, a line each.
         scenario: None where its fields are at fault.
-        waters: what could be read of its files; the chart is without closed areas.
+        waters: what could be read of its files; the chart is without closed areas. None with `scenario`.
         closed: the closed areas.
     """
 
@@ -52,8 +53,8 @@ class Examination:
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     scenario: Scenario | None = None
-    waters: Waters = field(default_factory=Waters)
-    closed: tuple[geo.Zone, ...] = ()
+    waters: "Waters | None" = None
+    closed: "tuple[geo.Zone, ...]" = ()
 
     @property
     def lines(self) -> list[str]:
@@ -80,6 +81,8 @@ def examine_scenario(source: str | Path) -> Examination:
     if scenario is None:
         found = [*faults, *missing.values(), *_job_faults(document, folder, missing)]
         return Examination(str(source), tuple(in_order(found)))
+    from auvplan.io.waters import load_waters
+
     found = _Findings(scenario, document, folder, list(missing.values()))
     with _heard() as heard:
         parts = _read_apart(scenario, found, missing)
@@ -186,9 +189,9 @@ class _Findings:
     document: Document
     folder: Path
     faults: list[Fault] = field(default_factory=list)
-    read: list[Waters] = field(default_factory=list)
+    read: "list[Waters]" = field(default_factory=list)
 
-    def attempt(self, section: str, settings: Any, action: Callable[[], Waters | None]) -> Waters | None:
+    def attempt(self, section: str, settings: Any, action: "Callable[[], Waters | None]") -> "Waters | None":
         """What an action gives; None where it fails, which becomes a fault or more."""
         try:
             waters = action()
@@ -226,8 +229,10 @@ class _Findings:
 
 def _read_apart(
     scenario: Scenario, found: _Findings, missing: dict[tuple[str, str], Fault]
-) -> dict[str, Waters | None]:
+) -> "dict[str, Waters | None]":
     """The waters of each part of a scenario as far as it can be read, one file after the other."""
+    from auvplan.io.waters import load_waters
+
     parts: dict[str, Waters | None] = {}
     for part, section, settings, alone in _apart(scenario, missing):
         if section in ("chart", "bathymetry") and settings.source == "current" and not parts.get("current"):
@@ -236,7 +241,10 @@ def _read_apart(
     return parts
 
 
-def _together(parts: dict[str, Waters | None]) -> Waters:
+def _together(parts: "dict[str, Waters | None]") -> "Waters":
+    """What could be read, in one."""
+    from auvplan.voyage.waters import Waters
+
     got = {part: waters or Waters() for part, waters in parts.items()}
     empty = Waters()
     return Waters(
@@ -288,15 +296,20 @@ def _apart(
         yield "mission", "mission", scenario.mission, bare.model_copy(update={"mission": scenario.mission})
 
 
-def _zones(scenario: Scenario, closed: Waters | None, folder: Path) -> tuple[geo.Zone, ...]:
+def _zones(scenario: Scenario, closed: "Waters | None", folder: Path) -> "tuple[geo.Zone, ...]":
     """The closed areas, where they could be read."""
     if closed is None or closed.site is None or scenario.chart.no_go is None:
         return ()
     return tuple(geo.read_zones(folder / Path(scenario.chart.no_go).expanduser(), closed.site))
 
 
-def _places(scenario: Scenario, waters: Waters, closed: Waters | None, document: Document) -> Iterator[Fault]:
+def _places(
+    scenario: Scenario, waters: "Waters", closed: "Waters | None", document: Document
+) -> Iterator[Fault]:
     """Start, goal and jobs that no vehicle can go to."""
+    from auvplan.voyage.waters import Waters
+    from auvplan.voyage.waypoints import misplaced
+
     mission = scenario.mission
 
     def wrong_with(point: Any) -> str:
@@ -320,4 +333,7 @@ def _places(scenario: Scenario, waters: Waters, closed: Waters | None, document:
 
 
 def _graph(scenario: Scenario, folder: Path) -> None:
+    from auvplan.io.waters import load_waters
+    from auvplan.voyage.waypoints import make_graph
+
     make_graph(scenario, load_waters(scenario, folder), np.random.default_rng(0))
