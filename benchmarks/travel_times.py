@@ -91,7 +91,7 @@ def main() -> None:
     print(f"{'':48} {'against T_path planned':^26} {'against the time sailed':^26} {'ms an edge':>10}")
     distance = np.linalg.norm(goals - starts, axis=1) / scenario.vehicle.speed
     describe("d / |v| (Eq. 13)", distance, planned, sailed, 0.0)
-    allowance = scenario.planning.detour * scenario.obstacles.total
+    allowance = scenario.planning.detour * scenario.simulation.obstacles.total
     world = np.arange(len(legs))
     for name, config in LEVELS.items():
         times, seconds = [], np.zeros(len(legs))

@@ -18,7 +18,7 @@ LEG = {
     "area": {"lower": [0, 0, 0], "upper": [1500, 1500, 40]},
     "chart": {"source": "none"},
     "current": {"vortices": 2, "layers": 1, "radius": [200, 400], "peak_speed": 0.6, "update_interval": 120},
-    "obstacles": {"static": 1, "afloat": 0, "self_motivated": 0},
+    "simulation": {"obstacles": {"static": 1, "afloat": 0, "self_motivated": 0}},
     "mission": {"waypoints": 2, "start": [100, 100, 10], "goal": [1300, 1300, 10], "time_available": 3000},
 }
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from auvplan.cli import departures, export, mission, paper, scenario, study, tools
+from auvplan.cli import departures, export, mission, paper, plan, scenario, study, tools
 from auvplan.cli.shared import errors
 from auvplan.errors import AuvplanError, ScenarioWarning
 
@@ -18,6 +18,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 for command in (
+    plan.plan,
+    plan.rehearse,
     mission.mission,
     mission.path,
     departures.departures,

@@ -105,7 +105,7 @@ def departure_times(settings: Any, folder: Path, begin: str, end: str, step: str
         ScenarioError: an option cannot be understood or is out of range; the line names it.
     """
     first, last = (
-        _seconds(name, text, settings, folder) for name, text in (("--from", begin), ("--to", end))
+        departure_seconds(name, text, settings, folder) for name, text in (("--from", begin), ("--to", end))
     )
     apart = _duration(step)
     if apart is None or not apart > 0.0:
@@ -122,8 +122,12 @@ def departure_times(settings: Any, folder: Path, begin: str, end: str, step: str
     return [first + k * apart for k in range(count)]
 
 
-def _seconds(option: str, text: str, settings: Any, folder: Path) -> float:
-    """A departure, s since the scenario's epoch."""
+def departure_seconds(option: str, text: str, settings: Any, folder: Path) -> float:
+    """A departure, s since the scenario's epoch, from the text of an option.
+
+    Raises:
+        ScenarioError: it cannot be understood; the line names the option.
+    """
     from auvplan.io.waters import load_waters
     from auvplan.site import as_utc
 
@@ -144,7 +148,7 @@ def _seconds(option: str, text: str, settings: Any, folder: Path) -> float:
             raise ScenarioError(
                 f"{option} {text!r}: the scenario has no date, set site.departure or give hours such as +3h"
             )
-        seconds = (moment - epoch).total_seconds()
+        seconds = (moment - epoch).totaldeparture_seconds()
     if not abs(seconds) <= _FARTHEST * 3600.0:
         raise ScenarioError(f"{option} {text!r} lies more than a year from the scenario's departure")
     return seconds
@@ -163,7 +167,7 @@ def _duration(text: str) -> float | None:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            seconds = pd.to_timedelta(text.strip().lower()).total_seconds()
+            seconds = pd.to_timedelta(text.strip().lower()).totaldeparture_seconds()
     except (ValueError, OverflowError):
         return None
     return None if math.isnan(seconds) else seconds
@@ -205,8 +209,7 @@ def _rows(found: Any) -> list[dict[str, Any]]:
             "time_s": round(float(found.time[k]), 1) if feasible else "",
         }
         if found.plans is None:
-            order = found.orders[k]
-            nodes = [] if order is None else [int(node) for node in order.nodes]
+            nodes = found.routes[k] or []
             row["tasks"] = int(found.tasks[k]) if feasible else ""
             row["total_priority"] = f"{found.priority[k]:g}" if feasible else ""
             row["waypoints"] = " > ".join(found.names[node] if found.names else str(node) for node in nodes)

@@ -19,14 +19,24 @@ def export(
     out: Annotated[
         Path | None, typer.Option("--out", help="Folder for the files; the result's own if absent.")
     ] = None,
+    as_simulated: Annotated[
+        bool, typer.Option("--as-simulated", help="Export the paths of a simulated mission all the same.")
+    ] = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Write the plan of a result in the files that ground stations and maps open."""
+    """Write a plan in the files that ground stations and maps open."""
     from auvplan.export import FORMATS, export, export_notes, itinerary_of
+    from auvplan.io.files import ResultError
     from auvplan.io.restore import restore_run
 
     chosen = [name.strip() for text in formats or FORMATS for name in text.split(",")]
-    itinerary = itinerary_of(restore_run(folder))
+    run = restore_run(folder)
+    if run.simulated and not as_simulated:
+        raise ResultError(
+            f"{folder}: is a simulated mission, whose paths avoid obstacles that the simulator drew: "
+            "`auvplan plan` makes the plan for a vehicle, --as-simulated exports this one all the same"
+        )
+    itinerary = itinerary_of(run)
     notes = export_notes(itinerary, chosen)
     files = export(itinerary, out or folder, chosen)
     if not quiet:

@@ -69,7 +69,7 @@ def montecarlo(
 
     settings, folder = load(scenario, preset, objective)
     design = Design(settings, count, seed, tuple(Sweep.parse(text) for text in sweep or ()))
-    with _mission_bar(quiet) as progress:
+    with mission_bar(quiet) as progress:
         dataset = run_study(
             design,
             out,
@@ -121,7 +121,7 @@ def _table(case: dict[str, Any]) -> Table:
 
 
 @contextmanager
-def _mission_bar(quiet: bool) -> Iterator[Callable[[int, int, float], None]]:
+def mission_bar(quiet: bool) -> Iterator[Callable[[int, int, float], None]]:
     """A progress bar over missions: how many are done, their rate, the time left."""
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 

@@ -47,23 +47,39 @@ def itinerary_of(
         env = _environment(leg, plan, run.chart, run.seabed)
         legs.append(whole.thinned(env, run.vehicle, tolerance, margin))
     still = [
-        (leg.obstacle_positions[0, m], float(radius))
-        for leg in run.legs
-        if len(leg.times)
-        for m, (radius, kind) in enumerate(zip(leg.obstacle_radii, leg.obstacle_kinds, strict=True))
-        if kind == "static"
+        ((*obstacle.position, obstacle.depth_min), obstacle.radius)
+        for obstacle in run.obstacles
+        if not obstacle.moves
     ]
     return itinerary_of_parts(
         str(run.scenario.get("name") or "mission"),
         site,
         float(np.asarray(run.vehicle.speed)),
         legs,
-        [Track(leg.times, leg.positions, leg.motion) for leg in run.legs if len(leg.times) > 1],
+        [
+            Track(leg.times, leg.positions, leg.motion)
+            for leg in run.legs
+            if run.simulated and len(leg.times) > 1
+        ],
         chart=run.chart,
         obstacles=still,
+        notes=_notes(run),
         seed=run.seed,
         configuration=json.dumps(run.scenario),
     )
+
+
+def _notes(run: MissionRun) -> list[str]:
+    """What whoever opens the files should know."""
+    notes = []
+    if run.simulated:
+        notes.append(
+            "the paths are those of one simulated mission, planned past obstacles that the simulator drew: "
+            "`auvplan plan` makes the plan for a vehicle"
+        )
+    if moving := [obstacle.name for obstacle in run.obstacles if obstacle.moves]:
+        notes.append(f"obstacles that move have no fence: {', '.join(moving)}")
+    return notes
 
 
 def _environment(leg: LegRecord, plan: PlanRecord, chart: Chart | None, seabed: Seabed | None) -> Environment:

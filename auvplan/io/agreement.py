@@ -13,6 +13,7 @@ from auvplan.errors import ScenarioError, ScenarioWarning
 from auvplan.io.geo.geojson import is_place
 from auvplan.mission.jobs import Jobs
 from auvplan.ocean.chart import Chart
+from auvplan.ocean.known import KnownObstacle
 from auvplan.ocean.seabed import Seabed
 from auvplan.site import Site
 from auvplan.voyage.scenario import Scenario
@@ -205,6 +206,27 @@ def check_jobs(jobs: Jobs, site: Site | None, scenario: Scenario) -> None:
     if twice:
         more = f", and {len(twice) - 1} more pairs" if len(twice) > 1 else ""
         _warn(f"{file}: jobs {twice[0]} lie in the same place{more}")
+
+
+def check_obstacles(obstacles: tuple[KnownObstacle, ...], scenario: Scenario) -> None:
+    """Warn where no obstacle of a file comes near the area.
+
+    Warns:
+        ScenarioWarning: none reaches into the area at any time of the mission.
+    """
+    if not obstacles:
+        return
+    low, high = (np.asarray(corner[:2]) for corner in scenario.box)
+    nearest = np.inf
+    for obstacle in obstacles:
+        reach = obstacle.radius + np.hypot(*obstacle.velocity) * scenario.mission.time_available
+        beyond = np.maximum(np.maximum(low - obstacle.position, obstacle.position - high), 0.0)
+        nearest = min(nearest, float(np.linalg.norm(beyond)) - reach)
+    if nearest > 0.0:
+        _warn(
+            f"{scenario.obstacles.file}: none of its obstacles reaches into the area, the nearest is "
+            f"{nearest / 1000.0:,.1f} km from it"
+        )
 
 
 def _require_about(file: str, places: NDArray, site: Site | None, box: Corners) -> None:

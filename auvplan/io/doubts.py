@@ -136,7 +136,7 @@ def _idle(scenario: Scenario, sections: dict[str, dict[str, Any]]) -> Iterator[t
     if bed != "file":
         idle |= {f"bathymetry.{name}": ("bathymetry.source", bed) for name in ("variable", "positive")}
     if bed == "none":
-        idle |= {f"bathymetry.{name}": ("bathymetry.source", bed) for name in ("pixel_size", "clearance")}
+        idle["bathymetry.pixel_size"] = "bathymetry.source", bed
     if current.source == "file":
         names = ["layers", "peak_speed", "vertical_scale", "uniform", "update_rate"]
         names += ["center_std", "radius_std", "strength_std"]
@@ -146,7 +146,12 @@ def _idle(scenario: Scenario, sections: dict[str, dict[str, Any]]) -> Iterator[t
     idle |= {f"current.{name}": ("current.source", current.source) for name in names}
     if scenario.mission.jobs is not None:
         told = "mission.jobs", scenario.mission.jobs
-        idle |= {f"mission.{name}": told for name in ("waypoints", "priority", "duration")}
+        given = (
+            "waypoints",
+            "priority",
+            "duration",
+        )
+        idle |= {f"mission.{name}": told for name in given}
     for field, (other, value) in idle.items():
         section, name = field.split(".")
         if name in sections.get(section, {}):

@@ -19,7 +19,13 @@ from auvplan.io.faults import Fault, fault_at, in_order
 from auvplan.io.scenario_file import check_scenario
 from auvplan.io.yaml_lines import Document
 from auvplan.voyage.scenario import Scenario
-from auvplan.voyage.settings import BathymetrySettings, ChartSettings, CurrentSettings, SiteSettings
+from auvplan.voyage.settings import (
+    BathymetrySettings,
+    ChartSettings,
+    CurrentSettings,
+    ObstacleSettings,
+    SiteSettings,
+)
 
 # Readers, charts and graphs load JAX and more: fields that are at fault are told without them.
 if TYPE_CHECKING:
@@ -30,6 +36,7 @@ _FILES = {
     "chart": ("image", "file", "uncertain", "no_go"),
     "bathymetry": ("file",),
     "current": ("files", "truth"),
+    "obstacles": ("file",),
     "mission": ("jobs",),
 }
 
@@ -253,6 +260,7 @@ def _together(parts: "dict[str, Waters | None]") -> "Waters":
         site=next((part.site for part in got.values() if part.site is not None), None),
         forecast=got.get("current", empty).forecast,
         jobs=got.get("mission", empty).jobs,
+        obstacles=got.get("obstacles", empty).obstacles,
     )
 
 
@@ -271,6 +279,7 @@ def _apart(
             "chart": shipped or ChartSettings(source="none"),
             "bathymetry": BathymetrySettings(),
             "current": vortices,
+            "obstacles": ObstacleSettings(),
             "mission": scenario.mission.model_copy(update={"jobs": None}),
         }
     )
@@ -292,6 +301,9 @@ def _apart(
         needed = told if scenario.bathymetry.source == "current" else vortices
         only = bare.model_copy(update={"bathymetry": scenario.bathymetry, "current": needed})
         yield "bathymetry", "bathymetry", scenario.bathymetry, only
+    if scenario.obstacles.file is not None and ("obstacles", "file") not in missing:
+        only = bare.model_copy(update={"obstacles": scenario.obstacles})
+        yield "obstacles", "obstacles", scenario.obstacles, only
     if scenario.mission.jobs is not None and ("mission", "jobs") not in missing:
         yield "mission", "mission", scenario.mission, bare.model_copy(update={"mission": scenario.mission})
 

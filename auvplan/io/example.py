@@ -27,6 +27,7 @@ _COPIES = {
     "example/scenario.yaml": SCENARIO,
     "example/jobs.geojson": "jobs.geojson",
     "example/no_go.geojson": "no_go.geojson",
+    "example/obstacles.geojson": "obstacles.geojson",
     _COAST: _COAST,
     "NOTICE.md": "NOTICE.md",
 }

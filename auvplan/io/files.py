@@ -3,7 +3,9 @@
 import json
 import os
 import secrets
-from collections.abc import Callable
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +18,18 @@ if TYPE_CHECKING:
 
 #: Names of the two files that hold a run.
 SUMMARY, MISSION = "summary.json", "mission.nc"
+
+#: Names of the other files of a run, as patterns.
+RESULTS = (
+    "itinerary.*",
+    "sheet.html",
+    "sheet.pdf",
+    "mission.png",
+    "timeline.png",
+    "currents.png",
+    "obstacles.png",
+    "convergence.png",
+)
 
 #: Larger summaries are no summaries.
 _MAX_SUMMARY_BYTES = 50_000_000
@@ -45,6 +59,56 @@ def output_folder(path: str | Path) -> Path:
     except OSError as error:
         raise OutputError(f"cannot write to folder {folder}: {_reason(error)}") from None
     return folder
+
+
+@contextmanager
+def whole_result(path: str | Path) -> Iterator[Path]:
+    """A folder to write the results of one run to, which take the place of all of an earlier run's at the end.
+
+    Until then the earlier results are as they were, and so they stay where an error or a signal ends the run.
+    Files of other names in the folder are left alone.
+
+    Args:
+        path: of the folder, made where missing.
+
+    Raises:
+        OutputError: one line that names the folder and the reason.
+    """
+    target = output_folder(path).resolve()
+    for left in target.parent.glob(f".{target.name}.*.part"):
+        if not _alive(left):
+            shutil.rmtree(left, ignore_errors=True)
+    partial = target.parent / f".{target.name}.{os.getpid()}.part"
+    try:
+        shutil.rmtree(partial, ignore_errors=True)
+        partial.mkdir()
+        yield partial
+        _take_over(partial, target)
+    except OSError as error:
+        raise OutputError(f"cannot write to folder {path}: {_reason(error)}") from None
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+
+
+def _alive(partial: Path) -> bool:
+    """Whether the process that a folder in the making belongs to is still there."""
+    try:
+        os.kill(int(partial.name.split(".")[-2]), 0)
+    except (ValueError, ProcessLookupError):
+        return False
+    except OSError:
+        pass
+    return True
+
+
+def _take_over(partial: Path, target: Path) -> None:
+    """Remove the results of an earlier run, that which makes them a result first, and move the new ones in."""
+    for name in (SUMMARY, MISSION, *RESULTS):
+        for stale in target.glob(name):
+            stale.unlink()
+    fresh = sorted(partial.iterdir(), key=lambda file: (file.name == SUMMARY, file.name == MISSION))
+    for file in fresh:
+        os.replace(file, target / file.name)
 
 
 def write_atomically(path: str | Path, write: Callable[[Path], object]) -> Path:

@@ -14,6 +14,7 @@ from auvplan.io.scenario_file import validate_scenario
 from auvplan.io.waters import load_truth
 from auvplan.mission import MissionGraph
 from auvplan.ocean.currents import Current
+from auvplan.ocean.known import KnownObstacle
 from auvplan.vehicle import Vehicle
 from auvplan.voyage.records import LegRecord, MissionRun, PlanRecord
 
@@ -65,10 +66,19 @@ def restore_run(folder: str | Path) -> MissionRun:
             site=site_of(dataset),
             seabed=seabed_of(dataset),
             names=names,
+            simulated=bool(attributes.get("simulated", True)),
+            obstacles=tuple(_obstacle(told) for told in json.loads(attributes.get("known_obstacles", "[]"))),
         )
     except (KeyError, TypeError, json.JSONDecodeError) as error:
         raise ResultError(f"{Path(folder) / MISSION}: incomplete ({' '.join(str(error).split())})") from None
     return run
+
+
+def _obstacle(told: dict) -> KnownObstacle:
+    """A known obstacle from JSON."""
+    places = {name: tuple(told[name]) for name in ("position", "velocity")}
+    deepest = np.inf if told["depth_max"] is None else told["depth_max"]
+    return KnownObstacle(**(told | places | {"depth_max": deepest}))
 
 
 def _limits(attributes: dict) -> list[str]:

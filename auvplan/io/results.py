@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from auvplan.io.fields import (
 )
 from auvplan.io.files import MISSION, SUMMARY, output_folder, read_mission, write_atomically, write_dataset
 from auvplan.motion import Motion
+from auvplan.ocean.known import KnownObstacle
 from auvplan.site import Site
 from auvplan.voyage.records import LegRecord, MissionRun
 
@@ -27,17 +29,18 @@ from auvplan.voyage.records import LegRecord, MissionRun
 TIME_UNITS = "seconds since 2000-01-01 00:00:00"
 
 #: Names that a flag may take; others are added as they appear.
-_KINDS = ("static", "afloat", "self-motivated")
+_KINDS = ("static", "afloat", "self-motivated", "known")
 _PLAN_CAUSES = ("leg", "window", "hazard")
 _ORDER_CAUSES = ("start", "late", "early", "refused")
 
 
-def save_run(run: MissionRun, folder: str | Path) -> Path:
+def save_run(run: MissionRun, folder: str | Path, sheet: dict[str, Any] | None = None) -> Path:
     """Write `summary.json` and `mission.nc`.
 
     Args:
         run: as sailed.
         folder: made where missing; files of an earlier run are replaced.
+        sheet: of the mission, to go into the summary.
 
     Returns:
         The folder.
@@ -47,7 +50,8 @@ def save_run(run: MissionRun, folder: str | Path) -> Path:
     """
     target = output_folder(folder)
     write_dataset(to_dataset(run), target / MISSION)
-    text = json.dumps(run.summary(), indent=2) + "\n"
+    summary = run.summary() | ({} if sheet is None else {"sheet": sheet})
+    text = json.dumps(summary, indent=2) + "\n"
     write_atomically(target / SUMMARY, lambda path: path.write_text(text, encoding="utf-8"))
     return target
 
@@ -91,7 +95,9 @@ def _attributes(run: MissionRun) -> dict[str, Any]:
         "Conventions": "CF-1.11",
         "featureType": "trajectory",
         "title": f"AUV mission, scenario {run.scenario.get('name') or 'unnamed'}, seed {run.seed}",
-        "source": f"auvplan {version('auvplan')}, simulated",
+        "source": f"auvplan {version('auvplan')}, {'simulated' if run.simulated else 'planned'}",
+        "simulated": np.int8(run.simulated),
+        "known_obstacles": json.dumps([_plain(obstacle) for obstacle in run.obstacles]),
         "comment": "Local frame: north, east, depth [m]; times count from the scenario's epoch, one without "
         "a date is written as 2000-01-01. Axis order of `axis` dimensions: north, east, down.",
         "auvplan_version": version("auvplan"),
@@ -132,6 +138,11 @@ def _places(variables: Variables, site: Site) -> Variables:
         "longitude": variable("obs", longitude, "longitude", "degrees_east", standard_name="longitude"),
         "latitude": variable("obs", latitude, "latitude", "degrees_north", standard_name="latitude"),
     }
+
+
+def _plain(obstacle: KnownObstacle) -> dict[str, Any]:
+    """An obstacle ready for JSON, which knows no infinity."""
+    return {name: None if value == np.inf else value for name, value in asdict(obstacle).items()}
 
 
 def _sailed(run: MissionRun) -> Variables:

@@ -6,6 +6,7 @@ then lacks only because of what was taken out is not told.
 
 import difflib
 import re
+from copy import deepcopy
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
@@ -15,7 +16,7 @@ from auvplan.io.yaml_lines import Document, Path, short
 from auvplan.site import Site
 from auvplan.voyage.places import localised
 from auvplan.voyage.scenario import Scenario
-from auvplan.voyage.settings import Area, SiteSettings
+from auvplan.voyage.settings import MOVED, Area, SiteSettings
 
 #: Stands where a value is none: it is no place and no number either.
 _NOTHING = "nothing"
@@ -31,13 +32,13 @@ def check_fields(document: Document) -> tuple[Scenario | None, list[Fault]]:
     if not isinstance(document.data, dict):
         what = "nothing" if document.data is None else type(document.data).__name__
         return None, faults or [Fault("", f"must be a mapping of fields, got {what}", document.place(()))]
-    plain = {name: dict(part) if isinstance(part, dict) else part for name, part in document.data.items()}
+    plain = deepcopy(document.data)
     bad = _bad_places(plain) | _truths(plain)
     faults += [fault_at(path, reason, document) for path, reason in bad.items() if reason]
-    for section, name in bad:
-        plain[str(section)][name] = _NOTHING
+    for path in bad:
+        _at(plain, path[:-1])[path[-1]] = _NOTHING
     taken: set[Path] = {path[:2] for path, _, _ in document.faults if _at(document.data, path) is None}
-    taken |= bad.keys()
+    taken |= {path[:2] for path in bad}
     while True:
         try:
             scenario = Scenario.model_validate(plain)
@@ -98,24 +99,25 @@ def _place_fault(value: dict[str, Any], site: Site | None) -> str:
     return ""
 
 
-def _truths(plain: dict[str, Any]) -> dict[Path, str]:
+def _truths(given: dict[str, Any], model: type[BaseModel] = Scenario) -> dict[Path, str]:
     """Values that are true or false where a number is wanted, which they would be taken for, with the reason.
 
     YAML takes yes, no, on and off for such values too.
     """
-    found = {}
-    for section, part in plain.items():
-        model = _section(section) if section in Scenario.model_fields else None
-        if model is None or not isinstance(part, dict):
+    found: dict[Path, str] = {}
+    for name, value in given.items():
+        field = model.model_fields.get(name)
+        if field is None:
             continue
-        for name, value in part.items():
-            given = value if isinstance(value, list) else [value]
-            field = model.model_fields.get(name)
-            if field is None or not any(isinstance(entry, bool) for entry in given):
-                continue
-            if bool not in (field.annotation, *get_args(field.annotation)):
-                shown = str(value).lower()
-                found[section, name] = f"must not be true or false (nor yes, no, on, off), got {shown}"
+        if isinstance(value, dict):
+            section = _section(model, name)
+            inner = {} if section is None else _truths(value, section)
+            found |= {(name, *path): reason for path, reason in inner.items()}
+        elif bool not in (field.annotation, *get_args(field.annotation)):
+            entries = value if isinstance(value, list) else [value]
+            if told := [entry for entry in entries if isinstance(entry, bool)]:
+                shown = str(told[0]).lower()
+                found[(name,)] = f"must not be true or false (nor yes, no, on, off), got {shown}"
     return found
 
 
@@ -153,8 +155,12 @@ def _read_error(found: Any, plain: dict[str, Any]) -> tuple[Path, str, str, str]
 def unknown_key(path: Path) -> str:
     """What to say of a key that there is not: the one that may be meant, or the section where it belongs."""
     key = str(path[-1])
-    sections = {name: _section(name) for name in Scenario.model_fields}
-    home = sections.get(str(path[0])) if len(path) > 1 else Scenario
+    if moved := MOVED.get(".".join(map(str, path))):
+        return f"is now {moved}"
+    sections = {name: _section(Scenario, name) for name in Scenario.model_fields}
+    home: type[BaseModel] | None = Scenario
+    for part in path[:-1]:
+        home = home and _section(home, str(part))
     elsewhere = {
         f"{name}.{inner}": inner for name, part in sections.items() if part for inner in part.model_fields
     }
@@ -165,9 +171,9 @@ def unknown_key(path: Path) -> str:
     return f"unknown key {short(key)}" + (f", did you mean {close[0]!r}?" if close else "")
 
 
-def _section(name: str) -> type[BaseModel] | None:
-    """The model of a section, of a plain field None."""
-    annotation = Scenario.model_fields[name].annotation
+def _section(model: type[BaseModel], name: str) -> type[BaseModel] | None:
+    """The model of a field that is a section; None of a plain field or of none."""
+    annotation = model.model_fields[name].annotation if name in model.model_fields else None
     for part in (annotation, *get_args(annotation)):
         if isinstance(part, type) and issubclass(part, BaseModel):
             return part
@@ -180,7 +186,7 @@ def _of_rule(location: Path, message: str) -> Path:
     first, second = words.groups() if words else ("", None)
     if not location:
         return (first, *([second] if second else [])) if first in Scenario.model_fields else ()
-    section = _section(str(location[0]))
+    section = _section(Scenario, str(location[0]))
     return (*location, first) if section is not None and first in section.model_fields else location
 
 

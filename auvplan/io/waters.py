@@ -12,14 +12,14 @@ from scipy import ndimage
 
 from auvplan.errors import ScenarioError, ScenarioWarning
 from auvplan.io import currents, geo
-from auvplan.io.agreement import check_jobs, warn_of_contradictions
+from auvplan.io.agreement import check_jobs, check_obstacles, warn_of_contradictions
 from auvplan.ocean import whitsunday
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.ocean.seabed import Seabed
 from auvplan.site import Site
 from auvplan.voyage.scenario import Scenario
-from auvplan.voyage.settings import BathymetrySettings, ChartSettings, CurrentSettings
+from auvplan.voyage.settings import ChartSettings, CurrentSettings
 from auvplan.voyage.waters import Waters
 from auvplan.voyage.world import picture_chart, require_area_on_chart
 
@@ -74,12 +74,17 @@ def load_waters(scenario: Scenario, folder: str | Path = ".", until: float | Non
     site, forecast, truth = _currents(scenario, home, until)
     plain, chart = _charts(scenario.chart, site, box, forecast, home)  # type: ignore[arg-type] - frozen models hash
     require_area_on_chart(scenario, chart)
-    seabed, found = _seabed(scenario.bathymetry, site, box, forecast, home)
+    seabed, found = _seabed(scenario, site, box, forecast, home)
     warn_of_contradictions(scenario, plain, seabed, forecast)
     jobs = None
     if scenario.mission.jobs is not None:
         jobs = geo.read_jobs(_path(home, scenario.mission.jobs), site, default_depth=box[0][2])
         check_jobs(jobs, site, scenario)
+    obstacles = ()
+    if scenario.obstacles.file is not None:
+        assert site is not None
+        obstacles = geo.read_obstacles(_path(home, scenario.obstacles.file), site)
+        check_obstacles(obstacles, scenario)
     notes = [note for file in (forecast, truth) if file is not None for note in file.notes]
     return Waters(
         chart,
@@ -88,6 +93,7 @@ def load_waters(scenario: Scenario, folder: str | Path = ".", until: float | Non
         forecast and forecast.field,
         truth and truth.field,
         jobs,
+        obstacles,
         tuple(dict.fromkeys((*notes, *found))),
     )
 
@@ -249,13 +255,14 @@ def _node_indices(
 
 
 def _seabed(
-    settings: BathymetrySettings,
+    scenario: Scenario,
     site: Site | None,
     box: Corners,
     current: "CurrentFile | None",
     home: str,
 ) -> tuple[Seabed | None, tuple[str, ...]]:
     """The sea bed, and what was assumed of its file."""
+    settings, clearance = scenario.bathymetry, scenario.safety.seabed
     if settings.source == "none":
         return None, ()
     if settings.source == "current":
@@ -265,7 +272,7 @@ def _seabed(
         size = settings.pixel_size or min(current.spacing) / 2.0
         nodes = np.meshgrid(*_node_indices(current, box, size, "bathymetry.pixel_size"), indexing="ij")
         depth = ndimage.map_coordinates(current.sea_floor, nodes, order=1, mode="nearest")
-        return Seabed.from_depth(depth, size, np.asarray(box[0][:2]), clearance=settings.clearance), ()
+        return Seabed.from_depth(depth, size, np.asarray(box[0][:2]), clearance=clearance), ()
     assert site is not None
     assert settings.file is not None
     found = geo.read_bathymetry(
@@ -282,7 +289,5 @@ def _seabed(
             f"{_path(home, settings.file)}: no pixel of the area lies below the sea surface: say by "
             "bathymetry.positive which way its values count"
         )
-    bed = Seabed.from_depth(
-        found.depth, found.pixel_size, np.asarray(found.origin), clearance=settings.clearance
-    )
+    bed = Seabed.from_depth(found.depth, found.pixel_size, np.asarray(found.origin), clearance=clearance)
     return bed, found.notes

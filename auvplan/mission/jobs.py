@@ -3,7 +3,7 @@
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -159,6 +159,22 @@ def jobs_done(names: Sequence[str], legs: Iterable[tuple[int, int]]) -> set[str]
         elif j not in line_of:
             done.add(names[j])
     return done | {line for line, numbers in left.items() if not numbers}
+
+
+class NodesOfJob(NamedTuple):
+    """A job and its nodes in the graph: one of a point, all vertices of a line in their order."""
+
+    name: str
+    nodes: list[int]
+
+
+def jobs_of(names: Sequence[str]) -> list[NodesOfJob]:
+    """The jobs of a graph whose nodes have the names that `jobs_graph` gives them."""
+    found: dict[str, list[int]] = {}
+    for node in range(1, len(names) - 1):
+        match = _VERTEX.fullmatch(names[node])
+        found.setdefault(match["line"] if match else names[node], []).append(node)
+    return [NodesOfJob(name, nodes) for name, nodes in found.items()]
 
 
 def _shares(line: JobLine) -> NDArray[np.float64]:

@@ -1,6 +1,6 @@
 """Currents on a grid, as models of the sea give them: linear in north, east, depth and time."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Self
 
@@ -136,6 +136,29 @@ class GriddedCurrent:
         if not self.steady:
             inside &= (np.asarray(t) >= float(self.times[0])) & (np.asarray(t) <= float(self.times[-1]))
         return inside
+
+    def window(self, first: float, last: float) -> Self:
+        """The same current at the times that a mission from `first` to `last` [s] meets.
+
+        Where times are even, their number follows from the length of the mission alone: one program serves
+        all departures. What follows on `last` holds on.
+        """
+        if self.steady:
+            return self
+        times, slack = np.asarray(self.times, float), 1e-6 * (last - first)
+        begin = max(int(np.searchsorted(times, first + slack, side="right")) - 1, 0)
+        end = min(int(np.searchsorted(times, last - slack)), len(times) - 1)
+        step = float(times[-1] - times[-2]) if self.step is None else float(self.step)
+        count = end + 1 - begin if self.step is None else int(np.ceil((last - first) / step - 1e-6)) + 2
+        index = begin + np.arange(max(count, 2))
+        kept = np.minimum(index, end)
+        later = (index - kept) * step
+        chosen = {
+            name: np.asarray(values)[kept]
+            for name in ("u", "v", "w")
+            if (values := getattr(self, name)) is not None
+        }
+        return replace(self, **chosen, times=np.asarray(times[kept] + later, np.float32))
 
     def __call__(self, x: ArrayLike, y: ArrayLike, z: ArrayLike, t: ArrayLike) -> Velocity:
         given = [jnp.asarray(axis, jnp.result_type(float)) for axis in (x, y, z, t)]

@@ -26,9 +26,9 @@ def plot_departures(found: Departures) -> Figure:
         found: of a mission or a leg.
     """
     panels = [
-        (found.time / 60.0, "travel time [min]" if found.orders is None else "mission time [min]", style.BLUE)
+        (found.time / 60.0, "travel time [min]" if found.routes is None else "mission time [min]", style.BLUE)
     ]
-    if found.orders is not None:
+    if found.routes is not None:
         priority = np.where(found.feasible, found.priority, np.nan)
         tasks = np.where(found.feasible, found.tasks, np.nan)
         panels = [
@@ -60,7 +60,7 @@ def plot_departures(found: Departures) -> Figure:
         rows[-1].set_xlim(*_around(when))
     _time_axis(rows[-1], found)
     figure.align_ylabels(rows)
-    kind = "leg" if found.orders is None else "mission"
+    kind = "leg" if found.routes is None else "mission"
     share = f"{found.feasible.sum()} of {len(found)}"
     figure.suptitle(f"When to leave: {share} departures of the {kind} feasible", fontsize=11)
     if figure.axes[0].get_legend_handles_labels()[0]:

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch, PathPatch, Rectangle
+from matplotlib.patches import Circle, Patch, PathPatch, Rectangle
 from matplotlib.path import Path as Outline
 
 from auvplan.ocean.currents import evaluated
@@ -46,6 +46,7 @@ def plot_waters(scenario: Scenario, waters: Waters, closed: Sequence[Any] = ()) 
     handles: list[Any] = list(style.draw_coast(axes, waters.chart, unit))
     handles += draw_depths(axes, waters.seabed, unit)
     handles += _draw_closed(axes, closed, unit)
+    handles += _draw_obstacles(axes, waters, unit)
     handles += _draw_current(axes, scenario, waters, unit)
     corner, size = low[::-1] / unit.metres, edge[::-1] / unit.metres
     axes.add_patch(Rectangle(tuple(corner), *size, fill=False, ec="black", lw=1.2, ls=(0, (6, 3)), zorder=3))
@@ -109,6 +110,22 @@ def _draw_closed(axes: Axes, closed: Sequence[Any], unit: style.Unit) -> list[Pa
 
 def _closed(ring: style.Array) -> Outline:
     return Outline(ring, closed=True)
+
+
+def _draw_obstacles(axes: Axes, waters: Waters, unit: style.Unit) -> list[Any]:
+    """Known obstacles at departure, with an arrow where they move."""
+    colour = style.KIND_COLOURS["static"]
+    for known in waters.obstacles:
+        place = _flat(known.position, unit)
+        circle = Circle(tuple(place), known.radius / unit.metres, fc="#cc79a755", ec=colour, lw=1.0, zorder=2)
+        axes.add_patch(circle)
+        if known.moves:
+            way = np.asarray(known.velocity) / np.hypot(*known.velocity) * 3.0 * known.radius
+            tip = _flat(np.asarray(known.position) + way, unit)
+            arrow = {"arrowstyle": "-|>", "color": colour, "shrinkA": 0, "shrinkB": 0}
+            axes.annotate("", xy=tuple(tip), xytext=tuple(place), arrowprops=arrow, zorder=2)
+    mark: dict[str, Any] = {"ls": "", "marker": "o", "ms": 8, "mfc": "#cc79a755", "mec": colour}
+    return [Line2D([], [], label="known obstacle", **mark)] if waters.obstacles else []
 
 
 def _draw_current(axes: Axes, scenario: Scenario, waters: Waters, unit: style.Unit) -> list[Any]:
@@ -183,7 +200,8 @@ def _draw_names(
     axes: Axes, scenario: Scenario, waters: Waters, closed: Sequence[Any], unit: style.Unit
 ) -> None:
     """Names of jobs and closed areas, where these are seen."""
-    named = [(name, _flat(places[len(places) // 2], unit), style.PURPLE) for name, places in _jobs(waters)]
+    named = [(obstacle.name, _flat(obstacle.position, unit), style.RED) for obstacle in waters.obstacles]
+    named += [(name, _flat(places[len(places) // 2], unit), style.PURPLE) for name, places in _jobs(waters)]
     for zone in closed:
         inside = zone.polygon.representative_point()
         named.append((zone.name, np.array([inside.y, inside.x]) / unit.metres, style.RED))

@@ -101,10 +101,13 @@ class Design:
         for values in product(*(sweep.values for sweep in self.sweeps)):
             plain = self.scenario.model_dump(mode="json")
             for sweep, value in zip(self.sweeps, values, strict=True):
-                section, name = sweep.field.split(".")
-                if not isinstance(plain.get(section), dict) or name not in plain[section]:
+                *sections, name = sweep.field.split(".")
+                home: Any = plain
+                for section in sections:
+                    home = home.get(section) if isinstance(home, dict) else None
+                if not isinstance(home, dict) or name not in home:
                     raise ScenarioError(f"sweep: {sweep.field}: unknown key")
-                plain[section][name] = value
+                home[name] = value
             cases.append(validate_scenario(plain, "sweep"))
         return cases
 

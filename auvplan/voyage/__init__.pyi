@@ -7,6 +7,7 @@ from .executive import run_mission as run_mission
 from .executive import run_missions as run_missions
 from .executive import sail_missions as sail_missions
 from .executive import seed_keys as seed_keys
+from .planning import plan_scenario as plan_scenario
 from .records import LegRecord as LegRecord
 from .records import MissionRun as MissionRun
 from .records import OrderRecord as OrderRecord
@@ -26,6 +27,7 @@ __all__ = [
     "mission_configs",
     "path_config",
     "plan_departures",
+    "plan_scenario",
     "run_mission",
     "run_missions",
     "sail_missions",

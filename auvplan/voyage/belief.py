@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from auvplan.ocean.obstacles import CONFIDENCE, Obstacles
 from auvplan.voyage.settings import SensorSettings
-from auvplan.voyage.world import TrueObstacles
+from auvplan.voyage.world import KNOWN, TrueObstacles
 
 Array = NDArray[np.floating]
 
@@ -14,7 +14,8 @@ class ObstacleBelief:
     """One vehicle's belief about the M obstacles of its leg.
 
     Positions, velocities over ground and radii are measured with Gaussian error (section 2); between two
-    looks an obstacle is taken to go on as it was, inside a boundary that grows.
+    looks an obstacle is taken to go on as it was, inside a boundary that grows. Of those that are known
+    beforehand all is certain.
     """
 
     def __init__(
@@ -34,8 +35,20 @@ class ObstacleBelief:
         self.radius = np.zeros(count)
         self.std = np.zeros(count)
         self.observed_at = np.zeros(count)
-        self._moving = truth.drift[:, None] > 0
+        self._known = np.asarray([kind == KNOWN for kind in truth.kinds], bool)
+        self._unknown = ~self._known
+        self._moving = (truth.drift > 0) | self._known
         self._measure(np.ones(count, bool), truth, moves, now, sensors.prior_std)
+
+    @property
+    def certain(self) -> bool:
+        """Whether all obstacles were known before the mission."""
+        return bool(self._known.all())
+
+    @property
+    def growth(self) -> Array:
+        """[M] m/s, growth of the boundaries between two looks."""
+        return self._sensors.growth * self._unknown
 
     def look(self, vehicle: Array, truth: TrueObstacles, moves: Array, now: float) -> None:
         """Measure the obstacles within sensor range of the vehicle at [3] m."""
@@ -46,13 +59,15 @@ class ObstacleBelief:
         self, seen: NDArray[np.bool_], truth: TrueObstacles, moves: Array, now: float, std: float
     ) -> None:
         # All draws are made whether seen or not: the stream of random numbers does not depend on the path.
-        position = truth.position + std * self._rng.normal(size=truth.position.shape)
-        radius = np.maximum(truth.radius + std * self._rng.normal(size=truth.radius.shape), 1.0)
-        velocity = moves + self._sensors.velocity_std * self._rng.normal(size=moves.shape)
+        stds = std * self._unknown
+        position = truth.position + stds[:, None] * self._rng.normal(size=truth.position.shape)
+        radius = np.maximum(truth.radius + stds * self._rng.normal(size=truth.radius.shape), 1.0)
+        errors = self._sensors.velocity_std * self._rng.normal(size=moves.shape)
+        velocity = moves + errors * self._unknown[:, None]
         self.position[seen] = position[seen]
-        self.velocity[seen] = np.where(self._moving, velocity, 0.0)[seen]
+        self.velocity[seen] = np.where(self._moving[:, None], velocity, 0.0)[seen]
         self.radius[seen] = radius[seen]
-        self.std[seen] = std
+        self.std[seen] = stds[seen]
         self.observed_at[seen] = now
 
     def clearance(self, positions: Array, times: Array) -> Array:
@@ -61,7 +76,7 @@ class ObstacleBelief:
             return np.full(len(times), np.inf)
         since = np.maximum(times[:, None] - self.observed_at, 0.0)
         centre = self.position + self.velocity * since[..., None]
-        grown = np.minimum(self._sensors.growth * since, self._sensors.growth_max)
+        grown = np.minimum(self._sensors.growth * since, self._sensors.growth_max) * self._unknown
         boundary = self.radius + CONFIDENCE * np.sqrt(2.0) * self.std + grown
         return (np.linalg.norm(positions[:, None] - centre, axis=2) - boundary).min(axis=1)
 
@@ -81,7 +96,7 @@ def as_obstacles(beliefs: list[ObstacleBelief], sensors: SensorSettings) -> Obst
         "radius": radius,
         "position_std": std,
         "radius_std": std,
-        "growth": sensors.growth * constant,
+        "growth": stacked("growth"),
         "growth_max": sensors.growth_max * constant,
         "observed_at": stacked("observed_at"),
         "active": np.ones(radius.shape, bool),

@@ -29,6 +29,14 @@ class Clock:
         return _timed(call)
 
 
+class Untimed(Clock):
+    """Times nothing and makes no call twice: plans are the same to the last bit."""
+
+    def time(self, call: Callable[[], Any]) -> tuple[Any, float]:
+        """The call's result and no time at all."""
+        return call(), 0.0
+
+
 def _timed(call: Callable[[], Any]) -> tuple[Any, float]:
     begin = time.perf_counter()
     result = call()

@@ -14,18 +14,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from auvplan import prng
 from auvplan.errors import ScenarioError
-from auvplan.mission import MissionOrder
+from auvplan.ocean.known import spheres
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.path import PathPlan, PathPlans, plan_paths
 from auvplan.site import Site
-from auvplan.voyage.clock import Clock
 from auvplan.voyage.closures import why_no_order
 from auvplan.voyage.executive import embark as embark
-from auvplan.voyage.executive import make_fleet
 from auvplan.voyage.fleet import Fleet, Mission
-from auvplan.voyage.order_calls import plan_orders, time_edges
+from auvplan.voyage.planning import complete, planning_fleet
 from auvplan.voyage.scenario import Scenario
-from auvplan.voyage.sea import stacked
+from auvplan.voyage.sea import Sea, stacked
 from auvplan.voyage.simulator import over_ground
 from auvplan.voyage.waters import Waters
 
@@ -50,7 +48,7 @@ class Departures:
         priority: [D] their total priority; 0 of a leg.
         current: [D] m/s, told of the departure: mean level speed at the waypoints or along the leg.
         reasons: D lines on what stands against it; empty where it is feasible.
-        orders: D orders of tasks, None where there is none; None of a leg.
+        routes: waypoints in the order of visit of each, None where it is not feasible; None of a leg.
         plans: D path plans of a leg; None of a mission.
         site: where and when local coordinates begin, or None.
         names: of the waypoints; empty where they have none.
@@ -63,7 +61,7 @@ class Departures:
     priority: Array
     current: Array
     reasons: tuple[str, ...]
-    orders: tuple[MissionOrder | None, ...] | None = None
+    routes: tuple[list[int] | None, ...] | None = None
     plans: PathPlans | None = None
     site: Site | None = None
     names: tuple[str, ...] = ()
@@ -93,9 +91,8 @@ def plan_departures(
 ) -> Departures:
     """Plan a mission, or the leg where the scenario has two waypoints, for each of D departures.
 
-    Waypoints, tasks and chance are the same at every departure; the sea differs. A mission's order is the one
-    that `run_mission` would begin with, its travel times those of the sea at departure. A leg is planned
-    through the current as it will be on the way; the obstacles of either, met on the way, are left out.
+    Waypoints, tasks and chance are the same at every departure; the sea differs. A mission is planned as
+    `plan_scenario` plans it, in the current as it is forecast for the way; so is a leg.
 
     Args:
         scenario: settings.
@@ -112,16 +109,14 @@ def plan_departures(
     moments = np.asarray(departs, float)
     if moments.ndim != 1 or not len(moments) or not np.isfinite(moments).all():
         raise ScenarioError(f"departs must be [D] finite seconds, D at least 1, got shape {moments.shape}")
-    # Planning is done before the departure: it costs the mission no time.
-    planning = scenario.planning.model_copy(update={"charge_compute": False})
-    scenario = scenario.model_copy(update={"planning": planning})
     if waters is None:
         waters = load_waters_at(scenario, moments, folder)
     _require_known(scenario, waters, moments)
-    fleet = replace(make_fleet(scenario, folder, waters), clock=_Stopwatch())
-    missions = _leaving(fleet, key, moments)
-    single = missions[0].graph.size == 2 and waters.jobs is None
-    return (_plan_legs if single else _order_tasks)(fleet, missions, progress)
+    fleets = [planning_fleet(scenario, folder, waters, float(depart)) for depart in moments]
+    missions = [leaving(fleet, key, [now])[0] for fleet, now in zip(fleets, moments, strict=True)]
+    if missions[0].graph.size == 2 and waters.jobs is None:
+        return _plan_legs(replace(fleets[0], waters=waters), missions, progress)
+    return _plan_missions(fleets, missions, progress)
 
 
 def load_waters_at(scenario: Scenario, departs: ArrayLike, folder: str | Path = ".") -> Waters:
@@ -162,13 +157,6 @@ def moment_name(site: Site | None, seconds: float) -> str:
     return f"{seconds / 3600.0:+.2f} h" if moment is None else f"{moment:%Y-%m-%d %H:%M} UTC"
 
 
-class _Stopwatch(Clock):
-    """Times calls without making any of them twice: compilation is no matter here."""
-
-    def time(self, call: Callable[[], Any]) -> tuple[Any, float]:
-        return call(), 0.0
-
-
 def _require_known(scenario: Scenario, waters: Waters, departs: Array) -> None:
     """Refuse departures at which the current is not known.
 
@@ -192,9 +180,10 @@ def _require_known(scenario: Scenario, waters: Waters, departs: Array) -> None:
             )
 
 
-def _leaving(fleet: Fleet, key: jax.Array, departs: Array) -> list[Mission]:
+def leaving(fleet: Fleet, key: jax.Array, departs: ArrayLike, seed: int = 0) -> list[Mission]:
     """One mission a departure: the same but for the time and the sea as it is then."""
-    model = embark(fleet, 0, key, 0)
+    departs = np.asarray(departs, float)
+    model = embark(fleet, 0, key, seed)
     missions = {}
     for number in np.argsort(departs, kind="stable").tolist():
         now = float(departs[number])
@@ -237,12 +226,20 @@ def _plan_legs(fleet: Fleet, missions: list[Mission], progress: Progress | None)
     if progress:
         progress(0, count, "planning paths")
     common = _circumstances(missions)
-    none = jax.tree.map(lambda leaf: np.zeros((count, *leaf.shape), leaf.dtype), Obstacles.none())
+    low, high = fleet.box
+    known = [spheres(fleet.waters.obstacles, (float(low[2]), float(high[2])), m.now) for m in missions]
+    obstacles = jax.tree.map(
+        lambda *leaves: np.stack(leaves),
+        *(
+            Obstacles.create(one.position, one.radius, velocity=one.velocity, observed_at=mission.now)
+            for one, mission in zip(known, missions, strict=True)
+        ),
+    )
     start, goal = (np.tile(run.graph.positions[end], (count, 1)) for end in (run.start, run.goal))
     plans = plan_paths(
         start,
         goal,
-        fleet.environment(stacked([mission.sea.told() for mission in missions]), none),
+        fleet.environment(stacked([mission.sea.told() for mission in missions]), obstacles),
         fleet.vehicle,
         key=prng.stacked([mission.path_key() for mission in missions]),
         config=fleet.path_config,
@@ -270,37 +267,37 @@ def _fault(plan: PathPlan, available: float, site: Site | None) -> str:
     return f"the leg takes {plan.travel_time:.0f} s, {available:.0f} s are available" if late else ""
 
 
-def _order_tasks(fleet: Fleet, missions: list[Mission], progress: Progress | None) -> Departures:
-    """Travel times at each departure, then one call of the mission planner for all of them."""
+def _plan_missions(fleets: list[Fleet], missions: list[Mission], progress: Progress | None) -> Departures:
+    """Whole missions, each as `plan_scenario` plans it: side by side they would differ in the last digits."""
     common = _circumstances(missions)
-    # Copies are told again what the estimates were told.
+    # Copies are told again what the plans were told.
     seas = [copy(mission.sea) for mission in missions]
-    for number, mission in enumerate(missions):
+    for number, (fleet, mission) in enumerate(zip(fleets, missions, strict=True)):
         if progress:
-            progress(number, len(missions), "estimating travel times")
-        time_edges(fleet, [mission])
-    if progress:
-        progress(len(missions), len(missions), "ordering tasks")
-    timed = [mission.timed for mission in missions]
-    plan_orders(fleet, missions)
-    orders: list[MissionOrder | None] = []
-    reasons = []
-    for mission, sea, graph in zip(missions, seas, timed, strict=True):
-        nodes = mission.rest
-        # An order may count on edges that the sea closes, for which a path may be found yet: not here.
-        closed = mission.ended or not graph.adjacency[nodes[:-1], nodes[1:]].all()
-        orders.append(None if closed else mission.order)
-        reasons.append(why_no_order(fleet, mission, graph, sea.told()) if closed else "")
-
-    def figures(name: str, missing: float) -> Array:
-        return np.asarray([missing if order is None else getattr(order, name) for order in orders], float)
-
+            progress(number, len(missions), "planning missions")
+        complete(fleet, [mission])
+    runs = [mission.run for mission in missions]
     return Departures(
-        feasible=np.asarray([order is not None for order in orders]),
-        time=figures("time", np.nan),
-        tasks=figures("tasks", 0).astype(int),
-        priority=figures("priority", 0.0),
-        reasons=tuple(reasons),
-        orders=tuple(orders),
+        feasible=np.asarray([run.success for run in runs]),
+        time=np.asarray(
+            [
+                run.t_mission - now if run.success else np.nan
+                for run, now in zip(runs, common["departs"], strict=True)
+            ]
+        ),
+        tasks=np.asarray([run.tasks if run.success else 0 for run in runs]),
+        priority=np.asarray([run.total_priority if run.success else 0.0 for run in runs]),
+        reasons=tuple(
+            "" if run.success else _why(*circumstances)
+            for run, *circumstances in zip(runs, fleets, missions, seas, strict=True)
+        ),
+        routes=tuple(run.route if run.success else None for run in runs),
         **common,
     )
+
+
+def _why(fleet: Fleet, mission: Mission, sea: Sea) -> str:
+    """Why a mission fails: the leg that the sea closes where none was begun, or how the plan ended."""
+    if mission.run.legs:
+        return mission.run.reason
+    return why_no_order(fleet, mission, mission.timed, sea.told())

@@ -18,7 +18,7 @@ from auvplan.compiled import MISSIONS, expecting
 from auvplan.mission import MissionConfig, MissionGraph, time_to_go
 from auvplan.path import PathConfig
 from auvplan.voyage.fleet import Fleet, Leg, Mission
-from auvplan.voyage.legs import begin_legs, finish, refusal, sail_on
+from auvplan.voyage.legs import begin_legs, finish, go_as_planned, refusal, sail_on
 from auvplan.voyage.order_calls import plan_orders, time_edges
 from auvplan.voyage.records import LegRecord, MissionRun
 from auvplan.voyage.rehearsal import rehearse
@@ -128,7 +128,7 @@ def sail_missions(
                 number, (key, seed) = waiting.popleft()
                 active.append(embark(fleet, number, key, int(seed)))
                 rehearse(fleet, partial(embark, fleet, number, key, int(seed)))
-            _step(fleet, active)
+            step(fleet, active)
             for mission in active:
                 if mission.ended:
                     mission.run.compile_seconds = fleet.clock.compile_seconds
@@ -146,7 +146,9 @@ def path_config(scenario: Scenario) -> PathConfig:
     planning = scenario.planning.resolved
     efforts = {"quick": PathConfig.quick, "full": PathConfig, "plain": PathConfig.plain}
     config = PathConfig.paper() if planning.preset == "paper" else efforts[planning.effort]()
-    return config.replace(t_series=planning.t_series, finer=1)
+    safety = scenario.safety
+    margins = {"coast_margin": safety.coast, "obstacle_margin": safety.obstacles}
+    return config.replace(t_series=planning.t_series, finer=1, **margins)
 
 
 def mission_configs(scenario: Scenario) -> tuple[MissionConfig, MissionConfig]:
@@ -202,7 +204,8 @@ def embark(fleet: Fleet, number: int, key: jax.Array, seed: int) -> Mission:
         seabed=fleet.waters.seabed,
         names=names,
     )
-    sea = make_sea(scenario, fleet.waters, field_key, sea_key)
+    run.simulated, run.obstacles = fleet.simulated, fleet.waters.obstacles
+    sea = make_sea(scenario, fleet.waters, field_key, sea_key, fleet.simulated)
     return Mission(number, run, sea, planner_key, _generator(chance_key), graph, graph)
 
 
@@ -210,14 +213,17 @@ def _generator(key: jax.Array) -> np.random.Generator:
     return np.random.default_rng(np.asarray(jax.random.key_data(key)).tolist())
 
 
-def _step(fleet: Fleet, missions: list[Mission]) -> None:
-    """Order tasks and begin legs where vehicles are at a waypoint, then sail all to the next look."""
+def step(fleet: Fleet, missions: list[Mission]) -> None:
+    """Order tasks and begin legs where vehicles are at a waypoint, then sail all to the next look.
+
+    Where nothing is simulated, legs are gone to their ends as they are planned.
+    """
     waiting = [mission for mission in missions if mission.leg is None]
     _take_stock(fleet, waiting)
     plan_orders(fleet, [mission for mission in waiting if mission.cause])
     _begin(fleet, [mission for mission in waiting if not mission.ended])
     sailing = [mission for mission in missions if mission.leg is not None]
-    sail_on(fleet, sailing)
+    (sail_on if fleet.simulated else go_as_planned)(fleet, sailing)
     for mission in sailing:
         if not mission.sailing.under_way:
             _judge(fleet, mission)

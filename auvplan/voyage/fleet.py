@@ -42,6 +42,7 @@ class Fleet:
         waters: what is known of the sea area.
         folder: that relative paths in the scenario start from.
         clock: that planning calls are timed by.
+        simulated: whether missions meet what no plan knows of; otherwise they go as planned, in the forecast.
     """
 
     scenario: Scenario
@@ -51,11 +52,17 @@ class Fleet:
     waters: Waters
     folder: str = "."
     clock: Clock = field(default_factory=Clock)
+    simulated: bool = True
 
     @cached_property
     def rules(self) -> PlanningRules:
         """How missions are planned, with the preset's values for what the scenario leaves open."""
         return self.scenario.planning.resolved
+
+    @property
+    def surprises(self) -> int:
+        """Obstacles on each leg that no plan knows of."""
+        return self.scenario.simulation.obstacles.total if self.simulated else 0
 
     @property
     def chart(self) -> Chart | None:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.motion import Motion
+from auvplan.ocean.known import spheres
 from auvplan.path.outlook import outlook
 from auvplan.rows import padded_batches
 from auvplan.voyage.belief import ObstacleBelief
@@ -17,7 +18,7 @@ from auvplan.voyage.path_calls import plan_legs
 from auvplan.voyage.records import LegRecord
 from auvplan.voyage.sea import stacked
 from auvplan.voyage.simulator import TIME_STEP, WIDTH, Sailed, over_ground, padded_rows, sail
-from auvplan.voyage.world import draw_obstacles
+from auvplan.voyage.world import TrueObstacles, draw_obstacles
 
 Array = NDArray[np.floating]
 
@@ -41,7 +42,7 @@ def begin_legs(fleet: Fleet, missions: list[Mission], records: Sequence[LegRecor
         plan_legs(fleet, again, ["leg"] * len(again), cold=True)
     for mission in missions:
         mission.sailing.record.followed = len(mission.sailing.record.plans) - 1
-    if fleet.rules.second_look:
+    if fleet.rules.second_look and fleet.simulated:
         _hope(fleet, [mission for mission in missions if _detours(mission.sailing)])
     parts = fleet.path_config.t_series
     for mission in missions:
@@ -53,7 +54,11 @@ def set_out(fleet: Fleet, mission: Mission, record: LegRecord) -> None:
     """Put a mission on a leg: draw its true obstacles and what is believed of them; no path yet."""
     mission.sea.advance(mission.now)
     origin, target = (np.asarray(mission.graph.positions[k]) for k in (record.start, record.goal))
-    truth = draw_obstacles(fleet.scenario, origin, target, mission.rng)
+    truth = TrueObstacles.known(
+        spheres(fleet.waters.obstacles, (float(fleet.box[0][2]), float(fleet.box[1][2])), mission.now)
+    )
+    if fleet.simulated:
+        truth = draw_obstacles(fleet.scenario, origin, target, mission.rng) + truth
     record.obstacle_radii, record.obstacle_kinds = truth.radius, truth.kinds
     moves = over_ground(mission.sea.field, *truth.motion, now=mission.now)
     belief = ObstacleBelief(truth, moves, mission.now, fleet.scenario.sensors, mission.rng)
@@ -86,9 +91,9 @@ def _hope(fleet: Fleet, missions: list[Mission]) -> None:
 def refusal(leg: Leg, epoch: datetime | None = None) -> str:
     """Why a leg must not be begun, or an empty string; times of day count from the epoch.
 
-    Obstacles alone do not stand against it: they move, and are known better from near.
+    Obstacles that are not known for certain do not stand against it: they move, and are known better from near.
     """
-    broken = [limit for limit in leg.followed.broken() if limit != "obstacle"]
+    broken = [limit for limit in leg.followed.broken() if limit != "obstacle" or leg.belief.certain]
     return leg.followed.explain(broken[0], epoch) if broken else ""
 
 
@@ -119,6 +124,19 @@ def sail_on(fleet: Fleet, missions: list[Mission]) -> None:
     for mission in missions:
         if mission.sailing.under_way and mission.now >= fleet.scenario.mission.time_available:
             mission.sailing.stopped = "time ran out"
+
+
+def go_as_planned(fleet: Fleet, missions: list[Mission]) -> None:
+    """Go every mission's leg to its end along its path, in the time that is planned for it."""
+    for mission in missions:
+        leg, plan = mission.sailing, mission.sailing.followed
+        times, places = np.asarray(plan.times, float), np.asarray(plan.positions, float)
+        since = (times - mission.now)[:, None, None]
+        obstacles = leg.truth.position + since * leg.truth.velocity
+        ground = np.diff(places, axis=0) / np.diff(times)[:, None]
+        leg.stretches.append((times, places, obstacles, ground, np.asarray(plan.water, float)))
+        leg.arc, leg.record.arrived = float(leg.marks[-1]), True
+        mission.now = float(times[-1])
 
 
 def _batches(missions: list[Mission]) -> Iterator[tuple[list[Mission], int]]:

@@ -27,7 +27,7 @@ def effort(config: PathConfig) -> TravelTimeConfig:
 def time_edges(fleet: Fleet, missions: list[Mission]) -> None:
     """Estimate the travel times of the edges that are left, from what is told of the sea now."""
     planning = fleet.rules
-    allowance = planning.detour * fleet.scenario.obstacles.total
+    allowance = planning.detour * fleet.surprises
     for mission in missions:
         mission.timed = mission.graph
         if planning.travel_times == "sea":

@@ -14,6 +14,7 @@ from auvplan.mission.jobs import jobs_done
 from auvplan.motion import Motion
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.currents import Current
+from auvplan.ocean.known import KnownObstacle
 from auvplan.ocean.seabed import Seabed
 from auvplan.site import Site
 from auvplan.vehicle import Vehicle
@@ -165,6 +166,9 @@ class MissionRun:
         site: where and when local coordinates begin, or None.
         seabed: or None.
         names: of the waypoints; empty where they have none.
+        simulated: whether the mission was sailed in the simulator; otherwise it is a plan, and what counts as
+            sailed below is what is planned, in the forecast.
+        obstacles: that were known beforehand.
     """
 
     scenario: dict[str, Any]
@@ -188,6 +192,8 @@ class MissionRun:
     site: Site | None = None
     seabed: Seabed | None = None
     names: list[str] = field(default_factory=list)
+    simulated: bool = True
+    obstacles: tuple[KnownObstacle, ...] = ()
 
     @property
     def t_residual(self) -> float:
@@ -203,6 +209,11 @@ class MissionRun:
     def done(self) -> list[LegRecord]:
         """Legs whose goal was reached."""
         return [leg for leg in self.legs if leg.arrived]
+
+    @property
+    def route(self) -> list[int]:
+        """Waypoints in the order in which they were visited."""
+        return [self.start, *(leg.goal for leg in self.done)]
 
     @property
     def total_priority(self) -> float:
@@ -315,6 +326,7 @@ class MissionRun:
     def summary(self) -> dict[str, Any]:
         """The figures of the mission, ready for JSON."""
         return {
+            "simulated": self.simulated,
             "t_available": self.t_available,
             "t_mission": self.t_mission,
             "t_residual": self.t_residual,

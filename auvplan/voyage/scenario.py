@@ -14,8 +14,10 @@ from auvplan.voyage.settings import (
     MissionSettings,
     ObstacleSettings,
     PlanningSettings,
+    SafetySettings,
     Section,
     SensorSettings,
+    SimulationSettings,
     SiteSettings,
     VehicleSettings,
 )
@@ -36,7 +38,9 @@ class Scenario(Section):
     vehicle: VehicleSettings = VehicleSettings()
     current: CurrentSettings = CurrentSettings()
     obstacles: ObstacleSettings = ObstacleSettings()
+    safety: SafetySettings = SafetySettings()
     sensors: SensorSettings = SensorSettings()
+    simulation: SimulationSettings = SimulationSettings()
     mission: MissionSettings = MissionSettings()
     planning: PlanningSettings = PlanningSettings()
 
@@ -53,6 +57,7 @@ class Scenario(Section):
             "chart.no_go": self.chart.no_go is not None,
             "bathymetry.source 'file'": self.bathymetry.source == "file",
             "current.source 'file'": self.current.source == "file",
+            "obstacles.file": self.obstacles.file is not None,
         }
         for name, needed in placed.items():
             if needed and self.site is None:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, fields
 from datetime import datetime
 from typing import Annotated, Any, Literal
+from zoneinfo import available_timezones
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
 
@@ -44,6 +45,18 @@ class SiteSettings(Section):
         default=None,
         description="UTC unless it says so; if absent the first time of the current's files",
     )
+
+    timezone: str | None = Field(
+        default=None,
+        description="name of the local time zone, such as Australia/Brisbane, for the mission sheet",
+    )
+
+    @field_validator("timezone")
+    @classmethod
+    def _known_zone(cls, name: str | None) -> str | None:
+        if name is not None and name not in available_timezones():
+            raise ValueError(f"{name!r} is no time zone such as Australia/Brisbane")
+        return name
 
     @field_validator("departure", mode="before")
     @classmethod
@@ -102,7 +115,6 @@ class ChartSettings(Section):
     fringe: NotNegative = Field(default=0.0, description="m of uncertain area along the coast ('polygons')")
     no_go: str | None = Field(default=None, description="path of GeoJSON polygons that are closed")
     pixel_size: Positive = Field(default=10.0, description="m")
-    clearance: NotNegative = Field(default=150.0, description="m, least distance of waypoints to the coast")
     window: tuple[int, int, int, int] | None = Field(
         default=None, description="first row (north), first column (east), rows, columns to cut out, pixels"
     )
@@ -132,7 +144,6 @@ class BathymetrySettings(Section):
         default=None, description="direction in which values grow, where the file does not tell"
     )
     pixel_size: Positive | None = Field(default=None, description="m; half of the source's spacing if absent")
-    clearance: NotNegative = Field(default=5.0, description="m, least height above the sea bed")
 
     @model_validator(mode="after")
     def _file_given(self) -> "BathymetrySettings":
@@ -209,7 +220,31 @@ class CurrentSettings(Section):
 
 
 class ObstacleSettings(Section):
-    """True obstacles, drawn anew between the two waypoints of each leg."""
+    """Obstacles that are known before the mission: plans keep clear of them and vehicle files fence them."""
+
+    file: str | None = Field(
+        default=None,
+        description="path of GeoJSON points with radius, and depth_min, depth_max, course and speed where "
+        "they have them",
+    )
+
+
+class SafetySettings(Section):
+    """What every path keeps, and what the vehicle does at the end."""
+
+    coast: NotNegative = Field(default=10.0, description="m, least distance of paths to the coast")
+    obstacles: NotNegative = Field(
+        default=5.0, description="m, least distance of paths to the boundaries of obstacles"
+    )
+    seabed: NotNegative = Field(default=5.0, description="m, least height of paths above the sea bed")
+    end: Literal["surface", "loiter", "station"] = Field(
+        default="surface",
+        description="what the vehicle does at the destination: come up, circle, or keep its place",
+    )
+
+
+class SimulatedObstacles(Section):
+    """Obstacles that only the simulator knows, drawn anew between the two waypoints of each leg."""
 
     static: Annotated[int, Field(ge=0, le=50, description="that stay where they are, on each leg")] = 2
     afloat: Annotated[int, Field(ge=0, le=50, description="that the current carries")] = 2
@@ -220,6 +255,12 @@ class ObstacleSettings(Section):
     @property
     def total(self) -> int:
         return self.static + self.afloat + self.self_motivated
+
+
+class SimulationSettings(Section):
+    """What a simulated mission meets and no plan knows of."""
+
+    obstacles: SimulatedObstacles = SimulatedObstacles()
 
 
 class SensorSettings(Section):
@@ -251,6 +292,9 @@ class MissionSettings(Section):
     priority: PriorityRange = Field(default=(1, 5), description="least and greatest")
     duration: NotNegativeRange = Field(default=(30.0, 300.0), description="s")
     time_available: Positive = Field(default=14_400.0, description="s")
+    waypoint_clearance: NotNegative = Field(
+        default=150.0, description="m, least distance to the coast of waypoints that are drawn"
+    )
     start: Point | None = Field(default=None, description="m north, east, depth; drawn if absent")
     goal: Point | None = Field(default=None, description="m north, east, depth; drawn if absent")
 
@@ -316,6 +360,16 @@ PRESETS: dict[str, dict[str, Any]] = {
         "orders_from": "kept",
         "current_updates": "window",
     },
+}
+
+#: Fields that went elsewhere, with what there is to say of it.
+MOVED = {
+    **{
+        f"obstacles.{name}": f"simulation.obstacles.{name}: obstacles are now those of a file, which are known"
+        for name in SimulatedObstacles.model_fields
+    },
+    "chart.clearance": "mission.waypoint_clearance, of waypoints that are drawn; what paths keep is safety.coast",
+    "bathymetry.clearance": "safety.seabed",
 }
 
 #: Share by which the way back is taken to last longer where neither scenario nor preset says it.

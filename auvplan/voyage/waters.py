@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from auvplan.mission.jobs import Jobs
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.gridded import GriddedCurrent
+from auvplan.ocean.known import KnownObstacle
 from auvplan.ocean.seabed import Seabed
 from auvplan.site import Site
 
@@ -20,6 +21,7 @@ class Waters:
         forecast: the current as planners are told it, from files; None where it is vortices.
         truth: the current that is sailed in, from files.
         jobs: from a file; None where waypoints are drawn.
+        obstacles: that are known before the mission.
         notes: assumptions that were made in reading the files, a line each.
     """
 
@@ -29,4 +31,5 @@ class Waters:
     forecast: GriddedCurrent | None = None
     truth: GriddedCurrent | None = None
     jobs: Jobs | None = None
+    obstacles: tuple[KnownObstacle, ...] = ()
     notes: tuple[str, ...] = ()

@@ -55,7 +55,7 @@ def make_graph(
             continue
     raise ScenarioError(
         f"no connected set of {settings.waypoints} waypoints was found in {_TRIES} draws: "
-        "lower chart.clearance or move mission.start and mission.goal"
+        "lower mission.waypoint_clearance or move mission.start and mission.goal"
     )
 
 
@@ -63,14 +63,14 @@ def _drawn_waypoints(scenario: Scenario, waters: Waters, rng: np.random.Generato
     """[N, 3] m, off the coast and clear of the sea bed."""
     settings, chart = scenario.mission, waters.chart
     lower, upper = (np.asarray(corner) for corner in scenario.box)
-    margin = min(scenario.chart.clearance, 0.05 * float((upper - lower)[:2].min()))
+    margin = min(scenario.mission.waypoint_clearance, 0.05 * float((upper - lower)[:2].min()))
     inset = np.array([margin, margin, 0.0])
     positions = np.empty((0, 3))
     while len(positions) < settings.waypoints:
         drawn = rng.uniform(lower + inset, upper - inset, (512, 3))
         free = np.ones(len(drawn), bool)
         if chart is not None:
-            free &= np.asarray(chart.distance(drawn[:, 0], drawn[:, 1])) > scenario.chart.clearance
+            free &= np.asarray(chart.distance(drawn[:, 0], drawn[:, 1])) > scenario.mission.waypoint_clearance
         if waters.seabed is not None:
             deepest = _deepest(drawn, waters.seabed)
             drawn[:, 2] = np.minimum(drawn[:, 2], deepest)
@@ -141,7 +141,7 @@ def lines_clear(positions: np.ndarray, scenario: Scenario, waters: Waters) -> np
     clear = np.ones((size, size), bool)
     if chart is not None:
         least = np.asarray(chart.distance(x, y)).min(axis=0)
-        clear &= np.minimum(least, least.T) > 0.3 * scenario.chart.clearance
+        clear &= np.minimum(least, least.T) > 0.3 * scenario.mission.waypoint_clearance
     if waters.seabed is not None:
         gap = np.hypot(x[1] - x[0], y[1] - y[0])
         shallowest = np.asarray(waters.seabed.shallowest_at(x, y, gap)).min(axis=0)

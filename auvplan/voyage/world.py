@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from auvplan.errors import ScenarioError
 from auvplan.ocean.chart import Chart
+from auvplan.ocean.known import Spheres
 from auvplan.ocean.vortices import CurrentUpdate, LambVortices, random_vortices
 from auvplan.ocean.whitsunday import whitsunday_chart
 from auvplan.vehicle import Vehicle
@@ -20,6 +21,8 @@ from auvplan.voyage.settings import ChartSettings
 from auvplan.voyage.waters import Waters
 
 KINDS = ("static", "afloat", "self-motivated")
+#: Kind of the obstacles that are known before the mission.
+KNOWN = "known"
 
 
 @dataclass
@@ -31,7 +34,7 @@ class TrueObstacles:
         velocity: [M, 3] m/s, own velocity through the water.
         drift: [M], 1 where the current carries the obstacle.
         radius: [M] m.
-        kinds: [M] names of `KINDS`.
+        kinds: [M] names of `KINDS`, or `KNOWN`.
     """
 
     position: NDArray[np.floating]
@@ -39,6 +42,17 @@ class TrueObstacles:
     drift: NDArray[np.floating]
     radius: NDArray[np.floating]
     kinds: list[str]
+
+    @classmethod
+    def known(cls, found: Spheres) -> "TrueObstacles":
+        """Obstacles of which all is known."""
+        count = len(found.radius)
+        return cls(found.position, found.velocity, np.zeros(count), found.radius, [KNOWN] * count)
+
+    def __add__(self, other: "TrueObstacles") -> "TrueObstacles":
+        names = ("position", "velocity", "drift", "radius")
+        joined = (np.concatenate([getattr(self, name), getattr(other, name)]) for name in names)
+        return TrueObstacles(*joined, self.kinds + other.kinds)
 
     @property
     def motion(self) -> tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]]:
@@ -99,14 +113,20 @@ def require_area_on_chart(scenario: Scenario, chart: Chart | None) -> None:
         )
 
 
-def make_sea(scenario: Scenario, waters: Waters, field_key: jax.Array, sea_key: jax.Array) -> Sea:
-    """The true current of a mission and what is told of it."""
+def make_sea(
+    scenario: Scenario, waters: Waters, field_key: jax.Array, sea_key: jax.Array, simulated: bool = True
+) -> Sea:
+    """The true current of a mission and what is told of it; the forecast for both where none is simulated."""
     settings = scenario.current
     if waters.truth is None or waters.forecast is None:
         field, update = make_current(scenario, field_key), current_update(scenario)
+        if not simulated:
+            return VortexSea(sea_key, field, update, None)
         by_window = scenario.planning.resolved.current_updates == "window"
         interval = None if by_window else settings.update_interval
         return VortexSea(sea_key, field, update, interval, settings.forecast_error)
+    if not simulated:
+        return ModelSea(waters.forecast, waters.forecast)
     if settings.forecast_error == 0.0:
         return ModelSea(waters.truth, waters.forecast)
     low, high = (np.asarray(corner) for corner in scenario.box)
@@ -164,7 +184,7 @@ def draw_obstacles(
         Its N(0, sigma^2) bounded to the two waypoints is read as a scatter about the middle 70 % of the line
         between them. Numbers, sizes and speeds of obstacles are chosen here.
     """
-    settings = scenario.obstacles
+    settings = scenario.simulation.obstacles
     count = settings.total
     radius = rng.uniform(*settings.radius, count)
     share = rng.uniform(0.15, 0.85, count)[:, None]

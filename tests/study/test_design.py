@@ -128,7 +128,7 @@ def test_an_unknown_field_is_named(field):
         ("vehicle.speed", (float("nan"),)),
         ("planning.replan", ("late", "never")),
         ("mission.start", ([1, 2],)),
-        ("obstacles.static", (1.5,)),
+        ("simulation.obstacles.static", (1.5,)),
         ("current.update_rate", ({2: 3},)),
         ("current.update_rate", (None,)),
     ],

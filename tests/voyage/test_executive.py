@@ -124,7 +124,7 @@ def test_a_scenario_with_other_numbers_of_things_compiles_nothing():
     compiled = compilations()
     other = scenario(
         current=SMALL["current"] | {"vortices": 4},
-        obstacles={"static": 2, "afloat": 1, "self_motivated": 1},
+        simulation={"obstacles": {"static": 2, "afloat": 1, "self_motivated": 1}},
         mission=SMALL["mission"] | {"waypoints": 11},
     )
     ap.run_mission(other, key=jax.random.key(5))
@@ -171,7 +171,7 @@ def test_graph_keeps_to_the_water_and_is_connected():
     [
         ({"mission": {"start": [8000.0, 6500.0, 10.0]}}, "land"),
         ({"area": {"lower": [0, 0, 0], "upper": [20000, 10000, 10]}}, "beyond the chart"),
-        ({"chart": {"clearance": 3000.0}}, "water|connected"),
+        ({"mission": {"waypoint_clearance": 3000.0}}, "water|connected"),
     ],
 )
 def test_scenarios_that_cannot_be_built(sections, message):

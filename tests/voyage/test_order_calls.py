@@ -64,14 +64,15 @@ def test_times_of_the_sea_follow_from_what_is_told_of_the_current():
     area = fleet.scenario.area
     env = ap.Environment(mission.sea.field, None, None, area.lower, area.upper)
     known = mission.graph.with_travel_times(env, fleet.vehicle, 0.0, effort(fleet.path_config))
-    allowance = fleet.scenario.planning.detour * fleet.scenario.obstacles.total
+    allowance = fleet.scenario.planning.detour * fleet.scenario.simulation.obstacles.total
     np.testing.assert_allclose(mission.timed.travel_time, known.travel_time + allowance, rtol=1e-4)
     assert mission.run.estimate_seconds > 0.0
 
 
 def test_without_obstacles_no_detour_is_allowed_for():
     calm = scenario(
-        obstacles={"static": 0, "afloat": 0, "self_motivated": 0}, current={"vortices": 0, "layers": 1}
+        simulation={"obstacles": {"static": 0, "afloat": 0, "self_motivated": 0}},
+        current={"vortices": 0, "layers": 1},
     )
     fleet, mission = embark(calm)
     time_edges(fleet, [mission])

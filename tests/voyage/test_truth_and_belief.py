@@ -171,7 +171,9 @@ def test_escape_goes_away_from_what_comes():
 
 
 def test_obstacles_are_drawn_between_the_waypoints_and_off_them():
-    scenario = Scenario.model_validate({"obstacles": {"static": 10, "afloat": 10, "self_motivated": 10}})
+    scenario = Scenario.model_validate(
+        {"simulation": {"obstacles": {"static": 10, "afloat": 10, "self_motivated": 10}}}
+    )
     start, goal = np.array([0.0, 0, 50]), np.array([3000.0, 0, 50])
     drawn = draw_obstacles(scenario, start, goal, np.random.default_rng(0))
     near = drawn.position[:, 0] < 1e5

@@ -20,7 +20,7 @@ CHANNEL = {
     "area": {"lower": [-60, -60, 0], "upper": [1060, 60, 20]},
     "chart": {"source": "none"},
     "current": {"vortices": 0, "forecast_error": 0},
-    "obstacles": {"static": 0, "afloat": 0, "self_motivated": 0},
+    "simulation": {"obstacles": {"static": 0, "afloat": 0, "self_motivated": 0}},
     "mission": {"waypoints": 2, "start": [0, 0, 5], "goal": [1000, 0, 5], "time_available": 3000},
     "planning": {"effort": "plain"},
 }

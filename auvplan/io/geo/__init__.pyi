@@ -7,6 +7,7 @@ from .charts import read_zones as read_zones
 from .charts import with_no_go as with_no_go
 from .error import GeoError as GeoError
 from .jobs import read_jobs as read_jobs
+from .obstacles import read_obstacles as read_obstacles
 from .raster import Raster as Raster
 from .raster import read_raster as read_raster
 
@@ -19,6 +20,7 @@ __all__ = [
     "chart_from_raster",
     "read_bathymetry",
     "read_jobs",
+    "read_obstacles",
     "read_raster",
     "read_zones",
     "with_no_go",

@@ -1,0 +1,210 @@
+"""The commands that plan a mission for a vehicle, and say how often the plan holds."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.table import Table
+
+from auvplan.cli.shared import (
+    OutOption,
+    PicturesOption,
+    PresetOption,
+    QuietOption,
+    ScenarioArgument,
+    SeedOption,
+    console,
+    errors,
+    load,
+    naming,
+    time_bar,
+)
+from auvplan.plot.painter import Pictures
+
+if TYPE_CHECKING:
+    from auvplan.export.sheet import MissionSheet
+    from auvplan.voyage.records import MissionRun
+
+JsonOption = Annotated[bool, typer.Option("--json", help="Print the results as JSON, and nothing else.")]
+
+
+def plan(
+    scenario: ScenarioArgument = "whitsunday",
+    out: OutOption = Path("out/plan"),
+    depart: Annotated[
+        str,
+        typer.Option(
+            "--depart",
+            help="Departure: a date and time (UTC unless it says otherwise), or hours after the scenario's "
+            "departure, such as 3 or +3h.",
+        ),
+    ] = "0",
+    seed: SeedOption = 0,
+    preset: PresetOption = None,
+    quiet: QuietOption = False,
+    pictures: PicturesOption = Pictures.ALL,
+    as_json: JsonOption = False,
+) -> None:
+    """Plan a mission in the forecast and past known obstacles, and write the vehicle's files.
+
+    Nothing is simulated: `auvplan rehearse` says how often the plan holds.
+    """
+    quiet = quiet or as_json
+    from auvplan.compiled import MISSIONS, expecting, preload
+
+    preload(MISSIONS)
+    from auvplan.cli.departures import departure_seconds
+    from auvplan.io.files import whole_result
+
+    with naming(scenario):
+        settings, folder = load(scenario, preset, None)
+        now = departure_seconds("--depart", depart, settings, folder)
+    from auvplan.voyage.departures import load_waters_at
+    from auvplan.voyage.planning import plan_scenario
+
+    with naming(scenario), whole_result(out) as partial:
+        waters = load_waters_at(settings, [now], folder)
+        for note in () if quiet else waters.notes:
+            console.print(f"note: {note}", soft_wrap=True, highlight=False, markup=False)
+        available = settings.mission.time_available
+        with expecting(MISSIONS), time_bar("loading the planners", available, quiet) as advance:
+            run = plan_scenario(
+                settings,
+                seed=seed,
+                depart=now,
+                folder=folder,
+                waters=waters,
+                progress=lambda when, doing: advance(when - now, doing),
+            )
+        from auvplan.export.sheet import sheet_of, write_html
+        from auvplan.io import save_run
+
+        sheet = sheet_of(run)
+        save_run(run, partial, sheet=sheet.plain())
+        names = _pictures(run, pictures)
+        if names:
+            from auvplan.plot.run import draw_run
+            from auvplan.plot.sheet import write_pdf
+
+            draw_run(run, partial, names)
+            write_pdf(sheet, partial / "sheet.pdf")
+        write_html(sheet, partial / "sheet.html", "mission.png" if names else None)
+        notes = _vehicle_files(run, partial) if run.success else []
+        written = sorted(file.name for file in partial.iterdir())
+    if as_json:
+        console.print_json(json.dumps(run.summary() | {"sheet": sheet.plain()}))
+    elif not quiet:
+        print_sheet(sheet)
+        for note in notes:
+            console.print(f"note: {note}", soft_wrap=True, highlight=False, markup=False)
+        console.print(f"files in {out}:", ", ".join(written), soft_wrap=True, highlight=False)
+    if not run.success:
+        errors.print(f"auvplan: no plan: {run.reason}", soft_wrap=True, highlight=False)
+        raise typer.Exit(1)
+
+
+def _pictures(run: "MissionRun", choice: Pictures) -> list[str]:
+    """Pictures of a plan: the map, and the order of tasks where there are several legs."""
+    if choice == Pictures.NONE or not run.legs:
+        return []
+    return (
+        ["mission.png", "timeline.png"] if choice == Pictures.ALL and len(run.legs) > 1 else ["mission.png"]
+    )
+
+
+def _vehicle_files(run: "MissionRun", folder: Path) -> list[str]:
+    """Write what ground stations and maps open, and say what was left out."""
+    if run.site is None:
+        return [
+            "the scenario has no section site: its local metres are nowhere on Earth, so no vehicle's file"
+        ]
+    from auvplan.export import export, export_notes, itinerary_of
+
+    itinerary = itinerary_of(run)
+    export(itinerary, folder)
+    return export_notes(itinerary)
+
+
+def print_sheet(sheet: "MissionSheet") -> None:
+    """The mission sheet in the terminal."""
+    for line in sheet.warnings:
+        errors.print(f"auvplan: warning: {line}", soft_wrap=True, highlight=False, markup=False)
+    facts = Table(title=sheet.title, show_header=False)
+    for name, value in sheet.facts.items():
+        facts.add_row(name, value)
+    console.print(facts)
+    headings, rows = sheet.table()
+    stops = Table()
+    for name in headings:
+        stops.add_column(
+            name, justify="left" if name in ("waypoint", "task") else "right", no_wrap=name == "UTC"
+        )
+    for row in rows:
+        stops.add_row(*row)
+    console.print(stops)
+    if sheet.left_out:
+        left = Table("left out", "priority", "why")
+        for job in sheet.left_out:
+            left.add_row(job.name, f"{job.priority:g}", job.reason)
+        console.print(left)
+
+
+def rehearse(
+    scenario: ScenarioArgument = "whitsunday",
+    count: Annotated[int, typer.Option("-n", "--missions", min=1, help="Simulated missions.")] = 100,
+    out: OutOption = Path("out/rehearse"),
+    seed: SeedOption = 0,
+    workers: Annotated[
+        int | None, typer.Option("--workers", min=1, help="Processes on this machine; one a core if absent.")
+    ] = None,
+    quiet: QuietOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Plan a mission, simulate it many times, and say how often the plan holds."""
+    quiet = quiet or as_json
+    from auvplan.cli.study import mission_bar
+    from auvplan.io.files import write_atomically
+    from auvplan.study import Design, run_study
+    from auvplan.study.rehearsal import rehearsal_of, require_one_sea
+    from auvplan.voyage.planning import plan_scenario
+
+    with naming(scenario):
+        settings, folder = load(scenario, None, None)
+        require_one_sea(settings)
+        planned = plan_scenario(settings, seed=seed, folder=folder)
+        design = Design(settings, count, seed)
+        with mission_bar(quiet) as progress:
+            sailed = run_study(design, out, folder=folder, workers=workers, progress=progress)
+    found = rehearsal_of(planned, sailed)
+    text = json.dumps(found, indent=2) + "\n"
+    write_atomically(out / "rehearsal.json", lambda part: part.write_text(text, encoding="utf-8"))
+    if as_json:
+        console.print_json(text)
+    elif not quiet:
+        console.print(_rehearsal_table(settings.name, found))
+        console.print(f"figures: {out / 'rehearsal.json'}; missions: {out}", soft_wrap=True, highlight=False)
+
+
+def _rehearsal_table(name: str, found: dict[str, Any]) -> Table:
+    table = Table(title=f"{name}: the plan in {found['missions']} simulated missions", show_header=False)
+    low, high = found["on_time_interval"]
+    table.add_row("on time", f"{found['on_time']} of {found['missions']} (95 %: {low:.0%} to {high:.0%})")
+    table.add_row("all planned tasks done, on time", f"{found['all_planned_tasks']} of {found['missions']}")
+    table.add_row(
+        "tasks, planned and simulated", f"{found['planned_tasks']}, {found['tasks']:.1f} on average"
+    )
+    priorities = f"{found['planned_priority']:g}, {found['priority']:.1f} on average"
+    table.add_row("total priority, planned and simulated", priorities)
+    for job in found["jobs"]:
+        if job["planned"] and job["done"] < found["missions"]:
+            table.add_row(f"task {job['name']}", f"done in {job['done']} of {found['missions']}")
+    table.add_row("collisions", str(found["collisions"]))
+    words = {"coast": "to the coast", "obstacles": "to an obstacle", "seabed": "above the sea bed"}
+    for what, where in words.items():
+        if found["least"][what] is not None:
+            table.add_row(f"least distance {where}", f"{found['least'][what]:.0f} m")
+    table.add_row("least time left", f"{found['least']['time_left']:.0f} s")
+    for reason, times in found["failures"].items():
+        table.add_row("failed", f"{times}: {reason}")
+    return table

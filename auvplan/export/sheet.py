@@ -1,0 +1,372 @@
+"""The mission sheet: one page for the person who hands a plan to the vehicle."""
+
+import html
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+from zoneinfo import ZoneInfo
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvplan.io.files import write_atomically
+from auvplan.mission.jobs import jobs_done, jobs_of
+from auvplan.voyage.records import LegRecord, MissionRun
+
+#: m, longest way between two places at which margins are looked up.
+_STEP = 5.0
+
+#: What the vehicle does at the end, by the name of the setting.
+_ENDS = {"surface": "comes up", "loiter": "circles", "station": "keeps its place"}
+
+
+@dataclass(frozen=True)
+class Stop:
+    """A place on the route.
+
+    Attributes:
+        name: of the waypoint.
+        task: name of the job that is done here or on the way here, or empty.
+        priority: of the task; 0 without one.
+        arrival: s since the departure.
+        utc: moment of the arrival, or None without a date.
+        depth: m.
+        hold: s that the task takes.
+        length: m, of the path to it.
+        ground_speed, slowest: m/s over ground on the way, mean and least.
+        coast, bed, obstacle: m, least distance on the way to the coast, above the sea bed and to a known
+            obstacle; None where there is none.
+    """
+
+    name: str
+    task: str
+    priority: float
+    arrival: float
+    utc: datetime | None
+    depth: float
+    hold: float
+    length: float
+    ground_speed: float
+    slowest: float
+    coast: float | None
+    bed: float | None
+    obstacle: float | None
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """A job that the plan leaves out.
+
+    Attributes:
+        name: of the job.
+        priority: of all that is left of it.
+        reason: why, and what it would take.
+    """
+
+    name: str
+    priority: float
+    reason: str
+
+
+@dataclass(frozen=True)
+class MissionSheet:
+    """What a mission does, when, and with which margins.
+
+    Attributes:
+        title: name of the scenario.
+        facts: name and value of what concerns the mission as a whole.
+        stops: in the order of the route.
+        left_out: jobs that are not done.
+        warnings: a line each.
+        zone: name of the local time zone, or empty.
+    """
+
+    title: str
+    facts: dict[str, str]
+    stops: tuple[Stop, ...]
+    left_out: tuple[LeftOut, ...]
+    warnings: tuple[str, ...] = ()
+    zone: str = ""
+
+    def plain(self) -> dict[str, Any]:
+        """The sheet ready for JSON."""
+        stops = [
+            asdict(stop) | {"utc": None if stop.utc is None else f"{stop.utc:%Y-%m-%dT%H:%M:%SZ}"}
+            for stop in self.stops
+        ]
+        return {
+            "facts": self.facts,
+            "stops": stops,
+            "left_out": [asdict(job) for job in self.left_out],
+            "warnings": list(self.warnings),
+        }
+
+    def table(self) -> tuple[list[str], list[list[str]]]:
+        """Headings and cells of the stops, as people read them."""
+        local = ZoneInfo(self.zone) if self.zone else None
+        dated = any(stop.utc for stop in self.stops)
+        headings = ["", "waypoint", "task", "priority", "after", *(["UTC"] if dated else [])]
+        headings += [self.zone.split("/")[-1]] if dated and local else []
+        headings += ["depth, m", "hold, s", "way, m", "speed, m/s", "coast, m", "bed, m", "obstacle, m"]
+        rows = []
+        for number, stop in enumerate(self.stops):
+            times = [] if stop.utc is None else [f"{stop.utc:%H:%M:%S}"]
+            if stop.utc is not None and local:
+                times.append(f"{stop.utc.astimezone(local):%H:%M:%S}")
+            rows.append(
+                [
+                    str(number),
+                    stop.name,
+                    stop.task,
+                    f"{stop.priority:g}" if stop.priority else "",
+                    hours(stop.arrival),
+                    *times,
+                    f"{stop.depth:.0f}",
+                    f"{stop.hold:.0f}" if stop.hold else "",
+                    f"{stop.length:,.0f}" if number else "",
+                    f"{stop.ground_speed:.1f} ({stop.slowest:.1f})" if number else "",
+                    *(_margin(value) for value in (stop.coast, stop.bed, stop.obstacle)),
+                ]
+            )
+        return headings, rows
+
+
+def sheet_of(run: MissionRun) -> MissionSheet:
+    """The sheet of a plan or of a mission as it was sailed."""
+    first = _stop(run, None, 0.0)
+    stops = [replace(first, name=waypoint_name(run, run.start))]
+    stops += [_stop(run, leg, float(leg.times[-1])) for leg in run.done]
+    safety, planning = run.scenario.get("safety", {}), run.scenario.get("planning", {})
+    epoch = None if run.site is None else run.site.utc(0.0)
+    reserve = 60.0 if planning.get("reserve") is None else planning["reserve"]
+    facts = {
+        "outcome": run.reason,
+        "departure": "no date" if epoch is None else f"{epoch:%Y-%m-%d %H:%M} UTC",
+        "arrival": _moment(run, run.t_mission),
+        "time": f"{hours(run.t_mission)} of {hours(run.t_available)} ({run.t_mission:.0f} of "
+        f"{run.t_available:.0f} s)",
+        "time left": f"{hours(run.t_residual)}, of which no plan uses {reserve:g} s",
+        "tasks": f"{run.tasks}, total priority {run.total_priority:g} of at most {run.bound:.3g}",
+        "at the destination the vehicle": _ENDS[safety.get("end", "surface")],
+        "way": f"{sum(stop.length for stop in stops) / 1000.0:.1f} km",
+    }
+    zone = str((run.scenario.get("site") or {}).get("timezone") or "")
+    return MissionSheet(
+        str(run.scenario.get("name") or "mission"),
+        facts,
+        tuple(stops),
+        tuple(_left_out(run)),
+        tuple(_warnings(run, stops)),
+        zone,
+    )
+
+
+def waypoint_name(run: MissionRun, node: int) -> str:
+    """A waypoint for people: its name, or its number where it has none."""
+    if run.names:
+        return run.names[node]
+    return {run.start: "start", run.goal: "goal"}.get(node, f"waypoint {node}")
+
+
+def hours(seconds: float) -> str:
+    """A duration in hours and minutes."""
+    sign, minutes = ("-" if seconds < 0.0 else ""), round(abs(seconds) / 60.0)
+    return f"{sign}{minutes // 60} h {minutes % 60:02d} min"
+
+
+def _moment(run: MissionRun, seconds: float) -> str:
+    moment = None if run.site is None else run.site.utc(seconds)
+    return f"after {hours(seconds)}" if moment is None else f"{moment:%Y-%m-%d %H:%M} UTC"
+
+
+def _margin(value: float | None) -> str:
+    return "" if value is None else f"{value:.0f}"
+
+
+def _stop(run: MissionRun, leg: LegRecord | None, arrival: float) -> Stop:
+    """The end of a leg, or the start."""
+    node = run.start if leg is None else leg.goal
+    places = np.asarray(run.graph.positions, float)[[node]] if leg is None else leg.positions
+    steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    times = np.zeros(1) if leg is None else leg.times
+    speeds = steps[np.diff(times) > 0.0] / np.diff(times)[np.diff(times) > 0.0]
+    fine, when = _finely(places, times)
+    task = "" if leg is None or not leg.priority else _task_name(run, leg)
+    return Stop(
+        waypoint_name(run, node),
+        task,
+        0.0 if leg is None else float(leg.priority),
+        arrival,
+        None if run.site is None else run.site.utc(arrival),
+        float(run.graph.positions[node][2]),
+        0.0 if leg is None else float(leg.t_task),
+        float(steps.sum()),
+        float(steps.sum() / max(times[-1] - times[0], 1e-9)),
+        float(speeds.min()) if len(speeds) else 0.0,
+        None if run.chart is None else _known(float(np.min(run.chart.distance(fine[:, 0], fine[:, 1])))),
+        None if run.seabed is None else float(np.min(run.seabed.altitude(fine))),
+        _to_obstacles(run, fine, when),
+    )
+
+
+def _known(distance: float) -> float | None:
+    """A distance to the coast, or None where there is no coast."""
+    return distance if distance < 1e5 else None
+
+
+def _finely(places: NDArray, times: NDArray) -> tuple[NDArray, NDArray]:
+    """Places and times along a path, no farther apart than `_STEP`."""
+    marks = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))])
+    along = np.linspace(0.0, marks[-1], int(marks[-1] / _STEP) + 2)
+    fine = np.stack([np.interp(along, marks, axis) for axis in places.T], axis=1)
+    return fine, np.interp(along, marks, times)
+
+
+def _to_obstacles(run: MissionRun, places: NDArray, times: NDArray) -> float | None:
+    """Least distance to the surface of a known obstacle, m."""
+    least = None
+    for obstacle in run.obstacles:
+        centre = np.asarray(obstacle.position) + times[:, None] * np.asarray(obstacle.velocity)
+        level = np.maximum(np.linalg.norm(places[:, :2] - centre, axis=1) - obstacle.radius, 0.0)
+        above = np.maximum(obstacle.depth_min - places[:, 2], places[:, 2] - obstacle.depth_max)
+        distance = float(np.hypot(level, np.maximum(above, 0.0)).min())
+        least = distance if least is None else min(least, distance)
+    return least
+
+
+def _task_name(run: MissionRun, leg: LegRecord) -> str:
+    """The job that a leg does, or a part of."""
+    if not run.names:
+        return f"edge {leg.start} to {leg.goal}"
+    for job in jobs_of(run.names):
+        if leg.goal in job.nodes and (len(job.nodes) == 1 or leg.start in job.nodes):
+            whole = len(job.nodes) <= 2
+            return (
+                job.name
+                if whole
+                else f"{job.name}, part {min(map(job.nodes.index, (leg.start, leg.goal))) + 1}"
+            )
+    return run.names[leg.goal]
+
+
+def _left_out(run: MissionRun) -> list[LeftOut]:
+    """Jobs that are not done, with what stands against them."""
+    done = jobs_done(run.names, [(leg.start, leg.goal) for leg in run.earning])
+    taken = {frozenset((leg.start, leg.goal)) for leg in run.earning}
+    graph, found = run.graph, []
+    for job in jobs_of(run.names):
+        if job.name in done:
+            continue
+        if len(job.nodes) == 1:
+            priority = float(np.asarray(graph.waypoint_priority)[job.nodes[0]])
+        else:
+            left = [e for e in zip(job.nodes, job.nodes[1:], strict=False) if frozenset(e) not in taken]
+            priority = float(sum(np.asarray(graph.priority)[e] for e in left))
+        found.append(LeftOut(job.name, priority, _why(run, job.nodes)))
+    return sorted(found, key=lambda job: -job.priority)
+
+
+def _why(run: MissionRun, nodes: Sequence[int]) -> str:
+    """Why a job is left out: the time that the shortest detour to it takes, or that the sea closes the way."""
+    if run.first_order is None:
+        return "no order of tasks was found"
+    times, route = np.asarray(run.first_order.edge_times, float), run.route
+    if all(node in route for node in nodes):
+        return "its waypoints are passed, not the line between them"
+    inside = sum(times[a, b] for a, b in zip(nodes, nodes[1:], strict=False))
+    back = sum(times[b, a] for a, b in zip(nodes, nodes[1:], strict=False))
+    extra = min(
+        (
+            min(
+                times[i, nodes[0]] + inside + times[nodes[-1], j],
+                times[i, nodes[-1]] + back + times[nodes[0], j],
+            )
+            - times[i, j]
+            for i, j in zip(route, route[1:], strict=False)
+        ),
+        default=np.inf,
+    )
+    if not np.isfinite(extra):
+        return (
+            "no open way leads there and back to the route: the current, the coast or the sea bed closes it"
+        )
+    slack = run.t_residual
+    if extra > slack:
+        return (
+            f"the detour takes about {hours(extra)}, {hours(slack)} are left: a time available of "
+            f"{run.t_available + extra - slack:.0f} s would do"
+        )
+    return f"the detour of about {hours(extra)} would leave less than the reserve and the margin for the way back"
+
+
+def _warnings(run: MissionRun, stops: Sequence[Stop]) -> list[str]:
+    """What to look at before the vehicle leaves."""
+    warnings = []
+    if run.simulated:
+        warnings.append("this is one simulated mission, not a plan for a vehicle: `auvplan plan` makes that")
+    if not run.success:
+        warnings.append(f"the mission does not end as it should: {run.reason}")
+    speed = float(np.asarray(run.vehicle.speed))
+    for stop in stops[1:]:
+        if stop.slowest < 0.3 * speed:
+            warnings.append(
+                f"on the way to {stop.name} the speed over ground falls to {stop.slowest:.1f} m/s"
+            )
+    return warnings
+
+
+def write_html(sheet: MissionSheet, path: str | Path, picture: str | None = None) -> Path:
+    """Write the sheet as a page that needs nothing else.
+
+    Args:
+        sheet: to be written.
+        path: of the file.
+        picture: name of a picture beside it.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    headings, rows = sheet.table()
+    facts = "".join(
+        f"<tr><th>{html.escape(n)}</th><td>{html.escape(v)}</td></tr>" for n, v in sheet.facts.items()
+    )
+    left = [[job.name, f"{job.priority:g}", job.reason] for job in sheet.left_out]
+    parts = [
+        f"<h1>{html.escape(sheet.title)}</h1>",
+        *(f'<p class="warning">{html.escape(line)}</p>' for line in sheet.warnings),
+        f"<table>{facts}</table>",
+        _html_table(headings, rows),
+        "<p>Speed over ground is the mean and, in brackets, the least on the way; distances are the least.</p>",
+    ]
+    if left:
+        parts += ["<h2>Left out</h2>", _html_table(["job", "priority", "why"], left)]
+    if picture:
+        parts.append(f'<img src="{html.escape(picture)}" alt="map of the mission">')
+    page = _PAGE.format(title=html.escape(sheet.title), body="\n".join(parts))
+    return write_atomically(path, lambda part: part.write_text(page, encoding="utf-8"))
+
+
+def _html_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    def row(cells: Sequence[str], tag: str, escape: Callable[[str], str] = html.escape) -> str:
+        return "<tr>" + "".join(f"<{tag}>{escape(cell)}</{tag}>" for cell in cells) + "</tr>"
+
+    body = "".join(row(cells, "td") for cells in rows)
+    return f"<table><thead>{row(headings, 'th')}</thead><tbody>{body}</tbody></table>"
+
+
+_PAGE = """<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
+<title>{title}</title>
+<style>
+body {{ font: 15px/1.4 system-ui, sans-serif; margin: 2rem auto; max-width: 72rem; padding: 0 1rem; }}
+table {{ border-collapse: collapse; margin: 0 0 1.5rem; }}
+th, td {{ border-bottom: 1px solid #ccc; padding: .25rem .6rem; text-align: left; vertical-align: top; }}
+.warning {{ background: #fff3cd; border-left: 4px solid #d98c00; padding: .4rem .8rem; color: #222; }}
+img {{ max-width: 100%; }}
+@media print {{ body {{ font-size: 10pt; margin: 0; }} }}
+</style></head><body>
+{body}
+</body></html>
+"""

@@ -1,0 +1,92 @@
+"""Known obstacles from GeoJSON (RFC 7946): points with a radius, that stand or move."""
+
+import difflib
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from auvplan.io.geo.error import Faults, GeoError, reading
+from auvplan.io.geo.geojson import Feature, positions, read_features
+from auvplan.ocean.known import KnownObstacle
+from auvplan.site import Site
+
+_NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+
+
+class _Properties(BaseModel):
+    """What a feature says of an obstacle; see `read_obstacles`."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    radius: Annotated[float, Field(gt=0.0, le=100_000.0)]
+    name: str = ""
+    depth_min: _NotNegative = 0.0
+    depth_max: _NotNegative | None = None
+    course: Annotated[float, Field(ge=0.0, le=360.0)] | None = None
+    speed: _NotNegative = 0.0
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "_Properties":
+        if self.depth_max is not None and self.depth_max < self.depth_min:
+            raise ValueError(f"depth_max {self.depth_max:g} m lies above depth_min {self.depth_min:g} m")
+        if self.speed > 0.0 and self.course is None:
+            raise ValueError("speed needs a course, degrees clockwise from north")
+        return self
+
+
+def read_obstacles(path: str | Path, site: Site) -> tuple[KnownObstacle, ...]:
+    """Read obstacles that are known before the mission.
+
+    GeoJSON points with the properties `radius` m, and `name`, `depth_min` and `depth_max` m, `course` degrees
+    clockwise from north and `speed` m/s over ground where they have them. An obstacle without depths reaches
+    from the surface to the bed; one that moves is at its place at the scenario's epoch.
+
+    Args:
+        path: of the file.
+        site: where local coordinates count from.
+
+    Raises:
+        GeoError: names the file and the number of the feature; its `lines` are all that is wrong.
+    """
+    path = Path(path)
+    with reading(path):
+        found, faults = [], Faults()
+        features = read_features(path, ("Point",))
+        for feature in features:
+            with faults.kept():
+                found.append(_obstacle(feature, site))
+        faults.refuse(len(features))
+        return tuple(found)
+
+
+def _obstacle(feature: Feature, site: Site) -> KnownObstacle:
+    try:
+        told = _Properties.model_validate(feature.properties)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        name = ".".join(map(str, first["loc"]))
+        what = first["msg"].removeprefix("Value error, ").replace("Input should", "must")
+        known = ", ".join(_Properties.model_fields)
+        if first["type"] == "extra_forbidden":
+            near = difflib.get_close_matches(name, _Properties.model_fields, 1, 0.7)
+            hint = f", did you mean {near[0]!r}?" if near else ""
+            what = f"means nothing here{hint}; an obstacle has {known}"
+        elif first["type"] == "missing":
+            what = "is missing"
+        raise GeoError(f"{feature.where}: {name} {what}".replace(":  ", ": ")) from None
+    place = positions(feature.where, [feature.coordinates])[0]
+    north, east = (float(axis) for axis in site.to_local(place[0], place[1]))
+    if not np.isfinite((north, east)).all():
+        raise GeoError(f"{feature.where}: has no place in the site's local metres")
+    bearing = np.deg2rad(told.course or 0.0)
+    velocity = (told.speed * float(np.cos(bearing)), told.speed * float(np.sin(bearing)))
+    return KnownObstacle(
+        told.name or f"obstacle {feature.number}",
+        (north, east),
+        told.radius,
+        told.depth_min,
+        np.inf if told.depth_max is None else told.depth_max,
+        velocity if told.speed > 0.0 else (0.0, 0.0),
+    )

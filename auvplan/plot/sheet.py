@@ -1,0 +1,66 @@
+"""The mission sheet as a page to print."""
+
+from pathlib import Path
+from textwrap import fill
+
+import matplotlib.pyplot as plt
+from matplotlib.axes import Axes
+
+from auvplan.export.sheet import MissionSheet
+from auvplan.io.files import write_atomically
+
+#: Inches of an A4 page on its side, and of its margin.
+_PAGE, _MARGIN = (11.69, 8.27), 0.5
+
+
+def write_pdf(sheet: MissionSheet, path: str | Path) -> Path:
+    """Write the sheet as one page, A4 on its side.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    figure = plt.figure(figsize=_PAGE)
+    try:
+        left, width = _MARGIN / _PAGE[0], 1.0 - 2.0 * _MARGIN / _PAGE[0]
+        figure.text(left, 0.955, sheet.title, fontsize=15, weight="bold", va="top")
+        facts = [f"{name}: {value}" for name, value in sheet.facts.items()]
+        for column, lines in enumerate((facts[::2], facts[1::2])):
+            figure.text(left + 0.5 * width * column, 0.91, "\n".join(lines), fontsize=8, va="top")
+        notes = [fill(f"! {line}", 170) for line in sheet.warnings]
+        figure.text(left, 0.815, "\n".join(notes), fontsize=8, va="top", color="#a04000")
+        headings, rows = sheet.table()
+        top = 0.80 - 0.018 * len(notes)
+        step = min(0.024, (top - 0.08) / (len(rows) + 2 * len(sheet.left_out) + 4))
+        height = step * (len(rows) + 1)
+        axes = figure.add_axes((left, top - height, width, height))
+        _draw(axes, headings, rows)
+        if sheet.left_out:
+            lines = [
+                fill(f"{job.name} (priority {job.priority:g}): {job.reason}", 190) for job in sheet.left_out
+            ]
+            figure.text(left, top - height - 0.02, "Left out", fontsize=9, weight="bold", va="top")
+            figure.text(left, top - height - 0.045, "\n".join(lines), fontsize=7.5, va="top")
+        return write_atomically(
+            path, lambda part: figure.savefig(part, format="pdf", metadata={"CreationDate": None})
+        )
+    finally:
+        plt.close(figure)
+
+
+def _draw(axes: Axes, headings: list[str], rows: list[list[str]]) -> None:
+    """The table of stops, over all of the axes."""
+    axes.set_axis_off()
+    lengths = [max(len(cell) for cell in column) + 2 for column in zip(headings, *rows, strict=True)]
+    total = sum(lengths)
+    table = axes.table(
+        rows, colLabels=headings, colWidths=[length / total for length in lengths], cellLoc="left",
+        bbox=(0.0, 0.0, 1.0, 1.0),
+    )  # fmt: skip
+    table.auto_set_font_size(False)
+    table.set_fontsize(7.5)
+    for (row, _), cell in table.get_celld().items():
+        cell.set_linewidth(0.4)
+        cell.set_edgecolor("0.7")
+        if row == 0:
+            cell.set_text_props(weight="bold")
+            cell.set_facecolor("0.93")
