@@ -350,7 +350,7 @@ def drop_programs() -> None:
 
 @contextmanager
 def listening(tell: Callable[..., None]) -> Iterator[None]:
-    """Call `tell(begun=, done=)`, numbers of programs, whenever a program that is to be stored begins or ends to be compiled."""
+    """Call `tell(begun=, done=)` with numbers of programs whenever one to be stored is compiled."""
     _listeners.append(tell)
     try:
         yield

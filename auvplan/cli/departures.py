@@ -148,7 +148,7 @@ def departure_seconds(option: str, text: str, settings: Any, folder: Path) -> fl
             raise ScenarioError(
                 f"{option} {text!r}: the scenario has no date, set site.departure or give hours such as +3h"
             )
-        seconds = (moment - epoch).totaldeparture_seconds()
+        seconds = (moment - epoch).total_seconds()
     if not abs(seconds) <= _FARTHEST * 3600.0:
         raise ScenarioError(f"{option} {text!r} lies more than a year from the scenario's departure")
     return seconds
@@ -167,7 +167,7 @@ def _duration(text: str) -> float | None:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            seconds = pd.to_timedelta(text.strip().lower()).totaldeparture_seconds()
+            seconds = pd.to_timedelta(text.strip().lower()).total_seconds()
     except (ValueError, OverflowError):
         return None
     return None if math.isnan(seconds) else seconds

@@ -36,7 +36,10 @@ def mission(
         bool, typer.Option("--certify", help="Also say how far the first order can be from the best.")
     ] = False,
 ) -> None:
-    """Plan a whole mission, sail it in the simulator and draw it."""
+    """Rehearse a mission once: sail it in the simulator, past obstacles that no plan knows of, and draw it.
+
+    `auvplan plan` makes the plan for a vehicle.
+    """
     run = _run(scenario, preset, objective, out, seed, quiet, pictures)
     if certify:
         _print_certificate(run.first_order)
@@ -70,7 +73,7 @@ def _run(
     from auvplan.compiled import MISSIONS, preload
 
     preload(MISSIONS)
-    from auvplan.io import output_folder
+    from auvplan.io.files import whole_result
     from auvplan.io.waters import load_waters
 
     with naming(source):
@@ -79,10 +82,9 @@ def _run(
     if not quiet:
         for note in waters.notes:
             console.print(f"note: {note}", soft_wrap=True, highlight=False, markup=False)
-    output_folder(out)
     from auvplan.voyage import run_mission
 
-    with Painter(pictures) as painter, naming(source):
+    with naming(source), whole_result(out) as partial, Painter(pictures) as painter:
         Thread(target=_load_writers, daemon=True).start()
         available = scenario.mission.time_available
         with time_bar("loading the planners", available, quiet) as advance:
@@ -93,11 +95,12 @@ def _run(
                 waters=waters,
                 progress=lambda _, now, doing: advance(now, doing),
             )
-        painter.begin(run, out)
+        painter.begin(run, partial)
+        from auvplan.export.sheet import sheet_of
         from auvplan.io import save_run
 
-        save_run(run, out)
-        drawn = painter.finish()
+        save_run(run, partial, sheet=sheet_of(run).plain())
+        drawn = [out / picture.name for picture in painter.finish()]
     if not quiet:
         _print_summary(run.summary())
         if drawn:

@@ -108,17 +108,14 @@ def _pictures(run: "MissionRun", choice: Pictures) -> list[str]:
     """Pictures of a plan: the map, and the order of tasks where there are several legs."""
     if choice == Pictures.NONE or not run.legs:
         return []
-    return (
-        ["mission.png", "timeline.png"] if choice == Pictures.ALL and len(run.legs) > 1 else ["mission.png"]
-    )
+    several = choice == Pictures.ALL and len(run.legs) > 1
+    return ["mission.png", "timeline.png"] if several else ["mission.png"]
 
 
 def _vehicle_files(run: "MissionRun", folder: Path) -> list[str]:
     """Write what ground stations and maps open, and say what was left out."""
     if run.site is None:
-        return [
-            "the scenario has no section site: its local metres are nowhere on Earth, so no vehicle's file"
-        ]
+        return ["no vehicle's file: the scenario has no section site, its local metres are nowhere on Earth"]
     from auvplan.export import export, export_notes, itinerary_of
 
     itinerary = itinerary_of(run)
@@ -134,12 +131,11 @@ def print_sheet(sheet: "MissionSheet") -> None:
     for name, value in sheet.facts.items():
         facts.add_row(name, value)
     console.print(facts)
-    headings, rows = sheet.table()
+    headings, rows = sheet.table(brief=True)
     stops = Table()
     for name in headings:
-        stops.add_column(
-            name, justify="left" if name in ("waypoint", "task") else "right", no_wrap=name == "UTC"
-        )
+        words = name in ("waypoint", "task")
+        stops.add_column(name, justify="left" if words else "right", overflow="fold", no_wrap=not words)
     for row in rows:
         stops.add_row(*row)
     console.print(stops)

@@ -46,6 +46,7 @@ def itinerary_of(
         )  # fmt: skip
         env = _environment(leg, plan, run.chart, run.seabed)
         legs.append(whole.thinned(env, run.vehicle, tolerance, margin))
+    sailed = run.legs if run.simulated else []
     still = [
         ((*obstacle.position, obstacle.depth_min), obstacle.radius)
         for obstacle in run.obstacles
@@ -56,11 +57,7 @@ def itinerary_of(
         site,
         float(np.asarray(run.vehicle.speed)),
         legs,
-        [
-            Track(leg.times, leg.positions, leg.motion)
-            for leg in run.legs
-            if run.simulated and len(leg.times) > 1
-        ],
+        [Track(leg.times, leg.positions, leg.motion) for leg in sailed if len(leg.times) > 1],
         chart=run.chart,
         obstacles=still,
         notes=_notes(run),

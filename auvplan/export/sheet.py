@@ -4,12 +4,15 @@ import html
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import datetime
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 from zoneinfo import ZoneInfo
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import shortest_path
 
 from auvplan.io.files import write_atomically
 from auvplan.mission.jobs import jobs_done, jobs_of
@@ -103,13 +106,15 @@ class MissionSheet:
             "warnings": list(self.warnings),
         }
 
-    def table(self) -> tuple[list[str], list[list[str]]]:
-        """Headings and cells of the stops, as people read them."""
+    def table(self, brief: bool = False) -> tuple[list[str], list[list[str]]]:
+        """Headings and cells of the stops, as people read them; in `brief`, what fits a terminal."""
         local = ZoneInfo(self.zone) if self.zone else None
         dated = any(stop.utc for stop in self.stops)
         headings = ["", "waypoint", "task", "priority", "after", *(["UTC"] if dated else [])]
         headings += [self.zone.split("/")[-1]] if dated and local else []
         headings += ["depth, m", "hold, s", "way, m", "speed, m/s", "coast, m", "bed, m", "obstacle, m"]
+        if brief:
+            return _brief(self.stops, dated)
         rows = []
         for number, stop in enumerate(self.stops):
             times = [] if stop.utc is None else [f"{stop.utc:%H:%M:%S}"]
@@ -131,6 +136,23 @@ class MissionSheet:
                 ]
             )
         return headings, rows
+
+
+def _brief(stops: Sequence[Stop], dated: bool) -> tuple[list[str], list[list[str]]]:
+    """Headings and cells for a terminal."""
+    headings = ["", "waypoint", "task", "UTC" if dated else "after", "depth", "hold", "coast", "bed"]
+    return headings, [
+        [
+            str(number),
+            stop.name,
+            ("done" if stop.task == stop.name else stop.task) if stop.task else "",
+            hours(stop.arrival) if stop.utc is None else f"{stop.utc:%H:%M:%S}",
+            f"{stop.depth:.0f} m",
+            f"{stop.hold:.0f} s" if stop.hold else "",
+            *(f"{_margin(value)} m" if value is not None else "" for value in (stop.coast, stop.bed)),
+        ]
+        for number, stop in enumerate(stops)
+    ]
 
 
 def sheet_of(run: MissionRun) -> MissionSheet:
@@ -242,12 +264,8 @@ def _task_name(run: MissionRun, leg: LegRecord) -> str:
         return f"edge {leg.start} to {leg.goal}"
     for job in jobs_of(run.names):
         if leg.goal in job.nodes and (len(job.nodes) == 1 or leg.start in job.nodes):
-            whole = len(job.nodes) <= 2
-            return (
-                job.name
-                if whole
-                else f"{job.name}, part {min(map(job.nodes.index, (leg.start, leg.goal))) + 1}"
-            )
+            part = min(job.nodes.index(node) for node in (leg.start, leg.goal) if node in job.nodes) + 1
+            return job.name if len(job.nodes) <= 2 else f"{job.name}, part {part}"
     return run.names[leg.goal]
 
 
@@ -262,43 +280,40 @@ def _left_out(run: MissionRun) -> list[LeftOut]:
         if len(job.nodes) == 1:
             priority = float(np.asarray(graph.waypoint_priority)[job.nodes[0]])
         else:
-            left = [e for e in zip(job.nodes, job.nodes[1:], strict=False) if frozenset(e) not in taken]
-            priority = float(sum(np.asarray(graph.priority)[e] for e in left))
+            left = [edge for edge in pairwise(job.nodes) if frozenset(edge) not in taken]
+            priority = float(sum(np.asarray(graph.priority)[edge] for edge in left))
         found.append(LeftOut(job.name, priority, _why(run, job.nodes)))
     return sorted(found, key=lambda job: -job.priority)
 
 
 def _why(run: MissionRun, nodes: Sequence[int]) -> str:
-    """Why a job is left out: the time that the shortest detour to it takes, or that the sea closes the way."""
+    """Why a job is left out: the time that the shortest detour to it takes, or that there is no way."""
     if run.first_order is None:
         return "no order of tasks was found"
     times, route = np.asarray(run.first_order.edge_times, float), run.route
     if all(node in route for node in nodes):
         return "its waypoints are passed, not the line between them"
-    inside = sum(times[a, b] for a, b in zip(nodes, nodes[1:], strict=False))
-    back = sum(times[b, a] for a, b in zip(nodes, nodes[1:], strict=False))
+    edges = np.nonzero(np.isfinite(times))
+    ways = shortest_path(csr_array((times[edges], edges), shape=times.shape))
+    there, back = (sum(times[edge] for edge in pairwise(order)) for order in (nodes, nodes[::-1]))
+    first, last = nodes[0], nodes[-1]
     extra = min(
         (
-            min(
-                times[i, nodes[0]] + inside + times[nodes[-1], j],
-                times[i, nodes[-1]] + back + times[nodes[0], j],
-            )
-            - times[i, j]
-            for i, j in zip(route, route[1:], strict=False)
+            min(ways[i, first] + there + ways[last, j], ways[i, last] + back + ways[first, j]) - times[i, j]
+            for i, j in pairwise(route)
         ),
         default=np.inf,
     )
     if not np.isfinite(extra):
+        return "no open way leads there: the current, the coast or the sea bed closes every leg"
+    left = run.t_residual
+    if extra > left:
+        needed = run.t_available + extra - left
         return (
-            "no open way leads there and back to the route: the current, the coast or the sea bed closes it"
+            f"the detour takes about {hours(extra)}, {hours(left)} are left: "
+            f"about {hours(needed)} ({needed:.0f} s) would do"
         )
-    slack = run.t_residual
-    if extra > slack:
-        return (
-            f"the detour takes about {hours(extra)}, {hours(slack)} are left: a time available of "
-            f"{run.t_available + extra - slack:.0f} s would do"
-        )
-    return f"the detour of about {hours(extra)} would leave less than the reserve and the margin for the way back"
+    return f"the detour of about {hours(extra)} leaves too little for reserve and way back"
 
 
 def _warnings(run: MissionRun, stops: Sequence[Stop]) -> list[str]:
@@ -338,7 +353,7 @@ def write_html(sheet: MissionSheet, path: str | Path, picture: str | None = None
         *(f'<p class="warning">{html.escape(line)}</p>' for line in sheet.warnings),
         f"<table>{facts}</table>",
         _html_table(headings, rows),
-        "<p>Speed over ground is the mean and, in brackets, the least on the way; distances are the least.</p>",
+        "<p>Speed over ground: the mean on the way and, in brackets, the least. Distances: the least.</p>",
     ]
     if left:
         parts += ["<h2>Left out</h2>", _html_table(["job", "priority", "why"], left)]

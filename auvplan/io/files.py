@@ -63,7 +63,7 @@ def output_folder(path: str | Path) -> Path:
 
 @contextmanager
 def whole_result(path: str | Path) -> Iterator[Path]:
-    """A folder to write the results of one run to, which take the place of all of an earlier run's at the end.
+    """A folder to write the results of one run to, which replace all of an earlier run's at the end.
 
     Until then the earlier results are as they were, and so they stay where an error or a signal ends the run.
     Files of other names in the folder are left alone.
@@ -102,7 +102,7 @@ def _alive(partial: Path) -> bool:
 
 
 def _take_over(partial: Path, target: Path) -> None:
-    """Remove the results of an earlier run, that which makes them a result first, and move the new ones in."""
+    """Remove an earlier run's results, that which makes them a result first, and move the new ones in."""
     for name in (SUMMARY, MISSION, *RESULTS):
         for stale in target.glob(name):
             stale.unlink()

@@ -76,9 +76,9 @@ def restore_run(folder: str | Path) -> MissionRun:
 
 def _obstacle(told: dict) -> KnownObstacle:
     """A known obstacle from JSON."""
-    places = {name: tuple(told[name]) for name in ("position", "velocity")}
-    deepest = np.inf if told["depth_max"] is None else told["depth_max"]
-    return KnownObstacle(**(told | places | {"depth_max": deepest}))
+    deepest = np.inf if told["depth_max"] is None else float(told["depth_max"])
+    (north, east), (u, v) = told["position"], told["velocity"]
+    return KnownObstacle(told["name"], (north, east), told["radius"], told["depth_min"], deepest, (u, v))
 
 
 def _limits(attributes: dict) -> list[str]:

@@ -5,6 +5,7 @@ from textwrap import fill
 
 import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
+from matplotlib.transforms import Bbox
 
 from auvplan.export.sheet import MissionSheet
 from auvplan.io.files import write_atomically
@@ -54,7 +55,7 @@ def _draw(axes: Axes, headings: list[str], rows: list[list[str]]) -> None:
     total = sum(lengths)
     table = axes.table(
         rows, colLabels=headings, colWidths=[length / total for length in lengths], cellLoc="left",
-        bbox=(0.0, 0.0, 1.0, 1.0),
+        bbox=Bbox.unit(),
     )  # fmt: skip
     table.auto_set_font_size(False)
     table.set_fontsize(7.5)

@@ -14,17 +14,17 @@ from auvplan.voyage.scenario import Scenario
 
 
 def require_one_sea(scenario: Scenario) -> None:
-    """Raise ScenarioError where missions of other seeds are others altogether, and no plan can hold in them."""
+    """Raise ScenarioError where each seed is another mission altogether, in which no plan can hold."""
     current, mission = scenario.current, scenario.mission
     if current.source == "vortices" and current.vortices > 0:
         raise ScenarioError(
             "current.source 'vortices' draws another sea for each mission, in which no plan of one holds: a "
-            "rehearsal needs currents from files, or none (vortices: 0); `auvplan montecarlo` sails in many seas"
+            "rehearsal needs currents from files, or none (vortices: 0)"
         )
     if mission.jobs is None and (mission.waypoints > 2 or mission.start is None or mission.goal is None):
         raise ScenarioError(
             "mission.waypoints are drawn anew for each mission: a rehearsal needs mission.jobs, or one leg "
-            "with start and goal; `auvplan montecarlo` sails among many"
+            "with start and goal"
         )
 
 

@@ -279,17 +279,12 @@ def _plan_missions(fleets: list[Fleet], missions: list[Mission], progress: Progr
     runs = [mission.run for mission in missions]
     return Departures(
         feasible=np.asarray([run.success for run in runs]),
-        time=np.asarray(
-            [
-                run.t_mission - now if run.success else np.nan
-                for run, now in zip(runs, common["departs"], strict=True)
-            ]
-        ),
+        time=np.asarray([run.t_mission if run.success else np.nan for run in runs]) - common["departs"],
         tasks=np.asarray([run.tasks if run.success else 0 for run in runs]),
         priority=np.asarray([run.total_priority if run.success else 0.0 for run in runs]),
         reasons=tuple(
-            "" if run.success else _why(*circumstances)
-            for run, *circumstances in zip(runs, fleets, missions, seas, strict=True)
+            "" if mission.run.success else _why(fleet, mission, sea)
+            for fleet, mission, sea in zip(fleets, missions, seas, strict=True)
         ),
         routes=tuple(run.route if run.success else None for run in runs),
         **common,

@@ -91,7 +91,7 @@ def _hope(fleet: Fleet, missions: list[Mission]) -> None:
 def refusal(leg: Leg, epoch: datetime | None = None) -> str:
     """Why a leg must not be begun, or an empty string; times of day count from the epoch.
 
-    Obstacles that are not known for certain do not stand against it: they move, and are known better from near.
+    Obstacles that are not certain do not stand against it: they move, and are known better from near.
     """
     broken = [limit for limit in leg.followed.broken() if limit != "obstacle" or leg.belief.certain]
     return leg.followed.explain(broken[0], epoch) if broken else ""

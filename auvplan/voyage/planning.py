@@ -36,8 +36,8 @@ def plan_scenario(
 ) -> MissionRun:
     """Plan a mission: the order of its tasks, and a path along every leg.
 
-    Nothing is simulated: the sea is as forecast and obstacles are those of `obstacles.file`. The same call gives
-    the same plan to the last bit.
+    Nothing is simulated: the sea is as forecast and obstacles are those of `obstacles.file`. The same call
+    gives the same plan to the last bit.
 
     Args:
         scenario: settings.
@@ -68,7 +68,7 @@ def plan_scenario(
 
 
 def planning_fleet(scenario: Scenario, folder: str | Path, waters: Waters, depart: float) -> Fleet:
-    """What a plan from a departure counts on: nothing simulated, nothing timed, no more of the sea than it meets."""
+    """What a plan counts on: nothing simulated, nothing timed, no more of the sea than it meets."""
     if waters.forecast is not None:
         forecast = waters.forecast.window(depart, depart + scenario.mission.time_available)
         waters = replace(waters, forecast=forecast, truth=forecast)

@@ -365,10 +365,10 @@ PRESETS: dict[str, dict[str, Any]] = {
 #: Fields that went elsewhere, with what there is to say of it.
 MOVED = {
     **{
-        f"obstacles.{name}": f"simulation.obstacles.{name}: obstacles are now those of a file, which are known"
+        f"obstacles.{name}": f"simulation.obstacles.{name}: those here are known, from a file"
         for name in SimulatedObstacles.model_fields
     },
-    "chart.clearance": "mission.waypoint_clearance, of waypoints that are drawn; what paths keep is safety.coast",
+    "chart.clearance": "mission.waypoint_clearance, for waypoints that are drawn; paths keep safety.coast",
     "bathymetry.clearance": "safety.seabed",
 }
 

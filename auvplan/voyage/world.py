@@ -50,9 +50,13 @@ class TrueObstacles:
         return cls(found.position, found.velocity, np.zeros(count), found.radius, [KNOWN] * count)
 
     def __add__(self, other: "TrueObstacles") -> "TrueObstacles":
-        names = ("position", "velocity", "drift", "radius")
-        joined = (np.concatenate([getattr(self, name), getattr(other, name)]) for name in names)
-        return TrueObstacles(*joined, self.kinds + other.kinds)
+        return TrueObstacles(
+            np.concatenate([self.position, other.position]),
+            np.concatenate([self.velocity, other.velocity]),
+            np.concatenate([self.drift, other.drift]),
+            np.concatenate([self.radius, other.radius]),
+            self.kinds + other.kinds,
+        )
 
     @property
     def motion(self) -> tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]]:
