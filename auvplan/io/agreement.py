@@ -26,8 +26,8 @@ Mask = NDArray[np.bool_]
 
 #: Places along the longer side of the area at which two sources are compared.
 _PLACES = 240
-#: A coast is where it is to so many cells of the coarser source.
-_CELLS = 2.0
+#: A coast is told to so many cells of the coarser source.
+_CELLS = 1.5
 #: Shares of the area, and of all land in it, from which on two sources contradict each other.
 _OF_AREA, _OF_LAND = 0.02, 0.1
 #: Turned over, the chart agrees much better if less than this share of the contradiction is left.
@@ -77,7 +77,7 @@ def warn_of_contradictions(
 ) -> None:
     """Compare where chart, sea bed and current have land.
 
-    Places within two cells of a coast count for none, as coarse files cannot tell them.
+    Places that are nearer to a coast than coarse files can tell count for none.
 
     Args:
         scenario: that names them.

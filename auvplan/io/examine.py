@@ -94,11 +94,11 @@ def examine_scenario(source: str | Path) -> Examination:
     with _heard() as heard:
         parts = _read_apart(scenario, found, missing)
         waters, closed = _together(parts), _zones(scenario, parts.get("no_go"), folder)
+        if not found.faults:  # what contradicts itself may be why places are on land
+            found.attempt("scenario", scenario, partial(load_waters, scenario, folder))
         found.faults += _places(scenario, waters, parts.get("no_go"), document)
         if short := unreachable(scenario):
             found.faults.append(fault_at(("mission", "time_available"), short, document))
-        if not found.faults:
-            found.attempt("scenario", scenario, partial(load_waters, scenario, folder))
         if not found.faults:
             found.attempt("mission", scenario.mission, lambda: _graph(scenario, folder))
     doubtful = [fault.line(str(source)) for fault in doubts(scenario, document) if not _told(fault, found)]

@@ -20,6 +20,8 @@ from auvplan.voyage.settings import MOVED, Area, SiteSettings
 
 #: Stands where a value is none: it is no place and no number either.
 _NOTHING = "nothing"
+#: What is said of a place that would be one the other way round.
+_SWAPPED = ": longitude and latitude seem swapped"
 #: Kinds of faults between fields: of the whole scenario, and within a section.
 _RULES = ("rule", "section rule")
 #: What the box of a mission is made of: the fields that rules mean by "the area" and "the vehicle's depths".
@@ -73,6 +75,9 @@ def _bad_places(plain: dict[str, Any]) -> dict[Path, str]:
         if isinstance(part, dict):
             places |= {(section, name): part[name] for name in names if isinstance(part.get(name), dict)}
     bad = {path: reason for path, value in places.items() if (reason := _place_fault(value, known))}
+    swapped = [path for path, reason in bad.items() if reason.endswith(_SWAPPED)]
+    if len(swapped) > 1:  # said once
+        bad |= dict.fromkeys(swapped, "") | {swapped[0]: f"{bad[swapped[0]]}, here and in other places"}
     corners = [path for path in places if path[0] == "area"]
     if corners and not any(path in bad for path in corners):
         try:
@@ -92,7 +97,7 @@ def _place_fault(value: dict[str, Any], site: Site | None) -> str:
         hint = ""
         if site is not None and "Earth" in str(error):
             turned = value | {"longitude": value["latitude"], "latitude": value["longitude"]}
-            hint = "" if _place_fault(turned, None).endswith("Earth") else ": the two seem swapped"
+            hint = "" if _place_fault(turned, None).endswith("Earth") else _SWAPPED
         return str(error).removeprefix("mission.start").lstrip(": ") + hint
     except Exception:
         return "longitude, latitude and depth must be numbers"
@@ -205,7 +210,7 @@ def _swap_hint(path: Path, reason: str, data: dict[str, Any]) -> str:
             SiteSettings.model_validate(turned)
         except (ValidationError, ValueError):
             return ""
-        return ": longitude and latitude seem swapped"
+        return _SWAPPED
     if path not in (("mission", "start"), ("mission", "goal")) or "outside the area" not in reason:
         return ""
     place = _at(data, path)

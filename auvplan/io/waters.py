@@ -290,4 +290,4 @@ def _seabed(
             "bathymetry.positive which way its values count"
         )
     bed = Seabed.from_depth(found.depth, found.pixel_size, np.asarray(found.origin), clearance=clearance)
-    return bed, found.notes
+    return bed, tuple(f"{settings.file}: {note}" for note in found.notes)
