@@ -2,10 +2,8 @@
 
 import difflib
 import re
-import warnings
 from collections.abc import Iterable, Mapping
 
-from auvplan.errors import ScenarioWarning
 from auvplan.io.geo.error import GeoError
 
 #: What operators and other programs call what jobs have.
@@ -41,20 +39,20 @@ _UNIT = re.compile(
 )
 
 
-def check_headings(where: str, given: Iterable[str], known: Mapping[str, str]) -> None:
-    """Refuse a name that is all but one that means something, and warn of one that may stand for it.
+def check_headings(where: str, given: Iterable[str], known: Mapping[str, str]) -> dict[str, str]:
+    """Refuse a name that is all but one that means something, and doubt one that may stand for it.
 
     Args:
         where: the file, as messages name it.
         given: names in the file, in lower case.
         known: names that mean something, each to what it tells.
 
+    Returns:
+        By name, what to warn of: it is another word for something that is not told, or asks for what jobs do
+        not have; it is left unread.
+
     Raises:
         GeoError: a name differs from a known one by a slip of the pen, an abbreviation or a unit.
-
-    Warns:
-        ScenarioWarning: a name is another word for something that the file does not tell, or asks for what
-            jobs do not have; it is left unread.
     """
     names = list(dict.fromkeys(given))
     told = {known[name] for name in names if name in known}
@@ -65,19 +63,20 @@ def check_headings(where: str, given: Iterable[str], known: Mapping[str, str]) -
     ]
     if slips:
         raise GeoError(*slips)
+    doubts = {}
     for name in names:
-        if name in known:
-            continue
         plain = _plain(name)
         meant = next(
             (kind for kind, words in _OTHER_WORDS.items() if plain in words.split() and kind in known), None
         )
+        if name in known:
+            continue
         if meant and meant not in told:
-            line = f"{where}: {name!r} is left unread: is {meant!r} meant{_in_words(meant)}?"
-            warnings.warn(line, ScenarioWarning, stacklevel=2)
+            doubts[name] = f"{where}: {name!r} is left unread: is {meant!r} meant{_in_words(meant)}?"
         elif plain in _UNHEEDED.split():
-            line = f"{where}: {name!r} is left unread: jobs have a place, priority, duration and name alone"
-            warnings.warn(line, ScenarioWarning, stacklevel=2)
+            what = "jobs have a place, priority, duration and name alone"
+            doubts[name] = f"{where}: {name!r} is left unread: {what}"
+    return doubts
 
 
 def _slip_of(name: str, known: Mapping[str, str]) -> str:

@@ -4,6 +4,7 @@ import csv
 import io
 import warnings
 from collections import Counter
+from collections.abc import Iterable
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -91,19 +92,27 @@ def _features(path: Path, site: Site | None, default_depth: float) -> Jobs:
     found: list[JobPoint | JobLine] = []
     faults = Faults()
     features = read_features(path, ("Point", "MultiPoint", "LineString"))
-    given = {name: feature.where for feature in features[::-1] for name in feature.properties}
-    for where in dict.fromkeys(feature.where for feature in features):
-        own = [name for name, first in given.items() if first == where]
-        with faults.kept():
-            check_headings(where, own, _PROPERTIES)
+    doubts: dict[str, str] = {}
+    slips: dict[str, str] = {}  # what is the same in many features is told of the first
     for feature in features:
+        try:
+            doubts = check_headings(feature.where, feature.properties, _PROPERTIES) | doubts
+        except GeoError as error:
+            slips = {line.removeprefix(feature.where): line for line in error.lines} | slips
         with faults.kept():
             found += _jobs_of(feature, site, default_depth)
+    _warn_all(doubts.values())
+    faults.lines += slips.values()
     faults.refuse(len(features))
     return Jobs(
         tuple(job for job in found if isinstance(job, JobPoint)),
         tuple(job for job in found if isinstance(job, JobLine)),
     )
+
+
+def _warn_all(lines: Iterable[str]) -> None:
+    for line in lines:
+        warnings.warn(line, ScenarioWarning, stacklevel=2)
 
 
 def _jobs_of(feature: Feature, site: Site, default_depth: float) -> list[JobPoint | JobLine]:
@@ -223,7 +232,7 @@ def _rows(path: Path) -> tuple[list[str], list[tuple[str, dict[str, str]]], Faul
     if len(filled) < 2:
         raise GeoError(f"{path}: has no rows of jobs under a row of headings")
     given = [cell.strip().lower() for cell in filled[0][1]]
-    check_headings(str(path), given, _HEADINGS)
+    _warn_all(check_headings(str(path), given, _HEADINGS).values())
     columns = [_HEADINGS.get(name) for name in given]
     used = Counter(name for name in columns if name)
     for name, count in used.items():

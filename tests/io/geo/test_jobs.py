@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from auvplan.errors import ScenarioWarning
 from auvplan.io.geo import GeoError, read_jobs
 from auvplan.site import Site
 from tests.io.geo.files import feature, geographic, write_geojson
@@ -177,3 +178,34 @@ def test_places_on_earth_need_a_site(tmp_path):
     table.write_bytes(b"lon,lat\n148,-20\xff\n")
     with pytest.raises(GeoError, match=r"j\.csv: not UTF-8"):
         read_jobs(table, SITE)
+
+
+def test_a_slip_in_many_features_is_told_once_and_faults_of_each(tmp_path):
+    places = [feature("Point", [148.0 + k, -20.0], prority=1, depth=-k) for k in range(4)]
+    path = write_geojson(tmp_path / "jobs.geojson", *places)
+    with pytest.raises(GeoError, match=r"and 3 more: auvplan validate") as caught:
+        read_jobs(path, SITE)
+    slips = [line for line in caught.value.lines if "'prority'" in line]
+    assert len(slips) == 1
+    assert "feature 1" in slips[0]
+    assert len(caught.value.lines) == 4
+
+
+def test_another_word_is_told_of_the_first_job_that_lacks_the_known_one(tmp_path):
+    path = write_geojson(
+        tmp_path / "jobs.geojson",
+        feature("Point", [148.0, -20.0], duration=60, time="2026-03-01"),
+        feature("Point", [148.1, -20.0], time=60),
+        feature("Point", [148.2, -20.0], time=60),
+    )
+    with pytest.warns(ScenarioWarning) as heard:
+        read_jobs(path, SITE)
+    assert len(heard) == 1
+    assert "feature 2: 'time' is left unread: is 'duration' meant" in str(heard[0].message)
+
+
+@pytest.mark.parametrize("name", ["note", "colour", "fid2", "vessel", "surveyor", "lonely"])
+def test_words_of_ones_own_are_left_without_a_word(tmp_path, name):
+    table = tmp_path / "jobs.csv"
+    table.write_text(f"north,east,{name}\n1,2,3\n")
+    assert len(read_jobs(table, SITE).points) == 1
