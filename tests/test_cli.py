@@ -167,14 +167,14 @@ BAD_FIELDS = [
     ({"mission": LEG["mission"] | {"start": [100, 100]}}, "mission.start"),
     ({"area": {"lower": [0, 0, 0], "upper": [-1, 100, 0]}}, "area"),
     ({"chart": {"source": "image"}}, "chart"),
-    ({"chart": {"source": "image", "image": "missing.png"}}, "missing.png"),
+    ({"chart": {"source": "image", "image": "missing.png", "pixel_size": 10}}, "missing.png"),
     ({"planning": {"preset": "best"}}, "planning.preset"),
     ({"chart": {"source": "whitsunday"}, "area": {"lower": [0, 0, 0], "upper": [99000, 99000, 10]}}, "chart"),
     (
         {
             "chart": {"source": "whitsunday"},
             "area": {"lower": [0, 0, 0], "upper": [10000, 10000, 10]},
-            "mission": LEG["mission"] | {"start": [8000, 6500, 5]},
+            "mission": LEG["mission"] | {"start": [8000, 6500, 5], "time_available": 9000},
         },
         "land",
     ),
