@@ -60,6 +60,16 @@ def features(*places, **properties):
     return change(sections(mission={"jobs": "jobs.geojson"}), file("jobs.geojson", text))
 
 
+def obstacles(*places, **properties):
+    """Known obstacles by GeoJSON, a point each."""
+    found = [
+        {"type": "Feature", "properties": properties, "geometry": {"type": "Point", "coordinates": place}}
+        for place in places
+    ]
+    text = json.dumps({"type": "FeatureCollection", "features": found})
+    return change(sections(obstacles={"file": "obstacles.geojson"}), file("obstacles.geojson", text))
+
+
 def picture(dry, land=LAND):
     """A chart of 60 x 60 pixels, north up: coast where `dry` [60, 60] is."""
     image = np.empty((60, 60, 3), np.uint8)
@@ -533,6 +543,29 @@ VARIANTS = {
         REFUSED,
         "two jobs are named 'a'",
     ),
+    "western jobs": (
+        rows("lon,lat,depth", f"-{X},{Y},5", f"-{X},{Y - 0.01},5"),
+        REFUSED,
+        "jobs.csv",
+        "km",
+        "longitude -148.96",
+    ),
+    # known obstacles
+    "obstacles of another place": (
+        obstacles([X - 1, Y], radius=50),
+        WARNED,
+        "obstacles.geojson",
+        "none of its",
+    ),
+    "obstacles swapped": (
+        obstacles([Y, X], [Y, X + 1], radius=50),
+        REFUSED,
+        "feature 1",
+        "swapped",
+        "all 2 places",
+    ),
+    "a diameter for a radius": (obstacles([X, Y], diameter=50), REFUSED, "obstacles.geojson", "feature 1"),
+    "a slip of an obstacle": (obstacles([X, Y], radius=5, depthmax=9), REFUSED, "depthmax", "'depth_max'"),
     # charts
     "land in another place": (
         coast([[x - 5, y] for x, y in ISLET]),
