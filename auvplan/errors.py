@@ -10,4 +10,4 @@ class ScenarioError(AuvplanError):
 
 
 class ScenarioWarning(UserWarning):
-    """A setting that changes what a preset stands for; the message is one line."""
+    """What may not be meant in a scenario or its files, and was assumed; the message is one line."""

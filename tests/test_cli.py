@@ -276,14 +276,14 @@ BAD_FIELDS = [
         "chart.colours: #d2b48c is given for water and for land",
     ),
     ({"chart": {"source": "whitsunday", "colours": {"land": "tan"}}}, "chart.colours"),
-    ({"chart": {"source": "image", "image": "missing.png"}}, "missing.png"),
+    ({"chart": {"source": "image", "image": "missing.png", "pixel_size": 10}}, "missing.png"),
     ({"planning": {"preset": "best"}}, "planning.preset"),
     ({"chart": {"source": "whitsunday"}, "area": {"lower": [0, 0, 0], "upper": [99000, 99000, 10]}}, "chart"),
     (
         {
             "chart": {"source": "whitsunday"},
             "area": {"lower": [0, 0, 0], "upper": [10000, 10000, 10]},
-            "mission": LEG["mission"] | {"start": [8000, 6500, 5]},
+            "mission": LEG["mission"] | {"start": [8000, 6500, 5], "time_available": 9000},
         },
         "land",
     ),

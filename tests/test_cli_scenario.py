@@ -85,7 +85,7 @@ def test_notes_are_told(call, tmp_path):
     site.bed(lambda data: data.assign(depth=data["depth"].assign_attrs(units="")))
     code, out, _ = call("validate", site.folder / "scenario.yaml")
     assert code == 0
-    assert out.splitlines()[1:] == ["note: units are not told: metres"]
+    assert out.splitlines()[1:] == ["note: bed.nc: units are not told: metres"]
 
 
 def test_a_shipped_scenario_is_valid_by_name(call):
@@ -111,3 +111,52 @@ def test_scenarios_are_listed(call):
     code, out, _ = call("scenarios")
     assert code == 0
     assert "whitsunday" in out
+
+
+def test_validate_takes_a_folder(call, tmp_path):
+    (tmp_path / "a.yaml").write_text("vehicle: {speed: -1}\nmission: {waypoints: 1}\n")
+    (tmp_path / "b.yml").write_text("chart: {source: none}\ncurrent: {vortices: 0}\n")
+    (tmp_path / "c.yaml").write_bytes(bytes(range(256)))
+    (tmp_path / "notes.txt").write_text("no scenario")
+    code, out, err = call("validate", tmp_path)
+    assert (code, err) == (2, "")
+    sections = out.strip().split("\n\n")
+    assert sections[0].splitlines()[0] == f"{tmp_path / 'a.yaml'}: 2 faults"
+    assert len(sections[0].splitlines()) == 3
+    assert sections[1] == f"{tmp_path / 'b.yml'}: valid"
+    assert "not a text file" in sections[2]
+    assert sections[3] == "3 scenarios, 2 with faults"
+    (tmp_path / "a.yaml").unlink()
+    (tmp_path / "c.yaml").unlink()
+    assert call("validate", tmp_path)[0] == 0
+    (tmp_path / "b.yml").unlink()
+    code, _, err = call("validate", tmp_path)
+    assert code == 2
+    assert "no scenario" in err
+
+
+def test_validate_draws_what_it_read(call, tmp_path):
+    from PIL import Image
+
+    from tests.io.small_site import SmallSite
+
+    site = SmallSite(tmp_path / "site")
+    code, out, _ = call("validate", site.folder / "scenario.yaml", "--plot", tmp_path / "map.png")
+    assert code == 0
+    assert out.splitlines()[-1] == f"map: {tmp_path / 'map.png'}"
+    with Image.open(tmp_path / "map.png") as picture:
+        assert min(picture.size) > 500
+    # With a job on land there is a map too, to see it on.
+    site.write("jobs.csv", "north,east,depth\n-400,-400,5\n")
+    code, out, _ = call("validate", site.folder / "scenario.yaml", "--plot", tmp_path / "land.png")
+    assert code == 2
+    assert "on land" in out
+    assert (tmp_path / "land.png").is_file()
+    site.set(vehicle={"speed": -1})
+    code, out, _ = call("validate", site.folder / "scenario.yaml", "--plot", tmp_path / "none.png")
+    assert code == 2
+    assert "no map" in out
+    assert not (tmp_path / "none.png").exists()
+    code, _, err = call("validate", site.folder, "--plot", tmp_path / "none.png")
+    assert code == 2
+    assert "--plot" in err

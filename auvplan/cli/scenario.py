@@ -2,12 +2,16 @@
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.table import Table
 
 from auvplan.cli.shared import console
+from auvplan.errors import ScenarioError
+
+if TYPE_CHECKING:
+    from auvplan.io.examine import Examination
 
 
 def scenarios() -> None:
@@ -53,16 +57,58 @@ def schema(
 
 
 def validate(
-    scenario: Annotated[str, typer.Argument(help="A scenario file (YAML), or the name of a shipped one.")],
+    scenario: Annotated[
+        str, typer.Argument(help="A scenario file (YAML), a folder of them, or the name of a shipped one.")
+    ],
+    plot: Annotated[
+        Path | None,
+        typer.Option("--plot", help="Draw what the files tell on one map, to this PNG."),
+    ] = None,
 ) -> None:
     """List everything that is wrong with a scenario and the files that it names, a line each."""
-    from auvplan.io.examine import examine_scenario
+    from auvplan.io.examine import examine_folder, examine_scenario
 
-    found = examine_scenario(scenario)
+    folder = Path(scenario)
+    if not folder.is_dir():
+        found = examine_scenario(scenario)
+        _tell(found)
+        if plot is not None:
+            _draw(found, plot)
+        if found.faults:
+            raise typer.Exit(2)
+        return
+    if plot is not None:
+        raise ScenarioError(f"{scenario}: --plot draws one scenario, and this is a folder")
+    bad = []
+    for count, found in enumerate(examine_folder(folder), 1):
+        if count > 1:
+            typer.echo()
+        if found.faults:
+            typer.echo(f"{found.source}: {len(found.faults)} fault{'s' * (len(found.faults) > 1)}")
+        _tell(found)
+        bad.append(bool(found.faults))
+    typer.echo(f"\n{len(bad)} scenario{'s' * (len(bad) > 1)}, {sum(bad)} with faults")
+    if any(bad):
+        raise typer.Exit(2)
+
+
+def _tell(found: "Examination") -> None:
+    """Print the faults of a scenario, or that it is valid, then what may not be meant and was assumed."""
     for line in found.lines:
         typer.echo(line)
-    if found.faults:
-        raise typer.Exit(2)
-    typer.echo(f"{scenario}: valid")
-    for note in found.notes:
+    if not found.faults:
+        typer.echo(f"{found.source}: valid")
+    for line in found.warnings:
+        typer.echo(f"warning: {line}")
+    for note in found.notes if not found.faults else ():
         typer.echo(f"note: {note}")
+
+
+def _draw(found: "Examination", path: Path) -> None:
+    """Draw a scenario as far as its files could be read."""
+    if found.scenario is None or found.waters is None:
+        typer.echo("no map: the scenario's fields are at fault")
+        return
+    from auvplan.plot.waters import draw_waters
+
+    typer.echo(f"map: {draw_waters(found.scenario, found.waters, found.closed, path)}")

@@ -1,23 +1,44 @@
 """All that is wrong with a scenario at once: its text, its fields, and the files that it names."""
 
 import re
+import warnings
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
+from glob import glob
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from auvplan.errors import AuvplanError
+from auvplan.errors import AuvplanError, ScenarioError, ScenarioWarning
+from auvplan.io import geo
+from auvplan.io.doubts import doubts, unreachable
 from auvplan.io.faults import Fault, fault_at, in_order
 from auvplan.io.scenario_file import check_scenario
-from auvplan.io.waters import load_waters
 from auvplan.io.yaml_lines import Document
 from auvplan.voyage.scenario import Scenario
-from auvplan.voyage.settings import BathymetrySettings, ChartSettings, CurrentSettings
-from auvplan.voyage.waters import Waters
-from auvplan.voyage.waypoints import make_graph, misplaced
+from auvplan.voyage.settings import (
+    BathymetrySettings,
+    ChartSettings,
+    CurrentSettings,
+    ObstacleSettings,
+    SiteSettings,
+)
+
+# Readers, charts and graphs load JAX and more: fields that are at fault are told without them.
+if TYPE_CHECKING:
+    from auvplan.voyage.waters import Waters
+
+#: Fields that name files, by section.
+_FILES = {
+    "chart": ("image", "file", "uncertain", "no_go"),
+    "bathymetry": ("file",),
+    "current": ("files", "truth"),
+    "obstacles": ("file",),
+    "mission": ("jobs",),
+}
 
 
 @dataclass(frozen=True)
@@ -27,12 +48,20 @@ class Examination:
     Attributes:
         source: path or name of the scenario.
         faults: all that is wrong, in the order of the file; empty where it can be sailed.
+        warnings: what can hardly be meant, a line each.
         notes: assumptions that were made in reading its files, a line each.
+        scenario: None where its fields are at fault.
+        waters: what could be read of its files; the chart is without closed areas. None with `scenario`.
+        closed: the closed areas.
     """
 
     source: str
     faults: tuple[Fault, ...] = ()
+    warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    scenario: Scenario | None = None
+    waters: "Waters | None" = None
+    closed: "tuple[geo.Zone, ...]" = ()
 
     @property
     def lines(self) -> list[str]:
@@ -43,8 +72,9 @@ class Examination:
 def examine_scenario(source: str | Path) -> Examination:
     """Look for everything that is wrong with a scenario.
 
-    Its text and fields first. Where these are sound, each file that it names is read by itself, so that all
-    their faults show; then start, goal and jobs are looked up in what could be read.
+    Its text and fields first, and files that are not there. Where the fields are sound, each file that the
+    scenario names is read by itself, so that all their faults show; then start, goal and jobs are looked up
+    in what could be read, and the files are compared.
 
     Args:
         source: path of a scenario file, or the name of a shipped one.
@@ -53,17 +83,109 @@ def examine_scenario(source: str | Path) -> Examination:
         ScenarioError: the file cannot be read as text; one line that names it.
     """
     scenario, faults, document = check_scenario(source)
-    if scenario is None:
-        return Examination(str(source), tuple(faults))
     folder = Path(source).parent if Path(source).is_file() else Path(".")
-    found = _Findings(scenario, document, folder)
-    waters = _read_apart(scenario, found)
-    found.faults += _places(scenario, waters, document)
-    if not found.faults:
-        found.attempt("scenario", scenario, partial(load_waters, scenario, folder))
-        found.attempt("mission", scenario.mission, lambda: _graph(scenario, waters))
+    missing = _missing(document, folder)
+    if scenario is None:
+        found = [*faults, *missing.values(), *_job_faults(document, folder, missing)]
+        return Examination(str(source), tuple(in_order(found)))
+    from auvplan.io.waters import load_waters
+
+    found = _Findings(scenario, document, folder, list(missing.values()))
+    with _heard() as heard:
+        parts = _read_apart(scenario, found, missing)
+        waters, closed = _together(parts), _zones(scenario, parts.get("no_go"), folder)
+        if not found.faults:  # what contradicts itself may be why places are on land
+            found.attempt("scenario", scenario, partial(load_waters, scenario, folder))
+        found.faults += _places(scenario, waters, parts.get("no_go"), document)
+        if short := unreachable(scenario):
+            found.faults.append(fault_at(("mission", "time_available"), short, document))
+        if not found.faults:
+            found.attempt("mission", scenario.mission, lambda: _graph(scenario, folder))
+    doubtful = [fault.line(str(source)) for fault in doubts(scenario, document) if not _told(fault, found)]
     notes = tuple(dict.fromkeys(note for part in found.read for note in part.notes))
-    return Examination(str(source), tuple(in_order(found.faults)), (*scenario.planning.overrides, *notes))
+    return Examination(
+        str(source),
+        tuple(in_order(found.faults)),
+        tuple(dict.fromkeys((*doubtful, *heard))),
+        (*scenario.planning.overrides, *notes),
+        scenario,
+        waters,
+        closed,
+    )
+
+
+def examine_folder(folder: Path) -> Iterator[Examination]:
+    """`examine_scenario` of every scenario file in a folder, in the order of their names.
+
+    Raises:
+        ScenarioError: the folder has none.
+    """
+    paths = sorted(path for path in folder.iterdir() if path.suffix in (".yaml", ".yml") and path.is_file())
+    if not paths:
+        raise ScenarioError(f"{folder}: no scenario (*.yaml) in this folder")
+    for path in paths:
+        try:
+            yield examine_scenario(path)
+        except ScenarioError as error:
+            yield Examination(str(path), (Fault("", str(error).removeprefix(f"{path}: ")),))
+
+
+@contextmanager
+def _heard() -> Iterator[list[str]]:
+    """The lines of what is warned of within, which is not shown; other warnings are, afterwards."""
+    lines: list[str] = []
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", ScenarioWarning)
+        yield lines
+    for one in caught:
+        if issubclass(one.category, ScenarioWarning):
+            lines.append(" ".join(str(one.message).split()))
+        else:
+            warnings.warn_explicit(one.message, one.category, one.filename, one.lineno)
+
+
+def _told(doubt: Fault, found: "_Findings") -> bool:
+    """Whether a fault of the same field says it already."""
+    return any(fault.field == doubt.field for fault in found.faults)
+
+
+def _missing(document: Document, folder: Path) -> dict[tuple[str, str], Fault]:
+    """Files that are named and not there, by section and field."""
+    found = {}
+    data = document.data if isinstance(document.data, dict) else {}
+    for section, names in _FILES.items():
+        part = data.get(section)
+        for name in names if isinstance(part, dict) else ():
+            given = part[name] if isinstance(part, dict) and name in part else None
+            several = given if isinstance(given, list) else [given]
+            paths = [str(folder / Path(entry).expanduser()) for entry in several if isinstance(entry, str)]
+            if section == "current":
+                gone = [f"{path}: no such file" for path in paths if not (glob(path) or Path(path).exists())]
+            else:
+                gone = [f"{path}: No such file or directory" for path in paths if not Path(path).exists()]
+            if gone:
+                more = f" (nor {len(gone) - 1} more)" if len(gone) > 1 else ""
+                found[section, name] = fault_at((section, name), gone[0] + more, document)
+    return found
+
+
+def _job_faults(document: Document, folder: Path, missing: dict[tuple[str, str], Fault]) -> list[Fault]:
+    """Faulty rows of the jobs of a scenario whose fields are at fault elsewhere."""
+    data = document.data if isinstance(document.data, dict) else {}
+    mission, site = data.get("mission"), data.get("site")
+    jobs = mission.get("jobs") if isinstance(mission, dict) else None
+    if not isinstance(jobs, str) or ("mission", "jobs") in missing:
+        return []
+    try:
+        known = SiteSettings.model_validate(site).site
+    except ValueError:
+        return []
+    with _heard():
+        try:
+            geo.read_jobs(folder / Path(jobs).expanduser(), known)
+        except geo.GeoError as error:
+            return [fault_at(("mission", "jobs"), line, document) for line in error.lines]
+    return []
 
 
 @dataclass
@@ -74,15 +196,16 @@ class _Findings:
     document: Document
     folder: Path
     faults: list[Fault] = field(default_factory=list)
-    read: list[Waters] = field(default_factory=list)
+    read: "list[Waters]" = field(default_factory=list)
 
-    def attempt(self, section: str, settings: Any, action: Callable[[], Waters | None]) -> Waters | None:
-        """What an action gives; None where it fails, which becomes a fault."""
+    def attempt(self, section: str, settings: Any, action: "Callable[[], Waters | None]") -> "Waters | None":
+        """What an action gives; None where it fails, which becomes a fault or more."""
         try:
             waters = action()
         except AuvplanError as error:
-            path, reason = self._blamed(section, settings, str(error))
-            self.faults.append(fault_at(path, reason, self.document))
+            for line in getattr(error, "lines", (str(error),)):
+                path, reason = self._blamed(section, settings, line)
+                self.faults.append(fault_at(path, reason, self.document))
             return None
         if waters is not None:
             self.read.append(waters)
@@ -111,64 +234,118 @@ class _Findings:
         return ((section, *main[:1]) if section in Scenario.model_fields else ()), message
 
 
-def _read_apart(scenario: Scenario, found: _Findings) -> Waters:
-    """The waters as far as they can be read, one file after the other."""
+def _read_apart(
+    scenario: Scenario, found: _Findings, missing: dict[tuple[str, str], Fault]
+) -> "dict[str, Waters | None]":
+    """The waters of each part of a scenario as far as it can be read, one file after the other."""
+    from auvplan.io.waters import load_waters
+
     parts: dict[str, Waters | None] = {}
-    for section, settings, alone in _apart(scenario):
-        if section in ("chart", "bathymetry") and settings.source == "current" and parts["current"] is None:
+    for part, section, settings, alone in _apart(scenario, missing):
+        if section in ("chart", "bathymetry") and settings.source == "current" and not parts.get("current"):
             continue  # its fault is the current's, which is told
-        parts[section] = found.attempt(section, settings, partial(load_waters, alone, found.folder))
-    got = {section: part or Waters() for section, part in parts.items()}
+        parts[part] = found.attempt(section, settings, partial(load_waters, alone, found.folder))
+    return parts
+
+
+def _together(parts: "dict[str, Waters | None]") -> "Waters":
+    """What could be read, in one."""
+    from auvplan.voyage.waters import Waters
+
+    got = {part: waters or Waters() for part, waters in parts.items()}
     empty = Waters()
     return Waters(
         chart=got.get("chart", empty).chart,
         seabed=got.get("bathymetry", empty).seabed,
         site=next((part.site for part in got.values() if part.site is not None), None),
+        forecast=got.get("current", empty).forecast,
         jobs=got.get("mission", empty).jobs,
+        obstacles=got.get("obstacles", empty).obstacles,
     )
 
 
-def _apart(scenario: Scenario) -> Iterator[tuple[str, Any, Scenario]]:
-    """Section, its settings, and a scenario that reads its files and those alone that they depend on."""
-    current = scenario.current
+def _apart(
+    scenario: Scenario, missing: dict[tuple[str, str], Fault]
+) -> Iterator[tuple[str, str, Any, Scenario]]:
+    """Part, its section and settings, and a scenario that reads its files and those that they depend on.
+
+    Parts whose files are missing are left out.
+    """
+    current, chart = scenario.current, scenario.chart
     vortices = CurrentSettings(vortices=0)
-    shipped = scenario.chart if scenario.chart.source == "whitsunday" and scenario.site is None else None
+    shipped = chart if chart.source == "whitsunday" and scenario.site is None else None
     bare = scenario.model_copy(
         update={
             "chart": shipped or ChartSettings(source="none"),
             "bathymetry": BathymetrySettings(),
             "current": vortices,
+            "obstacles": ObstacleSettings(),
             "mission": scenario.mission.model_copy(update={"jobs": None}),
         }
     )
-    if current.source == "file":
-        told = current.model_copy(update={"truth": None})
-        yield "current", told, bare.model_copy(update={"current": told})
-        if current.truth is not None:
-            sailed = current.model_copy(update={"files": current.truth, "truth": None})
-            yield "truth", sailed, bare.model_copy(update={"current": sailed})
-    for section, settings in (("chart", scenario.chart), ("bathymetry", scenario.bathymetry)):
-        needed = current if settings.source == "current" else vortices
-        yield section, settings, bare.model_copy(update={section: settings, "current": needed})
-    if scenario.mission.jobs is not None:
-        yield "mission", scenario.mission, bare.model_copy(update={"mission": scenario.mission})
+    told = current.model_copy(update={"truth": None})
+    if current.source == "file" and ("current", "files") not in missing:
+        yield "current", "current", told, bare.model_copy(update={"current": told})
+    if current.truth is not None and ("current", "truth") not in missing:
+        sailed = current.model_copy(update={"files": current.truth, "truth": None})
+        yield "truth", "truth", sailed, bare.model_copy(update={"current": sailed})
+    gone = {name: None for name in ("uncertain", "no_go") if ("chart", name) in missing}
+    plain = chart.model_copy(update={"no_go": None} | gone)
+    if not missing.keys() & {("chart", "file"), ("chart", "image")}:
+        needed = told if chart.source == "current" else vortices
+        yield "chart", "chart", plain, bare.model_copy(update={"chart": plain, "current": needed})
+    if chart.no_go is not None and ("chart", "no_go") not in missing:
+        closed = ChartSettings(source="none", no_go=chart.no_go, pixel_size=chart.pixel_size)
+        yield "no_go", "chart", closed, bare.model_copy(update={"chart": closed})
+    if ("bathymetry", "file") not in missing:
+        needed = told if scenario.bathymetry.source == "current" else vortices
+        only = bare.model_copy(update={"bathymetry": scenario.bathymetry, "current": needed})
+        yield "bathymetry", "bathymetry", scenario.bathymetry, only
+    if scenario.obstacles.file is not None and ("obstacles", "file") not in missing:
+        only = bare.model_copy(update={"obstacles": scenario.obstacles})
+        yield "obstacles", "obstacles", scenario.obstacles, only
+    if scenario.mission.jobs is not None and ("mission", "jobs") not in missing:
+        yield "mission", "mission", scenario.mission, bare.model_copy(update={"mission": scenario.mission})
 
 
-def _places(scenario: Scenario, waters: Waters, document: Document) -> Iterator[Fault]:
+def _zones(scenario: Scenario, closed: "Waters | None", folder: Path) -> "tuple[geo.Zone, ...]":
+    """The closed areas, where they could be read."""
+    if closed is None or closed.site is None or scenario.chart.no_go is None:
+        return ()
+    return tuple(geo.read_zones(folder / Path(scenario.chart.no_go).expanduser(), closed.site))
+
+
+def _places(
+    scenario: Scenario, waters: "Waters", closed: "Waters | None", document: Document
+) -> Iterator[Fault]:
     """Start, goal and jobs that no vehicle can go to."""
+    from auvplan.voyage.waters import Waters
+    from auvplan.voyage.waypoints import misplaced
+
     mission = scenario.mission
+
+    def wrong_with(point: Any) -> str:
+        at = np.asarray(point)
+        wrong = misplaced(at, scenario, waters)
+        if not wrong and closed is not None and misplaced(at, scenario, Waters(chart=closed.chart)):
+            wrong = f"lies on land or in a closed area ({scenario.chart.no_go})"
+        return wrong
+
     for name, point in (("start", mission.start), ("goal", mission.goal)):
-        if point is not None and (wrong := misplaced(np.asarray(point), scenario, waters)):
+        if point is not None and (wrong := wrong_with(point)):
             yield fault_at(("mission", name), f"{point} {wrong}", document)
     if waters.jobs is None:
         return
     places = [(job.name, job.position) for job in waters.jobs.points]
     places += [(job.name, position) for job in waters.jobs.lines for position in job.positions]
     for name, position in places:
-        if wrong := misplaced(np.asarray(position), scenario, waters):
+        if wrong := wrong_with(position):
             where = "({:.0f}, {:.0f}, {:.0f}) m".format(*position)
             yield fault_at(("mission", "jobs"), f"{mission.jobs}: job {name!r} at {where} {wrong}", document)
 
 
-def _graph(scenario: Scenario, waters: Waters) -> None:
-    make_graph(scenario, waters, np.random.default_rng(0))
+def _graph(scenario: Scenario, folder: Path) -> None:
+    from auvplan.io.waters import load_waters
+    from auvplan.voyage.waypoints import make_graph
+
+    make_graph(scenario, load_waters(scenario, folder), np.random.default_rng(0))

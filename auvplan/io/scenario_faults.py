@@ -6,6 +6,7 @@ then lacks only because of what was taken out is not told.
 
 import difflib
 import re
+from copy import deepcopy
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
@@ -15,10 +16,12 @@ from auvplan.io.yaml_lines import Document, Path, short
 from auvplan.site import Site
 from auvplan.voyage.places import localised
 from auvplan.voyage.scenario import Scenario
-from auvplan.voyage.settings import MOVED, SiteSettings
+from auvplan.voyage.settings import MOVED, Area, SiteSettings
 
-#: Stands where a place is none: it is none either.
-_NO_PLACE = "no place"
+#: Stands where a value is none: it is no place and no number either.
+_NOTHING = "nothing"
+#: What is said of a place that would be one the other way round.
+_SWAPPED = ": longitude and latitude seem swapped"
 #: Kinds of faults between fields: of the whole scenario, and within a section.
 _RULES = ("rule", "section rule")
 #: What the box of a mission is made of: the fields that rules mean by "the area" and "the vehicle's depths".
@@ -31,13 +34,13 @@ def check_fields(document: Document) -> tuple[Scenario | None, list[Fault]]:
     if not isinstance(document.data, dict):
         what = "nothing" if document.data is None else type(document.data).__name__
         return None, faults or [Fault("", f"must be a mapping of fields, got {what}", document.place(()))]
-    plain = {name: dict(part) if isinstance(part, dict) else part for name, part in document.data.items()}
-    bad = _bad_places(plain)
+    plain = deepcopy(document.data)
+    bad = _bad_places(plain) | _truths(plain)
     faults += [fault_at(path, reason, document) for path, reason in bad.items() if reason]
-    for section, name in bad:
-        plain[str(section)][name] = _NO_PLACE
+    for path in bad:
+        _at(plain, path[:-1])[path[-1]] = _NOTHING
     taken: set[Path] = {path[:2] for path, _, _ in document.faults if _at(document.data, path) is None}
-    taken |= bad.keys()
+    taken |= {path[:2] for path in bad}
     while True:
         try:
             scenario = Scenario.model_validate(plain)
@@ -50,7 +53,8 @@ def check_fields(document: Document) -> tuple[Scenario | None, list[Fault]]:
         before = _count(plain), len(taken)
         for path, reason, kind in found:
             if not _follows(path, reason, kind, taken):
-                faults.append(_told(path, reason, kind, document))
+                hint = _swap_hint(path, reason, document.data)
+                faults.append(_told(path, reason + hint, kind, document))
         for path, _, kind in found:
             _take_out(plain, path, kind, taken)
         if (_count(plain), len(taken)) == before:
@@ -71,6 +75,9 @@ def _bad_places(plain: dict[str, Any]) -> dict[Path, str]:
         if isinstance(part, dict):
             places |= {(section, name): part[name] for name in names if isinstance(part.get(name), dict)}
     bad = {path: reason for path, value in places.items() if (reason := _place_fault(value, known))}
+    swapped = [path for path, reason in bad.items() if reason.endswith(_SWAPPED)]
+    if len(swapped) > 1:  # said once
+        bad |= dict.fromkeys(swapped, "") | {swapped[0]: f"{bad[swapped[0]]}, here and in other places"}
     corners = [path for path in places if path[0] == "area"]
     if corners and not any(path in bad for path in corners):
         try:
@@ -87,10 +94,36 @@ def _place_fault(value: dict[str, Any], site: Site | None) -> str:
     try:
         localised({"mission": {"start": value}}, site)
     except ValueError as error:
-        return str(error).removeprefix("mission.start").lstrip(": ")
+        hint = ""
+        if site is not None and "Earth" in str(error):
+            turned = value | {"longitude": value["latitude"], "latitude": value["longitude"]}
+            hint = "" if _place_fault(turned, None).endswith("Earth") else _SWAPPED
+        return str(error).removeprefix("mission.start").lstrip(": ") + hint
     except Exception:
         return "longitude, latitude and depth must be numbers"
     return ""
+
+
+def _truths(given: dict[str, Any], model: type[BaseModel] = Scenario) -> dict[Path, str]:
+    """Values that are true or false where a number is wanted, which they would be taken for, with the reason.
+
+    YAML takes yes, no, on and off for such values too.
+    """
+    found: dict[Path, str] = {}
+    for name, value in given.items():
+        field = model.model_fields.get(name)
+        if field is None:
+            continue
+        if isinstance(value, dict):
+            section = _section(model, name)
+            inner = {} if section is None else _truths(value, section)
+            found |= {(name, *path): reason for path, reason in inner.items()}
+        elif bool not in (field.annotation, *get_args(field.annotation)):
+            entries = value if isinstance(value, list) else [value]
+            if told := [entry for entry in entries if isinstance(entry, bool)]:
+                shown = str(told[0]).lower()
+                found[(name,)] = f"must not be true or false (nor yes, no, on, off), got {shown}"
+    return found
 
 
 def _merged(error: ValidationError, plain: dict[str, Any]) -> list[tuple[Path, str, str]]:
@@ -119,6 +152,8 @@ def _read_error(found: Any, plain: dict[str, Any]) -> tuple[Path, str, str, str]
         return path, "is missing", kind, ""
     if kind in ("model_type", "model_attributes_type"):
         message = "must be a section of fields"
+    if kind == "value_error":
+        return _known_part(path, plain), message.removeprefix("Value error, "), kind, ""
     got = "" if isinstance(found["input"], dict | list | tuple) else f", got {short(found['input'])}"
     return _known_part(path, plain), message.replace("Input should", "must", 1), kind, got
 
@@ -165,6 +200,35 @@ def _without_field(message: str, path: Path) -> str:
     """A message that begins with its field, without it, where that leaves a sentence."""
     rest = message.removeprefix(".".join(map(str, path)))
     return rest.strip() if rest != message and rest[:1] == " " and not rest.startswith(" and ") else message
+
+
+def _swap_hint(path: Path, reason: str, data: dict[str, Any]) -> str:
+    """What to add where longitude and latitude of the site or of a place are swapped; or nothing."""
+    site = data.get("site")
+    if path == ("site", "latitude") and isinstance(site, dict):
+        turned = site | {"longitude": site.get("latitude"), "latitude": site.get("longitude")}
+        try:
+            SiteSettings.model_validate(turned)
+        except (ValidationError, ValueError):
+            return ""
+        return _SWAPPED
+    if path not in (("mission", "start"), ("mission", "goal")) or "outside the area" not in reason:
+        return ""
+    place = _at(data, path)
+    if not isinstance(place, dict):
+        return ""
+    turned = place | {"longitude": place["latitude"], "latitude": place["longitude"]}
+    try:
+        known = SiteSettings.model_validate(site).site
+        local = localised({"mission": {"start": turned}, "area": data.get("area", {})}, known)
+        area = Area.model_validate(local["area"])
+        inside = all(
+            a <= p <= b
+            for a, p, b in zip(area.lower[:2], local["mission"]["start"], area.upper[:2], strict=False)
+        )
+    except (ValidationError, ValueError):
+        return ""
+    return ": with its longitude and latitude swapped it would lie within" if inside else ""
 
 
 def _follows(path: Path, reason: str, kind: str, taken: set[Path]) -> bool:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from auvplan.errors import ScenarioError, ScenarioWarning
+from auvplan.io.doubts import doubts
 from auvplan.io.faults import Fault, first_of
 from auvplan.io.scenario_faults import check_fields
 from auvplan.io.yaml_lines import Document, YamlError, read_yaml
@@ -32,12 +33,15 @@ def load_scenario(source: str | Path = "whitsunday") -> Scenario:
         ScenarioError: one line that names file, line, field and reason, and how many more faults there are.
 
     Warns:
-        ScenarioWarning: a setting differs from what the preset 'paper' fixes; the line has both values.
+        ScenarioWarning: a setting differs from what the preset 'paper' fixes; the line has both values. A
+            field can hardly be meant; the line names file, line and field.
     """
-    scenario, faults, _ = check_scenario(source)
+    scenario, faults, document = check_scenario(source)
     if scenario is None:
         raise ScenarioError(first_of(faults, str(source), is_file=True))
     _warn(scenario)
+    for doubt in doubts(scenario, document):
+        warnings.warn(first_of([doubt], str(source), is_file=True), ScenarioWarning, stacklevel=1)
     return scenario
 
 

@@ -1,16 +1,19 @@
 """Reads the waters of a scenario from its files."""
 
+import warnings
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, wraps
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy import ndimage
 
-from auvplan.errors import ScenarioError
+from auvplan.errors import ScenarioError, ScenarioWarning
 from auvplan.io import currents, geo
+from auvplan.io.agreement import check_jobs, check_obstacles, warn_of_contradictions
 from auvplan.ocean import whitsunday
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.gridded import GriddedCurrent
@@ -30,6 +33,30 @@ if TYPE_CHECKING:
 Corners = tuple[tuple[float, float, float], tuple[float, float, float]]
 
 
+#: Warnings that were shown: each is shown once, as Python does with those of one line of code.
+_shown: dict[Any, int] = {}
+
+
+def _kept(read: Callable[..., Any]) -> Callable[..., Any]:
+    """`lru_cache` of the last few answers that also warns again of what was warned of."""
+
+    @lru_cache(maxsize=4)
+    def heard(*given: Any) -> tuple[Any, list[warnings.WarningMessage]]:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", ScenarioWarning)
+            found = read(*given)
+        return found, caught
+
+    @wraps(read)
+    def again(*given: Any) -> Any:
+        found, caught = heard(*given)
+        for one in caught:
+            warnings.warn_explicit(one.message, one.category, one.filename, one.lineno, registry=_shown)
+        return found
+
+    return again
+
+
 def load_waters(scenario: Scenario, folder: str | Path = ".", until: float | None = None) -> Waters:
     """Chart, sea bed, current files and jobs of a scenario; files are read once and kept.
 
@@ -40,19 +67,25 @@ def load_waters(scenario: Scenario, folder: str | Path = ".", until: float | Non
 
     Raises:
         ScenarioError, ChartError, GeoError, CurrentError: one line that names file, field and reason.
+
+    Warns:
+        ScenarioWarning: what can hardly be meant: the files contradict each other, or lack hours or places.
     """
     home, box = str(folder), scenario.box
     site, forecast, truth = _currents(scenario, home, until)
-    chart, seen = _chart(scenario.chart, site, box, forecast, home)  # type: ignore[arg-type] - frozen models hash
+    plain, chart, seen = _charts(scenario.chart, site, box, forecast, home)  # type: ignore[arg-type] - frozen models hash
     require_area_on_chart(scenario, chart)
     seabed, found = _seabed(scenario, site, box, forecast, home)
+    warn_of_contradictions(scenario, plain, seabed, forecast)
     jobs = None
     if scenario.mission.jobs is not None:
         jobs = geo.read_jobs(_path(home, scenario.mission.jobs), site, default_depth=box[0][2])
+        check_jobs(jobs, site, scenario)
     obstacles = ()
     if scenario.obstacles.file is not None:
         assert site is not None
         obstacles = geo.read_obstacles(_path(home, scenario.obstacles.file), site)
+        check_obstacles(obstacles, scenario)
     notes = [note for file in (forecast, truth) if file is not None for note in file.notes]
     return Waters(
         chart,
@@ -111,7 +144,7 @@ def _reach(settings: CurrentSettings) -> tuple[float | None, str]:
     return settings.spacing, settings.outside
 
 
-@lru_cache(maxsize=4)
+@_kept
 def _current(
     reach: tuple[float | None, str],
     files: str | tuple[str, ...],
@@ -139,15 +172,15 @@ def _current(
     return found
 
 
-@lru_cache(maxsize=4)
-def _chart(
+@_kept
+def _plain_chart(
     settings: ChartSettings,
     site: Site | None,
     box: Corners,
     current: "CurrentFile | None",
     home: str,
 ) -> tuple[Chart | None, tuple[str, ...]]:
-    """The chart, and what was assumed of its file."""
+    """The chart without its closed areas, and what was assumed of its file."""
     lower, upper = box[0][:2], box[1][:2]
     notes: tuple[str, ...] = ()
     size = settings.pixel_size
@@ -170,10 +203,8 @@ def _chart(
         else:
             uncertain = None if settings.uncertain is None else _path(home, settings.uncertain)
             chart = geo.chart_from_polygons(file, site, fringe=settings.fringe, uncertain=uncertain, **place)
-    if settings.no_go is not None:
-        assert site is not None
-        zones = geo.read_zones(_path(home, settings.no_go), site)
-        chart = geo.with_no_go(chart, zones, lower=lower, upper=upper, pixel_size=size)
+    if settings.source in ("raster", "image") and chart is not None:
+        _warn_of_one_kind(settings, chart)
     return chart, notes
 
 
@@ -188,6 +219,35 @@ def _other_size(settings: ChartSettings, home: str) -> tuple[str, ...]:
                 f"{path}: chart.pixel_size is {settings.pixel_size:g} m, the file tells {told.metres:.4g} m",
             )
     return ()
+
+
+@_kept
+def _charts(
+    settings: ChartSettings,
+    site: Site | None,
+    box: Corners,
+    current: "CurrentFile | None",
+    home: str,
+) -> tuple[Chart | None, Chart | None, tuple[str, ...]]:
+    """The chart without its closed areas and with them, and what was assumed of its file."""
+    plain, notes = _plain_chart(settings.model_copy(update={"no_go": None}), site, box, current, home)
+    if settings.no_go is None:
+        return plain, plain, notes
+    assert site is not None
+    lower, upper = box[0][:2], box[1][:2]
+    zones = geo.read_zones(_path(home, settings.no_go), site, lower=lower, upper=upper)
+    closed = geo.with_no_go(plain, zones, lower=lower, upper=upper, pixel_size=settings.pixel_size)
+    return plain, closed, notes
+
+
+def _warn_of_one_kind(settings: ChartSettings, chart: Chart) -> None:
+    """Warn of a picture without land, or with nothing but land."""
+    dry = float((np.asarray(chart.passability) == 0.0).mean())
+    if dry in (0.0, 1.0):
+        what = "no land" if dry == 0.0 else "nothing but land"
+        picture = settings.file or settings.image
+        line = f"{picture}: shows {what} in the area: land and water are told apart by their colours"
+        warnings.warn(line, ScenarioWarning, stacklevel=2)
 
 
 def _water_chart(current: "CurrentFile", box: Corners, size: float) -> Chart:
@@ -244,5 +304,10 @@ def _seabed(
         variable=settings.variable,
         positive=settings.positive,
     )
+    if not (found.depth > 0.0).any():
+        raise ScenarioError(
+            f"{_path(home, settings.file)}: no pixel of the area lies below the sea surface: say by "
+            "bathymetry.positive which way its values count"
+        )
     bed = Seabed.from_depth(found.depth, found.pixel_size, np.asarray(found.origin), clearance=clearance)
-    return bed, found.notes
+    return bed, tuple(f"{settings.file}: {note}" for note in found.notes)

@@ -3,6 +3,7 @@
 Only mappings, lists and scalars are taken: no tags, aliases, merged or repeated keys. Keys stay text.
 """
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
@@ -13,6 +14,7 @@ import yaml
 MAX_DEPTH = 32
 
 _PREFIX = "tag:yaml.org,2002:"
+_NUMBERS = (_PREFIX + "int", _PREFIX + "float")
 _TAGS = {_PREFIX + name for name in ("map", "seq", "str", "int", "float", "bool", "null", "timestamp")}
 
 Path = tuple[str | int, ...]
@@ -103,6 +105,12 @@ def _build(loader: Any, node: yaml.Node, path: Path, document: Document) -> Any:
         return [_build(loader, part, (*path, k), document) for k, part in enumerate(node.value)]
     if isinstance(node, yaml.MappingNode):
         return dict(_entries(loader, node, path, document))
+    if node.tag in _NUMBERS and (base := _odd_base(node.value)):
+        reason = (
+            f"{short(node.value)} is {loader.construct_object(node)!r} in YAML, which takes it as {base}: "
+        )
+        document.faults.append((path, reason + "write that, or put it in quotes", _place(node)))
+        return None
     try:
         return loader.construct_object(node)
     except (ValueError, OverflowError, yaml.YAMLError) as error:
@@ -144,6 +152,13 @@ class _Loader(yaml.SafeLoader):
         node = super().compose_node(parent, index)
         self.depth -= 1
         return node
+
+
+def _odd_base(text: str) -> str:
+    """The base, but ten, that YAML 1.1 reads a number to though it does not look like it; or nothing."""
+    if ":" in text:
+        return "a number to base 60"
+    return "octal" if re.fullmatch(r"[-+]?0[0-7_]+", text) else ""
 
 
 def _value(data: Any, path: Path) -> Any:

@@ -2,6 +2,7 @@
 
 import os
 import time
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from multiprocessing import parent_process
@@ -10,6 +11,7 @@ from pathlib import Path
 from threading import Thread
 from typing import Any
 
+from auvplan.errors import ScenarioWarning
 from auvplan.study.design import Design, by_case
 from auvplan.study.row import Row
 
@@ -131,6 +133,8 @@ def work(job: Job, core: int | None, settings: dict[str, Any], pipe: Connection)
     Thread(target=_end_with_parent, daemon=True).start()
     if core is not None and hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {core})
+    # What may not be meant in the scenario was told by the process that started this one.
+    warnings.simplefilter("ignore", ScenarioWarning)
     import jax
 
     for name, value in settings.items():

@@ -5,13 +5,27 @@ from datetime import datetime
 from typing import Annotated, Any, Literal
 from zoneinfo import available_timezones
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from auvplan.ocean.palette import ChartColours, as_hex
 from auvplan.site import Site, as_utc
 from auvplan.voyage.places import Finite, NotNegative, Point, Positive
 
 Velocity = tuple[Finite, Finite, Finite]
+
+
+def _rising(pair: tuple[Any, Any]) -> tuple[Any, Any]:
+    if pair[0] > pair[1]:
+        raise ValueError(f"must be the least and then the greatest, got {list(pair)}")
+    return pair
+
+
+#: Least and greatest.
+PositiveRange = Annotated[tuple[Positive, Positive], AfterValidator(_rising)]
+NotNegativeRange = Annotated[tuple[NotNegative, NotNegative], AfterValidator(_rising)]
+PriorityRange = Annotated[
+    tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=0)]], AfterValidator(_rising)
+]
 
 
 class Section(BaseModel):
@@ -44,6 +58,13 @@ class SiteSettings(Section):
         if name is not None and name not in available_timezones():
             raise ValueError(f"{name!r} is no time zone such as Australia/Brisbane")
         return name
+
+    @field_validator("departure", mode="before")
+    @classmethod
+    def _no_number(cls, moment: Any) -> Any:
+        if isinstance(moment, int | float):  # counted from 1970, 20260301 would be a day of that year
+            raise ValueError(f"must be a date such as 2026-03-01T06:00:00Z, got the number {moment}")
+        return moment
 
     @field_validator("departure")
     @classmethod
@@ -206,7 +227,7 @@ class CurrentSettings(Section):
     spacing: Positive | None = Field(default=None, description="m of the local grid; the files' if absent")
     vortices: Annotated[int, Field(ge=0, le=64, description="in each layer")] = 12
     layers: Annotated[int, Field(ge=1, le=10, description="of vortices, spread over the area's depths")] = 3
-    radius: tuple[Positive, Positive] = Field(default=(500.0, 1500.0), description="m")
+    radius: PositiveRange = Field(default=(500.0, 1500.0), description="m")
     peak_speed: NotNegative = Field(default=1.25, description="m/s")
     vertical_scale: NotNegative = Field(default=5.0, description="gamma of Eq. 1, m")
     uniform: Velocity = Field(default=(0.0, 0.0, 0.0), description="m/s north, east, down, added everywhere")
@@ -270,7 +291,7 @@ class SimulatedObstacles(Section):
     static: Annotated[int, Field(ge=0, le=50, description="that stay where they are, on each leg")] = 2
     afloat: Annotated[int, Field(ge=0, le=50, description="that the current carries")] = 2
     self_motivated: Annotated[int, Field(ge=0, le=50, description="that move by themselves as well")] = 2
-    radius: tuple[Positive, Positive] = Field(default=(20.0, 60.0), description="m")
+    radius: PositiveRange = Field(default=(20.0, 60.0), description="m")
     speed: NotNegative = Field(default=0.3, description="m/s, own speed of self-motivated ones")
 
     @property
@@ -310,10 +331,8 @@ class MissionSettings(Section):
         default=None,
         description="nearest ones that each waypoint is linked to; if absent 7, of up to 40 jobs all",
     )
-    priority: tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=0)]] = Field(
-        default=(1, 5), description="least and greatest"
-    )
-    duration: tuple[NotNegative, NotNegative] = Field(default=(30.0, 300.0), description="s")
+    priority: PriorityRange = Field(default=(1, 5), description="least and greatest")
+    duration: NotNegativeRange = Field(default=(30.0, 300.0), description="s")
     time_available: Positive = Field(default=14_400.0, description="s")
     waypoint_clearance: NotNegative = Field(
         default=150.0, description="m, least distance to the coast of waypoints that are drawn"

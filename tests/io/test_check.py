@@ -335,7 +335,7 @@ def test_a_visited_waypoint_may_be_passed_on_the_only_way(tmp_path):
     assert report.ok, report
 
 
-JOBS = "x,y,depth,name,priority,duration\n"
+JOBS = "north,east,depth,name,priority,duration\n"
 
 
 def with_jobs(run, folder, rows):
@@ -360,7 +360,7 @@ def test_jobs_are_counted_from_their_file(tmp_path, gauge, found):
 
 def test_a_survey_line_counts_when_all_of_it_is_done(tmp_path):
     rows = [
-        "x,y,depth,line,priority,duration",
+        "north,east,depth,line,priority,duration",
         "300,300,20,survey,9,180",
         "700,900,40,survey,9,180",
         "400,1200,25,survey,9,180",

@@ -6,8 +6,11 @@ from datetime import datetime
 import pytest
 import yaml
 
-from auvplan.io.examine import examine_scenario
+from auvplan.io.examine import examine_folder, examine_scenario
+from auvplan.io.geo import GeoError, read_jobs
 from auvplan.io.scenario_file import scenario_schema
+from tests.io.small_site import SmallSite
+from tests.io.variants import scaled
 
 
 def _plain(value):
@@ -84,6 +87,7 @@ def test_every_file_is_tried(tmp_path):
     found = examine_scenario(tmp_path / "my.yaml")
     assert [(fault.field, fault.place and fault.place[0]) for fault in found.faults] == [
         ("chart.file", 5),
+        ("chart.no_go", 6),
         ("bathymetry.file", 9),
         ("current.files", 12),
         ("current.truth", 13),
@@ -105,7 +109,7 @@ def test_places_on_land_are_all_told_though_another_file_is_at_fault(tmp_path):
     ]
     (tmp_path / "coast.geojson").write_text(f'{{"type": "Polygon", "coordinates": [{ring}]}}')
     (tmp_path / "jobs.csv").write_text(
-        "x,y,depth,name\n100,100,5,a\n1000,1000,5,b\n-1000,0,99,c\n5000,0,1,d\n"
+        "north,east,depth,name\n100,100,5,a\n1000,1000,5,b\n-1000,0,99,c\n5000,0,1,d\n"
     )
     found = examine_scenario(tmp_path / "my.yaml")
     reasons = [(fault.field, fault.reason) for fault in found.faults]
@@ -123,3 +127,46 @@ def test_places_on_land_are_all_told_though_another_file_is_at_fault(tmp_path):
 def test_shipped_scenarios_have_no_faults():
     for name in ("scenario-1", "scenario-3"):
         assert not examine_scenario(name).faults
+
+
+def test_missing_files_and_faulty_rows_are_told_beside_bad_fields(tmp_path):
+    text = FILES.replace("  no_go: closed.geojson\n", "  no_go: closed.geojson\n  pixel_size: -1\n")
+    (tmp_path / "my.yaml").write_text(text)
+    (tmp_path / "jobs.csv").write_text(
+        "lon,lat,priority\n148.96,-20.34,high\n148.97,-20.34,1\n148.96,,2\n148.95,-20.34,-1\n"
+    )
+    found = examine_scenario(tmp_path / "my.yaml")
+    assert [fault.field for fault in found.faults] == [
+        "chart.file", "chart.no_go", "chart.pixel_size", "bathymetry.file", "current.files", "current.truth",
+        "mission.jobs", "mission.jobs", "mission.jobs",
+    ]  # fmt: skip
+    rows = [fault.reason for fault in found.faults[-3:]]
+    assert [re.search(r"row (\d)", row)[1] for row in rows] == ["2", "4", "5"]
+
+
+def test_what_follows_from_a_fault_is_not_told(tmp_path):
+    text = FILES.replace(
+        "source: polygons\n  file: coast.geojson\n  no_go: closed.geojson", "source: current"
+    )
+    text = text.replace("source: file\n  file: bed.nc", "source: current").replace("  truth: other.nc\n", "")
+    (tmp_path / "my.yaml").write_text(text)
+    (tmp_path / "jobs.csv").write_text("lon,lat\n148.96,-20.34\n")
+    found = examine_scenario(tmp_path / "my.yaml")
+    assert [fault.field for fault in found.faults] == ["current.files"]
+
+
+def test_a_line_with_a_faulty_row_has_no_further_fault(tmp_path):
+    (tmp_path / "jobs.csv").write_text("north,east,line\n1,2,a\n3,far,a\n5,6,b\n7,8,b\n")
+    with pytest.raises(GeoError, match="row 3") as caught:
+        read_jobs(tmp_path / "jobs.csv", None)
+    assert len(caught.value.lines) == 1
+
+
+def test_warnings_of_a_file_are_told_of_each_scenario_that_names_it(tmp_path):
+    site = SmallSite(tmp_path / "site")
+    scaled(0.0)(site)
+    text = (site.folder / "scenario.yaml").read_text()
+    site.write("second.yaml", text)
+    told = [examined.warnings for examined in examine_folder(site.folder)]
+    assert len(told) == 2
+    assert all(len(lines) == 1 and "0 everywhere" in lines[0] for lines in told)

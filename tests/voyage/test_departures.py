@@ -175,7 +175,7 @@ def dated(tmp_path):
     write(regular(), tmp_path / "sea.nc")
     return {
         "name": "dated",
-        "site": {"longitude": LON + 0.035, "latitude": LAT + 0.025, "departure": "2020-01-01T01:00:00"},
+        "site": {"longitude": LON + 0.035, "latitude": LAT + 0.025, "departure": "2020-01-01T01:00:00Z"},
         "area": {"lower": [-600, -600, 0], "upper": [600, 600, 20]},
         "chart": {"source": "none"},
         "current": {"source": "file", "files": "sea.nc"},
@@ -264,6 +264,7 @@ def call(capsys, monkeypatch, settings, folder, *options):
     return stop.value.code, out, err
 
 
+@pytest.mark.filterwarnings("ignore:.*still water:auvplan.errors.ScenarioWarning")
 def test_the_command_from_a_file_of_currents(dated, capsys, monkeypatch):
     settings, folder = dated
     options = ("--from", "2020-01-01T00:30", "--to", "+1.4h", "--step", "45min", "--seed", "1")

@@ -1,5 +1,6 @@
 """Reading ocean currents onto a grid of local metres, for planning."""
 
+import warnings
 from dataclasses import dataclass
 from datetime import datetime
 from itertools import pairwise
@@ -8,13 +9,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
+from auvplan.errors import ScenarioWarning
 from auvplan.io.currents.columns import at_depth
+from auvplan.io.currents.doubts import check_times, check_values
 from auvplan.io.currents.ocean import MAX_VALUES, OceanData, describe, misunderstood, open_ocean
 from auvplan.io.currents.opening import Paths
 from auvplan.io.currents.series import Array
 from auvplan.io.currents.times import moment_of, seconds_of
 from auvplan.io.currents.velocity import Block
 from auvplan.io.currents.weights import Weights, mix
+from auvplan.io.swapped import swapped_hint
 from auvplan.ocean.gridded import CurrentError, GriddedCurrent
 from auvplan.site import Site
 
@@ -84,6 +88,9 @@ def read_current(
     Raises:
         CurrentError: one line that names the file, the variable and what is wrong.
 
+    Warns:
+        ScenarioWarning: gaps and missing values, see `check_times` and `check_values`.
+
     Example:
         >>> read_current("norkyst.nc", Site(5.95, 55.95), lower=(-2e3, -2e3, 0), upper=(2e3, 2e3, 7)).notes
         ... # doctest: +SKIP
@@ -121,14 +128,19 @@ def _read(
     north, east = (axis.ravel() for axis in np.meshgrid(*nodes, indexing="ij"))
     longitude, latitude = site.to_geographic(north, east)
     weights = source.geometry.locate(longitude, latitude)
-    if weights.outside.any() and not clamp:
+    if weights.outside.any():
         share = weights.outside.mean()
         part = f"{share:.0%}" if share >= 0.005 else "less than 1%"
-        raise source.series.fail(
-            f"{part} of the box is not covered: it reaches beyond the data {describe(weights.beyond)}"
-        )
-    if weights.outside.any():
-        notes.append("beyond the data's area its nearest value holds")
+        if not clamp or share == 1.0:
+
+            def fits(other: Site) -> bool:
+                return not source.geometry.locate(*other.to_geographic(north, east)).outside.any()
+
+            far, hint = describe(weights.beyond), swapped_hint(site, fits)
+            raise source.series.fail(
+                f"{part} of the box is not covered: it reaches beyond the data {far}{hint}"
+            )
+        notes.append(f"beyond the data's area, in {part} of the box, its nearest value holds")
     wanted = _depths(source, high[2], depths, notes)
     velocities, floor = _gridded(source, weights, frames, wanted, notes)
     bearing = site.true_north(longitude, latitude)
@@ -139,6 +151,13 @@ def _read(
     v = (to_north * sin + to_east * cos).reshape(shape)
     if not np.isfinite(u).any():
         raise source.series.fail("the current is missing everywhere in the box: there is land only")
+    check_times(source.series, frames)
+
+    def place(i: int, j: int) -> str:
+        k = i * len(nodes[1]) + j
+        return f"longitude {longitude[k]:.4f}, latitude {latitude[k]:.4f}"
+
+    check_values(source.series, frames, wanted, source.levels is None, u, v, place)
     origin = (float(nodes[0][0]), float(nodes[1][0]))
     field = GriddedCurrent.from_arrays(
         u, v, None if down is None else down.reshape(shape),
@@ -170,7 +189,10 @@ def _frames(
     if clamp:
         try:
             source.check_times(first, last)
-        except CurrentError:
+        except CurrentError as error:
+            if first > source.times[-1] or last < source.times[0]:
+                line = f"{error}: none of it is covered, the nearest time holds throughout (current.outside)"
+                warnings.warn(line, ScenarioWarning, stacklevel=2)
             notes.append("beyond the data's times its nearest value holds")
     else:
         source.check_times(first, last)

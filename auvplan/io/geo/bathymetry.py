@@ -105,7 +105,7 @@ def read_bathymetry(
         with _opened(path, variable, site, provisional, crs) as field:
             nodes = field.nodes
             find = nodes.seen_from(site, provisional)
-            refuse_beyond(path, "data", find, provisional, nodes, 0.5 + 1e-6)
+            refuse_beyond(path, "data", site, find, provisional, nodes, 0.5 + 1e-6)
             grid = provisional
             if pixel_size is None:
                 spacing = float(np.nanmin(np.hypot(*steps(find, provisional).T)))

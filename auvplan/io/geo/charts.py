@@ -1,5 +1,6 @@
 """Charts from georeferenced pictures and from polygons of land, reefs and closed areas."""
 
+import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,12 +13,14 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from shapely.geometry import MultiPolygon, Polygon
 
+from auvplan.errors import ScenarioWarning
 from auvplan.io.geo.error import GeoError, as_chart, reading
 from auvplan.io.geo.geojson import read_polygons
 from auvplan.io.geo.grid import LocalGrid, Nodes, local_grid, refuse_beyond, steps
 from auvplan.io.geo.raster import Raster, read_raster
 from auvplan.io.geo.sampling import nearest
 from auvplan.io.geo.shapes import near, to_local, touched
+from auvplan.io.swapped import swapped_hint
 from auvplan.ocean.chart import Chart, ChartError, settled
 from auvplan.ocean.classify import UNCERTAIN_MAX, classify_picture
 from auvplan.ocean.palette import UNTOLD, ChartColours
@@ -105,7 +108,7 @@ def chart_and_notes(
         nodes = raster.nodes()
         find = nodes.seen_from(site, grid)
         # Before the clustering, which takes longer than anything else.
-        refuse_beyond(path, "picture", find, grid, nodes, _SLACK)
+        refuse_beyond(path, "picture", site, find, grid, nodes, _SLACK)
         passability, notes = _passability(path, raster, classes, colours)
         return _chart(_least(passability, find, grid, nodes), grid), notes
 
@@ -135,6 +138,9 @@ def chart_from_polygons(
 
     Raises:
         ChartError: one line that names the file and the number of the feature that is at fault.
+
+    Warns:
+        ScenarioWarning: none of the polygons reaches into the rectangle.
     """
     with as_chart(), reading(path):
         grid = local_grid(lower, upper, pixel_size)
@@ -142,10 +148,15 @@ def chart_from_polygons(
             raise GeoError(f"fringe must not be negative, got {fringe}")
         shapes = [polygon for _, polygon in read_polygons(path)]
         land = near(shapes, site, grid, fringe + pixel_size)
+        if shapely.is_empty(land):
+            _warn_beyond(path, "land", shapes, site, grid)
         doubtful = touched(land.buffer(fringe), grid) if fringe > 0.0 else np.zeros(grid.shape, bool)
         if uncertain is not None:
             reefs = [polygon for _, polygon in read_polygons(uncertain)]
-            doubtful |= touched(near(reefs, site, grid, pixel_size), grid)
+            shoals = near(reefs, site, grid, pixel_size)
+            if shapely.is_empty(shoals):
+                _warn_beyond(uncertain, "uncertain area", reefs, site, grid)
+            doubtful |= touched(shoals, grid)
         coast = touched(land, grid)
         return _chart(np.where(coast, 0.0, np.where(doubtful, UNCERTAIN_MAX, 1.0)), grid)
 
@@ -188,17 +199,44 @@ def with_no_go(
     return replace(chart, passability=burnt.passability, signed_distance=distance)
 
 
-def read_zones(path: str | Path, site: Site) -> list[Zone]:
+def read_zones(path: str | Path, site: Site, *, lower: Any = None, upper: Any = None) -> list[Zone]:
     """Closed areas from GeoJSON: Polygon or MultiPolygon, named by their property `name`.
+
+    Args:
+        path: of the file.
+        site: where local coordinates count from.
+        lower: south-western corner (north, east), m, of the area that they are for; None where it is not
+            known.
+        upper: its north-eastern corner, m.
 
     Raises:
         GeoError: one line that names the file and the number of the feature that is at fault.
+
+    Warns:
+        ScenarioWarning: none of them reaches into the area.
     """
     with reading(path):
+        found = read_polygons(path)
+        if lower is not None and upper is not None:
+            grid, shapes = local_grid(lower, upper, None), [polygon for _, polygon in found]
+            if shapely.is_empty(near(shapes, site, grid, 0.0)):
+                _warn_beyond(path, "closed area", shapes, site, grid)
         return [
             Zone(str(feature.properties.get("name", feature.number)), to_local(polygon, site))
-            for feature, polygon in read_polygons(path)
+            for feature, polygon in found
         ]
+
+
+def _warn_beyond(path: str | Path, what: str, shapes: list[Any], site: Site, grid: LocalGrid) -> None:
+    """Warn of polygons none of which reaches into a grid."""
+    west, south, east, north = shapely.total_bounds(np.asarray(shapes, object))
+    hint = swapped_hint(site, lambda other: not shapely.is_empty(near(shapes, other, grid, 0.0)))
+    warnings.warn(
+        f"{path}: none of its polygons reaches into the area, which has no {what} therefore: they lie at "
+        f"longitudes {west:.2f} to {east:.2f} and latitudes {south:.2f} to {north:.2f}{hint}",
+        ScenarioWarning,
+        stacklevel=2,
+    )
 
 
 def _passability(

@@ -1,7 +1,9 @@
-"""The one exception of files of places, and what turns whatever a library raises into it."""
+"""The exceptions of files of places, and what turns whatever a library raises into them."""
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from auvplan.errors import AuvplanError
@@ -9,7 +11,64 @@ from auvplan.ocean.chart import ChartError
 
 
 class GeoError(AuvplanError):
-    """A file of places that cannot be used; the message is one line that names it."""
+    """A file of places that cannot be used; the message is one line that names it.
+
+    Attributes:
+        lines: all that was found wrong, a line each; the message is the first, and how many more there are.
+    """
+
+    def __init__(self, first: str, *others: str) -> None:
+        more = f" (and {len(others)} more: auvplan validate lists all)" if others else ""
+        super().__init__(first + more)
+        self.lines = (first, *others)
+
+
+class PlaceError(GeoError):
+    """A longitude and latitude off the Earth.
+
+    Attributes:
+        swapped: whether they would be a place the other way round.
+    """
+
+    swapped = False
+
+
+@dataclass
+class Faults:
+    """What is wrong with the parts of a file, gathered so that one does not hide another."""
+
+    lines: list[str] = field(default_factory=list)
+    swapped: list[str] = field(default_factory=list)
+
+    @contextmanager
+    def kept(self) -> Iterator[None]:
+        """A `GeoError` within is kept, and what follows goes on."""
+        try:
+            yield
+        except PlaceError as error:
+            (self.swapped if error.swapped else self.lines).append(str(error))
+        except GeoError as error:
+            self.lines += error.lines
+
+    def refuse(self, places: int) -> None:
+        """Raise what was kept, if anything.
+
+        Args:
+            places: how many parts of the file have a place; where longitude and latitude are swapped in all
+                of them, that is said once.
+        """
+        swapped = self.swapped
+        if 1 < len(swapped) == places:
+            swapped = [f"{swapped[0]} (so in all {places} places of the file)"]
+        found = sorted([*self.lines, *swapped], key=_by_number)
+        if found:
+            raise GeoError(*found)
+
+
+def _by_number(line: str) -> tuple[int, str]:
+    """By the number of the row or feature, as far as there is one."""
+    number = re.search(r": (?:row|feature) (\d+)", line)
+    return (int(number[1]) if number else 1 << 30), line
 
 
 @contextmanager

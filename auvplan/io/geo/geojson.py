@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 from shapely.geometry import MultiPolygon, Polygon
 
-from auvplan.io.geo.error import GeoError, read_text
+from auvplan.io.geo.error import GeoError, PlaceError, read_text
 
 #: Larger files are no charts of a mission's area.
 MAX_BYTES = 200_000_000
@@ -126,10 +126,23 @@ def check_place(where: str, longitude: float, latitude: float) -> None:
     Raises:
         GeoError: longitude not in [-180, 360] or latitude not in [-90, 90], degrees.
     """
-    if not (-180.0 <= longitude <= 360.0 and -90.0 <= latitude <= 90.0):
-        raise GeoError(
+    if not is_place(longitude, latitude):
+        hint = ""
+        if is_place(latitude, longitude):
+            hint = ": longitude and latitude seem swapped"
+        elif max(abs(longitude), abs(latitude)) > 1000.0:
+            hint = ": metres of a projection must be brought to degrees"
+        error = PlaceError(
             f"{where}: ({longitude:g}, {latitude:g}) is no longitude in [-180, 360] and latitude in [-90, 90]"
+            + hint
         )
+        error.swapped = is_place(latitude, longitude)
+        raise error
+
+
+def is_place(longitude: float, latitude: float) -> bool:
+    """Whether degrees are on the Earth."""
+    return bool(-180.0 <= longitude <= 360.0 and -90.0 <= latitude <= 90.0)
 
 
 def read_polygons(path: str | Path) -> list[tuple[Feature, Polygon | MultiPolygon]]:

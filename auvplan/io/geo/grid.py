@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.io.geo.error import GeoError
+from auvplan.io.swapped import swapped_hint
 from auvplan.ocean.picture import MAX_PIXELS
 from auvplan.site import Site
 
@@ -127,13 +128,29 @@ def steps(find: Callable, grid: LocalGrid) -> Array:
 
 
 def refuse_beyond(
-    path: object, what: str, find: Callable, grid: LocalGrid, nodes: Nodes, slack: float
+    path: object, what: str, site: Site, find: Callable, grid: LocalGrid, nodes: Nodes, slack: float
 ) -> None:
     """Refuse a grid that reaches more than `slack` rows or columns beyond the outer nodes of a file.
 
     Raises:
-        GeoError: one line that says by how much, and on which side.
+        GeoError: one line that says by how much, on which side, and whether it would not with longitude and
+            latitude swapped.
     """
+    try:
+        _refuse_beyond(path, what, find, grid, nodes, slack)
+    except GeoError as error:
+
+        def fits(other: Site) -> bool:
+            _refuse_beyond(path, what, nodes.seen_from(other, grid), grid, nodes, slack)
+            return True
+
+        hint = swapped_hint(site, fits)
+        raise GeoError(f"{error}{hint}") from None
+
+
+def _refuse_beyond(
+    path: object, what: str, find: Callable, grid: LocalGrid, nodes: Nodes, slack: float
+) -> None:
     row, column = find(*grid.outline())
     ways = steps(find, grid)
     if np.isnan(row).all() or (np.isnan(ways).any() and not np.isnan(row).any()):

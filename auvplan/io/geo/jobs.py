@@ -1,17 +1,20 @@
 """Jobs from files: GeoJSON (RFC 7946) and CSV (RFC 4180, or as spreadsheets write it)."""
 
 import csv
-import difflib
 import io
+import warnings
 from collections import Counter
+from collections.abc import Iterable
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from auvplan.io.geo.error import GeoError, read_text, reading
-from auvplan.io.geo.geojson import Feature, check_place, positions, read_features
+from auvplan.errors import ScenarioWarning
+from auvplan.io.geo.error import Faults, GeoError, read_text, reading
+from auvplan.io.geo.geojson import Feature, check_place, is_place, positions, read_features
+from auvplan.io.geo.headings import check_headings
 from auvplan.mission.jobs import JobLine, JobPoint, Jobs, Position
 from auvplan.site import Site
 
@@ -31,9 +34,11 @@ _HEADINGS = {
     "name": "name",
     "line": "line",
 }
-_PROPERTIES = ("depth", "priority", "duration", "name")
+_PROPERTIES = {name: name for name in ("depth", "priority", "duration", "name")}
 #: By how much a depth and an elevation may differ and still say the same, m.
 _SAME = 1e-3
+#: Numbers without a unit that name a place so near the site, m, in degrees are degrees.
+_NEAR = 200_000.0
 
 
 def read_jobs(path: str | Path, site: Site | None, *, default_depth: float = 0.0) -> Jobs:
@@ -41,11 +46,12 @@ def read_jobs(path: str | Path, site: Site | None, *, default_depth: float = 0.0
 
     GeoJSON: Point, MultiPoint (a job each, named "name 1", "name 2", ...) and LineString with the properties
     `depth` m, `priority`, `duration` s and `name`; a third coordinate is the elevation, less the depth. CSV,
-    with commas, semicolons or tabs: columns lon and lat (or longitude, latitude), or x and y (or north,
-    east) in local metres; depth, priority, duration, name; rows with the same value in the column `line`
-    are the vertices of a survey line of that name, in order, and tell its priority and duration. Headings
-    and properties are read in either case; other ones are left, unless they look like a slip of the pen. A
-    name that is missing is the job's number in the file; priority is 1 and duration 0 s by default.
+    with commas, semicolons or tabs: columns longitude and latitude (or lon, lat), or north and east in local
+    metres (or x and y, which are read as these, with a warning); depth, priority, duration, name; rows with
+    the same value in the column `line` are the vertices of a survey line of that name, in order, and tell its
+    priority and duration. Headings and properties are read in either case; other ones are left, see
+    `check_headings`. A name that is missing is the job's number in the file; priority is 1 and duration 0 s
+    by default.
 
     Args:
         path: .csv or .txt for CSV, else GeoJSON.
@@ -56,7 +62,10 @@ def read_jobs(path: str | Path, site: Site | None, *, default_depth: float = 0.0
         The jobs, in the order of the file; positions are local north, east, down, m.
 
     Raises:
-        GeoError: one line that names the file and the row or the number of the feature.
+        GeoError: names the file and the row or the number of the feature; its `lines` are all that is wrong.
+
+    Warns:
+        ScenarioWarning: columns x and y, and headings that look as if they were to mean something.
     """
     if not (np.isfinite(default_depth) and default_depth >= 0.0):
         raise GeoError(f"default_depth must not be negative, got {default_depth}")
@@ -67,32 +76,56 @@ def read_jobs(path: str | Path, site: Site | None, *, default_depth: float = 0.0
         else:
             jobs = _features(path, site, default_depth)
         counts = Counter(job.name for job in (*jobs.points, *jobs.lines))
-        twice = [name for name, count in counts.items() if count > 1]
+        twice = [
+            f"{path}: {'two' if count == 2 else count} jobs are named {name!r}"
+            for name, count in counts.items()
+            if count > 1
+        ]
         if twice:
-            raise GeoError(f"{path}: two jobs are named {twice[0]!r}")
+            raise GeoError(*twice)
         return jobs
 
 
 def _features(path: Path, site: Site | None, default_depth: float) -> Jobs:
     if site is None:
         raise GeoError(f"{path}: GeoJSON is in longitude and latitude, which need a site")
-    points, lines = [], []
-    for feature in read_features(path, ("Point", "MultiPoint", "LineString")):
-        where, told = feature.where, feature.properties
-        _refuse_slips(where, told, _PROPERTIES)
-        depth = _number(where, told, "depth", None)
-        priority, duration = _number(where, told, "priority", 1.0), _number(where, told, "duration", 0.0)
-        name = str(told.get("name", "")).strip() or str(feature.number)
-        places = _places(feature, site, depth, default_depth)
-        if feature.kind == "LineString":
-            lines.append(_line(where, name, places, priority, duration))
-        elif feature.kind == "Point":
-            points.append(JobPoint(name, places[0], priority, duration))
-        else:
-            points += [
-                JobPoint(f"{name} {k}", place, priority, duration) for k, place in enumerate(places, 1)
-            ]
-    return Jobs(tuple(points), tuple(lines))
+    found: list[JobPoint | JobLine] = []
+    faults = Faults()
+    features = read_features(path, ("Point", "MultiPoint", "LineString"))
+    doubts: dict[str, str] = {}
+    slips: dict[str, str] = {}  # what is the same in many features is told of the first
+    for feature in features:
+        try:
+            doubts = check_headings(feature.where, feature.properties, _PROPERTIES) | doubts
+        except GeoError as error:
+            slips = {line.removeprefix(feature.where): line for line in error.lines} | slips
+        with faults.kept():
+            found += _jobs_of(feature, site, default_depth)
+    _warn_all(doubts.values())
+    faults.lines += slips.values()
+    faults.refuse(len(features))
+    return Jobs(
+        tuple(job for job in found if isinstance(job, JobPoint)),
+        tuple(job for job in found if isinstance(job, JobLine)),
+    )
+
+
+def _warn_all(lines: Iterable[str]) -> None:
+    for line in lines:
+        warnings.warn(line, ScenarioWarning, stacklevel=2)
+
+
+def _jobs_of(feature: Feature, site: Site, default_depth: float) -> list[JobPoint | JobLine]:
+    where, told = feature.where, feature.properties
+    depth = _number(where, told, "depth", None)
+    priority, duration = _number(where, told, "priority", 1.0), _number(where, told, "duration", 0.0)
+    name = str(told.get("name", "")).strip() or str(feature.number)
+    places = _places(feature, site, depth, default_depth)
+    if feature.kind == "LineString":
+        return [_line(where, name, places, priority, duration)]
+    if feature.kind == "Point":
+        return [JobPoint(name, places[0], priority, duration)]
+    return [JobPoint(f"{name} {k}", place, priority, duration) for k, place in enumerate(places, 1)]
 
 
 def _places(feature: Feature, site: Site, depth: float | None, default_depth: float) -> list[Position]:
@@ -121,39 +154,76 @@ def _depth(where: str, depth: float | None, elevation: float, default_depth: flo
 
 
 def _table(path: Path, site: Site | None, default_depth: float) -> Jobs:
-    rows = _rows(path)
+    given, rows, faults = _rows(path)
+    _check_reading(path, given, rows, site)
     points: list[JobPoint] = []
     vertices: dict[str, list[Position]] = {}
     shared: dict[str, dict[str, float | None]] = {}
+    broken: set[str] = set()
     last = ""
     for where, row in rows:
-        north, east = _place(where, row, site)
-        depth = _number(where, row, "depth", default_depth)
-        told = {name: _number(where, row, name, None) for name in ("priority", "duration")}
-        line = row.get("line", "")
-        if not line:
-            priority, duration = (
-                (1.0 if told["priority"] is None else told["priority"]),
-                told["duration"] or 0.0,
-            )
-            name = row.get("name") or str(len(points) + len(vertices) + 1)
-            points.append(JobPoint(name, (north, east, depth), priority, duration))
-        elif line in vertices and line != last:
-            raise GeoError(f"{where}: line {line!r} goes on after other rows")
-        else:
-            vertices.setdefault(line, []).append((north, east, depth))
-            _agree(where, line, shared.setdefault(line, dict.fromkeys(told)), told)
+        line, before = row.get("line", ""), last
         last = line
+        broken.add(line)  # until all of the row is read
+        with faults.kept():
+            place = *_place(where, row, site), _number(where, row, "depth", default_depth)
+            told = {name: _number(where, row, name, None) for name in ("priority", "duration")}
+            if not line:
+                priority = 1.0 if told["priority"] is None else told["priority"]
+                name = row.get("name") or str(len(points) + len(vertices) + 1)
+                points.append(JobPoint(name, place, priority, told["duration"] or 0.0))
+            elif line in vertices and line != before:
+                raise GeoError(f"{where}: line {line!r} goes on after other rows")
+            else:
+                vertices.setdefault(line, []).append(place)
+                _agree(where, line, shared.setdefault(line, dict.fromkeys(told)), told)
+            broken.discard(line)
     lines = []
     for name, places in vertices.items():
         priority, duration = shared[name]["priority"], shared[name]["duration"]
         priority = 1.0 if priority is None else priority
-        lines.append(_line(f"{path}: line {name!r}", name, places, priority, duration or 0.0))
+        with faults.kept():
+            if name not in broken:
+                lines.append(_line(f"{path}: line {name!r}", name, places, priority, duration or 0.0))
+    faults.refuse(len(rows))
     return Jobs(tuple(points), tuple(lines))
 
 
-def _rows(path: Path) -> list[tuple[str, dict[str, str]]]:
-    """Each row with what messages call it, and its filled cells by their plain heading."""
+def _check_reading(
+    path: Path, given: list[str], rows: list[tuple[str, dict[str, str]]], site: Site | None
+) -> None:
+    """Warn of columns x and y, and refuse degrees under headings of metres."""
+    if "x" in given or "y" in given:
+        warnings.warn(
+            f"{path}: the columns x and y are read as metres north and east of the site: "
+            "name them north and east, or longitude and latitude",
+            ScenarioWarning,
+            stacklevel=2,
+        )
+    places = []
+    for _, row in rows:
+        try:
+            places.append((float(row["north"]), float(row["east"])))
+        except (KeyError, ValueError):
+            return  # degrees as such, or a fault that is told of its row
+    if site is None or not places:
+        return
+    names = [name for kind in ("north", "east") for name in given if _HEADINGS.get(name) == kind]
+    for order, kinds in ((1, ("longitude", "latitude")), (-1, ("latitude", "longitude"))):
+        turned = [place[::order] for place in places]
+        if not all(is_place(*place) for place in turned):
+            continue
+        north, east = site.to_local(*np.transpose(turned))
+        if (np.hypot(north - site.origin[0], east - site.origin[1]) < _NEAR).all():
+            like = f"{kinds[0]} and {kinds[1]}, such as ({places[0][0]:g}, {places[0][1]:g})"
+            raise GeoError(
+                f"{path}: columns {names[0]} and {names[1]} are metres from the site, but look like {like}: "
+                "rename them"
+            )
+
+
+def _rows(path: Path) -> tuple[list[str], list[tuple[str, dict[str, str]]], Faults]:
+    """The headings; each sound row with what messages call it and its filled cells by their plain heading."""
     text = read_text(path, _MAX_BYTES)
     heading = next((line for line in text.splitlines() if line.strip()), "")
     separator = next((mark for mark in (";", "\t") if mark in heading), ",")
@@ -162,7 +232,7 @@ def _rows(path: Path) -> list[tuple[str, dict[str, str]]]:
     if len(filled) < 2:
         raise GeoError(f"{path}: has no rows of jobs under a row of headings")
     given = [cell.strip().lower() for cell in filled[0][1]]
-    _refuse_slips(str(path), given, tuple(_HEADINGS))
+    _warn_all(check_headings(str(path), given, _HEADINGS).values())
     columns = [_HEADINGS.get(name) for name in given]
     used = Counter(name for name in columns if name)
     for name, count in used.items():
@@ -170,12 +240,16 @@ def _rows(path: Path) -> list[tuple[str, dict[str, str]]]:
             raise GeoError(f"{path}: two columns tell {name}")
     pairs = [pair for pair in (("lon", "lat"), ("north", "east")) if set(pair) & used.keys()]
     if len(pairs) != 1 or not set(pairs[0]) <= used.keys():
-        raise GeoError(f"{path}: needs the columns lon and lat, or x and y; it has {', '.join(given)[:80]}")
-    rows = []
+        raise GeoError(
+            f"{path}: needs the columns longitude and latitude, or north and east; "
+            f"it has {', '.join(given)[:80]}"
+        )
+    rows, faults = [], Faults()
     for number, row in filled[1:]:
         where = f"{path}: row {number}"
         if len(row) > len(columns) and any(cell.strip() for cell in row[len(columns) :]):
-            raise GeoError(f"{where}: has {len(row)} cells under {len(columns)} headings")
+            faults.lines.append(f"{where}: has {len(row)} cells under {len(columns)} headings")
+            continue
         cells = {
             name: cell.strip() for name, cell in zip(columns, row, strict=False) if name and cell.strip()
         }
@@ -184,7 +258,7 @@ def _rows(path: Path) -> list[tuple[str, dict[str, str]]]:
             for name in cells.keys() - {"name", "line"}:
                 cells[name] = cells[name].replace(",", ".")
         rows.append((where, cells))
-    return rows
+    return given, rows, faults
 
 
 def _place(where: str, row: dict[str, str], site: Site | None) -> tuple[float, float]:
@@ -238,12 +312,3 @@ def _number(where: str, told: dict[str, Any], name: str, default: Any, least: fl
     if number < least:
         raise GeoError(f"{where}: {name} must be at least {least:g}, got {number:g}")
     return number
-
-
-def _refuse_slips(where: str, given: Any, known: tuple[str, ...]) -> None:
-    """Refuse a name that is all but one that means something: it would be left unread."""
-    for name in given:
-        if len(name) > 3 and name not in known:
-            meant = difflib.get_close_matches(name, [k for k in known if len(k) > 3], 1, cutoff=0.8)
-            if meant:
-                raise GeoError(f"{where}: {name!r} means nothing here: {meant[0]!r} does")

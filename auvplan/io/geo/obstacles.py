@@ -1,12 +1,13 @@
 """Known obstacles from GeoJSON (RFC 7946): points with a radius, that stand or move."""
 
+import difflib
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from auvplan.io.geo.error import GeoError, reading
+from auvplan.io.geo.error import Faults, GeoError, reading
 from auvplan.io.geo.geojson import Feature, positions, read_features
 from auvplan.ocean.known import KnownObstacle
 from auvplan.site import Site
@@ -47,11 +48,17 @@ def read_obstacles(path: str | Path, site: Site) -> tuple[KnownObstacle, ...]:
         site: where local coordinates count from.
 
     Raises:
-        GeoError: one line that names the file and the number of the feature.
+        GeoError: names the file and the number of the feature; its `lines` are all that is wrong.
     """
     path = Path(path)
     with reading(path):
-        return tuple(_obstacle(feature, site) for feature in read_features(path, ("Point",)))
+        found, faults = [], Faults()
+        features = read_features(path, ("Point",))
+        for feature in features:
+            with faults.kept():
+                found.append(_obstacle(feature, site))
+        faults.refuse(len(features))
+        return tuple(found)
 
 
 def _obstacle(feature: Feature, site: Site) -> KnownObstacle:
@@ -63,7 +70,9 @@ def _obstacle(feature: Feature, site: Site) -> KnownObstacle:
         what = first["msg"].removeprefix("Value error, ").replace("Input should", "must")
         known = ", ".join(_Properties.model_fields)
         if first["type"] == "extra_forbidden":
-            what = f"means nothing here; an obstacle has {known}"
+            near = difflib.get_close_matches(name, _Properties.model_fields, 1, 0.7)
+            hint = f", did you mean {near[0]!r}?" if near else ""
+            what = f"means nothing here{hint}; an obstacle has {known}"
         elif first["type"] == "missing":
             what = "is missing"
         raise GeoError(f"{feature.where}: {name} {what}".replace(":  ", ": ")) from None

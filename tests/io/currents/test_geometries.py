@@ -49,6 +49,7 @@ def test_regular_is_linear_in_place_depth_and_time(tmp_path):
         close(ocean, PLACES[0][:, None], PLACES[1][:, None], np.array([0.0, 4.0, 10.0, 22.0]), 1.7)
 
 
+@pytest.mark.filterwarnings("ignore:.*reaches 9.5 m/s:auvplan.errors.ScenarioWarning")
 def test_vectors_are_turned_into_the_local_frame(tmp_path):
     path = write(regular(LON + 0.5 * np.arange(10), LAT + 0.5 * np.arange(8)), tmp_path / "wide.nc")
     site = Site(LON + 0.4, LAT + 1.5)

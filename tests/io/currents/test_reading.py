@@ -101,7 +101,7 @@ def test_clamp_holds_the_nearest(tmp_path):
     with pytest.raises(CurrentError, match=r"of the box is not covered: .* degrees\) north$"):
         read_current(path, SITE, **box)
     found = read_current(path, SITE, outside="clamp", spacing=1000.0, **box)
-    assert "beyond the data's area its nearest value holds" in found.notes
+    assert "beyond the data's area, in 58% of the box, its nearest value holds" in found.notes
     np.testing.assert_allclose(found.field.u[:, :, -1], found.field.u[:, :, -3], atol=1e-3)
     assert found.water.all()
 

@@ -16,7 +16,7 @@ from tests.io.geo import sea_floors
 from tests.io.geo.files import SITE, feature, ring, write_geojson, write_geotiff
 
 BOX = {"lower": (-50.0, -50.0), "upper": (50.0, 50.0)}
-TABLE = "name,x,y,line,priority,duration,depth\nreef,12,35,,3,60,12\n,10,20,a,2,,5\n,10,120,a,,90,6\n"
+TABLE = "name,north,east,line,priority,duration,depth\nreef,12,35,,3,60,12\n,10,20,a,2,,5\n,10,120,a,,90,6\n"
 
 
 def picture(path):
@@ -49,6 +49,7 @@ READERS = {
 }
 
 
+@pytest.mark.filterwarnings("ignore::auvplan.errors.ScenarioWarning")
 @pytest.mark.parametrize("name", READERS)
 def test_damaged_files(tmp_path, name):
     write, read = READERS[name]

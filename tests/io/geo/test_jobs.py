@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from auvplan.errors import ScenarioWarning
 from auvplan.io.geo import GeoError, read_jobs
 from auvplan.site import Site
 from tests.io.geo.files import feature, geographic, write_geojson
@@ -54,7 +55,7 @@ def test_csv_by_longitude_and_latitude(tmp_path):
 
 
 @pytest.mark.parametrize("site", [SITE, None])
-@pytest.mark.parametrize("heads", ["x;y", "North;East", "NORTH ; east"])
+@pytest.mark.parametrize("heads", ["North;East", "NORTH ; east"])
 def test_csv_in_local_metres_with_lines(tmp_path, site, heads):
     path = tmp_path / "jobs.csv"
     path.write_text(
@@ -95,28 +96,31 @@ def test_the_same_jobs_from_both(tmp_path):
     ("text", "words"),
     [
         ("", "has no rows of jobs"),
-        ("x,y\n", "has no rows of jobs"),
-        ("x,depth\n1,2\n", "needs the columns lon and lat, or x and y; it has x, depth"),
-        ("x,y,lon,lat\n1,2,3,4\n", "needs the columns lon and lat, or x and y"),
-        ("lon,y\n1,2\n", "needs the columns"),
-        ("x,north,y\n1,2,3\n", "two columns tell north"),
-        ("x,y,priorty\n1,2,3\n", "'priorty' means nothing here: 'priority' does"),
-        ("x,y\n1,2\n3\n", "row 3: east is missing"),
-        ("x,y\n1,2,3\n", "row 2: has 3 cells under 2 headings"),
-        ("x,y\n1,2\n\nthree,4\n", "row 4: north must be a finite number, got 'three'"),
-        ("x,y\nnan,2\n", "row 2: north must be a finite number"),
-        ("x,y,depth\n1,2,-5\n", "row 2: depth must be at least 0, got -5"),
-        ("x,y,priority\n1,2,-1\n", "row 2: priority must be at least 0"),
-        ("x,y,duration\n1,2,inf\n", "row 2: duration must be a finite number"),
+        ("north,east\n", "has no rows of jobs"),
+        (
+            "north,depth\n1,2\n",
+            "needs the columns longitude and latitude, or north and east; it has north, depth",
+        ),
+        ("north,east,lon,lat\n1,2,3,4\n", "needs the columns longitude and latitude, or north and east"),
+        ("lon,east\n1,2\n", "needs the columns"),
+        ("x,north,east\n1,2,3\n", "two columns tell north"),
+        ("north,east,priorty\n1,2,3\n", "'priorty' means nothing here: 'priority' does"),
+        ("north,east\n1,2\n3\n", "row 3: east is missing"),
+        ("north,east\n1,2,3\n", "row 2: has 3 cells under 2 headings"),
+        ("north,east\n1,2\n\nthree,4\n", "row 4: north must be a finite number, got 'three'"),
+        ("north,east\nnan,2\n", "row 2: north must be a finite number"),
+        ("north,east,depth\n1,2,-5\n", "row 2: depth must be at least 0, got -5"),
+        ("north,east,priority\n1,2,-1\n", "row 2: priority must be at least 0"),
+        ("north,east,duration\n1,2,inf\n", "row 2: duration must be a finite number"),
         ("lon,lat\n400,2\n", r"row 2: \(400, 2\) is no longitude"),
         ("lon,lat\n-20,148\n", r"row 2: \(-20, 148\) is no longitude"),
-        ("x,y,name\n1,2,a\n3,4,a\n", "two jobs are named 'a'"),
-        ("x,y,name,line\n1,2,a,\n3,4,,a\n5,6,,a\n", "two jobs are named 'a'"),
-        ("x,y,line\n1,2,a\n", "line 'a': a survey line needs at least two positions, got 1"),
-        ("x,y,line\n1,2,a\n1,2,a\n", "line 'a': positions 1 and 2 are the same place"),
-        ("x,y,line\n1,2,a\n3,4,a\n5,6,b\n7,8,b\n9,9,a\n", "row 6: line 'a' goes on after other rows"),
+        ("north,east,name\n1,2,a\n3,4,a\n", "two jobs are named 'a'"),
+        ("north,east,name,line\n1,2,a,\n3,4,,a\n5,6,,a\n", "two jobs are named 'a'"),
+        ("north,east,line\n1,2,a\n", "line 'a': a survey line needs at least two positions, got 1"),
+        ("north,east,line\n1,2,a\n1,2,a\n", "line 'a': positions 1 and 2 are the same place"),
+        ("north,east,line\n1,2,a\n3,4,a\n5,6,b\n7,8,b\n9,9,a\n", "row 6: line 'a' goes on after other rows"),
         (
-            "x,y,line,priority\n1,2,a,1\n3,4,a,2\n",
+            "north,east,line,priority\n1,2,a,1\n3,4,a,2\n",
             "row 3: line 'a' has priority 1 in an earlier row, 2 in this",
         ),
     ],
@@ -174,3 +178,34 @@ def test_places_on_earth_need_a_site(tmp_path):
     table.write_bytes(b"lon,lat\n148,-20\xff\n")
     with pytest.raises(GeoError, match=r"j\.csv: not UTF-8"):
         read_jobs(table, SITE)
+
+
+def test_a_slip_in_many_features_is_told_once_and_faults_of_each(tmp_path):
+    places = [feature("Point", [148.0 + k, -20.0], prority=1, depth=-k) for k in range(4)]
+    path = write_geojson(tmp_path / "jobs.geojson", *places)
+    with pytest.raises(GeoError, match=r"and 3 more: auvplan validate") as caught:
+        read_jobs(path, SITE)
+    slips = [line for line in caught.value.lines if "'prority'" in line]
+    assert len(slips) == 1
+    assert "feature 1" in slips[0]
+    assert len(caught.value.lines) == 4
+
+
+def test_another_word_is_told_of_the_first_job_that_lacks_the_known_one(tmp_path):
+    path = write_geojson(
+        tmp_path / "jobs.geojson",
+        feature("Point", [148.0, -20.0], duration=60, time="2026-03-01"),
+        feature("Point", [148.1, -20.0], time=60),
+        feature("Point", [148.2, -20.0], time=60),
+    )
+    with pytest.warns(ScenarioWarning) as heard:
+        read_jobs(path, SITE)
+    assert len(heard) == 1
+    assert "feature 2: 'time' is left unread: is 'duration' meant" in str(heard[0].message)
+
+
+@pytest.mark.parametrize("name", ["note", "colour", "fid2", "vessel", "surveyor", "lonely"])
+def test_words_of_ones_own_are_left_without_a_word(tmp_path, name):
+    table = tmp_path / "jobs.csv"
+    table.write_text(f"north,east,{name}\n1,2,3\n")
+    assert len(read_jobs(table, SITE).points) == 1

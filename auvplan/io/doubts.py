@@ -1,0 +1,158 @@
+"""What can hardly be meant by the fields of a scenario, though each of them can be."""
+
+from collections.abc import Iterator
+from datetime import date, datetime
+from typing import Any
+
+import numpy as np
+
+from auvplan.io.faults import Fault, fault_at, in_order
+from auvplan.io.swapped import swapped
+from auvplan.io.yaml_lines import Document, Path
+from auvplan.site import Site, as_utc
+from auvplan.voyage.scenario import Scenario
+
+#: The greatest number of a time available, s, that may have been meant as hours.
+_HOURS = 100.0
+#: Farther from the site, m, its local metres are not those of the sea.
+_FAR = 200_000.0
+
+
+def doubts(scenario: Scenario, document: Document) -> list[Fault]:
+    """Fields that can hardly be meant, in their order in the file, as faults that are none.
+
+    Args:
+        scenario: of the document.
+        document: what the file says, with places.
+    """
+    given = document.data if isinstance(document.data, dict) else {}
+    sections = {name: part if isinstance(part, dict) else {} for name, part in given.items()}
+    found = [*_zone(sections), *_place(scenario, sections), *_time(scenario), *_idle(scenario, sections)]
+    vehicle = scenario.vehicle
+    if vehicle.speed > vehicle.surge_max:
+        line = f"{vehicle.speed:g} m/s are more than surge_max, {vehicle.surge_max:g} m/s over ground"
+        found.append((("vehicle", "speed"), f"{line}: in still water no leg can be sailed"))
+    return in_order(fault_at(path, reason, document) for path, reason in found)
+
+
+def unreachable(scenario: Scenario) -> str:
+    """Why the goal cannot be reached in time whatever the current does; or an empty string."""
+    way, mission, fastest = _straight(scenario), scenario.mission, scenario.vehicle.surge_max
+    if way is None or mission.time_available >= way / fastest:
+        return ""
+    return (
+        f"{mission.time_available:g} s are too short: the straight way from start to goal, {way:,.0f} m, "
+        f"takes {way / fastest:,.0f} s at vehicle.surge_max, {fastest:g} m/s"
+        f"{_as_hours(mission.time_available)}"
+    )
+
+
+def _zone(sections: dict[str, dict[str, Any]]) -> Iterator[tuple[Path, str]]:
+    """A departure without a zone of time."""
+    given = sections.get("site", {}).get("departure")
+    moment = given
+    if isinstance(given, str):
+        try:
+            moment = datetime.fromisoformat(given)
+        except ValueError:
+            return
+    if isinstance(moment, date) and not isinstance(moment, datetime):
+        moment = datetime(moment.year, moment.month, moment.day)
+    if isinstance(moment, datetime) and moment.tzinfo is None:
+        taken = as_utc(moment).strftime("%Y-%m-%dT%H:%M:%SZ")
+        line = f"{given} has no zone of time and is taken as UTC: write {taken}, or a zone such as +10:00"
+        yield ("site", "departure"), line
+
+
+def _place(scenario: Scenario, sections: dict[str, dict[str, Any]]) -> Iterator[tuple[Path, str]]:
+    """A site that is not where the area or the shipped chart is, and pictures whose size is not told."""
+    if scenario.site is not None:
+        site, (low, high) = scenario.site.site, scenario.box
+        middle = np.add(low[:2], high[:2]) / 2.0 - site.origin
+        away = float(np.hypot(*middle))
+        if away > _FAR:
+            hint, other = "", swapped(site)
+            if other is not None:
+                there = site.to_geographic(*(middle + site.origin))
+                if float(np.hypot(*np.subtract(other.to_local(*there), other.origin))) < _FAR:
+                    hint = ", and longitude and latitude seem swapped in one of them"
+            yield (
+                ("area",),
+                f"its middle lies {away / 1000.0:,.0f} km from the site, where local metres are not true"
+                f"{hint}: move the site into the area",
+            )
+        if scenario.chart.source == "whitsunday":
+            from auvplan.ocean.whitsunday import CENTRE  # it loads JAX, which most scenarios need later only
+
+            home = Site(*CENTRE)
+            away = float(np.hypot(*home.to_local(site.longitude, site.latitude)))
+            if away > _FAR:
+                yield (
+                    ("chart",),
+                    f"is that of the Whitsunday Islands, {away / 1000.0:,.0f} km from the site: give "
+                    "chart.source, 'none' being open water",
+                )
+    if scenario.chart.source == "image" and "pixel_size" not in sections.get("chart", {}):
+        size = scenario.chart.pixel_size
+        yield ("chart", "image"), f"chart.pixel_size is not given: a pixel is taken as {size:g} m"
+
+
+def _time(scenario: Scenario) -> Iterator[tuple[Path, str]]:
+    """A time available that no mission has."""
+    mission, way = scenario.mission, _straight(scenario)
+    path = ("mission", "time_available")
+    speed, time = scenario.vehicle.speed, mission.time_available
+    if way is not None and time < way / speed:
+        yield (
+            path,
+            f"{time:g} s are less than the straight way from start to goal takes in still water, "
+            f"{way:,.0f} m at {speed:g} m/s, {way / speed:,.0f} s{_as_hours(time)}",
+        )
+    elif way is None and time <= _HOURS:
+        yield path, f"{time:g} s is hardly a mission{_as_hours(time)}"
+
+
+def _as_hours(time: float) -> str:
+    return f": is this hours? {time:g} h are {time * 3600.0:g} s" if time <= _HOURS else ""
+
+
+def _straight(scenario: Scenario) -> float | None:
+    """m from start to goal; None where one of them is drawn."""
+    start, goal = scenario.mission.start, scenario.mission.goal
+    return None if start is None or goal is None else float(np.linalg.norm(np.subtract(goal, start)))
+
+
+def _idle(scenario: Scenario, sections: dict[str, dict[str, Any]]) -> Iterator[tuple[Path, str]]:
+    """Fields that are given and count for nothing beside others."""
+    chart, current = scenario.chart.source, scenario.current
+    bed = scenario.bathymetry.source
+    idle: dict[str, tuple[str, str]] = {}
+    if chart != "polygons":
+        idle["chart.fringe"] = "chart.source", chart
+    if chart != "raster":
+        idle["chart.crs"] = "chart.source", chart
+    if chart == "whitsunday" or (chart == "none" and scenario.chart.no_go is None):
+        idle["chart.pixel_size"] = "chart.source", chart
+    if bed != "file":
+        idle |= {f"bathymetry.{name}": ("bathymetry.source", bed) for name in ("variable", "positive")}
+    if bed == "none":
+        idle["bathymetry.pixel_size"] = "bathymetry.source", bed
+    if current.source == "file":
+        names = ["layers", "peak_speed", "vertical_scale", "uniform", "update_rate"]
+        names += ["center_std", "radius_std", "strength_std"]
+        names += ["vortices", "radius"] if current.forecast_error == 0.0 else []
+    else:
+        names = ["outside", "spacing"]
+    idle |= {f"current.{name}": ("current.source", current.source) for name in names}
+    if scenario.mission.jobs is not None:
+        told = "mission.jobs", scenario.mission.jobs
+        given = (
+            "waypoints",
+            "priority",
+            "duration",
+        )
+        idle |= {f"mission.{name}": told for name in given}
+    for field, (other, value) in idle.items():
+        section, name = field.split(".")
+        if name in sections.get(section, {}):
+            yield (section, name), f"counts for nothing with {other} {value!r}"

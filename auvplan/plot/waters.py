@@ -1,0 +1,217 @@
+"""The map of a scenario before anything is planned: what its files tell, on top of each other."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, Patch, PathPatch, Rectangle
+from matplotlib.path import Path as Outline
+
+from auvplan.ocean.currents import evaluated
+from auvplan.plot import style
+from auvplan.plot.depths import draw_depths
+from auvplan.site import at_time
+from auvplan.voyage.scenario import Scenario
+from auvplan.voyage.waters import Waters
+
+#: Arrows of the current along the longer side, and points along the line to a job's name.
+_ARROWS = 22
+
+
+def plot_waters(scenario: Scenario, waters: Waters, closed: Sequence[Any] = ()) -> Figure:
+    """The map of a scenario: chart, sea bed, closed areas, area, start, goal, jobs, current at departure.
+
+    Args:
+        scenario: whose fields are sound.
+        waters: as far as they could be read; the chart without closed areas.
+        closed: areas with a name and a shapely polygon in local (north, east), m.
+    """
+    low, high = (np.asarray(corner, float)[:2] for corner in scenario.box)
+    points = np.concatenate([[low, high], *_ends(scenario), *(place for _, place in _jobs(waters))])
+    bottom, top = points.min(axis=0), points.max(axis=0)
+    # Places far off, which are at fault, must not shrink the rest to a dot.
+    edge = high - low
+    bottom, top = np.maximum(bottom, low - edge), np.minimum(top, high + edge)
+    margin = 0.04 * float((top - bottom).max())
+    bottom, top = bottom - margin, top + margin
+    unit = style.Unit.for_extent(float((top - bottom).max()))
+    tall, wide = top - bottom
+    figure = style.new_figure(9.4, float(np.clip(8.6 * tall / wide, 4.0, 11.0)) + 1.3)
+    axes = figure.subplots()
+    style.map_axes(axes, bottom, top, unit)
+    handles: list[Any] = list(style.draw_coast(axes, waters.chart, unit))
+    handles += draw_depths(axes, waters.seabed, unit)
+    handles += _draw_closed(axes, closed, unit)
+    handles += _draw_obstacles(axes, waters, unit)
+    handles += _draw_current(axes, scenario, waters, unit)
+    corner, size = low[::-1] / unit.metres, edge[::-1] / unit.metres
+    axes.add_patch(Rectangle(tuple(corner), *size, fill=False, ec="black", lw=1.2, ls=(0, (6, 3)), zorder=3))
+    handles.append(Line2D([], [], color="black", lw=1.2, ls=(0, (6, 3)), label="area"))
+    handles += _draw_jobs(axes, waters, unit)
+    handles += _draw_ends(axes, scenario, unit)
+    figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=8, frameon=False)
+    axes.set_title(_title(scenario, waters), fontsize=11)
+    _draw_names(axes, scenario, waters, closed, unit)
+    return figure
+
+
+def draw_waters(scenario: Scenario, waters: Waters, closed: Sequence[Any], path: Path) -> Path:
+    """Write the map of a scenario.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    return style.save(plot_waters(scenario, waters, closed), path)
+
+
+def _title(scenario: Scenario, waters: Waters) -> str:
+    low, high = scenario.box
+    depths = f"depths {low[2]:g} to {high[2]:g} m"
+    jobs = waters.jobs
+    tasks = f"{len(jobs.points)} points and {len(jobs.lines)} lines to visit, " if jobs is not None else ""
+    return f"{scenario.name}: {tasks}{scenario.mission.time_available:,.0f} s, {depths}"
+
+
+def _flat(places: Any, unit: style.Unit) -> style.Array:
+    """[n, >= 2] m north, east to [n, 2] east, north in the axes' unit."""
+    return np.asarray(places, float)[..., [1, 0]] / unit.metres
+
+
+def _ends(scenario: Scenario) -> list[style.Array]:
+    mission = scenario.mission
+    return [np.asarray([end[:2]]) for end in (mission.start, mission.goal) if end is not None]
+
+
+def _jobs(waters: Waters) -> list[tuple[str, style.Array]]:
+    """Name and places [n, 2] m of each job."""
+    if waters.jobs is None:
+        return []
+    points = [(job.name, np.asarray([job.position[:2]])) for job in waters.jobs.points]
+    return points + [(job.name, np.asarray(job.positions)[:, :2]) for job in waters.jobs.lines]
+
+
+def _draw_closed(axes: Axes, closed: Sequence[Any], unit: style.Unit) -> list[Patch]:
+    kind: dict[str, Any] = {
+        "facecolor": "#d55e0022",
+        "edgecolor": style.RED,
+        "hatch": "///",
+        "linewidth": 0.9,
+    }
+    for zone in closed:
+        for polygon in getattr(zone.polygon, "geoms", [zone.polygon]):
+            rings = [_flat(ring.coords, unit) for ring in (polygon.exterior, *polygon.interiors)]
+            axes.add_patch(PathPatch(Outline.make_compound_path(*map(_closed, rings)), zorder=1.0, **kind))
+    return [Patch(label="closed area", **kind)] if closed else []
+
+
+def _closed(ring: style.Array) -> Outline:
+    return Outline(ring, closed=True)
+
+
+def _draw_obstacles(axes: Axes, waters: Waters, unit: style.Unit) -> list[Any]:
+    """Known obstacles at departure, with an arrow where they move."""
+    colour = style.KIND_COLOURS["static"]
+    for known in waters.obstacles:
+        place = _flat(known.position, unit)
+        circle = Circle(tuple(place), known.radius / unit.metres, fc="#cc79a755", ec=colour, lw=1.0, zorder=2)
+        axes.add_patch(circle)
+        if known.moves:
+            way = np.asarray(known.velocity) / np.hypot(*known.velocity) * 3.0 * known.radius
+            tip = _flat(np.asarray(known.position) + way, unit)
+            arrow = {"arrowstyle": "-|>", "color": colour, "shrinkA": 0, "shrinkB": 0}
+            axes.annotate("", xy=tuple(tip), xytext=tuple(place), arrowprops=arrow, zorder=2)
+    mark: dict[str, Any] = {"ls": "", "marker": "o", "ms": 8, "mfc": "#cc79a755", "mec": colour}
+    return [Line2D([], [], label="known obstacle", **mark)] if waters.obstacles else []
+
+
+def _draw_current(axes: Axes, scenario: Scenario, waters: Waters, unit: style.Unit) -> list[Any]:
+    """Arrows of the forecast at departure at the least depth, where there is water."""
+    current = waters.forecast
+    if current is None:
+        return []
+    low, high = (np.asarray(corner, float) for corner in scenario.box)
+    step = float((high - low)[:2].max()) / _ARROWS
+    north, east = (np.arange(low[k] + step / 2, high[k], step) for k in range(2))
+    x, y = (axis.ravel() for axis in np.meshgrid(north, east, indexing="ij"))
+    if waters.chart is not None:
+        wet = waters.chart.is_water(x, y)
+    else:
+        nodes = (
+            np.rint((at - float(current.origin[k])) / float(current.spacing[k])).astype(int)
+            for k, at in enumerate((x, y))
+        )
+        surface = np.asarray(current.water)[0]
+        i, j = (np.clip(at, 0, size - 1) for at, size in zip(nodes, surface.shape, strict=True))
+        wet = surface[i, j]
+    x, y = x[wet], y[wet]
+    if not len(x):
+        return []
+    u, v, _ = (
+        np.asarray(part) for part in evaluated(current, x, y, np.full_like(x, low[2]), np.zeros_like(x))
+    )
+    fastest = max(float(np.hypot(u, v).max()), 1e-6)
+    axes.quiver(
+        *(_flat(np.stack([x, y], axis=1), unit).T), v, u,
+        color=style.BLUE, alpha=0.75, zorder=1.5, angles="xy", scale_units="xy",
+        scale=fastest * unit.metres / step / 0.9, width=0.0022,
+    )  # fmt: skip
+    when = at_time(0.0, waters.site.epoch if waters.site else None)
+    label = f"current {when} at {low[2]:g} m, up to {fastest:.2f} m/s"
+    return [Line2D([], [], color=style.BLUE, ls="", marker=r"$\rightarrow$", ms=12, label=label)]
+
+
+def _draw_jobs(axes: Axes, waters: Waters, unit: style.Unit) -> list[Line2D]:
+    jobs = waters.jobs
+    if jobs is None:
+        return []
+    handles = []
+    mark: dict[str, Any] = {"color": "white", "mec": style.PURPLE, "mew": 1.4}
+    if jobs.points:
+        places = _flat([job.position for job in jobs.points], unit)
+        axes.plot(*places.T, ls="", marker="o", ms=6, zorder=5, **mark)
+        handles.append(Line2D([], [], ls="", marker="o", ms=6, label="job", **mark))
+    for job in jobs.lines:
+        line = _flat(job.positions, unit)
+        axes.plot(*line.T, color=style.PURPLE, lw=1.8, zorder=4.5, path_effects=style.halo(3.4))
+    if jobs.lines:
+        handles.append(Line2D([], [], color=style.PURPLE, lw=1.8, label="line to survey"))
+    return handles
+
+
+def _draw_ends(axes: Axes, scenario: Scenario, unit: style.Unit) -> list[Line2D]:
+    handles = []
+    for point, kind, label, size in (
+        (scenario.mission.start, style.START, "start", 8),
+        (scenario.mission.goal, style.GOAL, "destination", 12),
+    ):
+        if point is None:
+            continue
+        axes.scatter(*_flat(point, unit), zorder=6, **kind)
+        mark: dict[str, Any] = {"marker": kind["marker"], "color": kind["color"], "mec": "black"}
+        handles.append(Line2D([], [], ls="", ms=size, label=label, **mark))
+    return handles
+
+
+def _draw_names(
+    axes: Axes, scenario: Scenario, waters: Waters, closed: Sequence[Any], unit: style.Unit
+) -> None:
+    """Names of jobs and closed areas, where these are seen."""
+    named = [(obstacle.name, _flat(obstacle.position, unit), style.RED) for obstacle in waters.obstacles]
+    named += [(name, _flat(places[len(places) // 2], unit), style.PURPLE) for name, places in _jobs(waters)]
+    for zone in closed:
+        inside = zone.polygon.representative_point()
+        named.append((zone.name, np.array([inside.y, inside.x]) / unit.metres, style.RED))
+    (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
+    shown = [entry for entry in named if west <= entry[1][0] <= east and south <= entry[1][1] <= north]
+    ends = [_flat(end, unit) for end in _ends(scenario)]
+    taken = np.concatenate([*ends, *(_flat(places, unit) for _, places in _jobs(waters)), np.zeros((0, 2))])
+    for colour in (style.PURPLE, style.RED):
+        own = [entry for entry in shown if entry[2] == colour]
+        if own:
+            places = np.stack([place for _, place, _ in own])
+            texts = [name if len(name) <= 24 else f"{name[:23]}…" for name, _, _ in own]
+            style.place_labels(axes, places, texts, taken, fontsize=8, color=colour, zorder=8)
