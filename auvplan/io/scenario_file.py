@@ -28,6 +28,9 @@ def load_scenario(source: str | Path = "whitsunday") -> Scenario:
     Args:
         source: path of a file, or a name that `auvplan scenarios` lists.
 
+    Returns:
+        The scenario, which remembers the folder of its file: what is named there is found from anywhere.
+
     Raises:
         ScenarioError: one line that names file, line, field and reason, and how many more faults there are.
 
@@ -38,7 +41,8 @@ def load_scenario(source: str | Path = "whitsunday") -> Scenario:
     if scenario is None:
         raise ScenarioError(first_of(faults, str(source), is_file=True))
     _warn(scenario)
-    return scenario
+    path = Path(source)
+    return scenario.in_folder(path.resolve().parent) if path.is_file() else scenario
 
 
 def check_scenario(source: str | Path) -> tuple[Scenario | None, list[Fault], Document]:

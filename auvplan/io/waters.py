@@ -29,18 +29,18 @@ if TYPE_CHECKING:
 Corners = tuple[tuple[float, float, float], tuple[float, float, float]]
 
 
-def load_waters(scenario: Scenario, folder: str | Path = ".", until: float | None = None) -> Waters:
+def load_waters(scenario: Scenario, folder: str | Path | None = None, until: float | None = None) -> Waters:
     """Chart, sea bed, current files and jobs of a scenario; files are read once and kept.
 
     Args:
         scenario: settings.
-        folder: that relative paths in the scenario start from.
+        folder: that relative paths in the scenario start from; that of its file if absent.
         until: s since the epoch, up to which currents are read; the mission's time available if absent.
 
     Raises:
         ScenarioError, ChartError, GeoError, CurrentError: one line that names file, field and reason.
     """
-    home, box = str(folder), scenario.box
+    home, box = scenario.folder if folder is None else str(folder), scenario.box
     site, forecast, truth = _currents(scenario, home, until)
     chart = _chart(scenario.chart, site, box, forecast, home)  # type: ignore[arg-type] - frozen models hash
     require_area_on_chart(scenario, chart)

@@ -87,7 +87,7 @@ def plan_departures(
     departs: ArrayLike,
     *,
     key: jax.Array,
-    folder: str | Path = ".",
+    folder: str | Path | None = None,
     waters: Waters | None = None,
     progress: Progress | None = None,
 ) -> Departures:
@@ -101,7 +101,7 @@ def plan_departures(
         scenario: settings.
         departs: [D] s since the scenario's epoch; negative ones need currents from files.
         key: PRNG key of waypoints, sea and planners, as for `run_mission`.
-        folder: that relative paths in the scenario start from.
+        folder: that relative paths in the scenario start from; that of its file if absent.
         waters: what the scenario's files tell, as `load_waters_at` reads it; read here if absent.
         progress: called as departures are seen to.
 
@@ -124,13 +124,13 @@ def plan_departures(
     return (_plan_legs if single else _order_tasks)(fleet, missions, progress)
 
 
-def load_waters_at(scenario: Scenario, departs: ArrayLike, folder: str | Path = ".") -> Waters:
+def load_waters_at(scenario: Scenario, departs: ArrayLike, folder: str | Path | None = None) -> Waters:
     """`load_waters` for missions that leave at other times: currents are read for all of them, not one.
 
     Args:
         scenario: settings.
         departs: [D] s since the scenario's epoch, which stays the epoch of what is read.
-        folder: that relative paths in the scenario start from.
+        folder: that relative paths in the scenario start from; that of its file if absent.
 
     Raises:
         ScenarioError, ChartError, GeoError, CurrentError: as `load_waters`.

@@ -45,7 +45,7 @@ def run_mission(
     *,
     key: jax.Array | None = None,
     seed: int | None = None,
-    folder: str | Path = ".",
+    folder: str | Path | None = None,
     waters: Waters | None = None,
     progress: Progress | None = None,
 ) -> MissionRun:
@@ -69,7 +69,7 @@ def run_missions(
     *,
     keys: jax.Array | None = None,
     seeds: Sequence[int] | None = None,
-    folder: str | Path = ".",
+    folder: str | Path | None = None,
     waters: Waters | None = None,
     progress: Progress | None = None,
 ) -> list[MissionRun]:
@@ -80,7 +80,7 @@ def run_missions(
         keys: [B] PRNG keys; the result of a mission depends on its own key alone. Those of `seeds` if absent.
         seeds: B numbers, that missions are made from where no keys are given, and that results are labelled
             with; 0, 1, ... if absent.
-        folder: that relative paths in the scenario start from.
+        folder: that relative paths in the scenario start from; that of its file if absent.
         waters: what the scenario's files tell, as `load_waters` reads it; read here if absent.
         progress: called with (mission, time s, what it does) as missions advance.
 
@@ -101,7 +101,7 @@ def sail_missions(
     *,
     keys: jax.Array | None = None,
     seeds: Sequence[int] | None = None,
-    folder: str | Path = ".",
+    folder: str | Path | None = None,
     waters: Waters | None = None,
     progress: Progress | None = None,
     together: int = WIDTH,
@@ -164,7 +164,7 @@ def mission_configs(scenario: Scenario) -> tuple[MissionConfig, MissionConfig]:
     return config.replace(beam_width=later.beam_width), later
 
 
-def make_fleet(scenario: Scenario, folder: str | Path, waters: Waters | None = None) -> Fleet:
+def make_fleet(scenario: Scenario, folder: str | Path | None = None, waters: Waters | None = None) -> Fleet:
     """Waters, vehicle and planners' settings of a scenario.
 
     Raises:
@@ -173,13 +173,14 @@ def make_fleet(scenario: Scenario, folder: str | Path, waters: Waters | None = N
     # Files are read at the edge of the package; what is built from them can be given instead.
     from auvplan.io.waters import load_waters
 
+    home = scenario.folder if folder is None else str(folder)
     return Fleet(
         scenario,
         path_config(scenario),
         mission_configs(scenario),
         make_vehicle(scenario),
-        load_waters(scenario, folder) if waters is None else waters,
-        str(folder),
+        load_waters(scenario, home) if waters is None else waters,
+        home,
     )
 
 

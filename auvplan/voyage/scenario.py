@@ -1,8 +1,9 @@
 """A scenario: everything that a mission needs to know but its seed, validated."""
 
+from pathlib import Path
 from typing import Any
 
-from pydantic import model_validator
+from pydantic import PrivateAttr, model_validator
 
 from auvplan.site import Site
 from auvplan.voyage.places import localised
@@ -39,6 +40,19 @@ class Scenario(Section):
     sensors: SensorSettings = SensorSettings()
     mission: MissionSettings = MissionSettings()
     planning: PlanningSettings = PlanningSettings()
+
+    _folder: str = PrivateAttr(default=".")
+
+    @property
+    def folder(self) -> str:
+        """That relative paths start from: of the scenario's file, or the working directory without one."""
+        return self._folder
+
+    def in_folder(self, folder: str | Path) -> "Scenario":
+        """The same settings with relative paths that start from `folder`."""
+        moved = self.model_copy()
+        moved._folder = str(folder)
+        return moved
 
     @model_validator(mode="before")
     @classmethod
