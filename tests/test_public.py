@@ -6,6 +6,7 @@ import pickle
 import pytest
 
 import auvplan as ap
+from auvplan.errors import ScenarioError
 from auvplan.voyage.executive import make_fleet
 from tests.io.small_site import SmallSite
 
@@ -34,3 +35,35 @@ def test_settings_without_a_file_start_from_the_working_directory(site, monkeypa
         ap.load_waters(settings)
     monkeypatch.chdir(site)
     assert ap.load_waters(settings).jobs
+
+
+def test_changed_settings_are_validated_as_a_file_is(site):
+    scenario = ap.load_scenario(site / "scenario.yaml")
+    changed = scenario.with_({"vehicle.speed": 2, "mission.time_available": 1800, "name": "short"})
+    assert (changed.vehicle.speed, changed.mission.time_available, changed.name) == (2.0, 1800.0, "short")
+    assert changed.mission.start == scenario.mission.start, "what is not named stays"
+    assert changed.folder == scenario.folder
+    assert scenario.vehicle.speed == 2.5
+    dated = {"longitude": 1.0, "latitude": 2.0}
+    assert ap.Scenario().with_({"site.longitude": 1.0, "site.latitude": 2.0}).site.longitude == 1.0
+    assert ap.Scenario().with_({"site": dated}).site.latitude == 2.0
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"vehicle.sped": 2}, "vehicle.sped: unknown key 'sped', did you mean 'speed'?"),
+        ({"vehicel.speed": 2}, "vehicel: unknown key 'vehicel', did you mean 'vehicle'?"),
+        ({"speed": 2}, "speed: unknown key 'speed', did you mean 'vehicle.speed'?"),
+        ({"vehicle.speed": -2}, "vehicle.speed: must be greater than 0, got -2"),
+        ({"vehicle.speed.x": 2}, "vehicle.speed.x: unknown key 'speed.x'"),
+        ({"name.x": 2}, "name.x: unknown key"),
+        ({"mission.start": [1e6, 0, 0]}, "lies outside the area"),
+        ({"vehicle": 3}, "vehicle: must be a section of fields"),
+    ],
+)
+def test_what_does_not_fit_is_named(site, changes, words):
+    with pytest.raises(ScenarioError, match=r"^scenario: ") as refused:
+        ap.load_scenario(site / "scenario.yaml").with_(changes)
+    assert words in str(refused.value)
+    assert "\n" not in str(refused.value)

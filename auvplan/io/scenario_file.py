@@ -1,6 +1,7 @@
 """Scenario files: YAML, loaded safely, validated as a whole."""
 
 import warnings
+from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -37,12 +38,61 @@ def load_scenario(source: str | Path = "whitsunday") -> Scenario:
     Warns:
         ScenarioWarning: a setting differs from what the preset 'paper' fixes; the line has both values.
     """
+    scenario = read_scenario(source)
+    _warn(scenario)
+    return scenario
+
+
+def read_scenario(source: str | Path) -> Scenario:
+    """`load_scenario` without its warnings: for one whose settings are changed before it is used."""
     scenario, faults, _ = check_scenario(source)
     if scenario is None:
         raise ScenarioError(first_of(faults, str(source), is_file=True))
-    _warn(scenario)
     path = Path(source)
     return scenario.in_folder(path.resolve().parent) if path.is_file() else scenario
+
+
+def change_scenario(
+    scenario: Scenario,
+    changes: Mapping[str, Any],
+    source: str = "scenario",
+    sources: Mapping[str, str] | None = None,
+) -> Scenario:
+    """A scenario with other values of some fields, validated as one from a file; see `Scenario.with_`.
+
+    Args:
+        scenario: stays as it is.
+        changes: values by "section.field", or of a whole section by its name.
+        source: that an error names.
+        sources: what an error names instead, by field.
+
+    Raises:
+        ScenarioError: a field is not known or a value does not fit; one line that names source and field.
+    """
+    plain = scenario.model_dump(mode="json")
+    for name, value in changes.items():
+        section, dot, field = name.partition(".")
+        inside = plain.get(section)
+        if not dot:
+            plain[section] = value
+        elif section and isinstance(inside, dict | None):
+            plain[section] = (inside or {}) | {field: value}
+        else:
+            raise ScenarioError(f"{(sources or {}).get(name, source)}: {name}: unknown key")
+    changed, faults = check_fields(Document(plain))
+    if changed is None:
+        # What was given is told before what it leads to elsewhere.
+        given = [(fault, name) for fault in faults for name in changes if _concerns(fault, name)]
+        faults = list(dict.fromkeys([*(fault for fault, _ in given), *faults]))
+        source = (sources or {}).get(given[0][1], source) if given else source
+        raise ScenarioError(first_of(faults, source, is_file=False))
+    _warn(changed)
+    return changed.in_folder(scenario.folder)
+
+
+def _concerns(fault: Fault, name: str) -> bool:
+    """Whether a fault is one of a field, of its section, or of something within it."""
+    return f"{fault.field}.".startswith(f"{name}.") or f"{name}.".startswith(f"{fault.field}.")
 
 
 def check_scenario(source: str | Path) -> tuple[Scenario | None, list[Fault], Document]:

@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 
 from auvplan.errors import AuvplanError, ScenarioError
-from auvplan.io.scenario_file import validate_scenario
+from auvplan.io.scenario_file import change_scenario, validate_scenario
 from auvplan.voyage.scenario import Scenario
 
 
@@ -99,13 +99,7 @@ class Design:
                 raise ScenarioError(f"sweep: {field}: swept twice")
         cases = []
         for values in product(*(sweep.values for sweep in self.sweeps)):
-            plain = self.scenario.model_dump(mode="json")
-            for sweep, value in zip(self.sweeps, values, strict=True):
-                section, name = sweep.field.split(".")
-                if not isinstance(plain.get(section), dict) or name not in plain[section]:
-                    raise ScenarioError(f"sweep: {sweep.field}: unknown key")
-                plain[section][name] = value
-            cases.append(validate_scenario(plain, "sweep"))
+            cases.append(change_scenario(self.scenario, dict(zip(fields, values, strict=True)), "sweep"))
         return cases
 
     @property
