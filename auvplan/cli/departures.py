@@ -18,6 +18,7 @@ from auvplan.cli.shared import (
     QuietOption,
     ScenarioArgument,
     SeedOption,
+    SetOption,
     console,
     errors,
     load,
@@ -48,10 +49,11 @@ def departures(
     ] = "1h",
     out: OutOption = Path("out/departures"),
     seed: SeedOption = 0,
+    changes: SetOption = None,
     quiet: QuietOption = False,
 ) -> None:
     """Plan the mission, or the leg of two waypoints, at many departures and say which is the best."""
-    settings, folder = load(scenario, None, None)
+    settings, folder = load(scenario, settings=changes)
     departs = departure_times(settings, folder, begin, end, step)
     from auvplan.io import output_folder
     from auvplan.voyage.departures import load_waters_at, plan_departures

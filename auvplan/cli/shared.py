@@ -1,6 +1,6 @@
 """What the commands share: the console, options, the loading of scenarios, progress bars."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
@@ -28,21 +28,73 @@ PicturesOption = Annotated[
 ObjectiveOption = Annotated[
     str | None, typer.Option("--objective", help="What the order of tasks is judged by: priority or eq15.")
 ]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="SECTION.FIELD=VALUE",
+        help="Another value of the scenario's setting, such as vehicle.speed=2. May be given several times.",
+    ),
+]
 
 
-def load(source: str, preset: str | None, objective: str | None, leg: bool = False) -> tuple[Any, Path]:
-    """The scenario with the command line's settings in place of its own, and the folder of its file."""
-    from auvplan.io.scenario_file import load_scenario, validate_scenario
+def load(
+    source: str,
+    preset: str | None = None,
+    objective: str | None = None,
+    leg: bool = False,
+    settings: Iterable[str] | None = None,
+) -> tuple[Any, Path]:
+    """The scenario with the command line's settings in place of its own, and the folder of its file.
 
-    plain = load_scenario(source).model_dump(mode="json")
-    if preset is not None:
-        plain["planning"]["preset"] = preset
-    if objective is not None:
-        plain["planning"]["objective"] = objective
+    Args:
+        source: path or name of the scenario.
+        preset, objective: as the options of these names have them.
+        leg: whether it is to be one leg, from start to goal.
+        settings: texts "section.field=value" of `--set`; they count more than the other options.
+
+    Raises:
+        ScenarioError: one line that names the file or the option, the field and what is wrong.
+    """
+    from auvplan.io.scenario_file import change_scenario, read_scenario
+
+    changes: dict[str, Any] = {}
+    options: dict[str, str] = {}
+    for option, field, value in (
+        ("--preset", "planning.preset", preset),
+        ("--objective", "planning.objective", objective),
+    ):
+        if value is not None:
+            changes[field], options[field] = value, option
+    for text in settings or ():
+        field, value = _setting(text)
+        if options.get(field) == "--set":
+            raise ScenarioError(f"--set: {field} is given twice")
+        changes[field], options[field] = value, "--set"
     if leg:
-        plain["mission"] |= {"waypoints": 2, "jobs": None}
+        changes |= {"mission.waypoints": 2, "mission.jobs": None}
     folder = Path(source).parent if Path(source).is_file() else Path(".")
-    return validate_scenario(plain, "command line"), folder
+    return change_scenario(read_scenario(source), changes, "command line", options), folder
+
+
+def _setting(text: str) -> tuple[str, Any]:
+    """Field and value of "section.field=value", whose value is YAML.
+
+    Raises:
+        ScenarioError: the text has not this form.
+    """
+    from auvplan.io.yaml_lines import YamlError, read_yaml
+
+    field, mark, given = text.partition("=")
+    if not mark or not field.strip():
+        raise ScenarioError(f"--set {text!r}: give it as section.field=value, such as vehicle.speed=2")
+    try:
+        document = read_yaml(given)
+    except YamlError as error:
+        raise ScenarioError(f"--set {text!r}: the value is not YAML: {error}") from None
+    if document.faults:
+        raise ScenarioError(f"--set {text!r}: {document.faults[0][1]}")
+    return field.strip(), document.data
 
 
 @contextmanager
@@ -51,7 +103,8 @@ def naming(source: str) -> Iterator[None]:
     try:
         yield
     except ScenarioError as error:
-        raise error if source in str(error) else ScenarioError(f"{source}: {error}") from None
+        named = source in str(error) or str(error).startswith("--")
+        raise error if named else ScenarioError(f"{source}: {error}") from None
 
 
 @contextmanager

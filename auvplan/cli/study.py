@@ -15,6 +15,7 @@ from auvplan.cli.shared import (
     QuietOption,
     ScenarioArgument,
     SeedOption,
+    SetOption,
     console,
     errors,
     load,
@@ -48,6 +49,7 @@ def montecarlo(
     seed: SeedOption = 0,
     preset: PresetOption = None,
     objective: ObjectiveOption = None,
+    changes: SetOption = None,
     sweep: Annotated[
         list[str] | None,
         typer.Option("--sweep", help="Vary a setting: section.name=value,value,... May be given twice."),
@@ -67,7 +69,7 @@ def montecarlo(
     """Run many missions, of seeds that count up, and report what they tell together."""
     from auvplan.study import Design, Sweep, run_study, summarise
 
-    settings, folder = load(scenario, preset, objective)
+    settings, folder = load(scenario, preset, objective, settings=changes)
     design = Design(settings, count, seed, tuple(Sweep.parse(text) for text in sweep or ()))
     with _mission_bar(quiet) as progress:
         dataset = run_study(
