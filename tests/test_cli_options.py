@@ -1,10 +1,19 @@
 """Options that several commands have, and what is told while and after they run."""
 
+import subprocess
+import sys
+import time
+from itertools import pairwise
+from pathlib import Path
+
 import pytest
 
-from auvplan import cli
-from auvplan.cli.shared import load
+import auvplan as ap
+from auvplan import cli, study
+from auvplan.cli import shared
+from auvplan.cli.shared import load, progress_bar
 from auvplan.errors import ScenarioError
+from auvplan.study.store import PIECES
 
 
 def call(capsys, monkeypatch, *arguments):
@@ -66,3 +75,52 @@ def test_a_bad_setting_is_one_line_that_names_the_option(
 def test_the_option_of_a_bad_preset_is_named():
     with pytest.raises(ScenarioError, match=r"^--preset: planning\.preset: must be"):
         load("whitsunday", "best")
+
+
+def test_the_version_by_either_name(capsys, monkeypatch):
+    code, out, err = call(capsys, monkeypatch, "--version")
+    assert (code, out, err) == (0, f"auvplan {ap.__version__}\n", "")
+    root = Path(__file__).resolve().parent.parent
+    command = [sys.executable, "-m", "auvplan", "--version"]
+    assert subprocess.run(command, cwd=root, capture_output=True, text=True, check=True).stdout == out
+
+
+def test_a_study_that_is_interrupted_says_how_to_go_on(tmp_path, capsys, monkeypatch):
+    def begin(design, out, **_):
+        if out.name == "begun":
+            (out / PIECES).mkdir(parents=True)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(study, "run_study", begin)
+    for name, words in (("begun", "--resume"), ("not", "interrupted")):
+        code, out, err = call(capsys, monkeypatch, "montecarlo", "--out", tmp_path / name)
+        assert (code, out) == (130, "")
+        assert words in err
+        assert len(err.splitlines()) == 1
+    assert "--resume" not in err
+
+
+def test_other_commands_end_on_one_line_too(capsys, monkeypatch):
+    def stopped(_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("auvplan.io.examine.examine_scenario", stopped)
+    assert call(capsys, monkeypatch, "validate", "whitsunday") == (130, "", "auvplan: interrupted\n")
+
+
+def test_progress_in_a_log_is_few_plain_lines(capsys, monkeypatch):
+    monkeypatch.setattr(shared._Lines, "APART", 0.005)
+    with progress_bar("loading", quiet=False, of="of the work") as advance:
+        time.sleep(0.5)
+        for step in range(101):
+            advance(step / 100.0, f"step {step}")
+            time.sleep(0.002)
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == "auvplan: loading"
+    assert 2 <= len(lines) <= 11
+    assert all(line.isprintable() and line.endswith(" % of the work") for line in lines[1:])
+    shares = [int(line.split()[-5]) for line in lines[1:]]
+    assert all(b - a >= 10 for a, b in pairwise(shares))
+    with progress_bar("loading", quiet=True) as advance:
+        time.sleep(0.05)
+    assert capsys.readouterr().err == ""

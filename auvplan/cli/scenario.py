@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from auvplan.cli.shared import console
+from auvplan.cli.shared import JsonOption, console, print_json
 
 
 def scenarios() -> None:
@@ -54,11 +54,22 @@ def schema(
 
 def validate(
     scenario: Annotated[str, typer.Argument(help="A scenario file (YAML), or the name of a shipped one.")],
+    as_json: JsonOption = False,
 ) -> None:
     """List everything that is wrong with a scenario and the files that it names, a line each."""
     from auvplan.io.examine import examine_scenario
 
     found = examine_scenario(scenario)
+    if as_json:
+        faults = [
+            {"field": fault.field, "reason": fault.reason}
+            | dict(zip(("line", "column"), fault.place or (None, None), strict=True))
+            for fault in found.faults
+        ]
+        print_json({"scenario": scenario, "valid": not faults, "faults": faults, "notes": list(found.notes)})
+        if faults:
+            raise typer.Exit(2)
+        return
     for line in found.lines:
         typer.echo(line)
     if found.faults:

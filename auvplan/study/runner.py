@@ -166,7 +166,8 @@ def _processes(jobs: list[Job]) -> Iterator[dict[Connection, Any]]:
             ours, theirs = context.Pipe(duplex=False)
             core = numbers[number % len(numbers)]
             process = context.Process(target=work, args=(job, core, settings, theirs), daemon=True)
-            process.start()
+            with cores.deaf():
+                process.start()
             running.append(process)
             theirs.close()
             pipes[ours] = process
