@@ -1,8 +1,12 @@
 """The package as a person at a prompt meets it: what is where, what is told of results, clear errors."""
 
 import copy
+import math
 import pickle
 
+import jax
+import jax.numpy as jnp
+import numpy as np
 import pytest
 
 import auvplan as ap
@@ -67,3 +71,96 @@ def test_what_does_not_fit_is_named(site, changes, words):
         ap.load_scenario(site / "scenario.yaml").with_(changes)
     assert words in str(refused.value)
     assert "\n" not in str(refused.value)
+
+
+BOX = {"lower": (-500, -500, 0), "upper": (2500, 1500, 0)}
+A, B = (0, 0, 0), (2000, 0, 0)
+STILL = ap.Environment(None, **BOX)
+KEY = jax.random.key(0)
+
+
+@pytest.mark.parametrize(
+    ("call", "kind", "words"),
+    [
+        (lambda: ap.plan_path(A, B, STILL, key=0), TypeError, "key must be a PRNG key, got 0: give jax.ra"),
+        (lambda: ap.replan_paths([], [A], [0.0], STILL, key=np.int32(3)), TypeError, "jax.random.key(0)"),
+        (lambda: ap.random_vortices(1, A, B), TypeError, "jax.random.key(0)"),
+        (lambda: ap.run_mission(ap.Scenario(), key=5), TypeError, "jax.random.key(0), or seed=0"),
+        (lambda: ap.run_missions(ap.Scenario(), keys=5), TypeError, "or seeds=range(B)"),
+        (lambda: ap.bbo.minimize(sum, [0.0], [1.0], key=0), TypeError, "jax.random.key(0)"),
+        (lambda: ap.plan_path(A, B, lambda x, y, z, t: (0, 0, 0), key=KEY), TypeError, "ap.Environment(cur"),
+        (lambda: ap.plan_path(A, B, ap.UniformCurrent(), key=KEY), TypeError, "ap.Environment(current)"),
+        (lambda: ap.plan_path(A, B, STILL, 2.5, key=KEY), TypeError, "ap.Vehicle(speed=2.5)"),
+        (lambda: ap.plan_path((0, 0), B, STILL, key=KEY), ValueError, "start must be three numbers, north"),
+        (lambda: ap.plan_path(A, [1, 2], STILL, key=KEY), ValueError, "goal must be three numbers, north"),
+        (lambda: ap.plan_paths([A, A], [B], STILL, key=KEY), ValueError, "[B, 3] m, north, east and depth"),
+    ],
+)
+def test_what_is_easily_mistaken_is_told_in_a_line(call, kind, words):
+    with pytest.raises(kind) as refused:
+        call()
+    assert words in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("current", "kind", "words"),
+    [
+        (lambda x, y, z, t: (np.sin(x), 0.0, 0.0), TypeError, "write it with jax.numpy, such as jnp.sin"),
+        (lambda x, y, z, t: (math.sin(x), 0.0, 0.0), TypeError, "jnp.sin for math.sin"),
+        (lambda x, y, z, t: (1.0 if x > 3 else 0.0, 0.0, 0.0), TypeError, "jnp.where"),
+        (
+            lambda x, y, z, t: (x, y),
+            ValueError,
+            "returns (u, v, w), m/s north, east and down; the function r",
+        ),
+        (lambda x, y, z, t: None, ValueError, "returned NoneType"),
+        (lambda x, y, t: (0.0, 0.0, 0.0), TypeError, "(x, y, z, t) -> (u, v, w)"),
+        (7, TypeError, "(x, y, z, t) -> (u, v, w)"),
+    ],
+)
+def test_a_function_that_is_no_current_is_told_where_it_is_given(current, kind, words):
+    with pytest.raises(kind) as refused:
+        ap.Environment(current, **BOX)
+    assert words in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_functions_that_are_currents_are_taken():
+    table = jnp.linspace(0.0, 1.0, 5)
+    for current in (
+        lambda x, y, z, t: (0.4, 0.2 * (t > 600), 0.0),
+        lambda x, y, z, t: jnp.stack([x, y, z]),
+        lambda x, y, z, t, scale=2.0: (scale * jnp.interp(x, jnp.arange(5.0), table), 0, 0),
+        lambda *place: (0.0, 0.0, 0.0),
+    ):
+        u, v, w = ap.Environment(current, **BOX).current(*jnp.ones((4, 3)))
+        assert u.shape == v.shape == w.shape == (3,)
+
+
+def test_a_current_that_is_no_number_is_told_with_the_place():
+    hole = ap.Environment(lambda x, y, z, t: (jnp.where(x > 1000.0, jnp.nan, 0.3), 0.0, 0.0), **BOX)
+    quick = ap.PathConfig.quick().replace(finer=1)
+    with pytest.raises(ValueError, match=r"not a number \(NaN\) at \(1\d\d\d, ") as refused:
+        ap.plan_path(A, B, hole, key=KEY, config=quick)
+    assert "\n" not in str(refused.value)
+
+
+def test_old_style_keys_are_keys():
+    from auvplan.prng import as_key
+
+    for old, new in (
+        (jax.random.PRNGKey(7), jax.random.key(7)),
+        (jax.random.split(jax.random.PRNGKey(1)), None),
+    ):
+        made = as_key(old)
+        assert made.shape == old.shape[:-1]
+        assert new is None or (jax.random.uniform(made) == jax.random.uniform(new))
+
+
+def test_the_package_shows_its_public_names_alone():
+    names = dir(ap)
+    assert set(ap.__all__) <= set(names)
+    assert all(name in ap.__all__ or (name.startswith("__") and name.endswith("__")) for name in names)
+    assert "__version__" in ap.__all__
+    assert not {"version", "lazy_loader"} & set(vars(ap))

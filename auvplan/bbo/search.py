@@ -15,6 +15,7 @@ import jax.numpy as jnp
 
 from auvplan.bbo import operators, random
 from auvplan.bbo.config import BBOConfig
+from auvplan.prng import as_key
 
 CostFunction = Callable[..., jax.Array | tuple[jax.Array, jax.Array]]
 
@@ -293,6 +294,7 @@ def minimize(
 
     Raises:
         ValueError: bounds or population do not fit together.
+        TypeError: the key is none, such as a seed.
 
     Example:
         >>> import jax, auvplan as ap
@@ -301,7 +303,7 @@ def minimize(
         >>> bool(result.cost < 1e-2)
         True
     """
-    config = config or BBOConfig()
+    config, key = config or BBOConfig(), as_key(key)
     low, high = jnp.asarray(lower), jnp.asarray(upper)
     if low.ndim != 1 or low.shape != high.shape:
         raise ValueError(f"bounds must be vectors of one length, got shapes {low.shape} and {high.shape}")

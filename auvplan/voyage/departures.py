@@ -109,7 +109,7 @@ def plan_departures(
         ScenarioError, ChartError, GeoError, CurrentError: the scenario cannot be built, or its current is not
             known from the first departure until the last one's time available is over.
     """
-    moments = np.asarray(departs, float)
+    moments, key = np.asarray(departs, float), prng.as_key(key)
     if moments.ndim != 1 or not len(moments) or not np.isfinite(moments).all():
         raise ScenarioError(f"departs must be [D] finite seconds, D at least 1, got shape {moments.shape}")
     # Planning is done before the departure: it costs the mission no time.

@@ -60,7 +60,8 @@ def run_mission(
     """
     if key is None and seed is None:
         raise ValueError("a mission needs a key or a seed: run_mission(scenario, seed=0)")
-    keys, seeds = None if key is None else key[None], None if seed is None else [seed]
+    keys = None if key is None else prng.as_key(key, instead=", or seed=0 in its place")[None]
+    seeds = None if seed is None else [seed]
     return run_missions(scenario, keys=keys, seeds=seeds, folder=folder, waters=waters, progress=progress)[0]
 
 
@@ -116,6 +117,7 @@ def sail_missions(
         if seeds is None:
             raise ValueError("missions need keys or seeds: run_missions(scenario, seeds=range(10))")
         keys = seed_keys(seeds)
+    keys = prng.as_key(keys, "keys", instead=", or seeds=range(B) in their place")
     labels = range(len(keys)) if seeds is None else seeds
     if len(labels) != len(keys):
         raise ValueError(f"keys and seeds must be as many, got {len(keys)} and {len(labels)}")
