@@ -11,7 +11,9 @@ import pytest
 
 import auvplan as ap
 from auvplan.errors import ScenarioError
+from auvplan.mission import random_graph
 from auvplan.voyage.executive import make_fleet
+from tests.io.sample_run import make_run
 from tests.io.small_site import SmallSite
 
 
@@ -164,3 +166,41 @@ def test_the_package_shows_its_public_names_alone():
     assert all(name in ap.__all__ or (name.startswith("__") and name.endswith("__")) for name in names)
     assert "__version__" in ap.__all__
     assert not {"version", "lazy_loader"} & set(vars(ap))
+
+
+def one_line(result):
+    """The line at a prompt, which the table in a notebook agrees with."""
+    line, table = repr(result), result._repr_html_()
+    assert len(line) < 300
+    assert "\n" not in line
+    assert table.startswith("<table>")
+    assert type(result).__name__ in table
+    return line
+
+
+def test_runs_and_what_is_in_them_are_told_in_a_line():
+    run = make_run()
+    line = one_line(run)
+    assert "destination reached in time" in line
+    assert f"{run.t_mission:,.0f} of 3,000 s" in line
+    assert "legs 3" in line
+    assert "0 to 1" in one_line(run.legs[0])
+    assert "made for a window" in one_line(run.legs[0].plans[1])
+    run.reason = "<b>&"
+    assert "&lt;b&gt;&amp;" in run._repr_html_()
+
+
+def test_plans_and_orders_are_told_in_a_line():
+    config = ap.PathConfig.quick().replace(finer=1)
+    plans = ap.plan_paths([A, A], [B, B], STILL, key=KEY, config=config)
+    assert "2 of 2 plans feasible" in one_line(plans)
+    assert one_line(plans[0]).startswith("<PathPlan: feasible, travel time 8")
+    assert "length 2,0" in repr(plans[0])
+    assert "open water" in repr(plans[0])
+    rng = np.random.default_rng(0)
+    graph = random_graph(rng, rng.uniform(0.0, 1000.0, (8, 3)), neighbours=3)
+    order = ap.plan_mission(graph, 0, 7, 1800.0, speed=2.5, key=KEY)
+    assert f"tasks {order.tasks}" in one_line(order)
+    assert "waypoints 0 > " in repr(order)
+    late = ap.plan_mission(graph, 0, 7, 1.0, speed=2.5, key=KEY)
+    assert repr(late) == "<MissionOrder: not feasible (out of time)>"

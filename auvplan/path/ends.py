@@ -50,8 +50,8 @@ def check_water(water: ArrayLike, positions: ArrayLike, times: ArrayLike) -> Non
         CurrentError: one line that names leg, place and time.
     """
     place, when = np.asarray(positions, float), np.asarray(times, float)
-    known = np.isfinite(np.asarray(water, float)).all(axis=2)
-    bad = ~known & np.isfinite(place.reshape(len(place), -1)).all(axis=1)[:, None]
+    moving = np.isfinite(place.reshape(len(place), -1)).min(axis=1)
+    bad = ~np.isfinite(np.asarray(water, float)).min(axis=2) & moving[:, None]
     for b, k in np.argwhere(bad)[:1]:
         x, y, z = 0.5 * (place[b, k] + place[b, k + 1])
         at = f" at {when[b, k]:.0f} s" if np.isfinite(when[b, k]) else ""

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from auvplan import prng
+from auvplan.brief import Brief
 from auvplan.errors import ScenarioError
 from auvplan.mission import MissionOrder
 from auvplan.ocean.obstacles import Obstacles
@@ -28,6 +29,7 @@ from auvplan.voyage.scenario import Scenario
 from auvplan.voyage.sea import stacked
 from auvplan.voyage.simulator import over_ground
 from auvplan.voyage.waters import Waters
+from auvplan.words import counted, figure
 
 Array = NDArray[np.float64]
 
@@ -38,8 +40,8 @@ Progress = Callable[[int, int, str], None]
 _PLACES = 33
 
 
-@dataclass(frozen=True)
-class Departures:
+@dataclass(frozen=True, repr=False)
+class Departures(Brief):
     """D departures of one mission or leg.
 
     Attributes:
@@ -70,6 +72,17 @@ class Departures:
 
     def __len__(self) -> int:
         return len(self.departs)
+
+    def _facts(self) -> dict[str, str]:
+        count = f"{self.feasible.sum():,} of {counted(len(self), 'departure')} feasible"
+        if (best := self.best) is None:
+            return {"": count}
+        return {
+            "": count,
+            "best": self.moment(best),
+            "time": f"{self.time[best]:,.0f} s",
+            **({} if self.orders is None else {"priority": figure(float(self.priority[best]), 6)}),
+        }
 
     @property
     def best(self) -> int | None:

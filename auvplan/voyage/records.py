@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from auvplan.brief import Brief
 from auvplan.mission import MissionConfig, MissionGraph, MissionOrder, trail_bound, upper_bound
 from auvplan.mission.jobs import jobs_done
 from auvplan.motion import Motion
@@ -18,12 +19,13 @@ from auvplan.ocean.seabed import Seabed
 from auvplan.site import Site
 from auvplan.vehicle import Vehicle
 from auvplan.voyage.settings import PlanningSettings
+from auvplan.words import figure
 
 Array = NDArray[np.floating]
 
 
-@dataclass
-class PlanRecord:
+@dataclass(repr=False)
+class PlanRecord(Brief):
     """One path plan as it was made.
 
     Attributes:
@@ -50,9 +52,18 @@ class PlanRecord:
     current: Current
     motion: Motion
 
+    def _facts(self) -> dict[str, str]:
+        return {
+            "": "feasible" if self.feasible else "not feasible",
+            "made for a": self.cause,
+            "at": f"{self.made_at:,.0f} s",
+            "travel time": f"{float(self.times[-1] - self.times[0]):,.0f} s",
+            "cost": f"{self.cost:,.0f} s",
+        }
 
-@dataclass
-class LegRecord:
+
+@dataclass(repr=False)
+class LegRecord(Brief):
     """One sailed leg between two waypoints.
 
     Attributes:
@@ -92,6 +103,16 @@ class LegRecord:
     obstacle_radii: Array = field(default_factory=lambda: np.zeros(0))
     obstacle_kinds: list[str] = field(default_factory=list)
     arrived: bool = False
+
+    def _facts(self) -> dict[str, str]:
+        return {
+            "": f"{self.start} to {self.goal}",
+            "sailed": f"{self.t_path:,.0f} s" if self.arrived else f"{self.t_path:,.0f} s, not arrived",
+            "expected": f"{self.t_expected - self.t_task:,.0f} s",
+            "task": f"{self.t_task:,.0f} s",
+            "priority": figure(self.priority, 6),
+            "plans": f"{len(self.plans):,}",
+        }
 
     @property
     def t_path(self) -> float:
@@ -139,8 +160,8 @@ class OrderRecord:
     cause: str
 
 
-@dataclass
-class MissionRun:
+@dataclass(repr=False)
+class MissionRun(Brief):
     """A mission from start to end.
 
     Attributes:
@@ -188,6 +209,19 @@ class MissionRun:
     site: Site | None = None
     seabed: Seabed | None = None
     names: list[str] = field(default_factory=list)
+
+    def _facts(self) -> dict[str, str]:
+        return {
+            "": self.reason or "under way",
+            "scenario": str(self.scenario.get("name", "")),
+            "seed": str(self.seed),
+            "time": f"{self.t_mission:,.0f} of {self.t_available:,.0f} s",
+            "legs": f"{len(self.done):,}",
+            "tasks": f"{self.tasks:,}",
+            "priority": figure(self.total_priority, 6),
+            "re-plans": f"{sum(leg.path_replans for leg in self.legs):,} of paths, "
+            f"{max(len(self.orders) - 1, 0):,} of the mission",
+        }
 
     @property
     def t_residual(self) -> float:
