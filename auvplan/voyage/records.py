@@ -36,7 +36,8 @@ class PlanRecord(Brief):
         feasible: whether the belief saw every limit kept.
         cause: "leg", "window" or "hazard".
         cpu: s of wall-clock time.
-        history: by iteration, [I + 1] each: best, mean, std, violation_best, violation_mean, violation_std.
+        history: by iteration, [I + 1] each: best, mean, std, violation_best, violation_mean, violation_std;
+            empty where it comes from a file without them.
         current: the true one when the plan was made, for pictures.
         motion: attitude and velocities on its S - 1 segments, as planned.
     """
@@ -186,6 +187,7 @@ class MissionRun(Brief):
         site: where and when local coordinates begin, or None.
         seabed: or None.
         names: of the waypoints; empty where they have none.
+        saved_bound: `bound` of a run that comes from files, which do not keep `first_order`; None of others.
     """
 
     scenario: dict[str, Any]
@@ -209,6 +211,7 @@ class MissionRun(Brief):
     site: Site | None = None
     seabed: Seabed | None = None
     names: list[str] = field(default_factory=list)
+    saved_bound: float | None = None
 
     def _facts(self) -> dict[str, str]:
         return {
@@ -263,7 +266,7 @@ class MissionRun(Brief):
         where a visited waypoint had to be passed, it is the sum over all tasks.
         """
         if self.first_order is None:
-            return 0.0
+            return self.saved_bound or 0.0
         times, graph = np.array(self.first_order.edge_times), self.graph
         once, stay = np.asarray(graph.waypoint_priority), np.asarray(graph.waypoint_duration)
         for leg in self.done:
