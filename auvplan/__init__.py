@@ -3,9 +3,14 @@
 Local metres, north-east-down; seconds since the scenario's epoch; m/s; rad.
 """
 
-from importlib.metadata import version
+from importlib.metadata import version as _version
 
-import lazy_loader
+import lazy_loader as _lazy_loader
 
-__version__ = version("auvplan")
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+__version__ = _version("auvplan")
+__getattr__, _, __all__ = _lazy_loader.attach_stub(__name__, __file__)
+__all__ += ["__version__"]
+
+
+def __dir__() -> list[str]:
+    return list(__all__)

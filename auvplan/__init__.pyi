@@ -31,6 +31,7 @@ from .site import Site as Site
 from .vehicle import Vehicle as Vehicle
 from .voyage import MissionRun as MissionRun
 from .voyage import Scenario as Scenario
+from .voyage import plan_scenario as plan_scenario
 from .voyage import run_mission as run_mission
 from .voyage import run_missions as run_missions
 
@@ -65,6 +66,7 @@ __all__ = [
     "plan_missions",
     "plan_path",
     "plan_paths",
+    "plan_scenario",
     "random_vortices",
     "read_current",
     "replan_path",

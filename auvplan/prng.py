@@ -1,12 +1,35 @@
 """PRNG keys on the host: JAX's own functions, each as one stored program in place of several small ones."""
 
 from functools import partial
+from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike
 
 from auvplan.compiled import compiled
+
+
+def as_key(key: Any, name: str = "key", instead: str = "") -> jax.Array:
+    """PRNG keys as they were given; old-style ones, of plain numbers, as keys of the new style.
+
+    Args:
+        key: one, or an array of them.
+        name: of the argument.
+        instead: what else would do, for the message.
+
+    Raises:
+        TypeError: it is something else, such as a seed; one line that says what is wanted.
+    """
+    if isinstance(key, jax.Array) and jnp.issubdtype(key.dtype, jax.dtypes.prng_key):
+        return key
+    if isinstance(key, jax.Array | np.ndarray) and key.dtype == np.uint32 and key.ndim and key.shape[-1] == 2:
+        return jax.random.wrap_key_data(jnp.asarray(key))
+    got = repr(key) if isinstance(key, int | np.integer) else type(key).__name__
+    wanted = "jax.random.key(0)" if name == "key" else "jax.random.split(jax.random.key(0), B)"
+    kind = "a PRNG key" if name == "key" else "PRNG keys"
+    raise TypeError(f"{name} must be {kind}, got {got}: give {wanted}{instead}")
 
 
 def of_seeds(seeds: ArrayLike) -> jax.Array:

@@ -98,6 +98,9 @@ def test_montecarlo_reports_statistics_and_plot_draws_them(tmp_path, capsys, mon
     report = json.loads((out / "summary.json").read_text())
     assert report["missions"] == report["on_time"] == 3
     assert "3 of 3 missions" in said
+    code, said, err = call(capsys, monkeypatch, *arguments, "--resume", "--json")
+    assert code in (0, None), err
+    assert json.loads(said)["on_time"] == 3
     code, said, err = call(capsys, monkeypatch, "plot", out)
     assert code in (0, None), err
     for name in ("time_use.png", "expected_times.png", "planning_time.png", "replans.png"):

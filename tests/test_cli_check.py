@@ -1,5 +1,7 @@
 """`auvplan check` on one run and on the saved runs of a study."""
 
+import json
+
 import pytest
 
 from auvplan import cli
@@ -41,7 +43,7 @@ def test_every_saved_run_of_a_study_is_checked(study, check):
     assert "no faults" in lines[0]
     assert "faults, first: leg 0" in lines[1]
     assert lines[3].startswith("3 runs, ")
-    assert lines[3].endswith("1 runs with faults")
+    assert lines[3].endswith("1 run with faults")
     assert len(lines) == 4
 
 
@@ -67,3 +69,21 @@ def test_a_damaged_run_is_named(study, check):
     assert code == 2
     assert "0000-00000002" in err
     assert len(err.splitlines()) == 1
+
+
+def test_the_result_as_one_object(study, check):
+    code, said, err = check(study, "--json")
+    assert (code, err) == (1, "")
+    found = json.loads(said)
+    assert found["ok"] is False
+    assert [run["ok"] for run in found["runs"].values()] == [True, False, True]
+    one = json.loads(check(study / RUNS / "0000-00000000", "--json")[1])
+    assert one == found["runs"]["0000-00000000"]
+    assert one["seabed_altitude"] is None, "infinities are no JSON"
+    assert one["collisions"] == one["coast_hits"] == 0
+
+
+def test_what_is_one_is_told_in_the_singular(study, check):
+    (line,) = [line for line in check(study)[1].splitlines() if line.startswith("0000-00000001")]
+    assert "1 legs" not in line
+    assert "1 faults" not in line

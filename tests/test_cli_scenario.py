@@ -67,6 +67,18 @@ def test_validate_lists_every_fault_with_its_place(call, tmp_path):
     ]
 
 
+def test_faults_as_one_object(call, tmp_path):
+    path = tmp_path / "my.yaml"
+    path.write_text("vehicle: {speed: -1}\n")
+    code, out, err = call("validate", path, "--json")
+    assert (code, err) == (2, "")
+    fault = {"field": "vehicle.speed", "reason": "must be greater than 0, got -1", "line": 1, "column": 18}
+    assert json.loads(out) == {"scenario": str(path), "valid": False, "faults": [fault], "notes": []}
+    code, out, _ = call("validate", "scenario-1", "--json")
+    assert code == 0
+    assert json.loads(out)["valid"] is True
+
+
 def test_the_line_of_the_first_fault_is_told_by_other_commands(call, tmp_path):
     path = tmp_path / "my.yaml"
     path.write_text("\n" * 99 + "mission: {waypoints: 1, x: 1}\n")

@@ -15,6 +15,7 @@ import jax.numpy as jnp
 
 from auvplan.bbo import operators, random
 from auvplan.bbo.config import BBOConfig
+from auvplan.prng import as_key
 
 CostFunction = Callable[..., jax.Array | tuple[jax.Array, jax.Array]]
 
@@ -70,7 +71,7 @@ class Result:
     """What `minimize` found.
 
     Attributes:
-        x: [D], the best habitat.
+        x: [D], the best habitat; of `minimize` one without violation where any was met.
         cost: its cost.
         violation: its violation.
         state: the last population, to start from again.
@@ -219,6 +220,7 @@ def run(
     improve: Callable[..., jax.Array] | None = None,
     period: int = 20,
     iterations: jax.Array | None = None,
+    feasible: bool = False,
 ) -> Result:
     """Search from a given population; traceable, for use inside a larger compiled function.
 
@@ -235,6 +237,8 @@ def run(
         period: iterations between two memetic steps; the first comes before the first iteration.
         iterations: how many to make, at most those of the settings; None for these. Later rows of the history
             are zero.
+        feasible: whether a best habitat that has a violation gives way, in the result, to the best candidate
+            that had none.
     """
     chex.assert_shape(population, (config.population, lower.shape[0]))
     keys = jax.random.split(key, max(config.iterations, 1))
@@ -242,9 +246,9 @@ def run(
     unknown = State(population, *(jnp.full(kind.shape, jnp.inf, kind.dtype) for kind in kinds))
     rows = jax.tree.map(lambda row: jnp.zeros((config.iterations + 1,), row.dtype), statistics(unknown))
 
-    def generation(k: jax.Array, carry: tuple[State, History]) -> tuple[State, History]:
+    def generation(k: jax.Array, carry: tuple[State, History, Any]) -> tuple[State, History, Any]:
         """The first population is scored at k = 0, by the one copy of the cost that is compiled."""
-        state, rows = carry
+        state, rows, kept = carry
         if improve is not None:
             state = jax.lax.cond((k - 1) % period == 0, improved, lambda state: state, state)
         candidates = ask(keys[jnp.maximum(k - 1, 0)], state, lower, upper, config)
@@ -255,15 +259,33 @@ def run(
             init(candidates, *scored),
             tell(state, candidates, *scored, config),
         )
-        return state, jax.tree.map(lambda rows, row: rows.at[k].set(row), rows, statistics(state))
+        if feasible:
+            kept = _better_feasible(kept, candidates, *scored)
+        return state, jax.tree.map(lambda rows, row: rows.at[k].set(row), rows, statistics(state)), kept
 
     def improved(state: State) -> State:
         found = improve(state.population, *args)  # type: ignore[misc]
         return _take_in(state, found, *evaluate(fun, found, *args))
 
     last = config.iterations if iterations is None else iterations
-    state, history = jax.lax.fori_loop(0, last + 1, generation, (unknown, rows))
-    return Result(state.population[0], state.cost[0], state.violation[0], state, history)
+    none = (population[0], jnp.full_like(unknown.cost[0], jnp.inf)) if feasible else ()
+    state, history, kept = jax.lax.fori_loop(0, last + 1, generation, (unknown, rows, none))
+    x, cost, violation = state.population[0], state.cost[0], state.violation[0]
+    if feasible:
+        instead = (violation != 0.0) & jnp.isfinite(kept[1])
+        found = (*kept, jnp.zeros_like(violation))
+        x, cost, violation = jax.tree.map(partial(jnp.where, instead), found, (x, cost, violation))
+    return Result(x, cost, violation, state, history)
+
+
+def _better_feasible(
+    kept: tuple[jax.Array, jax.Array], candidates: jax.Array, cost: jax.Array, violation: jax.Array
+) -> tuple[jax.Array, jax.Array]:
+    """The best habitat without a violation so far and its cost, infinite where there is none."""
+    cost = jnp.where(violation == 0.0, cost, jnp.inf)
+    new = jnp.argmin(cost)
+    better = cost[new] < kept[1]
+    return jnp.where(better, candidates[new], kept[0]), jnp.where(better, cost[new], kept[1])
 
 
 def minimize(
@@ -278,6 +300,11 @@ def minimize(
 ) -> Result:
     """Minimise a batched function by biogeography-based optimisation, in one compiled scan.
 
+    The cost alone steers the search: what a violation is worth has to be part of it, as a penalty, or the
+    search leads away from what is feasible. Where the habitat of least cost has a violation, the answer is
+    the best one that was ever met without any; where none was met, it is the habitat of least cost, with its
+    `violation`.
+
     Args:
         fun: ``fun(population, *args)`` -> cost [P], or (cost [P], violation [P]); any JAX function. It is
             compiled once: pass data that changes between calls in `args`, not in a closure.
@@ -289,10 +316,11 @@ def minimize(
         population: [Q, D] habitats to start from, Q at most P; the rest is drawn uniformly.
 
     Returns:
-        The best habitat, its cost, the last population and the history.
+        The best habitat, its cost and violation, the last population and the history.
 
     Raises:
         ValueError: bounds or population do not fit together.
+        TypeError: the key is none, such as a seed.
 
     Example:
         >>> import jax, auvplan as ap
@@ -301,7 +329,7 @@ def minimize(
         >>> bool(result.cost < 1e-2)
         True
     """
-    config = config or BBOConfig()
+    config, key = config or BBOConfig(), as_key(key)
     low, high = jnp.asarray(lower), jnp.asarray(upper)
     if low.ndim != 1 or low.shape != high.shape:
         raise ValueError(f"bounds must be vectors of one length, got shapes {low.shape} and {high.shape}")
@@ -317,7 +345,7 @@ def minimize(
                 f"population must be [Q <= {config.population}, {low.shape[0]}], got shape {given.shape}"
             )
         start = start.at[: given.shape[0]].set(jnp.clip(given, low, high))
-    return _run(run_key, fun, start, low, high, config, args)
+    return _run(run_key, fun, start, low, high, config, args, feasible=True)
 
 
-_run = jax.jit(run, static_argnums=(1, 5))
+_run = jax.jit(run, static_argnums=(1, 5), static_argnames=("feasible",))

@@ -3,6 +3,9 @@
 import logging
 import sys
 import warnings
+from collections.abc import Callable
+from functools import wraps
+from importlib.metadata import version
 from typing import Annotated, Any
 
 import typer
@@ -11,8 +14,24 @@ from auvplan.cli import departures, export, mission, paper, plan, scenario, stud
 from auvplan.cli.shared import errors
 from auvplan.errors import AuvplanError, ScenarioWarning
 
+
+def stoppable(command: Callable[..., None]) -> Callable[..., None]:
+    """Let a command end on Ctrl-C with one line, the interruption's own where it has one, and status 130."""
+
+    @wraps(command)
+    def run(*arguments: Any, **options: Any) -> None:
+        try:
+            command(*arguments, **options)
+        except KeyboardInterrupt as stop:
+            words = str(stop) or "interrupted"
+            errors.print(f"auvplan: {words}", soft_wrap=True, highlight=False, markup=False)
+            raise typer.Exit(130) from None
+
+    return run
+
+
 app = typer.Typer(
-    add_completion=False,
+    add_completion=True,
     no_args_is_help=True,
     help="Mission and path planning for autonomous underwater vehicles in a moving sea.",
     pretty_exceptions_enable=False,
@@ -34,12 +53,21 @@ for command in (
     scenario.validate,
     scenario.schema,
 ):
-    app.command()(command)
-app.command("cache")(tools.kept)
+    app.command()(stoppable(command))
+app.command("cache")(stoppable(tools.kept))
+
+
+def _say_version(asked: bool) -> None:
+    if asked:
+        typer.echo(f"auvplan {version('auvplan')}")
+        raise typer.Exit
 
 
 @app.callback()
 def options(
+    _: Annotated[
+        bool, typer.Option("--version", callback=_say_version, is_eager=True, help="Print the version.")
+    ] = False,
     verbose: Annotated[
         bool, typer.Option("--verbose", help="Say what is loaded, stored and left out on the way.")
     ] = False,

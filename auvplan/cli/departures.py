@@ -14,15 +14,20 @@ from rich.console import Console
 from rich.table import Table
 
 from auvplan.cli.shared import (
+    JsonOption,
     OutOption,
     QuietOption,
     ScenarioArgument,
     SeedOption,
+    SetOption,
     console,
     errors,
     load,
+    print_json,
+    progress_bar,
 )
 from auvplan.errors import ScenarioError
+from auvplan.words import counted
 
 #: Departures at most, and the hours from the scenario's own that they may lie away.
 _MOST = 500
@@ -48,16 +53,18 @@ def departures(
     ] = "1h",
     out: OutOption = Path("out/departures"),
     seed: SeedOption = 0,
+    changes: SetOption = None,
     quiet: QuietOption = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Plan the mission, or the leg of two waypoints, at many departures and say which is the best."""
-    settings, folder = load(scenario, None, None)
+    settings, folder = load(scenario, settings=changes)
     departs = departure_times(settings, folder, begin, end, step)
     from auvplan.io import output_folder
     from auvplan.voyage.departures import load_waters_at, plan_departures
 
     waters = load_waters_at(settings, departs, folder)
-    if not quiet:
+    if not quiet and not as_json:
         for note in waters.notes:
             console.print(f"note: {note}", soft_wrap=True, highlight=False, markup=False)
     output_folder(out)
@@ -79,7 +86,19 @@ def departures(
         write_departures(found, out / "departures.csv"),
         save(plot_departures(found), out / "departures.png"),
     ]
-    if not quiet:
+    if as_json:
+        print_json(
+            {
+                "scenario": settings.name,
+                "seed": seed,
+                "feasible": int(found.feasible.sum()),
+                "best": found.best,
+                "departures": _rows(found),
+                "notes": list(waters.notes),
+                "files": [str(file) for file in files],
+            }
+        )
+    elif not quiet:
         wide = console if console.is_terminal else Console(width=_WIDTH)
         wide.print(_table(found, f"{settings.name}, seed {seed}"))
         console.print("files:", *(f"  {file}" for file in files), sep="\n", soft_wrap=True)
@@ -190,35 +209,44 @@ def write_departures(found: Any, path: Path) -> Path:
             rows = _rows(found)
             writer = csv.DictWriter(file, list(rows[0]))
             writer.writeheader()
-            writer.writerows(rows)
+            writer.writerows({name: _cell(value) for name, value in row.items()} for row in rows)
 
     return write_atomically(path, write)
 
 
 def _rows(found: Any) -> list[dict[str, Any]]:
-    """What is known of each departure by column; what does not hold of it is empty."""
+    """What is known of each departure by column; what does not hold of it is None."""
     rows = []
     for k, depart in enumerate(found.departs):
         moment = None if found.site is None else found.site.utc(depart)
         feasible = bool(found.feasible[k])
         row = {
-            "departure_utc": "" if moment is None else f"{moment:%Y-%m-%dT%H:%M:%SZ}",
+            "departure_utc": None if moment is None else f"{moment:%Y-%m-%dT%H:%M:%SZ}",
             "departure_s": round(float(depart), 3),
-            "feasible": str(feasible).lower(),
-            "best": str(k == found.best).lower(),
-            "time_s": round(float(found.time[k]), 1) if feasible else "",
+            "feasible": feasible,
+            "best": k == found.best,
+            "time_s": round(float(found.time[k]), 1) if feasible else None,
         }
         if found.plans is None:
             nodes = found.routes[k] or []
-            row["tasks"] = int(found.tasks[k]) if feasible else ""
-            row["total_priority"] = f"{found.priority[k]:g}" if feasible else ""
+            row["tasks"] = int(found.tasks[k]) if feasible else None
+            priority = float(found.priority[k])
+            whole = int(priority) if priority.is_integer() else priority
+            row["total_priority"] = whole if feasible else None
             row["waypoints"] = " > ".join(found.names[node] if found.names else str(node) for node in nodes)
         else:
-            row["length_m"] = round(float(found.plans.length[k]), 1) if feasible else ""
+            row["length_m"] = round(float(found.plans.length[k]), 1) if feasible else None
             clear = float(found.plans.clearance[k])
-            row["clearance_m"] = round(clear, 1) if feasible and clear < _OPEN else ""
+            row["clearance_m"] = round(clear, 1) if feasible and clear < _OPEN else None
         rows.append(row | {"current_m_s": round(float(found.current[k]), 3), "reason": found.reasons[k]})
     return rows
+
+
+def _cell(value: Any) -> Any:
+    """A value as CSV has it."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return "" if value is None else value
 
 
 #: m; a clearance of more is that of open water.
@@ -228,7 +256,7 @@ _OPEN = 1e5
 def _table(found: Any, name: str) -> Table:
     """A row for each departure; the best one is marked."""
     leg = found.plans is not None
-    table = Table(title=f"{name}: {found.feasible.sum()} of {len(found)} departures feasible")
+    table = Table(title=f"{name}: {found.feasible.sum()} of {counted(len(found), 'departure')} feasible")
     figures = ("travel time, s", "length, m", "clearance, m") if leg else ("time, s", "tasks", "priority")
     table.add_column("departure", no_wrap=True)
     table.add_column("feasible", no_wrap=True)
@@ -255,28 +283,12 @@ def _table(found: Any, name: str) -> Table:
 
 @contextmanager
 def _planning_bar(quiet: bool) -> Iterator[Callable[[int, int, str], None]]:
-    """A progress bar over departures, a spinner where one call plans them all."""
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        SpinnerColumn,
-        TextColumn,
-        TimeElapsedColumn,
-    )
-
-    columns = (
-        SpinnerColumn(),
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-    )
-    with Progress(*columns, console=errors, disable=quiet, transient=True) as bar:
-        task = bar.add_task("compiling the planners", total=None)
+    """Progress over departures; how far is not known where one call plans them all."""
+    with progress_bar("compiling the planners", quiet, of=None) as move:
 
         def advance(done: int, total: int, doing: str) -> None:
-            pulsing = done in (0, total)
-            bar.update(task, completed=done, total=None if pulsing else total, description=doing)
+            known = 0 < done < total
+            words = f"{doing}, {done} of {counted(total, 'departure')}" if known else doing
+            move(done / total if known else None, words)
 
         yield advance

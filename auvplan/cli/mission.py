@@ -15,6 +15,7 @@ from auvplan.cli.shared import (
     QuietOption,
     ScenarioArgument,
     SeedOption,
+    SetOption,
     console,
     errors,
     load,
@@ -30,6 +31,7 @@ def mission(
     seed: SeedOption = 0,
     preset: PresetOption = None,
     objective: ObjectiveOption = None,
+    settings: SetOption = None,
     quiet: QuietOption = False,
     pictures: PicturesOption = Pictures.ALL,
     certify: Annotated[
@@ -40,7 +42,7 @@ def mission(
 
     `auvplan plan` makes the plan for a vehicle.
     """
-    run = _run(scenario, preset, objective, out, seed, quiet, pictures)
+    run = _run(scenario, preset, objective, out, seed, quiet, pictures, settings=settings)
     if certify:
         _print_certificate(run.first_order)
     _exit_where_failed(run)
@@ -51,11 +53,12 @@ def path(
     out: OutOption = Path("out/path"),
     seed: SeedOption = 0,
     preset: PresetOption = None,
+    settings: SetOption = None,
     quiet: QuietOption = False,
     pictures: PicturesOption = Pictures.ALL,
 ) -> None:
     """Plan one leg, from the scenario's start to its goal, and sail it with re-planning windows."""
-    run = _run(scenario, preset, None, out, seed, quiet, pictures, leg=True)
+    run = _run(scenario, preset, None, out, seed, quiet, pictures, leg=True, settings=settings)
     _exit_where_failed(run)
 
 
@@ -68,6 +71,7 @@ def _run(
     quiet: bool,
     pictures: Pictures,
     leg: bool = False,
+    settings: list[str] | None = None,
 ) -> Any:
     """Run one mission, or one leg, write its results and print its summary."""
     from auvplan.compiled import MISSIONS, preload
@@ -77,7 +81,7 @@ def _run(
     from auvplan.io.waters import load_waters
 
     with naming(source):
-        scenario, folder = load(source, preset, objective, leg)
+        scenario, folder = load(source, preset, objective, leg, settings)
         waters = load_waters(scenario, folder)
     if not quiet:
         for note in waters.notes:

@@ -5,10 +5,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from auvplan.cli.shared import OutOption, QuietOption, SeedOption, console, errors
+from auvplan.cli.shared import OutOption, QuietOption, SeedOption, console, progress_bar
 
 if TYPE_CHECKING:
     from auvplan.paper import Claim
@@ -33,17 +32,8 @@ def paper(
     effort = Effort.quick(seed) if quick else Effort(seed=seed)
     if missions is not None:
         effort = replace(effort, missions=missions)
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.percentage:>3.0f} %"),
-        TimeElapsedColumn(),
-    )
-    with Progress(*columns, console=errors, disable=quiet, transient=True) as bar:
-        task = bar.add_task("compiling", total=1.0)
-        claims, pictures = reproduce(
-            out, effort, lambda words, share: bar.update(task, description=words, completed=share)
-        )
+    with progress_bar("compiling", quiet) as move:
+        claims, pictures = reproduce(out, effort, lambda words, share: move(share, words))
     if not quiet:
         console.print(table(claims))
         console.print(f"claims: {out / 'claims.md'}, {out / 'claims.json'}", soft_wrap=True)

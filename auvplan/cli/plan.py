@@ -8,16 +8,19 @@ import typer
 from rich.table import Table
 
 from auvplan.cli.shared import (
+    JsonOption,
     OutOption,
     PicturesOption,
     PresetOption,
     QuietOption,
     ScenarioArgument,
     SeedOption,
+    SetOption,
     console,
     errors,
     load,
     naming,
+    print_json,
     time_bar,
 )
 from auvplan.plot.painter import Pictures
@@ -25,8 +28,6 @@ from auvplan.plot.painter import Pictures
 if TYPE_CHECKING:
     from auvplan.export.sheet import MissionSheet
     from auvplan.voyage.records import MissionRun
-
-JsonOption = Annotated[bool, typer.Option("--json", help="Print the results as JSON, and nothing else.")]
 
 
 def plan(
@@ -44,6 +45,7 @@ def plan(
     preset: PresetOption = None,
     quiet: QuietOption = False,
     pictures: PicturesOption = Pictures.ALL,
+    changes: SetOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Plan a mission in the forecast and past known obstacles, and write the vehicle's files.
@@ -58,7 +60,7 @@ def plan(
     from auvplan.io.files import whole_result
 
     with naming(scenario):
-        settings, folder = load(scenario, preset, None)
+        settings, folder = load(scenario, preset, settings=changes)
         now = departure_seconds("--depart", depart, settings, folder)
     from auvplan.voyage.departures import load_waters_at
     from auvplan.voyage.planning import plan_scenario
@@ -93,7 +95,7 @@ def plan(
         notes = _vehicle_files(run, partial) if run.success else []
         written = sorted(file.name for file in partial.iterdir())
     if as_json:
-        console.print_json(json.dumps(run.summary() | {"sheet": sheet.plain()}))
+        print_json(run.summary() | {"sheet": sheet.plain()})
     elif not quiet:
         print_sheet(sheet)
         for note in notes:
@@ -155,6 +157,7 @@ def rehearse(
         int | None, typer.Option("--workers", min=1, help="Processes on this machine; one a core if absent.")
     ] = None,
     quiet: QuietOption = False,
+    changes: SetOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Plan a mission, simulate it many times, and say how often the plan holds."""
@@ -166,7 +169,7 @@ def rehearse(
     from auvplan.voyage.planning import plan_scenario
 
     with naming(scenario):
-        settings, folder = load(scenario, None, None)
+        settings, folder = load(scenario, settings=changes)
         require_one_sea(settings)
         planned = plan_scenario(settings, seed=seed, folder=folder)
         design = Design(settings, count, seed)
@@ -176,7 +179,7 @@ def rehearse(
     text = json.dumps(found, indent=2) + "\n"
     write_atomically(out / "rehearsal.json", lambda part: part.write_text(text, encoding="utf-8"))
     if as_json:
-        console.print_json(text)
+        print_json(found)
     elif not quiet:
         console.print(_rehearsal_table(settings.name, found))
         console.print(f"figures: {out / 'rehearsal.json'}; missions: {out}", soft_wrap=True, highlight=False)

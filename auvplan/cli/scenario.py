@@ -2,13 +2,14 @@
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.table import Table
 
-from auvplan.cli.shared import console
+from auvplan.cli.shared import JsonOption, console, print_json
 from auvplan.errors import ScenarioError
+from auvplan.words import counted
 
 if TYPE_CHECKING:
     from auvplan.io.examine import Examination
@@ -64,32 +65,48 @@ def validate(
         Path | None,
         typer.Option("--plot", help="Draw what the files tell on one map, to this PNG."),
     ] = None,
+    as_json: JsonOption = False,
 ) -> None:
     """List everything that is wrong with a scenario and the files that it names, a line each."""
     from auvplan.io.examine import examine_folder, examine_scenario
 
     folder = Path(scenario)
-    if not folder.is_dir():
-        found = examine_scenario(scenario)
+    single = not folder.is_dir()
+    if plot is not None and not single:
+        raise ScenarioError(f"{scenario}: --plot draws one scenario, and this is a folder")
+    bad = []
+    for found in [examine_scenario(scenario)] if single else examine_folder(folder):
+        bad.append(bool(found.faults))
+        if as_json:
+            print_json(_plain(found))
+            continue
+        if len(bad) > 1:
+            typer.echo()
+        if found.faults and not single:
+            typer.echo(f"{found.source}: {counted(len(found.faults), 'fault')}")
         _tell(found)
         if plot is not None:
             _draw(found, plot)
-        if found.faults:
-            raise typer.Exit(2)
-        return
-    if plot is not None:
-        raise ScenarioError(f"{scenario}: --plot draws one scenario, and this is a folder")
-    bad = []
-    for count, found in enumerate(examine_folder(folder), 1):
-        if count > 1:
-            typer.echo()
-        if found.faults:
-            typer.echo(f"{found.source}: {len(found.faults)} fault{'s' * (len(found.faults) > 1)}")
-        _tell(found)
-        bad.append(bool(found.faults))
-    typer.echo(f"\n{len(bad)} scenario{'s' * (len(bad) > 1)}, {sum(bad)} with faults")
+    if not single and not as_json:
+        typer.echo(f"\n{counted(len(bad), 'scenario')}, {sum(bad)} with faults")
     if any(bad):
         raise typer.Exit(2)
+
+
+def _plain(found: "Examination") -> dict[str, Any]:
+    """What was found in a scenario, ready for JSON."""
+    faults = [
+        {"field": fault.field, "reason": fault.reason}
+        | dict(zip(("line", "column"), fault.place or (None, None), strict=True))
+        for fault in found.faults
+    ]
+    return {
+        "scenario": str(found.source),
+        "valid": not faults,
+        "faults": faults,
+        "warnings": [str(line) for line in found.warnings],
+        "notes": list(found.notes),
+    }
 
 
 def _tell(found: "Examination") -> None:

@@ -1,8 +1,12 @@
 """What the commands share: the console, options, the loading of scenarios, progress bars."""
 
-from collections.abc import Callable, Iterator
+import json
+import math
+import time
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from threading import Event, Thread
 from typing import Annotated, Any
 
 import typer
@@ -10,6 +14,7 @@ from rich.console import Console
 
 from auvplan.errors import ScenarioError
 from auvplan.plot.painter import Pictures
+from auvplan.words import counted
 
 console = Console()
 errors = Console(stderr=True)
@@ -21,6 +26,7 @@ ScenarioArgument = Annotated[
 OutOption = Annotated[Path, typer.Option("--out", help="Folder for results; made where missing.")]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of world, sensors and planners.")]
 QuietOption = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as one JSON object instead.")]
 PresetOption = Annotated[str | None, typer.Option("--preset", help="Planner settings: paper or default.")]
 PicturesOption = Annotated[
     Pictures, typer.Option("--pictures", help="All of them, that of the mission alone, or none.")
@@ -28,21 +34,76 @@ PicturesOption = Annotated[
 ObjectiveOption = Annotated[
     str | None, typer.Option("--objective", help="What the order of tasks is judged by: priority or eq15.")
 ]
+#: Called with the share of the work that is done, None where it is not known, and words for it.
+Advance = Callable[[float | None, str], None]
+
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="SECTION.FIELD=VALUE",
+        help="Another value of the scenario's setting, such as vehicle.speed=2. May be given several times.",
+    ),
+]
 
 
-def load(source: str, preset: str | None, objective: str | None, leg: bool = False) -> tuple[Any, Path]:
-    """The scenario with the command line's settings in place of its own, and the folder of its file."""
-    from auvplan.io.scenario_file import load_scenario, validate_scenario
+def load(
+    source: str,
+    preset: str | None = None,
+    objective: str | None = None,
+    leg: bool = False,
+    settings: Iterable[str] | None = None,
+) -> tuple[Any, Path]:
+    """The scenario with the command line's settings in place of its own, and the folder of its file.
 
-    plain = load_scenario(source).model_dump(mode="json")
-    if preset is not None:
-        plain["planning"]["preset"] = preset
-    if objective is not None:
-        plain["planning"]["objective"] = objective
+    Args:
+        source: path or name of the scenario.
+        preset, objective: as the options of these names have them.
+        leg: whether it is to be one leg, from start to goal.
+        settings: texts "section.field=value" of `--set`; they count more than the other options.
+
+    Raises:
+        ScenarioError: one line that names the file or the option, the field and what is wrong.
+    """
+    from auvplan.io.scenario_file import change_scenario, read_scenario
+
+    changes: dict[str, Any] = {}
+    options: dict[str, str] = {}
+    for option, field, value in (
+        ("--preset", "planning.preset", preset),
+        ("--objective", "planning.objective", objective),
+    ):
+        if value is not None:
+            changes[field], options[field] = value, option
+    for text in settings or ():
+        field, value = _setting(text)
+        if options.get(field) == "--set":
+            raise ScenarioError(f"--set: {field} is given twice")
+        changes[field], options[field] = value, "--set"
     if leg:
-        plain["mission"] |= {"waypoints": 2, "jobs": None}
+        changes |= {"mission.waypoints": 2, "mission.jobs": None}
     folder = Path(source).parent if Path(source).is_file() else Path(".")
-    return validate_scenario(plain, "command line"), folder
+    return change_scenario(read_scenario(source), changes, "command line", options), folder
+
+
+def _setting(text: str) -> tuple[str, Any]:
+    """Field and value of "section.field=value", whose value is YAML.
+
+    Raises:
+        ScenarioError: the text has not this form.
+    """
+    from auvplan.io.yaml_lines import YamlError, read_yaml
+
+    field, mark, given = text.partition("=")
+    if not mark or not field.strip():
+        raise ScenarioError(f"--set {text!r}: give it as section.field=value, such as vehicle.speed=2")
+    try:
+        document = read_yaml(given)
+    except YamlError as error:
+        raise ScenarioError(f"--set {text!r}: the value is not YAML: {error}") from None
+    if document.faults:
+        raise ScenarioError(f"--set {text!r}: {document.faults[0][1]}")
+    return field.strip(), document.data
 
 
 @contextmanager
@@ -51,36 +112,118 @@ def naming(source: str) -> Iterator[None]:
     try:
         yield
     except ScenarioError as error:
-        raise error if source in str(error) else ScenarioError(f"{source}: {error}") from None
+        named = source in str(error) or str(error).startswith("--")
+        raise error if named else ScenarioError(f"{source}: {error}") from None
+
+
+def print_json(data: Any) -> None:
+    """Print one JSON object and nothing else; what is no number, such as no clearance at all, is null."""
+    typer.echo(json.dumps(_finite(data), indent=2, allow_nan=False))
+
+
+def _finite(data: Any) -> Any:
+    """Plain data without infinities and NaN, which JSON does not know."""
+    if isinstance(data, dict):
+        return {str(name): _finite(value) for name, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [_finite(value) for value in data]
+    return None if isinstance(data, float) and not math.isfinite(data) else data
+
+
+class _Lines:
+    """Progress as plain lines, for logs: one a tenth of the work or a minute, at least 10 s apart."""
+
+    APART, LONGEST, STEP = 10.0, 60.0, 0.1
+
+    def __init__(self, title: str) -> None:
+        self._share, self._words = 0.0, title
+        self._ended, self._thread = Event(), Thread(target=self._tell, daemon=True)
+
+    def __enter__(self) -> "_Lines":
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ended.set()
+        self._thread.join()
+
+    def move(self, share: float | None, words: str) -> None:
+        """Say how far the work has come; whether a line is due is another matter."""
+        self._share, self._words = share or 0.0, words
+
+    def _tell(self) -> None:
+        told, when, before = "", -math.inf, 0.0
+        while not self._ended.wait(self.APART):
+            share, words, now = self._share, self._words, time.monotonic()
+            if words != told and (share - before >= self.STEP or now - when >= self.LONGEST):
+                errors.print(f"auvplan: {words}", soft_wrap=True, highlight=False, markup=False, emoji=False)
+                told, when, before = words, now, share
+
+
+@contextmanager
+def progress_bar(title: str, quiet: bool, of: str | None = "") -> Iterator[Advance]:
+    """Show how far a command has come on standard error: a bar on a terminal, else plain lines.
+
+    That programs are compiled is told once.
+
+    Args:
+        title: words until there are others.
+        quiet: show nothing.
+        of: what the percentage is of; None for no percentage.
+
+    Yields:
+        `advance(share, words)`, which moves it.
+    """
+    if quiet:
+        yield lambda share, words: None
+        return
+    from auvplan.compiled import listening
+
+    shown: dict[str, Any] = {"share": None, "told": False}
+    with _moving(title, of) as move:
+
+        def advance(share: float | None, words: str) -> None:
+            shown["share"] = share
+            move(share, words)
+
+        def compiling(begun: int, done: int) -> None:
+            if not shown["told"]:
+                shown["told"] = True
+                line = "compiling programs for this kind of scenario: up to a minute, once"
+                errors.print(line, highlight=False)
+            if done < begun:
+                move(shown["share"], f"compiling, {counted(done, 'program')} done")
+
+        with listening(compiling):
+            yield advance
+
+
+@contextmanager
+def _moving(title: str, of: str | None) -> Iterator[Advance]:
+    """A bar on a terminal, else lines."""
+    if not errors.is_terminal or errors.is_dumb_terminal:
+        with _Lines(title) as lines:
+
+            def tell(share: float | None, words: str) -> None:
+                percent = "" if share is None or of is None else f", {100.0 * share:.0f} % {of}".rstrip()
+                lines.move(share, words + percent)
+
+            yield tell
+        return
+    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    columns = [SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn()]
+    if of is not None:
+        columns.insert(3, TextColumn(f"{{task.percentage:>3.0f}} % {of}".rstrip()))
+    with Progress(*columns, console=errors, transient=True) as bar:
+        task = bar.add_task(title, total=None)
+        yield lambda share, words: bar.update(
+            task, completed=share, total=None if share is None else 1.0, description=words
+        )
 
 
 @contextmanager
 def time_bar(title: str, total: float, quiet: bool) -> Iterator[Callable[[float, str], None]]:
-    """A progress bar over mission time, or nothing at all; yields `advance(now, doing)`, which moves it."""
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.percentage:>3.0f} % of mission time"),
-        TimeElapsedColumn(),
-    )
-    from auvplan.compiled import listening
-
-    told: list[str] = []
-
-    def compiling(begun: int, done: int) -> None:
-        if quiet:
-            return
-        if not told:
-            told.append("once")
-            bar.console.print(
-                "compiling programs for this kind of scenario: up to a minute, once", highlight=False
-            )
-        if done < begun:
-            bar.update(task, description=f"compiling, {done} programs done")
-
-    with Progress(*columns, console=errors, disable=quiet, transient=True) as bar:
-        task = bar.add_task(title, total=total)
-        with listening(compiling):
-            yield lambda now, doing: bar.update(task, completed=now, description=doing)
+    """Progress over mission time, or nothing at all; yields `advance(now, doing)`, which moves it."""
+    with progress_bar(title, quiet, "of mission time") as move:
+        yield lambda now, doing: move(now / total, doing)

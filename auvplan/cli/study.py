@@ -1,5 +1,7 @@
 """Commands for many missions."""
 
+import math
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -9,16 +11,21 @@ import typer
 from rich.table import Table
 
 from auvplan.cli.shared import (
+    JsonOption,
     ObjectiveOption,
     OutOption,
     PresetOption,
     QuietOption,
     ScenarioArgument,
     SeedOption,
+    SetOption,
     console,
     errors,
     load,
+    print_json,
+    progress_bar,
 )
+from auvplan.words import counted, figure
 
 #: Figures of a study's summary that the command prints, with the words for them.
 _SHOWN = {
@@ -48,6 +55,7 @@ def montecarlo(
     seed: SeedOption = 0,
     preset: PresetOption = None,
     objective: ObjectiveOption = None,
+    changes: SetOption = None,
     sweep: Annotated[
         list[str] | None,
         typer.Option("--sweep", help="Vary a setting: section.name=value,value,... May be given twice."),
@@ -63,26 +71,34 @@ def montecarlo(
         bool, typer.Option("--save-runs", help="Also save each mission whole, as the mission command does.")
     ] = False,
     quiet: QuietOption = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Run many missions, of seeds that count up, and report what they tell together."""
     from auvplan.study import Design, Sweep, run_study, summarise
+    from auvplan.study.store import is_unfinished
 
-    settings, folder = load(scenario, preset, objective)
+    settings, folder = load(scenario, preset, objective, settings=changes)
     design = Design(settings, count, seed, tuple(Sweep.parse(text) for text in sweep or ()))
-    with mission_bar(quiet) as progress:
-        dataset = run_study(
-            design,
-            out,
-            folder=folder,
-            resume=resume,
-            workers=workers,
-            dask=dask,
-            save_runs=save_runs,
-            progress=progress,
-        )
+    try:
+        with mission_bar(quiet) as progress:
+            dataset = run_study(
+                design,
+                out,
+                folder=folder,
+                resume=resume,
+                workers=workers,
+                dask=dask,
+                save_runs=save_runs,
+                progress=progress,
+            )
+    except KeyboardInterrupt:
+        words = "interrupted: the same command with --resume goes on from there"
+        raise KeyboardInterrupt(words if is_unfinished(out) else "interrupted") from None
     summary = summarise(dataset)
     cases = summary.get("cases", [summary])
-    if not quiet:
+    if as_json:
+        print_json(summary | {"folder": str(out)})
+    elif not quiet:
         for case in cases:
             console.print(_table(case))
         console.print(f"results: {out / 'missions.nc'}, {out / 'summary.json'}", soft_wrap=True)
@@ -90,7 +106,9 @@ def montecarlo(
     failed = sum(case["missions"] - case["on_time"] for case in cases)
     if failed:
         seeds = sorted({seed for case in cases for seed in case["failed_seeds"]})
-        errors.print(f"auvplan: {failed} missions failed, seeds {seeds}", soft_wrap=True, highlight=False)
+        named = f"{'seed' if len(seeds) == 1 else 'seeds'} {', '.join(map(str, seeds))}"
+        line = f"auvplan: {counted(failed, 'mission')} failed: {named}"
+        errors.print(line, soft_wrap=True, highlight=False)
         raise typer.Exit(1)
 
 
@@ -100,53 +118,53 @@ def _table(case: dict[str, Any]) -> Table:
     share = case["on_time_percent"]
     table = Table(
         title=(f"{setting}\n" if setting else "")
-        + f"{case['on_time']} of {case['missions']} missions on time "
-        f"({share['low']:.1f} to {share['high']:.1f} %), {case['collisions']} collisions"
+        + f"{case['on_time']:,} of {counted(case['missions'], 'mission')} on time "
+        f"({share['low']:.1f} to {share['high']:.1f} %), {counted(case['collisions'], 'collision')}"
     )
     for column in ("figure", "mean", "95 % interval", "5 %", "median", "95 %"):
         table.add_column(column, justify="left" if column == "figure" else "right")
     for name, words in _SHOWN.items():
         row = case["figures"][name]
         if row:
-            interval = f"{row['low']:.4g} to {row['high']:.4g}"
-            quantiles = (f"{row[key]:.4g}" for key in ("q05", "median", "q95"))
-            table.add_row(words, f"{row['mean']:.4g}", interval, *quantiles)
+            known = row["low"] is not None and math.isfinite(row["low"])
+            interval = f"{figure(row['low'])} to {figure(row['high'])}" if known else ""
+            quantiles = (figure(row[key]) for key in ("q05", "median", "q95"))
+            table.add_row(words, figure(row["mean"]), interval, *quantiles)
     legs = case["expected_against_sailed"]
     if legs["correlation"] is not None:
         interval = f"{legs['low']:.2f} to {legs['high']:.2f}"
         median = f"{legs['median_relative_error_percent']:.2f}"
         table.add_row("|T_path / t_ij - 1|, %", "", interval, "", median, "")
-        table.caption = f"correlation of T_path with t_ij {legs['correlation']:.4f}, {legs['legs']} legs"
+        found = f"correlation of T_path with t_ij {legs['correlation']:.4f}"
+        table.caption = f"{found}, {counted(legs['legs'], 'leg')}"
     return table
 
 
 @contextmanager
 def mission_bar(quiet: bool) -> Iterator[Callable[[int, int, float], None]]:
-    """A progress bar over missions: how many are done, their rate, the time left."""
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-
-    columns = (
-        TextColumn("{task.fields[done]} of {task.fields[total_missions]} missions"),
-        BarColumn(),
-        TextColumn("{task.fields[rate]}"),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=errors, disable=quiet, transient=True) as bar:
-        task = bar.add_task("", total=1.0, done=0, total_missions=0, rate="compiling")
-        begun: list[int] = []
+    """Progress over missions: how many are done, their rate, the time left."""
+    with progress_bar("compiling", quiet, of=None) as move:
+        begun: list[tuple[int, float]] = []
 
         def advance(done: int, total: int, share: float) -> None:
             if not begun:  # a study that is resumed has some done
-                begun.append(done)
-            elapsed = bar.tasks[0].elapsed or 0.0
-            rate = (
-                f"{(done - begun[0]) / elapsed:.2f} missions/s" if elapsed and done > begun[0] else "sailing"
-            )
-            bar.update(task, completed=share, done=done, total_missions=total, rate=rate)
+                begun.append((done, time.monotonic()))
+            fresh, elapsed = done - begun[0][0], time.monotonic() - begun[0][1]
+            words = f"{done:,} of {counted(total, 'mission')}"
+            if fresh and elapsed > 0.0:
+                left = (total - done) * elapsed / fresh
+                words += f", {figure(fresh / elapsed, 2)} a second, {_lasting(left)} left"
+            move(share, words)
 
         yield advance
+
+
+def _lasting(seconds: float) -> str:
+    """A time to wait, to the minute where it is long."""
+    if seconds < 60.0:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60.0)
+    return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
 
 
 def plot(

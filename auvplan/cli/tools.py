@@ -1,6 +1,7 @@
 """Commands that look at charts and results."""
 
 import json
+from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -9,10 +10,12 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from auvplan.cli.shared import OutOption, QuietOption, console
+from auvplan.cli.shared import JsonOption, OutOption, QuietOption, console, print_json
 from auvplan.errors import ScenarioError
+from auvplan.words import counted
 
 if TYPE_CHECKING:
+    from auvplan.io.check import CheckReport
     from auvplan.io.geo.raster import PixelSize
     from auvplan.ocean.classify import Classified
     from auvplan.ocean.palette import ChartColours
@@ -137,41 +140,62 @@ def check(
         Path, typer.Argument(help="Folder of a result, or of a study whose runs were saved (--save-runs).")
     ],
     quiet: QuietOption = False,
+    as_json: JsonOption = False,
 ) -> None:
     """Check a result independently: walk every sailed metre, re-add every second."""
     from auvplan.io.check import check_run
     from auvplan.study.store import is_study
 
     if is_study(folder):
-        sound = _check_study(folder, quiet)
+        sound = _check_study(folder, quiet, as_json)
     else:
         report = check_run(folder)
         sound = report.ok
-        if not quiet:
+        if as_json:
+            print_json(_plain(report))
+        elif not quiet:
             _say(str(report))
     if not sound:
         raise typer.Exit(1)
 
 
-def _check_study(folder: Path, quiet: bool) -> bool:
+def _plain(report: "CheckReport") -> dict[str, Any]:
+    return {"ok": report.ok, "collisions": report.collisions} | asdict(report)
+
+
+def _check_study(folder: Path, quiet: bool, as_json: bool) -> bool:
     """Check all saved runs of a study, a line each, and tell whether none has a fault."""
-    from auvplan.io.check import check_run
+    from auvplan.io.check import CheckReport, check_run
     from auvplan.study.store import saved_runs
 
-    reports = []
+    reports: dict[str, CheckReport] = {}
     for run in saved_runs(folder):
-        reports.append(report := check_run(run))
-        if not quiet:
-            met = f"{report.legs} legs, {report.length:.0f} m, {report.collisions} collisions"
-            faults = "no faults" if report.ok else f"{len(report.faults)} faults, first: {report.faults[0]}"
-            _say(f"{run.name}: {met}, {faults}")
-    faulty = sum(not report.ok for report in reports)
-    if not quiet:
-        kilometres = sum(report.length for report in reports) / 1000.0
-        collisions = sum(report.collisions for report in reports)
-        met = f"{kilometres:.1f} km, {collisions} collisions"
-        _say(f"{len(reports)} runs, {met}, {faulty} runs with faults")
+        report = reports[run.name] = check_run(run)
+        if not quiet and not as_json:
+            met = f"{counted(report.legs, 'leg')}, {report.length:,.0f} m, {_collisions(report.collisions)}"
+            faults = "no faults" if report.ok else counted(len(report.faults), "fault")
+            first = "" if report.ok else f", first: {report.faults[0]}"
+            _say(f"{run.name}: {met}, {faults}{first}")
+    faulty = sum(not report.ok for report in reports.values())
+    length = sum(report.length for report in reports.values())
+    collisions = sum(report.collisions for report in reports.values())
+    if as_json:
+        print_json(
+            {
+                "ok": not faulty,
+                "collisions": collisions,
+                "length": length,
+                "runs": {name: _plain(report) for name, report in reports.items()},
+            }
+        )
+    elif not quiet:
+        met = f"{length / 1000.0:,.1f} km, {_collisions(collisions)}"
+        _say(f"{counted(len(reports), 'run')}, {met}, {counted(faulty, 'run')} with faults")
     return not faulty
+
+
+def _collisions(count: int) -> str:
+    return counted(count, "collision")
 
 
 def _say(text: str) -> None:
@@ -191,7 +215,7 @@ def kept(
         return
     if clear:
         removed = cache.trim(limit=0)
-        _say(f"{place}: {len(removed)} entries removed, {_megabytes(removed)}")
+        _say(f"{place}: {counted(len(removed), 'entry')} removed, {_megabytes(removed)}")
         return
     entries = list(cache.entries())
     table = Table("what", "entries", "size", "last used")

@@ -15,6 +15,7 @@ from auvplan.io.files import MISSION, ResultError, read_mission, read_summary
 from auvplan.io.ledger import Leg, figure_faults, graph_faults, place_faults, read_legs, require, time_faults
 from auvplan.io.tally import tally_faults
 from auvplan.io.walk import Bed, Coast, Walk, events
+from auvplan.words import counted
 
 #: No current is faster, m/s.
 CURRENT_MAX = 5.0
@@ -72,7 +73,7 @@ class CheckReport:
 
     def __str__(self) -> str:
         lines = [
-            f"walked {self.length:.0f} m on {self.legs} legs",
+            f"walked {self.length:,.0f} m on {counted(self.legs, 'leg')}",
             f"collisions: {self.coast_hits} with the coast ({self.coast_metres:.1f} m), "
             f"{self.obstacle_hits} with obstacles ({self.obstacle_metres:.1f} m), "
             f"{self.seabed_hits} with the sea bed ({self.seabed_metres:.1f} m)",
@@ -80,7 +81,7 @@ class CheckReport:
             f"obstacles {_metres(self.obstacle_clearance)}, sea bed {_metres(self.seabed_altitude)}",
             *(f"note: {note}" for note in self.notes),
             *(f"fault: {fault}" for fault in self.faults),
-            "no faults" if self.ok else f"{len(self.faults)} faults",
+            "no faults" if self.ok else counted(len(self.faults), "fault"),
         ]
         return "\n".join(lines)
 

@@ -34,6 +34,42 @@ _VORTICES = {
 _BODY = {"surge": "forward", "sway": "to starboard", "heave": "downward"}
 
 
+#: Histories of a search, by iteration, with what they are and their units.
+HISTORIES = {
+    "best": ("least cost", "s"),
+    "mean": ("mean cost of the population", "s"),
+    "std": ("standard deviation of the cost", "s"),
+    "violation_best": ("violation of the habitat of least cost", "1"),
+    "violation_mean": ("mean violation of the population", "1"),
+    "violation_std": ("standard deviation of the violation", "1"),
+}
+
+
+def history_variables(histories: Sequence[dict[str, Any]]) -> Variables:
+    """How the search for each plan went, padded to the longest."""
+    counts = np.asarray([len(history.get("best", ())) for history in histories], np.int32)
+    if not counts.any():
+        return {}
+    found = {
+        "plan_iterations": variable("plan", counts, "iterations kept, the first population included", "1")
+    }
+    for name, (words, units) in HISTORIES.items():
+        rows = np.full((len(histories), counts.max()), np.nan, np.float32)
+        for row, history in zip(rows, histories, strict=True):
+            values = np.asarray(history.get(name, ()), float)
+            row[: len(values)] = values
+        found[f"plan_history_{name}"] = variable(("plan", "iteration"), rows, f"{words} by iteration", units)
+    return found
+
+
+def history_of(dataset: xr.Dataset, plan: int) -> dict[str, Any]:
+    """How the search for a plan went; empty where the file does not tell."""
+    if "plan_iterations" not in dataset:
+        return {}
+    count = int(dataset["plan_iterations"].values[plan])
+    return {name: dataset[f"plan_history_{name}"].values[plan, :count] for name in HISTORIES} if count else {}
+
+
 def variable(
     dims: str | tuple[str, ...], values: ArrayLike, name: str, units: str | None = None, **attrs: Any
 ) -> xr.Variable:

@@ -7,7 +7,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from auvplan.io.fields import chart_of, motion_of, seabed_of, site_of, vortices_of
+from auvplan.io.fields import chart_of, history_of, motion_of, seabed_of, site_of, vortices_of
 from auvplan.io.files import MISSION, ResultError, read_mission, read_summary
 from auvplan.io.ledger import read_legs, require
 from auvplan.io.scenario_file import validate_scenario
@@ -16,14 +16,15 @@ from auvplan.mission import MissionGraph
 from auvplan.ocean.currents import Current
 from auvplan.ocean.known import KnownObstacle
 from auvplan.vehicle import Vehicle
-from auvplan.voyage.records import LegRecord, MissionRun, PlanRecord
+from auvplan.voyage.records import LegRecord, MissionRun, OrderRecord, PlanRecord
 
 
 def restore_run(folder: str | Path) -> MissionRun:
-    """A saved run with its plans and the currents that they were made in.
+    """A saved run with its orders, its plans, how they were searched for, and the currents they were made in.
 
-    Histories of the searches are not kept in files. Currents of an ocean model's files are read again from
-    where they were.
+    Files do not keep `first_order`, the first order as planned, which is None; `bound` is the one that was
+    saved. A file without histories leaves `PlanRecord.history` empty. Currents of an ocean
+    model's files are read again from where they were.
 
     Args:
         folder: that `save_run` wrote.
@@ -57,17 +58,21 @@ def restore_run(folder: str | Path) -> MissionRun:
             int(attributes["start"]),
             int(attributes["goal"]),
             float(attributes["t_available"]),
+            orders=_orders(dataset),
             legs=_legs(dataset, settings, home),
             t_mission=float(attributes["t_mission"]),
             arrived=bool(attributes["arrived"]),
             reason=str(attributes["reason"]),
+            estimate_seconds=float(summary["cpu"].get("travel_times_s", 0.0)),
             charged_compute=float(attributes["charged_compute"]),
+            compile_seconds=float(summary["cpu"].get("compile_s", 0.0)),
             folder=home,
             site=site_of(dataset),
             seabed=seabed_of(dataset),
             names=names,
             simulated=bool(attributes.get("simulated", True)),
             obstacles=tuple(_obstacle(told) for told in json.loads(attributes.get("known_obstacles", "[]"))),
+            saved_bound=float(summary.get("priority_bound", 0.0)),
         )
     except (KeyError, TypeError, json.JSONDecodeError) as error:
         raise ResultError(f"{Path(folder) / MISSION}: incomplete ({' '.join(str(error).split())})") from None
@@ -83,6 +88,33 @@ def _obstacle(told: dict) -> KnownObstacle:
 
 def _limits(attributes: dict) -> list[str]:
     return [name for name in attributes if name.startswith("vehicle_")]
+
+
+def _orders(dataset: xr.Dataset) -> list[OrderRecord]:
+    """The orders of tasks."""
+    if "order_nodes" not in dataset:
+        return []
+    causes = str(dataset["order_cause"].attrs["flag_meanings"]).split()
+    return [
+        OrderRecord(
+            float(dataset["order_made_at"].values[row]),
+            [int(node) for node in nodes if node >= 0],
+            float(dataset["order_time"].values[row]),
+            float(dataset["order_priority"].values[row]),
+            float(dataset["order_cpu"].values[row]),
+            causes[int(dataset["order_cause"].values[row])],
+            _leg_times(dataset, row),
+        )
+        for row, nodes in enumerate(dataset["order_nodes"].values)
+    ]
+
+
+def _leg_times(dataset: xr.Dataset, order: int) -> list[float]:
+    """What an order expected of its legs, s."""
+    if "order_leg_time" not in dataset:
+        return []
+    times = dataset["order_leg_time"].values[order]
+    return [float(seconds) for seconds in times if np.isfinite(seconds)]
 
 
 def _legs(dataset: xr.Dataset, settings: dict, home: str) -> list[LegRecord]:
@@ -130,7 +162,7 @@ def _plans(dataset: xr.Dataset, leg: int, model: Current | None) -> list[PlanRec
                 bool(dataset["plan_feasible"].values[row]),
                 causes[int(dataset["plan_cause"].values[row])],
                 float(dataset["plan_cpu"].values[row]),
-                {},
+                history_of(dataset, int(row)),
                 current,
                 motion[row, : real.sum() - 1],
             )

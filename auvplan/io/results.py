@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from auvplan.io.fields import (
     Variables,
     chart_variables,
+    history_variables,
     motion_variables,
     seabed_variables,
     variable,
@@ -309,6 +310,7 @@ def _plans(legs: Sequence[LegRecord]) -> Variables:
         ),
         "plan_cpu": variable("plan", [plan.cpu for _, plan in plans], "wall-clock time of planning", "s"),
         "plan_cause": variable("plan", codes, "why it was made", **flags),
+        **history_variables([plan.history for _, plan in plans]),
         **motion_variables(
             ("plan", "segment"), Motion.padded([plan.motion for _, plan in plans], most - 1), "plan_"
         ),

@@ -1,6 +1,7 @@
 """Scenario files: YAML, loaded safely, validated as a whole."""
 
 import warnings
+from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,9 @@ def load_scenario(source: str | Path = "whitsunday") -> Scenario:
     Args:
         source: path of a file, or a name that `auvplan scenarios` lists.
 
+    Returns:
+        The scenario, which remembers the folder of its file: what is named there is found from anywhere.
+
     Raises:
         ScenarioError: one line that names file, line, field and reason, and how many more faults there are.
 
@@ -36,13 +40,64 @@ def load_scenario(source: str | Path = "whitsunday") -> Scenario:
         ScenarioWarning: a setting differs from what the preset 'paper' fixes; the line has both values. A
             field can hardly be meant; the line names file, line and field.
     """
+    scenario = read_scenario(source)
+    _warn(scenario)
+    return scenario
+
+
+def read_scenario(source: str | Path) -> Scenario:
+    """`load_scenario` without a look at presets: for one whose settings are changed before it is used."""
     scenario, faults, document = check_scenario(source)
     if scenario is None:
         raise ScenarioError(first_of(faults, str(source), is_file=True))
-    _warn(scenario)
     for doubt in doubts(scenario, document):
         warnings.warn(first_of([doubt], str(source), is_file=True), ScenarioWarning, stacklevel=1)
-    return scenario
+    path = Path(source)
+    return scenario.in_folder(path.resolve().parent) if path.is_file() else scenario
+
+
+def change_scenario(
+    scenario: Scenario,
+    changes: Mapping[str, Any],
+    source: str = "scenario",
+    sources: Mapping[str, str] | None = None,
+) -> Scenario:
+    """A scenario with other values of some fields, validated as one from a file; see `Scenario.with_`.
+
+    Args:
+        scenario: stays as it is.
+        changes: values by "section.field", or of a whole section by its name.
+        source: that an error names.
+        sources: what an error names instead, by field.
+
+    Raises:
+        ScenarioError: a field is not known or a value does not fit; one line that names source and field.
+    """
+    plain = scenario.model_dump(mode="json")
+    for name, value in changes.items():
+        *sections, field = name.split(".")
+        inside: Any = plain
+        for section in sections:
+            if isinstance(inside, dict) and inside.get(section) is None:
+                inside[section] = {}
+            inside = inside.get(section) if section and isinstance(inside, dict) else None
+        if not isinstance(inside, dict):
+            raise ScenarioError(f"{(sources or {}).get(name, source)}: {name}: unknown key")
+        inside[field] = value
+    changed, faults = check_fields(Document(plain))
+    if changed is None:
+        # What was given is told before what it leads to elsewhere.
+        given = [(fault, name) for fault in faults for name in changes if _concerns(fault, name)]
+        faults = list(dict.fromkeys([*(fault for fault, _ in given), *faults]))
+        source = (sources or {}).get(given[0][1], source) if given else source
+        raise ScenarioError(first_of(faults, source, is_file=False))
+    _warn(changed)
+    return changed.in_folder(scenario.folder)
+
+
+def _concerns(fault: Fault, name: str) -> bool:
+    """Whether a fault is one of a field, of its section, or of something within it."""
+    return f"{fault.field}.".startswith(f"{name}.") or f"{name}.".startswith(f"{fault.field}.")
 
 
 def check_scenario(source: str | Path) -> tuple[Scenario | None, list[Fault], Document]:

@@ -57,12 +57,12 @@ def _kept(read: Callable[..., Any]) -> Callable[..., Any]:
     return again
 
 
-def load_waters(scenario: Scenario, folder: str | Path = ".", until: float | None = None) -> Waters:
+def load_waters(scenario: Scenario, folder: str | Path | None = None, until: float | None = None) -> Waters:
     """Chart, sea bed, current files and jobs of a scenario; files are read once and kept.
 
     Args:
         scenario: settings.
-        folder: that relative paths in the scenario start from.
+        folder: that relative paths in the scenario start from; that of its file if absent.
         until: s since the epoch, up to which currents are read; the mission's time available if absent.
 
     Raises:
@@ -71,7 +71,7 @@ def load_waters(scenario: Scenario, folder: str | Path = ".", until: float | Non
     Warns:
         ScenarioWarning: what can hardly be meant: the files contradict each other, or lack hours or places.
     """
-    home, box = str(folder), scenario.box
+    home, box = scenario.folder if folder is None else str(folder), scenario.box
     site, forecast, truth = _currents(scenario, home, until)
     plain, chart, seen = _charts(scenario.chart, site, box, forecast, home)  # type: ignore[arg-type] - frozen models hash
     require_area_on_chart(scenario, chart)

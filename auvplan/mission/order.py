@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.bbo import History
+from auvplan.brief import Brief, between, shortened
 from auvplan.mission.bound import Array, IntArray, upper_bound, with_return_margin
+from auvplan.words import counted, figure
 
 
 class MissionStatus(Enum):
@@ -25,8 +27,8 @@ class MissionStatus(Enum):
     NOT_FOUND = "no mission was found: raise bbo.population or bbo.iterations"
 
 
-@dataclass(frozen=True)
-class MissionOrder:
+@dataclass(frozen=True, repr=False)
+class MissionOrder(Brief):
     """An ordered list of tasks.
 
     Attributes:
@@ -70,6 +72,17 @@ class MissionOrder:
         """Whether the order leads to the destination in time."""
         return self.status is MissionStatus.OK
 
+    def _facts(self) -> dict[str, str]:
+        if not self.feasible:
+            return {"": f"not feasible ({self.status.name.lower().replace('_', ' ')})"}
+        return {
+            "": "feasible",
+            "tasks": f"{self.tasks:,}",
+            "priority": figure(self.priority, 6),
+            "time": f"{self.time:,.0f} of {self.time_available:,.0f} s",
+            "waypoints": shortened([str(int(node)) for node in self.nodes]),
+        }
+
     @cached_property
     def bound(self) -> float:
         """No order from here has more total priority; worked out on first use, see `upper_bound`."""
@@ -101,8 +114,8 @@ class MissionOrder:
         return self.status.value
 
 
-@dataclass(frozen=True)
-class MissionOrders:
+@dataclass(frozen=True, repr=False)
+class MissionOrders(Brief):
     """B orders from one compiled call; `orders[b]` is a `MissionOrder`.
 
     Attributes: as in `MissionOrder`, with a leading axis B; `nodes` is [B, N], padded with -1, `leg_times`
@@ -136,6 +149,14 @@ class MissionOrders:
     def feasible(self) -> NDArray[np.bool_]:
         """[B]."""
         return np.array([status is MissionStatus.OK for status in self.status], bool)
+
+    def _facts(self) -> dict[str, str]:
+        return {
+            "": f"{self.feasible.sum():,} of {counted(len(self), 'order')} feasible",
+            "tasks": between(self.tasks),
+            "priority": between(self.priority),
+            "time": f"{between(self.time)} s",
+        }
 
     def __getitem__(self, b: int) -> MissionOrder:
         count = int(self.count[b])

@@ -6,7 +6,6 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from auvplan.mission import decoder as decoders
@@ -16,6 +15,7 @@ from auvplan.mission.exact import certify
 from auvplan.mission.graph import MissionGraph
 from auvplan.mission.order import MissionOrder, MissionOrders, MissionStatus
 from auvplan.mission.problem import Edges, rounding_margin
+from auvplan.prng import as_key
 from auvplan.rows import over_rows
 
 if TYPE_CHECKING:
@@ -73,6 +73,7 @@ def plan_mission(
 
     Raises:
         ValueError: an argument is out of range or of the wrong shape.
+        TypeError: the key is none, such as a seed.
         ImportError: method "exact" without OR-Tools.
 
     Example:
@@ -103,7 +104,7 @@ def plan_mission(
         [goal],
         [time_available],
         vehicle.speed if vehicle is not None else speed,
-        jnp.asarray(key)[None],
+        as_key(key)[None],
         populations=None if population is None else np.asarray(population)[None],
         config=config,
         visited=None if visited is None else np.asarray(visited)[None],
@@ -145,7 +146,7 @@ def plan_missions(
         ValueError: an argument is out of range or of the wrong shape.
     """
     config = config or MissionConfig()
-    graphs = jax.tree.map(np.asarray, graphs)
+    graphs, keys = jax.tree.map(np.asarray, graphs), as_key(keys, "keys")
     if graphs.positions.ndim != 3:
         raise ValueError(f"graphs must be stacked, positions [B, N, 3], got shape {graphs.positions.shape}")
     batch, size = graphs.positions.shape[:2]

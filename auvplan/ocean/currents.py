@@ -8,8 +8,10 @@ after the other.
 
 import hashlib
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial, reduce
+from inspect import signature
 from types import CodeType
 from typing import Any, Protocol, runtime_checkable
 
@@ -71,12 +73,60 @@ class FunctionCurrent:
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
         shape = jnp.broadcast_shapes(jnp.shape(x), jnp.shape(y), jnp.shape(z), jnp.shape(t))
         dtype = jnp.result_type(x)
-        u, v, w = self.function(x, y, z, t)
+        u, v, w = _components(self.function(x, y, z, t))
         return (
             jnp.broadcast_to(jnp.asarray(u, dtype), shape),
             jnp.broadcast_to(jnp.asarray(v, dtype), shape),
             jnp.broadcast_to(jnp.asarray(w, dtype), shape),
         )
+
+
+def _components(found: Any) -> tuple[Any, Any, Any]:
+    """The three components that a function returned.
+
+    Raises:
+        ValueError: there are more, fewer or none.
+    """
+    try:
+        u, v, w = found
+    except (TypeError, ValueError):
+        got = f"{len(found)} values" if hasattr(found, "__len__") else type(found).__name__
+        raise ValueError(
+            f"a current returns (u, v, w), m/s north, east and down; the function returned {got}"
+        ) from None
+    return u, v, w
+
+
+def _try(current: FunctionCurrent) -> None:
+    """Trace a function as planners will, so that one that cannot be is told where it is given.
+
+    Raises:
+        TypeError: it does not take (x, y, z, t), or JAX cannot trace it; one line that says what to do.
+        ValueError: it does not return three components that fit its arguments.
+    """
+    with suppress(ValueError):  # what has no signature is not looked at
+        try:
+            signature(current.function).bind(*"xyzt")
+        except TypeError as error:
+            raise TypeError(f"current must be callable as (x, y, z, t) -> (u, v, w): {error}") from None
+    places = [jax.ShapeDtypeStruct((), jnp.result_type(float))] * 4
+    try:
+        jax.eval_shape(current, *places)
+    except jax.errors.TracerArrayConversionError:
+        raise TypeError(
+            "the current's function hands its arguments to NumPy, which JAX cannot trace: "
+            "write it with jax.numpy, such as jnp.sin for np.sin"
+        ) from None
+    except jax.errors.TracerBoolConversionError:
+        raise TypeError(
+            "the current's function branches on its arguments, which JAX cannot trace: "
+            "write jnp.where(condition, this, that) for if"
+        ) from None
+    except jax.errors.ConcretizationTypeError:
+        raise TypeError(
+            "the current's function makes plain numbers of its arguments, which JAX cannot trace: "
+            "write it with jax.numpy, such as jnp.sin for math.sin"
+        ) from None
 
 
 def _code_words(code: CodeType) -> str:
@@ -182,7 +232,8 @@ def as_current(current: object) -> Current:
     """Accept a current, or a plain function of the same signature, or None for still water.
 
     Raises:
-        TypeError: `current` cannot be called.
+        TypeError: `current` cannot be called as one, or is a function that JAX cannot trace.
+        ValueError: the function does not return three components.
     """
     if current is None:
         return UniformCurrent()
@@ -192,7 +243,9 @@ def as_current(current: object) -> Current:
             raise TypeError(
                 f"current must be callable as (x, y, z, t) -> (u, v, w), got {type(current).__name__}"
             )
-        return FunctionCurrent(current)
+        function = FunctionCurrent(current)
+        _try(function)
+        return function
     return current  # type: ignore[return-value]
 
 

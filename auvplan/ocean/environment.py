@@ -28,8 +28,9 @@ class Environment:
         seabed: depth and the clearance to be kept above it, or None where it is out of reach.
 
     Raises:
-        TypeError: `current` is not callable.
-        ValueError: the box is not two corners, the lower one first, or reaches beyond the sea bed.
+        TypeError: `current` is not callable as one, or is a function that JAX cannot trace.
+        ValueError: the current's function does not return three components; the box is not two corners, the
+            lower one first, or reaches beyond the sea bed.
     """
 
     current: Current

@@ -14,6 +14,7 @@ from jax.typing import ArrayLike
 from auvplan.compiled import compiled
 from auvplan.ocean.currents import Velocity
 from auvplan.ocean.exponential import exponential
+from auvplan.prng import as_key
 from auvplan.pytree import rebuilt_as_is
 from auvplan.tangents import fixed, instantiated
 
@@ -251,7 +252,11 @@ def random_vortices(
 
     Differences from the paper:
         It gives neither the number of vortices nor their sizes and strengths; all are chosen here.
+
+    Raises:
+        TypeError: the key is none, such as a seed.
     """
+    key = as_key(key)
     corners = jnp.asarray(lower, float), jnp.asarray(upper, float)
     sizes = radius, peak_speed, layer_noise, vertical_scale
     field = _random_vortices(key, *corners, *sizes, count, count=rounded_up(count), layers=layers)

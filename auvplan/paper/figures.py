@@ -3,10 +3,12 @@
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import xarray as xr
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from auvplan.io.files import output_folder
 from auvplan.ocean.whitsunday import render, whitsunday_chart
@@ -38,7 +40,7 @@ def draw_paper(legs: Legs, evidence: Evidence, scenario: Scenario, folder: Path)
         folder: made where missing.
     """
     seed = example_seed(evidence.missions)
-    figures: dict[str, Callable[[], Figure]] = {
+    figures: dict[str, Callable[[], Any]] = {
         "fig01_clusters.png": _clusters,
         "fig08_currents.png": partial(_currents, legs),
         "fig09_obstacles.png": lambda: plot_layers(shown_leg(legs.scenarios["scenario-2"])),
@@ -76,7 +78,7 @@ def _clusters() -> Figure:
     return plot_clusters(whitsunday_chart(), render(), window)
 
 
-def _currents(legs: Legs) -> Figure:
+def _currents(legs: Legs) -> NDArray[Any]:
     run = shown_leg(legs.rates[SHOWN_RATE], largest=True)
     count = len(legs.rates[SHOWN_RATE])
     note = (

@@ -5,9 +5,60 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from auvplan.ocean.environment import Environment
+from auvplan.ocean.gridded import CurrentError
+from auvplan.vehicle import Vehicle
 
 #: m, by which an end may fall short of the sea bed's clearance: rounding in single precision.
 _HAIR = 0.01
+
+
+def check_given(env: object, vehicle: object) -> None:
+    """Refuse what is easily taken for an environment or a vehicle.
+
+    Raises:
+        TypeError: one line that says what is wanted.
+    """
+    if not isinstance(env, Environment):
+        made = "ap.Environment(current)" if callable(env) or env is None else "ap.Environment(...)"
+        raise TypeError(f"env must be an Environment, got {type(env).__name__}: give {made}")
+    if vehicle is not None and not isinstance(vehicle, Vehicle):
+        made = f"ap.Vehicle(speed={vehicle})" if isinstance(vehicle, int | float) else "ap.Vehicle(...)"
+        raise TypeError(f"vehicle must be a Vehicle, got {type(vehicle).__name__}: give {made}")
+
+
+def as_point(name: str, given: ArrayLike) -> NDArray[np.floating]:
+    """[3] m of a place.
+
+    Raises:
+        ValueError: it is none.
+    """
+    point = np.asarray(given, float)
+    if point.shape != (3,):
+        raise ValueError(f"{name} must be three numbers, north, east and depth in m, got shape {point.shape}")
+    return point
+
+
+def check_water(water: ArrayLike, positions: ArrayLike, times: ArrayLike) -> None:
+    """Refuse a current that is not a number somewhere along the paths that were found in it.
+
+    Args:
+        water: [B, S - 1, 3] m/s, met in the middle of each segment.
+        positions: [B, S, 3] m.
+        times: [B, S] s.
+
+    Raises:
+        CurrentError: one line that names leg, place and time.
+    """
+    place, when = np.asarray(positions, float), np.asarray(times, float)
+    moving = np.isfinite(place.reshape(len(place), -1)).min(axis=1)
+    bad = ~np.isfinite(np.asarray(water, float)).min(axis=2) & moving[:, None]
+    for b, k in np.argwhere(bad)[:1]:
+        x, y, z = 0.5 * (place[b, k] + place[b, k + 1])
+        at = f" at {when[b, k]:.0f} s" if np.isfinite(when[b, k]) else ""
+        raise CurrentError(
+            f"the current is not a number (NaN) at ({x:.0f}, {y:.0f}, {z:.0f}) m{at}, on the way of leg {b}: "
+            "it has to have a value wherever the vehicle can be"
+        )
 
 
 def check_ends(starts: ArrayLike, goals: ArrayLike, env: Environment) -> None:

@@ -11,16 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.bbo import History
+from auvplan.brief import Brief, between
 from auvplan.motion import Motion
 from auvplan.path.cost import VIOLATIONS
 from auvplan.path.reasons import STATUS, PathStatus, explanation
 from auvplan.path.sensitivity import Conditions, Sensitivity, sensitivity
+from auvplan.words import counted
 
 Array = NDArray[np.floating]
 
+#: m; clearances and altitudes of more are those of open water.
+_OPEN = 1e5
 
-@dataclass(frozen=True)
-class PathPlan:
+
+@dataclass(frozen=True, repr=False)
+class PathPlan(Brief):
     """A timed, checked trajectory between two points.
 
     Attributes:
@@ -62,6 +67,17 @@ class PathPlan:
     def feasible(self) -> bool:
         """Whether every limit is kept along the whole path."""
         return bool(self.violations.sum() == 0.0)
+
+    def _facts(self) -> dict[str, str]:
+        open_water = self.clearance >= _OPEN
+        return {
+            "": "feasible" if self.feasible else f"not feasible ({', '.join(self.broken())})",
+            "travel time": f"{self.travel_time:,.0f} s",
+            "length": f"{self.length:,.0f} m",
+            "clearance": "open water" if open_water else f"{self.clearance:,.1f} m",
+            **({} if self.altitude >= _OPEN else {"altitude": f"{self.altitude:,.1f} m"}),
+            "departure": f"{float(self.times[0]):,.0f} s",
+        }
 
     @property
     def violation_history(self) -> jax.Array:
@@ -182,8 +198,8 @@ class PathPlan:
         return explanation(self, limit, epoch)
 
 
-@dataclass(frozen=True)
-class PathPlans:
+@dataclass(frozen=True, repr=False)
+class PathPlans(Brief):
     """B plans; `plans[b]` is a `PathPlan`.
 
     Attributes: as in `PathPlan`, with a leading axis B; `violations` is [B, V], `excess` [B, V, S - 1],
@@ -216,6 +232,13 @@ class PathPlans:
     def feasible(self) -> NDArray[np.bool_]:
         """[B]."""
         return self.violations.sum(axis=1) == 0.0
+
+    def _facts(self) -> dict[str, str]:
+        return {
+            "": f"{self.feasible.sum():,} of {counted(len(self), 'plan')} feasible",
+            "travel time": f"{between(self.travel_time)} s",
+            "length": f"{between(self.length)} m",
+        }
 
     def __getitem__(self, b: int) -> PathPlan:
         b = range(len(self))[b]

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from auvplan.ocean.environment import Environment
 from auvplan.path.config import PathConfig
-from auvplan.path.ends import check_ends
+from auvplan.path.ends import as_point, check_ends, check_given, check_water
 from auvplan.path.habitats import refitted
 from auvplan.path.plan import PathPlan, PathPlans
 from auvplan.path.sensitivity import Conditions
 from auvplan.path.stages import Legs, polish_finely, search_legs, split
+from auvplan.prng import as_key
 from auvplan.rows import over_rows
 from auvplan.vehicle import Vehicle
 
@@ -48,7 +49,9 @@ def plan_path(
 
     Raises:
         ValueError: start or goal lies on land, below the sea bed, outside the chart or outside the box, the
-            goal nearer to the sea bed than its clearance, or they coincide.
+            goal nearer to the sea bed than its clearance, or they coincide; or the current is NaN on the way.
+        TypeError: the key is a seed, the environment a function, the vehicle a number, or the current's
+            function cannot be traced by JAX.
 
     Example:
         >>> import jax, auvplan as ap
@@ -60,8 +63,8 @@ def plan_path(
     """
     given = None if population is None else jnp.asarray(population)[None]
     return plan_paths(
-        np.asarray(start, float)[None],
-        np.asarray(goal, float)[None],
+        as_point("start", start)[None],
+        as_point("goal", goal)[None],
         env,
         vehicle,
         key=key,
@@ -99,10 +102,14 @@ def plan_paths(
     Raises:
         ValueError: as `plan_path`, naming the leg; or shapes do not fit.
     """
-    config = config or PathConfig()
+    config, key = config or PathConfig(), as_key(key)
+    check_given(env, vehicle)
     start, goal = np.asarray(starts, float), np.asarray(goals, float)
     if start.ndim != 2 or start.shape[1] != 3 or start.shape != goal.shape:
-        raise ValueError(f"starts and goals must be [B, 3], got shapes {start.shape} and {goal.shape}")
+        raise ValueError(
+            "starts and goals must be [B, 3] m, north, east and depth, "
+            f"got shapes {start.shape} and {goal.shape}"
+        )
     check_ends(start, goal, env)
     legs = start.shape[0]
     keys = jax.random.split(key, legs) if key.ndim == 0 else key
@@ -119,6 +126,8 @@ def plan_paths(
     posed = Legs(start, goal, departs, world)
     found = over_rows(partial(search_legs, **problem, config=config), keys, posed, population)
     found, finer = plan_finely(found, keys, posed, **problem, config=config)
+    if not world_per_leg:
+        check_water(found["water"], found["positions"], found["times"])
     return PathPlans(**found, conditions=conditions, finer=finer)
 
 

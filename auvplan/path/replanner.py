@@ -16,11 +16,12 @@ from auvplan.compiled import compiled
 from auvplan.ocean.environment import Environment
 from auvplan.path import habitats
 from auvplan.path.config import PathConfig
-from auvplan.path.ends import check_ends
+from auvplan.path.ends import as_point, check_ends, check_given, check_water
 from auvplan.path.plan import PathPlan, PathPlans
 from auvplan.path.planner import plan_finely
 from auvplan.path.sensitivity import Conditions
 from auvplan.path.stages import Legs, search_legs, split, world_of
+from auvplan.prng import as_key
 from auvplan.rows import over_rows
 from auvplan.vehicle import Vehicle
 
@@ -55,9 +56,11 @@ def replan_path(
         paper's preset.
 
     Raises:
-        ValueError: the position lies on land, below the sea bed or outside, or at the goal.
+        ValueError: the position lies on land, below the sea bed or outside, or at the goal; or the current is
+            NaN on the way.
+        TypeError: as `plan_path`.
     """
-    position = np.asarray(position, float)
+    position = as_point("position", position)
     return replan_paths([plan], position[None], np.asarray([now]), env, vehicle, key=key, config=config)[0]
 
 
@@ -84,7 +87,8 @@ def replan_paths(
         config: settings.
         world_per_leg: whether current and obstacles differ by leg.
     """
-    config = config or PathConfig()
+    config, key = config or PathConfig(), as_key(key)
+    check_given(env, vehicle)
     position = np.asarray(positions, float)
     goals = np.stack([plan.control_points[-1] for plan in plans])
     check_ends(position, goals, env)
@@ -99,6 +103,8 @@ def replan_paths(
     program = partial(_search_on, **problem, config=config)
     found = over_rows(program, keys, populations, starts, np.asarray(reached), posed)
     found, finer = plan_finely(found, keys, posed, **problem, config=config)
+    if not world_per_leg:
+        check_water(found["water"], found["positions"], found["times"])
     return PathPlans(**found, conditions=conditions, finer=finer)
 
 

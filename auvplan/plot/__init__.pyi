@@ -6,6 +6,7 @@ from .departures import plot_departures as plot_departures
 from .legs import busiest_leg as busiest_leg
 from .mission import plot_mission as plot_mission
 from .obstacles import plot_obstacles as plot_obstacles
+from .path import plot_path as plot_path
 from .run import draw_run as draw_run
 from .study import draw_study as draw_study
 from .timeline import plot_timeline as plot_timeline
@@ -21,5 +22,6 @@ __all__ = [
     "plot_departures",
     "plot_mission",
     "plot_obstacles",
+    "plot_path",
     "plot_timeline",
 ]

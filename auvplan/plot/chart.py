@@ -1,10 +1,12 @@
 """A picture and the chart that was made of it (Fig. 1)."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
+from matplotlib.axes import Axes
 from matplotlib.patches import Patch
+from numpy.typing import NDArray
 from PIL import Image
 
 from auvplan.io.files import output_folder
@@ -16,18 +18,29 @@ from auvplan.plot import style
 _EDGE = 1200
 
 
-def plot_chart(chart: Chart, image: str | Path | None = None, classified: Classified | None = None) -> Figure:
+def plot_chart(
+    chart: Chart,
+    image: str | Path | None = None,
+    classified: Classified | None = None,
+    *,
+    ax: Axes | None = None,
+) -> Axes | NDArray[Any]:
     """The clustered chart, beside the picture it was made of where that is given.
 
     Args:
         chart: to draw.
         image: a picture with north up that covers the same area.
         classified: its clusters, which are listed with their colours, shares and what they were taken for.
+        ax: axes to draw in; with a picture, of a grid, whose place both take; a new figure if absent.
+
+    Returns:
+        The axes; with a picture [2], its own and the chart's.
     """
     low, high = np.asarray(chart.lower, float), np.asarray(chart.upper, float)
     unit = style.Unit.for_extent(float((high - low).max()))
-    figure = style.new_figure(11.0 if image else 6.4, 6.2 if classified is None else 6.9)
-    grid = np.atleast_1d(figure.subplots(1, 2 if image else 1))
+    tall = 6.2 if classified is None else 6.9
+    alone = None if image else style.own_axes(ax, 6.4, tall)
+    grid = np.array([alone]) if alone is not None else style.room_of(ax, 11.0, tall).subplots(1, 2)
     for axes in grid:
         style.map_axes(axes, low, high, unit)
     if image:
@@ -54,13 +67,16 @@ def plot_chart(chart: Chart, image: str | Path | None = None, classified: Classi
             for cluster in classified.clusters
         ]
         title = "colours of the picture, their shares and what they were taken for"
-        figure.legend(
+        style.figure_of(grid[-1]).legend(
             handles=listed, loc="outside lower left", ncols=4, fontsize=8, frameon=False, title=title
         ).get_title().set_fontsize(8)
     if handles:
-        place = "outside lower center" if classified is None else "outside lower right"
-        figure.legend(handles=handles, loc=place, ncols=2, fontsize=8, frameon=False)
-    return figure
+        if classified is None:
+            style.add_legend(grid[-1], handles, None if image else ax, ncols=2)
+        else:
+            common = {"loc": "outside lower right", "ncols": 2, "fontsize": 8, "frameon": False}
+            style.figure_of(grid[-1]).legend(handles=handles, **common)
+    return grid if alone is None else alone
 
 
 def draw_chart(

@@ -1,9 +1,12 @@
 """How a leg's plans converge (Fig. 11)."""
 
+from typing import Any
+
 import numpy as np
 import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from auvplan.plot import style
 from auvplan.plot.legs import busiest_leg
@@ -15,25 +18,36 @@ _BARS = 60
 _WIDE = 30.0
 
 
-def plot_convergence(run: MissionRun, leg: LegRecord | None = None) -> Figure:
+def plot_convergence(
+    run: MissionRun, leg: LegRecord | None = None, *, ax: Axes | None = None
+) -> NDArray[Any]:
     """Cost and violation of the population by iteration, all plans of a leg in a row.
 
     Args:
         run: as sailed.
         leg: the one with most re-plans where not given.
+        ax: axes of a grid, whose place the panels take; a new figure if absent.
+
+    Returns:
+        [2] axes, of cost and violation.
+
+    Raises:
+        ValueError: the run comes from files that do not keep histories.
     """
     leg = leg or busiest_leg(run)
     if leg is None:
-        return style.empty_figure("no path was planned")
-    figure = style.new_figure(9.0, 6.6)
-    upper, lower = figure.subplots(2, 1, sharex=True)
+        return np.array([style.say_why(ax, "no path was planned")])
+    if not all(plan.history for plan in leg.plans):
+        raise ValueError("the run's plans have no histories: it was saved without them")
+    figure = style.room_of(ax, 9.0, 6.6)
+    upper, lower = panels = figure.subplots(2, 1, sharex=True)
     _draw(upper, leg, ("best", "mean", "std"), "cost [s, penalties included]")
     _draw(lower, leg, ("violation_best", "violation_mean", "violation_std"), "violation [-]")
     lower.set_xlabel("iteration [-]")
     handles, labels = upper.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=5, fontsize=8, frameon=False)
     figure.suptitle(f"Convergence of the path planner, leg {leg.start} → {leg.goal}", fontsize=11)
-    return figure
+    return panels
 
 
 def plot_populations(legs: xr.Dataset, met: style.Array, least: float) -> Figure:

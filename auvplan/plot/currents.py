@@ -1,12 +1,18 @@
 """How paths follow the current (Fig. 8)."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 from matplotlib.lines import Line2D
+from numpy.typing import NDArray
 
+from auvplan.ocean.currents import Current, evaluated
 from auvplan.plot import style
-from auvplan.plot.legs import busiest_leg, chosen_plans, current_at, extent_points, plan_name, sailed_until
+from auvplan.plot.legs import busiest_leg, chosen_plans, extent_points, plan_name, sailed_until
 from auvplan.voyage.records import LegRecord, MissionRun
 
 #: Panels at most.
@@ -15,50 +21,39 @@ PANELS = 4
 _FINE, _COARSE = 90, 17
 
 
-def plot_currents(run: MissionRun, leg: LegRecord | None = None, note: str = "") -> Figure:
+def plot_currents(
+    run: MissionRun, leg: LegRecord | None = None, note: str = "", *, ax: Axes | None = None
+) -> NDArray[Any]:
     """Current and paths at each re-plan of a leg: lighter is faster water.
 
     Args:
         run: as sailed.
         leg: the one with most re-plans where not given.
         note: a second line of the title.
+        ax: axes of a grid, whose place the panels take; a new figure if absent.
+
+    Returns:
+        The axes of the panels.
     """
     leg = leg or busiest_leg(run)
     if leg is None:
-        return style.empty_figure("no path was planned")
+        return np.array([style.say_why(ax, "no path was planned")])
     chosen = chosen_plans(leg, PANELS)
     columns = 3 if len(chosen) == 3 else min(len(chosen), 2)
     rows = -(-len(chosen) // columns)
-    figure = style.new_figure(4.6 * columns + 1.0, 4.3 * rows + 0.9)
+    figure = style.room_of(ax, 4.6 * columns + 1.0, 4.3 * rows + 0.9)
     grid = list(figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).flat)
     low, high = style.frame_of(extent_points(leg))
     unit = style.Unit.for_extent(float((high - low).max()))
     depth = float(np.mean(np.concatenate([plan.positions[:, 2] for plan in leg.plans])))
-    north, east = (np.linspace(low[k], high[k], _FINE) for k in range(2))
-    mesh = np.meshgrid(north, east, indexing="ij")
-    fields = [current_at(leg.plans[index], mesh[0], mesh[1], depth) for index in chosen]
-    speeds = np.stack([np.hypot(u, v) for u, v, _ in fields])
-    # The core of one strong vortex would darken all the rest.
-    fastest, slowest = max(float(np.quantile(speeds, 0.995)), 1e-3), float(speeds.min())
+    fields = [
+        Field.of(leg.plans[index].current, low, high, depth, leg.plans[index].made_at) for index in chosen
+    ]
+    slowest, fastest, beyond = speed_range(fields)
     image, coast = None, []
-    for axes, index, (u, v, _) in zip(grid, chosen, fields, strict=False):
-        extent = (low[1], high[1], low[0], high[0])
-        image = axes.imshow(
-            np.hypot(u, v),
-            origin="lower",
-            extent=tuple(edge / unit.metres for edge in extent),
-            cmap="cividis",
-            vmin=slowest,
-            vmax=fastest,
-            interpolation="bilinear",
-        )
+    for axes, index, field in zip(grid, chosen, fields, strict=False):
         style.map_axes(axes, low, high, unit)
-        step = _FINE // _COARSE
-        part = (slice(step // 2, None, step),) * 2
-        axes.quiver(
-            mesh[1][part] / unit.metres, mesh[0][part] / unit.metres, v[part], u[part],
-            color="white", alpha=0.75, zorder=0.3, scale=fastest * _COARSE * 1.1, width=0.003,
-        )  # fmt: skip
+        image = field.draw(axes, unit, slowest, fastest)
         coast = style.draw_coast(axes, run.chart, unit, see_through=True)
         _draw_paths(axes, leg, index, unit)
         axes.set_title(plan_name(leg, index), fontsize=9)
@@ -67,7 +62,6 @@ def plot_currents(run: MissionRun, leg: LegRecord | None = None, note: str = "")
     for axes in grid:
         axes.label_outer()
     assert image is not None
-    beyond = "max" if float(speeds.max()) > 1.02 * fastest else "neither"
     bar = figure.colorbar(image, ax=grid, shrink=0.8, pad=0.02, extend=beyond)
     bar.set_label(f"current at {depth:.0f} m depth [m/s]")
     figure.legend(
@@ -76,7 +70,70 @@ def plot_currents(run: MissionRun, leg: LegRecord | None = None, note: str = "")
     figure.suptitle(
         f"Paths and current, leg {leg.start} → {leg.goal}" + f"\n{note}" * bool(note), fontsize=11
     )
-    return figure
+    return np.array(grid[: len(chosen)])
+
+
+@dataclass(frozen=True)
+class Field:
+    """A current over a frame at one depth and time.
+
+    Attributes:
+        low, high: [2] m, north and east.
+        north, east: [n] m.
+        u, v: [n, n] m/s north and east.
+    """
+
+    low: style.Array
+    high: style.Array
+    north: style.Array
+    east: style.Array
+    u: style.Array
+    v: style.Array
+
+    @classmethod
+    def of(cls, current: Current, low: style.Array, high: style.Array, depth: float, time: float) -> "Field":
+        """Look a current up over a frame, at a depth in m and a time in s."""
+        north, east = (np.linspace(low[k], high[k], _FINE) for k in range(2))
+        x, y = np.meshgrid(north, east, indexing="ij")
+        u, v, _ = evaluated(current, x, y, np.full_like(x, depth), np.full_like(x, time))
+        return cls(low, high, north, east, u, v)
+
+    @property
+    def speed(self) -> style.Array:
+        """[n, n] m/s."""
+        return np.hypot(self.u, self.v)
+
+    def draw(self, axes: Axes, unit: style.Unit, slowest: float, fastest: float) -> AxesImage:
+        """Paint the speed and arrows over it; the limits of the axes are the frame's then."""
+        edges = (self.low[1], self.high[1], self.low[0], self.high[0])
+        limits = axes.get_xlim(), axes.get_ylim()
+        image = axes.imshow(
+            self.speed,
+            origin="lower",
+            extent=tuple(edge / unit.metres for edge in edges),  # type: ignore[arg-type]
+            cmap="cividis",
+            vmin=slowest,
+            vmax=fastest,
+            interpolation="bilinear",
+        )
+        axes.set(xlim=limits[0], ylim=limits[1])
+        step = slice(_FINE // _COARSE // 2, None, _FINE // _COARSE)
+        x, y = np.meshgrid(self.north[step], self.east[step], indexing="ij")
+        axes.quiver(
+            y / unit.metres, x / unit.metres, self.v[step, step], self.u[step, step],
+            color="white", alpha=0.75, zorder=0.3, scale=fastest * _COARSE * 1.1, width=0.003,
+        )  # fmt: skip
+        return image
+
+
+def speed_range(fields: Sequence[Field]) -> tuple[float, float, Literal["max", "neither"]]:
+    """Least and greatest speed of a colour scale, m/s, and where the scale is exceeded.
+
+    The core of one strong vortex would darken all the rest: it exceeds the scale.
+    """
+    speeds = np.stack([field.speed for field in fields])
+    fastest = max(float(np.quantile(speeds, 0.995)), 1e-3)
+    return float(speeds.min()), fastest, "max" if float(speeds.max()) > 1.02 * fastest else "neither"
 
 
 def _draw_paths(axes: Axes, leg: LegRecord, index: int, unit: style.Unit) -> None:

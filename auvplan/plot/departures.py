@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
-from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
@@ -19,11 +18,15 @@ _FEW = 60
 _BEST = {"marker": "*", "s": 200, "color": style.YELLOW, "edgecolors": style.BLACK, "zorder": 5}
 
 
-def plot_departures(found: Departures) -> Figure:
+def plot_departures(found: Departures, *, ax: Axes | None = None) -> NDArray[Any]:
     """Time, what it earns of a mission, and the current's strength by departure; no way is shaded.
 
     Args:
         found: of a mission or a leg.
+        ax: axes of a grid, whose place the panels take; a new figure if absent.
+
+    Returns:
+        The axes of the panels.
     """
     panels = [
         (found.time / 60.0, "travel time [min]" if found.routes is None else "mission time [min]", style.BLUE)
@@ -39,7 +42,7 @@ def plot_departures(found: Departures) -> Figure:
     panels.append((found.current, "current [m/s]", style.RED))
     order = np.argsort(found.departs, kind="stable")
     when = _when(found)
-    figure = style.new_figure(9.5, 1.3 + 1.75 * len(panels))
+    figure = style.room_of(ax, 9.5, 1.3 + 1.75 * len(panels))
     rows = figure.subplots(len(panels), sharex=True, squeeze=False)[:, 0]
     for axes, (values, name, colour) in zip(rows, panels, strict=True):
         mark = {"marker": "o", "ms": 4.5 if len(found) <= _FEW else 2.0, "lw": 1.2}
@@ -63,9 +66,9 @@ def plot_departures(found: Departures) -> Figure:
     kind = "leg" if found.routes is None else "mission"
     share = f"{found.feasible.sum()} of {len(found)}"
     figure.suptitle(f"When to leave: {share} departures of the {kind} feasible", fontsize=11)
-    if figure.axes[0].get_legend_handles_labels()[0]:
+    if rows[0].get_legend_handles_labels()[0]:
         figure.legend(loc="outside lower center", ncols=2, fontsize=8, frameon=False)
-    return figure
+    return rows
 
 
 def _when(found: Departures) -> NDArray[Any]:

@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 
@@ -15,11 +14,15 @@ from auvplan.site import hours
 from auvplan.voyage.records import LegRecord, MissionRun
 
 
-def plot_mission(run: MissionRun) -> Figure:
+def plot_mission(run: MissionRun, *, ax: Axes | None = None) -> Axes:
     """The map of a mission, east to the right and north up.
 
     Args:
         run: as sailed; a leg of its own, open water and a mission that was never begun are fine.
+        ax: axes to draw in; those of a new figure if absent.
+
+    Returns:
+        The axes.
     """
     waypoints = np.asarray(run.graph.positions, float)
     sailed = [leg for leg in run.legs if len(leg.times)]
@@ -27,15 +30,14 @@ def plot_mission(run: MissionRun) -> Figure:
     low, high = style.frame_on_chart(points, run.chart, margin=0.05)
     unit = style.Unit.for_extent(float((high - low).max()))
     tall, wide = high - low
-    figure = style.new_figure(9.4, float(np.clip(7.9 * tall / wide, 4.0, 11.0)) + 1.1)
-    axes = figure.subplots()
+    axes = style.own_axes(ax, 9.4, float(np.clip(7.9 * tall / wide, 4.0, 11.0)) + 1.1)
     style.map_axes(axes, low, high, unit)
     handles: list[Any] = list(style.draw_coast(axes, run.chart, unit))
     handles += draw_depths(axes, run.seabed, unit)
     handles += _draw_graph(axes, run, unit)
     if sailed:
         route = _draw_route(axes, sailed, unit)
-        bar = figure.colorbar(route, ax=axes, shrink=0.8, pad=0.02)
+        bar = axes.figure.colorbar(route, ax=axes, shrink=0.8, pad=0.02)
         bar.set_label("time [s]")
     handles += _draw_known(axes, run, unit)
     handles += _draw_ends(axes, run, unit)
@@ -45,13 +47,13 @@ def plot_mission(run: MissionRun) -> Figure:
         handles.append(
             Line2D([], [], ls="", marker="$ρ3$", ms=13, color=style.BLUE, label="priority of the task")
         )
-    figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=8, frameon=False)
+    style.add_legend(axes, handles, ax)
     axes.set_title(_title(run), fontsize=11, pad=None if run.site is None else 20.0)
     style.draw_compass(axes, unit)
     if run.site is not None:
         style.draw_graticule(axes, run.site, unit)
     _draw_labels(axes, run, sailed, marks, unit)
-    return figure
+    return axes
 
 
 def _title(run: MissionRun) -> str:

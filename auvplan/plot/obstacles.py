@@ -3,7 +3,7 @@
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
+from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
@@ -19,18 +19,26 @@ _STRETCH = 3.0
 _FAR = 0.6
 
 
-def plot_obstacles(run: MissionRun, leg: LegRecord | None = None) -> Figure:
+def plot_obstacles(run: MissionRun, leg: LegRecord | None = None, *, ax: Axes | None = None) -> Axes:
     """Sailed and earlier paths, and each obstacle where it was when the vehicle came nearest.
 
     Args:
         run: as sailed.
         leg: the one with most re-plans where not given.
+        ax: three-dimensional axes to draw in; those of a new figure if absent.
+
+    Returns:
+        The axes.
+
+    Raises:
+        ValueError: the axes given are flat.
     """
     leg = leg or busiest_leg(run)
     if leg is None:
-        return style.empty_figure("no path was planned")
-    figure = style.new_figure(8.4, 6.4)
-    axes: Any = figure.add_subplot(projection="3d", computed_zorder=False)
+        return style.say_why(ax, "no path was planned")
+    if ax is not None and ax.name != "3d":
+        raise ValueError('ax must be three-dimensional: figure.add_subplot(projection="3d")')
+    axes: Any = style.own_axes(ax, 8.4, 6.4, projection="3d", computed_zorder=False)
     low, high = style.frame_of(extent_points(leg), margin=0.1)
     unit = style.Unit.for_extent(float((high - low).max()))
     tracks, nearest = _nearest(leg)
@@ -62,16 +70,16 @@ def plot_obstacles(run: MissionRun, leg: LegRecord | None = None) -> Figure:
     )
     _ends(axes, leg, unit)
     _set_up(axes, low, high, (top, bottom), unit)
-    figure.legend(handles=_legend(leg, seen), loc="outside lower center", ncols=4, fontsize=8, frameon=False)
+    style.add_legend(axes, _legend(leg, seen), ax)
     hidden = len(leg.obstacle_radii) - len(seen)
     note = f", {hidden} of {len(leg.obstacle_radii)} obstacles out of view" if hidden and len(nearest) else ""
     stretch = _HEIGHT * edge / (bottom - top)
-    figure.suptitle(
+    (axes.figure.suptitle if ax is None else axes.set_title)(
         f"Obstacles at their nearest, leg {leg.start} → {leg.goal}{note}\n"
         f"depth drawn {stretch:.1f} times as large",
         fontsize=11,
     )
-    return figure
+    return axes
 
 
 def _nearest(leg: LegRecord) -> tuple[style.Array, style.Array]:

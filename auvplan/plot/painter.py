@@ -44,7 +44,8 @@ class Painter:
             context = get_context("spawn")
             self._pipe, other = context.Pipe()
             self._process = context.Process(target=_paint, args=(other,), daemon=True)
-            self._process.start()
+            with cores.deaf():
+                self._process.start()
             other.close()
         return self
 
@@ -95,7 +96,7 @@ def _paint(pipe: Connection) -> None:
     os.environ["JAX_PLATFORMS"] = "cpu"
     from auvplan.plot.run import draw_run
 
-    with suppress(EOFError, KeyboardInterrupt):
+    with suppress(EOFError):
         run, folder = pipe.recv()
         try:
             pipe.send(draw_run(run, folder, _BESIDE))

@@ -11,7 +11,8 @@ from matplotlib.lines import Line2D
 
 from auvplan.ocean.chart import UNCERTAIN_MAX, Chart
 from auvplan.plot import style
-from auvplan.plot.sweep import counted, set_title
+from auvplan.plot.sweep import set_title
+from auvplan.words import counted
 
 #: Orders that get a map.
 _MAPS = 6

@@ -14,8 +14,9 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator
 from auvplan.io.files import output_folder
 from auvplan.plot import style
 from auvplan.plot.replans import plot_replans, shown_mission
-from auvplan.plot.sweep import counted, plot_paired, plot_sweep, set_title
+from auvplan.plot.sweep import plot_paired, plot_sweep, set_title
 from auvplan.study.statistics import leg_times, over_finite, relative_errors, sweep_dims, use_of_time
+from auvplan.words import counted
 
 Array = style.Array
 

@@ -1,8 +1,10 @@
 """What all figures share: colours, units, axes, the coast, labels that keep apart.
 
-Figures are made without pyplot, so that no state is shared and no display is needed.
+Figures are made without pyplot, so that no state is shared and no display is needed. Those of the public
+functions are pyplot's in a notebook, or where pyplot is loaded anyway, so that they are shown as any other.
 """
 
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +13,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, to_rgb
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
@@ -62,6 +64,59 @@ def new_figure(width: float, height: float) -> Figure:
     return Figure(figsize=(width, height), dpi=DPI, layout="constrained")
 
 
+def own_figure(width: float, height: float) -> Figure:
+    """An empty figure, inches, for a person at a prompt."""
+    if not {"IPython", "matplotlib.pyplot"} & sys.modules.keys():
+        return new_figure(width, height)
+    from matplotlib import pyplot
+
+    return pyplot.figure(figsize=(width, height), dpi=DPI, layout="constrained")
+
+
+def own_axes(ax: Axes | None, width: float, height: float, **kind: Any) -> Axes:
+    """The axes given, or those of a figure of their own, inches."""
+    return own_figure(width, height).add_subplot(**kind) if ax is None else ax
+
+
+def room_of(ax: Axes | None, width: float, height: float) -> Figure | SubFigure:
+    """Where several panels go: in the place of the axes given, or a figure of their own, inches.
+
+    Raises:
+        ValueError: the axes have no place in a grid.
+    """
+    if ax is None:
+        return own_figure(width, height)
+    place, figure = ax.get_subplotspec(), ax.figure
+    if place is None:
+        raise ValueError("ax must be one of a grid, such as figure.subplots() makes, to make room for panels")
+    ax.remove()
+    return figure.add_subfigure(place)
+
+
+def figure_of(drawn: "Axes | Sequence[Axes] | Array") -> Figure:
+    """The figure that axes belong to."""
+    figure = np.ravel(np.asarray(drawn, object))[0].get_figure(root=True)
+    assert isinstance(figure, Figure)
+    return figure
+
+
+def add_legend(axes: Axes, handles: Sequence[Any], ax: Axes | None, ncols: int = 4) -> None:
+    """A legend below a figure of its own, within axes that were given."""
+    if ax is None:
+        place: dict[str, Any] = {"loc": "outside lower center", "frameon": False}
+        axes.figure.legend(handles=handles, ncols=ncols, fontsize=8, **place)
+    elif handles:
+        axes.legend(handles=handles, loc="best", fontsize=7)
+
+
+def say_why(ax: Axes | None, text: str) -> Axes:
+    """Axes that say why there is nothing to see."""
+    axes = own_axes(ax, 6.0, 2.0)
+    axes.set_axis_off()
+    axes.text(0.5, 0.5, text, ha="center", va="center", fontsize=11, transform=axes.transAxes)
+    return axes
+
+
 def empty_figure(text: str) -> Figure:
     """A figure that says why there is nothing to see."""
     figure = new_figure(6.0, 2.0)
@@ -69,13 +124,18 @@ def empty_figure(text: str) -> Figure:
     return figure
 
 
-def save(figure: Figure, path: Path) -> Path:
-    """Write a figure whole or not at all.
+def save(drawn: "Figure | Axes | Array", path: Path) -> Path:
+    """Write a figure, or that of axes, whole or not at all.
 
     Raises:
         OutputError: the file cannot be written.
     """
-    return write_atomically(path, lambda temporary: figure.savefig(temporary, dpi=DPI))
+    figure = drawn if isinstance(drawn, Figure) else figure_of(drawn)
+    try:
+        return write_atomically(path, lambda temporary: figure.savefig(temporary, dpi=DPI))
+    finally:
+        if pyplot := sys.modules.get("matplotlib.pyplot"):
+            pyplot.close(figure)
 
 
 def halo(width: float = 2.5, colour: str = "white") -> list[Any]:

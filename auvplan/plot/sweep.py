@@ -20,6 +20,7 @@ from auvplan.study.statistics import (
     use_of_time,
     wilson_interval,
 )
+from auvplan.words import counted
 
 Array = style.Array
 
@@ -50,11 +51,6 @@ def setting_name(dataset: xr.Dataset, dim: str) -> str:
 def setting_value(value: Any) -> str:
     """Words for one value of a setting."""
     return f"{value:g}" if isinstance(value, np.number) else str(value)
-
-
-def counted(count: int, noun: str) -> str:
-    """A number and its noun, in the plural where there is not one."""
-    return f"{count:,} {noun}{'s' * (count != 1)}"
 
 
 def set_title(figure: Figure, dataset: xr.Dataset, text: str) -> None:

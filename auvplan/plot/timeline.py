@@ -8,7 +8,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm, LinearSegmentedColormap, Normalize
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
@@ -34,18 +33,23 @@ class Bar:
     priority: float
 
 
-def plot_timeline(run: MissionRun) -> Figure:
+def plot_timeline(run: MissionRun, *, ax: Axes | None = None) -> Axes:
     """A row for each order, first at the top, as planned; the lowest row is the mission as sailed.
 
     A plan is one row.
 
     Args:
         run: as sailed, or a plan.
+        ax: axes to draw in; those of a new figure if absent.
+
+    Returns:
+        The axes.
     """
     orders = run.orders if run.simulated else []
     rows = len(orders) + 1
-    figure = style.new_figure(13.0, 1.9 + rows * float(np.clip(8.0 / rows, 0.4, 0.6)))
-    axes = figure.subplots()
+    axes = style.own_axes(ax, 13.0, 1.9 + rows * float(np.clip(8.0 / rows, 0.4, 0.6)))
+    # Axes of their own figure will take about 85 % of it.
+    width = 0.85 * 13.0 if ax is None else ax.get_window_extent().width / style.figure_of(ax).dpi
     planned = [_planned(run, order) for order in orders]
     sailed = _sailed(run)
     bars = [bar for row in [*planned, sailed] for bar in row]
@@ -53,8 +57,8 @@ def plot_timeline(run: MissionRun) -> Figure:
     axes.set_xlim(0.0, 1.02 * last)
     axes.set_ylim(rows - 0.35, -0.65)
     norm = _norm(run)
-    # How wide a letter is on the time axis, with the axes taking about 85 % of the figure.
-    letter = 0.62 * _FONT / 72.0 / (0.85 * figure.get_figwidth()) * 1.02 * last
+    # How wide a letter is on the time axis.
+    letter = 0.62 * _FONT / 72.0 / width * 1.02 * last
     for row, order in enumerate(planned):
         _draw(axes, row, order, norm, letter)
     _draw(axes, rows - 1, sailed, norm, letter)
@@ -69,14 +73,14 @@ def plot_timeline(run: MissionRun) -> Figure:
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:,.0f}")
     axes.grid(axis="x", alpha=0.25)
     axes.set_axisbelow(True)
-    bar = figure.colorbar(ScalarMappable(norm, _PRIORITY), ax=axes, pad=0.01, fraction=0.03)
+    bar = axes.figure.colorbar(ScalarMappable(norm, _PRIORITY), ax=axes, pad=0.01, fraction=0.03)
     if isinstance(norm, BoundaryNorm):
         bar.set_ticks((norm.boundaries[1:] - 0.5).tolist())
     bar.set_label("priority of the task [-]")
-    figure.legend(handles=_legend(run), loc="outside lower center", ncols=5, fontsize=8, frameon=False)
+    style.add_legend(axes, _legend(run), ax, ncols=5)
     what = "as planned and as sailed" if orders else "as planned"
     axes.set_title(f"Order of tasks, {what}; legs from → to waypoint", fontsize=11)
-    return figure
+    return axes
 
 
 def _norm(run: MissionRun) -> Normalize:

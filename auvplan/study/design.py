@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 
 from auvplan.errors import AuvplanError, ScenarioError
-from auvplan.io.scenario_file import validate_scenario
+from auvplan.io.scenario_file import change_scenario, validate_scenario
 from auvplan.voyage.scenario import Scenario
 
 
@@ -48,7 +48,7 @@ class Sweep:
             values = yaml.safe_load(given if given.strip().startswith("[") else f"[{given}]")
         except (yaml.YAMLError, RecursionError):
             values = None
-        if not mark or field.count(".") != 1 or not isinstance(values, list) or not values:
+        if not mark or field.count(".") < 1 or not isinstance(values, list) or not values:
             raise StudyError(f"sweep {text!r}: give it as section.name=value,value,...")
         values = [_number(value) for value in values]
         if any(value in values[:place] for place, value in enumerate(values)):
@@ -99,16 +99,7 @@ class Design:
                 raise ScenarioError(f"sweep: {field}: swept twice")
         cases = []
         for values in product(*(sweep.values for sweep in self.sweeps)):
-            plain = self.scenario.model_dump(mode="json")
-            for sweep, value in zip(self.sweeps, values, strict=True):
-                *sections, name = sweep.field.split(".")
-                home: Any = plain
-                for section in sections:
-                    home = home.get(section) if isinstance(home, dict) else None
-                if not isinstance(home, dict) or name not in home:
-                    raise ScenarioError(f"sweep: {sweep.field}: unknown key")
-                home[name] = value
-            cases.append(validate_scenario(plain, "sweep"))
+            cases.append(change_scenario(self.scenario, dict(zip(fields, values, strict=True)), "sweep"))
         return cases
 
     @property

@@ -67,7 +67,7 @@ def run_study(
     design: Design,
     out: str | Path,
     *,
-    folder: str | Path = ".",
+    folder: str | Path | None = None,
     resume: bool = False,
     workers: int | None = None,
     dask: str | None = None,
@@ -82,7 +82,7 @@ def run_study(
     Args:
         design: what to run.
         out: folder of the study, made where missing.
-        folder: that relative paths in the scenario start from.
+        folder: that relative paths in the scenario start from; that of its file if absent.
         resume: continue the study in `out`.
         workers: processes on this machine; 1 runs in this one; None is one a core.
         dask: address of a Dask scheduler, or path of its scheduler file, whose workers do the work instead.
@@ -97,6 +97,7 @@ def run_study(
         ScenarioError, ChartError: a scenario cannot be built.
         OutputError: the folder cannot be written.
     """
+    folder = design.scenario.folder if folder is None else folder
     # What cannot be built or reached is told before anything is written.
     for case in design.cases:
         make_graph(case, make_fleet(case, folder).waters, np.random.default_rng(0))
@@ -165,7 +166,8 @@ def _processes(jobs: list[Job]) -> Iterator[dict[Connection, Any]]:
             ours, theirs = context.Pipe(duplex=False)
             core = numbers[number % len(numbers)]
             process = context.Process(target=work, args=(job, core, settings, theirs), daemon=True)
-            process.start()
+            with cores.deaf():
+                process.start()
             running.append(process)
             theirs.close()
             pipes[ours] = process

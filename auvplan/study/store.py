@@ -11,6 +11,7 @@ import xarray as xr
 from auvplan.io.files import ResultError, output_folder, read_dataset, write_atomically, write_dataset
 from auvplan.study.design import Design, StudyError
 from auvplan.study.row import VARIABLES, Row
+from auvplan.words import counted
 
 #: Names in the folder of a study: what it runs, its missions while it runs, its results.
 DESIGN, PIECES, DATASET, SUMMARY = "study.json", "missions", "missions.nc", "summary.json"
@@ -46,7 +47,7 @@ class Store:
         if pieces.is_dir():
             done = len(list(pieces.glob("[0-9]*.npz")))
             raise StudyError(
-                f"{self.folder} holds an unfinished study, {done} missions done: "
+                f"{self.folder} holds an unfinished study, {counted(done, 'mission')} done: "
                 "continue it with --resume, or choose another folder with --out"
             )
         # In this order: whenever it is broken off, the folder can be resumed or begun again.

@@ -141,7 +141,7 @@ def work(job: Job, core: int | None, settings: dict[str, Any], pipe: Connection)
         jax.config.update(name, value)
     try:
         sail(job, pipe.send)
-    except (BrokenPipeError, KeyboardInterrupt):  # nobody listens any more
+    except BrokenPipeError:  # nobody listens any more
         return
     except Exception as error:
         pipe.send(error)

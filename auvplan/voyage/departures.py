@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from auvplan import prng
+from auvplan.brief import Brief
 from auvplan.errors import ScenarioError
 from auvplan.ocean.known import spheres
 from auvplan.ocean.obstacles import Obstacles
@@ -26,6 +27,7 @@ from auvplan.voyage.scenario import Scenario
 from auvplan.voyage.sea import Sea, stacked
 from auvplan.voyage.simulator import over_ground
 from auvplan.voyage.waters import Waters
+from auvplan.words import counted, figure
 
 Array = NDArray[np.float64]
 
@@ -36,8 +38,8 @@ Progress = Callable[[int, int, str], None]
 _PLACES = 33
 
 
-@dataclass(frozen=True)
-class Departures:
+@dataclass(frozen=True, repr=False)
+class Departures(Brief):
     """D departures of one mission or leg.
 
     Attributes:
@@ -69,6 +71,17 @@ class Departures:
     def __len__(self) -> int:
         return len(self.departs)
 
+    def _facts(self) -> dict[str, str]:
+        count = f"{self.feasible.sum():,} of {counted(len(self), 'departure')} feasible"
+        if (best := self.best) is None:
+            return {"": count}
+        return {
+            "": count,
+            "best": self.moment(best),
+            "time": f"{self.time[best]:,.0f} s",
+            **({} if self.routes is None else {"priority": figure(float(self.priority[best]), 6)}),
+        }
+
     @property
     def best(self) -> int | None:
         """The feasible departure of most total priority, then least time, then the earliest; None without."""
@@ -85,7 +98,7 @@ def plan_departures(
     departs: ArrayLike,
     *,
     key: jax.Array,
-    folder: str | Path = ".",
+    folder: str | Path | None = None,
     waters: Waters | None = None,
     progress: Progress | None = None,
 ) -> Departures:
@@ -98,7 +111,7 @@ def plan_departures(
         scenario: settings.
         departs: [D] s since the scenario's epoch; negative ones need currents from files.
         key: PRNG key of waypoints, sea and planners, as for `run_mission`.
-        folder: that relative paths in the scenario start from.
+        folder: that relative paths in the scenario start from; that of its file if absent.
         waters: what the scenario's files tell, as `load_waters_at` reads it; read here if absent.
         progress: called as departures are seen to.
 
@@ -106,7 +119,7 @@ def plan_departures(
         ScenarioError, ChartError, GeoError, CurrentError: the scenario cannot be built, or its current is not
             known from the first departure until the last one's time available is over.
     """
-    moments = np.asarray(departs, float)
+    moments, key = np.asarray(departs, float), prng.as_key(key)
     if moments.ndim != 1 or not len(moments) or not np.isfinite(moments).all():
         raise ScenarioError(f"departs must be [D] finite seconds, D at least 1, got shape {moments.shape}")
     if waters is None:
@@ -120,13 +133,13 @@ def plan_departures(
     return _plan_missions(fleets, missions, progress)
 
 
-def load_waters_at(scenario: Scenario, departs: ArrayLike, folder: str | Path = ".") -> Waters:
+def load_waters_at(scenario: Scenario, departs: ArrayLike, folder: str | Path | None = None) -> Waters:
     """`load_waters` for missions that leave at other times: currents are read for all of them, not one.
 
     Args:
         scenario: settings.
         departs: [D] s since the scenario's epoch, which stays the epoch of what is read.
-        folder: that relative paths in the scenario start from.
+        folder: that relative paths in the scenario start from; that of its file if absent.
 
     Raises:
         ScenarioError, ChartError, GeoError, CurrentError: as `load_waters`.

@@ -45,7 +45,7 @@ def run_mission(
     *,
     key: jax.Array | None = None,
     seed: int | None = None,
-    folder: str | Path = ".",
+    folder: str | Path | None = None,
     waters: Waters | None = None,
     progress: Progress | None = None,
 ) -> MissionRun:
@@ -60,7 +60,8 @@ def run_mission(
     """
     if key is None and seed is None:
         raise ValueError("a mission needs a key or a seed: run_mission(scenario, seed=0)")
-    keys, seeds = None if key is None else key[None], None if seed is None else [seed]
+    keys = None if key is None else prng.as_key(key, instead=", or seed=0 in its place")[None]
+    seeds = None if seed is None else [seed]
     return run_missions(scenario, keys=keys, seeds=seeds, folder=folder, waters=waters, progress=progress)[0]
 
 
@@ -69,7 +70,7 @@ def run_missions(
     *,
     keys: jax.Array | None = None,
     seeds: Sequence[int] | None = None,
-    folder: str | Path = ".",
+    folder: str | Path | None = None,
     waters: Waters | None = None,
     progress: Progress | None = None,
 ) -> list[MissionRun]:
@@ -80,7 +81,7 @@ def run_missions(
         keys: [B] PRNG keys; the result of a mission depends on its own key alone. Those of `seeds` if absent.
         seeds: B numbers, that missions are made from where no keys are given, and that results are labelled
             with; 0, 1, ... if absent.
-        folder: that relative paths in the scenario start from.
+        folder: that relative paths in the scenario start from; that of its file if absent.
         waters: what the scenario's files tell, as `load_waters` reads it; read here if absent.
         progress: called with (mission, time s, what it does) as missions advance.
 
@@ -101,7 +102,7 @@ def sail_missions(
     *,
     keys: jax.Array | None = None,
     seeds: Sequence[int] | None = None,
-    folder: str | Path = ".",
+    folder: str | Path | None = None,
     waters: Waters | None = None,
     progress: Progress | None = None,
     together: int = WIDTH,
@@ -116,6 +117,7 @@ def sail_missions(
         if seeds is None:
             raise ValueError("missions need keys or seeds: run_missions(scenario, seeds=range(10))")
         keys = seed_keys(seeds)
+    keys = prng.as_key(keys, "keys", instead=", or seeds=range(B) in their place")
     labels = range(len(keys)) if seeds is None else seeds
     if len(labels) != len(keys):
         raise ValueError(f"keys and seeds must be as many, got {len(keys)} and {len(labels)}")
@@ -166,7 +168,7 @@ def mission_configs(scenario: Scenario) -> tuple[MissionConfig, MissionConfig]:
     return config.replace(beam_width=later.beam_width), later
 
 
-def make_fleet(scenario: Scenario, folder: str | Path, waters: Waters | None = None) -> Fleet:
+def make_fleet(scenario: Scenario, folder: str | Path | None = None, waters: Waters | None = None) -> Fleet:
     """Waters, vehicle and planners' settings of a scenario.
 
     Raises:
@@ -175,13 +177,14 @@ def make_fleet(scenario: Scenario, folder: str | Path, waters: Waters | None = N
     # Files are read at the edge of the package; what is built from them can be given instead.
     from auvplan.io.waters import load_waters
 
+    home = scenario.folder if folder is None else str(folder)
     return Fleet(
         scenario,
         path_config(scenario),
         mission_configs(scenario),
         make_vehicle(scenario),
-        load_waters(scenario, folder) if waters is None else waters,
-        str(folder),
+        load_waters(scenario, home) if waters is None else waters,
+        home,
     )
 
 

@@ -30,7 +30,7 @@ def plan_scenario(
     key: jax.Array | None = None,
     seed: int = 0,
     depart: float = 0.0,
-    folder: str | Path = ".",
+    folder: str | Path | None = None,
     waters: Waters | None = None,
     progress: Callable[[float, str], None] | None = None,
 ) -> MissionRun:
@@ -44,7 +44,7 @@ def plan_scenario(
         key: PRNG key of the planners, and of what the scenario leaves to chance; that of `seed` if absent.
         seed: the same as a number.
         depart: s since the scenario's epoch.
-        folder: that relative paths in the scenario start from.
+        folder: that relative paths in the scenario start from; that of its file if absent.
         waters: what the scenario's files tell, as `load_waters_at` reads it; read here if absent.
         progress: called with (time s, what is planned).
 
@@ -67,7 +67,7 @@ def plan_scenario(
     return _from_departure(missions[0].run, depart)
 
 
-def planning_fleet(scenario: Scenario, folder: str | Path, waters: Waters, depart: float) -> Fleet:
+def planning_fleet(scenario: Scenario, folder: str | Path | None, waters: Waters, depart: float) -> Fleet:
     """What a plan counts on: nothing simulated, nothing timed, no more of the sea than it meets."""
     if waters.forecast is not None:
         forecast = waters.forecast.window(depart, depart + scenario.mission.time_available)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from auvplan.brief import Brief
 from auvplan.mission import MissionConfig, MissionGraph, MissionOrder, trail_bound, upper_bound
 from auvplan.mission.jobs import jobs_done
 from auvplan.motion import Motion
@@ -19,12 +20,13 @@ from auvplan.ocean.seabed import Seabed
 from auvplan.site import Site
 from auvplan.vehicle import Vehicle
 from auvplan.voyage.settings import PlanningSettings
+from auvplan.words import figure
 
 Array = NDArray[np.floating]
 
 
-@dataclass
-class PlanRecord:
+@dataclass(repr=False)
+class PlanRecord(Brief):
     """One path plan as it was made.
 
     Attributes:
@@ -35,7 +37,8 @@ class PlanRecord:
         feasible: whether the belief saw every limit kept.
         cause: "leg", "window" or "hazard".
         cpu: s of wall-clock time.
-        history: by iteration, [I + 1] each: best, mean, std, violation_best, violation_mean, violation_std.
+        history: by iteration, [I + 1] each: best, mean, std, violation_best, violation_mean, violation_std;
+            empty where it comes from a file without them.
         current: the true one when the plan was made, for pictures.
         motion: attitude and velocities on its S - 1 segments, as planned.
     """
@@ -51,9 +54,18 @@ class PlanRecord:
     current: Current
     motion: Motion
 
+    def _facts(self) -> dict[str, str]:
+        return {
+            "": "feasible" if self.feasible else "not feasible",
+            "made for a": self.cause,
+            "at": f"{self.made_at:,.0f} s",
+            "travel time": f"{float(self.times[-1] - self.times[0]):,.0f} s",
+            "cost": f"{self.cost:,.0f} s",
+        }
 
-@dataclass
-class LegRecord:
+
+@dataclass(repr=False)
+class LegRecord(Brief):
     """One sailed leg between two waypoints.
 
     Attributes:
@@ -93,6 +105,16 @@ class LegRecord:
     obstacle_radii: Array = field(default_factory=lambda: np.zeros(0))
     obstacle_kinds: list[str] = field(default_factory=list)
     arrived: bool = False
+
+    def _facts(self) -> dict[str, str]:
+        return {
+            "": f"{self.start} to {self.goal}",
+            "sailed": f"{self.t_path:,.0f} s" if self.arrived else f"{self.t_path:,.0f} s, not arrived",
+            "expected": f"{self.t_expected - self.t_task:,.0f} s",
+            "task": f"{self.t_task:,.0f} s",
+            "priority": figure(self.priority, 6),
+            "plans": f"{len(self.plans):,}",
+        }
 
     @property
     def t_path(self) -> float:
@@ -142,8 +164,8 @@ class OrderRecord:
     leg_times: list[float] = field(default_factory=list)
 
 
-@dataclass
-class MissionRun:
+@dataclass(repr=False)
+class MissionRun(Brief):
     """A mission from start to end.
 
     Attributes:
@@ -171,6 +193,7 @@ class MissionRun:
         simulated: whether the mission was sailed in the simulator; otherwise it is a plan, and what counts as
             sailed below is what is planned, in the forecast.
         obstacles: that were known beforehand.
+        saved_bound: `bound` of a run that comes from files, which do not keep `first_order`; None of others.
     """
 
     scenario: dict[str, Any]
@@ -196,6 +219,20 @@ class MissionRun:
     names: list[str] = field(default_factory=list)
     simulated: bool = True
     obstacles: tuple[KnownObstacle, ...] = ()
+    saved_bound: float | None = None
+
+    def _facts(self) -> dict[str, str]:
+        return {
+            "": self.reason or "under way",
+            "scenario": str(self.scenario.get("name", "")),
+            "seed": str(self.seed),
+            "time": f"{self.t_mission:,.0f} of {self.t_available:,.0f} s",
+            "legs": f"{len(self.done):,}",
+            "tasks": f"{self.tasks:,}",
+            "priority": figure(self.total_priority, 6),
+            "re-plans": f"{sum(leg.path_replans for leg in self.legs):,} of paths, "
+            f"{max(len(self.orders) - 1, 0):,} of the mission",
+        }
 
     @property
     def t_residual(self) -> float:
@@ -242,7 +279,7 @@ class MissionRun:
         where a visited waypoint had to be passed, it is the sum over all tasks.
         """
         if self.first_order is None:
-            return 0.0
+            return self.saved_bound or 0.0
         times, graph = np.array(self.first_order.edge_times), self.graph
         once, stay = np.asarray(graph.waypoint_priority), np.asarray(graph.waypoint_duration)
         for leg in self.done:

@@ -1,8 +1,10 @@
 """A scenario: everything that a mission needs to know but its seed, validated."""
 
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
-from pydantic import model_validator
+from pydantic import PrivateAttr, model_validator
 
 from auvplan.site import Site
 from auvplan.voyage.places import localised
@@ -43,6 +45,44 @@ class Scenario(Section):
     simulation: SimulationSettings = SimulationSettings()
     mission: MissionSettings = MissionSettings()
     planning: PlanningSettings = PlanningSettings()
+
+    _folder: str = PrivateAttr(default=".")
+
+    @property
+    def folder(self) -> str:
+        """That relative paths start from: of the scenario's file, or the working directory without one."""
+        return self._folder
+
+    def in_folder(self, folder: str | Path) -> "Scenario":
+        """The same settings with relative paths that start from `folder`."""
+        moved = self.model_copy()
+        moved._folder = str(folder)
+        return moved
+
+    def with_(self, changes: Mapping[str, Any]) -> "Scenario":
+        """The same with other values of some fields, validated as a scenario's file is.
+
+        Args:
+            changes: values by "section.field", as `--set` and `--sweep` name them; of a whole section by its
+                name.
+
+        Raises:
+            ScenarioError: a field is not known or a value does not fit; one line that names the field.
+
+        Example:
+            >>> import auvplan as ap
+            >>> scenario = ap.load_scenario("whitsunday").with_({"vehicle.speed": 2, "mission.waypoints": 12})
+            >>> scenario.vehicle.speed, scenario.mission.waypoints
+            (2.0, 12)
+            >>> scenario.with_({"vehicle.sped": 2})
+            Traceback (most recent call last):
+                ...
+            auvplan.errors.ScenarioError: scenario: vehicle.sped: unknown key 'sped', did you mean 'speed'?
+        """
+        # Faults are told at the edge of the package.
+        from auvplan.io.scenario_file import change_scenario
+
+        return change_scenario(self, changes)
 
     @model_validator(mode="before")
     @classmethod

@@ -257,3 +257,29 @@ def test_a_memetic_step_that_finds_nothing_changes_nothing() -> None:
     plain = run(*arguments)
     idle = run(*arguments, improve=lambda population: population[-3:], period=5)
     np.testing.assert_array_equal(plain.state.population, idle.state.population)
+
+
+def test_the_answer_violates_nothing_where_any_habitat_did_not():
+    """The least cost lies where the violation is large: the search goes there, the answer stays."""
+
+    def fun(x):
+        return (x**2).sum(axis=1), jnp.maximum(1.0 - x[:, 0], 0.0)
+
+    config = BBOConfig(population=24, iterations=10)
+    result = minimize(fun, [-2.0, -2.0], [2.0, 2.0], key=jax.random.key(3), config=config)
+    assert float(result.state.violation[0]) > 0.0, "the habitat of least cost is another"
+    assert float(result.violation) == 0.0
+    assert 1.0 <= float(result.x[0]) <= 2.0
+    np.testing.assert_allclose(float(result.cost), float((result.x**2).sum()), rtol=1e-6)
+
+
+def test_without_a_feasible_habitat_the_answer_is_of_least_cost():
+    config = BBOConfig(population=24, iterations=10)
+    result = minimize(
+        lambda x: ((x**2).sum(axis=1), 1.0 + x[:, 0] ** 2),
+        *([-2.0], [2.0]),
+        key=jax.random.key(3),
+        config=config,
+    )
+    assert float(result.violation) >= 1.0
+    assert float(result.cost) == float(result.state.cost[0])

@@ -16,7 +16,7 @@ from auvplan.io.restore import restore_run
 from auvplan.ocean.seabed import Seabed
 from auvplan.site import Site
 from auvplan.voyage.scenario import Scenario
-from tests.io.sample_run import make_run
+from tests.io.sample_run import make_run, refused_leg
 
 SITE = Site(148.96, -20.34, datetime(2026, 11, 22, 6, tzinfo=UTC), (5000.0, 3000.0))
 
@@ -56,6 +56,32 @@ def test_plans_tracks_and_their_currents_come_back(run, tmp_path):
             np.testing.assert_allclose(plan.motion.ground_velocity, made.motion.ground_velocity, atol=1e-5)
             here = (500.0, 700.0, 10.0, 0.0)
             np.testing.assert_allclose(plan.current(*here), made.current(*here), rtol=1e-5)
+
+
+def test_routes_histories_and_figures_come_back(run, tmp_path):
+    run.estimate_seconds, run.compile_seconds, run.saved_bound = 0.5, 7.25, 12.0
+    run.legs.insert(1, refused_leg(run))
+    run.legs[0].plans[0].history["mean"][:3] = np.inf
+    back = restore_run(save_run(run, tmp_path))
+    assert back.orders == run.orders
+    assert back.bound == 12.0
+    assert back.first_order is None
+    for leg, was in zip(back.legs, run.legs, strict=True):
+        for plan, made in zip(leg.plans, was.plans, strict=True):
+            assert plan.history.keys() == made.history.keys()
+            for name, values in made.history.items():
+                np.testing.assert_allclose(plan.history[name], values, rtol=1e-6)
+    again, first = back.summary(), json.loads((tmp_path / "summary.json").read_text())
+    assert again == first
+
+
+def test_a_file_without_histories_has_none(run, tmp_path):
+    for leg in run.legs:
+        for plan in leg.plans:
+            plan.history = {}
+    back = restore_run(save_run(run, tmp_path))
+    assert all(plan.history == {} for leg in back.legs for plan in leg.plans)
+    assert back.orders == run.orders
 
 
 def test_a_restored_run_is_exported_as_the_run_itself(run, tmp_path):

@@ -8,7 +8,7 @@ import pytest
 from matplotlib.dates import num2date
 
 from auvplan.plot import plot_departures
-from auvplan.plot.style import save
+from auvplan.plot.style import figure_of, save
 from auvplan.site import Site
 from auvplan.voyage import Departures
 
@@ -57,7 +57,7 @@ def test_best_is_of_most_priority_then_least_time_then_earliest():
 )
 def test_panels_have_labels_with_units_and_all_feasible_departures(leg, labels):
     found = make(leg=leg)
-    figure = plot_departures(found)
+    figure = figure_of(plot_departures(found))
     assert [axes.get_ylabel() for axes in figure.axes] == labels
     assert figure.axes[-1].get_xlabel() == "departure [UTC]"
     minutes = figure.axes[labels.index(labels[-2])].lines[0].get_ydata()
@@ -67,7 +67,7 @@ def test_panels_have_labels_with_units_and_all_feasible_departures(leg, labels):
 
 def test_shades_lie_around_the_departures_that_are_not_feasible():
     found = make(dated=False)
-    figure = plot_departures(found)
+    figure = figure_of(plot_departures(found))
     hours = found.departs / 3600.0
     expected = [(hours[k] - 0.25, min(hours[k] + 0.25, hours[-1])) for k in (2, 3, 8)]
     for axes in figure.axes:
@@ -79,7 +79,7 @@ def test_shades_lie_around_the_departures_that_are_not_feasible():
 
 
 def test_dates_are_utc():
-    figure = plot_departures(make())
+    figure = figure_of(plot_departures(make()))
     first = figure.axes[-1].lines[0].get_xdata()[0]
     assert num2date(figure.axes[-1].convert_xunits(first)) == datetime(2026, 3, 1, 22, tzinfo=UTC)
 
@@ -99,13 +99,13 @@ def test_the_order_of_departures_does_not_matter():
         name: getattr(found, name)[mixed]
         for name in ("departs", "feasible", "time", "tasks", "priority", "current")
     }
-    figure = plot_departures(replace(found, **arrays))
+    figure = figure_of(plot_departures(replace(found, **arrays)))
     line = figure.axes[-1].lines[0]
     np.testing.assert_allclose(line.get_xydata(), np.stack([found.departs / 3600.0, found.current], axis=1))
 
 
 def test_no_labels_overlap():
-    figure = plot_departures(make(60))
+    figure = figure_of(plot_departures(make(60)))
     figure.draw_without_rendering()
     for axis in (figure.axes[-1].xaxis, *(axes.yaxis for axes in figure.axes)):
         boxes = [label.get_window_extent() for label in axis.get_ticklabels() if label.get_text()]

@@ -1,27 +1,35 @@
 """Figures exist, can be read, and say what they show in which unit."""
 
+import jax
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from PIL import Image
 
+import auvplan as ap
 from auvplan.io import OutputError
 from auvplan.plot import (
     busiest_leg,
     draw_chart,
     draw_run,
+    plot_chart,
     plot_convergence,
     plot_currents,
     plot_mission,
     plot_obstacles,
+    plot_path,
     plot_timeline,
 )
-from tests.io.sample_run import make_chart, make_run, refused_leg
+from auvplan.plot.style import figure_of, save
+from tests.io.sample_run import WAYPOINTS, make_chart, make_run, refused_leg
 
 NAMES = ["mission.png", "timeline.png", "currents.png", "obstacles.png", "convergence.png"]
 
 
 def data_axes(figure):
-    """Axes that are no colour bar."""
+    """Axes that are no colour bar, of a figure or of that of axes."""
+    figure = figure if isinstance(figure, Figure) else figure_of(figure)
     return [axes for axes in figure.axes if axes.get_label() != "<colorbar>" and axes.get_visible()]
 
 
@@ -60,7 +68,7 @@ def test_mission_that_never_began(tmp_path):
     run = make_run()
     run.legs, run.orders = [], []
     assert_pictures(draw_run(run, tmp_path))
-    assert "no path" in plot_currents(run).texts[0].get_text()
+    assert "no path" in plot_currents(run)[0].texts[0].get_text()
 
 
 def test_unwritable_folder(tmp_path):
@@ -71,7 +79,7 @@ def test_unwritable_folder(tmp_path):
 
 @pytest.mark.parametrize("plot", [plot_mission, plot_currents])
 def test_maps_have_east_right_and_north_up_in_equal_scale(plot):
-    figure = plot(make_run())
+    figure = figure_of(plot(make_run()))
     figure.draw_without_rendering()
     panels = data_axes(figure)
     assert any(axes.get_xlabel() == "east [m]" for axes in panels)
@@ -86,7 +94,7 @@ def test_maps_have_east_right_and_north_up_in_equal_scale(plot):
     "plot", [plot_mission, plot_timeline, plot_currents, plot_convergence, plot_obstacles]
 )
 def test_axes_have_labels_with_units(plot):
-    figure = plot(make_run())
+    figure = figure_of(plot(make_run()))
     labels = [text for axes in figure.axes for text in (axes.get_xlabel(), axes.get_ylabel()) if text]
     assert labels
     assert all("[" in label and "]" in label for label in labels), labels
@@ -100,8 +108,6 @@ def test_route_is_where_it_was_sailed():
 
 
 def test_large_areas_are_in_kilometres():
-    from tests.io.sample_run import WAYPOINTS
-
     figure = plot_mission(make_run(chart=False, waypoints=WAYPOINTS * [5.0, 5.0, 1.0]))
     assert data_axes(figure)[0].get_xlabel() == "east [km]"
 
@@ -136,11 +142,11 @@ def test_convergence_with_infinite_and_zero_values(tmp_path):
     history["std"] = np.where(np.arange(21) < 3, np.nan, history["std"])
     for name in ("violation_best", "violation_mean", "violation_std"):
         history[name] = np.zeros(21)
-    plot_convergence(run, run.legs[0]).savefig(tmp_path / "figure.png")
+    save(plot_convergence(run, run.legs[0]), tmp_path / "figure.png")
 
 
 def test_labels_do_not_overlap():
-    figure = plot_mission(make_run())
+    figure = figure_of(plot_mission(make_run()))
     figure.draw_without_rendering()
     axes = data_axes(figure)[0]
     boxes = [text.get_window_extent() for text in axes.texts if text.get_text()]
@@ -154,3 +160,80 @@ def test_chart(tmp_path):
     Image.fromarray(np.full((200, 200, 3), 120, np.uint8)).save(tmp_path / "picture.png")
     assert draw_chart(chart, tmp_path / "picture.png", tmp_path).stat().st_size > 10_000
     assert draw_chart(chart, None, tmp_path).name == "chart.png"
+
+
+@pytest.mark.parametrize("plot", [plot_mission, plot_timeline, plot_chart])
+def test_axes_that_are_given_are_drawn_in(plot):
+    figure = Figure(figsize=(14, 6), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    shown = plot(make_chart() if plot is plot_chart else make_run(), ax=left)
+    assert shown is left
+    assert left.get_legend() is not None
+    assert not figure.legends, "nothing is written outside the axes that were given"
+    assert not right.has_data()
+    figure.draw_without_rendering()
+
+
+def test_spheres_need_three_dimensions():
+    figure = Figure()
+    deep = figure.add_subplot(projection="3d")
+    assert plot_obstacles(make_run(), ax=deep) is deep
+    assert deep.get_title()
+    with pytest.raises(ValueError, match="three-dimensional"):
+        plot_obstacles(make_run(), ax=Figure().subplots())
+
+
+@pytest.mark.parametrize("plot", [plot_currents, plot_convergence])
+def test_panels_take_the_place_of_the_axes_that_are_given(plot):
+    figure = Figure(figsize=(14, 7), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    panels = plot(make_run(), ax=right)
+    assert right not in figure.axes
+    assert all(isinstance(axes, Axes) and figure_of(axes) is figure for axes in panels)
+    figure.draw_without_rendering()
+    assert all(axes.get_window_extent().x0 > left.get_window_extent().x1 for axes in panels)
+    with pytest.raises(ValueError, match="one of a grid"):
+        plot(make_run(), ax=Figure().add_axes((0, 0, 1, 1)))
+
+
+def test_a_run_without_histories_is_told():
+    run = make_run()
+    run.legs[0].plans[0].history = {}
+    with pytest.raises(ValueError, match="no histories"):
+        plot_convergence(run, run.legs[0])
+
+
+@pytest.fixture(scope="module")
+def plan():
+    """A path past a drifting obstacle and one that is far off."""
+    stream = ap.UniformCurrent(0.2, 0.4)
+    afloat = ap.Obstacles.afloat([[1000.0, -200.0, 0.0], [9000.0, 9000.0, 0.0]], [80.0, 50.0], growth=0.02)
+    env = ap.Environment(stream, obstacles=afloat, lower=(-500, -900, 0), upper=(2500, 1500, 0))
+    config = ap.PathConfig.quick().replace(finer=1)
+    return ap.plan_path((0, 0, 0), (2000, 0, 0), env, key=jax.random.key(0), config=config)
+
+
+def test_a_path_is_drawn_over_its_sea(plan, tmp_path):
+    axes = plot_path(plan)
+    assert axes.get_title().startswith(f"{plan.travel_time:,.0f} s over {plan.length:,.0f} m")
+    assert any(np.allclose(line.get_xydata(), plan.positions[:, [1, 0]]) for line in axes.lines), (
+        "east to the right"
+    )
+    assert len(axes.patches) == 2, "one obstacle in view, and its boundary"
+    solid, bound = axes.patches
+    assert solid.radius == pytest.approx(80.0)
+    assert bound.radius > solid.radius
+    clear = np.linalg.norm(plan.positions[:, [1, 0]] - np.asarray(solid.center), axis=1)
+    assert clear.min() >= bound.radius - 30.0, "the path passes the boundary as it is drawn"
+    assert save(axes, tmp_path / "path.png").stat().st_size > 20_000
+
+
+def test_a_path_over_another_map_leaves_the_map_as_it_is(plan):
+    axes = plot_mission(make_run())
+    limits, count = (axes.get_xlim(), axes.get_ylim()), len(axes.images)
+    assert plot_path(plan, ax=axes) is axes
+    assert (axes.get_xlim(), axes.get_ylim()) == limits
+    assert len(axes.images) == count
+    wide = plot_mission(make_run(chart=False, waypoints=WAYPOINTS * [5.0, 5.0, 1.0]))
+    plot_path(plan, ax=wide)
+    assert np.allclose(wide.lines[-1].get_xydata(), plan.positions[:, [1, 0]] / 1000.0)

@@ -51,7 +51,7 @@ def test_clusters_show_the_map_and_its_window(tmp_path):
 
 
 def test_current_panels_stand_side_by_side_and_carry_the_note(run, tmp_path):
-    figure = saved(plot_currents(run, note="as chosen"), tmp_path)
+    figure = saved(style.figure_of(plot_currents(run, note="as chosen")), tmp_path)
     assert "as chosen" in figure.get_suptitle()
 
 
@@ -129,7 +129,7 @@ def test_call_times_stand_beside_all_planning_and_the_interval(tmp_path):
 def test_a_new_order_says_when_it_was_made_and_which_leg_was_late():
     run = make_run()
     run.legs[0].t_expected = run.legs[0].t_path + run.legs[0].t_task - 25.0
-    names = [text.get_text() for text in plot_timeline(run).axes[0].get_yticklabels()]
+    names = [text.get_text() for text in plot_timeline(run).get_yticklabels()]
     assert f"at {run.orders[1].made_at:,.0f} s, late" in names[1]
     took, expected = run.legs[0].t_path + run.legs[0].t_task, run.legs[0].t_expected
     assert f"0→1 took {took:,.0f} s, not {expected:,.0f} s" in names[1]

@@ -1,0 +1,6 @@
+"""`python -m auvplan` is the command line."""
+
+from auvplan.cli import main
+
+if __name__ == "__main__":
+    main()

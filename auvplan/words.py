@@ -1,0 +1,30 @@
+"""Numbers and their nouns, as people write them."""
+
+import math
+
+
+def counted(count: int, noun: str) -> str:
+    """A number and its noun, in the plural where there is not one.
+
+    Example:
+        >>> counted(1, "leg"), counted(1200, "mission"), counted(2, "entry")
+        ('1 leg', '1,200 missions', '2 entries')
+    """
+    if count == 1:
+        return f"1 {noun}"
+    many = f"{noun[:-1]}ies" if noun.endswith("y") and noun[-2:-1] not in "aeiou" else f"{noun}s"
+    return f"{count:,} {many}"
+
+
+def figure(value: float, digits: int = 3) -> str:
+    """A number with so many significant digits, all of those before the point, never with an exponent.
+
+    Example:
+        >>> figure(12345.678), figure(0.012345), figure(98.0), figure(0.0)
+        ('12,346', '0.0123', '98', '0')
+    """
+    if not math.isfinite(value) or value == 0.0:
+        return "0" if value == 0.0 else str(value)
+    places = max(digits - 1 - math.floor(math.log10(abs(value))), 0)
+    text = f"{value:,.{places}f}"
+    return text.rstrip("0").rstrip(".") if "." in text else text

@@ -1,0 +1,126 @@
+"""Options that several commands have, and what is told while and after they run."""
+
+import subprocess
+import sys
+import time
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+import auvplan as ap
+from auvplan import cli, study
+from auvplan.cli import shared
+from auvplan.cli.shared import load, progress_bar
+from auvplan.errors import ScenarioError
+from auvplan.study.store import PIECES
+
+
+def call(capsys, monkeypatch, *arguments):
+    """Exit status, standard output, standard error of a command."""
+    monkeypatch.setattr("sys.argv", ["auvplan", *map(str, arguments)])
+    with pytest.raises(SystemExit) as stop:
+        cli.main()
+    out, err = capsys.readouterr()
+    return stop.value.code or 0, out, err
+
+
+def test_settings_take_the_place_of_the_scenarios():
+    texts = [
+        "vehicle.speed=2",
+        "mission.start=[3000, 2000, 5]",
+        "site={longitude: 1, latitude: 2}",
+        "name=a=b",
+    ]
+    scenario, _ = load("whitsunday", settings=texts)
+    assert scenario.vehicle.speed == 2.0
+    assert scenario.mission.start == (3000.0, 2000.0, 5.0)
+    assert scenario.site.latitude == 2.0
+    assert scenario.name == "a=b"
+    assert load("whitsunday", settings=["mission.start="])[0].mission.start is None
+
+
+def test_settings_count_more_than_the_option_of_the_same():
+    assert load("whitsunday", "paper", settings=["planning.preset=default"])[0].planning.preset == "default"
+    assert load("whitsunday", "paper")[0].planning.preset == "paper"
+    assert load("whitsunday", leg=True)[0].mission.waypoints == 2
+
+
+@pytest.mark.parametrize(
+    ("texts", "words"),
+    [
+        (["vehicle.sped=2"], "--set: vehicle.sped: unknown key 'sped', did you mean 'speed'?"),
+        (["vehicle.speed=-2"], "--set: vehicle.speed: must be greater than 0, got -2"),
+        (["vehicle.speed"], "section.field=value"),
+        (["=2"], "section.field=value"),
+        (["vehicle.speed=[1"], "not YAML"),
+        (["vehicle.speed=*x"], "--set 'vehicle.speed=*x': "),
+        (["vehicle.speed=1", "vehicle.speed=2"], "given twice"),
+        (["mission.start=[1e6, 0, 0]"], "--set: mission.start: "),
+    ],
+)
+@pytest.mark.parametrize("command", ["mission", "path", "departures", "montecarlo"])
+def test_a_bad_setting_is_one_line_that_names_the_option(
+    tmp_path, capsys, monkeypatch, command, texts, words
+):
+    options = [part for text in texts for part in ("--set", text)]
+    code, out, err = call(capsys, monkeypatch, command, "whitsunday", "--out", tmp_path / "out", *options)
+    assert (code, out) == (2, "")
+    assert err.startswith("auvplan: --set")
+    assert words in err
+    assert len(err.splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_option_of_a_bad_preset_is_named():
+    with pytest.raises(ScenarioError, match=r"^--preset: planning\.preset: must be"):
+        load("whitsunday", "best")
+
+
+def test_the_version_by_either_name(capsys, monkeypatch):
+    code, out, err = call(capsys, monkeypatch, "--version")
+    assert (code, out, err) == (0, f"auvplan {ap.__version__}\n", "")
+    root = Path(__file__).resolve().parent.parent
+    command = [sys.executable, "-m", "auvplan", "--version"]
+    assert subprocess.run(command, cwd=root, capture_output=True, text=True, check=True).stdout == out
+
+
+def test_a_study_that_is_interrupted_says_how_to_go_on(tmp_path, capsys, monkeypatch):
+    def begin(design, out, **_):
+        if out.name == "begun":
+            (out / PIECES).mkdir(parents=True)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(study, "run_study", begin)
+    for name, words in (("begun", "--resume"), ("not", "interrupted")):
+        code, out, err = call(capsys, monkeypatch, "montecarlo", "--out", tmp_path / name)
+        assert (code, out) == (130, "")
+        assert words in err
+        assert len(err.splitlines()) == 1
+    assert "--resume" not in err
+
+
+def test_other_commands_end_on_one_line_too(capsys, monkeypatch):
+    def stopped(_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("auvplan.io.examine.examine_scenario", stopped)
+    assert call(capsys, monkeypatch, "validate", "whitsunday") == (130, "", "auvplan: interrupted\n")
+
+
+def test_progress_in_a_log_is_few_plain_lines(capsys, monkeypatch):
+    monkeypatch.setattr(shared._Lines, "APART", 0.005)
+    with progress_bar("loading", quiet=False, of="of the work") as advance:
+        time.sleep(0.5)
+        for step in range(101):
+            advance(step / 100.0, f"step {step}")
+            time.sleep(0.002)
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == "auvplan: loading"
+    assert 2 <= len(lines) <= 11
+    assert all(line.isprintable() and line.endswith(" % of the work") for line in lines[1:])
+    shares = [int(line.split()[-5]) for line in lines[1:]]
+    assert all(b - a >= 10 for a, b in pairwise(shares))
+    with progress_bar("loading", quiet=True) as advance:
+        time.sleep(0.05)
+    assert capsys.readouterr().err == ""
