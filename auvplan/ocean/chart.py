@@ -279,9 +279,8 @@ def settled(found: Classified, what: str | Path) -> Classified:
     """
     if found.doubts:
         raise ChartError(
-            f"{what}: what is water and what is land is in doubt: {'; '.join(found.doubts)}. Name colours of "
-            "both (chart.colours in the scenario, --water and --land on the command line); the clusters are "
-            f"{found.listed() or 'none'}"
+            f"{what}: what is water and what is land is in doubt: {'; '.join(found.doubts)}: name colours of "
+            f"both by chart.colours or --water and --land; it has {found.listed() or 'none'}"
         )
     for line in found.warnings:
         warnings.warn(f"{what} {line}", ScenarioWarning, stacklevel=3)
