@@ -1,6 +1,7 @@
 """The command line as a person meets it: results, exit codes, one clear line for bad input."""
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -9,7 +10,12 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from auvplan import cli
+from auvplan.ocean.whitsunday import classes, render
 from auvplan.study import cluster
+from auvplan.voyage.settings import ChartSettings
+from auvplan.voyage.world import picture_chart
+from tests.io.geo.files import write_geotiff
+from tests.ocean.chart_pictures import STYLES, paint
 
 pytestmark = pytest.mark.usefixtures("light_search")
 
@@ -129,6 +135,98 @@ def test_chart_command(tmp_path, capsys, monkeypatch):
     assert (tmp_path / "chart" / "chart.png").is_file()
 
 
+def test_the_chart_command_proposes_what_colours_stand_for(tmp_path, capsys, monkeypatch):
+    style = STYLES["white deep water"]
+    Image.fromarray(paint(style, 300)).save(tmp_path / "map.png")
+    code, out, err = call(capsys, monkeypatch, "chart", tmp_path / "map.png", "--out", tmp_path)
+    assert code in (0, None), err
+    row = next(line for line in out.splitlines() if "#ffffff" in line)
+    assert "water" in row
+    assert '--land "#ffffff"' in row
+    assert "note: " in out
+    lines = out[out.index("chart:\n") :]
+    chart = yaml.safe_load(lines)["chart"]
+    assert chart["source"] == "image"
+    assert chart["image"] == str(tmp_path / "map.png")
+    assert chart["colours"]["water"] == ["#ffffff"]
+    # The lines make a scenario of the same chart.
+    settings = ChartSettings(**chart)
+    shares = picture_chart(settings, str(tmp_path)).shares()
+    assert f"coast {shares['coast']:.1%}, uncertain {shares['uncertain']:.1%}" in out
+
+
+def test_the_chart_command_takes_told_colours(tmp_path, capsys, monkeypatch):
+    style = STYLES["inverted"]
+    Image.fromarray(paint(style, 300)).save(tmp_path / "map.png")
+    arguments = ["chart", tmp_path / "map.png", "--out", tmp_path / "out"]
+    code, out, err = call(capsys, monkeypatch, *arguments)
+    assert code == 2
+    assert err.count("\n") == 1
+    assert "chart.colours" in err
+    assert (tmp_path / "out" / "chart.png").is_file(), "the clusters are drawn where they are refused, too"
+    assert "chart:" not in out
+    told = [word for kind, (colour,) in style.named.items() for word in (f"--{kind}", colour)]
+    code, out, err = call(capsys, monkeypatch, *arguments, *told)
+    assert code in (0, None), err
+    assert yaml.safe_load(out[out.index("chart:\n") :])["chart"]["colours"] == {
+        kind: list(colours) for kind, colours in style.named.items()
+    }
+    coast = (classes(300) == 0).mean()
+    assert float(re.search(r"coast ([\d.]+)%", out)[1]) == pytest.approx(100.0 * coast, abs=1.0)
+
+
+@pytest.mark.parametrize(
+    ("told", "words"),
+    [
+        (["--water", "blu"], "--water 'blu' is no colour"),
+        (["--land", "#12"], "--land '#12' is no colour"),
+        (["--uncertain", ""], "--uncertain '' is no colour"),
+        (["--water", "white", "--land", "#fff"], "#ffffff is given for water and for land"),
+    ],
+)
+def test_colours_that_are_none(tmp_path, capsys, monkeypatch, told, words):
+    Image.fromarray(paint(STYLES["grey"], 100)).save(tmp_path / "map.png")
+    code, _, err = call(capsys, monkeypatch, "chart", tmp_path / "map.png", "--out", tmp_path / "out", *told)
+    assert code == 2
+    assert words in err
+    assert err.count("\n") == 1
+
+
+def test_the_chart_command_leaves_the_picture_alone(tmp_path, capsys, monkeypatch):
+    path = tmp_path / "chart.png"
+    Image.fromarray(render(100)).save(path)
+    before = path.read_bytes()
+    for _ in range(2):
+        code, out, err = call(capsys, monkeypatch, "chart", path, "--out", tmp_path)
+        assert code in (0, None), err
+        assert "chart-drawn.png" in out
+    assert path.read_bytes() == before
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["chart-drawn.png", "chart.png"]
+
+
+def test_pixels_are_as_large_as_the_file_tells(tmp_path, capsys, monkeypatch):
+    path = write_geotiff(
+        tmp_path / "c.tif", render(100), corner=(5e5, 7_774_100.0), scale=(300, 300), epsg=32755
+    )
+    arguments = ["chart", path, "--out", tmp_path / "out"]
+    code, out, err = call(capsys, monkeypatch, *arguments)
+    assert code in (0, None), err
+    assert "pixels of 300" in out
+    chart = yaml.safe_load(out[out.index("chart:\n") :])["chart"]
+    assert (chart["source"], chart["file"]) == ("raster", str(path))
+    assert "note" not in out
+    code, out, err = call(capsys, monkeypatch, *arguments, "--pixel-size", 25)
+    assert code in (0, None), err
+    assert "pixels of 25 m" in out
+    assert "tells pixels of 300" in out
+    Image.fromarray(render(100)).save(tmp_path / "w.png")
+    (tmp_path / "w.pgw").write_text("40\n0\n0\n-40\n697205\n7774095\n")
+    code, out, err = call(capsys, monkeypatch, "chart", tmp_path / "w.png", "--out", tmp_path / "out")
+    assert code in (0, None), err
+    assert "pixels of 40 m" in out
+    assert "crs:" in out
+
+
 def test_scenarios_are_listed(capsys, monkeypatch):
     code, out, _ = call(capsys, monkeypatch, "scenarios")
     assert code in (0, None)
@@ -167,6 +265,17 @@ BAD_FIELDS = [
     ({"mission": LEG["mission"] | {"start": [100, 100]}}, "mission.start"),
     ({"area": {"lower": [0, 0, 0], "upper": [-1, 100, 0]}}, "area"),
     ({"chart": {"source": "image"}}, "chart"),
+    (
+        {"chart": {"source": "image", "image": "x.png", "colours": {"water": "blu"}}},
+        "chart.colours.water: 'blu'",
+    ),
+    ({"chart": {"source": "image", "image": "x.png", "colours": {"land": None}}}, "needs quotes"),
+    ({"chart": {"source": "image", "image": "x.png", "colours": {"land": [3]}}}, "chart.colours.land"),
+    (
+        {"chart": {"source": "image", "image": "x.png", "colours": {"land": "tan", "water": "tan"}}},
+        "chart.colours: #d2b48c is given for water and for land",
+    ),
+    ({"chart": {"source": "whitsunday", "colours": {"land": "tan"}}}, "chart.colours"),
     ({"chart": {"source": "image", "image": "missing.png", "pixel_size": 10}}, "missing.png"),
     ({"planning": {"preset": "best"}}, "planning.preset"),
     ({"chart": {"source": "whitsunday"}, "area": {"lower": [0, 0, 0], "upper": [99000, 99000, 10]}}, "chart"),

@@ -1,36 +1,135 @@
 """Commands that look at charts and results."""
 
+import json
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.table import Table
+from rich.text import Text
 
 from auvplan.cli.shared import OutOption, QuietOption, console
+from auvplan.errors import ScenarioError
+
+if TYPE_CHECKING:
+    from auvplan.io.geo.raster import PixelSize
+    from auvplan.ocean.classify import Classified
+    from auvplan.ocean.palette import ChartColours
+
+
+def _colour_option(what: str) -> Any:
+    return typer.Option(
+        metavar="COLOUR",
+        help=f"Colour of {what}: a CSS name or '#rrggbb'; may be given several times.",
+        show_default=False,
+    )
 
 
 def chart(
     image: Annotated[Path, typer.Argument(help="A chart-like picture: PNG, JPEG or GeoTIFF.")],
     out: OutOption = Path("out/chart"),
-    pixel_size: Annotated[float, typer.Option(min=1e-3, help="Metres per pixel.")] = 10.0,
+    pixel_size: Annotated[
+        float | None,
+        typer.Option(
+            min=1e-3,
+            help="Metres per pixel; by default what a GeoTIFF or a world file tells, otherwise 10.",
+            show_default=False,
+        ),
+    ] = None,
+    water: Annotated[list[str] | None, _colour_option("water")] = None,
+    land: Annotated[list[str] | None, _colour_option("land")] = None,
+    uncertain: Annotated[list[str] | None, _colour_option("uncertain area")] = None,
     quiet: QuietOption = False,
 ) -> None:
-    """Cluster a picture into coast, uncertain area and water, and draw the result."""
-    from auvplan.io import output_folder
-    from auvplan.ocean.chart import Chart
+    """Cluster a picture into coast, uncertain area and water, and draw the result.
+
+    Where colours of water and land are given, every cluster is taken for what the nearest colour stands for.
+    Otherwise rules propose it, which know charts with blue water; what they are not sure of is refused.
+    """
+    from auvplan.io import geo, output_folder
+    from auvplan.ocean.chart import Chart, classify_file, settled
     from auvplan.plot import draw_chart
 
-    made = Chart.from_image(image, pixel_size=pixel_size)
+    colours = _colours(water=water, land=land, uncertain=uncertain)
+    found = classify_file(image, colours=colours)
+    notes = [f"{image}: {note}" for note in found.notes]
+    try:
+        told = geo.pixel_size(image)
+    except geo.GeoError:
+        if pixel_size is None:
+            raise
+        told = None
+    if told is not None:
+        notes += told.notes
+        if pixel_size is not None and abs(pixel_size / told.metres - 1.0) > 0.01:
+            notes.append(f"{image} tells pixels of {told.metres:.4g} m, --pixel-size says {pixel_size:g} m")
+    size = pixel_size or (told.metres if told else 10.0)
     output_folder(out)
-    picture = draw_chart(made, image, out)
+    made = Chart.from_classified(found, size)
+    picture = draw_chart(made, image, out, found)
     if not quiet:
+        _print_clusters(found)
         shares = made.shares()
-        console.print(
-            f"coast {shares['coast']:.1%}, uncertain {shares['uncertain']:.1%}, water {shares['water']:.1%}",
-            highlight=False,
-        )
-        console.print(f"picture: {picture}", soft_wrap=True)
+        _say(f"coast {shares['coast']:.1%}, uncertain {shares['uncertain']:.1%}, water {shares['water']:.1%}")
+        _say(f"pixels of {size:.4g} m, {made.shape[1]} east by {made.shape[0]} north")
+        for note in notes:
+            _say(f"note: {note}")
+        _say(f"picture: {picture}")
+    settled(found, image)
+    if not quiet:
+        _say("\n".join(_yaml_lines(image, pixel_size or float(f"{size:.4g}"), told, colours, found)))
+
+
+def _colours(**given: list[str] | None) -> "ChartColours":
+    """The colours of the options.
+
+    Raises:
+        ScenarioError: one line that names the option; what is given is no colour.
+    """
+    from auvplan.ocean.palette import ChartColours, as_hex
+
+    told: dict[str, tuple[str, ...]] = {}
+    for option, colours in given.items():
+        try:
+            told[option] = tuple(as_hex(colour) for colour in colours or ())
+        except ValueError as error:
+            raise ScenarioError(f"--{option} {error}") from None
+    try:
+        return ChartColours(**told)
+    except ValueError as error:
+        raise ScenarioError(f"--water, --land, --uncertain: {error}") from None
+
+
+def _print_clusters(found: "Classified") -> None:
+    """What was found in a picture, and the options that would change it."""
+    table = Table("", "colour", "share", "taken for", "to change it")
+    for cluster in found.clusters:
+        other = "--land" if cluster.kind == "water" else "--water"
+        row = cluster.colour, f"{cluster.share:.1%}", cluster.kind, f'{other} "{cluster.colour}"'
+        table.add_row(Text("    ", style=f"on {cluster.colour}"), *row)
+    console.print(table)
+
+
+def _yaml_lines(
+    image: Path, size: float, told: "PixelSize | None", colours: "ChartColours", found: "Classified"
+) -> list[str]:
+    """The lines of a scenario that say the same; paths in it start from the scenario's folder."""
+    source, field = ("image", "image") if told is None else ("raster", "file")
+    needed = "" if told is None else "  # and a site"
+    lines = ["for a scenario in this folder:", "chart:", f"  source: {source}{needed}"]
+    lines.append(f"  {field}: {json.dumps(str(image), ensure_ascii=False)}")
+    if told is not None and not told.crs:
+        lines.append("  # crs: EPSG:...  what the coordinates of the world file are in")
+    lines += [f"  pixel_size: {size:.6g}", "  colours:"]
+    for name, kind in (("water", "water"), ("land", "coast"), ("uncertain", "uncertain")):
+        if colours.complete:
+            named = getattr(colours, name)
+        else:
+            named = dict.fromkeys(cluster.colour for cluster in found.clusters if cluster.kind == kind)
+        if named:
+            lines.append(f"    {name}: [{', '.join(json.dumps(colour) for colour in named)}]")
+    return lines
 
 
 def check(

@@ -16,6 +16,7 @@ from scipy.sparse.csgraph import shortest_path
 
 from auvplan.io.files import write_atomically
 from auvplan.mission.jobs import jobs_done, jobs_of
+from auvplan.site import hours
 from auvplan.voyage.records import LegRecord, MissionRun
 
 #: m, longest way between two places at which margins are looked up.
@@ -192,12 +193,6 @@ def waypoint_name(run: MissionRun, node: int) -> str:
     return {run.start: "start", run.goal: "goal"}.get(node, f"waypoint {node}")
 
 
-def hours(seconds: float) -> str:
-    """A duration in hours and minutes."""
-    sign, minutes = ("-" if seconds < 0.0 else ""), round(abs(seconds) / 60.0)
-    return f"{sign}{minutes // 60} h {minutes % 60:02d} min"
-
-
 def _moment(run: MissionRun, seconds: float) -> str:
     moment = None if run.site is None else run.site.utc(seconds)
     return f"after {hours(seconds)}" if moment is None else f"{moment:%Y-%m-%d %H:%M} UTC"
@@ -271,6 +266,8 @@ def _task_name(run: MissionRun, leg: LegRecord) -> str:
 
 def _left_out(run: MissionRun) -> list[LeftOut]:
     """Jobs that are not done, with what stands against them."""
+    if not run.names:
+        return []
     done = jobs_done(run.names, [(leg.start, leg.goal) for leg in run.earning])
     taken = {frozenset((leg.start, leg.goal)) for leg in run.earning}
     graph, found = run.graph, []

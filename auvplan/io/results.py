@@ -266,11 +266,16 @@ def _orders(run: MissionRun) -> Variables:
     if not orders:
         return {}
     nodes = np.full((len(orders), max(len(order.nodes) for order in orders)), -1, np.int32)
+    legs = np.full(nodes.shape, np.nan)
     for row, order in enumerate(orders):
         nodes[row, : len(order.nodes)] = order.nodes
+        legs[row, : len(order.leg_times)] = order.leg_times
     codes, flags = _flags(np.asarray([order.cause for order in orders]), _ORDER_CAUSES)
     return {
         "order_nodes": variable(("order", "stop"), nodes, "waypoints in order of visit; -1 pads"),
+        "order_leg_time": variable(
+            ("order", "stop"), legs, "time expected of the leg from each stop, its task included", "s"
+        ),
         "order_made_at": variable(
             "order", [order.made_at for order in orders], "when it was made", TIME_UNITS
         ),

@@ -139,10 +139,11 @@ def _merged(error: ValidationError, plain: dict[str, Any]) -> list[tuple[Path, s
 
 def _read_error(found: Any, plain: dict[str, Any]) -> tuple[Path, str, str, str]:
     """Path, reason, kind and what was got, as a message shows it, of one of pydantic's errors."""
-    path, kind, message = found["loc"], found["type"], found["msg"]
+    path, kind = found["loc"], found["type"]
+    message = found["msg"].removeprefix("Value error, ")
     if kind == "value_error" and len(path) < 2:
         named = _of_rule(path, message)
-        return named, _without_field(message.removeprefix("Value error, "), named), _RULES[len(path)], ""
+        return named, _without_field(message, named), _RULES[len(path)], ""
     if kind == "extra_forbidden":
         return path, unknown_key(path), kind, ""
     if kind == "missing":
@@ -187,7 +188,7 @@ def _section(model: type[BaseModel], name: str) -> type[BaseModel] | None:
 
 def _of_rule(location: Path, message: str) -> Path:
     """The field of a rule between fields, whose message names it first."""
-    words = re.match(r"(?:Value error, )?(\w+)(?:\.(\w+))?", message)
+    words = re.match(r"(\w+)(?:\.(\w+))?", message)
     first, second = words.groups() if words else ("", None)
     if not location:
         return (first, *([second] if second else [])) if first in Scenario.model_fields else ()

@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache, wraps
 from pathlib import Path
@@ -21,7 +22,7 @@ from auvplan.site import Site
 from auvplan.voyage.scenario import Scenario
 from auvplan.voyage.settings import ChartSettings, CurrentSettings
 from auvplan.voyage.waters import Waters
-from auvplan.voyage.world import picture_chart, require_area_on_chart
+from auvplan.voyage.world import picture_chart_and_notes, require_area_on_chart
 
 #: Pixels of a raster made from a current's file at most.
 _MAX_PIXELS = 16_000_000
@@ -72,7 +73,7 @@ def load_waters(scenario: Scenario, folder: str | Path = ".", until: float | Non
     """
     home, box = str(folder), scenario.box
     site, forecast, truth = _currents(scenario, home, until)
-    plain, chart = _charts(scenario.chart, site, box, forecast, home)  # type: ignore[arg-type] - frozen models hash
+    plain, chart, seen = _charts(scenario.chart, site, box, forecast, home)  # type: ignore[arg-type] - frozen models hash
     require_area_on_chart(scenario, chart)
     seabed, found = _seabed(scenario, site, box, forecast, home)
     warn_of_contradictions(scenario, plain, seabed, forecast)
@@ -94,7 +95,7 @@ def load_waters(scenario: Scenario, folder: str | Path = ".", until: float | Non
         truth and truth.field,
         jobs,
         obstacles,
-        tuple(dict.fromkeys((*notes, *found))),
+        tuple(dict.fromkeys((*notes, *seen, *found))),
     )
 
 
@@ -178,12 +179,15 @@ def _plain_chart(
     box: Corners,
     current: "CurrentFile | None",
     home: str,
-) -> Chart | None:
-    """The chart without its closed areas."""
+) -> tuple[Chart | None, tuple[str, ...]]:
+    """The chart without its closed areas, and what was assumed of its file."""
     lower, upper = box[0][:2], box[1][:2]
+    notes: tuple[str, ...] = ()
     size = settings.pixel_size
     if settings.source in ("whitsunday", "image", "none"):
-        chart = picture_chart(settings, home)  # type: ignore[arg-type] - frozen models hash
+        chart, notes = picture_chart_and_notes(settings, home)  # type: ignore[arg-type] - frozen models hash
+        if settings.source == "image":
+            notes += _other_size(settings, home)
     elif settings.source == "current":
         assert current is not None
         chart = _water_chart(current, box, size)
@@ -193,13 +197,28 @@ def _plain_chart(
         place = {"lower": lower, "upper": upper, "pixel_size": size}
         file = _path(home, settings.file)
         if settings.source == "raster":
-            chart = geo.chart_from_raster(file, site, crs=settings.crs, **place)
+            chart, notes = geo.chart_and_notes(
+                file, site, crs=settings.crs, colours=settings.colours.told, **place
+            )
         else:
             uncertain = None if settings.uncertain is None else _path(home, settings.uncertain)
             chart = geo.chart_from_polygons(file, site, fringe=settings.fringe, uncertain=uncertain, **place)
     if settings.source in ("raster", "image") and chart is not None:
         _warn_of_one_kind(settings, chart)
-    return chart
+    return chart, notes
+
+
+def _other_size(settings: ChartSettings, home: str) -> tuple[str, ...]:
+    """What is to be said where a picture's file tells another size of its pixels than the scenario."""
+    assert settings.image is not None
+    path = _path(home, settings.image)
+    with suppress(geo.GeoError):  # the place of such a picture is not used
+        told = geo.pixel_size(path)
+        if told is not None and abs(told.metres / settings.pixel_size - 1.0) > 0.01:
+            return (
+                f"{path}: chart.pixel_size is {settings.pixel_size:g} m, the file tells {told.metres:.4g} m",
+            )
+    return ()
 
 
 @_kept
@@ -209,15 +228,16 @@ def _charts(
     box: Corners,
     current: "CurrentFile | None",
     home: str,
-) -> tuple[Chart | None, Chart | None]:
-    """The chart without its closed areas, and with them."""
-    plain = _plain_chart(settings.model_copy(update={"no_go": None}), site, box, current, home)
+) -> tuple[Chart | None, Chart | None, tuple[str, ...]]:
+    """The chart without its closed areas and with them, and what was assumed of its file."""
+    plain, notes = _plain_chart(settings.model_copy(update={"no_go": None}), site, box, current, home)
     if settings.no_go is None:
-        return plain, plain
+        return plain, plain, notes
     assert site is not None
     lower, upper = box[0][:2], box[1][:2]
     zones = geo.read_zones(_path(home, settings.no_go), site, lower=lower, upper=upper)
-    return plain, geo.with_no_go(plain, zones, lower=lower, upper=upper, pixel_size=settings.pixel_size)
+    chart = geo.with_no_go(plain, zones, lower=lower, upper=upper, pixel_size=settings.pixel_size)
+    return plain, chart, notes
 
 
 def _warn_of_one_kind(settings: ChartSettings, chart: Chart) -> None:

@@ -1,5 +1,6 @@
 """Charts: a picture or mask to a raster of passability and the signed distance to the coast (section 2)."""
 
+import warnings
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -15,10 +16,11 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from auvplan.compiled import compiled
-from auvplan.errors import AuvplanError
+from auvplan.errors import AuvplanError, ScenarioWarning
 from auvplan.ocean.bilinear import bilinear, far_corner
-from auvplan.ocean.classify import DEFAULT_CLUSTERS, UNCERTAIN_MAX, classify
-from auvplan.ocean.picture import colours, opened
+from auvplan.ocean.classify import DEFAULT_CLUSTERS, UNCERTAIN_MAX, Classified, classify_picture
+from auvplan.ocean.palette import UNTOLD, ChartColours
+from auvplan.ocean.picture import blank, colours, opened
 from auvplan.rows import padded_batches
 
 #: Distance to a coast that is nowhere, in pixels.
@@ -27,8 +29,9 @@ FAR = 1e6
 _POINTS = 16384
 #: By how many pixels the interpolated distance may exceed the true one between pixel centres.
 INTERPOLATION_ERROR = 0.2
-# Pillow's names of the modes that hold one grey level a pixel.
+# Pillow's names of the modes that hold one grey level a pixel, and of those among them with 256 levels.
 _COLOURLESS = ("1", "L", "LA", "I", "F")
+_GREY = ("1", "L", "LA")
 
 
 class ChartError(AuvplanError):
@@ -100,10 +103,23 @@ class Chart:
         origin: tuple[float, float] = (0.0, 0.0),
         clusters: int = DEFAULT_CLUSTERS,
         seed: int = 0,
+        colours: ChartColours = UNTOLD,
     ) -> Self:
-        """A chart from a picture [rows, columns, 3] with north up, by k-means (see `classify`)."""
+        """A chart from a picture [rows, columns, 3] with north up, by k-means (see `classify_picture`).
+
+        Raises:
+            ChartError: which colours are water and land is in doubt, and `colours` does not tell it.
+        """
+        found = settled(classify_picture(rgb, None, clusters, seed, colours), "the picture")
+        return cls.from_classified(found, pixel_size, origin)
+
+    @classmethod
+    def from_classified(
+        cls, found: Classified, pixel_size: float = 10.0, origin: tuple[float, float] = (0.0, 0.0)
+    ) -> Self:
+        """A chart from the classes of a picture with north up."""
         # Here, and only here, an image's rows (from the north) become the raster's (towards the north).
-        return cls.from_passability(classify(rgb, clusters, seed)[::-1], pixel_size, origin)
+        return cls.from_passability(found.passability[::-1], pixel_size, origin)
 
     @classmethod
     def from_image(
@@ -113,13 +129,19 @@ class Chart:
         origin: tuple[float, float] = (0.0, 0.0),
         clusters: int = DEFAULT_CLUSTERS,
         seed: int = 0,
+        colours: ChartColours = UNTOLD,
     ) -> Self:
         """A chart from a picture file with north up: PNG, JPEG, TIFF or what else Pillow reads.
 
         Raises:
-            ChartError: the file is missing, no picture, damaged, too large, or has no colour.
+            ChartError: the file is missing, no picture, damaged, too large, or has no colour; or which
+                colours are water and land is in doubt, and `colours` does not tell it.
+
+        Warns:
+            ScenarioWarning: the picture does not look like a chart.
         """
-        return cls.from_rgb(_read_picture(path), pixel_size, origin, clusters, seed)
+        found = settled(classify_file(path, clusters, seed, colours), path)
+        return cls.from_classified(found, pixel_size, origin)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -227,17 +249,64 @@ def _signed_distance(land: NDArray[np.bool_]) -> NDArray[np.floating]:
     return np.where(land, -inland, water)
 
 
-def _read_picture(path: str | Path) -> NDArray[np.uint8]:
-    """[rows, columns, 3] RGB; see-through pixels become white, a colour that classes as coast.
+def classify_file(
+    path: str | Path,
+    clusters: int = DEFAULT_CLUSTERS,
+    seed: int = 0,
+    colours: ChartColours = UNTOLD,
+) -> Classified:
+    """What the pixels of a picture file stand for, in doubt or not; arguments as `classify_picture`.
+
+    Raises:
+        ChartError: the file is missing, no picture, damaged, too large, or has no colour and `colours` tells
+            nothing of its greys.
+    """
+    return classify_picture(*_read_picture(path, grey=bool(colours)), clusters, seed, colours)
+
+
+def settled(found: Classified, what: str | Path) -> Classified:
+    """A picture's classes where they are not in doubt.
+
+    Args:
+        found: the classes.
+        what: the picture, as messages call it.
+
+    Raises:
+        ChartError: they are; one line that says why, what to do, and which colours the picture has.
+
+    Warns:
+        ScenarioWarning: the picture does not look like a chart.
+    """
+    if found.doubts:
+        raise ChartError(
+            f"{what}: what is water and what is land is in doubt: {'; '.join(found.doubts)}. Name colours of "
+            "both (chart.colours in the scenario, --water and --land on the command line); the clusters are "
+            f"{found.listed() or 'none'}"
+        )
+    for line in found.warnings:
+        warnings.warn(f"{what} {line}", ScenarioWarning, stacklevel=3)
+    return found
+
+
+def _read_picture(path: str | Path, grey: bool) -> tuple[NDArray[np.uint8], NDArray[np.bool_]]:
+    """[rows, columns, 3] RGB, and [rows, columns] which pixels show nothing.
+
+    Args:
+        path: of the file.
+        grey: whether a picture without colour is read as well.
 
     Raises:
         ChartError: the file is missing, no picture, damaged, too large, or has no colour.
     """
     try:
         with opened(path, ChartError) as picture:
-            if picture.mode in _COLOURLESS or picture.mode.startswith("I;"):
-                raise ChartError(f"{path}: a picture without colour: water cannot be told from land")
-            return colours(picture)
+            colourless = picture.mode in _COLOURLESS or picture.mode.startswith("I;")
+            if colourless and not (grey and picture.mode in _GREY):
+                raise ChartError(
+                    f"{path}: a picture without colour: water cannot be told from land, unless chart.colours "
+                    "or --water and --land name the greys of both (of 256 levels)"
+                )
+            return colours(picture), blank(picture)
     except ChartError:
         raise
     except Exception as error:  # a decoder may raise anything on a damaged file

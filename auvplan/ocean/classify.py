@@ -2,11 +2,12 @@
 
 The paper clusters a map picture into coast, uncertain area and water. k-means returns its clusters in no
 particular order, and how many tones a class has differs from picture to picture. So the picture is cut into
-more clusters than there are classes, and each cluster is named by the colour of its own centre: hue and
-blueness, both taken in CIELAB, where distance and hue follow what the eye sees.
+more clusters than there are classes, and each cluster is named: by the colours that a person tells, or by
+rules on hue and blueness, both taken in CIELAB, where distance and hue follow what the eye sees.
 """
 
 import hashlib
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib.metadata import version
 
@@ -15,6 +16,9 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from auvplan.cache import kept
+from auvplan.ocean.frame import find_frame, surround
+from auvplan.ocean.naming import COAST, KINDS, UNCERTAIN, WATER, name
+from auvplan.ocean.palette import UNTOLD, ChartColours, blueness, to_hex, to_lab, to_rgb
 
 UNCERTAIN_MAX = 0.35
 """Highest passability of an uncertain pixel (section 2 of the paper)."""
@@ -23,136 +27,219 @@ DEFAULT_CLUSTERS = 8
 """More than the three classes: shaded relief and depth tints give land and water several tones each, and with
 three clusters k-means would rather halve a large class than single out a small one."""
 
-# The rules by which a cluster is named. Hues in degrees: foliage and buff lie below 140, cyan near 200, water
-# blue near 270; magenta and red above 310.
-_SEA_HUES = (150.0, 310.0)
-_NEUTRAL_CHROMA = 5.0  # below this a colour has no hue worth the name: grey, white, black
-_BLUE_MIN = 0.05  # a picture whose bluest cluster is no bluer than this shows no open water
-_BLUE_SHARE = 0.4  # sea tones with less than this share of the water's blueness are shoals
-
 _LIGHTNESS_WEIGHT = 0.5  # shading varies lightness within a class; hue is what tells the classes apart
+_WEIGHT = np.array([_LIGHTNESS_WEIGHT, 1.0, 1.0], np.float32)
 _DISTANCE_SCALE = 50.0  # colour distance over which an uncertain pixel's passability falls by 1/e
 _SAMPLE = 30_000
 _BLOCK_ROWS = 1_000_000
 
-# sRGB (D65) to XYZ, rows already divided by the white point (IEC 61966-2-1).
-_XYZ = np.array(
-    [[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]]
-) / np.array([[0.95047], [1.0], [1.08883]])
+# Signs that a picture is no chart: how far the pixels scatter about their clusters, and how many lie between
+# the classes. Charts have up to 4 and half a per cent: one of both is too much by itself, or both together.
+_SCATTER_MAX, _BETWEEN_MAX = 6.0, 0.05
+_SCATTER_BOTH, _BETWEEN_BOTH = 3.0, 0.01
+_LEAST_WATER = 0.02  # share of water within a frame, without which it is none
 
 
-def _linear_table() -> NDArray[np.float32]:
-    """Linear light of each of the 256 sRGB levels, [256]."""
-    level = np.arange(256) / 255.0
-    linear = np.where(level <= 0.04045, level / 12.92, ((level + 0.055) / 1.055) ** 2.4)
-    return linear.astype(np.float32)
+@dataclass(frozen=True)
+class Cluster:
+    """Pixels of like colour.
 
-
-def to_lab(rgb: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """CIELAB (D65) of sRGB colours.
-
-    Args:
-        rgb: [..., 3] uint8.
-
-    Returns:
-        ``(L, a, b)`` on the last axis, [..., 3]; L in 0..100, b negative towards blue.
+    Attributes:
+        colour: of its centre, #rrggbb.
+        share: of the picture without what is no data.
+        kind: coast, uncertain or water.
     """
-    xyz = _linear_table()[rgb] @ _XYZ.T.astype(np.float32)
-    f = np.where(xyz > 0.008856, np.cbrt(xyz), 7.787 * xyz + np.float32(16.0 / 116.0))
-    return np.stack(
-        [116.0 * f[..., 1] - 16.0, 500.0 * (f[..., 0] - f[..., 1]), 200.0 * (f[..., 1] - f[..., 2])], axis=-1
-    ).astype(np.float32)
+
+    colour: str
+    share: float
+    kind: str
 
 
-def blueness(lab: NDArray[np.floating]) -> NDArray[np.floating]:
-    """How blue a colour is, in [-1, 1]: ``-b / |(L, a, b)|``; 0 for greys, dark blue as much as bright.
+@dataclass(frozen=True, eq=False)
+class Classified:
+    """A picture's pixels by what they stand for.
 
-    Args:
-        lab: CIELAB colours, [..., 3].
-
-    Returns:
-        [...].
+    Attributes:
+        passability: [h, w] float32, in the picture's own orientation: 0 coast, (0, 0.35] uncertain, 1 water.
+        clusters: the largest first.
+        doubts: why the names may be wrong; none where all colours were told.
+        notes: what was assumed, a line each.
+        warnings: signs that the picture is no chart, or that its colours were named wrongly, a line each.
     """
-    # The 5 keeps near-black, whose hue is noise, near 0.
-    return -lab[..., 2] / (np.linalg.norm(lab, axis=-1) + 5.0)
 
+    passability: NDArray[np.float32]
+    clusters: tuple[Cluster, ...]
+    doubts: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
-def name_clusters(lab: NDArray[np.floating]) -> NDArray[np.uint8]:
-    """The class of each cluster, from the colour of its centre alone.
-
-    The bluest cluster is water, if it is blue at all, and so are the sea tones that are not far less blue.
-    Sea tones (cyan to violet hues) that are much less blue, so pale or greenish, are uncertain. Everything
-    else is coast: warm and green hues, and greys too, because a colour that says nothing must not be sailed
-    over.
-
-    Args:
-        lab: cluster centres, [k, 3].
-
-    Returns:
-        [k]: 0 coast, 1 uncertain, 2 water.
-    """
-    hue = np.degrees(np.arctan2(lab[:, 2], lab[:, 1])) % 360.0
-    chroma = np.hypot(lab[:, 1], lab[:, 2])
-    sea = (chroma >= _NEUTRAL_CHROMA) & (hue >= _SEA_HUES[0]) & (hue <= _SEA_HUES[1])
-    blue = np.where(sea, blueness(lab), -1.0)
-    water = sea & (blue >= max(_BLUE_SHARE * blue.max(), _BLUE_MIN))
-    return np.where(water, 2, np.where(sea, 1, 0)).astype(np.uint8)
+    def listed(self) -> str:
+        """The clusters' colours and shares, the largest first."""
+        return ", ".join(f"{cluster.colour} {cluster.share:.1%}" for cluster in self.clusters)
 
 
 def classify(rgb: NDArray[np.uint8], clusters: int = DEFAULT_CLUSTERS, seed: int = 0) -> NDArray[np.float32]:
-    """Passability of every pixel of a chart picture.
+    """Passability of every pixel of a chart picture, [h, w]: `classify_picture` without its doubts."""
+    return classify_picture(rgb, None, clusters, seed).passability
+
+
+def classify_picture(
+    rgb: NDArray[np.uint8],
+    blank: NDArray[np.bool_] | None = None,
+    clusters: int = DEFAULT_CLUSTERS,
+    seed: int = 0,
+    colours: ChartColours = UNTOLD,
+) -> Classified:
+    """What the pixels of a chart picture stand for.
 
     A 3 x 3 median takes out single-pixel noise, k-means is fitted on a random subset of the pixels, every
-    pixel goes to its nearest cluster, and clusters are named by `name_clusters`. The passability of an
-    uncertain pixel is ``0.35 exp(-d / 50)`` with d its colour distance from the centre of the bluest cluster.
+    pixel goes to its nearest cluster, and clusters are named by `auvplan.ocean.naming.name`. The passability
+    of an uncertain pixel is ``0.35 exp(-d / 50)`` with d its colour distance from the bluest cluster's
+    centre, or where that is no water, from the nearest cluster of water.
+
+    What shows no sea area is coast: pixels that are `blank`, and a black or white frame around the rest.
 
     Args:
         rgb: the picture, [h, w, 3] uint8.
+        blank: [h, w] pixels without data, such as see-through ones.
         clusters: number of clusters; fewer are used where the picture has fewer colours.
         seed: seed of the subset and of k-means.
-
-    Returns:
-        [h, w] float32, in the picture's own orientation: 0 coast, (0, 0.35] uncertain, 1 water.
+        colours: what they stand for, as a person tells.
 
     Raises:
         ValueError: `rgb` is not such an array, it is empty, or `clusters` is not positive.
 
     Differences from the paper:
         It names neither the number of clusters nor how the value of an uncertain pixel follows from its
-        colour; both are chosen here. Its blue clusters are water; here sea tones far less blue are uncertain.
+        colour; both are chosen here. Its blue clusters are water; here sea tones far less blue are uncertain,
+        and colours can be told where water is not blue.
     """
     if rgb.ndim != 3 or rgb.shape[2] != 3 or rgb.dtype != np.uint8 or rgb.size == 0:
         raise ValueError(f"a picture is a non-empty [h, w, 3] uint8 array, got {rgb.dtype} {list(rgb.shape)}")
     if clusters < 1:
         raise ValueError(f"clusters must be positive, got {clusters}")
-    parts = hashlib.sha256(rgb.tobytes()).hexdigest(), f"{rgb.shape} {clusters} {seed}"
-    return kept(
-        "auvplan.ocean.classify", partial(_classified, rgb, clusters, seed), *parts, version("scikit-learn")
+    if blank is None:
+        blank = np.zeros(rgb.shape[:2], bool)
+    digest = hashlib.sha256(rgb.tobytes())
+    digest.update(np.packbits(blank).tobytes())
+    parts = digest.hexdigest(), f"{rgb.shape} {clusters} {seed} {colours}"
+    make = partial(_classified, rgb, clusters, seed, colours, blank)
+    return kept("auvplan.ocean.classify", make, *parts, version("scikit-learn"))
+
+
+def _classified(
+    rgb: NDArray[np.uint8], clusters: int, seed: int, colours: ChartColours, blank: NDArray[np.bool_]
+) -> Classified:
+    """`classify_picture` of what is a picture."""
+    if blank.all():
+        return _empty(blank)
+    frame, shade = find_frame(rgb, blank)
+    found = _cluster(rgb, clusters, seed, colours, blank | frame)
+    if frame.any() and (found.passability == 1.0).sum() < _LEAST_WATER * (~(blank | frame)).sum():
+        # What was taken for a frame may be the sea around a rectangle of land.
+        frame = np.zeros_like(frame)
+        found = _cluster(rgb, clusters, seed, colours, blank)
+    notes = tuple(
+        f"{what}, {float(part.mean()):.1%} of the picture, shows no sea area and is taken for coast"
+        for what, part in (("what is see-through or no data", blank), (f"the {shade} frame", frame))
+        if part.any()
     )
+    found = replace(found, notes=(*notes, *found.notes))
+    around = surround(rgb)
+    if around and not frame.any() and found.passability[0, 0] == 1.0:
+        if colours.complete:
+            line = f"is {around} along all four sides, which is taken for water: cut off what is paper"
+            return replace(found, warnings=(*found.warnings, line))
+        line = f"the {around} along all four sides may be paper as well as water"
+        return replace(found, doubts=(*found.doubts, line))
+    return found
 
 
-def _classified(rgb: NDArray[np.uint8], clusters: int, seed: int) -> NDArray[np.float32]:
-    """`classify` of what is a picture."""
+def _cluster(
+    rgb: NDArray[np.uint8], clusters: int, seed: int, colours: ChartColours, blank: NDArray[np.bool_]
+) -> Classified:
+    """`classify_picture` of the pixels that show something."""
     # Imported here because it takes most of a second, and only pictures need it.
     from sklearn.cluster import KMeans
 
     smooth = np.stack([ndimage.median_filter(rgb[..., c], size=3, mode="nearest") for c in range(3)], axis=-1)
     pixels = smooth.reshape(-1, 3)
-    sample = pixels[np.random.default_rng(seed).integers(0, len(pixels), min(_SAMPLE, len(pixels)))]
+    shown = pixels[~blank.ravel()]
+    sample = shown[np.random.default_rng(seed).integers(0, len(shown), min(_SAMPLE, len(shown)))]
     k = min(clusters, len(np.unique(sample, axis=0)))
-    weight = np.array([_LIGHTNESS_WEIGHT, 1.0, 1.0], np.float32)
     model = KMeans(n_clusters=k, n_init=2, random_state=seed)  # type: ignore[arg-type]
-    model.fit(to_lab(sample) * weight)
+    sampled = to_lab(sample)
+    model.fit(sampled * _WEIGHT)
 
-    centers = model.cluster_centers_ / weight
-    names = name_clusters(centers)
-    bluest = model.cluster_centers_[np.argmax(blueness(centers))]
-    out = np.empty(len(pixels), np.float32)
+    labels = np.empty(len(pixels), np.int16)
     # In blocks, so that a large picture needs little more memory than its own.
-    for start in range(0, len(pixels), _BLOCK_ROWS):
-        colour = to_lab(pixels[start : start + _BLOCK_ROWS]) * weight
-        name = names[model.predict(colour)]
-        distance = np.linalg.norm(colour - bluest, axis=-1)
+    blocks = [slice(start, start + _BLOCK_ROWS) for start in range(0, len(pixels), _BLOCK_ROWS)]
+    for block in blocks:
+        labels[block] = model.predict(to_lab(pixels[block]) * _WEIGHT)
+    labels[blank.ravel()] = -1
+    centres = model.cluster_centers_ / _WEIGHT
+    naming = name(centres, labels.reshape(rgb.shape[:2]), colours)
+    reference = model.cluster_centers_[_references(centres, naming.kinds)]
+    out = np.zeros(len(pixels), np.float32)
+    for block in blocks:
+        kind = np.where(labels[block] < 0, COAST, naming.kinds[labels[block]])
+        colour = to_lab(pixels[block]) * _WEIGHT
+        distance = np.full(len(colour), np.inf, np.float32)
+        for centre in reference:
+            distance = np.minimum(distance, np.linalg.norm(colour - centre, axis=-1))
         uncertain = UNCERTAIN_MAX * np.exp(-distance / _DISTANCE_SCALE)
-        out[start : start + _BLOCK_ROWS] = np.where(name == 1, uncertain, name == 2)
-    return out.reshape(rgb.shape[:2])
+        out[block] = np.where(kind == UNCERTAIN, uncertain, kind == WATER)
+
+    share = np.bincount(labels[labels >= 0], minlength=k) / len(shown)
+    scatter, between = _spread(sampled, np.asarray(model.labels_), centres, naming.kinds)
+    doubts = [doubt.reason for doubt in naming.doubts]
+    if between > _BETWEEN_MAX and not colours.complete:
+        doubts.append(f"{between:.0%} of the pixels lie between the classes")
+    warnings = [
+        f"has the colour {to_hex(to_rgb(centres[n]))} ({share[n]:.1%}), which is unlike all that were named: "
+        f"it is taken for {KINDS[naming.kinds[n]]}"
+        for n in sorted(naming.unlike)
+    ]
+    apart = scatter <= _SCATTER_BOTH or between <= _BETWEEN_BOTH
+    if not apart or scatter > _SCATTER_MAX or between > _BETWEEN_MAX:
+        warnings.append(
+            "looks more like a photograph than a chart: its colours scatter by "
+            f"{scatter:.1f} (CIELAB) about the clusters, {between:.1%} of the pixels lie between the classes"
+        )
+    order = np.argsort(-share, kind="stable")
+    return Classified(
+        out.reshape(rgb.shape[:2]),
+        tuple(Cluster(to_hex(to_rgb(centres[n])), float(share[n]), KINDS[naming.kinds[n]]) for n in order),
+        tuple(doubts),
+        naming.notes,
+        tuple(warnings),
+    )
+
+
+def _references(centres: NDArray[np.floating], kinds: NDArray[np.uint8]) -> NDArray[np.integer]:
+    """The clusters from which the colour distance of uncertain pixels counts."""
+    bluest = int(np.argmax(blueness(centres)))
+    water = np.flatnonzero(kinds == WATER)
+    return water if water.size and bluest not in water else np.array([bluest])
+
+
+def _spread(
+    colour: NDArray[np.floating],
+    label: NDArray[np.integer],
+    centres: NDArray[np.floating],
+    kinds: NDArray[np.uint8],
+) -> tuple[float, float]:
+    """How far pixels scatter about their clusters (CIELAB, r.m.s.), and how many lie between classes.
+
+    A pixel lies between the classes if it is less than twice as far from a cluster of another class as from
+    its own.
+    """
+    distance = np.linalg.norm(colour[:, None] - centres, axis=-1)
+    own = distance[np.arange(len(colour)), label]
+    other = np.where(kinds != kinds[label][:, None], distance, np.inf).min(axis=1)
+    return float(np.sqrt(np.mean(own**2))), float((own > 0.5 * other).mean())
+
+
+def _empty(blank: NDArray[np.bool_]) -> Classified:
+    """`classify_picture` where nothing is shown."""
+    return Classified(np.zeros(blank.shape, np.float32), (), ("it holds nothing but no data",))

@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ from PIL import Image, UnidentifiedImageError
 
 #: Larger pictures are refused before they are decoded.
 MAX_PIXELS = 64_000_000
+_GDAL_NODATA = 42113
 
 
 @contextmanager
@@ -37,6 +38,17 @@ def opened(path: str | Path, fault: type[ValueError]) -> Iterator[Image.Image]:
         raise fault(f"{path}: not a picture that can be read") from None
     finally:
         Image.MAX_IMAGE_PIXELS = limit
+
+
+def blank(picture: Image.Image) -> NDArray[np.bool_]:
+    """[rows, columns] pixels that show less than half of their colour, or are no data by GDAL's tag."""
+    empty = np.zeros(picture.size[::-1], bool)
+    if picture.has_transparency_data:
+        empty |= np.asarray(picture.convert("RGBA"))[..., 3] < 128
+    with suppress(ValueError):
+        nodata = float(str(getattr(picture, "tag_v2", {}).get(_GDAL_NODATA, "nan")).strip("\0 \n"))
+        empty |= (np.asarray(picture).reshape(*empty.shape, -1)[..., :3] == nodata).all(axis=-1)
+    return empty
 
 
 def colours(picture: Image.Image) -> NDArray[np.uint8]:

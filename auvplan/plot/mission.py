@@ -7,9 +7,11 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Circle
 
 from auvplan.plot import style
 from auvplan.plot.depths import draw_depths
+from auvplan.site import hours
 from auvplan.voyage.records import LegRecord, MissionRun
 
 
@@ -35,25 +37,29 @@ def plot_mission(run: MissionRun) -> Figure:
         route = _draw_route(axes, sailed, unit)
         bar = figure.colorbar(route, ax=axes, shrink=0.8, pad=0.02)
         bar.set_label("time [s]")
+    handles += _draw_known(axes, run, unit)
     handles += _draw_ends(axes, run, unit)
-    marks = _replan_marks(run)
+    marks = _replan_marks(run) if run.simulated else {}
     handles += _draw_replans(axes, run, marks, unit)
     if any(leg.priority > 0 for leg in sailed):
         handles.append(
-            Line2D([], [], ls="", marker="$ρ3$", ms=13, color=style.BLUE, label="priority of the task sailed")
+            Line2D([], [], ls="", marker="$ρ3$", ms=13, color=style.BLUE, label="priority of the task")
         )
     figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=8, frameon=False)
-    axes.set_title(_title(run), fontsize=11)
+    axes.set_title(_title(run), fontsize=11, pad=None if run.site is None else 20.0)
+    style.draw_compass(axes, unit)
+    if run.site is not None:
+        style.draw_graticule(axes, run.site, unit)
     _draw_labels(axes, run, sailed, marks, unit)
     return figure
 
 
 def _title(run: MissionRun) -> str:
-    done = run.done
-    tasks, weight = sum(leg.priority > 0 for leg in done), sum(leg.priority for leg in done)
     name = run.scenario.get("name") or "mission"
-    times = f"{run.t_mission:,.0f} s of {run.t_available:,.0f} s"
-    return f"{name}, seed {run.seed}: {tasks} tasks of total priority {weight:g}, {times}"
+    what = f"seed {run.seed}" if run.simulated else "plan"
+    tasks = f"{run.tasks} task{'' if run.tasks == 1 else 's'} of total priority {run.total_priority:.3g}"
+    seconds = f"{run.t_mission:,.0f} of {run.t_available:,.0f} s"
+    return f"{name}, {what}: {tasks}, {hours(run.t_mission)} of {hours(run.t_available)} ({seconds})"
 
 
 def _flat(positions: style.Array, unit: style.Unit) -> style.Array:
@@ -110,6 +116,24 @@ def _middle(line: style.Array) -> int:
     """Index of the point of [n, 2] nearest to half the way."""
     way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
     return int(np.searchsorted(way, 0.5 * way[-1]))
+
+
+def _draw_known(axes: Axes, run: MissionRun, unit: style.Unit) -> list[Any]:
+    """Obstacles that were known beforehand, where they are at the departure, and where they go."""
+    for obstacle in run.obstacles:
+        north, east = (part / unit.metres for part in obstacle.position)
+        axes.add_patch(
+            Circle(
+                (east, north), obstacle.radius / unit.metres, fc=style.RED, ec="black", alpha=0.6, zorder=3
+            )
+        )
+        if obstacle.moves:
+            way = [part * run.t_mission / unit.metres for part in obstacle.velocity]
+            arrow = {"arrowstyle": "->", "color": style.RED, "linestyle": ":"}
+            axes.annotate("", (east + way[1], north + way[0]), (east, north), arrowprops=arrow, zorder=3)
+    if not run.obstacles:
+        return []
+    return [Line2D([], [], ls="", marker="o", ms=7, color=style.RED, mec="black", label="known obstacle")]
 
 
 def _draw_ends(axes: Axes, run: MissionRun, unit: style.Unit) -> list[Any]:
@@ -178,7 +202,7 @@ def _draw_labels(
     if tasks:
         lines = [_flat(leg.positions, unit) for leg in tasks]
         middles = np.stack([line[_middle(line)] for line in lines])
-        texts = [f"ρ{leg.priority:g}" for leg in tasks]
+        texts = [f"ρ{leg.priority:.3g}" for leg in tasks]
         style.place_labels(
             axes, middles, texts, taken, fontsize=8.5, color=style.BLUE, weight="bold", zorder=8
         )
@@ -186,5 +210,5 @@ def _draw_labels(
     others = [node for node in range(len(places)) if node not in visited]
     for nodes, colour in ((visited, "black"), (others, "#555555")):
         if nodes:
-            names = [str(node) for node in nodes]
+            names = [run.names[node] if run.names else str(node) for node in nodes]
             style.place_labels(axes, places[nodes], names, taken, fontsize=7, color=colour, zorder=7)

@@ -3,8 +3,8 @@
 from pathlib import Path
 from textwrap import fill
 
-import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
 from auvplan.export.sheet import MissionSheet
@@ -20,32 +20,27 @@ def write_pdf(sheet: MissionSheet, path: str | Path) -> Path:
     Raises:
         OutputError: the file cannot be written.
     """
-    figure = plt.figure(figsize=_PAGE)
-    try:
-        left, width = _MARGIN / _PAGE[0], 1.0 - 2.0 * _MARGIN / _PAGE[0]
-        figure.text(left, 0.955, sheet.title, fontsize=15, weight="bold", va="top")
-        facts = [f"{name}: {value}" for name, value in sheet.facts.items()]
-        for column, lines in enumerate((facts[::2], facts[1::2])):
-            figure.text(left + 0.5 * width * column, 0.91, "\n".join(lines), fontsize=8, va="top")
-        notes = [fill(f"! {line}", 170) for line in sheet.warnings]
-        figure.text(left, 0.815, "\n".join(notes), fontsize=8, va="top", color="#a04000")
-        headings, rows = sheet.table()
-        top = 0.80 - 0.018 * len(notes)
-        step = min(0.024, (top - 0.08) / (len(rows) + 2 * len(sheet.left_out) + 4))
-        height = step * (len(rows) + 1)
-        axes = figure.add_axes((left, top - height, width, height))
-        _draw(axes, headings, rows)
-        if sheet.left_out:
-            lines = [
-                fill(f"{job.name} (priority {job.priority:g}): {job.reason}", 190) for job in sheet.left_out
-            ]
-            figure.text(left, top - height - 0.02, "Left out", fontsize=9, weight="bold", va="top")
-            figure.text(left, top - height - 0.045, "\n".join(lines), fontsize=7.5, va="top")
-        return write_atomically(
-            path, lambda part: figure.savefig(part, format="pdf", metadata={"CreationDate": None})
-        )
-    finally:
-        plt.close(figure)
+    figure = Figure(figsize=_PAGE)
+    left, width = _MARGIN / _PAGE[0], 1.0 - 2.0 * _MARGIN / _PAGE[0]
+    figure.text(left, 0.955, sheet.title, fontsize=15, weight="bold", va="top")
+    facts = [f"{name}: {value}" for name, value in sheet.facts.items()]
+    for column, lines in enumerate((facts[::2], facts[1::2])):
+        figure.text(left + 0.5 * width * column, 0.91, "\n".join(lines), fontsize=8, va="top")
+    notes = [fill(f"! {line}", 170) for line in sheet.warnings]
+    figure.text(left, 0.815, "\n".join(notes), fontsize=8, va="top", color="#a04000")
+    headings, rows = sheet.table()
+    top = 0.80 - 0.018 * len(notes)
+    step = min(0.024, (top - 0.08) / (len(rows) + 2 * len(sheet.left_out) + 4))
+    height = step * (len(rows) + 1)
+    axes = figure.add_axes((left, top - height, width, height))
+    _draw(axes, headings, rows)
+    if sheet.left_out:
+        lines = [fill(f"{job.name} (priority {job.priority:g}): {job.reason}", 190) for job in sheet.left_out]
+        figure.text(left, top - height - 0.02, "Left out", fontsize=9, weight="bold", va="top")
+        figure.text(left, top - height - 0.045, "\n".join(lines), fontsize=7.5, va="top")
+    return write_atomically(
+        path, lambda part: figure.savefig(part, format="pdf", metadata={"CreationDate": None})
+    )
 
 
 def _draw(axes: Axes, headings: list[str], rows: list[list[str]]) -> None:

@@ -14,10 +14,12 @@ from matplotlib.colors import LinearSegmentedColormap, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
-from numpy.typing import NDArray
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import ArrayLike, NDArray
 
 from auvplan.io.files import write_atomically
 from auvplan.ocean.chart import Chart
+from auvplan.site import Site
 
 Array = NDArray[np.floating]
 
@@ -32,7 +34,7 @@ COAST, UNCERTAIN, WATER, GREY = "#b9a77c", "#e6dcc0", "#f2f7fb", "#8c8c8c"
 LAND = "#f0efec"
 
 #: The figures' own names for the kinds of obstacles.
-KIND_COLOURS = {"static": PURPLE, "afloat": ORANGE, "self-motivated": SKY}
+KIND_COLOURS = {"static": PURPLE, "afloat": ORANGE, "self-motivated": SKY, "known": RED}
 
 #: Time along a route: dark to bright, without the palest end, which would be lost on the water.
 TIME = LinearSegmentedColormap.from_list("time", ["#0d0887", "#7e03a8", "#cc4778", "#f89540", "#f6d543"])
@@ -96,6 +98,55 @@ def map_axes(axes: Axes, lower: Array, upper: Array, unit: Unit) -> None:
     axes.set_xlabel(f"east [{unit.name}]")
     axes.set_ylabel(f"north [{unit.name}]")
     axes.tick_params(labelsize=8)
+
+
+def draw_compass(axes: Axes, unit: Unit) -> None:
+    """A scale bar and an arrow to the north in the lower left corner of a map."""
+    (west, east), (south, north) = sorted(axes.get_xlim()), sorted(axes.get_ylim())
+    wide = east - west
+    length = float(_round_below(0.2 * wide * unit.metres)) / unit.metres
+    x, y = west + 0.03 * wide, south + 0.03 * (north - south)
+    axes.plot([x, x + length], [y, y], color="black", lw=3.0, zorder=9, path_effects=halo())
+    metres = length * unit.metres
+    text = f"{metres / 1000.0:g} km" if metres >= 1000.0 else f"{metres:g} m"
+    common: dict[str, Any] = {"fontsize": 8, "zorder": 9, "path_effects": halo()}
+    axes.text(x + 0.5 * length, y, text, ha="center", va="bottom", **common)
+    axes.annotate(
+        "N", (x + 0.02 * wide, y + 0.13 * (north - south)), (x + 0.02 * wide, y + 0.05 * (north - south)),
+        ha="center", va="bottom", arrowprops={"arrowstyle": "-|>", "color": "black"}, **common,
+    )  # fmt: skip
+
+
+def _round_below(value: float) -> float:
+    """The largest of 1, 2 and 5 times a power of ten that is no more than a value."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= value))
+
+
+def draw_graticule(axes: Axes, site: Site, unit: Unit) -> None:
+    """Longitude above and latitude to the right of a map, along its middle lines."""
+    (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
+    middle = 0.5 * (south + north) * unit.metres, 0.5 * (west + east) * unit.metres
+
+    def longitudes(x: ArrayLike) -> Array:
+        across = np.asarray(x, float) * unit.metres
+        return site.to_geographic(np.full_like(across, middle[0]), across)[0]
+
+    def latitudes(y: ArrayLike) -> Array:
+        up = np.asarray(y, float) * unit.metres
+        return site.to_geographic(up, np.full_like(up, middle[1]))[1]
+
+    top, right = axes.secondary_xaxis("top"), axes.secondary_yaxis("right")
+    for axis, (low, high), degrees in (
+        (top.xaxis, (west, east), longitudes),
+        (right.yaxis, (south, north), latitudes),
+    ):
+        first, last = degrees(np.array([low, high]))
+        ticks = MaxNLocator(4, steps=[1, 2, 5, 10]).tick_values(first, last)
+        ticks = ticks[(ticks >= first) & (ticks <= last)]
+        where = low + (ticks - first) / (last - first) * (high - low)
+        axis.set_ticks(where, [f"{tick:.3f}".rstrip("0").rstrip(".") + "°" for tick in ticks])
+        axis.set_tick_params(labelsize=7, length=3)
 
 
 def draw_coast(axes: Axes, chart: Chart | None, unit: Unit, see_through: bool = False) -> list[Patch]:

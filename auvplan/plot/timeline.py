@@ -1,6 +1,7 @@
 """Orders of tasks over time (Fig. 15): every order as planned, and the mission as sailed under them."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from auvplan.plot import style
+from auvplan.site import hours
 from auvplan.voyage.records import MissionRun, OrderRecord
 
 #: Pale to dark blue: priorities.
@@ -35,13 +37,16 @@ class Bar:
 def plot_timeline(run: MissionRun) -> Figure:
     """A row for each order, first at the top, as planned; the lowest row is the mission as sailed.
 
+    A plan is one row.
+
     Args:
-        run: as sailed.
+        run: as sailed, or a plan.
     """
-    rows = len(run.orders) + 1
+    orders = run.orders if run.simulated else []
+    rows = len(orders) + 1
     figure = style.new_figure(13.0, 1.9 + rows * float(np.clip(8.0 / rows, 0.4, 0.6)))
     axes = figure.subplots()
-    planned = [_planned(run, order) for order in run.orders]
+    planned = [_planned(run, order) for order in orders]
     sailed = _sailed(run)
     bars = [bar for row in [*planned, sailed] for bar in row]
     last = max([run.t_available, run.t_mission, *(bar.begin + bar.travel + bar.task for bar in bars)])
@@ -53,11 +58,12 @@ def plot_timeline(run: MissionRun) -> Figure:
     for row, order in enumerate(planned):
         _draw(axes, row, order, norm, letter)
     _draw(axes, rows - 1, sailed, norm, letter)
-    for row, order in enumerate(run.orders[1:], start=1):
+    for row, order in enumerate(orders[1:], start=1):
         axes.plot([order.made_at] * 2, [row - 0.48, row + 0.48], color=style.RED, lw=1.6, zorder=4)
-    axes.axhline(rows - 1.5, color="black", lw=0.8)
+    if orders:
+        axes.axhline(rows - 1.5, color="black", lw=0.8)
     axes.axvline(run.t_available, color="red", lw=2.0, zorder=5)
-    axes.set_yticks(range(rows), [*(_name(run, k) for k in range(len(run.orders))), _sailed_name(run)])
+    axes.set_yticks(range(rows), [*(_name(run, k) for k in range(len(orders))), _sailed_name(run)])
     axes.tick_params(labelsize=8)
     axes.set_xlabel("time since the mission began [s]")
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:,.0f}")
@@ -68,7 +74,8 @@ def plot_timeline(run: MissionRun) -> Figure:
         bar.set_ticks((norm.boundaries[1:] - 0.5).tolist())
     bar.set_label("priority of the task [-]")
     figure.legend(handles=_legend(run), loc="outside lower center", ncols=5, fontsize=8, frameon=False)
-    axes.set_title("Order of tasks, as planned and as sailed; legs from → to waypoint", fontsize=11)
+    what = "as planned and as sailed" if orders else "as planned"
+    axes.set_title(f"Order of tasks, {what}; legs from → to waypoint", fontsize=11)
     return figure
 
 
@@ -85,6 +92,8 @@ def _planned(run: MissionRun, order: OrderRecord) -> list[Bar]:
     """An order's legs by the times that were expected when it was made."""
     times = np.asarray(run.graph.leg_times(float(run.vehicle.speed)))  # type: ignore[arg-type]
     travel = times - np.asarray(run.graph.duration)
+    for (i, j), seconds in zip(pairwise(order.nodes), order.leg_times, strict=False):
+        travel[i, j] = max(seconds - float(run.graph.duration[i, j]), 0.0)
     # A refused leg was planned after all, and later orders reckon with what its path takes.
     for leg in run.legs:
         if not len(leg.times) and leg.plans and leg.plans[-1].made_at <= order.made_at:
@@ -143,7 +152,8 @@ def _lateness(run: MissionRun, order: OrderRecord) -> str:
 
 
 def _sailed_name(run: MissionRun) -> str:
-    return f"sailed\npriority {sum(leg.priority for leg in run.done):g}, {run.t_mission:,.0f} s"
+    what = "sailed" if run.simulated else "plan"
+    return f"{what}\npriority {run.total_priority:g}, {run.t_mission:,.0f} s ({hours(run.t_mission)})"
 
 
 def _legend(run: MissionRun) -> list[Any]:
@@ -152,6 +162,6 @@ def _legend(run: MissionRun) -> list[Any]:
         Patch(facecolor="#6aaed6", edgecolor="black", label="task (half height)"),
         Line2D([], [], color="red", lw=2.0, label=f"time available, {run.t_available:,.0f} s"),
     ]
-    if len(run.orders) > 1:
+    if len(run.orders) > 1 and run.simulated:
         handles.append(Line2D([], [], color=style.RED, lw=1.6, label="re-planned"))
     return handles

@@ -115,7 +115,8 @@ def plan_departures(
     fleets = [planning_fleet(scenario, folder, waters, float(depart)) for depart in moments]
     missions = [leaving(fleet, key, [now])[0] for fleet, now in zip(fleets, moments, strict=True)]
     if missions[0].graph.size == 2 and waters.jobs is None:
-        return _plan_legs(replace(fleets[0], waters=waters), missions, progress)
+        fleet = replace(fleets[0], waters=waters)
+        return _plan_legs(fleet, leaving(fleet, key, moments), progress)
     return _plan_missions(fleets, missions, progress)
 
 
@@ -198,6 +199,7 @@ def leaving(fleet: Fleet, key: jax.Array, departs: ArrayLike, seed: int = 0) -> 
             "barred": set(),
         }
         missions[number] = replace(model, number=number, **own)
+        missions[number].sea.hold()
     return [missions[number] for number in range(len(departs))]
 
 

@@ -286,8 +286,9 @@ def _refused(fleet: Fleet, mission: Mission, leg: Leg, times: np.ndarray) -> str
 def _turn_down(mission: Mission, leg: Leg, why: str) -> None:
     """Ask for another order without the refused edge, or with the time that its path takes."""
     mission.refusals += 1
-    mission.obstruction = f"leg {leg.record.start} to {leg.record.goal}, {why}"
     i, j = leg.record.start, leg.record.goal
+    name = f"leg {mission.called(i)} to {mission.called(j)}"
+    mission.obstruction = f"{name}, {why}"
     barred = bool(refusal(leg))
     if barred:
         mission.barred |= {(i, j), (j, i)}
@@ -297,7 +298,7 @@ def _turn_down(mission: Mission, leg: Leg, why: str) -> None:
     mission.cause = "refused"
     stuck = barred and not mission.graph.adjacency[i].any() and not mission.visited - {i}
     if mission.refusals > _REFUSALS or stuck:
-        mission.end(f"leg {i} to {j} cannot be sailed: {why}")
+        mission.end(f"{name} cannot be sailed: {why}")
 
 
 def _judge(fleet: Fleet, mission: Mission) -> None:
@@ -311,7 +312,8 @@ def _judge(fleet: Fleet, mission: Mission) -> None:
     if planning.charge_compute:
         mission.charge(record.cpu)
     if not record.arrived:
-        mission.end(f"leg {record.start} to {record.goal} was not finished: {leg.stopped}")
+        name = f"leg {mission.called(record.start)} to {mission.called(record.goal)}"
+        mission.end(f"{name} was not finished: {leg.stopped}")
         return
     mission.now += record.t_task
     mission.refusals = 0

@@ -226,8 +226,12 @@ class Mission:
     def doing(self) -> str:
         """What it does now, in a few words."""
         if self.leg is None:
-            return f"at waypoint {self.here}"
-        return f"leg {self.leg.record.start} to {self.leg.record.goal}"
+            return f"at {self.called(self.here)}" if self.run.names else f"at waypoint {self.here}"
+        return f"leg {self.called(self.leg.record.start)} to {self.called(self.leg.record.goal)}"
+
+    def called(self, node: int) -> str:
+        """A waypoint's name, or its number where it has none."""
+        return self.run.names[node] if self.run.names else str(node)
 
     def path_key(self) -> jax.Array:
         """A fresh key for the next path planning call."""

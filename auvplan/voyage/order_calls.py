@@ -183,9 +183,9 @@ def _take(fleet: Fleet, mission: Mission, order: MissionOrder, seconds: float) -
         return
     nodes = [int(node) for node in order.nodes]
     run.first_order = run.first_order or order
-    run.orders.append(
-        OrderRecord(mission.now, nodes, float(order.time), float(order.priority), seconds, mission.cause)
-    )
+    figures = float(order.time), float(order.priority), seconds
+    legs = [float(seconds) for seconds in order.leg_times]
+    run.orders.append(OrderRecord(mission.now, nodes, *figures, mission.cause, legs))
     mission.order, mission.step, mission.cause = order, 0, ""
     mission.slack = run.t_available - planning.reserve - (mission.now + float(order.time))
     if planning.charge_compute:
@@ -199,4 +199,5 @@ def _go_on(mission: Mission) -> None:
         mission.cause = ""
         return
     refused = f"; refused before: {mission.obstruction}" if mission.obstruction else ""
-    mission.end(f"no order of tasks from waypoint {mission.here}: {mission.no_order}{refused}")
+    here = mission.called(mission.here) if mission.run.names else f"waypoint {mission.here}"
+    mission.end(f"no order of tasks from {here}: {mission.no_order}{refused}")

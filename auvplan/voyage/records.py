@@ -130,6 +130,7 @@ class OrderRecord:
         cpu: s of wall-clock time.
         cause: "start", "late" (a leg took longer than expected), "early", or "refused" (a leg could not be
             sailed in time).
+        leg_times: s, expected of each leg with its task; empty where it was not kept.
     """
 
     made_at: float
@@ -138,6 +139,7 @@ class OrderRecord:
     priority: float
     cpu: float
     cause: str
+    leg_times: list[float] = field(default_factory=list)
 
 
 @dataclass

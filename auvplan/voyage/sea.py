@@ -29,6 +29,9 @@ class Sea(Protocol):
     def begin_window(self) -> None:
         """Take note that a window of a leg begins (3.2.2)."""
 
+    def hold(self) -> None:
+        """Stay as it is told from now on: nothing else is known beforehand."""
+
     def told(self) -> Current:
         """The current as a planner is told it now."""
         ...
@@ -73,6 +76,10 @@ class VortexSea:
         if self._interval is None:
             self._change()
 
+    def hold(self) -> None:
+        """Change no more."""
+        self._interval = None
+
     def _change(self) -> None:
         field = _changed(self._change_key, self._updates, self.field, update=self._update)
         self.field = jax.device_get(field)
@@ -100,6 +107,9 @@ class ModelSea:
         """Do nothing: the files' currents depend on time."""
 
     def begin_window(self) -> None:
+        """Do nothing, as `advance`."""
+
+    def hold(self) -> None:
         """Do nothing, as `advance`."""
 
     def told(self) -> SumCurrent:

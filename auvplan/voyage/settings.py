@@ -7,6 +7,7 @@ from zoneinfo import available_timezones
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
 
+from auvplan.ocean.palette import ChartColours, as_hex
 from auvplan.site import Site, as_utc
 from auvplan.voyage.places import Finite, NotNegative, Point, Positive
 
@@ -94,6 +95,40 @@ class Area(Section):
         return self
 
 
+Colours = str | tuple[str, ...]
+
+
+class ColourSettings(Section):
+    """What the colours of a chart picture stand for: CSS names, or '#rrggbb' in quotes; one or several.
+
+    Where water and land are both given, every tone of the picture takes the class of the nearest colour.
+    """
+
+    water: Colours = Field(default=(), description="of water, such as [white, lightblue]")
+    land: Colours = Field(default=(), description="of land")
+    uncertain: Colours = Field(default=(), description="of uncertain area, such as shoals")
+
+    @field_validator("water", "land", "uncertain", mode="before")
+    @classmethod
+    def _colours(cls, given: Any) -> Any:
+        if given is None:
+            raise ValueError("no colour is given: one that begins with # needs quotes")
+        colours = (given,) if isinstance(given, str) else given
+        if not isinstance(colours, list | tuple) or not all(isinstance(colour, str) for colour in colours):
+            raise ValueError("a colour is a CSS name such as lightblue, or '#rrggbb' in quotes")
+        return tuple(as_hex(colour) for colour in colours)
+
+    @model_validator(mode="after")
+    def _apart(self) -> "ColourSettings":
+        _ = self.told
+        return self
+
+    @property
+    def told(self) -> ChartColours:
+        """The colours by what they stand for."""
+        return ChartColours(*(tuple(getattr(self, name)) for name in ("water", "land", "uncertain")))
+
+
 class ChartSettings(Section):
     """Where the coast comes from."""
 
@@ -113,6 +148,11 @@ class ChartSettings(Section):
         default=None, description="path of GeoJSON polygons of uncertain area, such as reefs ('polygons')"
     )
     fringe: NotNegative = Field(default=0.0, description="m of uncertain area along the coast ('polygons')")
+    colours: ColourSettings = Field(
+        default=ColourSettings(),
+        description="what a picture's colours stand for ('image', 'raster'); told by rules if absent, which "
+        "know blue water and refuse what they are not sure of",
+    )
     no_go: str | None = Field(default=None, description="path of GeoJSON polygons that are closed")
     pixel_size: Positive = Field(default=10.0, description="m")
     window: tuple[int, int, int, int] | None = Field(
@@ -125,6 +165,8 @@ class ChartSettings(Section):
             raise ValueError("image must be given with source 'image', and only then")
         if (self.source in ("raster", "polygons")) != (self.file is not None):
             raise ValueError("file must be given with source 'raster' or 'polygons', and only then")
+        if self.colours.told and self.source not in ("image", "raster"):
+            raise ValueError("colours goes with source 'image' or 'raster' alone")
         if self.uncertain is not None and self.source != "polygons":
             raise ValueError("uncertain goes with source 'polygons' alone")
         if self.window is not None and self.source not in ("whitsunday", "image"):

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.errors import ScenarioError
-from auvplan.ocean.chart import Chart
+from auvplan.ocean.chart import Chart, classify_file, settled
 from auvplan.ocean.known import Spheres
 from auvplan.ocean.vortices import CurrentUpdate, LambVortices, random_vortices
 from auvplan.ocean.whitsunday import whitsunday_chart
@@ -69,21 +69,30 @@ def make_vehicle(scenario: Scenario) -> Vehicle:
     return Vehicle(**scenario.vehicle.model_dump(exclude={"depth_min", "depth_max"}))
 
 
-@lru_cache(maxsize=4)
 def picture_chart(settings: ChartSettings, folder: str) -> Chart | None:
     """The chart of a picture without a place, the shipped one's among them; None for open water.
 
     Raises:
         ScenarioError: the window does not fit the picture.
-        ChartError: the picture cannot be read.
+        ChartError: the picture cannot be read, or what is water in it is in doubt.
     """
+    return picture_chart_and_notes(settings, folder)[0]  # type: ignore[arg-type] - frozen models hash
+
+
+@lru_cache(maxsize=4)
+def picture_chart_and_notes(settings: ChartSettings, folder: str) -> tuple[Chart | None, tuple[str, ...]]:
+    """`picture_chart`, and what was assumed of the picture, a line each."""
+    notes: tuple[str, ...] = ()
     if settings.source == "none":
-        return None
+        return None, notes
     if settings.source == "whitsunday":
         chart = whitsunday_chart()
     else:
         assert settings.image is not None
-        chart = Chart.from_image(Path(folder) / settings.image, pixel_size=settings.pixel_size)
+        path = Path(folder) / settings.image
+        found = settled(classify_file(path, colours=settings.colours.told), path)
+        chart = Chart.from_classified(found, settings.pixel_size)
+        notes = tuple(f"{path}: {note}" for note in found.notes)
     if settings.window is not None:
         # The window counts rows from the north, the raster from the south.
         row, column, rows, columns = settings.window
@@ -101,7 +110,7 @@ def picture_chart(settings: ChartSettings, folder: str) -> Chart | None:
             )
         chart = chart.crop(north - row - rows, column, rows, columns)
         chart = replace(chart, origin=jnp.zeros_like(chart.origin))  # local metres from the window's corner
-    return chart
+    return chart, notes
 
 
 def require_area_on_chart(scenario: Scenario, chart: Chart | None) -> None:
@@ -124,11 +133,9 @@ def make_sea(
     settings = scenario.current
     if waters.truth is None or waters.forecast is None:
         field, update = make_current(scenario, field_key), current_update(scenario)
-        if not simulated:
-            return VortexSea(sea_key, field, update, None)
         by_window = scenario.planning.resolved.current_updates == "window"
         interval = None if by_window else settings.update_interval
-        return VortexSea(sea_key, field, update, interval, settings.forecast_error)
+        return VortexSea(sea_key, field, update, interval, settings.forecast_error if simulated else 0.0)
     if not simulated:
         return ModelSea(waters.forecast, waters.forecast)
     if settings.forecast_error == 0.0:

@@ -16,6 +16,7 @@ from auvplan.export import (
     itinerary_of,
     itinerary_of_parts,
 )
+from auvplan.ocean.known import KnownObstacle
 from auvplan.site import Site
 from tests.io.sample_run import make_run, refused_leg
 
@@ -27,6 +28,11 @@ def itinerary() -> Itinerary:
     run = make_run()
     run.legs.insert(1, refused_leg(run))
     run.names = ["alpha", "bravo"]
+    north, east, _ = run.legs[0].obstacle_positions[0, 0]
+    run.obstacles = (
+        KnownObstacle("rock", (float(north), float(east)), 35.0),
+        KnownObstacle("ferry", (300.0, 300.0), 30.0, velocity=(1.0, 0.0)),
+    )
     return itinerary_of(run, SITE)
 
 
@@ -53,12 +59,13 @@ def test_waypoints_are_few_samples_of_the_plan(itinerary: Itinerary):
     assert f"{kept} of 96 samples" in itinerary.description
 
 
-def test_fences_are_the_spit_and_what_stands_still(itinerary: Itinerary):
+def test_fences_are_the_spit_and_known_obstacles_that_stand_still(itinerary: Itinerary):
     circles = [fence for fence in itinerary.fences if isinstance(fence, Circle)]
     polygons = [fence for fence in itinerary.fences if isinstance(fence, Polygon)]
     assert len(polygons) == 1  # the spit: longer than an islet
-    assert all(circle.radius == 40.0 for circle in circles)
-    assert len(circles) + len(itinerary.notes) == 3
+    assert [circle.radius for circle in circles] == [35.0]  # none of those that the simulator drew
+    assert any("ferry" in note for note in itinerary.notes)
+    assert any("simulated" in note for note in itinerary.notes)
 
 
 def test_a_run_that_sailed_nothing_cannot_be_exported():

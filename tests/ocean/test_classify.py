@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from auvplan.ocean.classify import DEFAULT_CLUSTERS, UNCERTAIN_MAX, classify, name_clusters, to_lab
+from auvplan.ocean.classify import DEFAULT_CLUSTERS, UNCERTAIN_MAX, classify
+from auvplan.ocean.naming import name_clusters
+from auvplan.ocean.palette import to_lab
 from auvplan.ocean.whitsunday import classes, render
 
 LAND, SHOAL, WATER = (120, 140, 80), (165, 205, 190), (40, 95, 160)

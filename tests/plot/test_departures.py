@@ -28,7 +28,7 @@ def make(count=9, dated=True, closed=(2, 3, 8), leg=False):
         priority=np.zeros(count) if leg else 3.0 * gain,
         current=0.5 + 0.1 * np.arange(count),
         reasons=tuple("" if kept else "cross-current" for kept in feasible),
-        orders=None if leg else (None,) * count,
+        routes=None if leg else (None,) * count,
         site=Site(5.0, 60.0, EPOCH if dated else None),
     )
 

@@ -15,9 +15,8 @@ from auvplan.errors import ScenarioError
 from auvplan.io.waters import load_waters
 from auvplan.mission.travel_times import TravelTimeConfig
 from auvplan.ocean.gridded import CurrentError
-from auvplan.voyage import load_waters_at, order_calls, plan_departures
-from auvplan.voyage.executive import embark, make_fleet
-from auvplan.voyage.order_calls import effort, plan_orders, time_edges
+from auvplan.voyage import load_waters_at, order_calls, plan_departures, plan_scenario
+from auvplan.voyage.order_calls import effort
 from auvplan.voyage.scenario import Scenario
 from tests.io.currents.samples import LAT, LON, regular, write
 from tests.voyage.small import SMALL, planning, scenario
@@ -111,18 +110,14 @@ def missions(light_search):
     return plan_departures(PLAIN, [0.0, 5 * HOUR, HOUR], key=KEY)
 
 
-def test_orders_are_those_that_a_mission_of_that_departure_begins_with(missions):
+def test_missions_are_those_that_are_planned_one_by_one(missions):
     assert missions.feasible.all()
-    fleet = make_fleet(PLAIN, ".")
     for k, depart in enumerate(missions.departs):
-        mission = embark(fleet, 0, KEY, 0)
-        mission.now, mission.run.t_available = depart, depart + 5000.0
-        time_edges(fleet, [mission])
-        plan_orders(fleet, [mission])
-        assert mission.rest == missions.orders[k].nodes.tolist()
-        assert mission.order.time == missions.time[k]
-        assert mission.order.priority == missions.priority[k]
-        assert mission.order.tasks == missions.tasks[k]
+        run = plan_scenario(PLAIN, key=KEY, depart=depart)
+        assert run.route == missions.routes[k]
+        assert run.t_mission == missions.time[k]
+        assert run.total_priority == missions.priority[k]
+        assert run.tasks == missions.tasks[k]
 
 
 def test_the_sea_differs_by_departure_and_planning_costs_no_time(missions):
@@ -150,9 +145,10 @@ def test_a_mission_whose_legs_the_sea_closes_names_leg_limit_place_and_time(monk
     found = plan_departures(strong, [0.0, HOUR], key=KEY)
     assert not found.feasible.any()
     assert found.best is None
-    assert found.orders == (None, None)
+    assert found.routes == (None, None)
     for depart, reason in zip(found.departs, found.reasons, strict=True):
-        assert reason.startswith("the sea closes leg 0 to ")
+        assert reason.startswith("leg 0 to ")
+        assert "cannot be sailed" in reason
         assert any(limit in reason for limit in ("cross-current", "ground speed", "beats the vehicle"))
         assert "km" in reason
         seconds = float(reason.split(" s: ")[0].split()[-1].replace(",", ""))

@@ -1,6 +1,7 @@
 from .bathymetry import Bathymetry as Bathymetry
 from .bathymetry import read_bathymetry as read_bathymetry
 from .charts import Zone as Zone
+from .charts import chart_and_notes as chart_and_notes
 from .charts import chart_from_polygons as chart_from_polygons
 from .charts import chart_from_raster as chart_from_raster
 from .charts import read_zones as read_zones
@@ -9,6 +10,7 @@ from .error import GeoError as GeoError
 from .jobs import read_jobs as read_jobs
 from .obstacles import read_obstacles as read_obstacles
 from .raster import Raster as Raster
+from .raster import pixel_size as pixel_size
 from .raster import read_raster as read_raster
 
 __all__ = [
@@ -16,8 +18,10 @@ __all__ = [
     "GeoError",
     "Raster",
     "Zone",
+    "chart_and_notes",
     "chart_from_polygons",
     "chart_from_raster",
+    "pixel_size",
     "read_bathymetry",
     "read_jobs",
     "read_obstacles",

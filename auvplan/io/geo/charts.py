@@ -21,8 +21,9 @@ from auvplan.io.geo.raster import Raster, read_raster
 from auvplan.io.geo.sampling import nearest
 from auvplan.io.geo.shapes import near, to_local, touched
 from auvplan.io.swapped import swapped_hint
-from auvplan.ocean.chart import Chart, ChartError
-from auvplan.ocean.classify import UNCERTAIN_MAX, classify
+from auvplan.ocean.chart import Chart, ChartError, settled
+from auvplan.ocean.classify import UNCERTAIN_MAX, classify_picture
+from auvplan.ocean.palette import UNTOLD, ChartColours
 from auvplan.site import Site
 
 # A picture's corner pixels may stick out by so many pixels: half of one is the picture's own edge.
@@ -51,6 +52,7 @@ def chart_from_raster(
     pixel_size: float = 10.0,
     crs: Any = None,
     classes: Mapping[int, float] | None = None,
+    colours: ChartColours = UNTOLD,
 ) -> Chart:
     """A chart of a local rectangle from a georeferenced picture, or from a raster of classes.
 
@@ -67,11 +69,39 @@ def chart_from_raster(
         crs: coordinate reference system, where the file tells none.
         classes: pixel value to passability (0 coast, (0, 0.35] uncertain, 1 water) of a single-band raster.
             What the file marks as no data is coast, unless it is named here.
+        colours: what the picture's colours stand for; with them a band of greys is a picture too.
 
     Raises:
-        ChartError: one line; what is wrong with the file, or on which side and by how much the rectangle
-            reaches beyond it.
+        ChartError: one line; what is wrong with the file, on which side and by how much the rectangle
+            reaches beyond it, or what is in doubt about its colours.
+
+    Warns:
+        ScenarioWarning: the picture does not look like a chart.
     """
+    return chart_and_notes(
+        path,
+        site,
+        lower=lower,
+        upper=upper,
+        pixel_size=pixel_size,
+        crs=crs,
+        classes=classes,
+        colours=colours,
+    )[0]
+
+
+def chart_and_notes(
+    path: str | Path,
+    site: Site,
+    *,
+    lower: Any,
+    upper: Any,
+    pixel_size: float = 10.0,
+    crs: Any = None,
+    classes: Mapping[int, float] | None = None,
+    colours: ChartColours = UNTOLD,
+) -> tuple[Chart, tuple[str, ...]]:
+    """`chart_from_raster`, and what was assumed of the picture, a line each."""
     with as_chart(), reading(path):
         grid = local_grid(lower, upper, pixel_size)
         raster = read_raster(path, crs, indices=classes is not None)
@@ -79,8 +109,8 @@ def chart_from_raster(
         find = nodes.seen_from(site, grid)
         # Before the clustering, which takes longer than anything else.
         refuse_beyond(path, "picture", site, find, grid, nodes, _SLACK)
-        passability = _passability(path, raster, classes)
-        return _chart(_least(passability, find, grid, nodes), grid)
+        passability, notes = _passability(path, raster, classes, colours)
+        return _chart(_least(passability, find, grid, nodes), grid), notes
 
 
 def chart_from_polygons(
@@ -210,17 +240,25 @@ def _warn_beyond(path: str | Path, what: str, shapes: list[Any], site: Site, gri
 
 
 def _passability(
-    path: str | Path, raster: Raster, classes: Mapping[int, float] | None
-) -> NDArray[np.float32]:
-    """[rows, columns] of a raster's own pixels."""
-    values = raster.values
+    path: str | Path, raster: Raster, classes: Mapping[int, float] | None, colours: ChartColours
+) -> tuple[NDArray[np.float32], tuple[str, ...]]:
+    """[rows, columns] of a raster's own pixels, and what was assumed."""
+    values, blank = raster.values, raster.blank
+    if values.ndim == 2 and classes is None and colours and values.dtype in (np.uint8, np.bool_):
+        blank = values == (np.nan if raster.nodata is None else raster.nodata)
+        values = np.repeat((values * np.uint8(255 if values.dtype == np.bool_ else 1))[..., None], 3, axis=2)
     if values.ndim == 3:
         if classes is not None:
             raise GeoError(f"{path}: classes give a meaning to one band, and it has three")
-        return classify(values)
+        try:
+            found = settled(classify_picture(values, blank, colours=colours), path)
+        except ChartError as error:
+            raise GeoError(str(error)) from None
+        return found.passability, tuple(f"{path}: {note}" for note in found.notes)
     if classes is None:
         raise GeoError(
-            f"{path}: a single band of values: say by classes which are coast, uncertain and water"
+            f"{path}: a single band of values: say by classes which are coast, uncertain and water, or, of a "
+            "picture of 256 greys, by chart.colours"
         )
     if values.dtype.kind not in "iub":
         raise GeoError(f"{path}: classes are whole numbers, and its values are {values.dtype}")
@@ -233,7 +271,7 @@ def _passability(
         listed = ", ".join(map(str, unknown[:8])) + (" ..." if len(unknown) > 8 else "")
         raise GeoError(f"{path}: classes give no meaning to the values {listed}")
     meanings = np.array([classes.get(int(value), 0.0) for value in found], np.float32)
-    return meanings[place].reshape(values.shape)
+    return meanings[place].reshape(values.shape), ()
 
 
 def _least(passability: NDArray, find: Any, grid: LocalGrid, nodes: Nodes) -> NDArray[np.float32]:

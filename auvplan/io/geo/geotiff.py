@@ -37,6 +37,7 @@ class Tiff:
         crs_trouble: why it tells none.
         nodata: the value that stands for none, or None.
         attributes: of the first band, by lower-case name (GDAL metadata).
+        blank: [rows, columns] which pixels of a colour picture are see-through or no data; None of values.
     """
 
     values: NDArray
@@ -45,11 +46,35 @@ class Tiff:
     crs_trouble: str
     nodata: float | None
     attributes: dict[str, str] = field(default_factory=dict)
+    blank: NDArray[np.bool_] | None = None
+
+
+@dataclass(frozen=True)
+class TiffPlace:
+    """Where the tags of a TIFF file say that it lies; attributes as in `Tiff`."""
+
+    affine: Affine | None
+    crs: CRS | None
+    shape: tuple[int, int]
 
 
 def is_tiff(start: bytes) -> bool:
     """Whether a file of these first four bytes is a TIFF, of either size and byte order."""
     return start in _MAGIC
+
+
+def read_place(path: Path) -> TiffPlace:
+    """Where a TIFF file lies, from its tags alone.
+
+    Raises:
+        GeoError: its tags contradict the format. What else tifffile raises on a damaged file is passed on.
+    """
+    with tifffile.TiffFile(path) as file:
+        page: Any = file.pages[0]
+        tags = {int(tag.code): tag.value for tag in page.tags}
+        shape = int(page.imagelength), int(page.imagewidth)
+    keys = _geo_keys(path, tags.get(_KEYS))
+    return TiffPlace(_affine(path, tags, keys.get(_RASTER_TYPE) == _POINT), _crs(path, keys)[0], shape)
 
 
 def read_geotiff(path: Path, indices: bool = False) -> Tiff:
@@ -88,13 +113,21 @@ def read_geotiff(path: Path, indices: bool = False) -> Tiff:
             raise GeoError(f"{path}: its bands are no red, green and blue")
     keys = _geo_keys(path, tags.get(_KEYS))
     crs, trouble = _crs(path, keys)
+    nodata = _nodata(tags.get(_GDAL_NODATA))
+    coloured = _coloured(path, values, table, see_through)
+    blank = None
+    if coloured.ndim == 3:
+        blank = (values[..., :3] == (np.nan if nodata is None else nodata)).all(axis=-1)
+        if see_through:
+            blank |= values[..., 3] <= np.iinfo(values.dtype).max // 2
     return Tiff(
-        _coloured(path, values, table, see_through),
+        coloured,
         _affine(path, tags, keys.get(_RASTER_TYPE) == _POINT),
         crs,
         trouble,
-        _nodata(tags.get(_GDAL_NODATA)),
+        nodata,
         _band_attributes(tags.get(_GDAL_METADATA)),
+        blank,
     )
 
 

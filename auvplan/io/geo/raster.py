@@ -6,14 +6,16 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pyproj import CRS, Transformer
+from pyproj import CRS, Geod, Transformer
 
 from auvplan.io.geo.error import GeoError, read_text, reading, reason
-from auvplan.io.geo.geotiff import is_tiff, read_geotiff
+from auvplan.io.geo.geotiff import Affine, is_tiff, read_geotiff, read_place
 from auvplan.io.geo.grid import Nodes
-from auvplan.ocean.picture import colours, opened
+from auvplan.ocean.picture import blank, colours, opened
 
 _WORLD_FILES = {
+    ".bmp": (".bpw", ".bmpw"),
+    ".gif": (".gfw", ".gifw"),
     ".png": (".pgw", ".pngw"),
     ".jpg": (".jgw", ".jpgw"),
     ".jpeg": (".jgw", ".jpegw"),
@@ -34,13 +36,15 @@ class Raster:
         crs: of x and y, x being east or longitude.
         nodata: the value that stands for none, or None.
         attributes: what the file tells of its band (GDAL's names), lower case.
+        blank: [rows, columns] which pixels of a colour picture are see-through or no data; None of values.
     """
 
     values: NDArray
-    affine: tuple[float, float, float, float, float, float]
+    affine: Affine
     crs: CRS
     nodata: float | None = None
     attributes: Any = None
+    blank: NDArray[np.bool_] | None = None
 
     def nodes(self) -> Nodes:
         """Where the pixels' centres lie."""
@@ -70,7 +74,7 @@ def read_raster(path: str | Path, crs: Any = None, *, indices: bool = False) -> 
 
     GeoTIFF by its own keys; PNG, JPEG and TIFF by a world file beside it (.pgw, .jgw, .tfw, .wld), whose
     coordinates are those of `crs` or of a .prj file. A world file gives the centre of the first pixel.
-    See-through pixels become white.
+    See-through pixels become white, and are told.
 
     Args:
         path: of the file.
@@ -89,10 +93,10 @@ def read_raster(path: str | Path, crs: Any = None, *, indices: bool = False) -> 
         if is_tiff(start):
             tiff = read_geotiff(path, indices)
             affine, own, values = tiff.affine, tiff.crs, tiff.values
-            nodata, attributes = tiff.nodata, tiff.attributes
+            nodata, attributes, empty = tiff.nodata, tiff.attributes, tiff.blank
             trouble = tiff.crs_trouble
         else:
-            values, affine, own, nodata, attributes = _picture(path, indices), None, None, None, {}
+            (values, empty), affine, own, nodata, attributes = _picture(path, indices), None, None, None, {}
             trouble = "no coordinate reference system in a .prj file beside it"
         if affine is None:
             affine, own = _world_file(path), own or _projection_file(path)
@@ -106,7 +110,84 @@ def read_raster(path: str | Path, crs: Any = None, *, indices: bool = False) -> 
         determinant = affine[0] * affine[4] - affine[1] * affine[3]
         if not np.isfinite(affine).all() or not abs(determinant) > 0.0:
             raise GeoError(f"{path}: its pixels have no size: {[float(c) for c in affine]}")
-        return Raster(values, affine, system, nodata, attributes)
+        return Raster(values, affine, system, nodata, attributes, empty)
+
+
+@dataclass(frozen=True)
+class PixelSize:
+    """How large a picture's pixels are on Earth.
+
+    Attributes:
+        metres: edge of a pixel in the middle of the picture.
+        crs: whether the file tells its reference system.
+        notes: what was assumed, a line each.
+    """
+
+    metres: float
+    crs: bool
+    notes: tuple[str, ...] = ()
+
+
+def pixel_size(path: str | Path) -> PixelSize | None:
+    """The size of a picture's pixels where its GeoTIFF tags or a world file tell it; None where none does.
+
+    It is measured along the ellipsoid, so that degrees, and the metres of a map that is stretched towards the
+    poles, come out as metres on Earth.
+
+    Raises:
+        GeoError: one line; the file cannot be read, or what should tell its place makes no sense.
+    """
+    path = Path(path)
+    with reading(path):
+        with path.open("rb") as file:
+            tiff = is_tiff(file.read(4))
+        affine = crs = None
+        if tiff:
+            place = read_place(path)
+            affine, crs, (rows, columns) = place.affine, place.crs, place.shape
+        else:
+            with opened(path, GeoError) as picture:
+                columns, rows = picture.size
+        if affine is None:
+            if _beside(path, _world_names(path)) is None:
+                return None
+            affine, crs = _world_file(path), crs or _projection_file(path)
+        return _measured(path, affine, crs, rows, columns)
+
+
+def _measured(path: Path, affine: Affine, crs: CRS | None, rows: int, columns: int) -> PixelSize:
+    a, b, c, d, e, f = affine
+    middle = np.array([columns / 2, rows / 2])
+    ends = np.array([[0.5, 0.0], [-0.5, 0.0], [0.0, 0.5], [0.0, -0.5]]) + middle
+    x, y = a * ends[:, 0] + b * ends[:, 1] + c, d * ends[:, 0] + e * ends[:, 1] + f
+    notes = []
+    if crs is None:
+        corners = np.array([[0, 0], [columns, 0], [0, rows], [columns, rows]])
+        far = abs(np.array([[a, b], [d, e]]) @ corners.T + [[c], [f]]).max(axis=1)
+        degrees = far[0] <= 360.0 and far[1] <= 90.0 and max(abs(a), abs(e)) < 1.0
+        crs = CRS.from_epsg(4326) if degrees else None
+        unit = "degrees" if degrees else "metres"
+        notes.append(f"{path} tells no reference system: its coordinates are taken for {unit}")
+        known = False
+    else:
+        known = True
+    if crs is None:
+        across, down = np.hypot(x[0] - x[1], y[0] - y[1]), np.hypot(x[2] - x[3], y[2] - y[3])
+    else:
+        longitude, latitude = Transformer.from_crs(crs, "EPSG:4326", always_xy=True).transform(x, y)
+        _, _, lengths = Geod(ellps="WGS84").inv(
+            longitude[::2], latitude[::2], longitude[1::2], latitude[1::2]
+        )
+        across, down = lengths
+    size = float(np.sqrt(across * down))
+    if not (np.isfinite(size) and size > 0.0):
+        raise GeoError(f"{path}: its pixels have no size: {[float(v) for v in affine]}")
+    if max(across, down) > 1.01 * min(across, down):
+        notes.append(
+            f"{path} has pixels of {across:.4g} m by {down:.4g} m, taken as squares of {size:.4g} m: "
+            "source 'raster' takes them as they are"
+        )
+    return PixelSize(size, known, tuple(notes))
 
 
 def as_crs(given: Any, what: str) -> CRS:
@@ -121,20 +202,28 @@ def as_crs(given: Any, what: str) -> CRS:
         raise GeoError(f"{what}: {given!r} is no coordinate reference system ({reason(error)})") from None
 
 
-def _picture(path: Path, indices: bool) -> NDArray:
-    """[rows, columns, 3] uint8; [rows, columns] without colour or, if asked for, with a table of it."""
+def _picture(path: Path, indices: bool) -> tuple[NDArray, NDArray[np.bool_] | None]:
+    """[rows, columns, 3] uint8; [rows, columns] without colour or, if asked for, with a table of it.
+
+    The other is as `Raster.blank`.
+    """
     with opened(path, GeoError) as picture:
         single = picture.mode in ("1", "L", "I", "F") or picture.mode.startswith("I;")
         if single or (indices and picture.mode == "P"):
-            return np.asarray(picture)
+            return np.asarray(picture), None
         if picture.mode == "LA":
-            return np.asarray(picture)[..., 0]
-        return colours(picture)
+            return np.asarray(picture)[..., 0], None
+        return colours(picture), blank(picture)
 
 
-def _world_file(path: Path) -> tuple[float, float, float, float, float, float]:
+def _world_names(path: Path) -> list[str]:
+    """Names that a picture's world file may have."""
     names = [path.stem + suffix for suffix in (*_WORLD_FILES.get(path.suffix.lower(), ()), ".wld")]
-    names.append(path.name + "w")
+    return [*names, path.name + "w"]
+
+
+def _world_file(path: Path) -> Affine:
+    names = _world_names(path)
     found = _beside(path, names)
     if found is None:
         listed = ", ".join(dict.fromkeys(names))

@@ -5,9 +5,10 @@ import shutil
 import numpy as np
 import pytest
 
-from auvplan.io.geo import chart_from_raster
+from auvplan.io.geo import chart_and_notes, chart_from_raster
 from auvplan.ocean.chart import ChartError
 from auvplan.ocean.classify import UNCERTAIN_MAX
+from auvplan.ocean.palette import ChartColours
 from auvplan.site import Site
 from tests.io.geo.files import SITE, write_geotiff
 from tests.io.geo.whitsunday import HOOK, in_the_middle, kinds, truth
@@ -117,3 +118,55 @@ def test_classes_need_a_meaning(tmp_path):
     depths = write_geotiff(tmp_path / "f.tif", classes.astype(np.float32), corner=(148.955, -20.335))
     with pytest.raises(ChartError, match="classes are whole numbers, and its values are float32"):
         chart_from_raster(depths, SITE, classes=MEANINGS, **area)
+
+
+def test_a_picture_of_told_greys(tmp_path):
+    grey = np.full((40, 60), 232, np.uint8)
+    grey[:10, :20] = 128
+    path = write_geotiff(
+        tmp_path / "g.tif", grey, corner=(SITE.longitude - 0.003, SITE.latitude + 0.002), scale=(1e-4, 1e-4)
+    )
+    area = {"lower": (-210.0, -300.0), "upper": (210.0, 305.0), "pixel_size": 5.0}
+    with pytest.raises(ChartError, match=r"chart\.colours"):
+        chart_from_raster(path, SITE, **area)
+    colours = ChartColours(water=("#e8e8e8",), land=("grey",))
+    chart = chart_from_raster(path, SITE, colours=colours, **area)
+    assert not chart.is_water(200.0, -290.0)
+    assert chart.is_water([-200.0, 200.0, 0.0], [-290.0, 290.0, 0.0]).all()
+
+
+def test_a_picture_in_doubt_is_refused_once_named(tmp_path):
+    colours = np.full((40, 60, 3), (185, 125, 55), np.uint8)
+    colours[10:30, 10:40] = (41, 59, 109)
+    path = write_geotiff(
+        tmp_path / "i.tif",
+        colours,
+        corner=(SITE.longitude - 0.003, SITE.latitude + 0.002),
+        scale=(1e-4, 1e-4),
+    )
+    area = {"lower": (-210.0, -300.0), "upper": (210.0, 305.0)}
+    with pytest.raises(ChartError) as caught:
+        chart_from_raster(path, SITE, **area)
+    assert str(caught.value).count(str(path)) == 1
+    told = ChartColours(water=("#b97d37",), land=("#293b6d",))
+    chart = chart_from_raster(path, SITE, colours=told, **area)
+    assert chart.is_water(-200.0, -290.0)
+    assert not chart.is_water(0.0, 0.0)
+
+
+def test_what_is_no_data_is_coast_and_told(tmp_path):
+    colours = np.full((40, 60, 3), WATER, np.uint8)
+    colours[:, :20] = 0
+    path = write_geotiff(
+        tmp_path / "n.tif",
+        colours,
+        corner=(SITE.longitude - 0.003, SITE.latitude + 0.002),
+        scale=(1e-4, 1e-4),
+        nodata="0",
+    )
+    area = {"lower": (-210.0, -300.0), "upper": (210.0, 305.0)}
+    chart, notes = chart_and_notes(path, SITE, **area)
+    assert chart.is_water(0.0, 100.0)
+    assert not chart.is_water(0.0, -200.0)
+    assert len(notes) == 1
+    assert notes[0].startswith(f"{path}: what is see-through or no data, 33.3% of the picture")

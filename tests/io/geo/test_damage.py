@@ -20,7 +20,8 @@ TABLE = "name,north,east,line,priority,duration,depth\nreef,12,35,,3,60,12\n,10,
 
 
 def picture(path):
-    values = np.random.default_rng(0).integers(0, 255, (30, 40, 3)).astype(np.uint8)
+    values = np.full((30, 40, 3), (40, 95, 160), np.uint8)  # water
+    values[:12, :15] = 120, 140, 80  # and land
     return write_geotiff(path, values, corner=(148.958, -20.3385), scale=(1e-4, 1e-4), compression="zlib")
 
 

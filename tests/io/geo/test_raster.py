@@ -10,7 +10,7 @@ import tifffile
 from PIL import Image
 from pyproj import CRS
 
-from auvplan.io.geo import GeoError, read_raster
+from auvplan.io.geo import GeoError, pixel_size, read_raster
 from auvplan.ocean.picture import MAX_PIXELS
 from tests.io.geo.files import write_geotiff
 from tests.ocean.test_chart_files import png_header
@@ -244,3 +244,70 @@ def test_whitsunday_picture_lies_where_its_keys_say(shared, tmp_path):
     twin = read_raster(tmp_path / "hook.png", crs=32755)
     assert twin.affine == raster.affine
     assert twin.values.shape == raster.values.shape
+
+
+# How large the pixels are
+
+
+def test_pixels_of_a_geotiff_are_measured_on_the_ellipsoid(tmp_path):
+    degrees = write_geotiff(tmp_path / "d.tif", COLOURS, corner=(148.0, 0.0), scale=(0.001, 0.001))
+    size = pixel_size(degrees)
+    assert size.metres == pytest.approx(111.0, rel=0.005)
+    assert size.crs
+    assert size.notes == ()
+    mercator = write_geotiff(
+        tmp_path / "m.tif", COLOURS, corner=(1e6, 8_399_738.0), scale=(300.0, 300.0), epsg=3857
+    )
+    assert pixel_size(mercator).metres == pytest.approx(150.0, rel=0.01), (
+        "the map is stretched twofold at 60 N"
+    )
+    utm = write_geotiff(
+        tmp_path / "u.tif", COLOURS, corner=(5e5, 7_774_100.0), scale=(300.0, 300.0), epsg=32755
+    )
+    assert pixel_size(utm).metres == pytest.approx(300.0, rel=1e-3)
+
+
+def test_pixels_that_are_no_squares_are_told(tmp_path):
+    path = write_geotiff(tmp_path / "d.tif", COLOURS, corner=(10.0, 60.0), scale=(0.001, 0.001))
+    size = pixel_size(path)
+    assert size.metres == pytest.approx(111.4 * np.sqrt(0.5), rel=0.01)
+    assert "55.81 m by 111.4 m" in size.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("name", "world"), [("a.png", "a.pgw"), ("a.jpg", "a.jgw"), ("a.tif", "a.tfw"), ("a.png", "a.wld")]
+)
+def test_pixels_of_a_world_file(tmp_path, name, world):
+    Image.fromarray(COLOURS).save(tmp_path / name)
+    assert pixel_size(tmp_path / name) is None
+    (tmp_path / world).write_text("300\n0\n0\n-300\n697205\n7774095\n")
+    size = pixel_size(tmp_path / name)
+    assert size.metres == 300.0
+    assert not size.crs
+    assert "taken for metres" in size.notes[0]
+    (tmp_path / "a.prj").write_text(CRS.from_epsg(32755).to_wkt("WKT1_ESRI"))
+    size = pixel_size(tmp_path / name)
+    assert size.metres == pytest.approx(300.0, rel=1e-3)
+    assert size.crs
+    assert size.notes == ()
+    (tmp_path / "a.prj").unlink()
+    (tmp_path / world).write_text("0.001\n0\n0\n-0.001\n148\n0.5\n")
+    size = pixel_size(tmp_path / name)
+    assert size.metres == pytest.approx(111.0, rel=0.005)
+    assert "taken for degrees" in size.notes[0]
+    (tmp_path / world).write_text("300\n0\n")
+    with pytest.raises(GeoError, match="six numbers"):
+        pixel_size(tmp_path / name)
+
+
+def test_pixels_without_data_are_told(tmp_path):
+    colours = np.array(COLOURS)
+    colours[2:4] = 0
+    path = write_geotiff(tmp_path / "n.tif", colours, nodata="0")
+    assert (np.flatnonzero(read_raster(path).blank.all(axis=1)) == [2, 3]).all()
+    layer = np.dstack([COLOURS, np.full((7, 5), 255, np.uint8)])
+    layer[0, :, 3] = 0
+    Image.fromarray(layer).save(tmp_path / "s.png")
+    (tmp_path / "s.pgw").write_text(WORLD)
+    assert (np.flatnonzero(read_raster(tmp_path / "s.png", crs=32755).blank.any(axis=1)) == [0]).all()
+    assert read_raster(write_geotiff(tmp_path / "v.tif", VALUES)).blank is None

@@ -1,0 +1,103 @@
+"""Pictures that a scenario names as its chart: told colours, and what is said of the file."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from auvplan.io.examine import examine_scenario
+from auvplan.io.scenario_file import scenario_schema, validate_scenario
+from auvplan.io.waters import load_waters
+from auvplan.ocean.chart import ChartError
+from auvplan.ocean.whitsunday import classes
+from tests.io.geo.files import write_geotiff
+from tests.ocean.chart_pictures import STYLES, paint, shares_right
+
+INVERTED = STYLES["inverted"]
+AREA = {"lower": [0, 0, 0], "upper": [3000, 3000, 40]}
+SITE = {"longitude": 147.0, "latitude": -20.127, "origin": [1500, 1500]}
+
+
+def scenario(site=None, **chart):
+    plain = {"name": "leg", "area": AREA, "chart": chart} | ({"site": site} if site else {})
+    return validate_scenario(plain, "test")
+
+
+@pytest.fixture
+def picture(tmp_path):
+    Image.fromarray(paint(INVERTED, 300)).save(tmp_path / "map.png")
+    return tmp_path
+
+
+def test_told_colours_of_an_image(picture):
+    plain = scenario(source="image", image="map.png")
+    with pytest.raises(ChartError, match=r"map\.png: .*chart\.colours"):
+        load_waters(plain, picture)
+    told = scenario(source="image", image="map.png", colours=INVERTED.named)
+    chart = load_waters(told, picture).chart
+    assert min(shares_right(np.asarray(chart.passability)[::-1], classes(300)).values()) > 0.98
+    # The other way round: what is kept of one clustering does not serve for other colours.
+    other = INVERTED.named | {"water": INVERTED.named["land"], "land": INVERTED.named["water"]}
+    turned = load_waters(scenario(source="image", image="map.png", colours=other), picture).chart
+    assert (np.asarray(turned.passability)[np.asarray(chart.passability) == 1.0] == 0.0).mean() > 0.98
+
+
+def test_one_colour_or_several_in_any_notation():
+    one = scenario(source="image", image="map.png", colours={"water": "WHITE", "land": "tan"})
+    several = scenario(
+        source="image", image="map.png", colours={"water": ["#fff"], "land": ["tan", "#D2B48C"]}
+    )
+    assert one.chart.colours.told == several.chart.colours.told
+    assert validate_scenario(one.model_dump(mode="json"), "again").chart == one.chart
+
+
+def test_told_colours_of_a_raster(tmp_path):
+    """30 m pixels in UTM zone 55 S, on whose middle meridian the site lies."""
+    path = write_geotiff(
+        tmp_path / "map.tif",
+        paint(INVERTED, 300),
+        corner=(500_000.0 - 4500.0, 7_774_400.0 + 4500.0),
+        scale=(30.0, 30.0),
+        epsg=32755,
+    )
+    settings = {"source": "raster", "file": path.name, "pixel_size": 30}
+    with pytest.raises(ChartError, match=r"map\.tif: .*chart\.colours"):
+        load_waters(scenario(SITE, **settings), tmp_path)
+    waters = load_waters(scenario(SITE, **settings, colours=INVERTED.named), tmp_path)
+    shares = waters.chart.shares()
+    assert shares["water"] > 0.3
+    assert shares["coast"] > 0.1
+
+
+def test_notes_of_a_picture_reach_whoever_validates(picture):
+    inner = paint(STYLES["white deep water"], 300)
+    framed = np.zeros((340, 340, 3), np.uint8)
+    framed[20:320, 20:320] = inner
+    Image.fromarray(framed).save(picture / "framed.png")
+    (picture / "framed.pgw").write_text("25\n0\n0\n-25\n697205\n7774095\n")
+    notes = load_waters(scenario(source="image", image="framed.png"), picture).notes
+    assert any("black frame" in note for note in notes)
+    assert any("deep water" in note for note in notes)
+    assert any("chart.pixel_size is 10 m, the file tells 25 m" in note for note in notes)
+    told = scenario(source="image", image="framed.png", pixel_size=25)
+    assert not any("pixel_size" in note for note in load_waters(told, picture).notes)
+
+
+def test_doubts_are_faults_of_the_picture(picture):
+    path = picture / "scenario.yaml"
+    path.write_text(
+        "name: leg\narea: {lower: [0, 0, 0], upper: [3000, 3000, 40]}\n"
+        "chart:\n  source: image\n  image: map.png\n"
+    )
+    (line,) = examine_scenario(path).lines
+    assert "scenario.yaml:5:" in line
+    assert "chart.image" in line
+    assert "--water" in line
+
+
+def test_the_schema_takes_one_colour_or_several():
+    jsonschema = pytest.importorskip("jsonschema")
+    plain = {"chart": {"source": "image", "image": "map.png", "colours": {"water": "white", "land": ["tan"]}}}
+    jsonschema.validate(plain, scenario_schema())
+    plain["chart"]["colours"]["watre"] = "white"
+    with pytest.raises(jsonschema.ValidationError):
+        jsonschema.validate(plain, scenario_schema())

@@ -1,0 +1,71 @@
+"""The files of one run replace those of an earlier one together."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from auvplan.io.files import MISSION, SUMMARY, whole_result
+
+OLD = {SUMMARY: "old", MISSION: "old", "itinerary.plan": "old", "mission.png": "old", "notes.txt": "mine"}
+NEW = {SUMMARY: "new", MISSION: "new", "sheet.html": "new", "timeline.png": "new"}
+
+
+def content(folder):
+    return {file.name: file.read_text() for file in folder.iterdir()}
+
+
+@pytest.fixture
+def folder(tmp_path):
+    target = tmp_path / "out"
+    target.mkdir()
+    for name, text in OLD.items():
+        (target / name).write_text(text)
+    return target
+
+
+def test_new_files_take_the_place_of_all_old_ones_and_leave_those_of_others(folder):
+    with whole_result(folder) as partial:
+        for name, text in NEW.items():
+            (partial / name).write_text(text)
+        assert content(folder) == OLD
+    assert content(folder) == NEW | {"notes.txt": "mine"}
+    assert [file.name for file in folder.parent.iterdir()] == ["out"]
+
+
+def test_a_run_that_fails_leaves_the_old_files_alone(folder):
+    def fail():
+        with whole_result(folder) as partial:
+            (partial / SUMMARY).write_text("half")
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        fail()
+    assert content(folder) == OLD
+    assert [file.name for file in folder.parent.iterdir()] == ["out"]
+
+
+@pytest.mark.parametrize("moment", range(6))
+def test_a_run_that_is_killed_leaves_the_old_or_the_new_files(folder, moment):
+    code = (
+        "import sys, time\nfrom auvplan.io.files import whole_result\n"
+        f"with whole_result({str(folder)!r}) as partial:\n"
+        "    print('begun', flush=True)\n"
+        f"    for name in {list(NEW)!r}:\n"
+        "        (partial / name).write_text('new')\n        time.sleep(0.02)\n"
+        "print('done', flush=True)\n"
+    )
+    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE)
+    assert process.stdout.readline() == b"begun\n"
+    time.sleep(0.02 * moment)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    process.stdout.close()
+    assert content(folder) in (OLD, NEW | {"notes.txt": "mine"})
+    with whole_result(folder) as partial:
+        (partial / SUMMARY).write_text("next")
+    assert content(folder) == {SUMMARY: "next", "notes.txt": "mine"}
+    assert [file.name for file in folder.parent.iterdir()] == ["out"]
