@@ -236,8 +236,8 @@ def _charts(
     assert site is not None
     lower, upper = box[0][:2], box[1][:2]
     zones = geo.read_zones(_path(home, settings.no_go), site, lower=lower, upper=upper)
-    chart = geo.with_no_go(plain, zones, lower=lower, upper=upper, pixel_size=settings.pixel_size)
-    return plain, chart, notes
+    closed = geo.with_no_go(plain, zones, lower=lower, upper=upper, pixel_size=settings.pixel_size)
+    return plain, closed, notes
 
 
 def _warn_of_one_kind(settings: ChartSettings, chart: Chart) -> None:
