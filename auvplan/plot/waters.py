@@ -46,7 +46,7 @@ def plot_waters(scenario: Scenario, waters: Waters, closed: Sequence[Any] = ()) 
     handles: list[Any] = list(style.draw_coast(axes, waters.chart, unit))
     handles += draw_depths(axes, waters.seabed, unit)
     handles += _draw_closed(axes, closed, unit)
-    handles += _draw_obstacles(axes, waters, unit)
+    handles += _draw_obstacles(axes, scenario, waters, unit)
     handles += _draw_current(axes, scenario, waters, unit)
     corner, size = low[::-1] / unit.metres, edge[::-1] / unit.metres
     axes.add_patch(Rectangle(tuple(corner), *size, fill=False, ec="black", lw=1.2, ls=(0, (6, 3)), zorder=3))
@@ -54,7 +54,10 @@ def plot_waters(scenario: Scenario, waters: Waters, closed: Sequence[Any] = ()) 
     handles += _draw_jobs(axes, waters, unit)
     handles += _draw_ends(axes, scenario, unit)
     figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=8, frameon=False)
-    axes.set_title(_title(scenario, waters), fontsize=11)
+    axes.set_title(_title(scenario, waters), fontsize=11, pad=None if waters.site is None else 20.0)
+    style.draw_compass(axes, unit)
+    if waters.site is not None:
+        style.draw_graticule(axes, waters.site, unit)
     _draw_names(axes, scenario, waters, closed, unit)
     return figure
 
@@ -112,19 +115,18 @@ def _closed(ring: style.Array) -> Outline:
     return Outline(ring, closed=True)
 
 
-def _draw_obstacles(axes: Axes, waters: Waters, unit: style.Unit) -> list[Any]:
-    """Known obstacles at departure, with an arrow where they move."""
-    colour = style.KIND_COLOURS["static"]
+def _draw_obstacles(axes: Axes, scenario: Scenario, waters: Waters, unit: style.Unit) -> list[Line2D]:
+    """Known obstacles at departure, and where they go in the time available."""
+    colour = style.KIND_COLOURS["known"]
     for known in waters.obstacles:
         place = _flat(known.position, unit)
-        circle = Circle(tuple(place), known.radius / unit.metres, fc="#cc79a755", ec=colour, lw=1.0, zorder=2)
-        axes.add_patch(circle)
+        kind = {"fc": colour, "ec": "black", "alpha": 0.6, "zorder": 2}
+        axes.add_patch(Circle(tuple(place), known.radius / unit.metres, **kind))
         if known.moves:
-            way = np.asarray(known.velocity) / np.hypot(*known.velocity) * 3.0 * known.radius
-            tip = _flat(np.asarray(known.position) + way, unit)
-            arrow = {"arrowstyle": "-|>", "color": colour, "shrinkA": 0, "shrinkB": 0}
-            axes.annotate("", xy=tuple(tip), xytext=tuple(place), arrowprops=arrow, zorder=2)
-    mark: dict[str, Any] = {"ls": "", "marker": "o", "ms": 8, "mfc": "#cc79a755", "mec": colour}
+            tip = _flat(known.after(scenario.mission.time_available).position, unit)
+            arrow = {"arrowstyle": "->", "color": colour, "linestyle": ":"}
+            axes.annotate("", tuple(tip), tuple(place), arrowprops=arrow, zorder=2)
+    mark: dict[str, Any] = {"ls": "", "marker": "o", "ms": 7, "color": colour, "mec": "black"}
     return [Line2D([], [], label="known obstacle", **mark)] if waters.obstacles else []
 
 

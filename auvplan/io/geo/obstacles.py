@@ -71,8 +71,8 @@ def _obstacle(feature: Feature, site: Site) -> KnownObstacle:
         known = ", ".join(_Properties.model_fields)
         if first["type"] == "extra_forbidden":
             near = difflib.get_close_matches(name, _Properties.model_fields, 1, 0.7)
-            hint = f", did you mean {near[0]!r}?" if near else ""
-            what = f"means nothing here{hint}; an obstacle has {known}"
+            hint = f": did you mean {near[0]!r}?" if near else ""
+            what = f"means nothing here; an obstacle has {known}{hint}"
         elif first["type"] == "missing":
             what = "is missing"
         raise GeoError(f"{feature.where}: {name} {what}".replace(":  ", ": ")) from None
