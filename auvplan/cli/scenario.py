@@ -39,7 +39,7 @@ def init(
         typer.echo(f"wrote {path}")
     scenario = folder / SCENARIO
     typer.echo(f"check: auvplan validate {scenario}")
-    typer.echo(f"run:   auvplan mission {scenario} --out {folder / 'out'}")
+    typer.echo(f"plan:  auvplan plan {scenario} --out {folder / 'out'}")
     typer.echo(f"then change {scenario}: every field is explained there; auvplan schema tells them all")
 
 

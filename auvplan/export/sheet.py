@@ -22,9 +22,6 @@ from auvplan.voyage.records import LegRecord, MissionRun
 #: m, longest way between two places at which margins are looked up.
 _STEP = 5.0
 
-#: What the vehicle does at the end, by the name of the setting.
-_ENDS = {"surface": "comes up", "loiter": "circles", "station": "keeps its place"}
-
 
 @dataclass(frozen=True)
 class Stop:
@@ -161,7 +158,7 @@ def sheet_of(run: MissionRun) -> MissionSheet:
     first = _stop(run, None, 0.0)
     stops = [replace(first, name=waypoint_name(run, run.start))]
     stops += [_stop(run, leg, float(leg.times[-1])) for leg in run.done]
-    safety, planning = run.scenario.get("safety", {}), run.scenario.get("planning", {})
+    planning = run.scenario.get("planning", {})
     epoch = None if run.site is None else run.site.utc(0.0)
     reserve = 60.0 if planning.get("reserve") is None else planning["reserve"]
     facts = {
@@ -172,7 +169,6 @@ def sheet_of(run: MissionRun) -> MissionSheet:
         f"{run.t_available:.0f} s)",
         "time left": f"{hours(run.t_residual)}, of which no plan uses {reserve:g} s",
         "tasks": f"{run.tasks}, total priority {run.total_priority:g} of at most {run.bound:.3g}",
-        "at the destination the vehicle": _ENDS[safety.get("end", "surface")],
         "way": f"{sum(stop.length for stop in stops) / 1000.0:.1f} km",
     }
     zone = str((run.scenario.get("site") or {}).get("timezone") or "")

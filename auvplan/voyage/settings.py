@@ -272,17 +272,13 @@ class ObstacleSettings(Section):
 
 
 class SafetySettings(Section):
-    """What every path keeps, and what the vehicle does at the end."""
+    """What every path keeps."""
 
     coast: NotNegative = Field(default=10.0, description="m, least distance of paths to the coast")
     obstacles: NotNegative = Field(
         default=5.0, description="m, least distance of paths to the boundaries of obstacles"
     )
     seabed: NotNegative = Field(default=5.0, description="m, least height of paths above the sea bed")
-    end: Literal["surface", "loiter", "station"] = Field(
-        default="surface",
-        description="what the vehicle does at the destination: come up, circle, or keep its place",
-    )
 
 
 class SimulatedObstacles(Section):
