@@ -29,7 +29,9 @@ _SURE_HUES, _SURE_CHROMA = (195.0, 305.0), 8.0  # a tone outside these may be an
 _LAND_HUES, _LAND_CHROMA, _FAINT_CHROMA = (40.0, 155.0), 65.0, 20.0  # strong tones of other hues are odd
 _ONE_TONE = 25.0  # CIELAB distance up to which all clusters may be water
 _RIM = 0.012  # width of a line along the picture's edge, as a share of the edge
-_FRINGE = 0.03  # half the width of water, as a share of the picture's edge, that is found on any chart
+_FRINGE = (
+    0.03  # half the width of water or land, as a share of the picture's edge, up to which it is a fringe
+)
 _DARK = 35.0  # water darker than this (L) is found in night palettes and satellite pictures
 _PALE = 68.0  # water paler than this (L) may be the shallows of a chart whose deep water is white
 _PAPER = 88.0, 12.0  # lightest tones: least L, greatest chroma
@@ -148,13 +150,17 @@ def _propose(lab: NDArray[np.floating], labels: NDArray[np.integer]) -> Naming:
     water = kinds == WATER
     if not water.any():
         return Naming(kinds, (Doubt("none of them looks like water", frozenset()),))
-    doubts = [*_odd_water(lab, share, water), *_odd_land(lab, share, kinds), *_odd_shape(kinds, labels)]
+    doubts = [
+        *_odd_water(lab, share, water),
+        *_odd_land(lab, share, kinds),
+        *_odd_shape(lab, share, kinds, labels),
+    ]
     pale = _pale_water(lab, share, kinds, labels)
     if isinstance(pale, Doubt):
         doubts.append(pale)
     elif pale is not None:
         said = "the palest tone is taken for deep water, the pale blue along the land for uncertain area"
-        return Naming(pale, (*_odd_land(lab, share, pale), *_odd_shape(pale, labels)), (said,))
+        return Naming(pale, (*_odd_land(lab, share, pale), *_odd_shape(lab, share, pale, labels)), (said,))
     return Naming(kinds, tuple(doubts))
 
 
@@ -178,23 +184,42 @@ def _odd_land(lab: NDArray, share: NDArray, kinds: NDArray[np.uint8]) -> list[Do
     odd = (kinds == COAST) & large & ~earthy & (chroma > _FAINT_CHROMA)
     if odd.any():
         return [Doubt("a tone is neither water's nor land's", _numbers(odd))]
-    spread = np.linalg.norm(lab[large, None] - lab[None, large], axis=-1).max(initial=0.0)
-    if not (kinds == COAST)[large].any() and spread > _ONE_TONE:
+    if not (kinds == COAST)[large].any() and _spread_of(lab[large]) > _ONE_TONE:
         return [Doubt("none of them looks like land", _numbers(kinds != COAST))]
     return []
 
 
-def _odd_shape(kinds: NDArray[np.uint8], labels: NDArray[np.integer]) -> list[Doubt]:
-    """Doubts about water that lies in the land as islands do in the sea, or along it as a fringe."""
+def _odd_shape(
+    lab: NDArray, share: NDArray, kinds: NDArray[np.uint8], labels: NDArray[np.integer]
+) -> list[Doubt]:
+    """Doubts about water that lies in the land as islands do in the sea, or along it as a fringe.
+
+    And about land that is a fringe between waters of two tones, one of which it may surround as a beach does.
+    """
     image = np.where(labels >= 0, kinds[labels], COAST)
     water = image == WATER
     about = _numbers(kinds == WATER)
     lakes, islands = _inside(water, labels), _inside(~water, labels)
     if lakes > islands and lakes > _NOTEWORTHY:
         return [Doubt("the blue areas lie within the others as islands do", about)]
-    if not water.all() and ndimage.distance_transform_edt(water).max() < _FRINGE * max(labels.shape):  # type: ignore[union-attr]
+    if _narrow(water):
         return [Doubt("the blue areas are narrow as a fringe", about)]
+    land = (image == COAST) & (labels >= 0)
+    tones = lab[(kinds != COAST) & (share >= max(share[kinds == COAST].sum(), _NOTEWORTHY))]
+    if land.mean() >= _NOTEWORTHY and _narrow(land) and _spread_of(tones) > _ONE_TONE:
+        return [Doubt("land is narrow as a fringe between two tones of water", _numbers(kinds != COAST))]
     return []
+
+
+def _narrow(area: NDArray[np.bool_]) -> bool:
+    """Whether an area is nowhere wide."""
+    width = np.asarray(ndimage.distance_transform_edt(area)).max()
+    return bool(not area.all() and width < _FRINGE * max(area.shape))
+
+
+def _spread_of(lab: NDArray) -> float:
+    """The greatest distance between colours [n, 3]."""
+    return float(np.linalg.norm(lab[:, None] - lab, axis=-1).max(initial=0.0))
 
 
 def _inside(area: NDArray[np.bool_], labels: NDArray[np.integer]) -> float:
