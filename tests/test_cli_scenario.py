@@ -73,7 +73,8 @@ def test_faults_as_one_object(call, tmp_path):
     code, out, err = call("validate", path, "--json")
     assert (code, err) == (2, "")
     fault = {"field": "vehicle.speed", "reason": "must be greater than 0, got -1", "line": 1, "column": 18}
-    assert json.loads(out) == {"scenario": str(path), "valid": False, "faults": [fault], "notes": []}
+    found = {"scenario": str(path), "valid": False, "faults": [fault], "warnings": [], "notes": []}
+    assert json.loads(out) == found
     code, out, _ = call("validate", "scenario-1", "--json")
     assert code == 0
     assert json.loads(out)["valid"] is True

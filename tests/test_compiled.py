@@ -251,7 +251,7 @@ def test_what_one_occasion_used_is_loaded_for_the_next(place):
 
 def test_the_command_shows_and_clears_what_is_kept(place, capsys, monkeypatch):
     program()(np.arange(3.0), times=2)
-    for arguments, said in (((), "of at most 1000 MB"), (("--clear",), "1 entries removed")):
+    for arguments, said in (((), "of at most 1000 MB"), (("--clear",), "1 entry removed")):
         monkeypatch.setattr("sys.argv", ["auvplan", "cache", *arguments])
         with pytest.raises(SystemExit):
             cli.main()

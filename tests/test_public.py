@@ -62,7 +62,7 @@ def test_changed_settings_are_validated_as_a_file_is(site):
         ({"vehicel.speed": 2}, "vehicel: unknown key 'vehicel', did you mean 'vehicle'?"),
         ({"speed": 2}, "speed: unknown key 'speed', did you mean 'vehicle.speed'?"),
         ({"vehicle.speed": -2}, "vehicle.speed: must be greater than 0, got -2"),
-        ({"vehicle.speed.x": 2}, "vehicle.speed.x: unknown key 'speed.x'"),
+        ({"vehicle.speed.x": 2}, "vehicle.speed.x: unknown key"),
         ({"name.x": 2}, "name.x: unknown key"),
         ({"mission.start": [1e6, 0, 0]}, "lies outside the area"),
         ({"vehicle": 3}, "vehicle: must be a section of fields"),

@@ -59,7 +59,9 @@ def small(**sections) -> Scenario:
 def calm(count: int) -> Design:
     """Missions that compile faster still: they meet no obstacle and plan no path anew."""
     none = {"static": 0, "afloat": 0, "self_motivated": 0}
-    return Design(small(obstacles=none, planning={"t_series": 1}, mission={"waypoints": 3}), count)
+    return Design(
+        small(simulation={"obstacles": none}, planning={"t_series": 1}, mission={"waypoints": 3}), count
+    )
 
 
 def mission(dataset: xr.Dataset, seed: int) -> xr.Dataset:

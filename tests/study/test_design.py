@@ -48,7 +48,6 @@ def test_a_sweep_is_read_as_it_is_written(text, field, values):
         "current.update_rate=1,{",
         "current.update_rate=[1],[2]",
         "update_rate=1,2",
-        "current.update.rate=1,2",
         "=1,2",
         "a.b=&x [1],*y",
         "a.b=!!python/object/apply:os.system ['true']",
@@ -90,8 +89,8 @@ def test_cases_are_the_product_with_the_last_sweep_fastest():
     assert design.shape == (2, 3)
     for case in design.cases:
         assert case.current.peak_speed == SMALL["current"]["peak_speed"]
-        assert (case.area, case.mission, case.obstacles) == (
-            scenario().area, scenario().mission, scenario().obstacles
+        assert (case.area, case.mission, case.simulation) == (
+            scenario().area, scenario().mission, scenario().simulation
         )  # fmt: skip
 
 
@@ -113,7 +112,16 @@ def test_every_case_has_the_same_seeds(count, seed, rates):
 
 
 @pytest.mark.parametrize(
-    "field", ["current.speed", "weather.wind", "name.x", "current.", ".update_rate", "description.x"]
+    "field",
+    [
+        "current.speed",
+        "current.update.rate",
+        "weather.wind",
+        "name.x",
+        "current.",
+        ".update_rate",
+        "description.x",
+    ],
 )
 def test_an_unknown_field_is_named(field):
     with pytest.raises(ScenarioError, match=rf"^sweep: {field.partition('.')[0]}[.\w]*: unknown key"):
