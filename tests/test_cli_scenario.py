@@ -40,7 +40,7 @@ def test_schema_is_printed_or_written(call, tmp_path):
 def test_init_then_validate(call, tmp_path):
     code, out, err = call("init", tmp_path / "first")
     assert (code, err) == (0, "")
-    assert f"auvplan mission {tmp_path / 'first' / 'scenario.yaml'}" in out
+    assert f"auvplan plan {tmp_path / 'first' / 'scenario.yaml'}" in out
     code, out, err = call("validate", tmp_path / "first" / "scenario.yaml")
     assert (code, err) == (0, "")
     assert out == f"{tmp_path / 'first' / 'scenario.yaml'}: valid\n"
