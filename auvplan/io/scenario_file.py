@@ -156,8 +156,8 @@ def scenario_schema() -> dict[str, Any]:
 
 
 def _read(source: str | Path) -> str:
-    shipped = files("auvplan") / "data" / "scenarios" / f"{source}.yaml"
-    path = Path(source)
+    folder = files("auvplan") / "data" / "scenarios"
+    shipped, path = folder / f"{source}.yaml", Path(source)
     if path.suffix not in (".yaml", ".yml") and "/" not in str(source) and shipped.is_file():
         return shipped.read_text(encoding="utf-8")
     try:
@@ -165,7 +165,7 @@ def _read(source: str | Path) -> str:
             found = file.read(_MAX_BYTES + 1)
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "cannot be read"
-        names = ", ".join(sorted(e.name.removesuffix(".yaml") for e in shipped.parent.iterdir()))  # type: ignore[attr-defined]
+        names = ", ".join(sorted(e.name.removesuffix(".yaml") for e in folder.iterdir()))
         raise ScenarioError(f"{source}: {reason}; shipped scenarios: {names}") from None
     if len(found) > _MAX_BYTES:
         raise ScenarioError(f"{source}: larger than {_MAX_BYTES} bytes, not a scenario")
