@@ -64,7 +64,7 @@ class Program:
     ):
         """Compile `function` with XLA's `options`, for every value of the arguments named.
 
-        In a `rehearsal` a program that is `outlined` is compiled and not run.
+        Within `compiling_ahead` a program that is `outlined` is compiled and not run.
         """
         functools.update_wrapper(self, function)
         self._function = function
@@ -91,7 +91,7 @@ class Program:
             with self._lock:
                 ready = self._ready.get(signature)
                 if ready is None:
-                    if self._outlined and getattr(_thread, "rehearsing", False):
+                    if self._outlined and getattr(_thread, "compiling_ahead", False):
                         outline = self._begun(signature, leaves)
                         if outline is not None:
                             return outline
@@ -216,17 +216,17 @@ def _load(name: str, key: str) -> tuple[Callable[..., list], bytes] | None:
 
 
 @contextmanager
-def rehearsal() -> Iterator[None]:
+def compiling_ahead() -> Iterator[None]:
     """Calls of large programs in this thread return zeros at once, and compile beside what follows.
 
     Code that does not mind zeros goes through all that leads to a result so, and the programs that it will
     call are compiled side by side.
     """
-    _thread.rehearsing = True
+    _thread.compiling_ahead = True
     try:
         yield
     finally:
-        _thread.rehearsing = False
+        _thread.compiling_ahead = False
 
 
 def _zeros(leaf: jax.ShapeDtypeStruct) -> Any:

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import jax
 import jax.numpy as jnp
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from auvplan import cores
 
@@ -90,3 +90,24 @@ def padded_batches(count: int, sizes: tuple[int, ...] = SIZES) -> Iterator[tuple
         index[:real] = np.arange(begin, begin + real)
         yield index, real
         begin += real
+
+
+def elementwise(program: Callable[..., T], *arrays: ArrayLike, together: int) -> T:
+    """Apply a compiled program to the elements of arrays, in calls of one size: their number never compiles.
+
+    Args:
+        program: takes as many rows [together] as there are arrays, and returns a tree of such rows.
+        arrays: that broadcast with each other.
+        together: elements of one call.
+
+    Returns:
+        What the program returns, in NumPy, in the arrays' shape.
+    """
+    spread = np.broadcast_arrays(*arrays)
+    shape, size = spread[0].shape, spread[0].size
+    rows = [axis.ravel() if size else np.zeros(1, axis.dtype) for axis in spread]
+    parts = []
+    for index, real in padded_batches(max(size, 1), (together,)):
+        found = program(*(row[index] for row in rows))
+        parts.append(jax.tree.map(lambda leaf, real=real: np.asarray(leaf)[:real], found))
+    return jax.tree.map(lambda *part: np.concatenate(part)[:size].reshape(shape), *parts)

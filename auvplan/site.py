@@ -104,9 +104,3 @@ def _projection_of(longitude: float, latitude: float) -> Proj:
 @cache
 def _projection(longitude: float, latitude: float) -> Transformer:
     return Transformer.from_crs("EPSG:4326", _definition(longitude, latitude), always_xy=True)
-
-
-def hours(seconds: float) -> str:
-    """A duration in hours and minutes."""
-    sign, minutes = ("-" if seconds < 0.0 else ""), round(abs(seconds) / 60.0)
-    return f"{sign}{minutes // 60} h {minutes % 60:02d} min"

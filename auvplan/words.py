@@ -1,4 +1,4 @@
-"""Numbers and their nouns, as people write them."""
+"""Numbers, their nouns and durations, as people write them."""
 
 import math
 
@@ -28,3 +28,14 @@ def figure(value: float, digits: int = 3) -> str:
     places = max(digits - 1 - math.floor(math.log10(abs(value))), 0)
     text = f"{value:,.{places}f}"
     return text.rstrip("0").rstrip(".") if "." in text else text
+
+
+def hours(seconds: float) -> str:
+    """A duration in hours and minutes.
+
+    Example:
+        >>> hours(10452.0), hours(-90.0)
+        ('2 h 54 min', '-0 h 02 min')
+    """
+    sign, minutes = ("-" if seconds < 0.0 else ""), round(abs(seconds) / 60.0)
+    return f"{sign}{minutes // 60} h {minutes % 60:02d} min"

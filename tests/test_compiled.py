@@ -18,10 +18,10 @@ from auvplan.compiled import (
     Program,
     compilations,
     compiled,
+    compiling_ahead,
     drop_programs,
     expecting,
     listening,
-    rehearsal,
 )
 from auvplan.ocean.currents import FunctionCurrent, evaluated
 
@@ -233,12 +233,12 @@ def test_another_process_finds_programs_of_a_function_and_none_of_another(place)
     assert {entry.path for entry in entries()} > kept
 
 
-def test_in_a_rehearsal_large_programs_are_compiled_and_not_run(place):
+def test_ahead_of_their_use_large_programs_are_compiled_and_not_run(place):
     def doubled(x):
         return {"twice": 2.0 * x, "key": jax.random.split(jax.random.key(1), 2)}
 
     large = compiled(doubled, wide=True)
-    with rehearsal():
+    with compiling_ahead():
         for _ in range(2):
             outline = large(np.ones(3))
             np.testing.assert_array_equal(outline["twice"], np.zeros(3))

@@ -25,6 +25,7 @@ from auvplan.cli.shared import (
     load,
     print_json,
     progress_bar,
+    say,
 )
 from auvplan.errors import ScenarioError
 from auvplan.words import counted
@@ -61,12 +62,13 @@ def departures(
     settings, folder = load(scenario, settings=changes)
     departs = departure_times(settings, folder, begin, end, step)
     from auvplan.io import output_folder
-    from auvplan.voyage.departures import load_waters_at, plan_departures
+    from auvplan.voyage.departures import plan_departures
+    from auvplan.voyage.planning import load_waters_at
 
     waters = load_waters_at(settings, departs, folder)
     if not quiet and not as_json:
         for note in waters.notes:
-            console.print(f"note: {note}", soft_wrap=True, highlight=False, markup=False)
+            say(f"note: {note}")
     output_folder(out)
     import jax
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from auvplan.cli.shared import QuietOption, console
+from auvplan.cli.shared import QuietOption, console, say
 
 
 def export(
@@ -41,5 +41,5 @@ def export(
     files = export(itinerary, out or folder, chosen)
     if not quiet:
         for note in notes:
-            console.print(f"note: {note}", soft_wrap=True, highlight=False, markup=False)
+            say(f"note: {note}")
         console.print("files:", *(f"  {file}" for file in files), sep="\n", soft_wrap=True)

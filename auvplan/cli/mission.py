@@ -8,6 +8,7 @@ import typer
 from rich.table import Table
 
 from auvplan.cli.shared import (
+    JsonOption,
     ObjectiveOption,
     OutOption,
     PicturesOption,
@@ -20,8 +21,11 @@ from auvplan.cli.shared import (
     errors,
     load,
     naming,
+    print_json,
+    say,
     time_bar,
 )
+from auvplan.errors import ScenarioError
 from auvplan.plot.painter import Painter, Pictures
 
 
@@ -31,8 +35,9 @@ def mission(
     seed: SeedOption = 0,
     preset: PresetOption = None,
     objective: ObjectiveOption = None,
-    settings: SetOption = None,
+    changes: SetOption = None,
     quiet: QuietOption = False,
+    as_json: JsonOption = False,
     pictures: PicturesOption = Pictures.ALL,
     certify: Annotated[
         bool, typer.Option("--certify", help="Also say how far the first order can be from the best.")
@@ -42,7 +47,9 @@ def mission(
 
     `auvplan plan` makes the plan for a vehicle.
     """
-    run = _run(scenario, preset, objective, out, seed, quiet, pictures, settings=settings)
+    if certify and as_json:
+        raise ScenarioError("--certify prints lines: leave out --json")
+    run = _run(scenario, preset, objective, out, seed, quiet, as_json, pictures, changes)
     if certify:
         _print_certificate(run.first_order)
     _exit_where_failed(run)
@@ -53,12 +60,13 @@ def path(
     out: OutOption = Path("out/path"),
     seed: SeedOption = 0,
     preset: PresetOption = None,
-    settings: SetOption = None,
+    changes: SetOption = None,
     quiet: QuietOption = False,
+    as_json: JsonOption = False,
     pictures: PicturesOption = Pictures.ALL,
 ) -> None:
     """Plan one leg, from the scenario's start to its goal, and sail it with re-planning windows."""
-    run = _run(scenario, preset, None, out, seed, quiet, pictures, leg=True, settings=settings)
+    run = _run(scenario, preset, None, out, seed, quiet, as_json, pictures, changes, leg=True)
     _exit_where_failed(run)
 
 
@@ -69,11 +77,13 @@ def _run(
     out: Path,
     seed: int,
     quiet: bool,
+    as_json: bool,
     pictures: Pictures,
+    changes: list[str] | None,
     leg: bool = False,
-    settings: list[str] | None = None,
 ) -> Any:
     """Run one mission, or one leg, write its results and print its summary."""
+    quiet = quiet or as_json
     from auvplan.compiled import MISSIONS, preload
 
     preload(MISSIONS)
@@ -81,11 +91,11 @@ def _run(
     from auvplan.io.waters import load_waters
 
     with naming(source):
-        scenario, folder = load(source, preset, objective, leg, settings)
+        scenario, folder = load(source, preset, objective, leg, changes)
         waters = load_waters(scenario, folder)
     if not quiet:
         for note in waters.notes:
-            console.print(f"note: {note}", soft_wrap=True, highlight=False, markup=False)
+            say(f"note: {note}")
     from auvplan.voyage import run_mission
 
     with naming(source), whole_result(out) as partial, Painter(pictures) as painter:
@@ -103,9 +113,12 @@ def _run(
         from auvplan.export.sheet import sheet_of
         from auvplan.io import save_run
 
-        save_run(run, partial, sheet=sheet_of(run).plain())
+        sheet = sheet_of(run).plain()
+        save_run(run, partial, sheet=sheet)
         drawn = [out / picture.name for picture in painter.finish()]
-    if not quiet:
+    if as_json:
+        print_json(run.summary() | {"sheet": sheet})
+    elif not quiet:
         _print_summary(run.summary())
         if drawn:
             console.print("pictures:", *(f"  {picture}" for picture in drawn), sep="\n", soft_wrap=True)

@@ -1,6 +1,7 @@
 """The commands that plan a mission for a vehicle, and say how often the plan holds."""
 
 import json
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -21,9 +22,11 @@ from auvplan.cli.shared import (
     load,
     naming,
     print_json,
+    say,
     time_bar,
 )
 from auvplan.plot.painter import Pictures
+from auvplan.words import counted
 
 if TYPE_CHECKING:
     from auvplan.export.sheet import MissionSheet
@@ -53,7 +56,7 @@ def plan(
     Nothing is simulated: `auvplan rehearse` says how often the plan holds.
     """
     quiet = quiet or as_json
-    from auvplan.compiled import MISSIONS, expecting, preload
+    from auvplan.compiled import MISSIONS, preload
 
     preload(MISSIONS)
     from auvplan.cli.departures import departure_seconds
@@ -62,15 +65,14 @@ def plan(
     with naming(scenario):
         settings, folder = load(scenario, preset, settings=changes)
         now = departure_seconds("--depart", depart, settings, folder)
-    from auvplan.voyage.departures import load_waters_at
-    from auvplan.voyage.planning import plan_scenario
+    from auvplan.voyage.planning import load_waters_at, plan_scenario
 
     with naming(scenario), whole_result(out) as partial:
         waters = load_waters_at(settings, [now], folder)
         for note in () if quiet else waters.notes:
-            console.print(f"note: {note}", soft_wrap=True, highlight=False, markup=False)
+            say(f"note: {note}")
         available = settings.mission.time_available
-        with expecting(MISSIONS), time_bar("loading the planners", available, quiet) as advance:
+        with time_bar("loading the planners", available, quiet) as advance:
             run = plan_scenario(
                 settings,
                 seed=seed,
@@ -99,8 +101,8 @@ def plan(
     elif not quiet:
         print_sheet(sheet)
         for note in notes:
-            console.print(f"note: {note}", soft_wrap=True, highlight=False, markup=False)
-        console.print(f"files in {out}:", ", ".join(written), soft_wrap=True, highlight=False)
+            say(f"note: {note}")
+        say(f"files in {out}: {', '.join(written)}")
     if not run.success:
         errors.print(f"auvplan: no plan: {run.reason}", soft_wrap=True, highlight=False)
         raise typer.Exit(1)
@@ -171,7 +173,8 @@ def rehearse(
     with naming(scenario):
         settings, folder = load(scenario, settings=changes)
         require_one_sea(settings)
-        planned = plan_scenario(settings, seed=seed, folder=folder)
+        with time_bar("planning", settings.mission.time_available, quiet) as advance:
+            planned = plan_scenario(settings, seed=seed, folder=folder, progress=advance)
         design = Design(settings, count, seed)
         with mission_bar(quiet) as progress:
             sailed = run_study(design, out, folder=folder, workers=workers, progress=progress)
@@ -182,28 +185,31 @@ def rehearse(
         print_json(found)
     elif not quiet:
         console.print(_rehearsal_table(settings.name, found))
-        console.print(f"figures: {out / 'rehearsal.json'}; missions: {out}", soft_wrap=True, highlight=False)
+        say(f"figures: {out / 'rehearsal.json'}; missions: {out}")
 
 
 def _rehearsal_table(name: str, found: dict[str, Any]) -> Table:
-    table = Table(title=f"{name}: the plan in {found['missions']} simulated missions", show_header=False)
-    low, high = found["on_time_interval"]
-    table.add_row("on time", f"{found['on_time']} of {found['missions']} (95 %: {low:.0%} to {high:.0%})")
-    table.add_row("all planned tasks done, on time", f"{found['all_planned_tasks']} of {found['missions']}")
-    table.add_row(
-        "tasks, planned and simulated", f"{found['planned_tasks']}, {found['tasks']:.1f} on average"
-    )
-    priorities = f"{found['planned_priority']:g}, {found['priority']:.1f} on average"
+    count, share, figures = found["missions"], found["on_time_percent"], found["figures"]
+    plan = found["plan"]
+    table = Table(title=f"{name}: the plan in {counted(count, 'simulated mission')}", show_header=False)
+    table.add_row("on time", f"{found['on_time']} (95 %: {share['low']:.0f} to {share['high']:.0f} %)")
+    table.add_row("on time with all planned tasks done", str(found["all_planned_tasks"]))
+    tasks, priority = (figures[of]["mean"] for of in ("tasks", "total_priority"))
+    table.add_row("tasks, planned and simulated", f"{plan['tasks']}, {tasks:.1f} on average")
+    priorities = f"{plan['total_priority']:.3g}, {priority:.1f} on average"
     table.add_row("total priority, planned and simulated", priorities)
     for job in found["jobs"]:
-        if job["planned"] and job["done"] < found["missions"]:
-            table.add_row(f"task {job['name']}", f"done in {job['done']} of {found['missions']}")
+        if job["planned"] and job["done"] < count:
+            table.add_row(f"planned task {job['name']}", f"done in {job['done']}")
     table.add_row("collisions", str(found["collisions"]))
-    words = {"coast": "to the coast", "obstacles": "to an obstacle", "seabed": "above the sea bed"}
-    for what, where in words.items():
-        if found["least"][what] is not None:
-            table.add_row(f"least distance {where}", f"{found['least'][what]:.0f} m")
-    table.add_row("least time left", f"{found['least']['time_left']:.0f} s")
-    for reason, times in found["failures"].items():
+    for of, words in (
+        ("coast_clearance_m", "least distance to the coast"),
+        ("obstacle_clearance_m", "least distance to an obstacle"),
+        ("seabed_altitude_m", "least height above the sea bed"),
+    ):
+        if figures[of]:
+            table.add_row(words, f"{figures[of]['least']:.0f} m")
+    table.add_row("least time left", f"{figures['t_residual_s']['least']:.0f} s")
+    for reason, times in Counter(found["failures"]).items():
         table.add_row("failed", f"{times}: {reason}")
     return table

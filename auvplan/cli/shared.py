@@ -116,6 +116,11 @@ def naming(source: str) -> Iterator[None]:
         raise error if named else ScenarioError(f"{source}: {error}") from None
 
 
+def say(text: str) -> None:
+    """Print without colours for numbers, folds and signs in brackets."""
+    console.print(text, highlight=False, soft_wrap=True, markup=False)
+
+
 def print_json(data: Any) -> None:
     """Print one JSON object and nothing else; what is no number, such as no clearance at all, is null."""
     typer.echo(json.dumps(_finite(data), indent=2, allow_nan=False))

@@ -10,7 +10,7 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from auvplan.cli.shared import JsonOption, OutOption, QuietOption, console, print_json
+from auvplan.cli.shared import JsonOption, OutOption, QuietOption, console, print_json, say
 from auvplan.errors import ScenarioError
 from auvplan.words import counted
 
@@ -74,14 +74,14 @@ def chart(
     if not quiet:
         _print_clusters(found)
         shares = made.shares()
-        _say(f"coast {shares['coast']:.1%}, uncertain {shares['uncertain']:.1%}, water {shares['water']:.1%}")
-        _say(f"pixels of {size:.4g} m, {made.shape[1]} east by {made.shape[0]} north")
+        say(f"coast {shares['coast']:.1%}, uncertain {shares['uncertain']:.1%}, water {shares['water']:.1%}")
+        say(f"pixels of {size:.4g} m, {made.shape[1]} east by {made.shape[0]} north")
         for note in notes:
-            _say(f"note: {note}")
-        _say(f"picture: {picture}")
+            say(f"note: {note}")
+        say(f"picture: {picture}")
     settled(found, image)
     if not quiet:
-        _say("\n".join(_yaml_lines(image, pixel_size or float(f"{size:.4g}"), told, colours, found)))
+        say("\n".join(_yaml_lines(image, pixel_size or float(f"{size:.4g}"), told, colours, found)))
 
 
 def _colours(**given: list[str] | None) -> "ChartColours":
@@ -154,7 +154,7 @@ def check(
         if as_json:
             print_json(_plain(report))
         elif not quiet:
-            _say(str(report))
+            say(str(report))
     if not sound:
         raise typer.Exit(1)
 
@@ -175,7 +175,7 @@ def _check_study(folder: Path, quiet: bool, as_json: bool) -> bool:
             met = f"{counted(report.legs, 'leg')}, {report.length:,.0f} m, {_collisions(report.collisions)}"
             faults = "no faults" if report.ok else counted(len(report.faults), "fault")
             first = "" if report.ok else f", first: {report.faults[0]}"
-            _say(f"{run.name}: {met}, {faults}{first}")
+            say(f"{run.name}: {met}, {faults}{first}")
     faulty = sum(not report.ok for report in reports.values())
     length = sum(report.length for report in reports.values())
     collisions = sum(report.collisions for report in reports.values())
@@ -190,17 +190,12 @@ def _check_study(folder: Path, quiet: bool, as_json: bool) -> bool:
         )
     elif not quiet:
         met = f"{length / 1000.0:,.1f} km, {_collisions(collisions)}"
-        _say(f"{counted(len(reports), 'run')}, {met}, {counted(faulty, 'run')} with faults")
+        say(f"{counted(len(reports), 'run')}, {met}, {counted(faulty, 'run')} with faults")
     return not faulty
 
 
 def _collisions(count: int) -> str:
     return counted(count, "collision")
-
-
-def _say(text: str) -> None:
-    """Print without colours for numbers, folds and signs in brackets."""
-    console.print(text, highlight=False, soft_wrap=True, markup=False)
 
 
 def kept(
@@ -211,11 +206,11 @@ def kept(
 
     place = cache.folder()
     if place is None:
-        _say("nothing is kept: AUVPLAN_CACHE is off")
+        say("nothing is kept: AUVPLAN_CACHE is off")
         return
     if clear:
         removed = cache.trim(limit=0)
-        _say(f"{place}: {counted(len(removed), 'entry')} removed, {_megabytes(removed)}")
+        say(f"{place}: {counted(len(removed), 'entry')} removed, {_megabytes(removed)}")
         return
     entries = list(cache.entries())
     table = Table("what", "entries", "size", "last used")
@@ -225,7 +220,7 @@ def kept(
         table.add_row(name, str(len(own)), _megabytes(own), f"{used:%Y-%m-%d %H:%M}")
     if entries:
         console.print(table)
-    _say(f"{place}: {_megabytes(entries)} of at most {cache.LIMIT / 1e6:.0f} MB")
+    say(f"{place}: {_megabytes(entries)} of at most {cache.LIMIT / 1e6:.0f} MB")
 
 
 def _megabytes(entries: list) -> str:

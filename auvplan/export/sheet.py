@@ -16,8 +16,9 @@ from scipy.sparse.csgraph import shortest_path
 
 from auvplan.io.files import write_atomically
 from auvplan.mission.jobs import jobs_done, jobs_of
-from auvplan.site import hours
 from auvplan.voyage.records import LegRecord, MissionRun
+from auvplan.voyage.settings import PlanningSettings
+from auvplan.words import hours
 
 #: m, longest way between two places at which margins are looked up.
 _STEP = 5.0
@@ -158,16 +159,15 @@ def sheet_of(run: MissionRun) -> MissionSheet:
     first = _stop(run, None, 0.0)
     stops = [replace(first, name=waypoint_name(run, run.start))]
     stops += [_stop(run, leg, float(leg.times[-1])) for leg in run.done]
-    planning = run.scenario.get("planning", {})
+    planning = PlanningSettings.model_validate(run.scenario.get("planning", {})).resolved
     epoch = None if run.site is None else run.site.utc(0.0)
-    reserve = 60.0 if planning.get("reserve") is None else planning["reserve"]
     facts = {
         "outcome": run.reason,
         "departure": "no date" if epoch is None else f"{epoch:%Y-%m-%d %H:%M} UTC",
         "arrival": _moment(run, run.t_mission),
         "time": f"{hours(run.t_mission)} of {hours(run.t_available)} ({run.t_mission:.0f} of "
         f"{run.t_available:.0f} s)",
-        "time left": f"{hours(run.t_residual)}, of which no plan uses {reserve:g} s",
+        "time left": f"{hours(run.t_residual)}, of which no plan uses {planning.reserve:g} s",
         "tasks": f"{run.tasks}, total priority {run.total_priority:g} of at most {run.bound:.3g}",
         "way": f"{sum(stop.length for stop in stops) / 1000.0:.1f} km",
     }
@@ -185,7 +185,7 @@ def sheet_of(run: MissionRun) -> MissionSheet:
 def waypoint_name(run: MissionRun, node: int) -> str:
     """A waypoint for people: its name, or its number where it has none."""
     if run.names:
-        return run.names[node]
+        return run.called(node)
     return {run.start: "start", run.goal: "goal"}.get(node, f"waypoint {node}")
 
 

@@ -4,17 +4,23 @@ It reads files and uses NumPy, and shares no code with the planners or the simul
 theirs cannot hide itself here. Visits and tasks are counted again from the scenario and the track.
 """
 
+import json
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
+from numpy.typing import NDArray
 
+from auvplan.io.fields import site_of
 from auvplan.io.files import MISSION, ResultError, read_mission, read_summary
+from auvplan.io.geo import GeoError, read_obstacles
 from auvplan.io.ledger import Leg, figure_faults, graph_faults, place_faults, read_legs, require, time_faults
 from auvplan.io.tally import tally_faults
 from auvplan.io.walk import Bed, Coast, Walk, events
+from auvplan.ocean.known import KnownObstacle
 from auvplan.words import counted
 
 #: No current is faster, m/s.
@@ -113,11 +119,13 @@ def check_dataset(summary: dict[str, Any], dataset: xr.Dataset) -> CheckReport:
     report.faults += time_faults(dataset, summary, legs)
     report.faults += figure_faults(summary, dataset, legs)
     report.faults += tally_faults(summary, dataset, legs, report.notes)
+    known = _known_obstacles(dataset, report.notes)
     coast = Coast.of(dataset) if "passability" in dataset else None
     bed = Bed.of(dataset) if "seabed_depth" in dataset else None
     for leg in legs:
         if leg.sailed:
-            _walk(leg, coast, bed, float(dataset.attrs["vehicle_speed"]) + CURRENT_MAX, report)
+            speed = float(dataset.attrs["vehicle_speed"]) + CURRENT_MAX
+            _walk(leg, coast, bed, known, speed, report)
     return report
 
 
@@ -138,7 +146,29 @@ def _require_bed(dataset: xr.Dataset, file: Path) -> None:
         raise ResultError(f"{file}: attribute seabed_clearance is missing")
 
 
-def _walk(leg: Leg, coast: Coast | None, bed: Bed | None, speed: float, report: CheckReport) -> None:
+def _known_obstacles(dataset: xr.Dataset, notes: list[str]) -> tuple[KnownObstacle, ...]:
+    """Obstacles of the scenario's file, where they are when the run departs."""
+    settings = json.loads(str(dataset.attrs["scenario"]))
+    name, site = settings.get("obstacles", {}).get("file"), site_of(dataset)
+    if name is None or site is None:
+        return ()
+    path = Path(str(dataset.attrs["scenario_folder"])) / Path(name).expanduser()
+    try:
+        found = read_obstacles(path, site)
+    except GeoError as error:
+        notes.append(f"known obstacles were not looked at: {error}")
+        return ()
+    return tuple(obstacle.after(float(dataset.attrs.get("departed", 0.0))) for obstacle in found)
+
+
+def _walk(
+    leg: Leg,
+    coast: Coast | None,
+    bed: Bed | None,
+    known: Sequence[KnownObstacle],
+    speed: float,
+    report: CheckReport,
+) -> None:
     """Walk one leg in steps of at most a metre and book what it meets."""
     report.legs += 1
     for name, values in (("time", leg.times), ("position", leg.positions), ("obstacle", leg.obstacles)):
@@ -175,6 +205,23 @@ def _walk(leg: Leg, coast: Coast | None, bed: Bed | None, speed: float, report: 
         for first, last in events(inside):
             report.obstacle_hits += 1
             report.faults.append(f"{leg}: inside obstacle {number} {walk.between(first, last)}")
+
+    for obstacle in known:
+        distance = _distance(obstacle, walk)
+        report.obstacle_clearance = min(report.obstacle_clearance, float(distance.min()))
+        report.obstacle_metres += float(walk.metres[distance < 0.0].sum())
+        for first, last in events(distance < 0.0):
+            report.obstacle_hits += 1
+            report.faults.append(f"{leg}: inside {obstacle.name!r} {walk.between(first, last)}")
+
+
+def _distance(obstacle: KnownObstacle, walk: Walk) -> NDArray[np.float64]:
+    """Distance [n] m of a walk to the surface of an upright cylinder, negative inside."""
+    centre = np.asarray(obstacle.position) + walk.times[:, None] * np.asarray(obstacle.velocity)
+    level = np.linalg.norm(walk.positions[:, :2] - centre, axis=1) - obstacle.radius
+    depth = walk.positions[:, 2]
+    beyond = np.maximum(obstacle.depth_min - depth, depth - obstacle.depth_max)
+    return np.where(beyond > 0.0, np.hypot(np.maximum(level, 0.0), beyond), level)
 
 
 def _sound(leg: Leg, walk: Walk, bed: Bed, report: CheckReport) -> None:

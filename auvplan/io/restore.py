@@ -71,6 +71,7 @@ def restore_run(folder: str | Path) -> MissionRun:
             seabed=seabed_of(dataset),
             names=names,
             simulated=bool(attributes.get("simulated", True)),
+            departed=float(attributes.get("departed", 0.0)),
             obstacles=tuple(_obstacle(told) for told in json.loads(attributes.get("known_obstacles", "[]"))),
             saved_bound=float(summary.get("priority_bound", 0.0)),
         )

@@ -98,6 +98,7 @@ def _attributes(run: MissionRun) -> dict[str, Any]:
         "title": f"AUV mission, scenario {run.scenario.get('name') or 'unnamed'}, seed {run.seed}",
         "source": f"auvplan {version('auvplan')}, {'simulated' if run.simulated else 'planned'}",
         "simulated": np.int8(run.simulated),
+        "departed": float(run.departed),
         "known_obstacles": json.dumps([_plain(obstacle) for obstacle in run.obstacles]),
         "comment": "Local frame: north, east, depth [m]; times count from the scenario's epoch, one without "
         "a date is written as 2000-01-01. Axis order of `axis` dimensions: north, east, down.",

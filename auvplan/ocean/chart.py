@@ -21,7 +21,7 @@ from auvplan.ocean.bilinear import bilinear, far_corner
 from auvplan.ocean.classify import DEFAULT_CLUSTERS, UNCERTAIN_MAX, Classified, classify_picture
 from auvplan.ocean.palette import UNTOLD, ChartColours
 from auvplan.ocean.picture import blank, colours, opened
-from auvplan.rows import padded_batches
+from auvplan.rows import elementwise
 
 #: Distance to a coast that is nowhere, in pixels.
 FAR = 1e6
@@ -173,11 +173,7 @@ class Chart:
         """
         if isinstance(x, Tracer) or isinstance(y, Tracer) or isinstance(self.signed_distance, Tracer):
             return _distance(self, x, y)
-        x, y = np.broadcast_arrays(x, y)
-        found = np.zeros(x.size, jax.dtypes.canonicalize_dtype(np.result_type(x, y, np.float32)))
-        for points, real in padded_batches(x.size, (_POINTS,)):
-            found[points[:real]] = np.asarray(_distance(self, x.ravel()[points], y.ravel()[points]))[:real]
-        return jnp.asarray(found.reshape(x.shape))
+        return jnp.asarray(elementwise(partial(_distance, self), x, y, together=_POINTS))
 
     def passability_at(self, x: ArrayLike, y: ArrayLike) -> jax.Array:
         """Passability by bilinear interpolation, 0 to 1; arguments as `distance`."""

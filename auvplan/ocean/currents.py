@@ -23,7 +23,7 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from auvplan.compiled import compiled
-from auvplan.rows import padded_batches
+from auvplan.rows import elementwise
 
 Velocity = tuple[jax.Array, jax.Array, jax.Array]
 
@@ -152,14 +152,9 @@ def _constants(seen: Any) -> Iterator[np.ndarray]:
 def evaluated(
     current: Current, x: ArrayLike, y: ArrayLike, z: ArrayLike, t: ArrayLike
 ) -> tuple[NDArray[np.float64], ...]:
-    """A current at places and times, in one compiled call: for use on the host, where arrays are large."""
-    places = np.broadcast_arrays(*(np.asarray(axis) for axis in (x, y, z, t)))
-    found = [np.zeros(places[0].size) for _ in range(3)]
-    for points, real in padded_batches(places[0].size, (_POINTS,)):
-        part = _evaluated(current, *(axis.ravel()[points] for axis in places))
-        for whole, values in zip(found, part, strict=True):
-            whole[points[:real]] = np.asarray(values)[:real]
-    return tuple(component.reshape(places[0].shape) for component in found)
+    """A current at places and times, in one compiled program: for use on the host, where arrays are large."""
+    found = elementwise(partial(_evaluated, current), x, y, z, t, together=_POINTS)
+    return tuple(np.asarray(component, float) for component in found)
 
 
 @compiled

@@ -6,12 +6,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
-from matplotlib.patches import Circle
 
 from auvplan.plot import style
 from auvplan.plot.depths import draw_depths
-from auvplan.site import hours
 from auvplan.voyage.records import LegRecord, MissionRun
+from auvplan.words import hours
 
 
 def plot_mission(run: MissionRun, *, ax: Axes | None = None) -> Axes:
@@ -39,8 +38,9 @@ def plot_mission(run: MissionRun, *, ax: Axes | None = None) -> Axes:
         route = _draw_route(axes, sailed, unit)
         bar = axes.figure.colorbar(route, ax=axes, shrink=0.8, pad=0.02)
         bar.set_label("time [s]")
-    handles += _draw_known(axes, run, unit)
-    handles += _draw_ends(axes, run, unit)
+    handles += style.draw_known(axes, run.obstacles, run.t_mission, unit)
+    for node, kind, label in ((run.start, style.START, "start"), (run.goal, style.GOAL, "destination")):
+        handles.append(style.draw_end(axes, waypoints[node], kind, label, unit))
     marks = _replan_marks(run) if run.simulated else {}
     handles += _draw_replans(axes, run, marks, unit)
     if any(leg.priority > 0 for leg in sailed):
@@ -48,10 +48,7 @@ def plot_mission(run: MissionRun, *, ax: Axes | None = None) -> Axes:
             Line2D([], [], ls="", marker="$ρ3$", ms=13, color=style.BLUE, label="priority of the task")
         )
     style.add_legend(axes, handles, ax)
-    axes.set_title(_title(run), fontsize=11, pad=None if run.site is None else 20.0)
-    style.draw_compass(axes, unit)
-    if run.site is not None:
-        style.draw_graticule(axes, run.site, unit)
+    style.title_map(axes, _title(run), run.site, unit)
     _draw_labels(axes, run, sailed, marks, unit)
     return axes
 
@@ -64,13 +61,8 @@ def _title(run: MissionRun) -> str:
     return f"{name}, {what}: {tasks}, {hours(run.t_mission)} of {hours(run.t_available)} ({seconds})"
 
 
-def _flat(positions: style.Array, unit: style.Unit) -> style.Array:
-    """[n, 3] m north, east, depth to [n, 2] east, north in the axes' unit."""
-    return np.asarray(positions, float)[..., [1, 0]] / unit.metres
-
-
 def _draw_graph(axes: Axes, run: MissionRun, unit: style.Unit) -> list[Any]:
-    places = _flat(run.graph.positions, unit)
+    places = style.flat(run.graph.positions, unit)
     adjacency = np.asarray(run.graph.adjacency)
     pairs = np.argwhere(np.triu(adjacency | adjacency.T, 1))
     axes.add_collection(LineCollection(list(places[pairs]), colors=style.GREY, lw=0.6, alpha=0.45, zorder=1))
@@ -86,7 +78,7 @@ def _draw_route(axes: Axes, sailed: list[LegRecord], unit: style.Unit) -> LineCo
     first, last = sailed[0].times[0], sailed[-1].times[-1]
     pieces, times = [], []
     for leg in sailed:
-        line = _flat(leg.positions, unit)
+        line = style.flat(leg.positions, unit)
         axes.plot(*line.T, color="black", lw=3.4, zorder=2, solid_capstyle="round")
         pieces.append(np.stack([line[:-1], line[1:]], axis=1))
         times.append(0.5 * (leg.times[:-1] + leg.times[1:]))
@@ -95,7 +87,7 @@ def _draw_route(axes: Axes, sailed: list[LegRecord], unit: style.Unit) -> LineCo
     route.set_clim(first, max(last, first + 1.0))
     axes.add_collection(route)
     for leg in sailed:
-        line = _flat(leg.positions, unit)
+        line = style.flat(leg.positions, unit)
         middle = _middle(line)
         if middle and (line[middle] != line[middle - 1]).any():
             axes.annotate(
@@ -120,39 +112,6 @@ def _middle(line: style.Array) -> int:
     return int(np.searchsorted(way, 0.5 * way[-1]))
 
 
-def _draw_known(axes: Axes, run: MissionRun, unit: style.Unit) -> list[Any]:
-    """Obstacles that were known beforehand, where they are at the departure, and where they go."""
-    for obstacle in run.obstacles:
-        north, east = (part / unit.metres for part in obstacle.position)
-        axes.add_patch(
-            Circle(
-                (east, north), obstacle.radius / unit.metres, fc=style.RED, ec="black", alpha=0.6, zorder=3
-            )
-        )
-        if obstacle.moves:
-            way = [part * run.t_mission / unit.metres for part in obstacle.velocity]
-            arrow = {"arrowstyle": "->", "color": style.RED, "linestyle": ":"}
-            axes.annotate("", (east + way[1], north + way[0]), (east, north), arrowprops=arrow, zorder=3)
-    if not run.obstacles:
-        return []
-    return [Line2D([], [], ls="", marker="o", ms=7, color=style.RED, mec="black", label="known obstacle")]
-
-
-def _draw_ends(axes: Axes, run: MissionRun, unit: style.Unit) -> list[Any]:
-    handles = []
-    for index, kind, label, size in (
-        (run.start, style.START, "start", 8),
-        (run.goal, style.GOAL, "destination", 12),
-    ):
-        axes.scatter(*_flat(run.graph.positions[index], unit), zorder=6, **kind)
-        handles.append(
-            Line2D(
-                [], [], ls="", marker=kind["marker"], ms=size, color=kind["color"], mec="black", label=label
-            )
-        )
-    return handles
-
-
 def _replan_marks(run: MissionRun) -> dict[int, str]:
     """Waypoint to the numbers of the mission re-plans made there; the first order is none."""
     marks: dict[int, list[int]] = {}
@@ -165,7 +124,7 @@ def _replan_marks(run: MissionRun) -> dict[int, str]:
 def _draw_replans(axes: Axes, run: MissionRun, marks: dict[int, str], unit: style.Unit) -> list[Any]:
     if not marks:
         return []
-    places = _flat(np.asarray(run.graph.positions)[list(marks)], unit)
+    places = style.flat(np.asarray(run.graph.positions)[list(marks)], unit)
     axes.scatter(*places.T, s=75, marker="s", color="none", edgecolors=style.RED, linewidths=1.8, zorder=5)
     return [
         Line2D(
@@ -186,8 +145,8 @@ def _draw_labels(
     axes: Axes, run: MissionRun, sailed: list[LegRecord], marks: dict[int, str], unit: style.Unit
 ) -> None:
     """Re-plans, priorities and waypoint numbers, the more important ones first."""
-    places = _flat(run.graph.positions, unit)
-    route = np.concatenate([np.zeros((0, 2)), *(_flat(leg.positions, unit)[::6] for leg in sailed)])
+    places = style.flat(run.graph.positions, unit)
+    route = np.concatenate([np.zeros((0, 2)), *(style.flat(leg.positions, unit)[::6] for leg in sailed)])
     taken = np.concatenate([places, route])
     if marks:
         style.place_labels(
@@ -202,7 +161,7 @@ def _draw_labels(
         )
     tasks = [leg for leg in sailed if leg.priority > 0]
     if tasks:
-        lines = [_flat(leg.positions, unit) for leg in tasks]
+        lines = [style.flat(leg.positions, unit) for leg in tasks]
         middles = np.stack([line[_middle(line)] for line in lines])
         texts = [f"ρ{leg.priority:.3g}" for leg in tasks]
         style.place_labels(
@@ -212,5 +171,5 @@ def _draw_labels(
     others = [node for node in range(len(places)) if node not in visited]
     for nodes, colour in ((visited, "black"), (others, "#555555")):
         if nodes:
-            names = [run.names[node] if run.names else str(node) for node in nodes]
+            names = [run.called(node) for node in nodes]
             style.place_labels(axes, places[nodes], names, taken, fontsize=7, color=colour, zorder=7)

@@ -64,14 +64,14 @@ def plot_path(plan: PathPlan, *, ax: Axes | None = None) -> Axes:
 
 def _draw_way(axes: Axes, plan: PathPlan, unit: style.Unit) -> list[Line2D]:
     """The path and its ends; returns legend handles."""
-    flat = np.asarray(plan.positions, float)[:, [1, 0]] / unit.metres
+    places = np.asarray(plan.positions, float)
     lines = "-" if plan.feasible else "--"
-    axes.plot(*flat.T, color="black", ls=lines, lw=2.4, path_effects=style.halo(4.0), zorder=5)
+    axes.plot(
+        *style.flat(places, unit).T, color="black", ls=lines, lw=2.4, path_effects=style.halo(4.0), zorder=5
+    )
     found = [Line2D([], [], color="black", ls=lines, lw=2.4, label="path")]
-    for place, kind, label, size in ((flat[0], style.START, "start", 8), (flat[-1], style.GOAL, "goal", 12)):
-        axes.scatter(*place, **(kind | {"zorder": 6}))
-        mark: dict[str, Any] = {"marker": kind["marker"], "color": kind["color"], "mec": "black", "ms": size}
-        found.append(Line2D([], [], ls="", label=label, **mark))
+    for place, kind, label in ((places[0], style.START, "start"), (places[-1], style.GOAL, "goal")):
+        found.append(style.draw_end(axes, place, kind, label, unit))
     return found
 
 

@@ -14,13 +14,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, to_rgb
 from matplotlib.figure import Figure, SubFigure
-from matplotlib.patches import Patch
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, Patch
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
 from auvplan.io.files import write_atomically
 from auvplan.ocean.chart import Chart
+from auvplan.ocean.known import KnownObstacle
 from auvplan.site import Site
 
 Array = NDArray[np.floating]
@@ -158,6 +160,44 @@ def map_axes(axes: Axes, lower: Array, upper: Array, unit: Unit) -> None:
     axes.set_xlabel(f"east [{unit.name}]")
     axes.set_ylabel(f"north [{unit.name}]")
     axes.tick_params(labelsize=8)
+
+
+def flat(places: ArrayLike, unit: Unit) -> Array:
+    """[..., >= 2] m north, east to [..., 2] east, north in the axes' unit."""
+    return np.asarray(places, float)[..., [1, 0]] / unit.metres
+
+
+def title_map(axes: Axes, title: str, site: Site | None, unit: Unit) -> None:
+    """A title, a compass, and degrees along the edges where the map is somewhere on Earth."""
+    axes.set_title(title, fontsize=11, pad=None if site is None else 20.0)
+    draw_compass(axes, unit)
+    if site is not None:
+        draw_graticule(axes, site, unit)
+
+
+def draw_end(axes: Axes, place: ArrayLike, kind: dict[str, Any], label: str, unit: Unit) -> Line2D:
+    """A mark at a place, m north, east: `kind` is `START` or `GOAL`; returns its legend handle."""
+    axes.scatter(*flat(place, unit), **(kind | {"zorder": 6}))
+    mark: dict[str, Any] = {name: kind[name] for name in ("marker", "color")}
+    size = 12 if kind["marker"] == "*" else 8
+    return Line2D([], [], ls="", ms=size, mec=BLACK, label=label, **mark)
+
+
+def draw_known(
+    axes: Axes, obstacles: Sequence[KnownObstacle], seconds: float, unit: Unit, zorder: float = 3
+) -> list[Line2D]:
+    """Known obstacles at the departure, and where they go within some seconds; returns legend handles."""
+    colour = KIND_COLOURS["known"]
+    for known in obstacles:
+        place = flat(known.position, unit)
+        size = known.radius / unit.metres
+        axes.add_patch(Circle(tuple(place), size, fc=colour, ec=BLACK, alpha=0.6, zorder=zorder))
+        if known.moves:
+            tip = flat(known.after(seconds).position, unit)
+            arrow = {"arrowstyle": "->", "color": colour, "linestyle": ":"}
+            axes.annotate("", tuple(tip), tuple(place), arrowprops=arrow, zorder=zorder)
+    mark: dict[str, Any] = {"ls": "", "marker": "o", "ms": 7, "color": colour, "mec": BLACK}
+    return [Line2D([], [], label="known obstacle", **mark)] if obstacles else []
 
 
 def draw_compass(axes: Axes, unit: Unit) -> None:

@@ -12,8 +12,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from auvplan.plot import style
-from auvplan.site import hours
 from auvplan.voyage.records import MissionRun, OrderRecord
+from auvplan.words import hours
 
 #: Pale to dark blue: priorities.
 _PRIORITY = LinearSegmentedColormap.from_list("priority", ["#e3eef9", "#6aaed6", "#08306b"])

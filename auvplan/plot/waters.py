@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Circle, Patch, PathPatch, Rectangle
+from matplotlib.patches import Patch, PathPatch, Rectangle
 from matplotlib.path import Path as Outline
 
 from auvplan.ocean.currents import evaluated
@@ -18,7 +18,7 @@ from auvplan.site import at_time
 from auvplan.voyage.scenario import Scenario
 from auvplan.voyage.waters import Waters
 
-#: Arrows of the current along the longer side, and points along the line to a job's name.
+#: Arrows of the current along the longer side.
 _ARROWS = 22
 
 
@@ -46,18 +46,21 @@ def plot_waters(scenario: Scenario, waters: Waters, closed: Sequence[Any] = ()) 
     handles: list[Any] = list(style.draw_coast(axes, waters.chart, unit))
     handles += draw_depths(axes, waters.seabed, unit)
     handles += _draw_closed(axes, closed, unit)
-    handles += _draw_obstacles(axes, scenario, waters, unit)
+    handles += style.draw_known(axes, waters.obstacles, scenario.mission.time_available, unit, zorder=2)
     handles += _draw_current(axes, scenario, waters, unit)
     corner, size = low[::-1] / unit.metres, edge[::-1] / unit.metres
     axes.add_patch(Rectangle(tuple(corner), *size, fill=False, ec="black", lw=1.2, ls=(0, (6, 3)), zorder=3))
     handles.append(Line2D([], [], color="black", lw=1.2, ls=(0, (6, 3)), label="area"))
     handles += _draw_jobs(axes, waters, unit)
-    handles += _draw_ends(axes, scenario, unit)
+    mission = scenario.mission
+    for place, kind, label in (
+        (mission.start, style.START, "start"),
+        (mission.goal, style.GOAL, "destination"),
+    ):
+        if place is not None:
+            handles.append(style.draw_end(axes, place, kind, label, unit))
     figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=8, frameon=False)
-    axes.set_title(_title(scenario, waters), fontsize=11, pad=None if waters.site is None else 20.0)
-    style.draw_compass(axes, unit)
-    if waters.site is not None:
-        style.draw_graticule(axes, waters.site, unit)
+    style.title_map(axes, _title(scenario, waters), waters.site, unit)
     _draw_names(axes, scenario, waters, closed, unit)
     return figure
 
@@ -77,11 +80,6 @@ def _title(scenario: Scenario, waters: Waters) -> str:
     jobs = waters.jobs
     tasks = f"{len(jobs.points)} points and {len(jobs.lines)} lines to visit, " if jobs is not None else ""
     return f"{scenario.name}: {tasks}{scenario.mission.time_available:,.0f} s, {depths}"
-
-
-def _flat(places: Any, unit: style.Unit) -> style.Array:
-    """[n, >= 2] m north, east to [n, 2] east, north in the axes' unit."""
-    return np.asarray(places, float)[..., [1, 0]] / unit.metres
 
 
 def _ends(scenario: Scenario) -> list[style.Array]:
@@ -106,28 +104,13 @@ def _draw_closed(axes: Axes, closed: Sequence[Any], unit: style.Unit) -> list[Pa
     }
     for zone in closed:
         for polygon in getattr(zone.polygon, "geoms", [zone.polygon]):
-            rings = [_flat(ring.coords, unit) for ring in (polygon.exterior, *polygon.interiors)]
+            rings = [style.flat(ring.coords, unit) for ring in (polygon.exterior, *polygon.interiors)]
             axes.add_patch(PathPatch(Outline.make_compound_path(*map(_closed, rings)), zorder=1.0, **kind))
     return [Patch(label="closed area", **kind)] if closed else []
 
 
 def _closed(ring: style.Array) -> Outline:
     return Outline(ring, closed=True)
-
-
-def _draw_obstacles(axes: Axes, scenario: Scenario, waters: Waters, unit: style.Unit) -> list[Line2D]:
-    """Known obstacles at departure, and where they go in the time available."""
-    colour = style.KIND_COLOURS["known"]
-    for known in waters.obstacles:
-        place = _flat(known.position, unit)
-        kind = {"fc": colour, "ec": "black", "alpha": 0.6, "zorder": 2}
-        axes.add_patch(Circle(tuple(place), known.radius / unit.metres, **kind))
-        if known.moves:
-            tip = _flat(known.after(scenario.mission.time_available).position, unit)
-            arrow = {"arrowstyle": "->", "color": colour, "linestyle": ":"}
-            axes.annotate("", tuple(tip), tuple(place), arrowprops=arrow, zorder=2)
-    mark: dict[str, Any] = {"ls": "", "marker": "o", "ms": 7, "color": colour, "mec": "black"}
-    return [Line2D([], [], label="known obstacle", **mark)] if waters.obstacles else []
 
 
 def _draw_current(axes: Axes, scenario: Scenario, waters: Waters, unit: style.Unit) -> list[Any]:
@@ -157,7 +140,7 @@ def _draw_current(axes: Axes, scenario: Scenario, waters: Waters, unit: style.Un
     )
     fastest = max(float(np.hypot(u, v).max()), 1e-6)
     axes.quiver(
-        *(_flat(np.stack([x, y], axis=1), unit).T), v, u,
+        *(style.flat(np.stack([x, y], axis=1), unit).T), v, u,
         color=style.BLUE, alpha=0.75, zorder=1.5, angles="xy", scale_units="xy",
         scale=fastest * unit.metres / step / 0.9, width=0.0022,
     )  # fmt: skip
@@ -173,28 +156,14 @@ def _draw_jobs(axes: Axes, waters: Waters, unit: style.Unit) -> list[Line2D]:
     handles = []
     mark: dict[str, Any] = {"color": "white", "mec": style.PURPLE, "mew": 1.4}
     if jobs.points:
-        places = _flat([job.position for job in jobs.points], unit)
+        places = style.flat([job.position for job in jobs.points], unit)
         axes.plot(*places.T, ls="", marker="o", ms=6, zorder=5, **mark)
         handles.append(Line2D([], [], ls="", marker="o", ms=6, label="job", **mark))
     for job in jobs.lines:
-        line = _flat(job.positions, unit)
+        line = style.flat(job.positions, unit)
         axes.plot(*line.T, color=style.PURPLE, lw=1.8, zorder=4.5, path_effects=style.halo(3.4))
     if jobs.lines:
         handles.append(Line2D([], [], color=style.PURPLE, lw=1.8, label="line to survey"))
-    return handles
-
-
-def _draw_ends(axes: Axes, scenario: Scenario, unit: style.Unit) -> list[Line2D]:
-    handles = []
-    for point, kind, label, size in (
-        (scenario.mission.start, style.START, "start", 8),
-        (scenario.mission.goal, style.GOAL, "destination", 12),
-    ):
-        if point is None:
-            continue
-        axes.scatter(*_flat(point, unit), zorder=6, **kind)
-        mark: dict[str, Any] = {"marker": kind["marker"], "color": kind["color"], "mec": "black"}
-        handles.append(Line2D([], [], ls="", ms=size, label=label, **mark))
     return handles
 
 
@@ -202,15 +171,19 @@ def _draw_names(
     axes: Axes, scenario: Scenario, waters: Waters, closed: Sequence[Any], unit: style.Unit
 ) -> None:
     """Names of jobs and closed areas, where these are seen."""
-    named = [(obstacle.name, _flat(obstacle.position, unit), style.RED) for obstacle in waters.obstacles]
-    named += [(name, _flat(places[len(places) // 2], unit), style.PURPLE) for name, places in _jobs(waters)]
+    named = [(obstacle.name, style.flat(obstacle.position, unit), style.RED) for obstacle in waters.obstacles]
+    named += [
+        (name, style.flat(places[len(places) // 2], unit), style.PURPLE) for name, places in _jobs(waters)
+    ]
     for zone in closed:
         inside = zone.polygon.representative_point()
         named.append((zone.name, np.array([inside.y, inside.x]) / unit.metres, style.RED))
     (west, east), (south, north) = axes.get_xlim(), axes.get_ylim()
     shown = [entry for entry in named if west <= entry[1][0] <= east and south <= entry[1][1] <= north]
-    ends = [_flat(end, unit) for end in _ends(scenario)]
-    taken = np.concatenate([*ends, *(_flat(places, unit) for _, places in _jobs(waters)), np.zeros((0, 2))])
+    ends = [style.flat(end, unit) for end in _ends(scenario)]
+    taken = np.concatenate(
+        [*ends, *(style.flat(places, unit) for _, places in _jobs(waters)), np.zeros((0, 2))]
+    )
     for colour in (style.PURPLE, style.RED):
         own = [entry for entry in shown if entry[2] == colour]
         if own:

@@ -172,6 +172,7 @@ def _case(dataset: xr.Dataset) -> dict[str, Any]:
         "mission_call_cpu_s": dataset["order_cpu"].values,
         "coast_clearance_m": dataset["coast_clearance"].values,
         "obstacle_clearance_m": dataset["obstacle_clearance"].values,
+        "seabed_altitude_m": dataset["seabed_altitude"].values,
     }
     return {
         "missions": int(success.size),

@@ -39,7 +39,7 @@ def why_no_order(fleet: Fleet, mission: Mission, timed: MissionGraph, told: Curr
         return f"no way through the graph leads from waypoint {mission.here} to the destination"
     for i, j in pairwise(nodes):
         if not timed.adjacency[i, j]:
-            return f"the sea closes leg {_name(run.names, i)} to {_name(run.names, j)}: " + _line_fault(
+            return f"the sea closes leg {run.called(i)} to {run.called(j)}: " + _line_fault(
                 fleet, mission, (i, j), told
             )
     left = run.t_available - mission.now
@@ -53,10 +53,6 @@ def _way(fleet: Fleet, mission: Mission, timed: MissionGraph) -> tuple[float, li
     times = np.where(timed.adjacency, timed.leg_times(fleet.speed), everywhere)
     nodes = shortest_way(times, here, goal)
     return float(times[nodes[:-1], nodes[1:]].sum()), nodes
-
-
-def _name(names: list[str], node: int) -> str:
-    return names[node] if names else str(node)
 
 
 def _line_fault(fleet: Fleet, mission: Mission, edge: tuple[int, int], told: Current) -> str:

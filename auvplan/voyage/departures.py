@@ -2,9 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
-from datetime import timedelta
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,14 +13,20 @@ from numpy.typing import ArrayLike, NDArray
 from auvplan import prng
 from auvplan.brief import Brief
 from auvplan.errors import ScenarioError
-from auvplan.ocean.known import spheres
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.path import PathPlan, PathPlans, plan_paths
 from auvplan.site import Site
 from auvplan.voyage.closures import why_no_order
 from auvplan.voyage.executive import embark as embark
 from auvplan.voyage.fleet import Fleet, Mission
-from auvplan.voyage.planning import complete, planning_fleet
+from auvplan.voyage.planning import (
+    complete,
+    leaving,
+    load_waters_at,
+    moment_name,
+    planning_fleet,
+    require_known,
+)
 from auvplan.voyage.scenario import Scenario
 from auvplan.voyage.sea import Sea, stacked
 from auvplan.voyage.simulator import over_ground
@@ -124,96 +128,13 @@ def plan_departures(
         raise ScenarioError(f"departs must be [D] finite seconds, D at least 1, got shape {moments.shape}")
     if waters is None:
         waters = load_waters_at(scenario, moments, folder)
-    _require_known(scenario, waters, moments)
+    require_known(scenario, waters, moments)
+    if scenario.mission.waypoints == 2 and waters.jobs is None:
+        fleet = planning_fleet(scenario, folder, waters)
+        return _plan_legs(fleet, leaving(fleet, key, moments), progress)
     fleets = [planning_fleet(scenario, folder, waters, float(depart)) for depart in moments]
     missions = [leaving(fleet, key, [now])[0] for fleet, now in zip(fleets, moments, strict=True)]
-    if missions[0].graph.size == 2 and waters.jobs is None:
-        fleet = replace(fleets[0], waters=waters)
-        return _plan_legs(fleet, leaving(fleet, key, moments), progress)
     return _plan_missions(fleets, missions, progress)
-
-
-def load_waters_at(scenario: Scenario, departs: ArrayLike, folder: str | Path | None = None) -> Waters:
-    """`load_waters` for missions that leave at other times: currents are read for all of them, not one.
-
-    Args:
-        scenario: settings.
-        departs: [D] s since the scenario's epoch, which stays the epoch of what is read.
-        folder: that relative paths in the scenario start from; that of its file if absent.
-
-    Raises:
-        ScenarioError, ChartError, GeoError, CurrentError: as `load_waters`.
-    """
-    from auvplan.io.waters import load_waters
-
-    moments, site = np.asarray(departs, float), scenario.site
-    first, last = float(moments.min()), float(moments.max()) + scenario.mission.time_available
-    if scenario.current.source != "file" or site is None or site.departure is None:
-        waters = load_waters(scenario, folder, until=last)
-        _require_known(scenario, waters, moments)
-        return waters
-    # What lies between the scenario's own departure and the first of these need not be covered.
-    leaving = site.model_copy(update={"departure": site.departure + timedelta(seconds=first)})
-    waters = load_waters(scenario.model_copy(update={"site": leaving}), folder, until=last - first)
-    assert waters.forecast is not None
-    assert waters.truth is not None
-    return replace(
-        waters,
-        site=site.site,
-        forecast=replace(waters.forecast, times=waters.forecast.times + first),
-        truth=replace(waters.truth, times=waters.truth.times + first),
-    )
-
-
-def moment_name(site: Site | None, seconds: float) -> str:
-    """A local time for people: UTC to the minute, or hours where there is no date."""
-    moment = None if site is None else site.utc(round(seconds / 60.0) * 60.0)
-    return f"{seconds / 3600.0:+.2f} h" if moment is None else f"{moment:%Y-%m-%d %H:%M} UTC"
-
-
-def _require_known(scenario: Scenario, waters: Waters, departs: Array) -> None:
-    """Refuse departures at which the current is not known.
-
-    Raises:
-        ScenarioError: one line that names the times.
-    """
-    first, last = departs.min(), departs.max() + scenario.mission.time_available
-    field, name = waters.forecast, partial(moment_name, waters.site)
-    if field is None:
-        if first < 0.0:
-            raise ScenarioError(
-                f"departure {name(first)} lies before the scenario's, with which its vortices begin"
-            )
-    elif not field.steady and scenario.current.outside == "refuse":
-        begin, end = float(field.times[0]), float(field.times[-1])
-        slack = 1e-6 * max(abs(begin), abs(end))  # times are kept in single precision
-        if first < begin - slack or last > end + slack:
-            raise ScenarioError(
-                f"departures and the time available reach from {name(first)} to {name(last)}, "
-                f"the current's data from {name(begin)} to {name(end)}"
-            )
-
-
-def leaving(fleet: Fleet, key: jax.Array, departs: ArrayLike, seed: int = 0) -> list[Mission]:
-    """One mission a departure: the same but for the time and the sea as it is then."""
-    departs = np.asarray(departs, float)
-    model = embark(fleet, 0, key, seed)
-    missions = {}
-    for number in np.argsort(departs, kind="stable").tolist():
-        now = float(departs[number])
-        model.sea.advance(now)
-        run = replace(model.run, t_available=now + model.run.t_available, orders=[], legs=[])
-        own = {
-            "run": run,
-            "sea": copy(model.sea),
-            "now": now,
-            "learnt": {},
-            "visited": set(),
-            "barred": set(),
-        }
-        missions[number] = replace(model, number=number, **own)
-        missions[number].sea.hold()
-    return [missions[number] for number in range(len(departs))]
 
 
 def _circumstances(missions: Sequence[Mission]) -> dict[str, Any]:
@@ -241,13 +162,12 @@ def _plan_legs(fleet: Fleet, missions: list[Mission], progress: Progress | None)
     if progress:
         progress(0, count, "planning paths")
     common = _circumstances(missions)
-    low, high = fleet.box
-    known = [spheres(fleet.waters.obstacles, (float(low[2]), float(high[2])), m.now) for m in missions]
+    known = [(fleet.known_obstacles(mission.now), mission.now) for mission in missions]
     obstacles = jax.tree.map(
         lambda *leaves: np.stack(leaves),
         *(
-            Obstacles.create(one.position, one.radius, velocity=one.velocity, observed_at=mission.now)
-            for one, mission in zip(known, missions, strict=True)
+            Obstacles.create(one.position, one.radius, velocity=one.velocity, observed_at=now)
+            for one, now in known
         ),
     )
     start, goal = (np.tile(run.graph.positions[end], (count, 1)) for end in (run.start, run.goal))
@@ -290,7 +210,7 @@ def _plan_missions(fleets: list[Fleet], missions: list[Mission], progress: Progr
     for number, (fleet, mission) in enumerate(zip(fleets, missions, strict=True)):
         if progress:
             progress(number, len(missions), "planning missions")
-        complete(fleet, [mission])
+        complete(fleet, mission)
     runs = [mission.run for mission in missions]
     return Departures(
         feasible=np.asarray([run.success for run in runs]),

@@ -21,10 +21,10 @@ from auvplan.voyage.fleet import Fleet, Leg, Mission
 from auvplan.voyage.legs import begin_legs, finish, go_as_planned, refusal, sail_on
 from auvplan.voyage.order_calls import plan_orders, time_edges
 from auvplan.voyage.records import LegRecord, MissionRun
-from auvplan.voyage.rehearsal import rehearse
 from auvplan.voyage.scenario import Scenario
 from auvplan.voyage.sea import ModelSea
 from auvplan.voyage.simulator import WIDTH
+from auvplan.voyage.warmup import warm_up
 from auvplan.voyage.waters import Waters
 from auvplan.voyage.waypoints import make_graph
 from auvplan.voyage.world import make_sea, make_vehicle
@@ -129,7 +129,7 @@ def sail_missions(
             while waiting and len(active) < together:
                 number, (key, seed) = waiting.popleft()
                 active.append(embark(fleet, number, key, int(seed)))
-                rehearse(fleet, partial(embark, fleet, number, key, int(seed)))
+                warm_up(fleet, partial(embark, fleet, number, key, int(seed)))
             step(fleet, active)
             for mission in active:
                 if mission.ended:
@@ -290,7 +290,7 @@ def _turn_down(mission: Mission, leg: Leg, why: str) -> None:
     """Ask for another order without the refused edge, or with the time that its path takes."""
     mission.refusals += 1
     i, j = leg.record.start, leg.record.goal
-    name = f"leg {mission.called(i)} to {mission.called(j)}"
+    name = f"leg {mission.run.called(i)} to {mission.run.called(j)}"
     mission.obstruction = f"{name}, {why}"
     barred = bool(refusal(leg))
     if barred:
@@ -315,7 +315,7 @@ def _judge(fleet: Fleet, mission: Mission) -> None:
     if planning.charge_compute:
         mission.charge(record.cpu)
     if not record.arrived:
-        name = f"leg {mission.called(record.start)} to {mission.called(record.goal)}"
+        name = f"leg {mission.run.called(record.start)} to {mission.run.called(record.goal)}"
         mission.end(f"{name} was not finished: {leg.stopped}")
         return
     mission.now += record.t_task

@@ -14,6 +14,7 @@ from auvplan.mission import MissionConfig, MissionGraph, MissionOrder
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.currents import Current
 from auvplan.ocean.environment import Environment
+from auvplan.ocean.known import Spheres, spheres
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.path import PathConfig, PathPlan
 from auvplan.site import at_time
@@ -89,6 +90,11 @@ class Fleet:
         lower, upper = (jnp.asarray(corner, float) for corner in self.box)
         known = Obstacles.none() if obstacles is None else obstacles
         return Environment(current, self.chart, known, lower, upper, seabed=self.waters.seabed)
+
+    def known_obstacles(self, now: float) -> Spheres:
+        """Spheres that cover what is known beforehand, where it is at a time, s."""
+        lower, upper = self.scenario.box
+        return spheres(self.waters.obstacles, (lower[2], upper[2]), now)
 
     @property
     def speed(self) -> float:
@@ -226,12 +232,8 @@ class Mission:
     def doing(self) -> str:
         """What it does now, in a few words."""
         if self.leg is None:
-            return f"at {self.called(self.here)}" if self.run.names else f"at waypoint {self.here}"
-        return f"leg {self.called(self.leg.record.start)} to {self.called(self.leg.record.goal)}"
-
-    def called(self, node: int) -> str:
-        """A waypoint's name, or its number where it has none."""
-        return self.run.names[node] if self.run.names else str(node)
+            return f"at {self.run.called(self.here)}" if self.run.names else f"at waypoint {self.here}"
+        return f"leg {self.run.called(self.leg.record.start)} to {self.run.called(self.leg.record.goal)}"
 
     def path_key(self) -> jax.Array:
         """A fresh key for the next path planning call."""

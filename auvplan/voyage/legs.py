@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.motion import Motion
-from auvplan.ocean.known import spheres
 from auvplan.path.outlook import outlook
 from auvplan.rows import padded_batches
 from auvplan.voyage.belief import ObstacleBelief
@@ -54,9 +53,7 @@ def set_out(fleet: Fleet, mission: Mission, record: LegRecord) -> None:
     """Put a mission on a leg: draw its true obstacles and what is believed of them; no path yet."""
     mission.sea.advance(mission.now)
     origin, target = (np.asarray(mission.graph.positions[k]) for k in (record.start, record.goal))
-    truth = TrueObstacles.known(
-        spheres(fleet.waters.obstacles, (float(fleet.box[0][2]), float(fleet.box[1][2])), mission.now)
-    )
+    truth = TrueObstacles.known(fleet.known_obstacles(mission.now))
     if fleet.simulated:
         truth = draw_obstacles(fleet.scenario, origin, target, mission.rng) + truth
     record.obstacle_radii, record.obstacle_kinds = truth.radius, truth.kinds

@@ -199,5 +199,5 @@ def _go_on(mission: Mission) -> None:
         mission.cause = ""
         return
     refused = f"; refused before: {mission.obstruction}" if mission.obstruction else ""
-    here = mission.called(mission.here) if mission.run.names else f"waypoint {mission.here}"
+    here = mission.run.called(mission.here) if mission.run.names else f"waypoint {mission.here}"
     mission.end(f"no order of tasks from {here}: {mission.no_order}{refused}")

@@ -5,23 +5,30 @@ planned for them, and each is planned in the sea as it is forecast for the time 
 """
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import replace
 from datetime import timedelta
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import jax
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
+from auvplan.compiled import MISSIONS, expecting
+from auvplan.errors import ScenarioError
 from auvplan.ocean.gridded import GriddedCurrent
+from auvplan.site import Site
 from auvplan.voyage.clock import Untimed
-from auvplan.voyage.executive import make_fleet, seed_keys, step
+from auvplan.voyage.executive import embark, make_fleet, seed_keys, step
 from auvplan.voyage.fleet import Fleet, Mission
 from auvplan.voyage.records import MissionRun
 from auvplan.voyage.scenario import Scenario
 from auvplan.voyage.waters import Waters
 
-#: Called with (mission, time s, what is planned) as plans grow.
-Progress = Callable[[int, float, str], None]
+#: Called with (time s, what is planned) as a plan grows.
+Progress = Callable[[float, str], None]
 
 
 def plan_scenario(
@@ -32,7 +39,7 @@ def plan_scenario(
     depart: float = 0.0,
     folder: str | Path | None = None,
     waters: Waters | None = None,
-    progress: Callable[[float, str], None] | None = None,
+    progress: Progress | None = None,
 ) -> MissionRun:
     """Plan a mission: the order of its tasks, and a path along every leg.
 
@@ -56,20 +63,53 @@ def plan_scenario(
         ScenarioError, ChartError, GeoError, CurrentError: the scenario cannot be built, or its current is not
             known from the departure until the time available is over.
     """
-    from auvplan.voyage.departures import leaving, load_waters_at
-
     if waters is None:
         waters = load_waters_at(scenario, [depart], folder)
     fleet = planning_fleet(scenario, folder, waters, depart)
     keyed = seed_keys([seed])[0] if key is None else key
-    missions = leaving(fleet, keyed, [depart], seed)
-    complete(fleet, missions, progress and (lambda _, now, doing: progress(now, doing)))
-    return _from_departure(missions[0].run, depart)
+    (mission,) = leaving(fleet, keyed, [depart], seed)
+    with expecting(MISSIONS):
+        complete(fleet, mission, progress)
+    return _from_departure(mission.run, depart)
 
 
-def planning_fleet(scenario: Scenario, folder: str | Path | None, waters: Waters, depart: float) -> Fleet:
-    """What a plan counts on: nothing simulated, nothing timed, no more of the sea than it meets."""
-    if waters.forecast is not None:
+def load_waters_at(scenario: Scenario, departs: ArrayLike, folder: str | Path | None = None) -> Waters:
+    """`load_waters` for missions that leave at other times: currents are read for all of them, not one.
+
+    Args:
+        scenario: settings.
+        departs: [D] s since the scenario's epoch, which stays the epoch of what is read.
+        folder: that relative paths in the scenario start from; that of its file if absent.
+
+    Raises:
+        ScenarioError, ChartError, GeoError, CurrentError: as `load_waters`.
+    """
+    from auvplan.io.waters import load_waters
+
+    moments, site = np.asarray(departs, float), scenario.site
+    first, last = float(moments.min()), float(moments.max()) + scenario.mission.time_available
+    if scenario.current.source != "file" or site is None or site.departure is None:
+        waters = load_waters(scenario, folder, until=last)
+        require_known(scenario, waters, moments)
+        return waters
+    # What lies between the scenario's own departure and the first of these need not be covered.
+    leaving = site.model_copy(update={"departure": site.departure + timedelta(seconds=first)})
+    waters = load_waters(scenario.model_copy(update={"site": leaving}), folder, until=last - first)
+    assert waters.forecast is not None
+    assert waters.truth is not None
+    return replace(
+        waters,
+        site=site.site,
+        forecast=replace(waters.forecast, times=waters.forecast.times + first),
+        truth=replace(waters.truth, times=waters.truth.times + first),
+    )
+
+
+def planning_fleet(
+    scenario: Scenario, folder: str | Path | None, waters: Waters, depart: float | None = None
+) -> Fleet:
+    """What plans count on, nothing simulated or timed; of the sea no more than one from `depart` meets."""
+    if waters.forecast is not None and depart is not None:
         forecast = waters.forecast.window(depart, depart + scenario.mission.time_available)
         waters = replace(waters, forecast=forecast, truth=forecast)
     # Planning is done before the departure: it costs the mission no time.
@@ -79,13 +119,34 @@ def planning_fleet(scenario: Scenario, folder: str | Path | None, waters: Waters
     return fleet
 
 
-def complete(fleet: Fleet, missions: list[Mission], progress: Progress | None = None) -> None:
-    """Plan missions to their ends."""
-    while active := [mission for mission in missions if not mission.ended]:
-        step(fleet, active)
-        for mission in active:
-            if progress:
-                progress(mission.number, mission.now, mission.doing)
+def leaving(fleet: Fleet, key: jax.Array, departs: ArrayLike, seed: int = 0) -> list[Mission]:
+    """One mission a departure: the same but for the time and the sea as it is then."""
+    departs = np.asarray(departs, float)
+    model = embark(fleet, 0, key, seed)
+    missions = {}
+    for number in np.argsort(departs, kind="stable").tolist():
+        now = float(departs[number])
+        model.sea.advance(now)
+        run = replace(model.run, t_available=now + model.run.t_available, orders=[], legs=[])
+        own = {
+            "run": run,
+            "sea": copy(model.sea),
+            "now": now,
+            "learnt": {},
+            "visited": set(),
+            "barred": set(),
+        }
+        missions[number] = replace(model, number=number, **own)
+        missions[number].sea.hold()
+    return [missions[number] for number in range(len(departs))]
+
+
+def complete(fleet: Fleet, mission: Mission, progress: Progress | None = None) -> None:
+    """Plan a mission to its end."""
+    while not mission.ended:
+        step(fleet, [mission])
+        if progress:
+            progress(mission.now, mission.doing)
 
 
 def _from_departure(run: MissionRun, depart: float) -> MissionRun:
@@ -119,9 +180,38 @@ def _from_departure(run: MissionRun, depart: float) -> MissionRun:
         moment = run.site.epoch + timedelta(seconds=depart)
         run.site = replace(run.site, epoch=moment)
         run.scenario["site"]["departure"] = moment.isoformat()
-    run.obstacles = tuple(obstacle.after(depart) for obstacle in run.obstacles)
+    run.obstacles, run.departed = tuple(obstacle.after(depart) for obstacle in run.obstacles), depart
     return run
 
 
 def _is_gridded(part: Any) -> bool:
     return isinstance(part, GriddedCurrent)
+
+
+def moment_name(site: Site | None, seconds: float) -> str:
+    """A local time for people: UTC to the minute, or hours where there is no date."""
+    moment = None if site is None else site.utc(round(seconds / 60.0) * 60.0)
+    return f"{seconds / 3600.0:+.2f} h" if moment is None else f"{moment:%Y-%m-%d %H:%M} UTC"
+
+
+def require_known(scenario: Scenario, waters: Waters, departs: NDArray[np.float64]) -> None:
+    """Refuse departures at which the current is not known.
+
+    Raises:
+        ScenarioError: one line that names the times.
+    """
+    first, last = departs.min(), departs.max() + scenario.mission.time_available
+    field, name = waters.forecast, partial(moment_name, waters.site)
+    if field is None:
+        if first < 0.0:
+            raise ScenarioError(
+                f"departure {name(first)} lies before the scenario's, with which its vortices begin"
+            )
+    elif not field.steady and scenario.current.outside == "refuse":
+        begin, end = float(field.times[0]), float(field.times[-1])
+        slack = 1e-6 * max(abs(begin), abs(end))  # times are kept in single precision
+        if first < begin - slack or last > end + slack:
+            raise ScenarioError(
+                f"departures and the time available reach from {name(first)} to {name(last)}, "
+                f"the current's data from {name(begin)} to {name(end)}"
+            )

@@ -192,7 +192,8 @@ class MissionRun(Brief):
         names: of the waypoints; empty where they have none.
         simulated: whether the mission was sailed in the simulator; otherwise it is a plan, and what counts as
             sailed below is what is planned, in the forecast.
-        obstacles: that were known beforehand.
+        obstacles: that were known beforehand, where they are at the departure.
+        departed: s from the scenario's own departure, to which files of obstacles refer, to this one's.
         saved_bound: `bound` of a run that comes from files, which do not keep `first_order`; None of others.
     """
 
@@ -219,6 +220,7 @@ class MissionRun(Brief):
     names: list[str] = field(default_factory=list)
     simulated: bool = True
     obstacles: tuple[KnownObstacle, ...] = ()
+    departed: float = 0.0
     saved_bound: float | None = None
 
     def _facts(self) -> dict[str, str]:
@@ -253,6 +255,10 @@ class MissionRun(Brief):
     def route(self) -> list[int]:
         """Waypoints in the order in which they were visited."""
         return [self.start, *(leg.goal for leg in self.done)]
+
+    def called(self, node: int) -> str:
+        """A waypoint's name, or its number where it has none."""
+        return self.names[node] if self.names else str(node)
 
     @property
     def total_priority(self) -> float:

@@ -16,7 +16,7 @@ _FLOATS = {
     "t_available": "s", "t_mission": "s", "t_residual": "s", "total_priority": "1", "path_cpu": "s",
     "mission_cpu": "s", "mission_replan_cpu": "s", "travel_time_cpu": "s",
     "cost_mission": "1", "cost_total": "1", "priority_bound": "1",
-    "coast_clearance": "m", "obstacle_clearance": "m",
+    "coast_clearance": "m", "obstacle_clearance": "m", "seabed_altitude": "m",
 }  # fmt: skip
 _COUNTS = ("tasks", "path_calls", "path_replans", "mission_replans", "collisions", "faults")
 _LEG_FLOATS = ("leg_t_expected", "leg_t_path", "leg_t_task", "leg_priority", "leg_distance", "leg_cpu")
@@ -167,6 +167,7 @@ def _total(row: dict[str, np.ndarray], rng: np.random.Generator, plans: int, ord
         + np.nansum(row["order_cpu"][1:]),
         "travel_time_cpu": rng.uniform(0.5, 1.0), "faults": 0, "coast_clearance": np.inf,
         "obstacle_clearance": rng.uniform(1.0, 30.0),
+        "seabed_altitude": rng.uniform(5.0, 40.0),
     }  # fmt: skip
     for name, value in figures.items():
         row[name][...] = value

@@ -165,6 +165,7 @@ def test_figures_of_a_summary_are_the_means_and_quantiles_of_missions_legs_and_c
         "path_call_cpu_s": study["plan_cpu"].values,
         "mission_call_cpu_s": study["order_cpu"].values,
         "obstacle_clearance_m": study["obstacle_clearance"].values,
+        "seabed_altitude_m": study["seabed_altitude"].values,
     }
     for name, found in values.items():
         found, figure = found[np.isfinite(found)], figures[name]

@@ -1,5 +1,6 @@
 """Plans without a simulation: exact repetition, known obstacles, departures, what reaches a vehicle."""
 
+import json
 from dataclasses import replace
 
 import jax
@@ -184,3 +185,21 @@ def test_an_order_that_no_longer_fits_is_planned_anew():
     assert "late" in [order.cause for order in run.orders]
     later = [order for order in run.orders if order.cause == "late"]
     assert len(later[0].nodes) < len(run.orders[0].nodes) - 1
+
+
+@pytest.mark.parametrize(("obstacle", "depart"), [(ROCK, 0.0), (FERRY, 0.0), (FERRY, 300.0)])
+def test_the_checker_takes_known_obstacles_from_their_file(tmp_path, obstacle, depart):
+    waters = tidal_waters(0.0, 0.0)
+    longitude, latitude = (float(axis) for axis in waters.site.to_geographic(*obstacle.position))
+    told = {"name": obstacle.name, "radius": obstacle.radius}
+    if obstacle.moves:
+        told |= {"course": 180.0, "speed": 1.0, "depth_max": obstacle.depth_max}
+    point = {"type": "Point", "coordinates": [longitude, latitude]}
+    path = tmp_path / "obstacles.geojson"
+    path.write_text(json.dumps({"type": "Feature", "properties": told, "geometry": point}))
+    settings = channel(obstacles={"file": path.name})
+    for known, hit in (((), True), ((obstacle,), False)):
+        run = plan_scenario(settings, waters=replace(waters, obstacles=known), folder=tmp_path, depart=depart)
+        faults = check_dataset(run.summary(), to_dataset(run)).faults
+        assert any(f"inside {obstacle.name!r}" in fault for fault in faults) == hit
+        assert hit or not faults

@@ -43,7 +43,7 @@ class Zone:
     polygon: Any
 
 
-def chart_from_raster(
+def chart_and_notes(
     path: str | Path,
     site: Site,
     *,
@@ -53,7 +53,7 @@ def chart_from_raster(
     crs: Any = None,
     classes: Mapping[int, float] | None = None,
     colours: ChartColours = UNTOLD,
-) -> Chart:
+) -> tuple[Chart, tuple[str, ...]]:
     """A chart of a local rectangle from a georeferenced picture, or from a raster of classes.
 
     A colour picture is clustered as a whole, on its own pixels (`auvplan.ocean.classify`), and every pixel
@@ -71,6 +71,9 @@ def chart_from_raster(
             What the file marks as no data is coast, unless it is named here.
         colours: what the picture's colours stand for; with them a band of greys is a picture too.
 
+    Returns:
+        The chart, and what was assumed of the picture, a line each.
+
     Raises:
         ChartError: one line; what is wrong with the file, on which side and by how much the rectangle
             reaches beyond it, or what is in doubt about its colours.
@@ -78,30 +81,6 @@ def chart_from_raster(
     Warns:
         ScenarioWarning: the picture does not look like a chart.
     """
-    return chart_and_notes(
-        path,
-        site,
-        lower=lower,
-        upper=upper,
-        pixel_size=pixel_size,
-        crs=crs,
-        classes=classes,
-        colours=colours,
-    )[0]
-
-
-def chart_and_notes(
-    path: str | Path,
-    site: Site,
-    *,
-    lower: Any,
-    upper: Any,
-    pixel_size: float = 10.0,
-    crs: Any = None,
-    classes: Mapping[int, float] | None = None,
-    colours: ChartColours = UNTOLD,
-) -> tuple[Chart, tuple[str, ...]]:
-    """`chart_from_raster`, and what was assumed of the picture, a line each."""
     with as_chart(), reading(path):
         grid = local_grid(lower, upper, pixel_size)
         raster = read_raster(path, crs, indices=classes is not None)
@@ -111,6 +90,11 @@ def chart_and_notes(
         refuse_beyond(path, "picture", site, find, grid, nodes, _SLACK)
         passability, notes = _passability(path, raster, classes, colours)
         return _chart(_least(passability, find, grid, nodes), grid), notes
+
+
+def chart_from_raster(path: str | Path, site: Site, **options: Any) -> Chart:
+    """`chart_and_notes` without the notes."""
+    return chart_and_notes(path, site, **options)[0]
 
 
 def chart_from_polygons(

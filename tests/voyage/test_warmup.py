@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from auvplan.compiled import drop_programs
-from auvplan.voyage import executive, rehearsal, run_mission
+from auvplan.voyage import executive, run_mission, warmup
 from auvplan.voyage.executive import embark, make_fleet, seed_keys
 from tests.voyage.small import scenario
 
@@ -17,16 +17,16 @@ pytestmark = pytest.mark.usefixtures("light_search")
 
 @pytest.fixture
 def real(monkeypatch):
-    """The loop rehearses, as it does outside the tests."""
-    monkeypatch.setattr(executive, "rehearse", rehearsal.rehearse)
+    """The loop warms up, as it does outside the tests."""
+    monkeypatch.setattr(executive, "warm_up", warmup.warm_up)
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
-    monkeypatch.setattr(rehearsal, "_rehearsed", set())
+    monkeypatch.setattr(warmup, "_warmed_up", set())
 
 
 def test_a_leg_is_begun_by_what_begins_missions(caplog):
     fleet = make_fleet(scenario(), ".")
     with caplog.at_level(logging.INFO, "auvplan"):
-        rehearsal._begin_a_leg(fleet, partial(embark, fleet, 0, seed_keys([0])[0], 0))
+        warmup._begin_a_leg(fleet, partial(embark, fleet, 0, seed_keys([0])[0], 0))
     assert "side by side" not in caplog.text
 
 
@@ -44,12 +44,12 @@ def test_a_mission_is_the_same_with_and_without_it(tmp_path, monkeypatch, real):
 
 def test_it_is_done_once_for_a_scenario_and_not_on_one_core(monkeypatch, real):
     begun = []
-    monkeypatch.setattr(rehearsal, "_begin_a_leg", lambda *_: begun.append(True))
+    monkeypatch.setattr(warmup, "_begin_a_leg", lambda *_: begun.append(True))
     fleet = make_fleet(scenario(), ".")
     for _ in range(2):
-        rehearsal.rehearse(fleet, lambda: None)
+        warmup.warm_up(fleet, lambda: None)
     assert len(begun) == 1
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0})
-    monkeypatch.setattr(rehearsal, "_rehearsed", set())
-    rehearsal.rehearse(fleet, lambda: None)
+    monkeypatch.setattr(warmup, "_warmed_up", set())
+    warmup.warm_up(fleet, lambda: None)
     assert len(begun) == 1

@@ -6,7 +6,7 @@ from dataclasses import replace
 from threading import Thread
 
 from auvplan import cache, cores
-from auvplan.compiled import rehearsal
+from auvplan.compiled import compiling_ahead
 from auvplan.voyage.clock import Clock
 from auvplan.voyage.fleet import Fleet, Mission
 from auvplan.voyage.legs import begin_legs, sail_on
@@ -16,10 +16,10 @@ from auvplan.voyage.records import LegRecord
 log = logging.getLogger(__name__)
 
 #: Scenarios, JSON.
-_rehearsed: set[str] = set()
+_warmed_up: set[str] = set()
 
 
-def rehearse(fleet: Fleet, embark: Callable[[], Mission]) -> None:
+def warm_up(fleet: Fleet, embark: Callable[[], Mission]) -> None:
     """Let a mission that nobody waits for begin a leg, in a thread of its own, where a core is free for that.
 
     Args:
@@ -29,9 +29,9 @@ def rehearse(fleet: Fleet, embark: Callable[[], Mission]) -> None:
     if cores.count() == 1 or not cache.enabled():
         return
     scenario = fleet.scenario.model_dump_json()
-    if scenario in _rehearsed:
+    if scenario in _warmed_up:
         return
-    _rehearsed.add(scenario)
+    _warmed_up.add(scenario)
     Thread(target=_begin_a_leg, args=(replace(fleet, clock=Clock()), embark), daemon=True).start()
 
 
@@ -40,7 +40,7 @@ def _begin_a_leg(fleet: Fleet, embark: Callable[[], Mission]) -> None:
         mission = embark()
         start = mission.here
         goal = int(mission.graph.adjacency[start].argmax())
-        with rehearsal():
+        with compiling_ahead():
             begin_legs(fleet, [mission], [LegRecord(start, goal, 0.0, 0.0, 0.0)])
             plan_legs(fleet, [mission], ["window"])
             sail_on(fleet, [mission])
