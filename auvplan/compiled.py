@@ -71,7 +71,6 @@ class Program:
         self._name = f"{function.__module__}.{function.__qualname__}"
         self._options = options
         self._static = tuple(sorted(static_argnames))
-        self._jitted = jax.jit(function, static_argnames=self._static, compiler_options=options)
         self._outlined = outlined
         self._ready: dict[Any, Callable[[list], Any]] = {}
         self._outlines: dict[Any, tuple[Any, list]] = {}
@@ -98,6 +97,12 @@ class Program:
                     self._ready[signature], result = self._prepared(signature, leaves)
                     return result
         return ready(leaves)
+
+    @functools.cached_property
+    def _jitted(self) -> Callable[..., Any]:
+        return jax.jit(
+            self._function, static_argnames=self._static, compiler_options=_known_options(**self._options)
+        )
 
     def _named(self, settings: tuple) -> dict[str, Any]:
         return dict(zip(self._static, settings, strict=True))
@@ -162,7 +167,7 @@ class Program:
             return found
 
         flat.__name__ = self._function.__name__
-        return jax.jit(flat, compiler_options=self._options).lower(*leaves), forms[0]
+        return jax.jit(flat, compiler_options=_known_options(**self._options)).lower(*leaves), forms[0]
 
     def _finished(self, key: str, lowered: Any, form: Any, count: int) -> tuple[Callable[..., list], bytes]:
         """Compile what is lowered, for so many arguments; see `_load` for what is returned."""
@@ -335,6 +340,22 @@ def compiled(
     if quick:
         options["xla_cpu_use_fusion_emitters"] = False
     return Program(function, static_argnames, options, outlined=wide)
+
+
+@functools.cache
+def _known_options(**options: Any) -> dict[str, Any]:
+    """Those of XLA's options that its version knows: they come and go."""
+    return {name: value for name, value in options.items() if _knows(name, value)}
+
+
+@functools.cache
+def _knows(name: str, value: Any) -> bool:
+    """Whether XLA compiles with an option, tried on a program of nothing."""
+    try:
+        jax.jit(lambda: (), compiler_options={name: value}).lower().compile()
+    except jax.errors.JaxRuntimeError:
+        return False
+    return True
 
 
 def compilations() -> int:
