@@ -174,6 +174,36 @@ def refitted(
     return inner.reshape(*inner.shape[:2], -1).astype(habitats.dtype)
 
 
+def without_loop(positions: np.ndarray, config: PathConfig) -> np.ndarray | None:
+    """Return the habitat [3 n] m of a path less its widest loop, or None where it nowhere crosses itself.
+
+    Args:
+        positions: [S, 3] m; loops are those seen from above.
+        config: control points, samples and degree.
+    """
+    begin, step = positions[:-1, :2], np.diff(positions[:, :2], axis=0)
+    gap = begin[None] - begin[:, None]  # from segment i to segment j
+    with np.errstate(divide="ignore", invalid="ignore"):
+        turn = _cross(step[:, None], step[None])
+        along, other = _cross(gap, step[None]) / turn, _cross(gap, step[:, None]) / turn
+        meet = (along >= 0.0) & (along <= 1.0) & (other >= 0.0) & (other <= 1.0)
+    first, last = np.nonzero(np.triu(meet, k=2))
+    if not len(first):
+        return None
+    widest = np.argmax(last - first)
+    left = np.concatenate([positions[: first[widest] + 1], positions[last[widest] + 1 :]])
+    run = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(left, axis=0), axis=1))])
+    places = np.linspace(0.0, run[-1], config.samples)
+    evenly = np.stack([np.interp(places, run, axis) for axis in left.T], axis=1)
+    fit = fit_matrix(config.samples, config.control_points + 2, config.degree)
+    return (fit @ np.concatenate([evenly, evenly[:1], evenly[-1:]])).T.ravel()
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Third component of the cross product of vectors [..., 2]."""
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+
+
 def _basis_traced(parameter: jax.Array, config: PathConfig) -> jax.Array:
     """Basis at traced parameters, [S, n], from a fine table by linear interpolation."""
     fine = 1024

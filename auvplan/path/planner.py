@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from auvplan.ocean.environment import Environment
 from auvplan.path.config import PathConfig
 from auvplan.path.ends import as_point, check_ends, check_given, check_water
-from auvplan.path.habitats import refitted
+from auvplan.path.habitats import refitted, without_loop
 from auvplan.path.plan import PathPlan, PathPlans
 from auvplan.path.sensitivity import Conditions
 from auvplan.path.stages import Legs, polish_finely, search_legs, split
@@ -142,7 +142,7 @@ def plan_finely(
     """Polish paths with more control points and samples where those found leave something wanting.
 
     Winding ways have more bends than the usual control points can follow, and narrow ones are certified only
-    between samples that lie close together.
+    between samples that lie close together. A path that crosses itself is polished without its loop.
 
     Args:
         found: fields of `PathPlans` by name, and `wanting` and `unsettled`, which are taken out.
@@ -156,26 +156,37 @@ def plan_finely(
     """
     wanting, unsettled = found.pop("wanting"), found.pop("unsettled")
     finer: dict[int, dict[str, Any]] = {}
+
+    def polished(found: dict[str, Any], chosen: Any, rows: Any, again: bool) -> tuple[dict, dict]:
+        program = partial(polish_finely, shared=shared, vehicle=vehicle, config=config, again=again)
+        return _improved(found, chosen, rows, program, keys, legs, config)
+
     if config.finer > 1:
         for chosen, again in ((wanting, True), (unsettled & ~wanting, False)):
             if chosen.any():
-                program = partial(polish_finely, shared=shared, vehicle=vehicle, config=config, again=again)
-                found, new = _improved(found, np.flatnonzero(chosen), program, keys, legs, config)
+                known = found["population"][chosen, 0]
+                found, new = polished(found, np.flatnonzero(chosen), known, again=again)
                 finer |= new
+        cut = [without_loop(path, config) for path in found["positions"]]
+        if looped := [leg for leg, row in enumerate(cut) if row is not None]:
+            rows = np.stack([cut[leg] for leg in looped])
+            found, new = polished(found, np.array(looped), rows, again=False)
+            finer |= new
     return found, finer
 
 
 def _improved(
     found: dict[str, Any],
     chosen: NDArray[np.int_],
+    rows: NDArray[np.floating],
     program: Any,
     keys: jax.Array,
     legs: Legs,
     config: PathConfig,
 ) -> tuple[dict[str, Any], dict[int, dict[str, Any]]]:
-    """As `plan_finely`, by a program for the legs chosen."""
+    """As `plan_finely`, by a program for the legs chosen and a habitat, [3 n] m, of each."""
     posed, old = jax.tree.map(lambda leaf: np.asarray(leaf)[chosen], (legs, found))
-    new = over_rows(program, keys[chosen], posed, old["population"][:, 0])
+    new = over_rows(program, keys[chosen], posed, rows)
     del new["wanting"]
     broken = [plans["violations"].sum(axis=1) for plans in (new, old)]
     less = (broken[0] < broken[1]) | ((broken[0] == broken[1]) & (new["cost"] < old["cost"]))
