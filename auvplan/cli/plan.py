@@ -9,11 +9,13 @@ import typer
 from rich.table import Table
 
 from auvplan.cli.shared import (
+    ForceOption,
     JsonOption,
     OutOption,
     PicturesOption,
     PresetOption,
     QuietOption,
+    ResumeOption,
     ScenarioArgument,
     SeedOption,
     SetOption,
@@ -155,6 +157,8 @@ def rehearse(
     count: Annotated[int, typer.Option("-n", "--missions", min=1, help="Simulated missions.")] = 100,
     out: OutOption = Path("out/rehearse"),
     seed: SeedOption = 0,
+    resume: ResumeOption = False,
+    force: ForceOption = False,
     workers: Annotated[
         int | None, typer.Option("--workers", min=1, help="Processes on this machine; one a core if absent.")
     ] = None,
@@ -168,8 +172,11 @@ def rehearse(
     from auvplan.io.files import write_atomically
     from auvplan.study import Design, run_study
     from auvplan.study.rehearsal import rehearsal_of, require_one_sea
+    from auvplan.study.store import require_room
     from auvplan.voyage.planning import plan_scenario
 
+    if not (resume or force):
+        require_room(out)
     with naming(scenario):
         settings, folder = load(scenario, settings=changes)
         require_one_sea(settings)
@@ -177,7 +184,15 @@ def rehearse(
             planned = plan_scenario(settings, seed=seed, folder=folder, progress=advance)
         design = Design(settings, count, seed)
         with mission_bar(quiet) as progress:
-            sailed = run_study(design, out, folder=folder, workers=workers, progress=progress)
+            sailed = run_study(
+                design,
+                out,
+                folder=folder,
+                resume=resume,
+                force=force,
+                workers=workers,
+                progress=progress,
+            )
     found = rehearsal_of(planned, sailed)
     text = json.dumps(found, indent=2) + "\n"
     write_atomically(out / "rehearsal.json", lambda part: part.write_text(text, encoding="utf-8"))

@@ -46,6 +46,12 @@ SetOption = Annotated[
     ),
 ]
 
+ResumeOption = Annotated[
+    bool, typer.Option("--resume", help="Continue the study in the folder, or extend it with more missions.")
+]
+
+ForceOption = Annotated[bool, typer.Option("--force", help="Replace the study in the folder.")]
+
 
 def load(
     source: str,

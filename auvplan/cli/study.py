@@ -11,11 +11,13 @@ import typer
 from rich.table import Table
 
 from auvplan.cli.shared import (
+    ForceOption,
     JsonOption,
     ObjectiveOption,
     OutOption,
     PresetOption,
     QuietOption,
+    ResumeOption,
     ScenarioArgument,
     SeedOption,
     SetOption,
@@ -60,7 +62,8 @@ def montecarlo(
         list[str] | None,
         typer.Option("--sweep", help="Vary a setting: section.name=value,value,... May be given twice."),
     ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Continue the study in the folder.")] = False,
+    resume: ResumeOption = False,
+    force: ForceOption = False,
     workers: Annotated[
         int | None, typer.Option("--workers", min=1, help="Processes on this machine; one a core if absent.")
     ] = None,
@@ -86,6 +89,7 @@ def montecarlo(
                 out,
                 folder=folder,
                 resume=resume,
+                force=force,
                 workers=workers,
                 dask=dask,
                 save_runs=save_runs,

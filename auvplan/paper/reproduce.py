@@ -107,6 +107,7 @@ def _gather(
         Design(scenario, effort.missions, effort.seed),
         study,
         resume=is_unfinished(study),
+        force=True,
         progress=missions_done,
     )
     progress(f"{preset}: single calls", begin + _LEGS + _MISSIONS)

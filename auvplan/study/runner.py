@@ -69,6 +69,7 @@ def run_study(
     *,
     folder: str | Path | None = None,
     resume: bool = False,
+    force: bool = False,
     workers: int | None = None,
     dask: str | None = None,
     save_runs: bool = False,
@@ -83,7 +84,8 @@ def run_study(
         design: what to run.
         out: folder of the study, made where missing.
         folder: that relative paths in the scenario start from; that of its file if absent.
-        resume: continue the study in `out`.
+        resume: continue the study in `out`; a finished one is extended where the design has more missions.
+        force: replace the study in `out`.
         workers: processes on this machine; 1 runs in this one; None is one a core.
         dask: address of a Dask scheduler, or path of its scheduler file, whose workers do the work instead.
         save_runs: whether to save a whole result of each mission as well, in `store.RUNS` of the folder.
@@ -93,7 +95,8 @@ def run_study(
         The dataset, see `auvplan.study.row.VARIABLES`.
 
     Raises:
-        StudyError: the folder holds another or an unfinished study, a worker died, Dask is not there.
+        StudyError: the folder holds a study that is not to be replaced, or another one than is to be resumed;
+            a worker died, Dask is not there.
         ScenarioError, ChartError: a scenario cannot be built.
         OutputError: the folder cannot be written.
     """
@@ -102,7 +105,7 @@ def run_study(
     for case in design.cases:
         make_graph(case, make_fleet(case, folder).waters, np.random.default_rng(0))
     with connected(dask) if dask is not None else nullcontext() as client:
-        store = Store(out, design, resume)
+        store = Store(out, design, resume, force)
         if resume and store.finished:
             return load_study(out)
         tasks, begin = store.missing(), time.perf_counter()

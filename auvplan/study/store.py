@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import xarray as xr
 from auvplan.io.files import ResultError, output_folder, read_dataset, write_atomically, write_dataset
 from auvplan.study.design import Design, StudyError
 from auvplan.study.row import VARIABLES, Row
+from auvplan.study.table import rows_of
 from auvplan.words import counted
 
 #: Names in the folder of a study: what it runs, its missions while it runs, its results.
@@ -28,40 +30,64 @@ class Store:
         design: what is run.
     """
 
-    def __init__(self, folder: str | Path, design: Design, resume: bool = False):
-        """Open a new study, or with `resume` the same one again.
+    def __init__(self, folder: str | Path, design: Design, resume: bool = False, force: bool = False):
+        """Open a new study, or with `resume` the same one again, or one of more missions.
+
+        Args:
+            folder: with everything in it, made where missing.
+            design: what is run.
+            resume: continue the study in the folder.
+            force: replace the study in the folder.
 
         Raises:
-            StudyError: the folder holds an unfinished study, or to resume another one or none.
+            StudyError: the folder holds a study that is not to be replaced, or to resume another one or none.
             OutputError: the folder cannot be written.
         """
         self.folder, self.design = Path(folder), design
         # As it comes back from JSON: tuples are lists there.
         plain = json.loads(json.dumps(design.plain()))
         if resume:
-            _same(self.folder / DESIGN, plain)
-            if self.finished:  # broken off while it cleaned up
-                shutil.rmtree(self.folder / PIECES, ignore_errors=True)
+            self._resume(plain)
             return
-        pieces = self.folder / PIECES
-        if pieces.is_dir():
-            done = len(list(pieces.glob("[0-9]*.npz")))
-            raise StudyError(
-                f"{self.folder} holds an unfinished study, {counted(done, 'mission')} done: "
-                "continue it with --resume, or choose another folder with --out"
-            )
+        if not force:
+            require_room(folder)
         # In this order: whenever it is broken off, the folder can be resumed or begun again.
         output_folder(self.folder)
-        for name in (DATASET, SUMMARY):
+        self._drop_results()
+        for name in (PIECES, RUNS):
+            shutil.rmtree(self.folder / name, ignore_errors=True)
+        self._write_design(plain)
+        output_folder(self.folder / PIECES)
+
+    def _resume(self, plain: dict[str, Any]) -> None:
+        """Continue the study, whose missions become pieces again where it is finished and more are wanted.
+
+        In an order of steps that can be broken off anywhere, and the folder resumed.
+        """
+        kept = _same(self.folder / DESIGN, plain)
+        if self.finished:
+            shutil.rmtree(self.folder / PIECES, ignore_errors=True)  # broken off while it cleaned up
+        if kept == plain["count"]:
+            return
+        if self.finished:
+            known = replace(self.design, count=kept)
+            for task, row in zip(known.tasks, rows_of(load_study(self.folder)), strict=True):
+                self.add(*task, row)
+            self._drop_results()
+        self._write_design(plain)
+
+    def _drop_results(self) -> None:
+        for name in (SUMMARY, DATASET):
             (self.folder / name).unlink(missing_ok=True)
+
+    def _write_design(self, plain: dict[str, Any]) -> None:
         text = json.dumps(plain, indent=2) + "\n"
         write_atomically(self.folder / DESIGN, lambda path: path.write_text(text, encoding="utf-8"))
-        output_folder(pieces)
 
     @property
     def finished(self) -> bool:
         """Whether the dataset is written."""
-        return (self.folder / DATASET).is_file() and (self.folder / SUMMARY).is_file()
+        return _is_finished(self.folder)
 
     def missing(self) -> list[tuple[int, int]]:
         """Case and seed of the missions that are not on disk yet."""
@@ -91,6 +117,31 @@ class Store:
 
     def _piece(self, case: int, seed: int) -> Path:
         return self.folder / PIECES / f"{case:04d}-{seed:08d}.npz"
+
+
+def require_room(folder: str | Path) -> None:
+    """Refuse to replace a study.
+
+    Raises:
+        StudyError: the folder holds one; one line that says what would do.
+    """
+    folder, instead = Path(folder), "replace it with --force, or choose another folder with --out"
+    if _is_finished(folder):
+        count = counted(load_study(folder)["success"].size, "mission")
+        raise StudyError(
+            f"{folder} holds a finished study of {count}: "
+            f"extend it with --resume and a larger --missions, {instead}"
+        )
+    if is_unfinished(folder):
+        done = len(list((folder / PIECES).glob("[0-9]*.npz")))
+        raise StudyError(
+            f"{folder} holds an unfinished study, {counted(done, 'mission')} done: "
+            f"continue it with --resume, {instead}"
+        )
+
+
+def _is_finished(folder: Path) -> bool:
+    return (folder / DATASET).is_file() and (folder / SUMMARY).is_file()
 
 
 def is_unfinished(folder: str | Path) -> bool:
@@ -125,8 +176,8 @@ def saved_runs(folder: str | Path) -> list[Path]:
     return found
 
 
-def _same(path: Path, plain: dict[str, Any]) -> None:
-    """Refuse to continue what is not there or is another study."""
+def _same(path: Path, plain: dict[str, Any]) -> int:
+    """Return the missions of each case so far; refuse to continue what is not there or is another study."""
     try:
         kept = json.loads(path.read_text(encoding="utf-8"))
     except OSError:
@@ -135,6 +186,8 @@ def _same(path: Path, plain: dict[str, Any]) -> None:
         raise StudyError(f"{path}: not valid JSON") from None
     for name, value in plain.items():
         there = kept.get(name) if isinstance(kept, dict) else None
+        if name == "count" and isinstance(there, int) and there < value:
+            continue
         # The order of sweeps numbers the cases.
         if json.dumps(there) != json.dumps(value):
             inner: list[str] = []
@@ -142,6 +195,7 @@ def _same(path: Path, plain: dict[str, Any]) -> None:
                 inner = [key for key in value if there.get(key) != value[key]]
             field = ".".join([name, *inner[:1]])
             raise StudyError(f"{path}: {field} differs from the study asked for; run it in another folder")
+    return int(kept["count"])
 
 
 def _read(path: Path) -> Row:

@@ -35,6 +35,18 @@ def table(design: Design, rows: Sequence[Row], chart: Chart | None) -> xr.Datase
     return xr.Dataset(variables, coords, _attributes(design))
 
 
+def rows_of(dataset: xr.Dataset) -> list[Row]:
+    """Return the missions of a study's dataset, in the order of `Design.tasks`, padded as they are there."""
+    planes = {}
+    for name, variable in VARIABLES.items():
+        values = dataset[name].values
+        planes[name] = values.reshape(-1, *values.shape[values.ndim - len(variable.dims) :])
+    return [
+        {name: np.asarray(plane[row]) for name, plane in planes.items()}
+        for row in range(dataset["success"].size)
+    ]
+
+
 def _variable(
     variable: Variable, values: Sequence[np.ndarray], lead: tuple[str, ...], shape: tuple[int, ...]
 ) -> xr.Variable:

@@ -2,6 +2,7 @@
 
 import gc
 import json
+from dataclasses import replace
 from functools import partial
 
 import jax
@@ -362,6 +363,20 @@ def test_a_finished_study_is_resumed_without_sailing(three, tmp_path, monkeypatc
     assert {name: (out / name).read_bytes() for name in names(out)} == written
 
 
+@pytest.mark.parametrize("sweeps", [(), (Sweep("planning.replan", ("late", "deviation")),)])
+def test_a_study_is_extended_and_ends_as_one_of_all_its_missions(tmp_path, sweeps):
+    """Finished or not, and broken off at any step on the way."""
+    wanted = Design(small(), 3, sweeps=sweeps)
+    whole = run_here(wanted, tmp_path / "whole")
+    for name, begin in (("finished", run_here), ("unfinished", partial(break_off, after=1))):
+        out = tmp_path / name
+        begin(replace(wanted, count=2), out)
+        with pytest.raises(KeyboardInterrupt):
+            run_here(wanted, out, resume=True, progress=stop_here)
+        assert_same(run_here(wanted, out, resume=True), whole)
+        assert names(out) == RESULTS
+
+
 def test_missions_left_beside_finished_results_go_when_it_is_resumed(tmp_path):
     """A study broken off while it cleaned up."""
     design = Design(small(), 1)
@@ -372,9 +387,13 @@ def test_missions_left_beside_finished_results_go_when_it_is_resumed(tmp_path):
     assert names(tmp_path) == RESULTS
 
 
-def test_a_finished_study_makes_way_for_another_one(tmp_path):
-    run_here(Design(small(), 2), tmp_path)
-    dataset = run_here(Design(small(), 1, seed=9), tmp_path)
+def test_a_finished_study_makes_way_for_another_one_by_force_alone(tmp_path):
+    first = run_here(Design(small(), 2), tmp_path, save_runs=True)
+    with pytest.raises(StudyError, match=r"finished study of 2 missions: .*--resume.*--force") as refused:
+        run_here(Design(small(), 1, seed=9), tmp_path)
+    assert len(str(refused.value).splitlines()) == 1
+    xr.testing.assert_identical(load_study(tmp_path), first)
+    dataset = run_here(Design(small(), 1, seed=9), tmp_path, force=True)
     xr.testing.assert_identical(load_study(tmp_path), dataset)
     assert dataset["seed"].values.tolist() == [9]
     assert names(tmp_path) == RESULTS
@@ -383,7 +402,7 @@ def test_a_finished_study_makes_way_for_another_one(tmp_path):
 @pytest.mark.parametrize(
     ("other", "field"),
     [
-        (Design(small(), 4), "count"),
+        (Design(small(), 2), "count"),
         (Design(small(), 3, seed=1), "seed"),
         (Design(small(planning={"replan": "late"}), 3), "scenario.planning"),
         (Design(small(), 3, sweeps=(Sweep("planning.replan", ("late",)),)), "sweeps.planning.replan"),
