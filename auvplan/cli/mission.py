@@ -163,8 +163,9 @@ def _print_summary(summary: dict[str, Any]) -> None:
     )
     table.add_row("mission time", f"{summary['t_mission']:.0f} s of {summary['t_available']:.0f} s")
     table.add_row("time left", f"{summary['t_residual']:.0f} s")
-    table.add_row("tasks, total priority", f"{summary['tasks']}, {summary['total_priority']:g}")
-    table.add_row("bound on total priority", f"{summary['priority_bound']:g}")
+    if summary["priority_bound"]:  # one leg has no task
+        table.add_row("tasks, total priority", f"{summary['tasks']}, {summary['total_priority']:g}")
+        table.add_row("bound on total priority", f"{summary['priority_bound']:g}")
     table.add_row("path calls, path re-plans", f"{summary['path_calls']}, {summary['path_replans']}")
     table.add_row("mission re-plans", str(summary["mission_replans"]))
     costs = f"{summary['cost_mission']:.1f}, {summary['cost_total']:.1f}"

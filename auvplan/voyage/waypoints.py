@@ -1,5 +1,7 @@
 """Builds the task graph of a mission from a scenario: waypoints drawn in the water, or the jobs of a file."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from auvplan.errors import ScenarioError
@@ -18,7 +20,8 @@ def make_graph(
 ) -> tuple[MissionGraph, list[str]]:
     """Waypoints in the water, the edges between them whose straight line is clear, and the waypoints' names.
 
-    Waypoint 0 is the start, the last one the destination. The names are empty where waypoints are drawn.
+    Waypoint 0 is the start, the last one the destination. The names are empty where waypoints are drawn. Two
+    waypoints are one leg, without a task.
 
     Raises:
         ScenarioError: a given start, goal or job lies on land or too deep, or no connected set of waypoints
@@ -43,16 +46,19 @@ def make_graph(
                 positions[index] = point
         sailable = lines_clear(positions, scenario, waters)
         try:
-            return random_graph(
+            graph = random_graph(
                 rng,
                 positions,
                 settings.neighbours or NEIGHBOURS,
                 settings.priority,
                 settings.duration,
                 sailable,
-            ), []
+            )
         except ValueError:
             continue
+        if graph.size == 2:
+            graph = replace(graph, priority=0.0 * graph.priority, duration=0.0 * graph.duration)
+        return graph, []
     raise ScenarioError(
         f"no connected set of {settings.waypoints} waypoints was found in {_TRIES} draws: "
         "lower mission.waypoint_clearance or move mission.start and mission.goal"
