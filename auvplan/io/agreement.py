@@ -208,20 +208,32 @@ def check_jobs(jobs: Jobs, site: Site | None, scenario: Scenario) -> None:
         _warn(f"{file}: jobs {twice[0]} lie in the same place{more}")
 
 
-def check_obstacles(obstacles: tuple[KnownObstacle, ...], scenario: Scenario) -> None:
-    """Warn where no obstacle of a file comes near the area.
+def check_obstacles(obstacles: tuple[KnownObstacle, ...], scenario: Scenario, chart: Chart | None) -> None:
+    """Warn where no obstacle of a file comes near the area, or one stands where no vehicle goes.
+
+    Args:
+        obstacles: of the scenario's file.
+        scenario: that names it.
+        chart: without closed areas; None for open water.
 
     Warns:
-        ScenarioWarning: none reaches into the area at any time of the mission.
+        ScenarioWarning: none reaches into the area at any time of the mission; one lies wholly on land.
     """
     if not obstacles:
         return
     low, high = (np.asarray(corner[:2]) for corner in scenario.box)
-    nearest = np.inf
+    nearest, ashore = np.inf, []
     for obstacle in obstacles:
         reach = obstacle.radius + np.hypot(*obstacle.velocity) * scenario.mission.time_available
         beyond = np.maximum(np.maximum(low - obstacle.position, obstacle.position - high), 0.0)
         nearest = min(nearest, float(np.linalg.norm(beyond)) - reach)
+        if chart is not None and not beyond.any() and not obstacle.moves:
+            inland = -float(chart.distance(*np.asarray(obstacle.position)[:, None])[0])
+            if inland > obstacle.radius:
+                ashore.append(f"{obstacle.name!r} lies on land, {inland:,.0f} m from the water")
+    if ashore:
+        more = f", and {len(ashore) - 1} more" if len(ashore) > 1 else ""
+        _warn(f"{scenario.obstacles.file}: {ashore[0]}{more}: no path is changed by it")
     if nearest > 0.0:
         _warn(
             f"{scenario.obstacles.file}: none of its obstacles reaches into the area, the nearest is "

@@ -85,7 +85,7 @@ def load_waters(scenario: Scenario, folder: str | Path | None = None, until: flo
     if scenario.obstacles.file is not None:
         assert site is not None
         obstacles = geo.read_obstacles(_path(home, scenario.obstacles.file), site)
-        check_obstacles(obstacles, scenario)
+        check_obstacles(obstacles, scenario, plain)
     notes = [note for file in (forecast, truth) if file is not None for note in file.notes]
     return Waters(
         chart,

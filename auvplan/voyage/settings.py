@@ -322,7 +322,9 @@ class MissionSettings(Section):
         default=None,
         description="path of GeoJSON or CSV jobs; waypoints, priority, duration count for none then",
     )
-    waypoints: Annotated[int, Field(ge=2, le=1000, description="start and goal among them; 2: one leg, no task")] = 40
+    waypoints: Annotated[
+        int, Field(ge=2, le=1000, description="start and goal among them; 2: one leg, no task")
+    ] = 40
     neighbours: Annotated[int, Field(ge=1, le=100)] | None = Field(
         default=None,
         description="nearest ones that each waypoint is linked to; if absent 7, of up to 40 jobs all",

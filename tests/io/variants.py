@@ -564,6 +564,13 @@ VARIANTS = {
         "swapped",
         "all 2 places",
     ),
+    "a wreck on land": (
+        change(coast(ISLET), obstacles([X - 0.002, Y + 0.002], radius=20, name="wreck")),
+        WARNED,
+        "obstacles.geojson",
+        "'wreck' lies on land",
+        "no path is changed",
+    ),
     "a diameter for a radius": (obstacles([X, Y], diameter=50), REFUSED, "obstacles.geojson", "feature 1"),
     "a slip of an obstacle": (obstacles([X, Y], radius=5, depthmax=9), REFUSED, "depthmax", "'depth_max'"),
     # charts
