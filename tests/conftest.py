@@ -13,7 +13,9 @@ os.environ["XLA_FLAGS"] = " ".join(
         os.environ.get("XLA_FLAGS", ""),
         "--xla_backend_optimization_level=0",
         "--xla_cpu_parallel_codegen_split_count=1",
-        "--xla_cpu_use_fusion_emitters=false" if version("jaxlib").startswith(("0.7.", "0.8.", "0.9.", "0.10.")) else "",
+        "--xla_cpu_use_fusion_emitters=false"
+        if version("jaxlib").startswith(("0.7.", "0.8.", "0.9.", "0.10."))
+        else "",
     ]
 )
 

@@ -45,7 +45,8 @@ def write_imc(itinerary: Itinerary, path: str | Path) -> Path:
     """Write an `.xml` file of one PlanSpecification.
 
     The vehicle goes to the first waypoint, follows each leg's path and then does its task: it loiters at the
-    task's depth, or keeps station where that is the surface, because IMC's station keeping surfaces.
+    task's depth, or keeps station where that is the surface, because IMC's station keeping surfaces. At the
+    end it does so for good: at the surface, or at depth, where keeping station is loitering too.
 
     Raises:
         ExportError: a leg or task is longer than IMC's fields can tell.
@@ -85,7 +86,10 @@ def _manoeuvres(itinerary: Itinerary) -> list[tuple[str, Element]]:
         found.append((f"leg{leg.number}", follow(itinerary, leg, patience)))
         if leg.hold > 0.0:
             found.append((f"task{leg.number}", _task(itinerary, leg)))
-    return found
+    end = itinerary.legs[-1].waypoints[-1].copy()
+    if itinerary.end == "surface":
+        end[2] = 0.0
+    return [*found, ("end", _stay(itinerary, end, 0, _LONGEST))]
 
 
 def _follow_path(itinerary: Itinerary, leg: PlannedLeg, timeout: int) -> Element:
@@ -121,14 +125,18 @@ def _task(itinerary: Itinerary, leg: PlannedLeg) -> Element:
     seconds, what = math.ceil(leg.hold), f"task of leg {leg.number}"
     if seconds > _LONGEST:
         raise ExportError(f"IMC plan: the {what} takes {seconds} s, at most {_LONGEST}")
-    position, radius = leg.waypoints[-1], metres(_RADIUS)
-    place, speed = _place(itinerary, position), _speed(itinerary)
+    return _stay(itinerary, leg.waypoints[-1], seconds, _timeout(float(seconds), what))
+
+
+def _stay(itinerary: Itinerary, position: Array, seconds: int, timeout: int) -> Element:
+    """Stay about a place for so long; 0 s is without an end."""
+    place, speed, radius = _place(itinerary, position), _speed(itinerary), metres(_RADIUS)
     if position[2] <= _SURFACE:
         return _message("StationKeeping", {
             **place, "radius": radius, "duration": str(seconds), **speed, "custom": "",
         })  # fmt: skip
     return _message("Loiter", {
-        "timeout": str(_timeout(float(seconds), what)), **place, "duration": str(seconds), **speed,
+        "timeout": str(timeout), **place, "duration": str(seconds), **speed,
         "type": "CIRCULAR", "radius": radius, "length": "1.0", "bearing": "0.0", "direction": "VDEP",
         "custom": "",
     })  # fmt: skip

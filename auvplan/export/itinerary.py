@@ -16,8 +16,16 @@ from auvplan.ocean.chart import Chart
 from auvplan.ocean.environment import Environment
 from auvplan.site import Site
 from auvplan.vehicle import Vehicle
+from auvplan.words import counted
 
 Array = NDArray[np.floating]
+
+#: What a vehicle does at the last waypoint, in words.
+END_BEHAVIOURS = {
+    "surface": "surface at the last waypoint",
+    "station": "keep station at the last waypoint, at its depth",
+    "loiter": "loiter about the last waypoint, at its depth",
+}
 
 
 class ExportError(AuvplanError):
@@ -146,6 +154,7 @@ class Itinerary:
         configuration: JSON of the settings that it was made from.
         version: of auvplan.
         notes: lines for whoever exports, such as what had to be left out.
+        end: what the vehicle does at the last waypoint, see `END_BEHAVIOURS`.
 
     Raises:
         ExportError: there is no leg, or a sailed track has a wrong shape or is not finite.
@@ -161,6 +170,7 @@ class Itinerary:
     configuration: str = "{}"
     version: str = ""
     notes: tuple[str, ...] = ()
+    end: str = "surface"
 
     def __post_init__(self) -> None:
         if not self.legs:
@@ -183,8 +193,9 @@ class Itinerary:
         )
         worst = max((leg.time_change for leg in self.legs), key=abs)
         return (
-            f"auvplan {self.version}, seed {self.seed}: {len(self.legs)} legs, {kept} of {samples} samples "
-            f"kept as waypoints; travel times of legs change by {100.0 * worst:+.2f} % at most"
+            f"auvplan {self.version}, seed {self.seed}: {counted(len(self.legs), 'leg')}, "
+            f"{kept} of {samples} samples kept as waypoints; travel times of legs change by {100.0 * worst:+.2f} % at most; "
+            f"at the end: {END_BEHAVIOURS[self.end]}"
         )
 
 
@@ -201,11 +212,12 @@ def itinerary_of_parts(
     configuration: str = "{}",
     version: str | None = None,
     notes: Sequence[str] = (),
+    end: str = "surface",
 ) -> Itinerary:
     """An itinerary whose fences are drawn around the coast and obstacles near its legs.
 
     Args:
-        name, site, speed, legs, sailed, seed, configuration, notes: as in `Itinerary`.
+        name, site, speed, legs, sailed, seed, configuration, notes, end: as in `Itinerary`.
         chart: coast, or None.
         obstacles: centres [3] m and radii, m, of what stands still.
         version: of the auvplan that made the mission; the installed one where not given.
@@ -215,7 +227,7 @@ def itinerary_of_parts(
     """
     bare = Itinerary(
         name, site, speed, tuple(legs), tuple(sailed), (), seed, configuration,
-        installed_version("auvplan") if version is None else version,
+        installed_version("auvplan") if version is None else version, end=end,
     )  # fmt: skip
     lines = [line for leg in bare.legs for line in (leg.positions, leg.waypoints)]
     fences, left_out = fences_around(lines, chart, obstacles)

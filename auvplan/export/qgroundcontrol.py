@@ -25,6 +25,9 @@ _ARDUPILOT, _SUBMARINE = 3, 12
 #: MAV_CMD_NAV_WAYPOINT and MAV_CMD_DO_CHANGE_SPEED.
 _WAYPOINT, _CHANGE_SPEED = 16, 178
 
+#: MAV_CMD_NAV_LAND, by which ArduSub surfaces, and MAV_CMD_NAV_LOITER_UNLIM, by which it holds its place.
+_ENDS = {"surface": 21, "station": 17, "loiter": 17}
+
 #: MAV_FRAME_GLOBAL_RELATIVE_ALT, MAV_FRAME_MISSION; QGroundControl's altitude mode of the first.
 _ABOVE_HOME, _NO_PLACE, _RELATIVE = 3, 2, 1
 
@@ -47,6 +50,7 @@ def qgc_plan(itinerary: Itinerary) -> dict[str, Any]:
     rows = waypoints(itinerary)
     home = [round(rows[0].latitude, DEGREES), round(rows[0].longitude, DEGREES), 0.0]
     items = [_speed(itinerary.speed)] + [_item(row, number) for number, row in enumerate(rows, 2)]
+    items.append(_end(items[-1], itinerary.end))
     fences = [_fence(fence, itinerary.site) for fence in itinerary.fences]
     return {
         "fileType": "Plan",
@@ -92,6 +96,8 @@ def qgc_notes(itinerary: Itinerary) -> list[str]:
             f".plan: {len(shallow)} waypoints lie at altitude 0, the surface, which ArduSub may not hold "
             f"(ArduPilot issue 30823); the first is {shallow[0]}"
         )
+    if itinerary.end == "loiter":
+        notes.append(".plan: ArduSub loiters on the spot, as it keeps station")
     return notes
 
 
@@ -119,6 +125,15 @@ def _item(row: Waypoint, number: int) -> dict[str, Any]:
         "type": "SimpleItem", "autoContinue": True, "command": _WAYPOINT, "doJumpId": number,
         "frame": _ABOVE_HOME, "params": [hold, ACCEPTANCE, 0, None, *place, altitude],
         "Altitude": altitude, "AltitudeMode": _RELATIVE, "AMSLAltAboveTerrain": None,
+    }  # fmt: skip
+
+
+def _end(last: dict[str, Any], behaviour: str) -> dict[str, Any]:
+    """What is done at the place of the last item, until told otherwise."""
+    depth = 0.0 if behaviour == "surface" else last["Altitude"]
+    return last | {
+        "command": _ENDS[behaviour], "doJumpId": last["doJumpId"] + 1, "Altitude": depth,
+        "params": [0, 0, 0, None, *last["params"][4:6], depth],
     }  # fmt: skip
 
 
@@ -179,7 +194,7 @@ def _validate_item(item: Any, index: int) -> None:
         "params": lambda value: _is_list(value) and len(value) == 7
         and all(v is None or _is_number(v) for v in value),
     })  # fmt: skip
-    if item["command"] != _WAYPOINT:
+    if item["command"] == _CHANGE_SPEED:
         return
     _check(item, name, {
         "Altitude": lambda value: _is_number(value) and value == item["params"][6], "AltitudeMode": _is_count,

@@ -11,6 +11,7 @@ from auvplan.ocean.obstacles import Obstacles
 from auvplan.ocean.seabed import Seabed
 from auvplan.site import Site
 from auvplan.voyage.records import LegRecord, MissionRun, PlanRecord
+from auvplan.voyage.settings import SafetySettings
 
 
 def itinerary_of(
@@ -63,6 +64,7 @@ def itinerary_of(
         notes=_notes(run),
         seed=run.seed,
         configuration=json.dumps(run.scenario),
+        end=SafetySettings.model_validate(run.scenario.get("safety", {})).end,
     )
 
 

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import shortest_path
 
+from auvplan.export.itinerary import END_BEHAVIOURS
 from auvplan.io.files import write_atomically
 from auvplan.mission.jobs import jobs_done, jobs_of
 from auvplan.voyage.records import LegRecord, MissionRun
-from auvplan.voyage.settings import PlanningSettings
+from auvplan.voyage.settings import PlanningSettings, SafetySettings
 from auvplan.words import hours
 
 #: m, longest way between two places at which margins are looked up.
@@ -168,6 +169,7 @@ def sheet_of(run: MissionRun) -> MissionSheet:
         "time": f"{hours(run.t_mission)} of {hours(run.t_available)} ({run.t_mission:.0f} of "
         f"{run.t_available:.0f} s)",
         "time left": f"{hours(run.t_residual)}, of which no plan uses {planning.reserve:g} s",
+        "at the end": END_BEHAVIOURS[SafetySettings.model_validate(run.scenario.get("safety", {})).end],
         "tasks": f"{run.tasks}, total priority {run.total_priority:g} of at most {run.bound:.3g}",
         "way": f"{sum(stop.length for stop in stops) / 1000.0:.1f} km",
     }

@@ -272,13 +272,17 @@ class ObstacleSettings(Section):
 
 
 class SafetySettings(Section):
-    """What every path keeps."""
+    """What every path keeps, and how a vehicle's mission ends."""
 
     coast: NotNegative = Field(default=10.0, description="m, least distance of paths to the coast")
     obstacles: NotNegative = Field(
         default=5.0, description="m, least distance of paths to the boundaries of obstacles"
     )
     seabed: NotNegative = Field(default=5.0, description="m, least height of paths above the sea bed")
+    end: Literal["surface", "station", "loiter"] = Field(
+        default="surface",
+        description="at the destination: surface there, or keep station or loiter at its depth until told",
+    )
 
 
 class SimulatedObstacles(Section):

@@ -24,12 +24,12 @@ def test_imc(itinerary: Itinerary, tmp_path: Path):
     assert float(root.get("time") or "nan") == pytest.approx(departure, abs=1e-3)
     steps = root.findall("maneuvers/PlanManeuver")
     names = [step.findtext("maneuver_id") for step in steps]
-    assert names == ["start", "leg1", "task1", "leg2"]
+    assert names == ["start", "leg1", "task1", "leg2", "end"]
     assert root.findtext("start_man_id") == "start"
     moves = [tuple(move.findtext(field) for field in ("source_man", "dest_man", "conditions"))
              for move in root.findall("transitions/PlanTransition")]  # fmt: skip
     assert moves == [(a, b, "ManeuverIsDone") for a, b in pairwise(names)]
-    start, path, task, last = (step.find("data")[0] for step in steps)  # type: ignore[index]
+    start, path, task, last, end = (step.find("data")[0] for step in steps)  # type: ignore[index]
     assert [part.tag for part in (start, path, task, last)] == ["Goto", "FollowPath", "Loiter", "Goto"]
     first, second = itinerary.legs
     places = [imc_place(part) for part in (start, path, task, last)]
@@ -40,6 +40,8 @@ def test_imc(itinerary: Itinerary, tmp_path: Path):
         assert float(part.findtext("speed") or 0) == 1.75
         assert 0 < int(part.findtext("timeout") or 0) <= 65_535
     assert task.findtext("duration") == "46"
+    assert (end.tag, end.findtext("z"), end.findtext("duration")) == ("StationKeeping", "0.0000", "0")
+    assert imc_place(end)[:2] == pytest.approx(imc_place(last)[:2])
     offsets = np.array(
         [
             [float(point.findtext(axis) or "nan") for axis in "xyz"]
@@ -69,6 +71,16 @@ def test_a_task_at_the_surface_keeps_station(tmp_path: Path):
     task = ElementTree.parse(path).getroot().find("maneuvers/PlanManeuver[3]/data/StationKeeping")
     assert task is not None
     assert (task.findtext("duration"), task.findtext("z")) == ("46", "0.0000")
+
+
+@pytest.mark.parametrize("behaviour", ["station", "loiter"])
+def test_a_vehicle_may_stay_at_depth_at_the_end(tmp_path: Path, itinerary: Itinerary, behaviour: str):
+    root = ElementTree.parse(written(replace(itinerary, end=behaviour), tmp_path, "imc")).getroot()
+    last, end = list(root.iter("PlanManeuver"))[-2:]
+    stay = end.find("data/Loiter")
+    assert stay is not None
+    assert stay.findtext("duration") == "0"
+    assert stay.findtext("z") == last.findtext("data/*/z")
 
 
 def test_too_long_a_leg_or_task_is_refused(tmp_path: Path):

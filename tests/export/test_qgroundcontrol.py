@@ -10,7 +10,7 @@ import pytest
 import shapely
 
 from auvplan.export import ExportError, Itinerary, export_notes, validate_plan, write_qgc
-from auvplan.export.qgroundcontrol import qgc_plan
+from auvplan.export.qgroundcontrol import qgc_notes, qgc_plan
 from tests.export.sample import make_itinerary
 
 
@@ -35,10 +35,11 @@ def test_items_are_a_speed_and_the_waypoints(itinerary: Itinerary, plan: dict):
     validate_plan(plan)
     mission = plan["mission"]
     assert (mission["firmwareType"], mission["vehicleType"]) == (3, 12)
-    speed, *items = mission["items"]
+    speed, *items, end = mission["items"]
     assert speed["command"] == 178
     assert speed["params"][:3] == [1, 1.75, -1]
-    assert [item["doJumpId"] for item in mission["items"]] == [1, 2, 3, 4, 5, 6]
+    assert [item["doJumpId"] for item in mission["items"]] == [1, 2, 3, 4, 5, 6, 7]
+    assert (end["command"], end["params"]) == (21, [0, 0, 0, None, *items[-1]["params"][4:6], 0.0])
     expected = np.concatenate([itinerary.legs[0].waypoints, itinerary.legs[1].waypoints[1:]])
     for item, place in zip(items, expected, strict=True):
         hold, accept, passing, yaw, latitude, longitude, altitude = item["params"]
@@ -50,6 +51,16 @@ def test_items_are_a_speed_and_the_waypoints(itinerary: Itinerary, plan: dict):
     assert [item["params"][0] for item in items] == [0, 0, 0, 46, 0]
     assert mission["plannedHomePosition"] == [*items[0]["params"][4:6], 0.0]
     assert "6 of 18 samples kept" in plan["comment"]
+
+
+@pytest.mark.parametrize("end", ["station", "loiter"])
+def test_a_vehicle_may_stay_at_depth_at_the_end(itinerary: Itinerary, end: str):
+    there = replace(itinerary, end=end)
+    validate_plan(plan := qgc_plan(there))
+    *_, last, stay = plan["mission"]["items"]
+    assert stay["command"] == 17
+    assert stay["params"][4:] == last["params"][4:]
+    assert ("loiters on the spot" in " ".join(qgc_notes(there))) == (end == "loiter")
 
 
 def test_fences_exclude_and_run_clockwise(itinerary: Itinerary, plan: dict):
@@ -79,7 +90,7 @@ def test_a_waypoint_above_the_surface_is_refused(itinerary: Itinerary, tmp_path:
 @pytest.mark.parametrize("depth", [0.0, -0.0, -4e-4, 6e-4])
 def test_the_surface_is_altitude_zero_and_warned_of(itinerary: Itinerary, depth: float):
     there = shallow(itinerary, depth)
-    altitude = qgc_plan(there)["mission"]["items"][-1]["params"][6]
+    altitude = qgc_plan(there)["mission"]["items"][-2]["params"][6]
     assert str(altitude) == "0.0"
     (note,) = [note for note in export_notes(there, ["qgc"]) if "altitude 0" in note]
     assert "1 waypoints" in note
