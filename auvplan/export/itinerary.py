@@ -194,8 +194,8 @@ class Itinerary:
         worst = max((leg.time_change for leg in self.legs), key=abs)
         return (
             f"auvplan {self.version}, seed {self.seed}: {counted(len(self.legs), 'leg')}, "
-            f"{kept} of {samples} samples kept as waypoints; travel times of legs change by {100.0 * worst:+.2f} % at most; "
-            f"at the end: {END_BEHAVIOURS[self.end]}"
+            f"{kept} of {samples} samples kept as waypoints; "
+            f"travel times of legs change by {100.0 * worst:+.2f} % at most; at the end: {END_BEHAVIOURS[self.end]}"
         )
 
 
