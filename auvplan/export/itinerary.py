@@ -195,7 +195,8 @@ class Itinerary:
         return (
             f"auvplan {self.version}, seed {self.seed}: {counted(len(self.legs), 'leg')}, "
             f"{kept} of {samples} samples kept as waypoints; "
-            f"travel times of legs change by {100.0 * worst:+.2f} % at most; at the end: {END_BEHAVIOURS[self.end]}"
+            f"travel times of legs change by {100.0 * worst:+.2f} % at most; "
+            f"at the end: {END_BEHAVIOURS[self.end]}"
         )
 
 
