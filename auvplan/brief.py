@@ -28,7 +28,7 @@ class Brief:
 
 
 def between(values: ArrayLike) -> str:
-    """The least and the greatest of the finite values, to whole numbers.
+    """Return the least and the greatest of the finite values, to whole numbers.
 
     Example:
         >>> between([812.4, 1530.0, float("inf")]), between([12.0]), between([])
@@ -43,7 +43,7 @@ def between(values: ArrayLike) -> str:
 
 
 def shortened(names: Sequence[str], most: int = 12) -> str:
-    """Names in order, those in the middle left out where there are many.
+    """Return names in order, those in the middle left out where there are many.
 
     Example:
         >>> shortened(["0", "4", "2"]), shortened([str(k) for k in range(40)], most=4)

@@ -55,7 +55,7 @@ class Entry:
 
 
 def folder() -> Path | None:
-    """Where things are kept; None where they are not."""
+    """Return where things are kept; None where they are not."""
     choice = os.environ.get("AUVPLAN_CACHE", "")
     if choice.lower() in ("off", "0", "no"):
         return None
@@ -64,17 +64,17 @@ def folder() -> Path | None:
 
 
 def enabled() -> bool:
-    """Whether anything is kept."""
+    """Return whether anything is kept."""
     return folder() is not None
 
 
 def key_of(*parts: str) -> str:
-    """The key of what the parts and everything else that compiled code depends on say."""
+    """Return the key of what the parts and everything else that compiled code depends on say."""
     return hashlib.sha256("\n".join((_surroundings(), *parts)).encode()).hexdigest()[:32]
 
 
 def kept(name: str, make: Callable[[], T], *parts: str) -> T:
-    """What `make` returns, computed where it is not kept yet; the parts say all that it depends on."""
+    """Return what `make` returns, computed where it is not kept yet; the parts say all that it depends on."""
     if not enabled():
         return make()
     key = key_of(name, *parts)
@@ -86,13 +86,13 @@ def kept(name: str, make: Callable[[], T], *parts: str) -> T:
 
 
 def holds(name: str, key: str) -> bool:
-    """Whether something is kept under a key."""
+    """Return whether something is kept under a key."""
     path = _path(name, key)
     return path is not None and path.is_file()
 
 
 def load(name: str, key: str) -> Any | None:
-    """What was stored under a key; None where there is nothing, or nothing whole."""
+    """Return what was stored under a key; None where there is nothing, or nothing whole."""
     path = _path(name, key)
     if path is None:
         return None
@@ -137,7 +137,7 @@ def discard(name: str, key: str, error: Exception) -> None:
 
 
 def entries() -> Iterator[Entry]:
-    """All that is stored, in no order."""
+    """Yield all that is stored, in no order."""
     place = folder()
     for path in place.glob("*.pickle") if place and place.is_dir() else ():
         try:
@@ -167,7 +167,7 @@ def _path(name: str, key: str) -> Path | None:
 
 @functools.cache
 def _surroundings() -> str:
-    """All that every entry depends on."""
+    """Return all that every entry depends on."""
     # Imported here because it takes most of a second, and showing what is kept does without it.
     import jax
 

@@ -130,7 +130,7 @@ class Program:
         return ready, ready(leaves)
 
     def _plain(self, tree: Any, settings: tuple, leaves: list) -> Any:
-        """The jitted function of flattened arguments."""
+        """Return the jitted function of flattened arguments."""
         args, kwargs = tree.unflatten(leaves)
         return self._jitted(*args, **kwargs, **self._named(settings))
 
@@ -184,7 +184,10 @@ class Program:
         return made, pickled
 
     def _key(self, tree: Any, kinds: tuple, settings: tuple, precise: bool) -> str | None:
-        """What the executable depends on, as a key; None where that cannot be told or nothing is stored."""
+        """Return what the executable depends on, as a key.
+
+        None where that cannot be told or nothing is stored.
+        """
         if not cache.enabled():
             return None
         parts = [_tree_token(tree), _token(settings), _token(sorted(self._options.items()))]
@@ -211,7 +214,7 @@ class _Ready(NamedTuple):
 
 
 def _load(name: str, key: str) -> tuple[Callable[..., list], bytes] | None:
-    """A stored executable and the pickled form of its results; None where there is none."""
+    """Return a stored executable and the pickled form of its results; None where there is none."""
     stored = cache.load(name, key)
     if stored is None:
         return None
@@ -283,7 +286,7 @@ def _kind(leaf: Any) -> Any:
 
 
 def _token(value: Any) -> str | None:
-    """A value in words that are the same in every process; None where there are none."""
+    """Return a value in words that are the same in every process; None where there are none."""
     if value is None or isinstance(value, bool | int | float | complex | str | bytes | np.dtype):
         return repr(value)
     if isinstance(value, enum.Enum):
@@ -302,7 +305,7 @@ def _token(value: Any) -> str | None:
 
 
 def _tree_token(tree: Any) -> str | None:
-    """The form of a pytree in such words."""
+    """Return the form of a pytree in such words."""
     data = tree.node_data()
     if data is None:
         return "*"
@@ -350,7 +353,7 @@ def _known_options(**options: Any) -> dict[str, Any]:
 
 @functools.cache
 def _knows(name: str, value: Any) -> bool:
-    """Whether XLA compiles with an option, tried on a program of nothing."""
+    """Return whether XLA compiles with an option, tried on a program of nothing."""
     try:
         jax.jit(lambda: (), compiler_options={name: value}).lower().compile()
     except jax.errors.JaxRuntimeError:
@@ -359,7 +362,7 @@ def _knows(name: str, value: Any) -> bool:
 
 
 def compilations() -> int:
-    """How many programs this process has compiled, or taken from a cache, so far."""
+    """Return how many programs this process has compiled, or taken from a cache, so far."""
     return _count
 
 

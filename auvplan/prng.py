@@ -38,12 +38,12 @@ def of_seeds(seeds: ArrayLike) -> jax.Array:
 
 
 def parts(key: jax.Array, count: int) -> tuple[jax.Array, ...]:
-    """A key split into so many, those of `jax.random.split`."""
+    """Return a key split into so many, those of `jax.random.split`."""
     return _parts(key, count=count)
 
 
 def folded(key: jax.Array, *numbers: int) -> jax.Array:
-    """A key with numbers folded into it one after the other, as by `jax.random.fold_in`."""
+    """Return a key with numbers folded into it one after the other, as by `jax.random.fold_in`."""
     return _folded(key, np.asarray(numbers))
 
 

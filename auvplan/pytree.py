@@ -8,7 +8,7 @@ import jax
 T = TypeVar("T", bound=type)
 
 
-def rebuilt_as_is(*fields: str) -> Callable[[T], T]:
+def register_without_init(*fields: str) -> Callable[[T], T]:
     """Register a dataclass as a pytree that JAX rebuilds without its constructor.
 
     A constructor that fills in defaults and checks shapes is for people. JAX rebuilds objects around tracers,

@@ -22,7 +22,7 @@ SIZES = (1, 8, 32, 128)
 T = TypeVar("T")
 
 
-def over_rows(program: Callable[..., T], *rows: Any) -> T:
+def batch_map(program: Callable[..., T], *rows: Any) -> T:
     """Apply a compiled program to every row of a batch.
 
     Args:

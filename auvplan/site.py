@@ -57,7 +57,7 @@ class Site:
         return -np.deg2rad(np.asarray(convergence))  # it is where grid north points, seen from true north
 
     def utc(self, seconds: float) -> datetime | None:
-        """The moment of a local time, or None where missions have no date."""
+        """Return the moment of a local time, or None where missions have no date."""
         return None if self.epoch is None else self.epoch + timedelta(seconds=float(seconds))
 
     def seconds(self, moment: datetime) -> float:
@@ -72,12 +72,12 @@ class Site:
 
 
 def as_utc(moment: datetime) -> datetime:
-    """A moment in UTC; one without a time zone is taken as UTC."""
+    """Return a moment in UTC; one without a time zone is taken as UTC."""
     return moment.replace(tzinfo=UTC) if moment.tzinfo is None else moment.astimezone(UTC)
 
 
 def at_time(seconds: float, epoch: datetime | None, since: float | None = None) -> str:
-    """A time in words: of day in UTC, or seconds where there is no epoch to count from.
+    """Return a time in words: of day in UTC, or seconds where there is no epoch to count from.
 
     Args:
         seconds: the time.

@@ -8,13 +8,13 @@ import numpy as np
 from jax.custom_derivatives import SymbolicZero
 
 
-def fixed(tangents: Any) -> bool:
-    """Whether none of the arguments behind a tree of tangents is differentiated."""
+def is_symbolic_zero(tangents: Any) -> bool:
+    """Return whether none of the arguments behind a tree of tangents is differentiated."""
     return all(isinstance(tangent, SymbolicZero) for tangent in jax.tree.leaves(tangents))
 
 
 def instantiated(tangents: Any, primals: Any) -> Any:
-    """The same tree of tangents with arrays in place of symbolic zeros."""
+    """Return the same tree of tangents with arrays in place of symbolic zeros."""
 
     def dense(tangent: Any, primal: jax.Array) -> Any:
         if not isinstance(tangent, SymbolicZero):

@@ -4,7 +4,7 @@ import math
 
 
 def counted(count: int, noun: str) -> str:
-    """A number and its noun, in the plural where there is not one.
+    """Return a number and its noun, in the plural where there is not one.
 
     Example:
         >>> counted(1, "leg"), counted(1200, "mission"), counted(2, "entry")
@@ -17,7 +17,7 @@ def counted(count: int, noun: str) -> str:
 
 
 def figure(value: float, digits: int = 3) -> str:
-    """A number with so many significant digits, all of those before the point, never with an exponent.
+    """Return a number with so many significant digits, all of those before the point, never with an exponent.
 
     Example:
         >>> figure(12345.678), figure(0.012345), figure(98.0), figure(0.0)
@@ -31,7 +31,7 @@ def figure(value: float, digits: int = 3) -> str:
 
 
 def hours(seconds: float) -> str:
-    """A duration in hours and minutes.
+    """Return a duration in hours and minutes.
 
     Example:
         >>> hours(10452.0), hours(-90.0)

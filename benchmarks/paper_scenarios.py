@@ -17,8 +17,8 @@ import numpy as np
 import auvplan as ap
 from auvplan.io.scenario_file import validate_scenario
 from auvplan.voyage import seed_keys
-from auvplan.voyage.executive import embark, make_fleet
-from auvplan.voyage.fleet import Fleet, Mission
+from auvplan.voyage.context import Mission, SimulationContext
+from auvplan.voyage.executive import embark, make_context
 from auvplan.voyage.legs import set_out
 from auvplan.voyage.path_calls import believed
 from auvplan.voyage.records import LegRecord
@@ -80,13 +80,13 @@ def readings() -> dict[str, ap.PathConfig]:
 def reading_rows(seeds: int) -> Iterator[str]:
     """A row for each scenario and reading."""
     for name in SCENARIOS:
-        fleet, missions = first_legs(name, seeds)
-        env = believed(fleet, missions)
+        context, missions = first_legs(name, seeds)
+        env = believed(context, missions)
         starts = np.stack([mission.sailing.origin for mission in missions])
         goals = np.stack([mission.sailing.target for mission in missions])
         common = {"key": seed_keys(range(seeds)), "world_per_leg": True}
         for label, config in readings().items():
-            plans = ap.plan_paths(starts, goals, env, fleet.vehicle, config=config, **common)
+            plans = ap.plan_paths(starts, goals, env, context.vehicle, config=config, **common)
             mean, best = (np.asarray(getattr(plans.history, part)) for part in ("violation_mean", "best"))
             vanished = (mean < VANISHED).any(axis=1)
             when = np.where(vanished, np.argmax(mean < VANISHED, axis=1), np.inf)
@@ -96,13 +96,13 @@ def reading_rows(seeds: int) -> Iterator[str]:
             )
 
 
-def first_legs(name: str, seeds: int) -> tuple[Fleet, list[Mission]]:
+def first_legs(name: str, seeds: int) -> tuple[SimulationContext, list[Mission]]:
     """Missions on the first leg of a scenario, what lies ahead believed but no path planned."""
-    fleet = make_fleet(with_planning(name, preset="paper"), ".")
-    missions = [embark(fleet, seed, jax.random.key(seed), seed) for seed in range(seeds)]
+    context = make_context(with_planning(name, preset="paper"), ".")
+    missions = [embark(context, seed, jax.random.key(seed), seed) for seed in range(seeds)]
     for mission in missions:
-        set_out(fleet, mission, LegRecord(0, 1, 0.0, 0.0, 0.0))
-    return fleet, missions
+        set_out(context, mission, LegRecord(0, 1, 0.0, 0.0, 0.0))
+    return context, missions
 
 
 def main() -> None:

@@ -17,7 +17,7 @@ from rich.progress import Progress
 
 import auvplan as ap
 from auvplan.io.walk import Coast, Walk
-from auvplan.path.cost import Flight, curves, fly, violations
+from auvplan.path.cost import Trajectory, curves, evaluate, violations
 from benchmarks.machine import bars, console
 from benchmarks.scoring import Problem, problem
 
@@ -68,12 +68,14 @@ def walks(count: int, seed: int = 0, advance: Callable[[int], object] = lambda d
 def _clear_paths(leg: Problem, seed: int) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
     """Positions [P, S, 3] m and times [P, S] s of random paths that break no limit, without margins."""
     config = leg.config.replace(coast_margin=0.0, obstacle_margin=0.0)
-    flight = jax.jit(_fly, static_argnums=5)(
+    trajectory = jax.jit(_fly, static_argnums=5)(
         leg.paths(_DRAWN, seed), leg.start, leg.goal, leg.env, ap.Vehicle(turn_rate_max=1e6), config
     )
-    clear = np.asarray(violations(flight).sum(axis=0) == 0.0)
-    places = np.stack([np.asarray(axis, float).T for axis in (flight.x, flight.y, flight.z)], axis=2)
-    return places[clear], np.asarray(flight.times, float).T[clear]
+    clear = np.asarray(violations(trajectory).sum(axis=0) == 0.0)
+    places = np.stack(
+        [np.asarray(axis, float).T for axis in (trajectory.x, trajectory.y, trajectory.z)], axis=2
+    )
+    return places[clear], np.asarray(trajectory.times, float).T[clear]
 
 
 def _fly(
@@ -83,8 +85,8 @@ def _fly(
     env: ap.Environment,
     vehicle: ap.Vehicle,
     config: ap.PathConfig,
-) -> Flight:
-    return fly(curves(paths, start, goal, config), jnp.zeros(()), env, vehicle, config)
+) -> Trajectory:
+    return evaluate(curves(paths, start, goal, config), jnp.zeros(()), env, vehicle, config)
 
 
 def _coast(chart: ap.Chart) -> Coast:

@@ -27,7 +27,7 @@ from auvplan.ocean.chart import INTERPOLATION_ERROR
 from auvplan.ocean.vortices import LambVortices
 from auvplan.path import habitats
 from auvplan.path.bspline import basis_matrix
-from auvplan.path.cost import VIOLATIONS, curves, fly, score, violations
+from auvplan.path.cost import VIOLATIONS, curves, evaluate, score, violations
 from auvplan.vehicle import Vehicle
 from benchmarks import path_twins as twins
 from benchmarks.machine import bars, clock, console, write
@@ -65,8 +65,8 @@ class Problem:
     def turns(self, paths: jax.Array) -> jax.Array:
         """[P], mean excess of the turn rate of habitats [P, 3 n] m."""
         track = curves(paths, self.start, self.goal, self.config)
-        flight = fly(track, jnp.zeros(()), self.env, self.vehicle, self.config)
-        return violations(flight)[VIOLATIONS.index("turn_rate")]
+        trajectory = evaluate(track, jnp.zeros(()), self.env, self.vehicle, self.config)
+        return violations(trajectory)[VIOLATIONS.index("turn_rate")]
 
     def bounds(self) -> tuple[jax.Array, jax.Array]:
         """Least and largest habitat, [3 n] m each."""

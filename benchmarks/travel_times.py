@@ -51,8 +51,8 @@ def sailed_legs(count: int) -> tuple[list[Planned], list[MissionRun]]:
     planned: dict[int, Planned] = {}
     call = path_calls._call
 
-    def noting(fleet, missions, env, keys, cold):
-        plans = call(fleet, missions, env, keys, cold)
+    def noting(context, missions, env, keys, cold):
+        plans = call(context, missions, env, keys, cold)
         for row, mission in enumerate(missions):
             leg = mission.sailing
             if not leg.stretches and id(leg.record) not in planned and plans.feasible[row]:

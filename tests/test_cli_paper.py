@@ -43,7 +43,7 @@ def asked(monkeypatch):
         rates = {rate: [one_leg(seed) for seed in rate_seeds] for rate in RATES}
         return Legs(runs, runs, rates)
 
-    def run_study(design, out, resume, progress):
+    def run_study(design, out, resume, force, progress):
         asked["missions"].append((design.scenario.planning.preset, list(design.seeds)))
         asked["resume"].append(resume)
         progress(design.count, design.count, 1.0)

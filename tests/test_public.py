@@ -12,7 +12,7 @@ import pytest
 import auvplan as ap
 from auvplan.errors import ScenarioError
 from auvplan.mission import random_graph
-from auvplan.voyage.executive import make_fleet
+from auvplan.voyage.executive import make_context
 from tests.io.sample_run import make_run
 from tests.io.small_site import SmallSite
 
@@ -29,7 +29,7 @@ def test_a_scenario_remembers_where_its_files_are(site, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     changed = scenario.model_copy(update={"name": "changed"})
     for one in (scenario, changed, copy.deepcopy(scenario), pickle.loads(pickle.dumps(scenario))):
-        assert make_fleet(one).folder == str(site)
+        assert make_context(one).folder == str(site)
         assert ap.load_waters(one).jobs
     with pytest.raises(ValueError, match="elsewhere"):
         ap.load_waters(scenario, "elsewhere")

@@ -7,10 +7,10 @@ import jax.numpy as jnp
 import numpy as np
 
 import auvplan as ap
-from auvplan.pytree import rebuilt_as_is
+from auvplan.pytree import register_without_init
 
 
-@rebuilt_as_is("numbers", "scale")
+@register_without_init("numbers", "scale")
 @dataclass(frozen=True)
 class Checked:
     """A class whose constructor completes and checks."""

@@ -31,7 +31,7 @@ def _batch(count: int):
 @pytest.mark.parametrize("count", [1, 2, 7, 40])
 def test_rows_equal_one_call(program, count):
     keys, values = _batch(count)
-    found, whole = rows.over_rows(program, keys, values), program(keys, values)
+    found, whole = rows.batch_map(program, keys, values), program(keys, values)
     for name in whole:
         assert isinstance(found[name], np.ndarray)
         np.testing.assert_array_equal(found[name], whole[name])
@@ -39,14 +39,14 @@ def test_rows_equal_one_call(program, count):
 
 def test_every_batch_uses_one_program(program):
     for count in (1, 3, 9):
-        rows.over_rows(program, *_batch(count))
+        rows.batch_map(program, *_batch(count))
     assert len(program.traced) == 1
 
 
 def test_precision_reaches_the_threads(program):
     keys, values = _batch(6)
     with jax.enable_x64(True):
-        found = rows.over_rows(program, keys, values.astype(float))
+        found = rows.batch_map(program, keys, values.astype(float))
     assert found["sum"].dtype == np.float64
     assert program.traced == [np.float64]
 
@@ -55,7 +55,7 @@ def test_precision_reaches_the_threads(program):
 def test_padding_on_accelerators(program, count, monkeypatch):
     monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
     keys, values = _batch(count)
-    found = rows.over_rows(program, keys, values)
+    found = rows.batch_map(program, keys, values)
     np.testing.assert_allclose(found["sum"], program(keys, values)["sum"], rtol=1e-6)
 
 
@@ -66,4 +66,4 @@ def test_errors_come_through():
         return values
 
     with pytest.raises(ValueError, match="row 2"):
-        rows.over_rows(fails, np.arange(4))
+        rows.batch_map(fails, np.arange(4))

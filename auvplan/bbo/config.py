@@ -77,7 +77,7 @@ class BBOConfig:
             raise ValueError("emigration must be positive")
 
     def replace(self, **changes: Any) -> Self:
-        """A copy with some settings changed."""
+        """Return a copy with some settings changed."""
         return replace(self, **changes)
 
     def migration_rates(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 
 
 def _mixed(word: jax.Array) -> jax.Array:
-    """A 32-bit hash of little bias: Wellons (2018), Prospecting for hash functions, as revised."""
+    """Return a 32-bit hash of little bias: Wellons (2018), Prospecting for hash functions, as revised."""
     word = (word ^ (word >> 16)) * jnp.uint32(0x21F0AAAD)
     word = (word ^ (word >> 15)) * jnp.uint32(0x735A2D97)
     return word ^ (word >> 15)

@@ -29,7 +29,7 @@ def linear_rates(size: int, immigration_max: float = 1.0, emigration_max: float 
 
 
 def constant_rates(size: int, immigration: float = 0.8, emigration: float = 0.2) -> tuple[Array, Array]:
-    """The same rates for every habitat, as section 4.2 has them for the mission planner. Each [P]."""
+    """Return the same rates for every habitat, as section 4.2 has them for the mission planner. Each [P]."""
     return np.full(size, immigration), np.full(size, emigration)
 
 

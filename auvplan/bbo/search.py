@@ -86,7 +86,7 @@ class Result:
 
 
 def worst_unless_finite(cost: jax.Array) -> jax.Array:
-    """A cost that is not finite becomes infinite: it ranks last and never wins."""
+    """Make a cost that is not finite infinite: it ranks last and never wins."""
     return jnp.where(jnp.isfinite(cost), cost, jnp.inf)
 
 
@@ -247,7 +247,7 @@ def run(
     rows = jax.tree.map(lambda row: jnp.zeros((config.iterations + 1,), row.dtype), statistics(unknown))
 
     def generation(k: jax.Array, carry: tuple[State, History, Any]) -> tuple[State, History, Any]:
-        """The first population is scored at k = 0, by the one copy of the cost that is compiled."""
+        """Score the first population at k = 0, by the one copy of the cost that is compiled."""
         state, rows, kept = carry
         if improve is not None:
             state = jax.lax.cond((k - 1) % period == 0, improved, lambda state: state, state)
@@ -281,7 +281,7 @@ def run(
 def _better_feasible(
     kept: tuple[jax.Array, jax.Array], candidates: jax.Array, cost: jax.Array, violation: jax.Array
 ) -> tuple[jax.Array, jax.Array]:
-    """The best habitat without a violation so far and its cost, infinite where there is none."""
+    """Return the best habitat without a violation so far and its cost, infinite where there is none."""
     cost = jnp.where(violation == 0.0, cost, jnp.inf)
     new = jnp.argmin(cost)
     better = cost[new] < kept[1]

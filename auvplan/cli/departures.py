@@ -144,7 +144,7 @@ def departure_times(settings: Any, folder: Path, begin: str, end: str, step: str
 
 
 def departure_seconds(option: str, text: str, settings: Any, folder: Path) -> float:
-    """A departure, s since the scenario's epoch, from the text of an option.
+    """Return a departure, s since the scenario's epoch, from the text of an option.
 
     Raises:
         ScenarioError: it cannot be understood; the line names the option.
@@ -176,7 +176,7 @@ def departure_seconds(option: str, text: str, settings: Any, folder: Path) -> fl
 
 
 def _duration(text: str) -> float | None:
-    """Seconds of a number of hours or of a duration with its unit; None where it is neither."""
+    """Return seconds of a number of hours or of a duration with its unit; None where it is neither."""
     import pandas as pd
 
     try:
@@ -217,7 +217,7 @@ def write_departures(found: Any, path: Path) -> Path:
 
 
 def _rows(found: Any) -> list[dict[str, Any]]:
-    """What is known of each departure by column; what does not hold of it is None."""
+    """Return what is known of each departure by column; what does not hold of it is None."""
     rows = []
     for k, depart in enumerate(found.departs):
         moment = None if found.site is None else found.site.utc(depart)
@@ -245,7 +245,7 @@ def _rows(found: Any) -> list[dict[str, Any]]:
 
 
 def _cell(value: Any) -> Any:
-    """A value as CSV has it."""
+    """Return a value as CSV has it."""
     if isinstance(value, bool):
         return str(value).lower()
     return "" if value is None else value
@@ -256,7 +256,7 @@ _OPEN = 1e5
 
 
 def _table(found: Any, name: str) -> Table:
-    """A row for each departure; the best one is marked."""
+    """Return a row for each departure; the best one is marked."""
     leg = found.plans is not None
     table = Table(title=f"{name}: {found.feasible.sum()} of {counted(len(found), 'departure')} feasible")
     figures = ("travel time, s", "length, m", "clearance, m") if leg else ("time, s", "tasks", "priority")

@@ -173,10 +173,10 @@ def _print_summary(summary: dict[str, Any]) -> None:
     table.add_row("collisions", str(summary["collisions"]))
     if forecast := summary["forecast"]:
         planned, sailed = forecast["planned_s"], forecast["sailed_s"]
-        table.add_row("travel time as forecast, as sailed", f"{planned:.0f} s, {sailed:.0f} s")
-        table.add_row("current told less the true one", f"{forecast['current_difference']:.2f} m/s (rms)")
+        table.add_row("travel time, planned and simulated", f"{planned:.0f} s, {sailed:.0f} s")
+        table.add_row("forecast error of the current", f"{forecast['current_difference']:.2f} m/s (rms)")
     cpu = summary["cpu"]
     orders = f"orders {cpu['mission_s']:.2f} s, of which re-plans {cpu['mission_replans_s']:.2f} s"
     table.add_row("planning time", f"paths {cpu['path_s']:.2f} s, {orders}")
-    table.add_row("first calls, compilation", f"{cpu['compile_s']:.1f} s")
+    table.add_row("compilation", f"{cpu['compile_s']:.1f} s")
     console.print(table)

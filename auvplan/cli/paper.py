@@ -41,7 +41,7 @@ def paper(
 
 
 def table(claims: "list[Claim]") -> Table:
-    """The claims with the figures of both presets."""
+    """Return the claims with the figures of both presets."""
     shown = Table(title="Claims of section 4", show_lines=True)
     for name in ("claim", "where", "paper's preset", "default"):
         shown.add_column(name, ratio=3 if name != "where" else 1)

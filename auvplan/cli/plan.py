@@ -121,7 +121,7 @@ def _pictures(run: "MissionRun", choice: Pictures) -> list[str]:
 def _vehicle_files(run: "MissionRun", folder: Path) -> list[str]:
     """Write what ground stations and maps open, and say what was left out."""
     if run.site is None:
-        return ["no vehicle's file: the scenario has no section site, its local metres are nowhere on Earth"]
+        return ["no vehicle's file: the scenario has no section site, add one to export geographic formats"]
     from auvplan.export import export, export_notes, itinerary_of
 
     itinerary = itinerary_of(run)

@@ -28,7 +28,7 @@ def scenarios() -> None:
 
 
 def init(
-    folder: Annotated[Path, typer.Argument(help="Folder for the example; made where missing.")],
+    folder: Annotated[Path, typer.Argument(help="Folder for the example; created if needed.")],
     force: Annotated[bool, typer.Option("--force", help="Replace files that are there.")] = False,
 ) -> None:
     """Write an example that runs as it is: a commented scenario, and the files that it names."""
@@ -94,7 +94,7 @@ def validate(
 
 
 def _plain(found: "Examination") -> dict[str, Any]:
-    """What was found in a scenario, ready for JSON."""
+    """Return what was found in a scenario, ready for JSON."""
     faults = [
         {"field": fault.field, "reason": fault.reason}
         | dict(zip(("line", "column"), fault.place or (None, None), strict=True))

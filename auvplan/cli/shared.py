@@ -23,7 +23,7 @@ ScenarioArgument = Annotated[
     str,
     typer.Argument(help="A scenario file (YAML), or the name of a shipped scenario.", metavar="[SCENARIO]"),
 ]
-OutOption = Annotated[Path, typer.Option("--out", help="Folder for results; made where missing.")]
+OutOption = Annotated[Path, typer.Option("--out", help="Folder for results; created if needed.")]
 SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Seed of world, sensors and planners.")]
 QuietOption = Annotated[bool, typer.Option("--quiet", help="Print nothing but errors.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as one JSON object instead.")]
@@ -32,7 +32,7 @@ PicturesOption = Annotated[
     Pictures, typer.Option("--pictures", help="All of them, that of the mission alone, or none.")
 ]
 ObjectiveOption = Annotated[
-    str | None, typer.Option("--objective", help="What the order of tasks is judged by: priority or eq15.")
+    str | None, typer.Option("--objective", help="Objective of the task order: priority or eq15.")
 ]
 #: Called with the share of the work that is done, None where it is not known, and words for it.
 Advance = Callable[[float | None, str], None]
@@ -60,7 +60,7 @@ def load(
     leg: bool = False,
     settings: Iterable[str] | None = None,
 ) -> tuple[Any, Path]:
-    """The scenario with the command line's settings in place of its own, and the folder of its file.
+    """Return the scenario with the command line's settings in place of its own, and the folder of its file.
 
     Args:
         source: path or name of the scenario.

@@ -76,7 +76,7 @@ def montecarlo(
     quiet: QuietOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Run many missions, of seeds that count up, and report what they tell together."""
+    """Run many missions with consecutive seeds, and summarise them."""
     from auvplan.study import Design, Sweep, run_study, summarise
     from auvplan.study.store import is_unfinished
 
@@ -117,7 +117,7 @@ def montecarlo(
 
 
 def _table(case: dict[str, Any]) -> Table:
-    """The figures of one case."""
+    """Return the figures of one case."""
     setting = ", ".join(f"{field} = {value}" for field, value in case.get("setting", {}).items())
     share = case["on_time_percent"]
     table = Table(
@@ -164,7 +164,7 @@ def mission_bar(quiet: bool) -> Iterator[Callable[[int, int, float], None]]:
 
 
 def _lasting(seconds: float) -> str:
-    """A time to wait, to the minute where it is long."""
+    """Return a time to wait, to the minute where it is long."""
     if seconds < 60.0:
         return f"{seconds:.0f} s"
     minutes = round(seconds / 60.0)
@@ -174,7 +174,8 @@ def _lasting(seconds: float) -> str:
 def plot(
     folder: Annotated[Path, typer.Argument(help="Folder of a study.")],
     seed: Annotated[
-        int | None, typer.Option("--seed", help="Mission whose re-plans are drawn; a telling one if absent.")
+        int | None,
+        typer.Option("--seed", help="Mission whose re-plans are drawn; by default a representative one."),
     ] = None,
     quiet: QuietOption = False,
 ) -> None:

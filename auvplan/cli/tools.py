@@ -85,7 +85,7 @@ def chart(
 
 
 def _colours(**given: list[str] | None) -> "ChartColours":
-    """The colours of the options.
+    """Return the colours of the options.
 
     Raises:
         ScenarioError: one line that names the option; what is given is no colour.
@@ -117,7 +117,7 @@ def _print_clusters(found: "Classified") -> None:
 def _yaml_lines(
     image: Path, size: float, told: "PixelSize | None", colours: "ChartColours", found: "Classified"
 ) -> list[str]:
-    """The lines of a scenario that say the same; paths in it start from the scenario's folder."""
+    """Return the lines of a scenario that say the same; paths in it start from the scenario's folder."""
     source, field = ("image", "image") if told is None else ("raster", "file")
     needed = "" if told is None else "  # and a site"
     lines = ["for a scenario in this folder:", "chart:", f"  source: {source}{needed}"]
@@ -142,7 +142,7 @@ def check(
     quiet: QuietOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Check a result independently: walk every sailed metre, re-add every second."""
+    """Check a result independently: re-check the whole track and every time."""
     from auvplan.io.check import check_run
     from auvplan.study.store import is_study
 

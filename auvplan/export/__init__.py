@@ -78,7 +78,7 @@ def export(itinerary: Itinerary, folder: str | Path, formats: Iterable[str] = tu
 
     Args:
         itinerary: what to write.
-        folder: made where missing; files of an earlier export are replaced.
+        folder: created if needed; files of an earlier export are replaced.
         formats: names of `FORMATS`.
 
     Returns:
@@ -101,7 +101,7 @@ def export_run(
 
 
 def export_notes(itinerary: Itinerary, formats: Iterable[str] = tuple(FORMATS)) -> list[str]:
-    """Lines for whoever exports: what was left out, and what the files do not say.
+    """Return lines for whoever exports: what was left out, and what the files do not say.
 
     Raises:
         ExportError: a format is not known.

@@ -152,7 +152,7 @@ def _without_holes(land: shapely.Polygon, paths: BaseGeometry) -> list[shapely.P
 
 
 def _fence(land: shapely.Polygon, paths: BaseGeometry, pixel: float) -> Fence:
-    """A circle around an islet, or else a polygon of few corners around land."""
+    """Return a circle around an islet, or else a polygon of few corners around land."""
     circle = shapely.minimum_bounding_circle(land)
     centre, radius = circle.centroid, float(shapely.minimum_bounding_radius(land))
     if radius <= ISLET and shapely.distance(paths, centre) > radius + _LANE:

@@ -21,7 +21,7 @@ _CORNERS = 48
 
 
 def geojson(itinerary: Itinerary) -> dict[str, Any]:
-    """A FeatureCollection: planned legs with all samples as lines, waypoints, sailed legs, fences."""
+    """Return a FeatureCollection: planned legs with all samples as lines, waypoints, sailed legs, fences."""
     site = itinerary.site
     features = []
     for leg in itinerary.legs:
@@ -72,7 +72,7 @@ def _times(times: Array, site: Site) -> dict[str, Any]:
 
 
 def _line(positions: Array, site: Site) -> dict[str, Any]:
-    """A line through positions [n, 3] m, in parts where it crosses the antimeridian."""
+    """Return a line through positions [n, 3] m, in parts where it crosses the antimeridian."""
     longitude, latitude = site.to_geographic(positions[:, 0], positions[:, 1])
     rows = np.stack([longitude, latitude, -positions[:, 2]], axis=1)
     parts, start = [], 0
@@ -110,7 +110,7 @@ def _fence(fence: Fence, site: Site) -> dict[str, Any]:
 
 
 def _area(corners: Array, site: Site) -> dict[str, Any]:
-    """A polygon by corners [k, 2] m north, east; two where it lies across the antimeridian."""
+    """Return a polygon by corners [k, 2] m north, east; two where it lies across the antimeridian."""
     longitude, latitude = site.to_geographic(corners[:, 0], corners[:, 1])
     near = np.degrees(np.unwrap(np.radians(longitude)))
     whole = shapely.Polygon(np.stack([near, latitude], axis=1))

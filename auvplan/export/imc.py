@@ -77,7 +77,7 @@ def write_imc(itinerary: Itinerary, path: str | Path) -> Path:
 
 
 def _manoeuvres(itinerary: Itinerary) -> list[tuple[str, Element]]:
-    """Names and messages in order."""
+    """Return names and messages in order."""
     first = itinerary.legs[0]
     found = [("start", _goto(itinerary, first.waypoints[0], _LONGEST))]
     for leg in itinerary.legs:

@@ -91,7 +91,7 @@ class PlannedLeg:
         priority: float = 0.0,
         motion: Motion | None = None,
     ) -> "PlannedLeg":
-        """A leg all of whose samples are waypoints.
+        """Return a leg all of whose samples are waypoints.
 
         Args:
             number, start, goal, positions, times, hold, priority: as the attributes.
@@ -115,7 +115,7 @@ class PlannedLeg:
     def thinned(
         self, env: Environment, vehicle: Vehicle, tolerance: float = 0.02, margin: float = 10.0
     ) -> "PlannedLeg":
-        """The same leg with the fewest waypoints, see `thin`."""
+        """Return the same leg with the fewest waypoints, see `thin`."""
         few = thin(self.positions, self.times, env, vehicle, tolerance=tolerance, margin=margin)
         return replace(
             self,
@@ -215,7 +215,7 @@ def itinerary_of_parts(
     notes: Sequence[str] = (),
     end: str = "surface",
 ) -> Itinerary:
-    """An itinerary whose fences are drawn around the coast and obstacles near its legs.
+    """Return an itinerary whose fences are drawn around the coast and obstacles near its legs.
 
     Args:
         name, site, speed, legs, sailed, seed, configuration, notes, end: as in `Itinerary`.
@@ -236,7 +236,7 @@ def itinerary_of_parts(
 
 
 def _track(what: str, positions: ArrayLike, times: ArrayLike) -> tuple[Array, Array]:
-    """Positions [n, 3] and times [n] in double precision.
+    """Return positions [n, 3] and times [n] in double precision.
 
     Raises:
         ExportError: a shape is wrong, a value is not finite, or times go back.

@@ -120,7 +120,7 @@ def _tuples(positions: Array, site: Site, comma: str, between: str = " ") -> str
 
 
 def _ring(fence: Fence) -> Array:
-    """A closed ring [k, 3] m at the surface, counter-clockwise; around a circle its sides touch it."""
+    """Return a closed ring [k, 3] m at the surface, counter-clockwise; around a circle its sides touch it."""
     if isinstance(fence, Circle):
         angle = -2.0 * np.pi * np.arange(_CORNERS) / _CORNERS
         reach = fence.radius / np.cos(np.pi / _CORNERS)

@@ -52,7 +52,7 @@ def _smoothed(land: shapely.Polygon, paths: BaseGeometry, tolerance: float) -> s
 
 
 def _cheapest(ring: Array, paths: BaseGeometry, deepest: float | None) -> Array | None:
-    """The ring with a corner less, at the least area; None where every way is barred.
+    """Return the ring with a corner less, at the least area; None where every way is barred.
 
     Args:
         ring: [k, 2], counter-clockwise, the first corner not repeated.

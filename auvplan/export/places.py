@@ -60,7 +60,10 @@ class Waypoint:
 
 
 def waypoints(itinerary: Itinerary) -> list[Waypoint]:
-    """All waypoints in order; where a leg begins at the end of the one before, that place comes once."""
+    """Return all waypoints in order.
+
+    Where a leg begins at the end of the one before, that place comes once.
+    """
     rows: list[Waypoint] = []
     for leg in itinerary.legs:
         longitude, latitude = itinerary.site.to_geographic(leg.waypoints[:, 0], leg.waypoints[:, 1])
@@ -108,5 +111,5 @@ def degrees(value: float) -> str:
 
 
 def metres(value: float) -> str:
-    """Metres in decimal notation, never -0."""
+    """Return metres in decimal notation, never -0."""
     return f"{round(float(value), 4) + 0.0:.4f}"

@@ -42,7 +42,7 @@ _SURFACE = 1e-3
 
 
 def qgc_plan(itinerary: Itinerary) -> dict[str, Any]:
-    """A plan as the data of its JSON file.
+    """Return a plan as the data of its JSON file.
 
     Raises:
         ExportError: a waypoint is above the surface, or a task is longer than ArduPilot can hold.
@@ -88,7 +88,7 @@ def write_qgc(itinerary: Itinerary, path: str | Path) -> Path:
 
 
 def qgc_notes(itinerary: Itinerary) -> list[str]:
-    """What whoever uploads the plan ought to know."""
+    """Return what whoever uploads the plan ought to know."""
     notes = [".plan: the speed is through the water in the plan, over the ground to ArduPilot"]
     shallow = [row.name for row in waypoints(itinerary) if abs(row.depth) <= _SURFACE]
     if shallow:
@@ -129,7 +129,7 @@ def _item(row: Waypoint, number: int) -> dict[str, Any]:
 
 
 def _end(last: dict[str, Any], behaviour: str) -> dict[str, Any]:
-    """What is done at the place of the last item, until told otherwise."""
+    """Return what is done at the place of the last item, until told otherwise."""
     depth = 0.0 if behaviour == "surface" else last["Altitude"]
     return last | {
         "command": _ENDS[behaviour], "doJumpId": last["doJumpId"] + 1, "Altitude": depth,
@@ -138,7 +138,7 @@ def _end(last: dict[str, Any], behaviour: str) -> dict[str, Any]:
 
 
 def _fence(fence: Fence, site: Site) -> dict[str, Any]:
-    """An exclusion; polygons run clockwise."""
+    """Return an exclusion; polygons run clockwise."""
     if isinstance(fence, Circle):
         longitude, latitude = site.to_geographic(*fence.centre)
         centre = [round(float(latitude), DEGREES), round(float(longitude), DEGREES)]

@@ -21,7 +21,7 @@ def itinerary_of(
     tolerance: float = 0.02,
     margin: float = 10.0,
 ) -> Itinerary:
-    """The itinerary of a run: of each leg that was sailed to its end the path that it was begun with.
+    """Return the itinerary of a run: of each leg that was sailed to its end the path that it was begun with.
 
     Each leg's path was planned when the leg was begun, in the sea as it was then: where a leg before was late
     or early, the planned times of both do not join.
@@ -36,7 +36,7 @@ def itinerary_of(
     """
     site = site or run.site
     if site is None:
-        raise ExportError("the scenario has no section site: its local metres are nowhere on Earth")
+        raise ExportError("the scenario has no section site: add one to export geographic formats")
     done = run.done
     legs = []
     for number, leg in enumerate(done, 1):
@@ -69,7 +69,7 @@ def itinerary_of(
 
 
 def _notes(run: MissionRun) -> list[str]:
-    """What whoever opens the files should know."""
+    """Return what whoever opens the files should know."""
     notes = []
     if run.simulated:
         notes.append(
@@ -82,7 +82,7 @@ def _notes(run: MissionRun) -> list[str]:
 
 
 def _environment(leg: LegRecord, plan: PlanRecord, chart: Chart | None, seabed: Seabed | None) -> Environment:
-    """The sea when a plan was made; obstacles move on as they did on the whole."""
+    """Return the sea when a plan was made; obstacles move on as they did on the whole."""
     low, high = plan.positions.min(axis=0), plan.positions.max(axis=0)
     obstacles = None
     if len(leg.obstacle_radii):

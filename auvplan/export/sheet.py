@@ -94,7 +94,7 @@ class MissionSheet:
     zone: str = ""
 
     def plain(self) -> dict[str, Any]:
-        """The sheet ready for JSON."""
+        """Return the sheet ready for JSON."""
         stops = [
             asdict(stop) | {"utc": None if stop.utc is None else f"{stop.utc:%Y-%m-%dT%H:%M:%SZ}"}
             for stop in self.stops
@@ -156,7 +156,7 @@ def _brief(stops: Sequence[Stop], dated: bool) -> tuple[list[str], list[list[str
 
 
 def sheet_of(run: MissionRun) -> MissionSheet:
-    """The sheet of a plan or of a mission as it was sailed."""
+    """Return the sheet of a plan or of a mission as it was sailed."""
     first = _stop(run, None, 0.0)
     stops = [replace(first, name=waypoint_name(run, run.start))]
     stops += [_stop(run, leg, float(leg.times[-1])) for leg in run.done]
@@ -185,7 +185,7 @@ def sheet_of(run: MissionRun) -> MissionSheet:
 
 
 def waypoint_name(run: MissionRun, node: int) -> str:
-    """A waypoint for people: its name, or its number where it has none."""
+    """Return a waypoint for people: its name, or its number where it has none."""
     if run.names:
         return run.called(node)
     return {run.start: "start", run.goal: "goal"}.get(node, f"waypoint {node}")
@@ -201,7 +201,7 @@ def _margin(value: float | None) -> str:
 
 
 def _stop(run: MissionRun, leg: LegRecord | None, arrival: float) -> Stop:
-    """The end of a leg, or the start."""
+    """Return the end of a leg, or the start."""
     node = run.start if leg is None else leg.goal
     places = np.asarray(run.graph.positions, float)[[node]] if leg is None else leg.positions
     steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
@@ -227,12 +227,12 @@ def _stop(run: MissionRun, leg: LegRecord | None, arrival: float) -> Stop:
 
 
 def _known(distance: float) -> float | None:
-    """A distance to the coast, or None where there is no coast."""
+    """Return a distance to the coast, or None where there is no coast."""
     return distance if distance < 1e5 else None
 
 
 def _finely(places: NDArray, times: NDArray) -> tuple[NDArray, NDArray]:
-    """Places and times along a path, no farther apart than `_STEP`."""
+    """Return places and times along a path, no farther apart than `_STEP`."""
     marks = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))])
     along = np.linspace(0.0, marks[-1], int(marks[-1] / _STEP) + 2)
     fine = np.stack([np.interp(along, marks, axis) for axis in places.T], axis=1)
@@ -252,7 +252,7 @@ def _to_obstacles(run: MissionRun, places: NDArray, times: NDArray) -> float | N
 
 
 def _task_name(run: MissionRun, leg: LegRecord) -> str:
-    """The job that a leg does, or a part of."""
+    """Return the job that a leg does, or a part of."""
     if not run.names:
         return f"edge {leg.start} to {leg.goal}"
     for job in jobs_of(run.names):
@@ -282,7 +282,10 @@ def _left_out(run: MissionRun) -> list[LeftOut]:
 
 
 def _why(run: MissionRun, nodes: Sequence[int]) -> str:
-    """Why a job is left out: the time that the shortest detour to it takes, or that there is no way."""
+    """Return why a job is left out.
+
+    It is the time that the shortest detour to it takes, or that there is no way.
+    """
     if run.first_order is None:
         return "no order of tasks was found"
     times, route = np.asarray(run.first_order.edge_times, float), run.route
@@ -312,7 +315,7 @@ def _why(run: MissionRun, nodes: Sequence[int]) -> str:
 
 
 def _warnings(run: MissionRun, stops: Sequence[Stop]) -> list[str]:
-    """What to look at before the vehicle leaves."""
+    """Return what to look at before the vehicle leaves."""
     warnings = []
     if run.simulated:
         warnings.append("this is one simulated mission, not a plan for a vehicle: `auvplan plan` makes that")

@@ -44,5 +44,5 @@ def write_csv(itinerary: Itinerary, path: str | Path) -> Path:
 
 
 def _known(value: float, decimals: int) -> str:
-    """A number, never -0, or nothing where it is NaN."""
+    """Return a number, never -0, or nothing where it is NaN."""
     return "" if np.isnan(value) else f"{round(float(value), decimals) + 0.0:.{decimals}f}"

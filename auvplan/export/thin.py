@@ -148,7 +148,7 @@ _DISTANCES = 3
 def _room(
     segments: tuple[Axes, Axes, jax.Array, jax.Array], speeds: Sequence[ArrayLike], env: Environment
 ) -> jax.Array:
-    """How far steps keep from every limit, [limits, N]: certified distances, m, then speeds, m/s.
+    """Return how far steps keep from every limit, [limits, N]: certified distances, m, then speeds, m/s.
 
     Distances to whatever a vehicle may run into come first, `_DISTANCES` of them.
 

@@ -17,7 +17,7 @@ from auvplan.site import as_utc
 
 
 def trajectories(itinerary: Itinerary) -> xr.Dataset:
-    """All samples of all legs, planned first, then sailed; `waypoint` marks what was kept."""
+    """Return all samples of all legs, planned first, then sailed; `waypoint` marks what was kept."""
     planned = [Track(leg.times, leg.positions, leg.motion) for leg in itinerary.legs]
     tracks = [*planned, *itinerary.sailed]
     names = [f"plan, leg {leg.number}" for leg in itinerary.legs]

@@ -117,7 +117,7 @@ def warn_of_contradictions(
 def _sources(
     scenario: Scenario, chart: Chart | None, seabed: Seabed | None, current: "CurrentFile | None"
 ) -> list[_Land]:
-    """What tells of land, each file once; the chart first, then the sea bed."""
+    """Return what tells of land, each file once; the chart first, then the sea bed."""
     found, source = [], scenario.chart.source
     if chart is not None:
         passability, size = np.asarray(chart.passability), float(chart.pixel_size)

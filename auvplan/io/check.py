@@ -1,4 +1,4 @@
-"""The independent checker: walks every sailed metre of a saved run and re-adds every second.
+"""The independent checker: re-checks the whole track of a saved run and re-adds every time.
 
 It reads files and uses NumPy, and shares no code with the planners or the simulator, so that a fault of
 theirs cannot hide itself here. Visits and tasks are counted again from the scenario and the track.
@@ -216,7 +216,7 @@ def _walk(
 
 
 def _distance(obstacle: KnownObstacle, walk: Walk) -> NDArray[np.float64]:
-    """Distance [n] m of a walk to the surface of an upright cylinder, negative inside."""
+    """Return distance [n] m of a walk to the surface of an upright cylinder, negative inside."""
     centre = np.asarray(obstacle.position) + walk.times[:, None] * np.asarray(obstacle.velocity)
     level = np.linalg.norm(walk.positions[:, :2] - centre, axis=1) - obstacle.radius
     depth = walk.positions[:, 2]
@@ -242,7 +242,7 @@ def _sound(leg: Leg, walk: Walk, bed: Bed, report: CheckReport) -> None:
 
 
 def _metres(value: float) -> str:
-    return "none near" if np.isinf(value) else f"{value:.1f} m"
+    return "nothing nearby" if np.isinf(value) else f"{value:.1f} m"
 
 
 __all__ = ["CheckReport", "ResultError", "check_dataset", "check_run"]

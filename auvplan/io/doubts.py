@@ -36,7 +36,7 @@ def doubts(scenario: Scenario, document: Document) -> list[Fault]:
 
 
 def unreachable(scenario: Scenario) -> str:
-    """Why the goal cannot be reached in time whatever the current does; or an empty string."""
+    """Return why the goal cannot be reached in time whatever the current does; or an empty string."""
     way, mission, fastest = _straight(scenario), scenario.mission, scenario.vehicle.surge_max
     if way is None or mission.time_available >= way / fastest:
         return ""
@@ -48,7 +48,7 @@ def unreachable(scenario: Scenario) -> str:
 
 
 def _zone(sections: dict[str, dict[str, Any]]) -> Iterator[tuple[Path, str]]:
-    """A departure without a zone of time."""
+    """Yield a departure without a zone of time."""
     given = sections.get("site", {}).get("departure")
     moment = given
     if isinstance(given, str):
@@ -98,7 +98,7 @@ def _place(scenario: Scenario, sections: dict[str, dict[str, Any]]) -> Iterator[
 
 
 def _time(scenario: Scenario) -> Iterator[tuple[Path, str]]:
-    """A time available that no mission has."""
+    """Yield a time available that no mission has."""
     mission, way = scenario.mission, _straight(scenario)
     path = ("mission", "time_available")
     speed, time = scenario.vehicle.speed, mission.time_available

@@ -145,7 +145,7 @@ def _heard() -> Iterator[list[str]]:
 
 
 def _told(doubt: Fault, found: "_Findings") -> bool:
-    """Whether a fault of the same field says it already."""
+    """Return whether a fault of the same field says it already."""
     return any(fault.field == doubt.field for fault in found.faults)
 
 
@@ -199,7 +199,7 @@ class _Findings:
     read: "list[Waters]" = field(default_factory=list)
 
     def attempt(self, section: str, settings: Any, action: "Callable[[], Waters | None]") -> "Waters | None":
-        """What an action gives; None where it fails, which becomes a fault or more."""
+        """Return what an action gives; None where it fails, which becomes a fault or more."""
         try:
             waters = action()
         except AuvplanError as error:
@@ -212,7 +212,7 @@ class _Findings:
         return waters
 
     def _blamed(self, section: str, settings: Any, message: str) -> tuple[tuple[str, ...], str]:
-        """The field that a message of a reader is about, and the message without it."""
+        """Return the field that a message of a reader is about, and the message without it."""
         named = re.match(r"(?:scenario\.)?([a-z_]+)\.([a-z_]+):? ", message)
         if named and named[2] in dict(getattr(self.scenario, named[1], None) or {}):
             return (named[1], named[2]), message[named.end() :]
@@ -237,7 +237,7 @@ class _Findings:
 def _read_apart(
     scenario: Scenario, found: _Findings, missing: dict[tuple[str, str], Fault]
 ) -> "dict[str, Waters | None]":
-    """The waters of each part of a scenario as far as it can be read, one file after the other."""
+    """Return the waters of each part of a scenario as far as it can be read, one file after the other."""
     from auvplan.io.waters import load_waters
 
     parts: dict[str, Waters | None] = {}
@@ -249,7 +249,7 @@ def _read_apart(
 
 
 def _together(parts: "dict[str, Waters | None]") -> "Waters":
-    """What could be read, in one."""
+    """Return what could be read, in one."""
     from auvplan.voyage.waters import Waters
 
     got = {part: waters or Waters() for part, waters in parts.items()}
@@ -309,7 +309,7 @@ def _apart(
 
 
 def _zones(scenario: Scenario, closed: "Waters | None", folder: Path) -> "tuple[geo.Zone, ...]":
-    """The closed areas, where they could be read."""
+    """Return the closed areas, where they could be read."""
     if closed is None or closed.site is None or scenario.chart.no_go is None:
         return ()
     return tuple(geo.read_zones(folder / Path(scenario.chart.no_go).expanduser(), closed.site))

@@ -67,7 +67,7 @@ def write_example(folder: str | Path, force: bool = False) -> list[Path]:
     names = [*_COPIES.values(), *made]
     there = [name for name in names if (home / name).exists()]
     if there and not force:
-        raise OutputError(f"{home / there[0]}: is there already: --force replaces it")
+        raise OutputError(f"{home / there[0]}: already exists: use --force to overwrite it")
     output_folder(home)
     written = []
     for source, name in _COPIES.items():
@@ -77,7 +77,7 @@ def write_example(folder: str | Path, force: bool = False) -> list[Path]:
 
 
 def tide() -> xr.Dataset:
-    """A tidal current on longitude, latitude, depth and time, by CF; NaN on land and in the sea bed.
+    """Return a tidal current on longitude, latitude, depth and time, by CF; NaN on land and in the sea bed.
 
     Flood and ebb run along one bearing and turn with the clock in between; they are slower near the coast and
     towards the bed.

@@ -30,7 +30,7 @@ class Fault:
 
 
 def fault_at(path: Path, reason: str, document: Document, place: Place | None = None) -> Fault:
-    """A fault of a value in a document."""
+    """Return a fault of a value in a document."""
     line = " ".join(reason.split())
     line = line if len(line) <= _LONGEST else f"{line[:_LONGEST]} ..."
     return Fault(dotted(path), line, place or document.place(path))
@@ -42,7 +42,7 @@ def in_order(faults: Iterable[Fault]) -> list[Fault]:
 
 
 def first_of(faults: list[Fault], source: str, is_file: bool) -> str:
-    """The first fault on one line that names the file, and how many more there are."""
+    """Return the first fault on one line that names the file, and how many more there are."""
     first, more = faults[0], len(faults) - 1
     where = f"{source}:{first.place[0]}" if first.place is not None else source
     line = f"{where}: {first.field or 'scenario'}: {first.reason}"
@@ -56,7 +56,7 @@ def first_of(faults: list[Fault], source: str, is_file: bool) -> str:
 
 
 def dotted(path: Path) -> str:
-    """A path as one word that can be printed, whatever its keys hold."""
+    """Return a path as one word that can be printed, whatever its keys hold."""
     parts = (str(part) for part in path)
     return ".".join(
         part if part.isprintable() and len(part) <= 80 else ascii(part[:80])[1:-1] for part in parts

@@ -46,7 +46,7 @@ HISTORIES = {
 
 
 def history_variables(histories: Sequence[dict[str, Any]]) -> Variables:
-    """How the search for each plan went, padded to the longest."""
+    """Return how the search for each plan went, padded to the longest."""
     counts = np.asarray([len(history.get("best", ())) for history in histories], np.int32)
     if not counts.any():
         return {}
@@ -63,7 +63,7 @@ def history_variables(histories: Sequence[dict[str, Any]]) -> Variables:
 
 
 def history_of(dataset: xr.Dataset, plan: int) -> dict[str, Any]:
-    """How the search for a plan went; empty where the file does not tell."""
+    """Return how the search for a plan went; empty where the file does not tell."""
     if "plan_iterations" not in dataset:
         return {}
     count = int(dataset["plan_iterations"].values[plan])
@@ -79,7 +79,7 @@ def variable(
 
 
 def site_of(dataset: xr.Dataset) -> Site | None:
-    """Where the local frame of a file lies, or None."""
+    """Return where the local frame of a file lies, or None."""
     attributes = dataset.attrs
     if "site_longitude" not in attributes:
         return None
@@ -89,7 +89,7 @@ def site_of(dataset: xr.Dataset) -> Site | None:
 
 
 def chart_variables(chart: Chart) -> Variables:
-    """The passability raster in steps of 1/255, and the centres of its pixels."""
+    """Return the passability raster in steps of 1/255, and the centres of its pixels."""
     passability = np.asarray(chart.passability, float)
     steps = np.where(passability > 0.0, np.clip(np.rint(passability * LEVELS), 1, LEVELS), 0)
     size = float(np.asarray(chart.pixel_size))
@@ -112,7 +112,7 @@ def chart_variables(chart: Chart) -> Variables:
 
 
 def chart_of(dataset: xr.Dataset) -> Chart | None:
-    """The chart that `chart_variables` wrote, or None."""
+    """Return the chart that `chart_variables` wrote, or None."""
     if "passability" not in dataset:
         return None
     passability = np.asarray(dataset["passability"].values, np.float32)
@@ -122,7 +122,7 @@ def chart_of(dataset: xr.Dataset) -> Chart | None:
 
 
 def seabed_variables(seabed: Seabed) -> Variables:
-    """The depth raster, and where it lies."""
+    """Return the depth raster, and where it lies."""
     return {
         "seabed_depth": variable(
             ("seabed_x", "seabed_y"), np.asarray(seabed.depth, np.float32), "depth of the sea bed", "m",
@@ -136,7 +136,7 @@ def seabed_variables(seabed: Seabed) -> Variables:
 
 
 def seabed_of(dataset: xr.Dataset) -> Seabed | None:
-    """The sea bed that `seabed_variables` wrote, or None."""
+    """Return the sea bed that `seabed_variables` wrote, or None."""
     if "seabed_depth" not in dataset:
         return None
     corner = dataset["seabed_origin"].values
@@ -149,7 +149,7 @@ def seabed_of(dataset: xr.Dataset) -> Seabed | None:
 
 
 def vortex_variables(legs: Sequence[LegRecord]) -> Variables:
-    """The true vortices at every plan; nothing where the current is no vortices."""
+    """Return the true vortices at every plan; nothing where the current is no vortices."""
     fields = [plan.current for leg in legs for plan in leg.plans]
     if not fields or not all(isinstance(field, LambVortices) for field in fields):
         return {}
@@ -162,7 +162,7 @@ def vortex_variables(legs: Sequence[LegRecord]) -> Variables:
 
 
 def vortices_of(dataset: xr.Dataset, plan: int) -> LambVortices | None:
-    """The vortices at a plan that `vortex_variables` wrote, or None."""
+    """Return the vortices at a plan that `vortex_variables` wrote, or None."""
     if "vortex_center" not in dataset:
         return None
     arrays: dict[str, Any] = {

@@ -69,7 +69,7 @@ def whole_result(path: str | Path) -> Iterator[Path]:
     Files of other names in the folder are left alone.
 
     Args:
-        path: of the folder, made where missing.
+        path: of the folder, created if needed.
 
     Raises:
         OutputError: one line that names the folder and the reason.
@@ -91,7 +91,7 @@ def whole_result(path: str | Path) -> Iterator[Path]:
 
 
 def _alive(partial: Path) -> bool:
-    """Whether the process that a folder in the making belongs to is still there."""
+    """Return whether the process that a folder in the making belongs to is still there."""
     try:
         os.kill(int(partial.name.split(".")[-2]), 0)
     except (ValueError, ProcessLookupError):
@@ -140,7 +140,7 @@ def write_atomically(path: str | Path, write: Callable[[Path], object]) -> Path:
 
 
 def read_summary(folder: str | Path) -> dict[str, Any]:
-    """The figures of a saved run.
+    """Return the figures of a saved run.
 
     Raises:
         ResultError: one line that names the file and the reason.
@@ -160,12 +160,12 @@ def read_summary(folder: str | Path) -> dict[str, Any]:
 
 
 def read_mission(folder: str | Path) -> "xr.Dataset":
-    """The NetCDF file of a saved run, see `read_dataset`."""
+    """Return the NetCDF file of a saved run, see `read_dataset`."""
     return read_dataset(folder, MISSION)
 
 
 def read_dataset(folder: str | Path, name: str) -> "xr.Dataset":
-    """A NetCDF file of results, loaded whole; times stay seconds since the scenario's epoch.
+    """Return a NetCDF file of results, loaded whole; times stay seconds since the scenario's epoch.
 
     Raises:
         ResultError: one line that names the file and the reason.

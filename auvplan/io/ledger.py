@@ -107,7 +107,7 @@ def require(summary: dict[str, Any], dataset: xr.Dataset, folder: Path) -> None:
 
 
 def read_legs(dataset: xr.Dataset) -> Iterator[Leg]:
-    """The legs in the order of the file."""
+    """Yield the legs in the order of the file."""
     table = {name: dataset[name].values for name in dataset.variables}
     place = np.stack([table["x"], table["y"], table["depth"]], axis=1).astype(float)
     obstacles = np.asarray(table.get("obstacle_position", np.zeros((len(place), 0, 3))), float)
@@ -125,7 +125,7 @@ def read_legs(dataset: xr.Dataset) -> Iterator[Leg]:
 
 
 def graph_faults(dataset: xr.Dataset, legs: list[Leg]) -> Iterator[str]:
-    """Edges that are not there or that are taken twice."""
+    """Yield edges that are not there or that are taken twice."""
     adjacency = dataset["adjacency"].values.astype(bool)
     symmetric = np.array_equal(adjacency, adjacency.T)
     used: dict[Any, Leg] = {}
@@ -212,10 +212,10 @@ def figure_faults(summary: dict[str, Any], dataset: xr.Dataset, legs: list[Leg])
 
 
 def near(a: Array, b: Array) -> bool:
-    """Whether two places [3] m are one, up to `PLACE_TOLERANCE`."""
+    """Return whether two places [3] m are one, up to `PLACE_TOLERANCE`."""
     return bool(np.linalg.norm(a - b) <= PLACE_TOLERANCE)
 
 
 def _same(a: float, b: float) -> bool:
-    """Whether two times agree; never where one is not a number."""
+    """Return whether two times agree; never where one is not a number."""
     return bool(abs(a - b) <= TIME_TOLERANCE)

@@ -81,7 +81,7 @@ def restore_run(folder: str | Path) -> MissionRun:
 
 
 def _obstacle(told: dict) -> KnownObstacle:
-    """A known obstacle from JSON."""
+    """Return a known obstacle from JSON."""
     deepest = np.inf if told["depth_max"] is None else float(told["depth_max"])
     (north, east), (u, v) = told["position"], told["velocity"]
     return KnownObstacle(told["name"], (north, east), told["radius"], told["depth_min"], deepest, (u, v))
@@ -92,7 +92,7 @@ def _limits(attributes: dict) -> list[str]:
 
 
 def _orders(dataset: xr.Dataset) -> list[OrderRecord]:
-    """The orders of tasks."""
+    """Return the orders of tasks."""
     if "order_nodes" not in dataset:
         return []
     causes = str(dataset["order_cause"].attrs["flag_meanings"]).split()
@@ -111,7 +111,7 @@ def _orders(dataset: xr.Dataset) -> list[OrderRecord]:
 
 
 def _leg_times(dataset: xr.Dataset, order: int) -> list[float]:
-    """What an order expected of its legs, s."""
+    """Return what an order expected of its legs, s."""
     if "order_leg_time" not in dataset:
         return []
     times = dataset["order_leg_time"].values[order]
@@ -119,7 +119,7 @@ def _leg_times(dataset: xr.Dataset, order: int) -> list[float]:
 
 
 def _legs(dataset: xr.Dataset, settings: dict, home: str) -> list[LegRecord]:
-    """The legs with their plans."""
+    """Return the legs with their plans."""
     model = None
     if settings["current"]["source"] == "file" and "plan_leg" in dataset:
         model = load_truth(validate_scenario(settings, "saved scenario"), home)
@@ -143,7 +143,7 @@ def _legs(dataset: xr.Dataset, settings: dict, home: str) -> list[LegRecord]:
 
 
 def _plans(dataset: xr.Dataset, leg: int, model: Current | None) -> list[PlanRecord]:
-    """The plans of a leg."""
+    """Return the plans of a leg."""
     if "plan_leg" not in dataset:
         return []
     causes = str(dataset["plan_cause"].attrs["flag_meanings"]).split()
@@ -172,7 +172,7 @@ def _plans(dataset: xr.Dataset, leg: int, model: Current | None) -> list[PlanRec
 
 
 def _kinds(dataset: xr.Dataset) -> list[list[str]]:
-    """Names of the kinds of each leg's obstacles."""
+    """Return names of the kinds of each leg's obstacles."""
     if "obstacle_kind" not in dataset:
         return [[] for _ in range(dataset.sizes["leg"])]
     codes: NDArray[np.int_] = dataset["obstacle_kind"].values

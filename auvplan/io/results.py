@@ -40,7 +40,7 @@ def save_run(run: MissionRun, folder: str | Path, sheet: dict[str, Any] | None =
 
     Args:
         run: as sailed.
-        folder: made where missing; files of an earlier run are replaced.
+        folder: created if needed; files of an earlier run are replaced.
         sheet: of the mission, to go into the summary.
 
     Returns:
@@ -58,7 +58,7 @@ def save_run(run: MissionRun, folder: str | Path, sheet: dict[str, Any] | None =
 
 
 def load_run(folder: str | Path) -> xr.Dataset:
-    """The dataset of a saved run, in memory; times in s since the scenario's epoch.
+    """Return the dataset of a saved run, in memory; times in s since the scenario's epoch.
 
     Raises:
         ResultError: one line that names the file and what is wrong with it.
@@ -67,7 +67,7 @@ def load_run(folder: str | Path) -> xr.Dataset:
 
 
 def to_dataset(run: MissionRun) -> xr.Dataset:
-    """A run as CF trajectories, one a leg, contiguous and ragged along `obs`."""
+    """Return a run as CF trajectories, one a leg, contiguous and ragged along `obs`."""
     variables = _sailed(run) | _legs(run) | _obstacles(run.legs) | _graph(run)
     variables |= _orders(run) | _sailed_motion(run.legs) | _plans(run.legs) | vortex_variables(run.legs)
     if run.chart is not None:
@@ -123,7 +123,7 @@ def _attributes(run: MissionRun) -> dict[str, Any]:
 
 
 def _site_attributes(site: Site) -> dict[str, Any]:
-    """Where the local frame lies: the azimuthal equidistant projection about a place."""
+    """Return where the local frame lies: the azimuthal equidistant projection about a place."""
     dated = {} if site.epoch is None else {"site_epoch": site.epoch.isoformat()}
     return {
         "site_longitude": site.longitude,
@@ -143,12 +143,12 @@ def _places(variables: Variables, site: Site) -> Variables:
 
 
 def _plain(obstacle: KnownObstacle) -> dict[str, Any]:
-    """An obstacle ready for JSON, which knows no infinity."""
+    """Return an obstacle ready for JSON, which knows no infinity."""
     return {name: None if value == np.inf else value for name, value in asdict(obstacle).items()}
 
 
 def _sailed(run: MissionRun) -> Variables:
-    """The trajectories, all legs in a row."""
+    """Return the trajectories, all legs in a row."""
     legs = run.legs
     time = np.concatenate([np.zeros(0), *(leg.times for leg in legs)])
     place = np.concatenate([np.zeros((0, 3)), *(np.reshape(leg.positions, (-1, 3)) for leg in legs)])
@@ -175,7 +175,7 @@ def _sailed_motion(legs: Sequence[LegRecord]) -> Variables:
 
 
 def _legs(run: MissionRun) -> Variables:
-    """The leg table."""
+    """Return the leg table."""
     legs = run.legs
 
     def column(values: list, name: str, units: str | None = None, dtype: Any = float) -> xr.Variable:
@@ -205,7 +205,7 @@ def _legs(run: MissionRun) -> Variables:
         ),
         "leg_current_difference": column(
             [leg.current_difference for leg in legs],
-            "root mean square of the current told less the true one along the track",
+            "root mean square of the current's forecast error along the track",
             "m s-1",
         ),
     }
@@ -263,7 +263,7 @@ def _graph(run: MissionRun) -> Variables:
 
 
 def _orders(run: MissionRun) -> Variables:
-    """The first order of tasks and every re-plan."""
+    """Return the first order of tasks and every re-plan."""
     orders = run.orders
     if not orders:
         return {}
@@ -289,7 +289,7 @@ def _orders(run: MissionRun) -> Variables:
 
 
 def _plans(legs: Sequence[LegRecord]) -> Variables:
-    """Every path plan of every leg."""
+    """Return every path plan of every leg."""
     plans = [(row, plan) for row, leg in enumerate(legs) for plan in leg.plans]
     if not plans:
         return {}
@@ -325,7 +325,7 @@ def _yes_or_no(dims: str | tuple[str, ...], values: ArrayLike, name: str) -> xr.
 
 
 def _flags(names: NDArray[np.str_], known: Sequence[str]) -> tuple[NDArray[np.int8], dict[str, Any]]:
-    """Names as CF flags: codes from 1 in the order of `known`; 0 where there is none."""
+    """Return names as CF flags: codes from 1 in the order of `known`; 0 where there is none."""
     meanings = ["none", *known, *sorted(set(names.ravel()) - {"", "none", *known})]
     code = {meaning: number for number, meaning in enumerate(meanings)} | {"": 0}
     values = np.asarray([code[str(name)] for name in names.ravel()], np.int8).reshape(names.shape)

@@ -29,7 +29,7 @@ _BOX = ("lower", "upper", "depth_min", "depth_max")
 
 
 def check_fields(document: Document) -> tuple[Scenario | None, list[Fault]]:
-    """A document's scenario, or all that is wrong with its fields, in their order in the file."""
+    """Return a document's scenario, or all that is wrong with its fields, in their order in the file."""
     faults = [fault_at(path, reason, document, place) for path, reason, place in document.faults]
     if not isinstance(document.data, dict):
         what = "nothing" if document.data is None else type(document.data).__name__
@@ -62,7 +62,10 @@ def check_fields(document: Document) -> tuple[Scenario | None, list[Fault]]:
 
 
 def _bad_places(plain: dict[str, Any]) -> dict[Path, str]:
-    """Places by longitude and latitude that are none, with the reason; none where another's tells it."""
+    """Return places by longitude and latitude that are none, with the reason.
+
+    None where another's tells it.
+    """
     site = plain.get("site")
     try:
         # Without a site there are no such places; what is wrong with one that is given is told elsewhere.
@@ -90,7 +93,7 @@ def _bad_places(plain: dict[str, Any]) -> dict[Path, str]:
 
 
 def _place_fault(value: dict[str, Any], site: Site | None) -> str:
-    """What is wrong with a place by longitude and latitude, or an empty string."""
+    """Return what is wrong with a place by longitude and latitude, or an empty string."""
     try:
         localised({"mission": {"start": value}}, site)
     except ValueError as error:
@@ -159,7 +162,10 @@ def _read_error(found: Any, plain: dict[str, Any]) -> tuple[Path, str, str, str]
 
 
 def unknown_key(path: Path) -> str:
-    """What to say of a key that there is not: the one that may be meant, or the section where it belongs."""
+    """Return what to say of a key that there is not.
+
+    The one that may be meant, or the section where it belongs.
+    """
     key = str(path[-1])
     if moved := MOVED.get(".".join(map(str, path))):
         return f"is now {moved}"
@@ -178,7 +184,7 @@ def unknown_key(path: Path) -> str:
 
 
 def _section(model: type[BaseModel], name: str) -> type[BaseModel] | None:
-    """The model of a field that is a section; None of a plain field or of none."""
+    """Return the model of a field that is a section; None of a plain field or of none."""
     annotation = model.model_fields[name].annotation if name in model.model_fields else None
     for part in (annotation, *get_args(annotation)):
         if isinstance(part, type) and issubclass(part, BaseModel):
@@ -187,7 +193,7 @@ def _section(model: type[BaseModel], name: str) -> type[BaseModel] | None:
 
 
 def _of_rule(location: Path, message: str) -> Path:
-    """The field of a rule between fields, whose message names it first."""
+    """Return the field of a rule between fields, whose message names it first."""
     words = re.match(r"(\w+)(?:\.(\w+))?", message)
     first, second = words.groups() if words else ("", None)
     if not location:
@@ -197,13 +203,13 @@ def _of_rule(location: Path, message: str) -> Path:
 
 
 def _without_field(message: str, path: Path) -> str:
-    """A message that begins with its field, without it, where that leaves a sentence."""
+    """Return a message that begins with its field, without it, where that leaves a sentence."""
     rest = message.removeprefix(".".join(map(str, path)))
     return rest.strip() if rest != message and rest[:1] == " " and not rest.startswith(" and ") else message
 
 
 def _swap_hint(path: Path, reason: str, data: dict[str, Any]) -> str:
-    """What to add where longitude and latitude of the site or of a place are swapped; or nothing."""
+    """Return what to add where longitude and latitude of the site or of a place are swapped; or nothing."""
     site = data.get("site")
     if path == ("site", "latitude") and isinstance(site, dict):
         turned = site | {"longitude": site.get("latitude"), "latitude": site.get("longitude")}
@@ -232,7 +238,7 @@ def _swap_hint(path: Path, reason: str, data: dict[str, Any]) -> str:
 
 
 def _follows(path: Path, reason: str, kind: str, taken: set[Path]) -> bool:
-    """Whether a fault may be there only because of what was taken out."""
+    """Return whether a fault may be there only because of what was taken out."""
     words = set(re.findall(r"\w+", reason)) | {str(part) for part in path}
     alone = set(re.findall(r"\b(\w+)\b(?!\.)", reason))
     for section, *key in taken:

@@ -18,7 +18,7 @@ _MAX_BYTES = 200_000
 
 
 def shipped_scenarios() -> dict[str, Scenario]:
-    """The scenarios that come with the package, by name."""
+    """Return the scenarios that come with the package, by name."""
     folder = files("auvplan") / "data" / "scenarios"
     found = sorted(entry.name for entry in folder.iterdir() if entry.name.endswith(".yaml"))
     return {name.removesuffix(".yaml"): load_scenario(name.removesuffix(".yaml")) for name in found}
@@ -62,7 +62,7 @@ def change_scenario(
     source: str = "scenario",
     sources: Mapping[str, str] | None = None,
 ) -> Scenario:
-    """A scenario with other values of some fields, validated as one from a file; see `Scenario.with_`.
+    """Return a scenario with other values of some fields, validated as one from a file; see `Scenario.with_`.
 
     Args:
         scenario: stays as it is.
@@ -96,7 +96,7 @@ def change_scenario(
 
 
 def _concerns(fault: Fault, name: str) -> bool:
-    """Whether a fault is one of a field, of its section, or of something within it."""
+    """Return whether a fault is one of a field, of its section, or of something within it."""
     return f"{fault.field}.".startswith(f"{name}.") or f"{name}.".startswith(f"{fault.field}.")
 
 
@@ -140,7 +140,7 @@ def _warn(scenario: Scenario) -> None:
 
 
 def scenario_schema() -> dict[str, Any]:
-    """The JSON Schema (2020-12) of scenario files, with descriptions, units, defaults and limits.
+    """Return the JSON Schema (2020-12) of scenario files, with descriptions, units, defaults and limits.
 
     Rules between fields, such as that a chart's source needs a file, are beyond it: `auvplan validate`
     tells them.

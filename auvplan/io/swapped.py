@@ -11,7 +11,7 @@ HINT = "with longitude and latitude of the site or of the file swapped it would 
 
 
 def swapped(site: Site) -> Site | None:
-    """The site with longitude and latitude the other way round; None where that is no place."""
+    """Return the site with longitude and latitude the other way round; None where that is no place."""
     longitude, latitude = site.latitude, (site.longitude + 180.0) % 360.0 - 180.0
     return replace(site, longitude=longitude, latitude=latitude) if abs(latitude) < 89.0 else None
 

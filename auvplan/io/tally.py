@@ -86,7 +86,7 @@ def tally_faults(
 
 
 def _visits(settings: dict[str, Any]) -> str:
-    """The rule of the scenario for visits."""
+    """Return the rule of the scenario for visits."""
     planning = settings.get("planning", {})
     return planning.get("visits") or ("edges" if planning.get("preset") == "paper" else "once")
 
@@ -110,7 +110,7 @@ def _way_left(dataset: xr.Dataset, leg: Leg, visited: set[int], refused: set[tup
 
 
 def _book(settings: dict[str, Any], dataset: xr.Dataset, once: bool, notes: list[str]) -> Book:
-    """The book of the scenario's jobs, or of the graph where there are none."""
+    """Return the book of the scenario's jobs, or of the graph where there are none."""
     name = settings.get("mission", {}).get("jobs")
     if name is not None:
         path = Path(str(dataset.attrs["scenario_folder"])) / Path(name).expanduser()
@@ -192,7 +192,7 @@ class _JobBook:
         return cls([*points, *(part for line in jobs.lines for part in _parts(line))])
 
     def earn(self, leg: Leg, revisit: bool) -> Earned:
-        """Every task that lies where the leg ends, or along it."""
+        """Return every task that lies where the leg ends, or along it."""
         done = [task for task in self.left if _does(leg, task.ends)]
         self.left = [task for task in self.left if not any(task is other for other in done)]
         open_ = {task.job for task in self.left}
@@ -209,7 +209,7 @@ def _parts(line: Any) -> Iterable[_Task]:
 
 
 def _does(leg: Leg, ends: tuple[Array, ...]) -> bool:
-    """Whether a leg ends at the place of a task, or leads along its line, either way."""
+    """Return whether a leg ends at the place of a task, or leads along its line, either way."""
     first, last = leg.positions[0], leg.positions[-1]
     if len(ends) == 1:
         return near(last, ends[0])

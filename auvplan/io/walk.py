@@ -63,7 +63,7 @@ class Walk:
         )
 
     def between(self, first: int, last: int) -> str:
-        """Words for the stretch from point `first` to point `last`."""
+        """Return words for the stretch from point `first` to point `last`."""
         x, y, z = self.positions[first]
         metres = self.metres[first : last + 1].sum()
         place = f"north {x:.1f}, east {y:.1f}, depth {z:.1f} m"
@@ -88,7 +88,7 @@ class Coast:
 
     @classmethod
     def of(cls, dataset: xr.Dataset) -> Self:
-        """The coast of a saved run: pixels whose passability is exactly zero."""
+        """Return the coast of a saved run: pixels whose passability is exactly zero."""
         land = dataset["passability"].values == 0.0
         corner, size = dataset["chart_origin"].values.astype(float), float(dataset["chart_pixel_size"])
         framed = np.pad(land, 1)
@@ -96,13 +96,13 @@ class Coast:
         return cls(land, corner, size, corner + size * (np.argwhere(land & ~inland) + 0.5))
 
     def outside(self, positions: Array) -> NDArray[np.bool_]:
-        """Whether positions [n, 3] lie beyond the chart, [n]."""
+        """Return whether positions [n, 3] lie beyond the chart, [n]."""
         place = positions[:, :2] - self.corner
         beyond = (place < -_EDGE) | (place > self.size * np.asarray(self.land.shape) + _EDGE)
         return np.any(beyond, axis=1)
 
     def on_land(self, positions: Array) -> NDArray[np.bool_]:
-        """Whether the pixels under positions [n, 3] are land, [n]."""
+        """Return whether the pixels under positions [n, 3] are land, [n]."""
         pixel = np.floor((positions[:, :2] - self.corner) / self.size).astype(int)
         i, j = np.clip(pixel, 0, np.asarray(self.land.shape) - 1).T
         return self.land[i, j] & ~self.outside(positions)
@@ -160,14 +160,14 @@ class Bed:
 
     @classmethod
     def of(cls, dataset: xr.Dataset) -> Self:
-        """The sea bed of a saved run."""
+        """Return the sea bed of a saved run."""
         depth = dataset["seabed_depth"].values.astype(float)
         corner, size = dataset["seabed_origin"].values.astype(float), float(dataset["seabed_pixel_size"])
         clearance = float(dataset.attrs["seabed_clearance"])
         return cls(np.where(np.isfinite(depth), depth, _DRY), corner, size, clearance)
 
     def outside(self, positions: Array) -> NDArray[np.bool_]:
-        """Whether positions [n, 3] lie beyond the raster, [n]."""
+        """Return whether positions [n, 3] lie beyond the raster, [n]."""
         place = positions[:, :2] - self.corner
         beyond = (place < -_EDGE) | (place > self.size * np.asarray(self.depth.shape) + _EDGE)
         return np.any(beyond, axis=1)

@@ -100,7 +100,10 @@ def load_waters(scenario: Scenario, folder: str | Path | None = None, until: flo
 
 
 def load_truth(scenario: Scenario, folder: str | Path = ".") -> GriddedCurrent | None:
-    """The current of files that a scenario is sailed in, nothing else of its waters; None for vortices."""
+    """Return the current of files that a scenario is sailed in, nothing else of its waters.
+
+    None for vortices.
+    """
     truth = _currents(scenario, str(folder), None)[2]
     return truth and truth.field
 
@@ -123,7 +126,7 @@ def _currents(
 
 
 def _site(scenario: Scenario) -> Site | None:
-    """The scenario's site, or that of the shipped chart."""
+    """Return the scenario's site, or that of the shipped chart."""
     if scenario.site is not None:
         return scenario.site.site
     if scenario.chart.source != "whitsunday":
@@ -135,12 +138,12 @@ def _site(scenario: Scenario) -> Site | None:
 
 
 def _path(home: str, name: str) -> str:
-    """A path relative to the scenario's folder; patterns and absolute paths are taken as they are."""
+    """Return a path relative to the scenario's folder; patterns and absolute paths are taken as they are."""
     return str(Path(home) / Path(name).expanduser())
 
 
 def _reach(settings: CurrentSettings) -> tuple[float | None, str]:
-    """What of the current's settings the reading of a file depends on."""
+    """Return what of the current's settings the reading of a file depends on."""
     return settings.spacing, settings.outside
 
 
@@ -180,7 +183,7 @@ def _plain_chart(
     current: "CurrentFile | None",
     home: str,
 ) -> tuple[Chart | None, tuple[str, ...]]:
-    """The chart without its closed areas, and what was assumed of its file."""
+    """Return the chart without its closed areas, and what was assumed of its file."""
     lower, upper = box[0][:2], box[1][:2]
     notes: tuple[str, ...] = ()
     size = settings.pixel_size
@@ -209,7 +212,7 @@ def _plain_chart(
 
 
 def _other_size(settings: ChartSettings, home: str) -> tuple[str, ...]:
-    """What is to be said where a picture's file tells another size of its pixels than the scenario."""
+    """Return what is to be said where a picture's file tells another size of its pixels than the scenario."""
     assert settings.image is not None
     path = _path(home, settings.image)
     with suppress(geo.GeoError):  # the place of such a picture is not used
@@ -229,7 +232,7 @@ def _charts(
     current: "CurrentFile | None",
     home: str,
 ) -> tuple[Chart | None, Chart | None, tuple[str, ...]]:
-    """The chart without its closed areas and with them, and what was assumed of its file."""
+    """Return the chart without its closed areas and with them, and what was assumed of its file."""
     plain, notes = _plain_chart(settings.model_copy(update={"no_go": None}), site, box, current, home)
     if settings.no_go is None:
         return plain, plain, notes
@@ -281,7 +284,7 @@ def _seabed(
     current: "CurrentFile | None",
     home: str,
 ) -> tuple[Seabed | None, tuple[str, ...]]:
-    """The sea bed, and what was assumed of its file."""
+    """Return the sea bed, and what was assumed of its file."""
     settings, clearance = scenario.bathymetry, scenario.safety.seabed
     if settings.source == "none":
         return None, ()

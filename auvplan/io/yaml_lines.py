@@ -50,7 +50,10 @@ class Document:
     faults: list[tuple[Path, str, Place]] = field(default_factory=list)
 
     def place(self, path: Path) -> Place | None:
-        """Where a value begins, or the key of a mapping; else the place of the nearest value around it."""
+        """Return where a value begins, or the key of a mapping.
+
+        Else the place of the nearest value around it.
+        """
         for length in range(len(path), -1, -1):
             part = path[:length]
             if part in self.values:
@@ -95,7 +98,7 @@ def read_yaml(text: str) -> Document:
 
 
 def _build(loader: Any, node: yaml.Node, path: Path, document: Document) -> Any:
-    """The plain value of a node; notes where it stands and what is wrong with it."""
+    """Return the plain value of a node; notes where it stands and what is wrong with it."""
     document.values[path] = _place(node)
     if node.tag not in _TAGS:
         tag = node.tag.replace(_PREFIX, "!!")
@@ -155,7 +158,10 @@ class _Loader(yaml.SafeLoader):
 
 
 def _odd_base(text: str) -> str:
-    """The base, but ten, that YAML 1.1 reads a number to though it does not look like it; or nothing."""
+    """Return the base, but ten, that YAML 1.1 reads a number to though it does not look like it.
+
+    An empty string where there is none.
+    """
     if ":" in text:
         return "a number to base 60"
     return "octal" if re.fullmatch(r"[-+]?0[0-7_]+", text) else ""
@@ -176,6 +182,6 @@ def _one_line(text: str) -> str:
 
 
 def short(value: Any) -> str:
-    """A piece of the file as a message may show it."""
+    """Return a piece of the file as a message may show it."""
     shown = repr(value)
     return shown if len(shown) <= 60 else f"{shown[:57]}..."

@@ -49,7 +49,7 @@ class _Trace:
 def beam_search(
     problem: Problem, gain: jax.Array, price: jax.Array, width: int, places: int, count: int
 ) -> tuple[jax.Array, jax.Array]:
-    """The best orders that a beam comes upon.
+    """Return the best orders that a beam comes upon.
 
     Args:
         problem: of N waypoints, neighbour lists of length K.

@@ -132,7 +132,7 @@ def solve_relaxation(
 
 
 def common_step(values: Any) -> float:
-    """The largest step of which all values are whole multiples, up to rounding.
+    """Return the largest step of which all values are whole multiples, up to rounding.
 
     Args:
         values: any shape, finite, not negative.
@@ -213,7 +213,7 @@ def with_return_margin(leg_times: Array, start: int, goal: int, margin: float) -
 def edges_in_time(
     leg_times: Array, start: int, goal: int, time_available: float, revisits: bool = False
 ) -> tuple[IntArray, IntArray]:
-    """Edges that a path from the start to the goal in time can take.
+    """Return edges that a path from the start to the goal in time can take.
 
     Args:
         leg_times: [N, N] s, infinite off the edges.
@@ -288,7 +288,7 @@ def _violated_sets(
 
 
 def flow_capacity(tails: IntArray, heads: IntArray, flow: Array, size: int) -> csr_matrix:
-    """A flow [M] on edges as whole capacities [N, N], in parts of `FLOW_UNITS`."""
+    """Return a flow [M] on edges as whole capacities [N, N], in parts of `FLOW_UNITS`."""
     units = np.round(flow * FLOW_UNITS).astype(np.int32)
     used = units > 0
     return csr_matrix((units[used], (tails[used], heads[used])), (size, size))
@@ -312,7 +312,7 @@ def minimum_cut(
 
 
 def rounded_down(bound: float, priority: Array) -> float:
-    """The bound, at the largest sum that whole multiples of the common step allow.
+    """Return the bound, at the largest sum that whole multiples of the common step allow.
 
     Steps that binary fractions do not hold exactly leave a margin for the rounding of sums.
     """

@@ -107,7 +107,7 @@ class MissionConfig:
 
     @classmethod
     def plain(cls) -> Self:
-        """The search alone: neither orders from a beam nor local search."""
+        """Return the search alone: neither orders from a beam nor local search."""
         return cls(seeds=0, local_rounds=0)
 
     def quick(self) -> Self:
@@ -127,5 +127,5 @@ class MissionConfig:
         return width, max(2, 4 * width // size)
 
     def replace(self, **changes: Any) -> Self:
-        """A copy with some settings changed."""
+        """Return a copy with some settings changed."""
         return replace(self, **changes)

@@ -220,7 +220,7 @@ def encode(nodes: jax.Array, population: jax.Array, decoder: DecoderName) -> jax
 
 
 def shortest_order(problem: Problem) -> jax.Array:
-    """The shortest way from the start to the goal as an order [N], padded with -1."""
+    """Return the shortest way from the start to the goal as an order [N], padded with -1."""
     size = problem.size
 
     def step(k: jax.Array, state: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
@@ -235,7 +235,7 @@ def shortest_order(problem: Problem) -> jax.Array:
 
 
 def greedy_habitat(problem: Problem, decoder: DecoderName) -> jax.Array:
-    """A habitat [D] of equal SIVs, the goal's lowest: "rate" goes where the rate is highest."""
+    """Return a habitat [D] of equal SIVs, the goal's lowest: "rate" goes where the rate is highest."""
     size = problem.size
     genes = jnp.where(jnp.arange(size) == problem.goal, LOWEST, 0).astype(jnp.int32)
     return jnp.concatenate([genes, jnp.full(siv_count(size, decoder) - size, HIGHEST, jnp.int32)])

@@ -104,7 +104,7 @@ def _planted(population: jax.Array, known: jax.Array, problem: Problem, config: 
 
 
 def _improved(population: jax.Array, problem: Problem, config: MissionConfig) -> jax.Array:
-    """The best habitats after local search on their orders, [local_width, D]."""
+    """Return the best habitats after local search on their orders, [local_width, D]."""
     best = population[: config.local_width]
     orders = decoders.decode(best, problem, config.decoder, config.rate_weight)
     nodes = local_search.improve(orders.nodes, problem, _gain(problem, config), config.local_rounds)

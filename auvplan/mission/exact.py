@@ -246,7 +246,7 @@ def in_ticks(leg_times: Array, time_available: float, rounding: np.ufunc) -> tup
 
 
 def load_cp_model() -> Any:
-    """The module `ortools.sat.python.cp_model`.
+    """Return the module `ortools.sat.python.cp_model`.
 
     Raises:
         ImportError: OR-Tools is not installed.

@@ -138,7 +138,7 @@ class MissionGraph:
         return xp.where(edge, travel + self.duration, xp.inf)
 
     def without_edges(self, used: Iterable[tuple[int, int]], both_ways: bool = True) -> Self:
-        """A copy without the passed edges, the same shapes (section 3.3.2).
+        """Return a copy without the passed edges, the same shapes (section 3.3.2).
 
         Args:
             used: pairs (i, j).
@@ -152,14 +152,17 @@ class MissionGraph:
         return replace(self, adjacency=adjacency)
 
     def without_waypoints(self, nodes: Iterable[int]) -> Self:
-        """A copy without any edge into or out of waypoints, the same shapes: they are not visited again."""
+        """Return a copy without any edge into or out of waypoints, the same shapes.
+
+        They are not visited again.
+        """
         adjacency = np.array(self.adjacency)
         for node in nodes:
             adjacency[..., node, :] = adjacency[..., :, node] = False
         return replace(self, adjacency=adjacency)
 
     def without_task_at(self, node: int) -> Self:
-        """A copy in which the task at a waypoint is done: edges into it keep their own tasks alone."""
+        """Return a copy in which the task at a waypoint is done: edges into it keep their own tasks alone."""
         fields = {}
         for name, part in (("priority", "waypoint_priority"), ("duration", "waypoint_duration")):
             whole, at_waypoint = np.array(getattr(self, name)), np.array(getattr(self, part))
@@ -170,7 +173,7 @@ class MissionGraph:
         return replace(self, **fields)
 
     def with_edges(self, edges: Iterable[tuple[int, int]], tasks: bool = True) -> Self:
-        """A copy with edges (i, j) open, the same shapes.
+        """Return a copy with edges (i, j) open, the same shapes.
 
         Args:
             edges: pairs (i, j).
@@ -184,7 +187,10 @@ class MissionGraph:
         return replace(self, **fields)
 
     def with_travel_time(self, i: int, j: int, seconds: float) -> Self:
-        """A copy in which the edge from i to j takes `seconds`, its task not counted; the same shapes."""
+        """Return a copy in which the edge from i to j takes `seconds`, its task not counted.
+
+        Its shapes are the same.
+        """
         travel_time = np.array(self.travel_time)
         travel_time[..., i, j] = seconds
         return replace(self, travel_time=travel_time)
@@ -248,7 +254,7 @@ def random_graph(
     duration: tuple[float, float] = (30.0, 300.0),
     sailable: Any = None,
 ) -> MissionGraph:
-    """An undirected graph of the nearest neighbours, made connected, with a task on every edge.
+    """Return an undirected graph of the nearest neighbours, made connected, with a task on every edge.
 
     Args:
         rng: generator, consumed.

@@ -79,7 +79,7 @@ def jobs_graph(
     neighbours: int | None = None,
     clear: Callable[[NDArray[np.float64]], Any] | None = None,
 ) -> tuple[MissionGraph, list[str]]:
-    """The operation graph of jobs: node 0 is the start, the last one the goal.
+    """Return the operation graph of jobs: node 0 is the start, the last one the goal.
 
     In between are the points and then the vertices of the lines, in order. A point's task is done on arrival,
     whichever edge leads there. A survey line is a task on each edge between its consecutive vertices, in
@@ -132,14 +132,14 @@ def jobs_graph(
 
 
 def jobs_on_land(jobs: Jobs, chart: Chart) -> list[str]:
-    """Names of the jobs that have a place on the coast or off the chart."""
+    """Return names of the jobs that have a place on the coast or off the chart."""
     named = [(point.name, [point.position]) for point in jobs.points]
     named += [(line.name, list(line.positions)) for line in jobs.lines]
     return [name for name, places in named if not chart.is_water(*np.array(places)[:, :2].T).all()]
 
 
 def jobs_done(names: Sequence[str], legs: Iterable[tuple[int, int]]) -> set[str]:
-    """Names of the jobs that legs complete.
+    """Return names of the jobs that legs complete.
 
     Args:
         names: of the nodes, as `jobs_graph` gives them.
@@ -169,7 +169,7 @@ class NodesOfJob(NamedTuple):
 
 
 def jobs_of(names: Sequence[str]) -> list[NodesOfJob]:
-    """The jobs of a graph whose nodes have the names that `jobs_graph` gives them."""
+    """Return the jobs of a graph whose nodes have the names that `jobs_graph` gives them."""
     found: dict[str, list[int]] = {}
     for node in range(1, len(names) - 1):
         match = _VERTEX.fullmatch(names[node])

@@ -34,7 +34,7 @@ def improve(nodes: jax.Array, problem: Problem, gain: jax.Array, rounds: int) ->
 
 
 def _table(problem: Problem, values: jax.Array, default: float) -> jax.Array:
-    """Values of the edges [N, K] as a table [N, N]."""
+    """Return values of the edges [N, K] as a table [N, N]."""
     size = problem.size
     rows = jnp.arange(size)[:, None]
     column = jnp.where(jnp.isfinite(problem.leg_times), problem.neighbours, size)

@@ -12,7 +12,7 @@ ObjectiveName = Literal["priority", "eq15"]
 
 
 def violation(orders: Decoded, problem: Problem) -> jax.Array:
-    """How far from the goal orders end or how late they are there, [P] s.
+    """Return how far from the goal orders end or how late they are there, [P] s.
 
     The time still to go, T_available where there is no way, and what the order takes beyond T_available.
     """
@@ -79,7 +79,7 @@ def _largest_priority(problem: Problem) -> jax.Array:
 
 
 def _time_price(problem: Problem, time_weight: float) -> jax.Array:
-    """What `total_priority` asks for a second."""
+    """Return what `total_priority` asks for a second."""
     available = jnp.where(problem.time_available > 0.0, problem.time_available, 1.0)
     return time_weight * _largest_priority(problem) / available
 

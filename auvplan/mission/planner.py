@@ -16,7 +16,7 @@ from auvplan.mission.graph import MissionGraph
 from auvplan.mission.order import MissionOrder, MissionOrders, MissionStatus
 from auvplan.mission.problem import Edges, rounding_margin
 from auvplan.prng import as_key
-from auvplan.rows import over_rows
+from auvplan.rows import batch_map
 
 if TYPE_CHECKING:
     from auvplan.vehicle import Vehicle
@@ -170,7 +170,7 @@ def plan_missions(
     edges = Edges.of(
         np.pad(legs, square, constant_values=np.inf), np.pad(graphs.priority, square), config.degree
     )
-    found = over_rows(
+    found = batch_map(
         partial(search_missions, count=count, iterations=np.int32(iterations), config=shared),
         keys,
         edges,
@@ -192,7 +192,7 @@ def plan_missions(
 
 
 def _padded(size: int) -> int:
-    """The number of waypoints that a graph of `size` of them is padded to."""
+    """Return the number of waypoints that a graph of `size` of them is padded to."""
     return next((most for most in _SIZES if most >= size), -(-size // _SIZES[-1]) * _SIZES[-1])
 
 
@@ -207,7 +207,7 @@ def _collect(
     budget: np.ndarray,
     margins: np.ndarray,
 ) -> MissionOrders:
-    """What a search found as orders, added up in double precision."""
+    """Return what a search found as orders, added up in double precision."""
     batch, size = legs.shape[:2]
     reached = np.asarray(best.reached[:, 0])
     nodes = np.where(reached[:, None], best.nodes[:, 0], -1)

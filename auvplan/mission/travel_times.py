@@ -22,7 +22,7 @@ from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.ocean.vortices import padded
 from auvplan.path import PathConfig, habitats
-from auvplan.path.cost import curves, fly, score, violations
+from auvplan.path.cost import curves, evaluate, score, violations
 from auvplan.rows import padded_batches
 from auvplan.vehicle import Vehicle
 
@@ -122,7 +122,7 @@ def travel_times(
 
 
 def _inside(points: np.ndarray, env: Environment) -> NDArray[np.bool_]:
-    """Whether points [E, 3] m lie in the box, on the chart and clear of the sea bed."""
+    """Return whether points [E, 3] m lie in the box, on the chart and clear of the sea bed."""
     inside = ((points >= np.asarray(env.lower) - 1e-3) & (points <= np.asarray(env.upper) + 1e-3)).all(axis=1)
     if env.chart is not None:
         inside &= env.chart.contains(points[:, 0], points[:, 1])
@@ -161,13 +161,15 @@ def _estimate(
             best = jnp.argsort(cost(fan, *problem)[0])[:_POLISHED]
             tried = fan[best]
         else:
-            tried = habitats.risen(habitats.straight_line(start, goal, config.path)[None], start, goal, env)
+            tried = habitats.raise_above_seabed(
+                habitats.straight_line(start, goal, config.path)[None], start, goal, env
+            )
         if steps:
             tried, costs, _ = refine(cost, tried, lower, upper, steps, problem, _STEP_SIZE)
             tried = tried[jnp.argmin(costs)][None]
         track = curves(tried[:1], start, goal, config.path)
-        flight = fly(track, depart, env, vehicle, config.path)
-        return flight.travel_time[0], violations(flight).sum() == 0.0
+        trajectory = evaluate(track, depart, env, vehicle, config.path)
+        return trajectory.travel_time[0], violations(trajectory).sum() == 0.0
 
     return jax.vmap(one, in_axes=(0, 0, 0, 0 if world_per_edge else None, None))(
         starts, goals, departs, currents, sea.chart

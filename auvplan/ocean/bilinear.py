@@ -8,7 +8,7 @@ import numpy as np
 from jax.core import Tracer
 
 from auvplan.compiled import compiled
-from auvplan.tangents import fixed, instantiated
+from auvplan.tangents import instantiated, is_symbolic_zero
 
 
 @jax.custom_jvp
@@ -37,8 +37,8 @@ def _bilinear(
 
 @partial(_bilinear.defjvp, symbolic_zeros=True)
 def _bilinear_jvp(primals: tuple, tangents: tuple) -> tuple[jax.Array, jax.Array]:
-    """The slopes come from the four pixels that the value is from: nothing is looked up twice."""
-    if not fixed(tangents[:3]):
+    """Take the slopes from the four pixels that the value is from: nothing is looked up twice."""
+    if not is_symbolic_zero(tangents[:3]):
         raise NotImplementedError(
             "a chart or sea bed cannot be differentiated by its pixels, origin or pixel size"
         )

@@ -67,7 +67,7 @@ class Chart:
     def from_passability(
         cls, passability: ArrayLike, pixel_size: float = 10.0, origin: tuple[float, float] = (0.0, 0.0)
     ) -> Self:
-        """A chart from a raster [nx, ny] indexed [north, east]: 0 coast, (0, 0.35] uncertain, 1 water.
+        """Return a chart from a raster [nx, ny] indexed [north, east]: 0 coast, (0, 0.35] uncertain, 1 water.
 
         Raises:
             ChartError: the raster is not two-dimensional, is empty, or has other values.
@@ -92,7 +92,7 @@ class Chart:
     def from_mask(
         cls, water: ArrayLike, pixel_size: float = 10.0, origin: tuple[float, float] = (0.0, 0.0)
     ) -> Self:
-        """A chart from a mask [nx, ny] indexed [north, east], True in water."""
+        """Return a chart from a mask [nx, ny] indexed [north, east], True in water."""
         return cls.from_passability(np.asarray(water, bool).astype(np.float32), pixel_size, origin)
 
     @classmethod
@@ -117,7 +117,7 @@ class Chart:
     def from_classified(
         cls, found: Classified, pixel_size: float = 10.0, origin: tuple[float, float] = (0.0, 0.0)
     ) -> Self:
-        """A chart from the classes of a picture with north up."""
+        """Return a chart from the classes of a picture with north up."""
         # Here, and only here, an image's rows (from the north) become the raster's (towards the north).
         return cls.from_passability(found.passability[::-1], pixel_size, origin)
 
@@ -131,7 +131,7 @@ class Chart:
         seed: int = 0,
         colours: ChartColours = UNTOLD,
     ) -> Self:
-        """A chart from a picture file with north up: PNG, JPEG, TIFF or what else Pillow reads.
+        """Return a chart from a picture file with north up: PNG, JPEG, TIFF or what else Pillow reads.
 
         Raises:
             ChartError: the file is missing, no picture, damaged, too large, or has no colour; or which
@@ -184,13 +184,13 @@ class Chart:
         return bilinear(raster, self.origin, self.pixel_size, *jnp.broadcast_arrays(x, y))
 
     def contains(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
-        """Whether positions lie on the chart, in NumPy."""
+        """Return whether positions lie on the chart, in NumPy."""
         low, high = np.asarray(self.lower), np.asarray(self.upper)
         x, y = np.asarray(x), np.asarray(y)
         return (x >= low[0]) & (x <= high[0]) & (y >= low[1]) & (y <= high[1])
 
     def is_water(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
-        """Whether positions lie on the chart and off the coast, by the pixel they are in, in NumPy."""
+        """Return whether positions lie on the chart and off the coast, by the pixel they are in, in NumPy."""
         size, origin = float(self.pixel_size), np.asarray(self.origin)
         inside = self.contains(x, y)
         # Positions off the chart, NaN among them, have no pixel: any will do.
@@ -200,7 +200,7 @@ class Chart:
         return inside & (raster[np.minimum(i, self.shape[0] - 1), np.minimum(j, self.shape[1] - 1)] > 0.0)
 
     def crop(self, i: int, j: int, north: int, east: int) -> Self:
-        """The part of `north` by `east` pixels from pixel (i, j) on; positions keep their coordinates.
+        """Return the part of `north` by `east` pixels from pixel (i, j) on; positions keep their coordinates.
 
         So do distances: a coast just beyond the part's edge is as near as it was.
 
@@ -251,7 +251,7 @@ def classify_file(
     seed: int = 0,
     colours: ChartColours = UNTOLD,
 ) -> Classified:
-    """What the pixels of a picture file stand for, in doubt or not; arguments as `classify_picture`.
+    """Return what the pixels of a picture file stand for, in doubt or not; arguments as `classify_picture`.
 
     Raises:
         ChartError: the file is missing, no picture, damaged, too large, or has no colour and `colours` tells
@@ -261,7 +261,7 @@ def classify_file(
 
 
 def settled(found: Classified, what: str | Path) -> Classified:
-    """A picture's classes where they are not in doubt.
+    """Return a picture's classes where they are not in doubt.
 
     Args:
         found: the classes.

@@ -74,7 +74,7 @@ class Classified:
     warnings: tuple[str, ...] = ()
 
     def listed(self) -> str:
-        """The clusters' colours and shares, the largest first."""
+        """Return the clusters' colours and shares, the largest first."""
         return ", ".join(f"{cluster.colour} {cluster.share:.1%}" for cluster in self.clusters)
 
 
@@ -90,7 +90,7 @@ def classify_picture(
     seed: int = 0,
     colours: ChartColours = UNTOLD,
 ) -> Classified:
-    """What the pixels of a chart picture stand for.
+    """Return what the pixels of a chart picture stand for.
 
     A 3 x 3 median takes out single-pixel noise, k-means is fitted on a random subset of the pixels, every
     pixel goes to its nearest cluster, and clusters are named by `auvplan.ocean.naming.name`. The passability
@@ -217,7 +217,7 @@ def _cluster(
 
 
 def _references(centres: NDArray[np.floating], kinds: NDArray[np.uint8]) -> NDArray[np.integer]:
-    """The clusters from which the colour distance of uncertain pixels counts."""
+    """Return the clusters from which the colour distance of uncertain pixels counts."""
     bluest = int(np.argmax(blueness(centres)))
     water = np.flatnonzero(kinds == WATER)
     return water if water.size and bluest not in water else np.array([bluest])
@@ -229,7 +229,7 @@ def _spread(
     centres: NDArray[np.floating],
     kinds: NDArray[np.uint8],
 ) -> tuple[float, float]:
-    """How far pixels scatter about their clusters (CIELAB, r.m.s.), and how many lie between classes.
+    """Return how far pixels scatter about their clusters (CIELAB, r.m.s.), and how many lie between classes.
 
     A pixel lies between the classes if it is less than twice as far from a cluster of another class as from
     its own.

@@ -50,7 +50,9 @@ class FunctionCurrent:
     steady: bool = False
 
     def fingerprint(self) -> str | None:
-        """What the function does, in words that are the same in every process; None where there are none.
+        """Return what the function does, in words that are the same in every process.
+
+        None where there are none.
 
         They are its byte code and what JAX sees of it at points and in a row of points, with the values of
         all that it takes from around it.
@@ -82,7 +84,7 @@ class FunctionCurrent:
 
 
 def _components(found: Any) -> tuple[Any, Any, Any]:
-    """The three components that a function returned.
+    """Return the three components that a function returned.
 
     Raises:
         ValueError: there are more, fewer or none.
@@ -136,7 +138,7 @@ def _code_words(code: CodeType) -> str:
 
 
 def _constants(seen: Any) -> Iterator[np.ndarray]:
-    """Values that a traced function, and those traced within it, take from around them."""
+    """Yield values that a traced function, and those traced within it, take from around them."""
     for value in getattr(seen, "consts", ()):
         yield np.asarray(value)
     for equation in getattr(seen, "jaxpr", seen).eqns:
@@ -152,7 +154,10 @@ def _constants(seen: Any) -> Iterator[np.ndarray]:
 def evaluated(
     current: Current, x: ArrayLike, y: ArrayLike, z: ArrayLike, t: ArrayLike
 ) -> tuple[NDArray[np.float64], ...]:
-    """A current at places and times, in one compiled program: for use on the host, where arrays are large."""
+    """Return a current at places and times, in one compiled program.
+
+    For use on the host, where arrays are large.
+    """
     found = elementwise(partial(_evaluated, current), x, y, z, t, together=_POINTS)
     return tuple(np.asarray(component, float) for component in found)
 
@@ -198,7 +203,7 @@ class SumCurrent:
 
     @property
     def gradual(self) -> bool:
-        return all(is_steady(part) or is_gradual(part) for part in self._parts)
+        return all(is_steady(part) or is_quasi_steady(part) for part in self._parts)
 
     @property
     def _parts(self) -> tuple[Current, ...]:
@@ -210,13 +215,13 @@ class SumCurrent:
         return u, v, w
 
 
-def divided(current: Current) -> tuple[Current | None, Current | None]:
-    """What vehicles share of a current, and what is each one's own, as batched worlds have it."""
+def partition(current: Current) -> tuple[Current | None, Current | None]:
+    """Return what vehicles share of a current, and what is each one's own, as batched worlds have it."""
     return (current.shared, current.own) if isinstance(current, SumCurrent) else (None, current)
 
 
-def united(shared: Current | None, own: Current | None) -> Current:
-    """The current whose parts `divided` gave."""
+def combine(shared: Current | None, own: Current | None) -> Current:
+    """Return the current whose parts `partition` gave."""
     if shared is not None:
         return SumCurrent(shared, own)
     assert own is not None
@@ -245,10 +250,10 @@ def as_current(current: object) -> Current:
 
 
 def is_steady(current: Current) -> bool:
-    """Whether the current is known not to depend on time."""
+    """Return whether the current is known not to depend on time."""
     return bool(getattr(current, "steady", False))
 
 
-def is_gradual(current: Current) -> bool:
-    """Whether the current changes in time, but little in the time that paths of one leg differ by."""
+def is_quasi_steady(current: Current) -> bool:
+    """Return whether the current changes in time, but little in the time that paths of one leg differ by."""
     return bool(getattr(current, "gradual", False)) and not is_steady(current)

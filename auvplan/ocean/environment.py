@@ -10,10 +10,10 @@ from auvplan.ocean.chart import Chart
 from auvplan.ocean.currents import Current, as_current
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.ocean.seabed import Seabed
-from auvplan.pytree import rebuilt_as_is
+from auvplan.pytree import register_without_init
 
 
-@rebuilt_as_is("current", "chart", "obstacles", "lower", "upper", "seabed")
+@register_without_init("current", "chart", "obstacles", "lower", "upper", "seabed")
 @dataclass(frozen=True)
 class Environment:
     """What a planner believes of the sea.

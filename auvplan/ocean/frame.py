@@ -14,7 +14,7 @@ _EDGE = 1000  # longest edge at which outlines are looked at, pixels
 
 
 def find_frame(rgb: NDArray[np.uint8], blank: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], str]:
-    """The frame of uniform black or white around what a picture shows.
+    """Return the frame of uniform black or white around what a picture shows.
 
     White and black may be tones of the chart as well, of deep water above all. So they are a frame only where
     they reach the picture's edge and what they leave is one piece with straight sides.
@@ -36,7 +36,7 @@ def find_frame(rgb: NDArray[np.uint8], blank: NDArray[np.bool_]) -> tuple[NDArra
 
 
 def joined(area: NDArray[np.bool_], seeds: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """The connected parts of an area that hold a pixel of the seeds."""
+    """Return the connected parts of an area that hold a pixel of the seeds."""
     parts, count = _labelled(area)
     held = np.zeros(count + 1, bool)
     held[parts[seeds]] = True
@@ -45,13 +45,16 @@ def joined(area: NDArray[np.bool_], seeds: NDArray[np.bool_]) -> NDArray[np.bool
 
 
 def surround(rgb: NDArray[np.uint8]) -> str:
-    """The shade, black or white, of all four sides of a picture; empty where they have another or several."""
+    """Return the shade, black or white, of all four sides of a picture.
+
+    Empty where they have another or several.
+    """
     sides = np.concatenate([rgb[0], rgb[-1], rgb[:, 0], rgb[:, -1]])
     return next((shade for shade, uniform in _shades(sides) if uniform.mean() > 0.99), "")
 
 
 def _straight(content: NDArray[np.bool_]) -> bool:
-    """Whether an area is one piece, but for specks, with few and straight sides."""
+    """Return whether an area is one piece, but for specks, with few and straight sides."""
     step = max(max(content.shape) // _EDGE, 1)
     parts, count = _labelled(content[::step, ::step])
     if count == 0:
@@ -68,7 +71,7 @@ def _straight(content: NDArray[np.bool_]) -> bool:
 
 
 def _shades(rgb: NDArray[np.uint8]) -> tuple[tuple[str, NDArray[np.bool_]], ...]:
-    """Which of some pixels are black, and which are white."""
+    """Return which of some pixels are black, and which are white."""
     black, white = rgb.max(axis=-1) <= _TOLERANCE, rgb.min(axis=-1) >= 255 - _TOLERANCE
     return ("black", np.asarray(black)), ("white", np.asarray(white))
 

@@ -13,7 +13,7 @@ from scipy import ndimage
 from auvplan.errors import AuvplanError
 from auvplan.ocean.currents import Velocity
 from auvplan.ocean.interpolation import interpolated
-from auvplan.pytree import rebuilt_as_is
+from auvplan.pytree import register_without_init
 
 #: Times that are off even ones by less than this share of a step are even.
 _EVEN = 1e-4
@@ -25,7 +25,7 @@ class CurrentError(AuvplanError):
     """A current that cannot be read or used; the message is one line that names what is wrong."""
 
 
-@rebuilt_as_is("u", "v", "w", "water", "origin", "spacing", "depths", "times", "step")
+@register_without_init("u", "v", "w", "water", "origin", "spacing", "depths", "times", "step")
 @dataclass(frozen=True)
 class GriddedCurrent:
     """A current on a grid of even metres north and east, rising depths and rising times.
@@ -67,7 +67,7 @@ class GriddedCurrent:
         depths: ArrayLike = (0.0,),
         times: ArrayLike = (0.0,),
     ) -> Self:
-        """A current from its values at the nodes.
+        """Return a current from its values at the nodes.
 
         Args:
             u, v, w: [T, Z, X, Y] m/s north, east, down; X counts north, Y east. NaN where there is no water;
@@ -124,7 +124,10 @@ class GriddedCurrent:
         return float(np.sqrt(np.where(np.asarray(self.water), squared, 0.0).max()))
 
     def covers(self, x: ArrayLike, y: ArrayLike, t: ArrayLike) -> NDArray[np.bool_]:
-        """Whether places and times lie within the grid, in NumPy; a steady current holds at all times."""
+        """Return whether places and times lie within the grid, in NumPy.
+
+        A steady current holds at all times.
+        """
         first = np.asarray(self.origin)
         last = first + np.asarray(self.spacing) * (np.asarray(self.u.shape[-2:]) - 1)
         slack = 1e-3 * np.asarray(self.spacing)
@@ -138,7 +141,7 @@ class GriddedCurrent:
         return inside
 
     def window(self, first: float, last: float) -> Self:
-        """The same current at the times that a mission from `first` to `last` [s] meets.
+        """Return the same current at the times that a mission from `first` to `last` [s] meets.
 
         Where times are even, their number follows from the length of the mission alone: one program serves
         all departures. What follows on `last` holds on.

@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 
 from auvplan.compiled import compiled
-from auvplan.tangents import fixed, instantiated
+from auvplan.tangents import instantiated, is_symbolic_zero
 
 #: Up to so many uneven nodes all are compared with, which beats a search; more would only make code longer.
 _FEW = 48
@@ -19,19 +19,19 @@ _Places = tuple[jax.Array, ...]
 
 @jax.custom_jvp
 def _interpolated(fields: tuple[jax.Array, ...], axes: tuple, places: _Places) -> tuple[jax.Array, ...]:
-    """Each of the fields [T, Z, X, Y] at N places, linear between nodes."""
+    """Return each of the fields [T, Z, X, Y] at N places, linear between nodes."""
     return _apart(lambda: tuple(value for value, _ in _with_slopes(fields, axes, places)), axes)
 
 
 @partial(_interpolated.defjvp, symbolic_zeros=True)
 def _interpolated_jvp(primals: tuple, tangents: tuple) -> tuple[tuple, tuple]:
-    """The slopes come from the corners that the value is from: nothing is looked up twice."""
-    if not fixed(tangents[:2]):
+    """Take the slopes from the corners that the value is from: nothing is looked up twice."""
+    if not is_symbolic_zero(tangents[:2]):
         return jax.jvp(_interpolated.__wrapped__, primals, instantiated(tangents, primals))
     moves = tangents[2]
     values, changes = [], []
     for value, slopes in _apart(
-        lambda: _with_slopes(*primals, wanted=[not fixed(move) for move in moves]), primals[1]
+        lambda: _with_slopes(*primals, wanted=[not is_symbolic_zero(move) for move in moves]), primals[1]
     ):
         terms = [slope * move for slope, move in zip(slopes, moves, strict=True) if slope is not None]
         values.append(value)
@@ -60,7 +60,7 @@ def _with_slopes(
 
 
 def _apart(look_up: Callable[[], Any], axes: tuple) -> Any:
-    """What `look_up` finds, stored before it is used; not a number where the spacing is not positive.
+    """Return what `look_up` finds, stored before it is used; not a number where the spacing is not positive.
 
     XLA on a CPU fuses operations into every expression that uses their results, and would look the corners up
     again for each. It fuses nothing across a branch, so here is one that is always taken.
@@ -76,7 +76,10 @@ def _apart(look_up: Callable[[], Any], axes: tuple) -> Any:
 
 @jax.custom_batching.custom_vmap
 def _positive(spacing: jax.Array) -> jax.Array:
-    """Whether all of a spacing is positive: one answer for a batch, or JAX would compute both branches."""
+    """Return whether all of a spacing is positive.
+
+    One answer for a batch, or JAX would compute both branches.
+    """
     return jnp.min(spacing) > 0.0
 
 
@@ -138,7 +141,7 @@ def _cell_between(place: jax.Array, nodes: jax.Array) -> tuple[jax.Array, Any, A
 
 
 def _corners(field: jax.Array, corner: jax.Array) -> list[jax.Array]:
-    """Values at the corners of each place's cell, [N] each, time first and east last, low before high.
+    """Return values at the corners of each place's cell, [N] each, time first and east last, low before high.
 
     An axis with one node has one corner.
     """

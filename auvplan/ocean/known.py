@@ -38,7 +38,7 @@ class KnownObstacle:
         return self.velocity != (0.0, 0.0)
 
     def after(self, seconds: float) -> "KnownObstacle":
-        """The same obstacle for an epoch that is later by so many seconds."""
+        """Return the same obstacle for an epoch that is later by so many seconds."""
         north, east = (p + v * seconds for p, v in zip(self.position, self.velocity, strict=True))
         return replace(self, position=(north, east))
 

@@ -78,7 +78,7 @@ class Naming:
 
 
 def name_clusters(lab: NDArray[np.floating]) -> NDArray[np.uint8]:
-    """The class of each cluster, from the colour of its centre alone.
+    """Return the class of each cluster, from the colour of its centre alone.
 
     The bluest cluster is water, if it is blue at all, and so are the sea tones that are not far less blue.
     Sea tones (cyan to violet hues) that are much less blue, so pale or greenish, are uncertain. Everything
@@ -142,7 +142,7 @@ def _is_sea(lab: NDArray[np.floating]) -> NDArray[np.bool_]:
 
 
 def _propose(lab: NDArray[np.floating], labels: NDArray[np.integer]) -> Naming:
-    """What the rules make of clusters, and where they are in doubt."""
+    """Return what the rules make of clusters, and where they are in doubt."""
     step = max(max(labels.shape) // _EDGE, 1)
     labels = labels[::step, ::step]
     share = np.bincount(labels[labels >= 0], minlength=len(lab)) / max((labels >= 0).sum(), 1)
@@ -212,18 +212,18 @@ def _odd_shape(
 
 
 def _narrow(area: NDArray[np.bool_]) -> bool:
-    """Whether an area is nowhere wide."""
+    """Return whether an area is nowhere wide."""
     width = np.asarray(ndimage.distance_transform_edt(area)).max()
     return bool(not area.all() and width < _FRINGE * max(area.shape))
 
 
 def _spread_of(lab: NDArray) -> float:
-    """The greatest distance between colours [n, 3]."""
+    """Return the greatest distance between colours [n, 3]."""
     return float(np.linalg.norm(lab[:, None] - lab, axis=-1).max(initial=0.0))
 
 
 def _inside(area: NDArray[np.bool_], labels: NDArray[np.integer]) -> float:
-    """Share of a picture in the parts of an area that reach neither its edge nor a line along it."""
+    """Return share of a picture in the parts of an area that reach neither its edge nor a line along it."""
     shown = np.pad(labels >= 0, 1)
     reach = max(_RIM * max(labels.shape), 1.0)
     brink = ndimage.distance_transform_edt(shown)[1:-1, 1:-1] <= reach  # type: ignore[index]

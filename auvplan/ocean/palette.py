@@ -48,7 +48,7 @@ class ChartColours:
         return bool(self.water and self.land)
 
     def listed(self) -> tuple[tuple[str, ...], NDArray[np.uint8]]:
-        """All colours, and the class of each: 0 coast, 1 uncertain, 2 water."""
+        """Return all colours, and the class of each: 0 coast, 1 uncertain, 2 water."""
         groups = self.land, self.uncertain, self.water
         kinds = [np.full(len(group), kind, np.uint8) for kind, group in enumerate(groups)]
         return tuple(colour for group in groups for colour in group), np.concatenate(kinds)
@@ -59,7 +59,7 @@ UNTOLD = ChartColours()
 
 
 def as_hex(colour: str) -> str:
-    """A colour as #rrggbb.
+    """Return a colour as #rrggbb.
 
     Args:
         colour: whatever Pillow knows: a CSS name, #rgb, #rrggbb, rgb(...), hsl(...).
@@ -79,7 +79,7 @@ def as_hex(colour: str) -> str:
 
 
 def to_hex(rgb: NDArray) -> str:
-    """An RGB colour, [3] in 0..255, as #rrggbb."""
+    """Return an RGB colour, [3] in 0..255, as #rrggbb."""
     red, green, blue = np.clip(np.rint(rgb), 0, 255).astype(int)
     return f"#{red:02x}{green:02x}{blue:02x}"
 
@@ -113,7 +113,7 @@ def to_lab(rgb: NDArray[np.uint8]) -> NDArray[np.float32]:
 
 
 def to_rgb(lab: NDArray[np.floating]) -> NDArray[np.uint8]:
-    """The nearest sRGB colours of CIELAB (D65) ones, [..., 3]: the inverse of `to_lab`."""
+    """Return the nearest sRGB colours of CIELAB (D65) ones, [..., 3]: the inverse of `to_lab`."""
     y = (lab[..., 0] + 16.0) / 116.0
     f = np.stack([y + lab[..., 1] / 500.0, y, y - lab[..., 2] / 200.0], axis=-1)
     xyz = np.where(f**3 > 0.008856, f**3, (f - 16.0 / 116.0) / 7.787)
@@ -128,7 +128,9 @@ def hue_and_chroma(lab: NDArray[np.floating]) -> tuple[NDArray[np.floating], NDA
 
 
 def blueness(lab: NDArray[np.floating]) -> NDArray[np.floating]:
-    """How blue a colour is, in [-1, 1]: ``-b / |(L, a, b)|``; 0 for greys, dark blue as much as bright.
+    """Return how blue a colour is, in [-1, 1]: ``-b / |(L, a, b)|``.
+
+    0 for greys, dark blue as much as bright.
 
     Args:
         lab: CIELAB colours, [..., 3].

@@ -79,7 +79,7 @@ class Seabed:
         clearance: float = 5.0,
         reach: float | None = None,
     ) -> Self:
-        """A sea bed from depths at pixel centres.
+        """Return a sea bed from depths at pixel centres.
 
         Windows count whole pixels, so coarse pixels are divided into finer ones; the interpolated depth stays
         what it is.
@@ -165,7 +165,7 @@ class Seabed:
         return depth - places[..., 2]
 
     def shallowest_at(self, x: ArrayLike, y: ArrayLike, length: ArrayLike | None = None) -> jax.Array:
-        """A depth that the sea bed has nowhere less of within half a length around; differentiable.
+        """Return a depth that the sea bed has nowhere less of within half a length around; differentiable.
 
         Args:
             x: north, m; any shape that broadcasts with `y` and `length`.
@@ -196,7 +196,7 @@ def _parts(shape: tuple[int, ...], size: float) -> int:
 
 
 def _divided(raster: NDArray[np.floating], parts: int) -> NDArray[np.floating]:
-    """The raster on finer pixels, whose bilinear interpolation is the same."""
+    """Return the raster on finer pixels, whose bilinear interpolation is the same."""
     for axis in (0, 1):
         count = raster.shape[axis]
         place = np.clip((np.arange(count * parts) + 0.5) / parts - 0.5, 0.0, count - 1.0)
@@ -233,7 +233,7 @@ def _shallowest(raster: NDArray[np.floating], reaches: NDArray[np.floating]) -> 
 
 
 def _least(raster: NDArray[np.floating], axes: tuple[int, ...]) -> NDArray[np.floating]:
-    """The least of each pixel and its neighbours along some axes."""
+    """Return the least of each pixel and its neighbours along some axes."""
     least = raster.copy()
     for axis in axes:
         low, high = (slice(None),) * axis + (slice(None, -1),), (slice(None),) * axis + (slice(1, None),)

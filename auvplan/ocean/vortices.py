@@ -15,8 +15,8 @@ from auvplan.compiled import compiled
 from auvplan.ocean.currents import Velocity
 from auvplan.ocean.exponential import exponential
 from auvplan.prng import as_key
-from auvplan.pytree import rebuilt_as_is
-from auvplan.tangents import fixed, instantiated
+from auvplan.pytree import register_without_init
+from auvplan.tangents import instantiated, is_symbolic_zero
 
 #: Peak of (1 - exp(-s^2)) / s over s, reached at s = 1.1209: where a Lamb-Oseen vortex turns fastest.
 _LAMB_PEAK = 0.63817
@@ -26,7 +26,7 @@ _LAMB_PEAK = 0.63817
 _UNROLL = 4
 
 
-@rebuilt_as_is("centers", "strength", "radius", "depths", "vertical_scale", "uniform")
+@register_without_init("centers", "strength", "radius", "depths", "vertical_scale", "uniform")
 @dataclass(frozen=True)
 class LambVortices:
     """Layers of Lamb-Oseen vortices, their fields added up and interpolated linearly in depth (Eq. 1).
@@ -95,7 +95,7 @@ class LambVortices:
         return [1.0 - below[0], *(below[k - 1] - below[k] for k in range(1, layers - 1)), below[-1]]
 
     def padded(self, capacity: int) -> "LambVortices":
-        """The same field with so many vortices in each layer, the others of no strength.
+        """Return the same field with so many vortices in each layer, the others of no strength.
 
         Fields share one shape so; leaves may have leading axes.
 
@@ -113,7 +113,7 @@ class LambVortices:
         return tree.unflatten([centers, strength, radius, *others])
 
     def first(self, count: int) -> "LambVortices":
-        """The first vortices of each layer; leaves may have leading axes."""
+        """Return the first vortices of each layer; leaves may have leading axes."""
         return replace(
             self,
             centers=self.centers[..., :count, :],
@@ -122,7 +122,7 @@ class LambVortices:
         )
 
     def scaled(self, factor: ArrayLike) -> "LambVortices":
-        """The same vortices, `factor` times as strong."""
+        """Return the same vortices, `factor` times as strong."""
         return replace(self, strength=self.strength * factor)
 
 
@@ -146,9 +146,9 @@ def _layer(x: jax.Array, y: jax.Array, vortices: _Vortices, gamma: jax.Array) ->
 
 @partial(_layer.defjvp, symbolic_zeros=True)
 def _layer_jvp(primals: tuple, tangents: tuple) -> tuple[Velocity, Velocity]:
-    """Where the points alone move, one loop gives velocity and slopes; nothing is left to a backward loop."""
+    """Compute velocity and slopes in one loop where the points alone move, without a backward one."""
     dx, dy, *others = tangents
-    if not fixed(others):
+    if not is_symbolic_zero(others):
         return jax.jvp(_layer.__wrapped__, primals, instantiated(tangents, primals))
     x, y, vortices, gamma = primals
 
@@ -234,7 +234,7 @@ def random_vortices(
     layer_noise: float = 0.1,
     vertical_scale: float = 0.0,
 ) -> LambVortices:
-    """A random layered field whose fastest water moves at `peak_speed`.
+    """Return a random layered field whose fastest water moves at `peak_speed`.
 
     Each layer is a gentle perturbation of the one above. The whole field is scaled so that the largest speed
     on a 64 x 64 grid of the first layer is `peak_speed`.
@@ -355,5 +355,5 @@ def padded(current: Any) -> Any:
 
 
 def rounded_up(count: int) -> int:
-    """The number that so many vortices or obstacles are padded to."""
+    """Return the number that so many vortices or obstacles are padded to."""
     return -(-count // _UNROLL) * _UNROLL

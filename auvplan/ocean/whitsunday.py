@@ -35,7 +35,10 @@ SITE = Site(*CENTRE, origin=(EXTENT / 2, EXTENT / 2))
 
 
 def classes(size: int = PIXELS) -> NDArray[np.uint8]:
-    """The true classes of the picture, [size, size], row 0 in the north: 0 coast, 1 uncertain, 2 water."""
+    """Return the true classes of the picture, [size, size], row 0 in the north.
+
+    0 coast, 1 uncertain, 2 water.
+    """
     scale = size / EXTENT
     picture = Image.new("L", (size, size), 0)
     draw = ImageDraw.Draw(picture)
@@ -50,7 +53,7 @@ def classes(size: int = PIXELS) -> NDArray[np.uint8]:
 
 
 def render(size: int = PIXELS, seed: int = 0) -> NDArray[np.uint8]:
-    """The chart-like picture, [size, size, 3] RGB, row 0 in the north; the same for the same seed."""
+    """Return the chart-like picture, [size, size, 3] RGB, row 0 in the north; the same for the same seed."""
     rng = np.random.default_rng(seed)
     kinds = classes(size)
     colours = np.asarray([_LAND, _SHOAL, _WATER], float)[kinds]
@@ -62,15 +65,18 @@ def render(size: int = PIXELS, seed: int = 0) -> NDArray[np.uint8]:
 
 @cache
 def whitsunday_chart() -> Chart:
-    """The shipped chart: the picture, clustered as any other (section 2). 1000 x 1000 pixels of 10 m."""
+    """Return the shipped chart: the picture, clustered as any other (section 2).
+
+    1000 x 1000 pixels of 10 m.
+    """
     return jax.device_put(kept("auvplan.ocean.whitsunday", _clustered, _coast()))
 
 
 def _clustered() -> Chart:
-    """The shipped chart, in NumPy."""
+    """Return the shipped chart, in NumPy."""
     return jax.device_get(Chart.from_rgb(render(), pixel_size=EXTENT / PIXELS))
 
 
 def _coast() -> str:
-    """The coast lines, GeoJSON."""
+    """Return the coast lines, GeoJSON."""
     return (files("auvplan") / "data" / "whitsunday_coast.geojson").read_text(encoding="utf-8")

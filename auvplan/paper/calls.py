@@ -55,25 +55,25 @@ def _measure(plain: dict[str, Any], seeds: list[int], settings: dict[str, Any]) 
         jax.config.update(name, value)
     from auvplan.io.scenario_file import validate_scenario
     from auvplan.voyage import seed_keys
-    from auvplan.voyage.executive import embark, make_fleet
+    from auvplan.voyage.executive import embark, make_context
     from auvplan.voyage.legs import begin_legs
     from auvplan.voyage.path_calls import plan_legs
     from auvplan.voyage.records import LegRecord
 
-    fleet = make_fleet(validate_scenario(plain, "calls"), ".")
+    context = make_context(validate_scenario(plain, "calls"), ".")
     times: list[list[float]] = [[], []]
     for key, seed in zip(seed_keys(seeds), seeds, strict=True):
-        mission = embark(fleet, 0, key, seed)
+        mission = embark(context, 0, key, seed)
         places = np.asarray(mission.graph.positions, float)
         away = np.linalg.norm(places - places[0], axis=1)
         nearest = int(np.argmin(np.where(np.asarray(mission.graph.adjacency)[0], away, np.inf)))
-        begin_legs(fleet, [mission], [LegRecord(0, nearest, np.inf, 0.0, 0.0)])
+        begin_legs(context, [mission], [LegRecord(0, nearest, np.inf, 0.0, 0.0)])
         for found, cold in zip(times, (True, False), strict=True):
-            plan_legs(fleet, [mission], ["leg"], cold=cold)  # compiles where nothing has before
+            plan_legs(context, [mission], ["leg"], cold=cold)  # compiles where nothing has before
             took = []
             for _ in range(_REPEATS):
                 begin = time.process_time()
-                plan_legs(fleet, [mission], ["leg"], cold=cold)
+                plan_legs(context, [mission], ["leg"], cold=cold)
                 took.append(time.process_time() - begin)
             found.append(float(np.median(took)))
     return times

@@ -91,7 +91,7 @@ def as_json(claims: Sequence[Claim]) -> list[dict[str, Any]]:
 
 
 def as_markdown(claims: Sequence[Claim]) -> str:
-    """The claims as a table."""
+    """Return the claims as a table."""
     lines = [
         "| claim | where | paper's preset | default | verdict | criterion |",
         "|---|---|---|---|---|---|",
@@ -107,7 +107,7 @@ def _share(met: np.ndarray) -> tuple[int, int]:
 
 
 def _all_or_some(met: np.ndarray) -> bool | None:
-    """Whether all are met; None where at least half are."""
+    """Return whether all are met; None where at least half are."""
     count, size = _share(met)
     return True if size and count == size else (None if size and 2 * count >= size else False)
 
@@ -132,7 +132,7 @@ def _converges(evidence: Evidence) -> _Finding:
 
 
 def no_violation(legs: xr.Dataset) -> np.ndarray:
-    """Whether the population's mean violation falls below `NO_VIOLATION`, [scenarios, seeds]."""
+    """Return whether the population's mean violation falls below `NO_VIOLATION`, [scenarios, seeds]."""
     return np.any(legs["violation_mean"].values < NO_VIOLATION, axis=-1)
 
 

@@ -37,7 +37,7 @@ def draw_paper(legs: Legs, evidence: Evidence, scenario: Scenario, folder: Path)
         legs: runs of the three scenarios.
         evidence: what they and the missions tell.
         scenario: of the missions, one of which is run again for Fig. 15.
-        folder: made where missing.
+        folder: created if needed.
     """
     seed = example_seed(evidence.missions)
     figures: dict[str, Callable[[], Any]] = {

@@ -202,7 +202,7 @@ def rest_of(plan: PlanRecord, position: Array) -> Array:
 
 
 def replan_gain(run: MissionRun) -> float:
-    """Share of the time left that planning anew saves against the old path, mean over re-plans.
+    """Return share of the time left that planning anew saves against the old path, mean over re-plans.
 
     Both paths are timed in the current that the re-plan was made in. NaN without re-plans.
     """
@@ -214,7 +214,7 @@ def replan_gain(run: MissionRun) -> float:
 
 
 def displacement(leg: LegRecord) -> float:
-    """How far the re-plans lead the path aside from what was planned before, m; the largest one."""
+    """Return how far the re-plans lead the path aside from what was planned before, m; the largest one."""
     plans, found = followed_plans(leg), [0.0]
     for old, new in pairwise(plans):
         found.append(float(_away(new.positions, old.positions).max()))
@@ -222,7 +222,7 @@ def displacement(leg: LegRecord) -> float:
 
 
 def _away(places: Array, line: Array) -> Array:
-    """Distance of places [n, 3] m to a line through points [S, 3] m, [n] m."""
+    """Return distance of places [n, 3] m to a line through points [S, 3] m, [n] m."""
     begin, step = line[:-1], np.diff(line, axis=0)
     square = np.maximum((step**2).sum(axis=1), 1e-12)
     share = np.clip(((places[:, None] - begin) * step).sum(axis=2) / square, 0.0, 1.0)

@@ -41,7 +41,7 @@ class Effort:
 
     @classmethod
     def quick(cls, seed: int = 0) -> "Effort":
-        """A few of each, for a first look; shares and intervals are coarse."""
+        """Return a few of each, for a first look; shares and intervals are coarse."""
         return cls(6, 3, 8, seed)
 
 
@@ -54,7 +54,7 @@ def reproduce(
     `missions-PRESET`. A study that was broken off is continued.
 
     Args:
-        out: folder, made where missing.
+        out: folder, created if needed.
         effort: how much is run.
         progress: called as the work goes on.
 

@@ -18,7 +18,7 @@ from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.path.config import PathConfig
 from auvplan.path.kinematics import TINY, Axes, inner, norm
-from auvplan.tangents import fixed, instantiated
+from auvplan.tangents import instantiated, is_symbolic_zero
 
 #: m, to what is not there.
 FAR = 1e6
@@ -68,7 +68,7 @@ def _between(first: jax.Array, last: jax.Array, gap: jax.Array) -> jax.Array:
 
 @_between.defjvp
 def _between_jvp(primals: Axes, tangents: Axes) -> tuple[jax.Array, jax.Array]:
-    """The slopes are planes of their own: the compiler would work them out anew for every shifted use."""
+    """Keep the slopes as planes of their own: the compiler would work them out anew for every shifted use."""
     value, *slopes = _between_with_slopes(*primals)
     terms = [slope * tangent for slope, tangent in zip(slopes, tangents, strict=True)]
     return value, terms[0] + terms[1] + terms[2]
@@ -149,7 +149,7 @@ def _nearest(obstacles: Obstacles, boundary: jax.Array, segments: Segments) -> j
 def _nearest_jvp(primals: tuple, tangents: tuple) -> tuple[jax.Array, jax.Array]:
     """Only the nearest obstacle of each segment counts, and at its nearest only where and when that is."""
     *of_spheres, moved = tangents
-    if not fixed(of_spheres):
+    if not is_symbolic_zero(of_spheres):
         return jax.jvp(_nearest.__wrapped__, primals, instantiated(tangents, primals))
     obstacles, boundary, segments = primals
 

@@ -156,7 +156,7 @@ class PathConfig:
 
     @classmethod
     def quick(cls) -> Self:
-        """A fifth of the effort, for legs that are planned anew several times on the way."""
+        """Return a fifth of the effort, for legs that are planned anew several times on the way."""
         return cls(
             bbo=cls().bbo.replace(population=32, iterations=8),
             control_points=8,
@@ -173,15 +173,17 @@ class PathConfig:
 
     @classmethod
     def plain(cls) -> Self:
-        """The search alone, with a hundred iterations: neither passages nor gradients."""
+        """Return the search alone, with a hundred iterations: neither passages nor gradients."""
         return cls(bbo=cls().bbo.replace(iterations=100), passages=0, passage_steps=0, refine_steps=0)
 
     def replace(self, **changes: Any) -> Self:
-        """A copy with some settings changed."""
+        """Return a copy with some settings changed."""
         return replace(self, **changes)
 
     def only(self, *names: str) -> Self:
-        """The settings that the form of a path's cost depends on and those named; the others are defaults.
+        """Return the settings that the form of a path's cost depends on and those named.
+
+        The others are defaults.
 
         Programs that are compiled for it serve all settings that agree in these; margins and price are
         numbers that they are given.
@@ -202,7 +204,7 @@ class PathConfig:
         )
 
     def window(self) -> Self:
-        """The settings of a window: its share of the iterations (3.2.2), and half the passages."""
+        """Return the settings of a window: its share of the iterations (3.2.2), and half the passages."""
         return self.replace(
             bbo=self.bbo.replace(iterations=max(1, self.bbo.iterations // self.t_series)),
             passages=-(-self.passages // 2),

@@ -64,7 +64,7 @@ SOFTNESS = 0.01
     meta_fields=(),
 )
 @dataclass(frozen=True)
-class Flight:
+class Trajectory:
     """P paths followed from end to end.
 
     Attributes:
@@ -120,7 +120,7 @@ class Track:
 
     @classmethod
     def through(cls, x: jax.Array, y: jax.Array, z: jax.Array) -> "Track":
-        """The track through positions [S, P] m."""
+        """Return the track through positions [S, P] m."""
         return cls((x, y, z), (jnp.diff(x, axis=0), jnp.diff(y, axis=0), jnp.diff(z, axis=0)))
 
 
@@ -147,7 +147,9 @@ def curves(habitats: jax.Array, start: jax.Array, goal: jax.Array, config: PathC
     return Track(places, (product(between, x), product(between, y), product(between, z)))
 
 
-def fly(track: Track, depart: jax.Array, env: Environment, vehicle: Vehicle, config: PathConfig) -> Flight:
+def evaluate(
+    track: Track, depart: jax.Array, env: Environment, vehicle: Vehicle, config: PathConfig
+) -> Trajectory:
     """Follow sampled paths through current, obstacles and chart, over the sea bed.
 
     Args:
@@ -188,7 +190,7 @@ def fly(track: Track, depart: jax.Array, env: Environment, vehicle: Vehicle, con
         _too_low(altitude, env, 0.0),
     )
     length = gap.sum(axis=0)
-    return Flight(x, y, z, times, length, water, excess, coast_clear, obstacle_clear, altitude, price)
+    return Trajectory(x, y, z, times, length, water, excess, coast_clear, obstacle_clear, altitude, price)
 
 
 def _beyond(value: jax.Array, limit: jax.typing.ArrayLike) -> jax.Array:
@@ -208,15 +210,17 @@ def _too_low(altitude: jax.Array, env: Environment, margin: float) -> jax.Array:
     return jnp.maximum(env.seabed.clearance + margin - altitude, 0.0) / ALTITUDE_SCALE
 
 
-def judged_within(flight: Flight, env: Environment, vehicle: Vehicle, config: PathConfig) -> Flight:
-    """A flight whose limits on speed, current across and way made hold within segments too.
+def judged_within(
+    trajectory: Trajectory, env: Environment, vehicle: Vehicle, config: PathConfig
+) -> Trajectory:
+    """Return a trajectory whose limits on speed, current across and way made hold within segments too.
 
-    `fly` meets the current in the middle of each segment. Here it is looked up at the shares `JUDGED_AT` of
-    them as well; an excess there counts where it is greater than `_WITHIN`.
+    `evaluate` meets the current in the middle of each segment. Here it is looked up at the shares `JUDGED_AT`
+    of them as well; an excess there counts where it is greater than `_WITHIN`.
     """
-    ends = flight.x, flight.y, flight.z
+    ends = trajectory.x, trajectory.y, trajectory.z
     way = tuple(jnp.diff(axis, axis=0) for axis in ends)
-    gap, begin, lasts = norm(*way), flight.times[:-1], jnp.diff(flight.times, axis=0)
+    gap, begin, lasts = norm(*way), trajectory.times[:-1], jnp.diff(trajectory.times, axis=0)
 
     def at(share: float) -> tuple[jax.Array, ...]:
         place = (axis[:-1] + share * step for axis, step in zip(ends, way, strict=True))
@@ -232,18 +236,18 @@ def judged_within(flight: Flight, env: Environment, vehicle: Vehicle, config: Pa
         "sway": _beyond(across, vehicle.sway_max),
         "current": shortfall,
     }
-    shape = (len(JUDGED_AT), *flight.excess[0].shape)
+    shape = (len(JUDGED_AT), *trajectory.excess[0].shape)
     most = {
         name: jnp.where(plane > _WITHIN, plane, 0.0).reshape(shape).max(axis=0)
         for name, plane in within.items()
     }
-    both = zip(VIOLATIONS, flight.excess, strict=True)
-    return replace(flight, excess=tuple(jnp.maximum(plane, most.get(name, 0.0)) for name, plane in both))
+    both = zip(VIOLATIONS, trajectory.excess, strict=True)
+    return replace(trajectory, excess=tuple(jnp.maximum(plane, most.get(name, 0.0)) for name, plane in both))
 
 
-def violations(flight: Flight) -> jax.Array:
+def violations(trajectory: Trajectory) -> jax.Array:
     """Mean excess over the path of each limit in `VIOLATIONS`, [V, P]; zero means kept everywhere."""
-    return jnp.stack([plane.mean(axis=0) for plane in flight.excess])
+    return jnp.stack([plane.mean(axis=0) for plane in trajectory.excess])
 
 
 def score(
@@ -277,7 +281,7 @@ def score(
 
     def few(habitats: jax.Array) -> tuple[jax.Array, jax.Array]:
         track = curves(habitats, start, goal, config)
-        return _cost(fly(track, depart, env, vehicle, config), straight, config)
+        return _cost(evaluate(track, depart, env, vehicle, config), straight, config)
 
     paths = habitats.shape[0]
     if paths <= _TOGETHER or jax.default_backend() != "cpu":
@@ -288,7 +292,7 @@ def score(
     return jax.tree.map(lambda part: part.reshape(-1)[:paths], scored)
 
 
-def guide(
+def soft_objective(
     habitats: jax.Array,
     start: jax.Array,
     goal: jax.Array,
@@ -298,32 +302,32 @@ def guide(
     config: PathConfig,
     softness: jax.typing.ArrayLike = SOFTNESS,
 ) -> tuple[jax.Array, tuple[jax.Array, jax.Array]]:
-    """What a polish descends on, and the cost that judges its steps.
+    """Return what a polish descends on, and the cost that judges its steps.
 
     Arguments as `score`, and the share of the penalties' weights to charge.
 
-    The weights of the cost are so stiff that a descent jumps to and fro at every limit that it meets. The
-    guide has soft weights, and margins a little wider, so that it settles just inside what the cost allows.
+    The weights of the cost are so stiff that a descent jumps to and fro at every limit that it meets. This
+    one has soft weights, and margins a little wider, so that it settles just inside what the cost allows.
 
     Returns:
-        ``(guide [P] s, (cost [P] s, violation [P]))``.
+        ``(objective [P] s, (cost [P] s, violation [P]))``.
     """
     track = curves(habitats, start, goal, config)
-    flight = fly(track, depart, env, vehicle, config)
+    trajectory = evaluate(track, depart, env, vehicle, config)
     straight = _straight_time(start, goal, vehicle)
     near = (
-        _too_near(flight.coast, config.coast_margin + GUIDE_MARGIN),
-        _too_near(flight.obstacles, config.obstacle_margin + GUIDE_MARGIN),
+        _too_near(trajectory.coast, config.coast_margin + GUIDE_MARGIN),
+        _too_near(trajectory.obstacles, config.obstacle_margin + GUIDE_MARGIN),
     )
-    low = _too_low(flight.altitude, env, GUIDE_MARGIN)
-    wider = (*flight.excess[:_COAST], *near, *flight.excess[_COAST + 2 : -1], low)
+    low = _too_low(trajectory.altitude, env, GUIDE_MARGIN)
+    wider = (*trajectory.excess[:_COAST], *near, *trajectory.excess[_COAST + 2 : -1], low)
     soft = softness * straight * _penalty(wider, config)
-    return flight.travel_time + flight.price + soft, _cost(flight, straight, config)
+    return trajectory.travel_time + trajectory.price + soft, _cost(trajectory, straight, config)
 
 
-def _cost(flight: Flight, straight: jax.Array, config: PathConfig) -> tuple[jax.Array, jax.Array]:
-    cost = flight.travel_time + flight.price + straight * _penalty(flight.excess, config)
-    return cost, reduce(jnp.add, flight.excess).mean(axis=0)
+def _cost(trajectory: Trajectory, straight: jax.Array, config: PathConfig) -> tuple[jax.Array, jax.Array]:
+    cost = trajectory.travel_time + trajectory.price + straight * _penalty(trajectory.excess, config)
+    return cost, reduce(jnp.add, trajectory.excess).mean(axis=0)
 
 
 def _penalty(excess: tuple[jax.Array, ...], config: PathConfig) -> jax.Array:

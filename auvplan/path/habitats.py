@@ -60,7 +60,7 @@ def initial(
     config: PathConfig,
     env: Environment | None = None,
 ) -> jax.Array:
-    """A first population of `count` habitats, [count, 3 n] m.
+    """Return a first population of `count` habitats, [count, 3 n] m.
 
     "uniform" draws every control point within its bounds; "smooth" is the straight line and detours of a few
     bends, of all sizes up to the bounds and to both sides. Where the world has a sea bed they rise over its
@@ -81,10 +81,10 @@ def initial(
         offset = size * (amplitude @ jnp.asarray(shape, lower.dtype)) * scale
         population = (line + offset.reshape(count, 3 * free)).at[0].set(line)
     population = jnp.clip(population, lower, upper)
-    return population if env is None else risen(population, start, goal, env)
+    return population if env is None else raise_above_seabed(population, start, goal, env)
 
 
-def risen(habitats: jax.Array, start: jax.Array, goal: jax.Array, env: Environment) -> jax.Array:
+def raise_above_seabed(habitats: jax.Array, start: jax.Array, goal: jax.Array, env: Environment) -> jax.Array:
     """Habitats [P, 3 n] m whose control points rise to the clearance above the sea bed around them.
 
     What lies within the way to the next control point counts, since the curve passes between them.

@@ -12,7 +12,7 @@ from auvplan.ocean.currents import Current
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.path.config import PathConfig
-from auvplan.path.cost import Track, fly
+from auvplan.path.cost import Track, evaluate
 from auvplan.path.plan import PathPlan
 from auvplan.vehicle import Vehicle
 
@@ -64,5 +64,5 @@ def _sailed(
     """Times [S] s at the samples, and excess [V, S - 1] of each segment over each limit."""
     track = Track.through(*(positions[:, axis, None] for axis in range(3)))
     bare = Environment(current, None, Obstacles.none(), positions.min(axis=0), positions.max(axis=0))
-    flight = fly(track, depart, bare, vehicle, config)
-    return flight.times[:, 0], jnp.stack(flight.excess)[:, :, 0]
+    trajectory = evaluate(track, depart, bare, vehicle, config)
+    return trajectory.times[:, 0], jnp.stack(trajectory.excess)[:, :, 0]

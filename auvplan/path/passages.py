@@ -25,7 +25,7 @@ from auvplan.path.bspline import fit_matrix
 from auvplan.path.clearance import distance_to_land, obstacle_clearance
 from auvplan.path.config import PathConfig
 from auvplan.path.cost import ALTITUDE_SCALE
-from auvplan.path.habitats import deepest, risen, straight_line
+from auvplan.path.habitats import deepest, raise_above_seabed, straight_line
 from auvplan.path.kinematics import Axes
 from auvplan.vehicle import Vehicle, along_track
 
@@ -44,7 +44,7 @@ _ON_THE_WAY = (0.25, 0.5, 0.75)
 _ROOM = 0.75
 
 #: A move that breaks a limit costs this many times its own time for each unit of excess.
-_DETERRENT = 30.0
+_PENALTY_WEIGHT = 30.0
 
 #: A move that comes too near to something costs so many times the straight line's time besides: a wall is
 #: passed round even where it is thin, as long as there is a way round it.
@@ -148,7 +148,10 @@ def trace_passages(
     traced = fine.traced(count)
     closed = jnp.where((traced.broken == 2.0).all(), fine.spacing.max(), 0.0)
     known = jnp.where(traced.broken[0] == 0.0, traced.times[0], jnp.inf)
-    habitats = (risen(_fitted(traced, start, goal, own), start, goal, env) for own in (config, config.fine()))
+    habitats = (
+        raise_above_seabed(_fitted(traced, start, goal, own), start, goal, env)
+        for own in (config, config.fine())
+    )
     return *habitats, traced.times, closed, known
 
 
@@ -224,7 +227,7 @@ class _Grid:
         vehicle: Vehicle,
         config: PathConfig,
     ) -> "_Grid":
-        """The grid of [cells, cells] between two corners; `arrivals` as `_straight_times`."""
+        """Return the grid of [cells, cells] between two corners; `arrivals` as `_straight_times`."""
         spacing = (high - low) / cells
         probes = (jnp.arange(_PROBES * cells) + 0.5) / _PROBES
         lattice = jnp.meshgrid(low[0] + spacing[0] * probes, low[1] + spacing[1] * probes, indexing="ij")
@@ -303,7 +306,7 @@ class _Grid:
         return fields[0], fields[1]
 
     def traced(self, count: int) -> _Traced:
-        """The best paths through `count` passages."""
+        """Return the best paths through `count` passages."""
         fields = self.fields()
         total = fields[0] + fields[1]
         nearer, broken = self._previous(jnp.stack(fields))
@@ -383,7 +386,7 @@ def _clearance(
 
 
 def _clearest(room: jax.Array, enough: jax.Array) -> Callable[[jax.Array], jax.Array]:
-    """What picks, from planes of probes [3 N, 3 N], the clearest place of every cell, [N, N].
+    """Return what picks, from planes of probes [3 N, 3 N], the clearest place of every cell, [N, N].
 
     The middle of a cell is taken where it is clear enough.
     """
@@ -430,7 +433,7 @@ def _move_times(
     padded = [jnp.pad(plane, _REACH) for plane in (jnp.ones_like(x), *planes)]
 
     def began(a: jax.Array, b: jax.Array) -> list[jax.Array]:
-        """The planes where the move (a, b) that ends in each cell began; zeros off the grid."""
+        """Return the planes where the move (a, b) that ends in each cell began; zeros off the grid."""
         parts = [jax.lax.dynamic_slice(plane, (_REACH - a, _REACH - b), x.shape) for plane in padded]
         # What the compiler does not store it works out anew for every expression that uses it.
         return jax.lax.optimization_barrier(parts)
@@ -466,7 +469,7 @@ def _move_times(
                 config.speed_reading, vehicle.speed, sign * with_track, over_track
             )
             excess_so = excess + jnp.maximum(ground / vehicle.surge_max - 1.0, 0.0) + shortfall
-            dear = 1.0 + _DETERRENT * excess_so + config.uncertain_price * 0.5 * (risk + risk0)
+            dear = 1.0 + _PENALTY_WEIGHT * excess_so + config.uncertain_price * 0.5 * (risk + risk0)
             pair.append(jnp.where(inside > 0.0, length / ground * dear + fee, jnp.inf))
         broken = jnp.where(blocked, 2.0, jnp.where(over > _SLIGHT, 1.0, 0.0))
         return None, (*pair, broken)
@@ -511,7 +514,10 @@ def _passed(a: int, b: int) -> list[tuple[int, int]]:
 
 
 def _shifted(plane: jax.Array, a: jax.Array, b: jax.Array, fill: float) -> jax.Array:
-    """The plane's value where the move (a, b) that ends in each cell began; `fill` from off the grid."""
+    """Return the plane's value where the move (a, b) that ends in each cell began.
+
+    `fill` from off the grid.
+    """
     padded = jnp.pad(plane, _REACH, constant_values=fill)
     return jax.lax.dynamic_slice(padded, (_REACH - a, _REACH - b), plane.shape)
 
@@ -604,7 +610,7 @@ def _hills(total: jax.Array, best: jax.Array) -> jax.Array:
 
 
 def _moved(plane: jax.Array, axis: int, by: int, fill: float) -> jax.Array:
-    """The plane moved along an axis; `fill` from beyond."""
+    """Return the plane moved along an axis; `fill` from beyond."""
     shape = [(0, 0), (0, 0)]
     shape[axis] = (_AROUND, _AROUND)
     padded = jnp.pad(plane, shape, constant_values=fill)

@@ -171,7 +171,7 @@ class PathPlan(Brief):
         return sensitivity(self.positions, float(self.times[0]), self.conditions)
 
     def broken(self) -> tuple[str, ...]:
-        """Names of the limits that are not kept, the most broken first."""
+        """Return names of the limits that are not kept, the most broken first."""
         order = np.argsort(-self.violations, kind="stable")
         return tuple(VIOLATIONS[k] for k in order if self.violations[k] != 0.0)
 

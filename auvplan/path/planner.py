@@ -17,7 +17,7 @@ from auvplan.path.plan import PathPlan, PathPlans
 from auvplan.path.sensitivity import Conditions
 from auvplan.path.stages import Legs, polish_finely, search_legs, split
 from auvplan.prng import as_key
-from auvplan.rows import over_rows
+from auvplan.rows import batch_map
 from auvplan.vehicle import Vehicle
 
 
@@ -124,7 +124,7 @@ def plan_paths(
     conditions = Conditions(env, vehicle or Vehicle(), config, 0 if world_per_leg else None)
     problem = {"shared": shared, "vehicle": conditions.vehicle}
     posed = Legs(start, goal, departs, world)
-    found = over_rows(partial(search_legs, **problem, config=config), keys, posed, population)
+    found = batch_map(partial(search_legs, **problem, config=config), keys, posed, population)
     found, finer = plan_finely(found, keys, posed, **problem, config=config)
     if not world_per_leg:
         check_water(found["water"], found["positions"], found["times"])
@@ -186,7 +186,7 @@ def _improved(
 ) -> tuple[dict[str, Any], dict[int, dict[str, Any]]]:
     """As `plan_finely`, by a program for the legs chosen and a habitat, [3 n] m, of each."""
     posed, old = jax.tree.map(lambda leaf: np.asarray(leaf)[chosen], (legs, found))
-    new = over_rows(program, keys[chosen], posed, rows)
+    new = batch_map(program, keys[chosen], posed, rows)
     del new["wanting"]
     broken = [plans["violations"].sum(axis=1) for plans in (new, old)]
     less = (broken[0] < broken[1]) | ((broken[0] == broken[1]) & (new["cost"] < old["cost"]))
@@ -208,7 +208,7 @@ def _improved(
 
 
 def _thinned(found: dict[str, Any], config: PathConfig) -> dict[str, Any]:
-    """What paths of `config.fine()` are like at the usual samples and control points."""
+    """Return what paths of `config.fine()` are like at the usual samples and control points."""
     times, free = config.finer, config.control_points
     excess, water = found["excess"], found["water"]
     inner = found["population"][:, 0].reshape(-1, 3, free).swapaxes(1, 2)

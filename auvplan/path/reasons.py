@@ -58,7 +58,7 @@ def explanation(plan: "PathPlan", limit: str, epoch: datetime | None = None) -> 
 
 
 def _fact(plan: "PathPlan", limit: str, segment: int) -> str:
-    """What a limit demands and what a segment has of it."""
+    """Return what a limit demands and what a segment has of it."""
     excess = float(plan.excess[VIOLATIONS.index(limit), segment])
     vehicle, config, bed = plan.conditions.vehicle, plan.conditions.config, plan.conditions.env.seabed
     if limit == "current":
@@ -90,7 +90,7 @@ _NAMES = {
 
 
 def _beaten(plan: "PathPlan", segment: int) -> str:
-    """The current on a segment where it leaves the vehicle the least way."""
+    """Return the current on a segment where it leaves the vehicle the least way."""
     way = plan.positions[segment + 1] - plan.positions[segment]
     share = np.asarray(JUDGED_AT)
     places = plan.positions[segment] + share[:, None] * way

@@ -22,7 +22,7 @@ from auvplan.path.planner import plan_finely
 from auvplan.path.sensitivity import Conditions
 from auvplan.path.stages import Legs, search_legs, split, world_of
 from auvplan.prng import as_key
-from auvplan.rows import over_rows
+from auvplan.rows import batch_map
 from auvplan.vehicle import Vehicle
 
 
@@ -101,7 +101,7 @@ def replan_paths(
     problem = {"shared": shared, "vehicle": conditions.vehicle}
     posed = Legs(position, goals, np.asarray(now, float), world)
     program = partial(_search_on, **problem, config=config)
-    found = over_rows(program, keys, populations, starts, np.asarray(reached), posed)
+    found = batch_map(program, keys, populations, starts, np.asarray(reached), posed)
     found, finer = plan_finely(found, keys, posed, **problem, config=config)
     if not world_per_leg:
         check_water(found["water"], found["positions"], found["times"])

@@ -10,7 +10,7 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 
-from auvplan.ocean.currents import Current, Velocity, is_gradual, is_steady
+from auvplan.ocean.currents import Current, Velocity, is_quasi_steady, is_steady
 from auvplan.ocean.environment import Environment
 from auvplan.path.config import PathConfig
 from auvplan.vehicle import Vehicle
@@ -33,7 +33,7 @@ class ScaledCurrent:
 
     @property
     def gradual(self) -> bool:
-        return is_gradual(self.current)
+        return is_quasi_steady(self.current)
 
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
         return self.current(*(axis / self.factor for axis in (x, y, z, t)))
@@ -42,7 +42,7 @@ class ScaledCurrent:
 def scaled(
     env: Environment, vehicle: Vehicle, config: PathConfig, factor: jax.Array
 ) -> tuple[Environment, Vehicle, PathConfig]:
-    """A world, a vehicle and settings whose lengths and times are `factor` times as great.
+    """Return a world, a vehicle and settings whose lengths and times are `factor` times as great.
 
     Args:
         env: the world, its obstacles resolved.
@@ -65,11 +65,11 @@ def scaled(
 
 
 def _multiplied(of: object, factor: jax.Array, *names: str):
-    """A dataclass with some of its arrays multiplied."""
+    """Return a dataclass with some of its arrays multiplied."""
     changes = {name: getattr(of, name) * factor.astype(getattr(of, name).dtype) for name in names}
     return replace(of, **changes)  # type: ignore[type-var]
 
 
 def factor_of(start: jax.Array, goal: jax.Array) -> jax.Array:
-    """What makes the straight line between two points [3] m `WAY` long."""
+    """Return what makes the straight line between two points [3] m `WAY` long."""
     return WAY / jnp.sqrt(((goal - start) ** 2).sum())

@@ -9,11 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from auvplan.compiled import compiled
-from auvplan.ocean.currents import Current, Velocity, divided, is_steady, united
+from auvplan.ocean.currents import Current, Velocity, combine, is_steady, partition
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.path.config import PathConfig
-from auvplan.path.cost import Track, fly
+from auvplan.path.cost import Track, evaluate
 from auvplan.vehicle import Vehicle
 
 
@@ -27,12 +27,12 @@ class Conditions:
     leg: int | None = None
 
     def world(self) -> Environment:
-        """The leg's own world."""
+        """Return the leg's own world."""
         if self.leg is None:
             return self.env
-        shared, current = divided(self.env.current)
+        shared, current = partition(self.env.current)
         own = jax.tree.map(lambda leaf: leaf[self.leg], (current, self.env.obstacles))
-        return replace(self.env, current=united(shared, own[0]), obstacles=own[1])
+        return replace(self.env, current=combine(shared, own[0]), obstacles=own[1])
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def _slopes(
 
     def travel_time(depart: jax.Array, speed: jax.Array, factor: jax.Array) -> jax.Array:
         world = replace(bare, current=_Scaled(env.current, factor))
-        return fly(track, depart, world, replace(vehicle, speed=speed), config).travel_time[0]
+        return evaluate(track, depart, world, replace(vehicle, speed=speed), config).travel_time[0]
 
     slopes: Callable[..., tuple[jax.Array, ...]] = jax.grad(travel_time, argnums=(0, 1, 2))
     return slopes(depart, jnp.asarray(vehicle.speed, positions.dtype), jnp.ones((), positions.dtype))

@@ -15,7 +15,7 @@ import numpy as np
 from auvplan.bbo import search
 from auvplan.bbo.refine import descend
 from auvplan.compiled import compiled
-from auvplan.ocean.currents import Current, divided, is_gradual, united
+from auvplan.ocean.currents import Current, combine, is_quasi_steady, partition
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.ocean.vortices import padded, rounded_up
@@ -25,12 +25,12 @@ from auvplan.path.config import PathConfig
 from auvplan.path.cost import (
     SOFTNESS,
     VIOLATIONS,
-    Flight,
+    Trajectory,
     curves,
-    fly,
-    guide,
+    evaluate,
     judged_within,
     score,
+    soft_objective,
     violations,
 )
 from auvplan.path.kinematics import PacedCurrent, norm
@@ -60,21 +60,21 @@ _STRICTER = (0.1, 0.99), (1.0, 0.98)
 
 
 def split(env: Environment, world_per_leg: bool) -> tuple[World, Environment]:
-    """What differs by leg, and what is the same for all."""
+    """Return what differs by leg, and what is the same for all."""
     obstacles = env.obstacles.padded(rounded_up(env.obstacles.radius.shape[-1]))
     env = replace(env, current=padded(env.current), obstacles=obstacles)
     if not world_per_leg:
         return None, env
-    current, own = divided(env.current)
+    current, own = partition(env.current)
     return (own, env.obstacles), replace(env, current=current, obstacles=None)
 
 
 def world_of(own: World, shared: Environment) -> Environment:
-    """The world of one leg, obstacles resolved."""
+    """Return the world of one leg, obstacles resolved."""
     if own is None:
         current, obstacles = shared.current, shared.obstacles
     else:
-        current, obstacles = united(shared.current, own[0]), own[1]
+        current, obstacles = combine(shared.current, own[0]), own[1]
     resolved = obstacles.resolved(current)
     return Environment(current, shared.chart, resolved, shared.lower, shared.upper, shared.seabed)
 
@@ -219,7 +219,7 @@ def polish_finely(
         rows = np.concatenate([rows, few[:, :_FEW]], axis=1)
 
     def judged(rows: np.ndarray, costs: np.ndarray, broken: np.ndarray) -> dict[str, Any]:
-        """The first rows as fields of `PathPlans`."""
+        """Return the first rows as fields of `PathPlans`."""
         state = search.State(*(jnp.asarray(plane[:, :1]) for plane in (rows, costs, broken)))
         return jax.device_get(_finish(state, None, outcome, **world, config=fine.only())[0])
 
@@ -238,7 +238,7 @@ def polish_finely(
 
 
 def _over(chosen: np.ndarray, plane: np.ndarray) -> np.ndarray:
-    """What is chosen of B legs, [B], with as many axes as a plane that has B rows."""
+    """Return what is chosen of B legs, [B], with as many axes as a plane that has B rows."""
     return chosen.reshape(-1, *(1,) * (plane.ndim - 1))
 
 
@@ -367,13 +367,13 @@ def _pace(problem: Problem, config: PathConfig) -> jax.Array | None:
     one after the other; the path that it finds is timed so. None in all other currents.
     """
     start, goal, depart, env, vehicle = problem
-    if not is_gradual(env.current):
+    if not is_quasi_steady(env.current):
         return None
     line = curves(habitats.straight_line(start, goal, config)[None], start, goal, config)
     bare = replace(env, chart=None, obstacles=Obstacles.none(), seabed=None)
-    flight = fly(line, depart, bare, vehicle, config)
+    trajectory = evaluate(line, depart, bare, vehicle, config)
     gap = norm(*line.way)[:, 0]
-    return jnp.maximum(gap / jnp.diff(flight.times[:, 0]), _SLOWEST * vehicle.speed)
+    return jnp.maximum(gap / jnp.diff(trajectory.times[:, 0]), _SLOWEST * vehicle.speed)
 
 
 def _compared(
@@ -406,7 +406,13 @@ def _descend(
     ) -> tuple[jax.Array, jax.Array, jax.Array]:
         problem, own = _compared(leg, pace, common, config)
         return descend(
-            partial(guide, config=own, softness=softness), rows, lower, upper, steps, problem, step_size
+            partial(soft_objective, config=own, softness=softness),
+            rows,
+            lower,
+            upper,
+            steps,
+            problem,
+            step_size,
         )
 
     return jax.vmap(one)(rows, lowers, uppers, paces, legs)
@@ -453,7 +459,7 @@ def _finish(
     common: Common,
     config: PathConfig,
 ) -> tuple[dict[str, jax.Array], search.History]:
-    """The best paths, as fields of `PathPlans` but for the history, and its last rows.
+    """Return the best paths, as fields of `PathPlans` but for the history, and its last rows.
 
     Args:
         states: populations after the search.
@@ -474,16 +480,16 @@ def _finish(
             parts = zip((state.population, state.cost, state.violation), polished, strict=True)
             state = search.init(*(old.at[: len(new)].set(new) for old, new in parts))
         best = state.population[:1]
-        flight = fly(curves(best, start, goal, own), depart, env, vehicle, own)
-        flight = judged_within(flight, env, vehicle, own)
-        plan = _in_own_units(flight, state, leg, factor)
+        trajectory = evaluate(curves(best, start, goal, own), depart, env, vehicle, own)
+        trajectory = judged_within(trajectory, env, vehicle, own)
+        plan = _in_own_units(trajectory, state, leg, factor)
         if known is None:
             plan |= {"closed": jnp.zeros(()), "wanting": jnp.zeros((), bool)}
         else:
             closed, quickest = known
-            broken = violations(flight)[:, 0].sum() > 0.0
-            roundabout = flight.travel_time[0] > _ROUNDABOUT * WAY / vehicle.speed
-            slower = jnp.isfinite(quickest) & ((flight.travel_time[0] > quickest) | roundabout)
+            broken = violations(trajectory)[:, 0].sum() > 0.0
+            roundabout = trajectory.travel_time[0] > _ROUNDABOUT * WAY / vehicle.speed
+            slower = jnp.isfinite(quickest) & ((trajectory.travel_time[0] > quickest) | roundabout)
             plan |= {"closed": closed / factor, "wanting": jnp.where(broken, closed == 0.0, slower)}
         return plan, _in_seconds(search.statistics(state), leg)
 
@@ -491,24 +497,26 @@ def _finish(
 
 
 def _in_seconds(history: search.History, leg: Legs) -> search.History:
-    """A history whose costs are those of the leg itself."""
+    """Return a history whose costs are those of the leg itself."""
     factor = factor_of(leg.start, leg.goal)
     return replace(history, **{name: getattr(history, name) / factor for name in ("best", "mean", "std")})
 
 
-def _in_own_units(flight: Flight, state: search.State, leg: Legs, factor: jax.Array) -> dict[str, jax.Array]:
-    """The fields of a `PathPlan` by name, from what was found in a world `factor` times as great."""
+def _in_own_units(
+    trajectory: Trajectory, state: search.State, leg: Legs, factor: jax.Array
+) -> dict[str, jax.Array]:
+    """Return the fields of a `PathPlan` by name, from what was found in a world `factor` times as great."""
     inner = state.population[0].reshape(3, -1).T / factor
     # Excess counts metres of missing clearance and altitude, and shares of all other limits.
     metres = [name in ("coast", "obstacle", "seabed") for name in VIOLATIONS]
-    excess = jnp.stack(flight.excess)[:, :, 0]
+    excess = jnp.stack(trajectory.excess)[:, :, 0]
     excess = jnp.where(np.asarray(metres)[:, None], excess / factor, excess)
-    clearance, altitude = flight.clearance.min(), flight.altitude.min()
+    clearance, altitude = trajectory.clearance.min(), trajectory.altitude.min()
     return {
-        "travel_time": flight.travel_time[0] / factor,
-        "length": flight.length[0] / factor,
-        "positions": jnp.stack([flight.x[:, 0], flight.y[:, 0], flight.z[:, 0]], axis=1) / factor,
-        "times": flight.times[:, 0] / factor,
+        "travel_time": trajectory.travel_time[0] / factor,
+        "length": trajectory.length[0] / factor,
+        "positions": jnp.stack([trajectory.x[:, 0], trajectory.y[:, 0], trajectory.z[:, 0]], axis=1) / factor,
+        "times": trajectory.times[:, 0] / factor,
         "control_points": jnp.concatenate([leg.start[None], inner, leg.goal[None]]),
         "violations": excess.mean(axis=1),
         "clearance": jnp.where(clearance < FAR, clearance / factor, FAR),
@@ -516,5 +524,5 @@ def _in_own_units(flight: Flight, state: search.State, leg: Legs, factor: jax.Ar
         "cost": state.cost[0] / factor,
         "population": state.population / factor,
         "excess": excess,
-        "water": jnp.stack(flight.water, axis=-1)[:, 0],
+        "water": jnp.stack(trajectory.water, axis=-1)[:, 0],
     }

@@ -25,7 +25,7 @@ def plot_chart(
     *,
     ax: Axes | None = None,
 ) -> Axes | NDArray[Any]:
-    """The clustered chart, beside the picture it was made of where that is given.
+    """Draw the clustered chart, beside the picture it was made of where that is given.
 
     Args:
         chart: to draw.

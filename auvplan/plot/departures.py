@@ -19,7 +19,9 @@ _BEST = {"marker": "*", "s": 200, "color": style.YELLOW, "edgecolors": style.BLA
 
 
 def plot_departures(found: Departures, *, ax: Axes | None = None) -> NDArray[Any]:
-    """Time, what it earns of a mission, and the current's strength by departure; no way is shaded.
+    """Time, what it earns of a mission, and the current's strength by departure.
+
+    Infeasible departures are shaded.
 
     Args:
         found: of a mission or a leg.

@@ -73,7 +73,7 @@ def plot_layers(run: MissionRun, leg: LegRecord | None = None) -> Figure:
     name = run.scenario.get("name") or "leg"
     figure.suptitle(
         f"{name}, seed {run.seed}: layers of the current at {times} s, the first on top\n"
-        f"depth drawn {stretch:.1f} times as large; obstacles are stretched with it",
+        f"vertical exaggeration {stretch:.1f}; obstacles are stretched with it",
         fontsize=11,
     )
     return figure
@@ -87,7 +87,7 @@ def _draw_currents(
     depths: style.Array,
     unit: style.Unit,
 ) -> Normalize:
-    """A plane for each plan, coloured by speed, with arrows."""
+    """Draw a plane for each plan, coloured by speed, with arrows."""
     planes = [_plane(plan, low, high, float(z), _FINE) for plan, z in zip(plans, depths, strict=True)]
     fastest = max(float(np.quantile([np.hypot(u, v) for *_, u, v in planes], 0.995)), 1e-3)
     norm = Normalize(0.0, fastest)
@@ -119,7 +119,7 @@ def _plane(
 def _draw_obstacles(
     axes: Any, run: MissionRun, leg: LegRecord, times: list[float], unit: style.Unit, inside: Any
 ) -> dict[str, str]:
-    """A sphere for each obstacle where the leg ends, its track, and a ring of its boundary at each time."""
+    """Draw each obstacle as a sphere where the leg ends, its track, and rings: its boundary at each time."""
     kinds: dict[str, str] = {}
     around, up = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 21), np.linspace(0.0, np.pi, 11))
     circle = np.linspace(0.0, 2.0 * np.pi, 40)

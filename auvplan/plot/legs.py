@@ -12,7 +12,10 @@ Array = NDArray[np.floating]
 
 
 def busiest_leg(run: MissionRun) -> LegRecord | None:
-    """The leg with most plans, then most obstacles; a sailed one where there is any. None without plans."""
+    """Return the leg with most plans, then most obstacles.
+
+    A sailed one where there is any. None without plans.
+    """
     planned = [leg for leg in run.legs if leg.plans]
     if not planned:
         return None
@@ -20,16 +23,19 @@ def busiest_leg(run: MissionRun) -> LegRecord | None:
 
 
 def chosen_plans(leg: LegRecord, most: int) -> list[int]:
-    """Indices of at most `most` plans: the first, those of the windows, then others, in the order of time."""
+    """Return indices of at most `most` plans.
+
+    The first, those of the windows, then others, in the order of time.
+    """
     rank = {"leg": 0, "window": 1}
     first = sorted(range(len(leg.plans)), key=lambda k: (rank.get(leg.plans[k].cause, 2), k))
     return sorted(first[:most])
 
 
 def plan_name(leg: LegRecord, index: int) -> str:
-    """Words for a plan: what made it necessary, and when."""
+    """Return words for a plan: what made it necessary, and when."""
     plan = leg.plans[index]
-    first = "first plan" if index == 0 else "first plan, tried again"
+    first = "first plan" if index == 0 else "first plan, retried"
     causes = {"leg": first, "window": f"re-plan {index}, window", "hazard": f"re-plan {index}, hazard"}
     return f"{causes.get(plan.cause, plan.cause)}, t = {plan.made_at:,.0f} s"
 
@@ -45,7 +51,7 @@ def extent_points(leg: LegRecord) -> Array:
 
 
 def current_at(plan: PlanRecord, x: Array, y: Array, z: float) -> tuple[Array, Array, Array]:
-    """The true current when a plan was made, m/s north, east, down, on arrays x, y at depth z m."""
+    """Return the true current when a plan was made, m/s north, east, down, on arrays x, y at depth z m."""
     u, v, w = evaluated(plan.current, x, y, np.full_like(x, z), np.full_like(x, plan.made_at))
     return np.asarray(u), np.asarray(v), np.asarray(w)
 

@@ -14,7 +14,7 @@ from auvplan.words import hours
 
 
 def plot_mission(run: MissionRun, *, ax: Axes | None = None) -> Axes:
-    """The map of a mission, east to the right and north up.
+    """Draw the map of a mission, east to the right and north up.
 
     Args:
         run: as sailed; a leg of its own, open water and a mission that was never begun are fine.
@@ -74,7 +74,7 @@ def _draw_graph(axes: Axes, run: MissionRun, unit: style.Unit) -> list[Any]:
 
 
 def _draw_route(axes: Axes, sailed: list[LegRecord], unit: style.Unit) -> LineCollection:
-    """The route, coloured by time, an arrow head on every leg."""
+    """Draw the route, coloured by time, an arrow head on every leg."""
     first, last = sailed[0].times[0], sailed[-1].times[-1]
     pieces, times = [], []
     for leg in sailed:

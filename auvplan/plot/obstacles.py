@@ -75,8 +75,8 @@ def plot_obstacles(run: MissionRun, leg: LegRecord | None = None, *, ax: Axes | 
     note = f", {hidden} of {len(leg.obstacle_radii)} obstacles out of view" if hidden and len(nearest) else ""
     stretch = _HEIGHT * edge / (bottom - top)
     (axes.figure.suptitle if ax is None else axes.set_title)(
-        f"Obstacles at their nearest, leg {leg.start} → {leg.goal}{note}\n"
-        f"depth drawn {stretch:.1f} times as large",
+        f"Closest points of approach, leg {leg.start} → {leg.goal}{note}\n"
+        f"vertical exaggeration {stretch:.1f}",
         fontsize=11,
     )
     return axes

@@ -18,7 +18,7 @@ _FAR = 0.6
 
 
 def plot_path(plan: PathPlan, *, ax: Axes | None = None) -> Axes:
-    """A path over the current at its departure, with the coast, and each obstacle where the path passes it.
+    """Draw a path over the current at its departure, the coast, and obstacles where the path passes them.
 
     Args:
         plan: feasible or not.
@@ -63,7 +63,7 @@ def plot_path(plan: PathPlan, *, ax: Axes | None = None) -> Axes:
 
 
 def _draw_way(axes: Axes, plan: PathPlan, unit: style.Unit) -> list[Line2D]:
-    """The path and its ends; returns legend handles."""
+    """Draw the path and its ends; return legend handles."""
     places = np.asarray(plan.positions, float)
     lines = "-" if plan.feasible else "--"
     axes.plot(

@@ -103,7 +103,7 @@ def _nodes(one: xr.Dataset, order: int) -> list[int]:
 
 
 def _order_name(one: xr.Dataset, order: int, number: int) -> str:
-    """What an order was made for, when, and what it holds; `number` counts from the first order, 0."""
+    """Return what an order was made for, when, and what it holds; `number` counts from the first order, 0."""
     causes = one["order_cause"]
     meanings = str(causes.attrs.get("flag_meanings", "")).split()
     flags = np.atleast_1d(causes.attrs.get("flag_values", [])).tolist()
@@ -157,7 +157,10 @@ def _label_order(axes: Axes, one: xr.Dataset, order: int, done: list[int], unit:
 
 
 def _chart(dataset: xr.Dataset) -> Chart | None:
-    """The study's chart; None for open water. Stored steps may miss the values of a chart by a hair."""
+    """Return the study's chart; None for open water.
+
+    Stored steps may miss the values of a chart by a hair.
+    """
     if "passability" not in dataset:
         return None
     north, east = dataset["chart_x"].values, dataset["chart_y"].values

@@ -33,7 +33,7 @@ def draw_run(run: MissionRun, folder: str | Path, names: Iterable[str] | None = 
 
     Args:
         run: as sailed; one that failed on the way is fine.
-        folder: made where missing.
+        folder: created if needed.
         names: of the figures, in `FIGURES`; all of them if absent.
 
     Returns:

@@ -33,7 +33,7 @@ def draw_study(dataset: xr.Dataset, folder: str | Path, seed: int | None = None)
     Args:
         dataset: of many missions, with or without leading dimensions of settings, which the attribute
             `sweep` names.
-        folder: made where missing.
+        folder: created if needed.
         seed: of the mission whose orders are shown; that with most of them where not given.
 
     Returns:
@@ -271,5 +271,5 @@ def _mark_size(count: int) -> float:
 
 
 def _positive(values: Array) -> Array:
-    """What has a place on a logarithmic scale; the rest is NaN."""
+    """Return what has a place on a logarithmic scale; the rest is NaN."""
     return np.where(np.isfinite(values) & (values > 0.0), values, np.nan)

@@ -62,12 +62,12 @@ class Unit:
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """An empty figure, inches."""
+    """Return an empty figure, inches."""
     return Figure(figsize=(width, height), dpi=DPI, layout="constrained")
 
 
 def own_figure(width: float, height: float) -> Figure:
-    """An empty figure, inches, for a person at a prompt."""
+    """Return an empty figure, inches, for a person at a prompt."""
     if not {"IPython", "matplotlib.pyplot"} & sys.modules.keys():
         return new_figure(width, height)
     from matplotlib import pyplot
@@ -76,12 +76,12 @@ def own_figure(width: float, height: float) -> Figure:
 
 
 def own_axes(ax: Axes | None, width: float, height: float, **kind: Any) -> Axes:
-    """The axes given, or those of a figure of their own, inches."""
+    """Return the axes given, or those of a figure of their own, inches."""
     return own_figure(width, height).add_subplot(**kind) if ax is None else ax
 
 
 def room_of(ax: Axes | None, width: float, height: float) -> Figure | SubFigure:
-    """Where several panels go: in the place of the axes given, or a figure of their own, inches.
+    """Return where several panels go: in the place of the axes given, or a figure of their own, inches.
 
     Raises:
         ValueError: the axes have no place in a grid.
@@ -96,7 +96,7 @@ def room_of(ax: Axes | None, width: float, height: float) -> Figure | SubFigure:
 
 
 def figure_of(drawn: "Axes | Sequence[Axes] | Array") -> Figure:
-    """The figure that axes belong to."""
+    """Return the figure that axes belong to."""
     figure = np.ravel(np.asarray(drawn, object))[0].get_figure(root=True)
     assert isinstance(figure, Figure)
     return figure
@@ -120,7 +120,7 @@ def say_why(ax: Axes | None, text: str) -> Axes:
 
 
 def empty_figure(text: str) -> Figure:
-    """A figure that says why there is nothing to see."""
+    """Return a figure that says why there is nothing to see."""
     figure = new_figure(6.0, 2.0)
     figure.text(0.5, 0.5, text, ha="center", va="center", fontsize=11)
     return figure
@@ -176,7 +176,7 @@ def title_map(axes: Axes, title: str, site: Site | None, unit: Unit) -> None:
 
 
 def draw_end(axes: Axes, place: ArrayLike, kind: dict[str, Any], label: str, unit: Unit) -> Line2D:
-    """A mark at a place, m north, east: `kind` is `START` or `GOAL`; returns its legend handle."""
+    """Draw a mark at a place, m north, east: `kind` is `START` or `GOAL`; return its legend handle."""
     axes.scatter(*flat(place, unit), **(kind | {"zorder": 6}))
     mark: dict[str, Any] = {name: kind[name] for name in ("marker", "color")}
     size = 12 if kind["marker"] == "*" else 8
@@ -218,7 +218,7 @@ def draw_compass(axes: Axes, unit: Unit) -> None:
 
 
 def _round_below(value: float) -> float:
-    """The largest of 1, 2 and 5 times a power of ten that is no more than a value."""
+    """Return the largest of 1, 2 and 5 times a power of ten that is no more than a value."""
     power = 10.0 ** np.floor(np.log10(value))
     return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= value))
 

@@ -44,12 +44,12 @@ class Measure:
 
 
 def setting_name(dataset: xr.Dataset, dim: str) -> str:
-    """Words for a setting swept over."""
+    """Return words for a setting swept over."""
     return str(dataset[dim].attrs.get("long_name", dim))
 
 
 def setting_value(value: Any) -> str:
-    """Words for one value of a setting."""
+    """Return words for one value of a setting."""
     return f"{value:g}" if isinstance(value, np.number) else str(value)
 
 
@@ -80,7 +80,7 @@ MEASURES = (
 
 
 def plot_sweep(dataset: xr.Dataset) -> Figure:
-    """Every figure's mean over the missions with its 95 % interval, against the first setting.
+    """Draw every figure's mean over the missions with its 95 % interval, against the first setting.
 
     Args:
         dataset: with one or more leading dimensions of settings; further ones make a line for each value.
@@ -112,7 +112,7 @@ def plot_sweep(dataset: xr.Dataset) -> Figure:
 
 
 def plot_paired(dataset: xr.Dataset) -> Figure:
-    """Every figure's difference from the first setting's first value, mission by mission.
+    """Draw every figure's difference from the first setting's first value, mission by mission.
 
     Boxes hold the middle half of the missions, whiskers 90 %; points are means with their 95 % intervals.
 
@@ -141,7 +141,7 @@ def plot_paired(dataset: xr.Dataset) -> Figure:
         _value_axis(axes, dataset, places, values[1:], named=True)
         axes.set_ylabel("Δ " + measure.label.replace("[%]", "[% points]"), fontsize=9)
     note = (
-        "difference mission by mission:\nbox half of them, whiskers 90 %,\npoint mean and its 95 % interval"
+        "difference mission by mission:\nbox: quartiles, whiskers: 5-95 %,\npoint mean and its 95 % interval"
     )
     _explain(panels[-1], lines, note)
     reference = f"{setting_name(dataset, dim)} = {setting_value(values[0])}"
@@ -158,7 +158,7 @@ def _first_setting(dataset: xr.Dataset) -> str:
 
 
 def _line_names(dataset: xr.Dataset) -> list[str]:
-    """A name for each combination of the settings after the first; one empty name without any."""
+    """Return a name for each combination of the settings after the first; one empty name without any."""
     rest = sweep_dims(dataset)[1:]
     names = [
         [f"{setting_name(dataset, dim)} = {setting_value(value)}" for value in dataset[dim].values]
@@ -168,13 +168,13 @@ def _line_names(dataset: xr.Dataset) -> list[str]:
 
 
 def _by_line(dataset: xr.Dataset, measure: Measure) -> Array:
-    """A measure as [lines, values of the first setting, missions]."""
+    """Return a measure as [lines, values of the first setting, missions]."""
     values = measure.of(dataset)
     return np.swapaxes(values.reshape(values.shape[0], -1, values.shape[-1]), 0, 1)
 
 
 def _shift(line: int, lines: int, places: Array, share: float) -> float:
-    """How far to move a line aside so that intervals do not cover each other, in units of the axis."""
+    """Return how far to move a line aside so that intervals do not cover each other, in units of the axis."""
     gaps = np.diff(np.unique(places))
     return share * float(gaps.min()) * ((line + 0.5) / lines - 0.5) if gaps.size else 0.1 * line
 

@@ -34,7 +34,7 @@ class Bar:
 
 
 def plot_timeline(run: MissionRun, *, ax: Axes | None = None) -> Axes:
-    """A row for each order, first at the top, as planned; the lowest row is the mission as sailed.
+    """Draw a row for each order, first at the top, as planned; the lowest row is the mission as sailed.
 
     A plan is one row.
 
@@ -93,7 +93,7 @@ def _norm(run: MissionRun) -> Normalize:
 
 
 def _planned(run: MissionRun, order: OrderRecord) -> list[Bar]:
-    """An order's legs by the times that were expected when it was made."""
+    """Return an order's legs by the times that were expected when it was made."""
     times = np.asarray(run.graph.leg_times(float(run.vehicle.speed)))  # type: ignore[arg-type]
     travel = times - np.asarray(run.graph.duration)
     for (i, j), seconds in zip(pairwise(order.nodes), order.leg_times, strict=False):
@@ -147,7 +147,7 @@ def _name(run: MissionRun, number: int) -> str:
 
 
 def _lateness(run: MissionRun, order: OrderRecord) -> str:
-    """Words for the leg that an order was made after; empty where it took no longer than expected."""
+    """Return words for the leg that an order was made after; empty where it took no longer than expected."""
     before = [leg for leg in run.done if leg.times[-1] + leg.t_task <= order.made_at + 1.0]
     if not before or before[-1].t_path + before[-1].t_task <= before[-1].t_expected:
         return ""
@@ -163,7 +163,7 @@ def _sailed_name(run: MissionRun) -> str:
 def _legend(run: MissionRun) -> list[Any]:
     handles: list[Any] = [
         Patch(facecolor="#6aaed6", edgecolor="black", label="travel"),
-        Patch(facecolor="#6aaed6", edgecolor="black", label="task (half height)"),
+        Patch(facecolor="#6aaed6", edgecolor="black", label="on-station time"),
         Line2D([], [], color="red", lw=2.0, label=f"time available, {run.t_available:,.0f} s"),
     ]
     if len(run.orders) > 1 and run.simulated:

@@ -23,7 +23,9 @@ _ARROWS = 22
 
 
 def plot_waters(scenario: Scenario, waters: Waters, closed: Sequence[Any] = ()) -> Figure:
-    """The map of a scenario: chart, sea bed, closed areas, area, start, goal, jobs, current at departure.
+    """Return the map of a scenario.
+
+    Chart, sea bed, closed areas, area, start, goal, jobs, current at departure.
 
     Args:
         scenario: whose fields are sound.

@@ -96,7 +96,10 @@ VARIABLES = {
 
 
 def row_of(run: MissionRun) -> Row:
-    """The figures of a mission that was sailed, by the names of `VARIABLES`; the checker walks it first."""
+    """Return the figures of a mission that was sailed, by the names of `VARIABLES`.
+
+    The checker walks it first.
+    """
     summary = run.summary()
     report = check_dataset(summary, to_dataset(run))
     return _mission(run, summary, report) | _legs(run) | _plans(run) | _orders(run)

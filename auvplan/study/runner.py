@@ -20,7 +20,7 @@ from auvplan.study.statistics import summarise
 from auvplan.study.store import RUNS, Store, load_study
 from auvplan.study.table import table
 from auvplan.study.worker import Done, Finished, Job, Report, UnderWay, sail, work
-from auvplan.voyage.executive import make_fleet
+from auvplan.voyage.executive import make_context
 from auvplan.voyage.waypoints import make_graph
 
 #: Missions done, missions in all, and the share of the work that is done.
@@ -82,7 +82,7 @@ def run_study(
 
     Args:
         design: what to run.
-        out: folder of the study, made where missing.
+        out: folder of the study, created if needed.
         folder: that relative paths in the scenario start from; that of its file if absent.
         resume: continue the study in `out`; a finished one is extended where the design has more missions.
         force: replace the study in `out`.
@@ -103,7 +103,7 @@ def run_study(
     folder = design.scenario.folder if folder is None else folder
     # What cannot be built or reached is told before anything is written.
     for case in design.cases:
-        make_graph(case, make_fleet(case, folder).waters, np.random.default_rng(0))
+        make_graph(case, make_context(case, folder).waters, np.random.default_rng(0))
     with connected(dask) if dask is not None else nullcontext() as client:
         store = Store(out, design, resume, force)
         if resume and store.finished:
@@ -124,7 +124,7 @@ def run_study(
             _sail_on_cores([job(tasks[k::count]) for k in range(count)], tally.take)
 
     swept = any(sweep.field.split(".")[0] in ("chart", "area") for sweep in design.sweeps)
-    dataset = table(design, store.rows(), None if swept else make_fleet(design.scenario, folder).chart)
+    dataset = table(design, store.rows(), None if swept else make_context(design.scenario, folder).chart)
     clock = {
         "missions": len(tasks),
         "wall_s": time.perf_counter() - begin,

@@ -17,7 +17,7 @@ _Z = 1.959964
 
 
 def sweep_dims(dataset: xr.Dataset) -> list[str]:
-    """Names of the leading dimensions that are settings swept over; none without a sweep."""
+    """Return names of the leading dimensions that are settings swept over; none without a sweep."""
     return [name.strip() for name in str(dataset.attrs.get("sweep", "")).split(",") if name.strip()]
 
 
@@ -60,7 +60,7 @@ def mean_interval(values: Array) -> tuple[Array, Array, Array]:
 
 
 def wilson_interval(values: Array) -> tuple[Array, Array, Array]:
-    """Share and Wilson's 95 % interval of values 0 or 100 %, along the last axis, %."""
+    """Return share and Wilson's 95 % interval of values 0 or 100 %, along the last axis, %."""
     count = np.isfinite(values).sum(axis=-1)
     count = np.where(count > 0, count, np.nan)
     share = np.nansum(values, axis=-1) / 100.0 / count
@@ -102,7 +102,7 @@ def cost_per_metre(dataset: xr.Dataset) -> Array:
 
 
 def priority_gap(dataset: xr.Dataset) -> Array:
-    """Share of the bound on its total priority that each mission misses, %."""
+    """Return share of the bound on its total priority that each mission misses, %."""
     total, bound = dataset["total_priority"].values, dataset["priority_bound"].values
     return 100.0 * np.where(bound > 0.0, 1.0 - total / np.where(bound > 0.0, bound, 1.0), 0.0)
 
@@ -128,7 +128,7 @@ _COMPARED: dict[str, Callable[[xr.Dataset], Array]] = {
 
 
 def summarise(dataset: xr.Dataset) -> dict[str, Any]:
-    """The figures of a study, ready for JSON; with a sweep a list of them under "cases"."""
+    """Return the figures of a study, ready for JSON; with a sweep a list of them under "cases"."""
     dims = sweep_dims(dataset)
     if not dims:
         return _case(dataset)

@@ -34,7 +34,7 @@ class Store:
         """Open a new study, or with `resume` the same one again, or one of more missions.
 
         Args:
-            folder: with everything in it, made where missing.
+            folder: with everything in it, created if needed.
             design: what is run.
             resume: continue the study in the folder.
             force: replace the study in the folder.
@@ -101,7 +101,7 @@ class Store:
         write_atomically(self._piece(case, seed), lambda path: np.savez_compressed(path, **row))  # type: ignore[arg-type]
 
     def rows(self) -> list[Row]:
-        """All missions, in the order of `Design.tasks`.
+        """Return all missions, in the order of `Design.tasks`.
 
         Raises:
             ResultError: a mission's file is damaged; one line that names it.
@@ -145,12 +145,12 @@ def _is_finished(folder: Path) -> bool:
 
 
 def is_unfinished(folder: str | Path) -> bool:
-    """Whether a folder holds a study that was broken off, which can be resumed."""
+    """Return whether a folder holds a study that was broken off, which can be resumed."""
     return (Path(folder) / PIECES).is_dir()
 
 
 def load_study(folder: str | Path) -> xr.Dataset:
-    """The dataset of a finished study, in memory.
+    """Return the dataset of a finished study, in memory.
 
     Raises:
         ResultError: one line that names the file and what is wrong with it.
@@ -159,7 +159,7 @@ def load_study(folder: str | Path) -> xr.Dataset:
 
 
 def is_study(folder: str | Path) -> bool:
-    """Whether a folder holds a study, finished or not."""
+    """Return whether a folder holds a study, finished or not."""
     return (Path(folder) / DESIGN).is_file()
 
 

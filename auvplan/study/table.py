@@ -15,7 +15,7 @@ from auvplan.study.row import VARIABLES, Row, Variable
 
 
 def table(design: Design, rows: Sequence[Row], chart: Chart | None) -> xr.Dataset:
-    """The dataset of a finished study.
+    """Return the dataset of a finished study.
 
     Args:
         design: what was run.
@@ -50,7 +50,7 @@ def rows_of(dataset: xr.Dataset) -> list[Row]:
 def _variable(
     variable: Variable, values: Sequence[np.ndarray], lead: tuple[str, ...], shape: tuple[int, ...]
 ) -> xr.Variable:
-    """The missions' arrays, padded to the longest."""
+    """Return the missions' arrays, padded to the longest."""
     longest = np.max([value.shape for value in values], axis=0).astype(int)
     kind = object if values[0].dtype.kind in "UO" else values[0].dtype
     if variable.meanings:
@@ -74,7 +74,7 @@ def _variable(
 
 
 def _values(field: str, values: Sequence[Any]) -> xr.Variable:
-    """The values of a sweep as a coordinate; other than numbers as their text."""
+    """Return the values of a sweep as a coordinate; other than numbers as their text."""
     numbers = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in values)
     found = np.asarray(values, float) if numbers else np.asarray([str(value) for value in values], object)
     return xr.Variable(field.replace(".", "_"), found, {"long_name": field, "field": field})
@@ -99,5 +99,5 @@ def _attributes(design: Design) -> dict[str, Any]:
 
 
 def without_clocks(dataset: xr.Dataset) -> xr.Dataset:
-    """The dataset without wall-clock times: what a second run repeats to the last bit."""
+    """Return the dataset without wall-clock times: what a second run repeats to the last bit."""
     return dataset.drop_vars([name for name, variable in VARIABLES.items() if variable.clock])

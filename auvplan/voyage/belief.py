@@ -71,7 +71,7 @@ class ObstacleBelief:
         self.observed_at[seen] = now
 
     def clearance(self, positions: Array, times: Array) -> Array:
-        """Distance of timed positions [n, 3] m, [n] s to the nearest collision boundary, [n] m."""
+        """Return distance of timed positions [n, 3] m, [n] s to the nearest collision boundary, [n] m."""
         if not len(self.radius):
             return np.full(len(times), np.inf)
         since = np.maximum(times[:, None] - self.observed_at, 0.0)

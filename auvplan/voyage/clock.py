@@ -20,7 +20,7 @@ class Clock:
         self.compile_seconds = 0.0
 
     def time(self, call: Callable[[], Any]) -> tuple[Any, float]:
-        """The call's result and its wall-clock seconds, free of compilation."""
+        """Return the call's result and its wall-clock seconds, free of compilation."""
         before = compilations()
         result, seconds = _timed(call)
         if compilations() == before:
@@ -33,7 +33,7 @@ class Untimed(Clock):
     """Times nothing and makes no call twice: plans are the same to the last bit."""
 
     def time(self, call: Callable[[], Any]) -> tuple[Any, float]:
-        """The call's result and no time at all."""
+        """Return the call's result and no time at all."""
         return call(), 0.0
 
 

@@ -14,52 +14,55 @@ from auvplan.mission.graph import shortest_way
 from auvplan.ocean.currents import Current
 from auvplan.ocean.environment import Environment
 from auvplan.path import PathConfig, PathPlan, habitats
-from auvplan.path.cost import curves, fly
+from auvplan.path.cost import curves, evaluate
 from auvplan.path.sensitivity import Conditions
 from auvplan.vehicle import Vehicle
-from auvplan.voyage.fleet import Fleet, Mission
+from auvplan.voyage.context import Mission, SimulationContext
 from auvplan.voyage.order_calls import effort
 
 #: s added to the time of a closed edge, so that the shortest way has the fewest of them.
 _CLOSED = 1e7
 
 
-def why_no_order(fleet: Fleet, mission: Mission, timed: MissionGraph, told: Current) -> str:
+def why_no_order(context: SimulationContext, mission: Mission, timed: MissionGraph, told: Current) -> str:
     """One line on a mission that has no order of tasks over open edges.
 
     Args:
-        fleet: what missions share.
+        context: what missions share.
         mission: where it stands, with its whole graph.
         timed: the graph without the edges that the sea closes, as `time_edges` leaves it.
         told: the current that it was timed in.
     """
     run = mission.run
-    cost, nodes = _way(fleet, mission, timed)
+    cost, nodes = _way(context, mission, timed)
     if not nodes:
         return f"no way through the graph leads from waypoint {mission.here} to the destination"
     for i, j in pairwise(nodes):
         if not timed.adjacency[i, j]:
             return f"the sea closes leg {run.called(i)} to {run.called(j)}: " + _line_fault(
-                fleet, mission, (i, j), told
+                context, mission, (i, j), told
             )
     left = run.t_available - mission.now
     return f"the shortest way to the destination takes {cost:.0f} s, {left:.0f} s are available"
 
 
-def _way(fleet: Fleet, mission: Mission, timed: MissionGraph) -> tuple[float, list[int]]:
-    """Seconds and waypoints of the way to the destination over the fewest closed edges; empty without one."""
+def _way(context: SimulationContext, mission: Mission, timed: MissionGraph) -> tuple[float, list[int]]:
+    """Return seconds and waypoints of the way to the destination over the fewest closed edges.
+
+    Empty without one.
+    """
     here, goal = mission.here, mission.run.goal
-    everywhere = mission.graph.leg_times(fleet.speed) + _CLOSED
-    times = np.where(timed.adjacency, timed.leg_times(fleet.speed), everywhere)
+    everywhere = mission.graph.leg_times(context.speed) + _CLOSED
+    times = np.where(timed.adjacency, timed.leg_times(context.speed), everywhere)
     nodes = shortest_way(times, here, goal)
     return float(times[nodes[:-1], nodes[1:]].sum()), nodes
 
 
-def _line_fault(fleet: Fleet, mission: Mission, edge: tuple[int, int], told: Current) -> str:
-    """The limit that the straight line of an edge breaks most, where and when."""
-    config, site = effort(fleet.path_config).path, mission.run.site
+def _line_fault(context: SimulationContext, mission: Mission, edge: tuple[int, int], told: Current) -> str:
+    """Return the limit that the straight line of an edge breaks most, where and when."""
+    config, site = effort(context.path_config).path, mission.run.site
     start, goal = mission.graph.positions[list(edge)]
-    line = straight_plan(start, goal, mission.now, fleet.environment(told), fleet.vehicle, config)
+    line = straight_plan(start, goal, mission.now, context.environment(told), context.vehicle, config)
     if line.feasible:
         return "an end lies outside the area"
     return line.explain(line.broken()[0], site and site.epoch)
@@ -73,7 +76,7 @@ def straight_plan(
     vehicle: Vehicle,
     config: PathConfig,
 ) -> PathPlan:
-    """The straight line between two places as a path plan, kept limits or broken ones and all.
+    """Return the straight line between two places as a path plan, kept limits or broken ones and all.
 
     Args:
         start, goal: [3] m.
@@ -103,13 +106,13 @@ def _straight(
 ) -> dict[str, jax.Array]:
     """Fields of a plan of the straight line."""
     line = curves(habitats.straight_line(start, goal, config)[None], start, goal, config)
-    flight = fly(line, jnp.asarray(depart), env, vehicle, config)
+    trajectory = evaluate(line, jnp.asarray(depart), env, vehicle, config)
     return {
-        "positions": jnp.stack([flight.x[:, 0], flight.y[:, 0], flight.z[:, 0]], axis=1),
-        "times": flight.times[:, 0],
-        "excess": jnp.stack(flight.excess)[:, :, 0],
-        "water": jnp.stack(flight.water, axis=-1)[:, 0],
-        "length": flight.length[0],
-        "clearance": flight.clearance.min(),
-        "altitude": flight.altitude.min(),
+        "positions": jnp.stack([trajectory.x[:, 0], trajectory.y[:, 0], trajectory.z[:, 0]], axis=1),
+        "times": trajectory.times[:, 0],
+        "excess": jnp.stack(trajectory.excess)[:, :, 0],
+        "water": jnp.stack(trajectory.water, axis=-1)[:, 0],
+        "length": trajectory.length[0],
+        "clearance": trajectory.clearance.min(),
+        "altitude": trajectory.altitude.min(),
     }

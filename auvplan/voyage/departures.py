@@ -17,14 +17,14 @@ from auvplan.ocean.obstacles import Obstacles
 from auvplan.path import PathPlan, PathPlans, plan_paths
 from auvplan.site import Site
 from auvplan.voyage.closures import why_no_order
+from auvplan.voyage.context import Mission, SimulationContext
 from auvplan.voyage.executive import embark as embark
-from auvplan.voyage.fleet import Fleet, Mission
 from auvplan.voyage.planning import (
     complete,
     leaving,
     load_waters_at,
     moment_name,
-    planning_fleet,
+    planning_context,
     require_known,
 )
 from auvplan.voyage.scenario import Scenario
@@ -130,11 +130,11 @@ def plan_departures(
         waters = load_waters_at(scenario, moments, folder)
     require_known(scenario, waters, moments)
     if scenario.mission.waypoints == 2 and waters.jobs is None:
-        fleet = planning_fleet(scenario, folder, waters)
-        return _plan_legs(fleet, leaving(fleet, key, moments), progress)
-    fleets = [planning_fleet(scenario, folder, waters, float(depart)) for depart in moments]
-    missions = [leaving(fleet, key, [now])[0] for fleet, now in zip(fleets, moments, strict=True)]
-    return _plan_missions(fleets, missions, progress)
+        context = planning_context(scenario, folder, waters)
+        return _plan_legs(context, leaving(context, key, moments), progress)
+    contexts = [planning_context(scenario, folder, waters, float(depart)) for depart in moments]
+    missions = [leaving(context, key, [now])[0] for context, now in zip(contexts, moments, strict=True)]
+    return _plan_missions(contexts, missions, progress)
 
 
 def _circumstances(missions: Sequence[Mission]) -> dict[str, Any]:
@@ -145,7 +145,7 @@ def _circumstances(missions: Sequence[Mission]) -> dict[str, Any]:
     still, adrift = np.zeros_like(places), np.ones(len(places))
     speeds = []
     for mission in missions:
-        told = copy(mission.sea).told()
+        told = copy(mission.sea).forecast()
         water = over_ground(told, places, still, adrift, now=mission.now)
         speeds.append(float(np.hypot(water[:, 0], water[:, 1]).mean()))
     return {
@@ -156,13 +156,13 @@ def _circumstances(missions: Sequence[Mission]) -> dict[str, Any]:
     }
 
 
-def _plan_legs(fleet: Fleet, missions: list[Mission], progress: Progress | None) -> Departures:
+def _plan_legs(context: SimulationContext, missions: list[Mission], progress: Progress | None) -> Departures:
     """One call of the path planner for all departures."""
     count, run = len(missions), missions[0].run
     if progress:
         progress(0, count, "planning paths")
     common = _circumstances(missions)
-    known = [(fleet.known_obstacles(mission.now), mission.now) for mission in missions]
+    known = [(context.known_obstacles(mission.now), mission.now) for mission in missions]
     obstacles = jax.tree.map(
         lambda *leaves: np.stack(leaves),
         *(
@@ -174,14 +174,14 @@ def _plan_legs(fleet: Fleet, missions: list[Mission], progress: Progress | None)
     plans = plan_paths(
         start,
         goal,
-        fleet.environment(stacked([mission.sea.told() for mission in missions]), obstacles),
-        fleet.vehicle,
+        context.environment(stacked([mission.sea.forecast() for mission in missions]), obstacles),
+        context.vehicle,
         key=prng.stacked([mission.path_key() for mission in missions]),
-        config=fleet.path_config,
+        config=context.path_config,
         depart=common["departs"],
         world_per_leg=True,
     )
-    reasons = tuple(_fault(plan, fleet.scenario.mission.time_available, run.site) for plan in plans)
+    reasons = tuple(_fault(plan, context.scenario.mission.time_available, run.site) for plan in plans)
     feasible = np.asarray([not reason for reason in reasons])
     return Departures(
         feasible=feasible,
@@ -195,22 +195,24 @@ def _plan_legs(fleet: Fleet, missions: list[Mission], progress: Progress | None)
 
 
 def _fault(plan: PathPlan, available: float, site: Site | None) -> str:
-    """The limit that a leg breaks most, where and when; or an empty string."""
+    """Return the limit that a leg breaks most, where and when; or an empty string."""
     if not plan.feasible:
         return plan.explain(plan.broken()[0], site and site.epoch)
     late = plan.travel_time >= available
     return f"the leg takes {plan.travel_time:.0f} s, {available:.0f} s are available" if late else ""
 
 
-def _plan_missions(fleets: list[Fleet], missions: list[Mission], progress: Progress | None) -> Departures:
+def _plan_missions(
+    contexts: list[SimulationContext], missions: list[Mission], progress: Progress | None
+) -> Departures:
     """Whole missions, each as `plan_scenario` plans it: side by side they would differ in the last digits."""
     common = _circumstances(missions)
     # Copies are told again what the plans were told.
     seas = [copy(mission.sea) for mission in missions]
-    for number, (fleet, mission) in enumerate(zip(fleets, missions, strict=True)):
+    for number, (context, mission) in enumerate(zip(contexts, missions, strict=True)):
         if progress:
             progress(number, len(missions), "planning missions")
-        complete(fleet, mission)
+        complete(context, mission)
     runs = [mission.run for mission in missions]
     return Departures(
         feasible=np.asarray([run.success for run in runs]),
@@ -218,16 +220,16 @@ def _plan_missions(fleets: list[Fleet], missions: list[Mission], progress: Progr
         tasks=np.asarray([run.tasks if run.success else 0 for run in runs]),
         priority=np.asarray([run.total_priority if run.success else 0.0 for run in runs]),
         reasons=tuple(
-            "" if mission.run.success else _why(fleet, mission, sea)
-            for fleet, mission, sea in zip(fleets, missions, seas, strict=True)
+            "" if mission.run.success else _why(context, mission, sea)
+            for context, mission, sea in zip(contexts, missions, seas, strict=True)
         ),
         routes=tuple(run.route if run.success else None for run in runs),
         **common,
     )
 
 
-def _why(fleet: Fleet, mission: Mission, sea: Sea) -> str:
-    """Why a mission fails: the leg that the sea closes where none was begun, or how the plan ended."""
+def _why(context: SimulationContext, mission: Mission, sea: Sea) -> str:
+    """Return why a mission fails: the leg that the sea closes where none was begun, or how the plan ended."""
     if mission.run.legs:
         return mission.run.reason
-    return why_no_order(fleet, mission, mission.timed, sea.told())
+    return why_no_order(context, mission, mission.timed, sea.forecast())

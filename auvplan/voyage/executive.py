@@ -17,7 +17,7 @@ from auvplan import prng
 from auvplan.compiled import MISSIONS, expecting
 from auvplan.mission import MissionConfig, MissionGraph, time_to_go
 from auvplan.path import PathConfig
-from auvplan.voyage.fleet import Fleet, Leg, Mission
+from auvplan.voyage.context import Leg, Mission, SimulationContext
 from auvplan.voyage.legs import begin_legs, finish, go_as_planned, refusal, sail_on
 from auvplan.voyage.order_calls import plan_orders, time_edges
 from auvplan.voyage.records import LegRecord, MissionRun
@@ -122,18 +122,18 @@ def sail_missions(
     if len(labels) != len(keys):
         raise ValueError(f"keys and seeds must be as many, got {len(keys)} and {len(labels)}")
     with expecting(MISSIONS):
-        fleet = make_fleet(scenario, folder, waters)
+        context = make_context(scenario, folder, waters)
         waiting = deque(enumerate(zip(keys, labels, strict=True)))
         active: list[Mission] = []
         while active or waiting:
             while waiting and len(active) < together:
                 number, (key, seed) = waiting.popleft()
-                active.append(embark(fleet, number, key, int(seed)))
-                warm_up(fleet, partial(embark, fleet, number, key, int(seed)))
-            step(fleet, active)
+                active.append(embark(context, number, key, int(seed)))
+                warm_up(context, partial(embark, context, number, key, int(seed)))
+            step(context, active)
             for mission in active:
                 if mission.ended:
-                    mission.run.compile_seconds = fleet.clock.compile_seconds
+                    mission.run.compile_seconds = context.clock.compile_seconds
                     yield mission.number, mission.run
                 elif progress:
                     progress(mission.number, mission.now, mission.doing)
@@ -141,7 +141,7 @@ def sail_missions(
 
 
 def path_config(scenario: Scenario) -> PathConfig:
-    """The path planner's settings under the scenario's preset and effort.
+    """Return the path planner's settings under the scenario's preset and effort.
 
     Legs are planned without `PathConfig.finer`, whose program would be compiled under way.
     """
@@ -154,7 +154,10 @@ def path_config(scenario: Scenario) -> PathConfig:
 
 
 def mission_configs(scenario: Scenario) -> tuple[MissionConfig, MissionConfig]:
-    """The mission planner's settings under the scenario's preset and effort: first and later orders."""
+    """Return the mission planner's settings under the scenario's preset and effort.
+
+    First and later orders.
+    """
     planning = scenario.planning.resolved
     if planning.preset == "paper":
         config = MissionConfig.paper().replace(objective=planning.objective)
@@ -168,7 +171,9 @@ def mission_configs(scenario: Scenario) -> tuple[MissionConfig, MissionConfig]:
     return config.replace(beam_width=later.beam_width), later
 
 
-def make_fleet(scenario: Scenario, folder: str | Path | None = None, waters: Waters | None = None) -> Fleet:
+def make_context(
+    scenario: Scenario, folder: str | Path | None = None, waters: Waters | None = None
+) -> SimulationContext:
     """Waters, vehicle and planners' settings of a scenario.
 
     Raises:
@@ -178,7 +183,7 @@ def make_fleet(scenario: Scenario, folder: str | Path | None = None, waters: Wat
     from auvplan.io.waters import load_waters
 
     home = scenario.folder if folder is None else str(folder)
-    return Fleet(
+    return SimulationContext(
         scenario,
         path_config(scenario),
         mission_configs(scenario),
@@ -188,27 +193,27 @@ def make_fleet(scenario: Scenario, folder: str | Path | None = None, waters: Wat
     )
 
 
-def embark(fleet: Fleet, number: int, key: jax.Array, seed: int) -> Mission:
+def embark(context: SimulationContext, number: int, key: jax.Array, seed: int) -> Mission:
     """Build a mission's world; nothing is planned yet."""
-    scenario = fleet.scenario
+    scenario = context.scenario
     graph_key, field_key, sea_key, planner_key, chance_key = prng.parts(key, 5)
-    graph, names = make_graph(scenario, fleet.waters, _generator(graph_key))
+    graph, names = make_graph(scenario, context.waters, _generator(graph_key))
     run = MissionRun(
         scenario.model_dump(mode="json"),
         seed,
-        fleet.vehicle,
+        context.vehicle,
         graph,
-        fleet.chart,
+        context.chart,
         0,
         graph.size - 1,
         scenario.mission.time_available,
-        folder=str(Path(fleet.folder).resolve()),
-        site=fleet.waters.site,
-        seabed=fleet.waters.seabed,
+        folder=str(Path(context.folder).resolve()),
+        site=context.waters.site,
+        seabed=context.waters.seabed,
         names=names,
     )
-    run.simulated, run.obstacles = fleet.simulated, fleet.waters.obstacles
-    sea = make_sea(scenario, fleet.waters, field_key, sea_key, fleet.simulated)
+    run.simulated, run.obstacles = context.simulated, context.waters.obstacles
+    sea = make_sea(scenario, context.waters, field_key, sea_key, context.simulated)
     return Mission(number, run, sea, planner_key, _generator(chance_key), graph, graph)
 
 
@@ -216,30 +221,30 @@ def _generator(key: jax.Array) -> np.random.Generator:
     return np.random.default_rng(np.asarray(jax.random.key_data(key)).tolist())
 
 
-def step(fleet: Fleet, missions: list[Mission]) -> None:
+def step(context: SimulationContext, missions: list[Mission]) -> None:
     """Order tasks and begin legs where vehicles are at a waypoint, then sail all to the next look.
 
     Where nothing is simulated, legs are gone to their ends as they are planned.
     """
     waiting = [mission for mission in missions if mission.leg is None]
-    _take_stock(fleet, waiting)
-    plan_orders(fleet, [mission for mission in waiting if mission.cause])
-    _begin(fleet, [mission for mission in waiting if not mission.ended])
+    _update_edge_times(context, waiting)
+    plan_orders(context, [mission for mission in waiting if mission.cause])
+    _begin(context, [mission for mission in waiting if not mission.ended])
     sailing = [mission for mission in missions if mission.leg is not None]
-    (sail_on if fleet.simulated else go_as_planned)(fleet, sailing)
+    (sail_on if context.simulated else go_as_planned)(context, sailing)
     for mission in sailing:
         if not mission.sailing.under_way:
-            _judge(fleet, mission)
+            _judge(context, mission)
 
 
-def _take_stock(fleet: Fleet, missions: list[Mission]) -> None:
+def _update_edge_times(context: SimulationContext, missions: list[Mission]) -> None:
     """Time the edges in the sea as it is now, and see which orders no longer fit it."""
-    planning = fleet.rules
-    time_edges(fleet, missions)
+    planning = context.rules
+    time_edges(context, missions)
     for mission in missions:
         if mission.cause or planning.replan != "deviation":
             continue
-        times, rest = mission.timed.leg_times(fleet.speed), mission.rest
+        times, rest = mission.timed.leg_times(context.speed), mission.rest
         ends = mission.now + times[rest[:-1], rest[1:]].sum()
         slack = mission.run.t_available - planning.reserve - ends
         if slack < min(mission.slack, 0.0) - planning.tolerance:
@@ -248,45 +253,45 @@ def _take_stock(fleet: Fleet, missions: list[Mission]) -> None:
             mission.cause = "early"
 
 
-def _begin(fleet: Fleet, missions: list[Mission]) -> None:
+def _begin(context: SimulationContext, missions: list[Mission]) -> None:
     """Plan the next leg of every mission, and begin those that are not refused."""
     if not missions:
         return
-    expected, records = [mission.timed.leg_times(fleet.speed) for mission in missions], []
+    expected, records = [mission.timed.leg_times(context.speed) for mission in missions], []
     for mission, times in zip(missions, expected, strict=True):
         i, j = mission.rest[:2]
         task, rho = float(mission.graph.duration[i, j]), float(mission.graph.priority[i, j])
         records.append(LegRecord(i, j, float(times[i, j]), task, rho, revisit=j in mission.visited))
-    begin_legs(fleet, missions, records)
+    begin_legs(context, missions, records)
     for mission, times in zip(missions, expected, strict=True):
         mission.run.legs.append(mission.sailing.record)
-        if why := _refused(fleet, mission, mission.sailing, times):
-            _turn_down(mission, mission.sailing, why)
+        if why := _refused(context, mission, mission.sailing, times):
+            _reject_leg(mission, mission.sailing, why)
             mission.leg = None
 
 
-def _refused(fleet: Fleet, mission: Mission, leg: Leg, times: np.ndarray) -> str:
-    """Why the planned leg should not be sailed, or an empty string.
+def _refused(context: SimulationContext, mission: Mission, leg: Leg, times: np.ndarray) -> str:
+    """Return why the planned leg should not be sailed, or an empty string.
 
     A leg is refused when its path is not feasible, or when the time that the path takes would leave too
     little for the shortest way from its end to the destination, although another order might still do.
     """
-    if why := refusal(leg, fleet.epoch):
+    if why := refusal(leg, context.epoch):
         return why
-    if leg.record.goal == mission.run.goal or mission.refusals >= _REFUSALS or not fleet.rules.guard_return:
+    if leg.record.goal == mission.run.goal or mission.refusals >= _REFUSALS or not context.rules.guard_return:
         return ""
-    if fleet.rules.visits == "once":
+    if context.rules.visits == "once":
         times = times.copy()
         times[:, leg.record.start] = np.inf
     to_go = float(time_to_go(times, mission.run.goal)[leg.record.goal])
     if not np.isfinite(to_go):
         return ""  # the order counts on edges that the estimate closed, for which a path may be found yet
-    back = (1.0 + fleet.rules.return_margin) * to_go
+    back = (1.0 + context.rules.return_margin) * to_go
     late = mission.now + leg.followed.travel_time + leg.record.t_task + back - mission.run.t_available
     return f"its path would leave {late:.0f} s too little for the way back" if late > 0.0 else ""
 
 
-def _turn_down(mission: Mission, leg: Leg, why: str) -> None:
+def _reject_leg(mission: Mission, leg: Leg, why: str) -> None:
     """Ask for another order without the refused edge, or with the time that its path takes."""
     mission.refusals += 1
     i, j = leg.record.start, leg.record.goal
@@ -304,9 +309,9 @@ def _turn_down(mission: Mission, leg: Leg, why: str) -> None:
         mission.end(f"{name} cannot be sailed: {why}")
 
 
-def _judge(fleet: Fleet, mission: Mission) -> None:
+def _judge(context: SimulationContext, mission: Mission) -> None:
     """After a leg: do the task, compare the leg's whole time with t_ij, decide on re-planning (3.3.2)."""
-    run, planning, leg = mission.run, fleet.rules, mission.sailing
+    run, planning, leg = mission.run, context.rules, mission.sailing
     record = leg.record
     finish(leg)
     if isinstance(mission.sea, ModelSea):
@@ -331,7 +336,7 @@ def _judge(fleet: Fleet, mission: Mission) -> None:
 
 
 def what_is_left(graph: MissionGraph, left: int, reached: int, visits: str) -> MissionGraph:
-    """The graph after a leg: what may still be visited, and the tasks that are not done.
+    """Return the graph after a leg: what may still be visited, and the tasks that are not done.
 
     Args:
         graph: before it.

@@ -11,8 +11,8 @@ from auvplan.motion import Motion
 from auvplan.path.outlook import outlook
 from auvplan.rows import padded_batches
 from auvplan.voyage.belief import ObstacleBelief
+from auvplan.voyage.context import Leg, Mission, SimulationContext
 from auvplan.voyage.evasion import escape_track
-from auvplan.voyage.fleet import Fleet, Leg, Mission
 from auvplan.voyage.path_calls import plan_legs
 from auvplan.voyage.records import LegRecord
 from auvplan.voyage.sea import stacked
@@ -31,43 +31,43 @@ DETOUR = 1.2
 CLOSE = 40.0
 
 
-def begin_legs(fleet: Fleet, missions: list[Mission], records: Sequence[LegRecord]) -> None:
+def begin_legs(context: SimulationContext, missions: list[Mission], records: Sequence[LegRecord]) -> None:
     """Set the obstacles of each mission's leg, believe them roughly, and plan all first paths in one call."""
     for mission, record in zip(missions, records, strict=True):
-        set_out(fleet, mission, record)
-    plan_legs(fleet, missions, ["leg"] * len(missions), cold=True)
+        set_out(context, mission, record)
+    plan_legs(context, missions, ["leg"] * len(missions), cold=True)
     again = [mission for mission in missions if refusal(mission.sailing)]
     if again:
-        plan_legs(fleet, again, ["leg"] * len(again), cold=True)
+        plan_legs(context, again, ["leg"] * len(again), cold=True)
     for mission in missions:
         mission.sailing.record.followed = len(mission.sailing.record.plans) - 1
-    if fleet.rules.second_look and fleet.simulated:
-        _hope(fleet, [mission for mission in missions if _detours(mission.sailing)])
-    parts = fleet.path_config.t_series
+    if context.rules.second_look and context.simulated:
+        _replan_optimistically(context, [mission for mission in missions if _detours(mission.sailing)])
+    parts = context.path_config.t_series
     for mission in missions:
         share = mission.sailing.followed.travel_time / parts
         mission.sailing.windows = [mission.now + share * (k + 1) for k in range(parts - 1)]
 
 
-def set_out(fleet: Fleet, mission: Mission, record: LegRecord) -> None:
+def set_out(context: SimulationContext, mission: Mission, record: LegRecord) -> None:
     """Put a mission on a leg: draw its true obstacles and what is believed of them; no path yet."""
     mission.sea.advance(mission.now)
     origin, target = (np.asarray(mission.graph.positions[k]) for k in (record.start, record.goal))
-    truth = TrueObstacles.known(fleet.known_obstacles(mission.now))
-    if fleet.simulated:
-        truth = draw_obstacles(fleet.scenario, origin, target, mission.rng) + truth
+    truth = TrueObstacles.known(context.known_obstacles(mission.now))
+    if context.simulated:
+        truth = draw_obstacles(context.scenario, origin, target, mission.rng) + truth
     record.obstacle_radii, record.obstacle_kinds = truth.radius, truth.kinds
     moves = over_ground(mission.sea.field, *truth.motion, now=mission.now)
-    belief = ObstacleBelief(truth, moves, mission.now, fleet.scenario.sensors, mission.rng)
+    belief = ObstacleBelief(truth, moves, mission.now, context.scenario.sensors, mission.rng)
     mission.leg = Leg(record, origin, target, truth, moves, belief)
 
 
 def _detours(leg: Leg) -> bool:
-    """Whether the planned path takes much longer than was expected of the leg."""
+    """Return whether the planned path takes much longer than was expected of the leg."""
     return leg.followed.travel_time > DETOUR * (leg.record.t_expected - leg.record.t_task)
 
 
-def _hope(fleet: Fleet, missions: list[Mission]) -> None:
+def _replan_optimistically(context: SimulationContext, missions: list[Mission]) -> None:
     """Look for a shorter path past obstacles as they will be seen from near, in boundaries that do not grow.
 
     On a way around an island for the sake of an obstacle that is far away, a vehicle gives up the time that
@@ -76,7 +76,7 @@ def _hope(fleet: Fleet, missions: list[Mission]) -> None:
     if not missions:
         return
     before = [mission.sailing.followed for mission in missions]
-    plan_legs(fleet, missions, ["leg"] * len(missions), cold=True, growing=False)
+    plan_legs(context, missions, ["leg"] * len(missions), cold=True, growing=False)
     for mission, plan in zip(missions, before, strict=True):
         leg = mission.sailing
         if refusal(leg) or leg.followed.travel_time > plan.travel_time:
@@ -86,7 +86,7 @@ def _hope(fleet: Fleet, missions: list[Mission]) -> None:
 
 
 def refusal(leg: Leg, epoch: datetime | None = None) -> str:
-    """Why a leg must not be begun, or an empty string; times of day count from the epoch.
+    """Return why a leg must not be begun, or an empty string; times of day count from the epoch.
 
     Obstacles that are not certain do not stand against it: they move, and are known better from near.
     """
@@ -94,10 +94,10 @@ def refusal(leg: Leg, epoch: datetime | None = None) -> str:
     return leg.followed.explain(broken[0], epoch) if broken else ""
 
 
-def sail_on(fleet: Fleet, missions: list[Mission]) -> None:
+def sail_on(context: SimulationContext, missions: list[Mission]) -> None:
     """One stretch of every mission's leg: look, re-plan where it is due, and sail to the next look."""
-    _react(fleet, missions)
-    steps = max(1, round(fleet.scenario.sensors.interval / TIME_STEP))
+    _react(context, missions)
+    steps = max(1, round(context.scenario.sensors.interval / TIME_STEP))
     for batch, real in _batches(missions):
         legs = [mission.sailing for mission in batch]
         for mission in batch[:real]:
@@ -112,18 +112,18 @@ def sail_on(fleet: Fleet, missions: list[Mission]) -> None:
                 np.asarray([mission.now for mission in batch]),
                 stacked(fields),
                 tuple(np.stack(part) for part in motions),
-                fleet.vehicle,
+                context.vehicle,
                 steps=steps,
             )
         )
         for row, mission in enumerate(batch[:real]):
-            _take(fleet, mission, jax.tree.map(lambda a, row=row: a[row], out))
+            _take(context, mission, jax.tree.map(lambda a, row=row: a[row], out))
     for mission in missions:
-        if mission.sailing.under_way and mission.now >= fleet.scenario.mission.time_available:
+        if mission.sailing.under_way and mission.now >= context.scenario.mission.time_available:
             mission.sailing.stopped = "time ran out"
 
 
-def go_as_planned(fleet: Fleet, missions: list[Mission]) -> None:
+def go_as_planned(context: SimulationContext, missions: list[Mission]) -> None:
     """Go every mission's leg to its end along its path, in the time that is planned for it."""
     for mission in missions:
         leg, plan = mission.sailing, mission.sailing.followed
@@ -142,7 +142,7 @@ def _batches(missions: list[Mission]) -> Iterator[tuple[list[Mission], int]]:
         yield [missions[k] for k in index], real
 
 
-def _take(fleet: Fleet, mission: Mission, out: Sailed) -> None:
+def _take(context: SimulationContext, mission: Mission, out: Sailed) -> None:
     """Book one vehicle's stretch."""
     leg, times = mission.sailing, np.asarray(out.times, float)
     # Time stands still after the arrival: keep the steps that moved it.
@@ -164,7 +164,7 @@ def _take(fleet: Fleet, mission: Mission, out: Sailed) -> None:
     leg.record.arrived = bool(out.arrived) and not leg.escaping
     if out.shortfall > 0 and leg.moving:
         place = f"km {leg.arc / 1000.0:.1f} of {leg.marks[-1] / 1000.0:.1f}"
-        leg.stopped = f"the current beat the vehicle at {place}, {fleet.moment(mission.now)}"
+        leg.stopped = f"the current beat the vehicle at {place}, {context.moment(mission.now)}"
 
 
 def finish(leg: Leg) -> None:
@@ -179,7 +179,7 @@ def finish(leg: Leg) -> None:
         leg.record.motion = Motion.none(len(leg.record.times))
 
 
-def _react(fleet: Fleet, missions: list[Mission]) -> None:
+def _react(context: SimulationContext, missions: list[Mission]) -> None:
     """Look, and re-plan where a window asks for it or where the belief sees a collision ahead."""
     due: list[tuple[Mission, str]] = []
     for mission in missions:
@@ -194,35 +194,35 @@ def _react(fleet: Fleet, missions: list[Mission]) -> None:
             mission.sea.begin_window()
         if _hazard(mission) or not leg.moving or leg.escaping:
             due.append((mission, "hazard"))
-        elif window and not _holds(fleet, mission):
+        elif window and not _holds(context, mission):
             due.append((mission, "window"))
     if due:
-        cold = fleet.rules.replan_from == "fresh"
-        plan_legs(fleet, [mission for mission, _ in due], [cause for _, cause in due], cold)
+        cold = context.rules.replan_from == "fresh"
+        plan_legs(context, [mission for mission, _ in due], [cause for _, cause in due], cold)
     # What a warm plan cannot clear, a cold one may; what neither can, the vehicle waits for.
     stuck = [mission for mission, _ in due if _hazard(mission)]
     if stuck:
-        plan_legs(fleet, stuck, ["hazard"] * len(stuck), cold=True)
+        plan_legs(context, stuck, ["hazard"] * len(stuck), cold=True)
     for mission in stuck:
         if _hazard(mission):
-            _give_way(fleet, mission)
+            _give_way(context, mission)
 
 
-def _holds(fleet: Fleet, mission: Mission) -> bool:
-    """Whether the followed plan still does what it was planned to do, in the sea as it is told now."""
-    scenario, leg = fleet.scenario, mission.sailing
-    least = fleet.rules.window_change
+def _holds(context: SimulationContext, mission: Mission) -> bool:
+    """Return whether the followed plan still does what it was planned to do, in the sea as it is told now."""
+    scenario, leg = context.scenario, mission.sailing
+    least = context.rules.window_change
     if least == 0.0 or _detours(leg):
         return False
     sample = float(np.interp(leg.arc, leg.marks, np.arange(len(leg.marks))))
-    rest = outlook(leg.followed, sample, mission.sea.told(), fleet.vehicle, fleet.path_config)
+    rest = outlook(leg.followed, sample, mission.sea.forecast(), context.vehicle, context.path_config)
     # What is further away comes into sensor range before the vehicle is there.
-    near = max(HORIZON, scenario.sensors.range / fleet.speed)
+    near = max(HORIZON, scenario.sensors.range / context.speed)
     return rest.change < least and not rest.broken and not _hazard(mission, near)
 
 
 def _hazard(mission: Mission, horizon: float = HORIZON) -> bool:
-    """Whether the belief sees the followed plan inside a collision boundary within so many seconds."""
+    """Return whether the belief sees the followed plan inside a collision boundary within so many seconds."""
     leg, now = mission.sailing, mission.now
     plan = leg.followed
     arc = 0.0 if leg.escaping else leg.arc
@@ -234,20 +234,20 @@ def _hazard(mission: Mission, horizon: float = HORIZON) -> bool:
     return bool(leg.belief.clearance(plan.positions[ahead], times[ahead]).min() < 0.0)
 
 
-def _give_way(fleet: Fleet, mission: Mission) -> None:
+def _give_way(context: SimulationContext, mission: Mission) -> None:
     """Keep station, or escape where something comes too near."""
-    leg, (lower, upper) = mission.sailing, fleet.box
+    leg, (lower, upper) = mission.sailing, context.box
     track = escape_track(
         leg.position,
         mission.now,
-        fleet.scenario.sensors.interval,
+        context.scenario.sensors.interval,
         leg.belief,
-        fleet.chart,
-        fleet.waters.seabed,
-        fleet.speed,
+        context.chart,
+        context.waters.seabed,
+        context.speed,
         lower,
         upper,
-        fleet.path_config.samples,
+        context.path_config.samples,
     )
     leg.moving, leg.escaping = track is not None, track is not None
     if track is not None:

@@ -1,4 +1,4 @@
-"""Batched calls of the mission planner: travel times in the sea as it is told, then orders of tasks."""
+"""Batched calls of the mission planner: travel times in the forecast current, then orders of tasks."""
 
 from dataclasses import dataclass, replace
 from functools import partial
@@ -12,7 +12,7 @@ from auvplan.mission import MissionConfig, MissionGraph, MissionOrder, plan_miss
 from auvplan.mission.graph import shortest_way
 from auvplan.mission.travel_times import TravelTimeConfig
 from auvplan.path import PathConfig
-from auvplan.voyage.fleet import Fleet, Mission
+from auvplan.voyage.context import Mission, SimulationContext
 from auvplan.voyage.records import OrderRecord
 
 #: s added for each visited waypoint on a way, so that the way passes as few of them as can be.
@@ -20,19 +20,22 @@ _PASSED = 1e7
 
 
 def effort(config: PathConfig) -> TravelTimeConfig:
-    """The estimate's settings that go with a path planner's: its limits and margins, on fewer samples."""
+    """Return the estimate's settings that go with a path planner's.
+
+    Its limits and margins, on fewer samples.
+    """
     return TravelTimeConfig(path=config.replace(control_points=6, samples=64))
 
 
-def time_edges(fleet: Fleet, missions: list[Mission]) -> None:
+def time_edges(context: SimulationContext, missions: list[Mission]) -> None:
     """Estimate the travel times of the edges that are left, from what is told of the sea now."""
-    planning = fleet.rules
-    allowance = planning.detour * fleet.surprises
+    planning = context.rules
+    allowance = planning.detour * context.surprises
     for mission in missions:
         mission.timed = mission.graph
         if planning.travel_times == "sea":
             mission.sea.advance(mission.now)
-            timed, seconds = _timed(fleet, mission)
+            timed, seconds = _timed(context, mission)
             mission.timed = replace(timed, travel_time=timed.travel_time + allowance)
             mission.run.estimate_seconds += seconds
             if planning.charge_compute:
@@ -41,11 +44,13 @@ def time_edges(fleet: Fleet, missions: list[Mission]) -> None:
             mission.timed = mission.timed.with_travel_time(i, j, seconds)
 
 
-def _timed(fleet: Fleet, mission: Mission) -> tuple[MissionGraph, float]:
-    """The timed graph and the wall-clock seconds that took, free of compilation."""
-    env = fleet.environment(mission.sea.told())
-    config = effort(fleet.path_config)
-    return fleet.clock.time(lambda: mission.graph.with_travel_times(env, fleet.vehicle, mission.now, config))
+def _timed(context: SimulationContext, mission: Mission) -> tuple[MissionGraph, float]:
+    """Return the timed graph and the wall-clock seconds that took, free of compilation."""
+    env = context.environment(mission.sea.forecast())
+    config = effort(context.path_config)
+    return context.clock.time(
+        lambda: mission.graph.with_travel_times(env, context.vehicle, mission.now, config)
+    )
 
 
 @dataclass(frozen=True)
@@ -77,14 +82,14 @@ _ATTEMPTS = (
 )
 
 
-def plan_orders(fleet: Fleet, missions: list[Mission]) -> None:
+def plan_orders(context: SimulationContext, missions: list[Mission]) -> None:
     """Plan the order of tasks for the missions that need one, from where each stands."""
-    planning = fleet.rules
+    planning = context.rules
     plain = planning.reserve == 0.0 and planning.return_margin == 0.0
     for attempt in _ATTEMPTS:
         due = [mission for mission in missions if mission.cause and not mission.ended]
         if attempt.passing:
-            due = [mission for mission in due if _open_passages(fleet, mission, attempt.passing)]
+            due = [mission for mission in due if _open_passages(context, mission, attempt.passing)]
         elif attempt.share < 1.0 and plain and not attempt.untimed:
             continue  # there is no slack to give up
         if attempt.untimed:
@@ -93,35 +98,35 @@ def plan_orders(fleet: Fleet, missions: list[Mission]) -> None:
                 mission.timed = replace(mission.timed, adjacency=mission.graph.adjacency)
         groups: dict[tuple[MissionConfig, bool], list[Mission]] = {}
         for mission in due:
-            groups.setdefault((_config(fleet, mission), _keeps(fleet, mission)), []).append(mission)
+            groups.setdefault((_config(context, mission), _keeps(context, mission)), []).append(mission)
         for (config, kept), group in groups.items():
-            _plan_orders(fleet, group, config, kept, attempt.share)
+            _plan_orders(context, group, config, kept, attempt.share)
     for mission in missions:
         if mission.cause and not mission.ended:
             _go_on(mission)
 
 
 def _all_timed(mission: Mission) -> bool:
-    """Whether the estimate closed no edge."""
+    """Return whether the estimate closed no edge."""
     return bool(np.array_equal(mission.timed.adjacency, mission.graph.adjacency))
 
 
-def _keeps(fleet: Fleet, mission: Mission) -> bool:
-    """Whether the population of the last order is planned from."""
-    return mission.order is not None and fleet.rules.orders_from == "kept"
+def _keeps(context: SimulationContext, mission: Mission) -> bool:
+    """Return whether the population of the last order is planned from."""
+    return mission.order is not None and context.rules.orders_from == "kept"
 
 
-def _open_passages(fleet: Fleet, mission: Mission, passing: str) -> bool:
+def _open_passages(context: SimulationContext, mission: Mission, passing: str) -> bool:
     """Open the way over visited waypoints to the destination, as passages without a task.
 
     Returns:
         Whether there is such a way, and it needs them.
     """
-    if not mission.visited or fleet.rules.visits != "once":
+    if not mission.visited or context.rules.visits != "once":
         return False
     run, revisited = mission.run, np.zeros(mission.graph.size, bool)
     revisited[list(mission.visited - {mission.here})] = True
-    times = run.graph.without_edges(mission.barred).leg_times(fleet.speed)
+    times = run.graph.without_edges(mission.barred).leg_times(context.speed)
     times[:, mission.here] = np.inf
     if passing == "few":
         times = times + _PASSED * revisited
@@ -136,34 +141,34 @@ def _open_passages(fleet: Fleet, mission: Mission, passing: str) -> bool:
     # The way from a passed waypoint on to a new one carries what it always did.
     onward = [(i, j) for i, j in legs if revisited[i] and not revisited[j]]
     mission.graph = mission.graph.with_edges(onward)
-    time_edges(fleet, [mission])
+    time_edges(context, [mission])
     return True
 
 
-def _config(fleet: Fleet, mission: Mission) -> MissionConfig:
+def _config(context: SimulationContext, mission: Mission) -> MissionConfig:
     """Settings for the mission's next order; places for neighbours come from its own graph alone."""
-    first, later = fleet.order_configs
+    first, later = context.order_configs
     most = int(np.asarray(mission.run.graph.adjacency).sum(axis=1).max())
     config = first if mission.order is None else later
     return config.replace(degree=max(config.degree, 1 << (most - 1).bit_length()))
 
 
 def _plan_orders(
-    fleet: Fleet, missions: list[Mission], config: MissionConfig, kept: bool, share: float
+    context: SimulationContext, missions: list[Mission], config: MissionConfig, kept: bool, share: float
 ) -> None:
     """One call of the mission planner that keeps a share of the slack, and what it found."""
-    planning = fleet.rules
+    planning = context.rules
     reserve = share * planning.reserve
     left = [mission.run.t_available - mission.now - reserve for mission in missions]
     populations = np.stack([mission.last_order.population for mission in missions]) if kept else None
-    orders, seconds = fleet.clock.time(
+    orders, seconds = context.clock.time(
         partial(
             plan_missions,
             MissionGraph.stack(mission.timed for mission in missions),
             np.asarray([mission.here for mission in missions]),
             np.asarray([mission.run.goal for mission in missions]),
             np.maximum(left, 1.0),
-            speed=fleet.vehicle.speed,
+            speed=context.vehicle.speed,
             keys=prng.stacked([mission.order_key() for mission in missions]),
             populations=populations,
             config=config,
@@ -172,12 +177,12 @@ def _plan_orders(
         ),
     )
     for mission, order in zip(missions, orders, strict=True):
-        _take(fleet, mission, order, seconds / len(missions))
+        _take(context, mission, order, seconds / len(missions))
 
 
-def _take(fleet: Fleet, mission: Mission, order: MissionOrder, seconds: float) -> None:
+def _take(context: SimulationContext, mission: Mission, order: MissionOrder, seconds: float) -> None:
     """Book a new order, or why there is none."""
-    run, planning = mission.run, fleet.rules
+    run, planning = mission.run, context.rules
     mission.no_order = "" if order.feasible else order.reason
     if not order.feasible:
         return

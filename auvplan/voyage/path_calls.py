@@ -12,48 +12,54 @@ from auvplan import prng
 from auvplan.ocean.environment import Environment
 from auvplan.path import PathPlan, PathPlans, plan_paths, replan_paths
 from auvplan.voyage.belief import as_obstacles
-from auvplan.voyage.fleet import Fleet, Mission
+from auvplan.voyage.context import Mission, SimulationContext
 from auvplan.voyage.records import PlanRecord
 from auvplan.voyage.sea import stacked
 
 
 def plan_legs(
-    fleet: Fleet, missions: list[Mission], causes: Sequence[str], cold: bool = False, growing: bool = True
+    context: SimulationContext,
+    missions: list[Mission],
+    causes: Sequence[str],
+    cold: bool = False,
+    growing: bool = True,
 ) -> None:
     """Plan paths from where the vehicles are, and follow them.
 
     Args:
-        fleet: what the missions share.
+        context: what the missions share.
         missions: B missions on a leg that needs a path.
         causes: [B], "leg", "window" or "hazard", for the record.
         cold: search afresh; otherwise from the kept population.
         growing: whether the boundaries of obstacles grow until they are seen again.
     """
     keys = prng.stacked([mission.path_key() for mission in missions])
-    env = believed(fleet, missions)
+    env = believed(context, missions)
     if not growing:
         env = replace(env, obstacles=replace(env.obstacles, growth=np.zeros_like(env.obstacles.growth)))
-    plans, seconds = fleet.clock.time(partial(_call, fleet, missions, env, keys, cold))
+    plans, seconds = context.clock.time(partial(_call, context, missions, env, keys, cold))
     for mission, plan, cause in zip(missions, plans, causes, strict=True):
         _follow(mission, plan, cause, seconds / len(missions))
 
 
-def believed(fleet: Fleet, missions: list[Mission]) -> Environment:
-    """The world as the vehicles know it now; current and obstacles have a leading axis."""
-    obstacles = as_obstacles([mission.sailing.belief for mission in missions], fleet.scenario.sensors)
-    return fleet.environment(stacked([mission.sea.told() for mission in missions]), obstacles)
+def believed(context: SimulationContext, missions: list[Mission]) -> Environment:
+    """Return the world as the vehicles know it now; current and obstacles have a leading axis."""
+    obstacles = as_obstacles([mission.sailing.belief for mission in missions], context.scenario.sensors)
+    return context.environment(stacked([mission.sea.forecast() for mission in missions]), obstacles)
 
 
-def _call(fleet: Fleet, missions: list[Mission], env: Environment, keys: jax.Array, cold: bool) -> PathPlans:
-    """The planning call."""
+def _call(
+    context: SimulationContext, missions: list[Mission], env: Environment, keys: jax.Array, cold: bool
+) -> PathPlans:
+    """Return the planning call."""
     legs = [mission.sailing for mission in missions]
     now = np.asarray([mission.now for mission in missions])
-    places = np.stack([np.clip(leg.position, *fleet.box) for leg in legs])
-    common: dict[str, Any] = {"key": keys, "config": fleet.path_config, "world_per_leg": True}
+    places = np.stack([np.clip(leg.position, *context.box) for leg in legs])
+    common: dict[str, Any] = {"key": keys, "config": context.path_config, "world_per_leg": True}
     if cold:
         goals = np.stack([leg.target for leg in legs])
-        return plan_paths(places, goals, env, fleet.vehicle, depart=now, **common)
-    return replan_paths([leg.followed for leg in legs], places, now, env, fleet.vehicle, **common)
+        return plan_paths(places, goals, env, context.vehicle, depart=now, **common)
+    return replan_paths([leg.followed for leg in legs], places, now, env, context.vehicle, **common)
 
 
 def _follow(mission: Mission, plan: PathPlan, cause: str, seconds: float) -> None:

@@ -34,7 +34,7 @@ Point = Annotated[tuple[Finite, Finite, Finite], WithJsonSchema(_PLACE_SCHEMA)]
 
 
 def localised(given: dict[str, Any], site: Site | None) -> dict[str, Any]:
-    """A scenario's plain data with places of longitude and latitude in local metres."""
+    """Return a scenario's plain data with places of longitude and latitude in local metres."""
     out = dict(given)
     mission, area = given.get("mission"), given.get("area")
     if isinstance(mission, dict):
@@ -51,7 +51,7 @@ def localised(given: dict[str, Any], site: Site | None) -> dict[str, Any]:
 
 
 def _place(value: Any, site: Site | None, name: str) -> Any:
-    """A place in local metres; what is no mapping is left to validation."""
+    """Return a place in local metres; what is no mapping is left to validation."""
     if not isinstance(value, dict):
         return value
     known = {"longitude", "latitude", "depth"}
@@ -69,7 +69,7 @@ def _place(value: Any, site: Site | None, name: str) -> Any:
 
 
 def _box(corners: dict[str, Any], site: Site | None) -> dict[str, Any]:
-    """The local box around a box of longitude and latitude, whose sides are not quite straight."""
+    """Return the local box around a box of longitude and latitude, whose sides are not quite straight."""
     for name in ("lower", "upper"):
         if not isinstance(corners.get(name), dict):
             raise ValueError(

@@ -21,8 +21,8 @@ from auvplan.errors import ScenarioError
 from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.site import Site
 from auvplan.voyage.clock import Untimed
-from auvplan.voyage.executive import embark, make_fleet, seed_keys, step
-from auvplan.voyage.fleet import Fleet, Mission
+from auvplan.voyage.context import Mission, SimulationContext
+from auvplan.voyage.executive import embark, make_context, seed_keys, step
 from auvplan.voyage.records import MissionRun
 from auvplan.voyage.scenario import Scenario
 from auvplan.voyage.waters import Waters
@@ -65,11 +65,11 @@ def plan_scenario(
     """
     if waters is None:
         waters = load_waters_at(scenario, [depart], folder)
-    fleet = planning_fleet(scenario, folder, waters, depart)
+    context = planning_context(scenario, folder, waters, depart)
     keyed = seed_keys([seed])[0] if key is None else key
-    (mission,) = leaving(fleet, keyed, [depart], seed)
+    (mission,) = leaving(context, keyed, [depart], seed)
     with expecting(MISSIONS):
-        complete(fleet, mission, progress)
+        complete(context, mission, progress)
     return _from_departure(mission.run, depart)
 
 
@@ -105,24 +105,27 @@ def load_waters_at(scenario: Scenario, departs: ArrayLike, folder: str | Path | 
     )
 
 
-def planning_fleet(
+def planning_context(
     scenario: Scenario, folder: str | Path | None, waters: Waters, depart: float | None = None
-) -> Fleet:
-    """What plans count on, nothing simulated or timed; of the sea no more than one from `depart` meets."""
+) -> SimulationContext:
+    """Return what plans count on, nothing simulated or timed.
+
+    Of the sea no more than one from `depart` meets.
+    """
     if waters.forecast is not None and depart is not None:
         forecast = waters.forecast.window(depart, depart + scenario.mission.time_available)
         waters = replace(waters, forecast=forecast, truth=forecast)
     # Planning is done before the departure: it costs the mission no time.
     planning = scenario.planning.model_copy(update={"charge_compute": False})
-    fleet = make_fleet(scenario.model_copy(update={"planning": planning}), folder, waters)
-    fleet.simulated, fleet.clock = False, Untimed()
-    return fleet
+    context = make_context(scenario.model_copy(update={"planning": planning}), folder, waters)
+    context.simulated, context.clock = False, Untimed()
+    return context
 
 
-def leaving(fleet: Fleet, key: jax.Array, departs: ArrayLike, seed: int = 0) -> list[Mission]:
+def leaving(context: SimulationContext, key: jax.Array, departs: ArrayLike, seed: int = 0) -> list[Mission]:
     """One mission a departure: the same but for the time and the sea as it is then."""
     departs = np.asarray(departs, float)
-    model = embark(fleet, 0, key, seed)
+    model = embark(context, 0, key, seed)
     missions = {}
     for number in np.argsort(departs, kind="stable").tolist():
         now = float(departs[number])
@@ -141,16 +144,16 @@ def leaving(fleet: Fleet, key: jax.Array, departs: ArrayLike, seed: int = 0) -> 
     return [missions[number] for number in range(len(departs))]
 
 
-def complete(fleet: Fleet, mission: Mission, progress: Progress | None = None) -> None:
+def complete(context: SimulationContext, mission: Mission, progress: Progress | None = None) -> None:
     """Plan a mission to its end."""
     while not mission.ended:
-        step(fleet, [mission])
+        step(context, [mission])
         if progress:
             progress(mission.now, mission.doing)
 
 
 def _from_departure(run: MissionRun, depart: float) -> MissionRun:
-    """The plan with times that count from its departure, `depart` s after the scenario's epoch."""
+    """Return the plan with times that count from its departure, `depart` s after the scenario's epoch."""
     if depart == 0.0:
         return run
     shifted: dict[int, Any] = {}
@@ -189,7 +192,7 @@ def _is_gridded(part: Any) -> bool:
 
 
 def moment_name(site: Site | None, seconds: float) -> str:
-    """A local time for people: UTC to the minute, or hours where there is no date."""
+    """Return a local time for people: UTC to the minute, or hours where there is no date."""
     moment = None if site is None else site.utc(round(seconds / 60.0) * 60.0)
     return f"{seconds / 3600.0:+.2f} h" if moment is None else f"{moment:%Y-%m-%d %H:%M} UTC"
 

@@ -257,7 +257,7 @@ class MissionRun(Brief):
         return [self.start, *(leg.goal for leg in self.done)]
 
     def called(self, node: int) -> str:
-        """A waypoint's name, or its number where it has none."""
+        """Return a waypoint's name, or its number where it has none."""
         return self.names[node] if self.names else str(node)
 
     @property
@@ -356,7 +356,7 @@ class MissionRun(Brief):
         return int(hit.sum())
 
     def forecast(self) -> dict[str, float] | None:
-        """How the sea that was told compares with the one that was sailed in; None for vortices."""
+        """Return how the sea that was told compares with the one that was sailed in; None for vortices."""
         legs = [leg for leg in self.done if not math.isnan(leg.current_difference)]
         if not legs:
             return None
@@ -369,7 +369,7 @@ class MissionRun(Brief):
         }
 
     def summary(self) -> dict[str, Any]:
-        """The figures of the mission, ready for JSON."""
+        """Return the figures of the mission, ready for JSON."""
         return {
             "simulated": self.simulated,
             "t_available": self.t_available,

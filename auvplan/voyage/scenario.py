@@ -54,13 +54,13 @@ class Scenario(Section):
         return self._folder
 
     def in_folder(self, folder: str | Path) -> "Scenario":
-        """The same settings with relative paths that start from `folder`."""
+        """Return the same settings with relative paths that start from `folder`."""
         moved = self.model_copy()
         moved._folder = str(folder)
         return moved
 
     def with_(self, changes: Mapping[str, Any]) -> "Scenario":
-        """The same with other values of some fields, validated as a scenario's file is.
+        """Return the same with other values of some fields, validated as a scenario's file is.
 
         Args:
             changes: values by "section.field", as `--set` and `--sweep` name them; of a whole section by its
@@ -123,7 +123,10 @@ class Scenario(Section):
 
 
 def _site(given: dict[str, Any]) -> Site | None:
-    """The site of plain data; None where there is none or it is at fault, which its validation tells."""
+    """Return the site of plain data.
+
+    None where there is none or it is at fault, which its validation tells.
+    """
     try:
         return None if given.get("site") is None else SiteSettings.model_validate(given["site"]).site
     except ValueError:

@@ -10,7 +10,7 @@ import numpy as np
 
 from auvplan import prng
 from auvplan.compiled import compiled
-from auvplan.ocean.currents import Current, SumCurrent, divided, united
+from auvplan.ocean.currents import Current, SumCurrent, combine, partition
 from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.ocean.vortices import CurrentUpdate, LambVortices, evolve, padded
 
@@ -32,7 +32,7 @@ class Sea(Protocol):
     def hold(self) -> None:
         """Stay as it is told from now on: nothing else is known beforehand."""
 
-    def told(self) -> Current:
+    def forecast(self) -> Current:
         """The current as a planner is told it now."""
         ...
 
@@ -85,8 +85,8 @@ class VortexSea:
         self.field = jax.device_get(field)
         self._updates += 1
 
-    def told(self) -> LambVortices:
-        """The field as a planner is told it, in error anew at every telling."""
+    def forecast(self) -> LambVortices:
+        """Return the field as a planner is told it, in error anew at every telling."""
         self._tellings += 1
         return jax.device_get(_told(self._telling_key, self._tellings, self.field, self._error))
 
@@ -112,8 +112,8 @@ class ModelSea:
     def hold(self) -> None:
         """Do nothing, as `advance`."""
 
-    def told(self) -> SumCurrent:
-        """The forecast, the same all the time."""
+    def forecast(self) -> SumCurrent:
+        """Return the forecast, the same all the time."""
         return self._told
 
     def difference(self, positions: np.ndarray, times: np.ndarray) -> float:
@@ -125,10 +125,10 @@ class ModelSea:
 
 def stacked(currents: Sequence[Current]) -> Current:
     """Currents of one kind as one of batched worlds: each one's own part gets a leading axis."""
-    shared, own = divided(currents[0])
+    shared, own = partition(currents[0])
     if own is not None:
-        own = jax.tree.map(lambda *leaves: np.stack(leaves), *(divided(current)[1] for current in currents))
-    return united(shared, own)
+        own = jax.tree.map(lambda *leaves: np.stack(leaves), *(partition(current)[1] for current in currents))
+    return combine(shared, own)
 
 
 @partial(compiled, static_argnames=("update",))

@@ -244,7 +244,7 @@ class CurrentSettings(Section):
 
     @model_validator(mode="before")
     @classmethod
-    def _files_are_told_as_they_are(cls, given: Any) -> Any:
+    def _check_file_form(cls, given: Any) -> Any:
         if isinstance(given, dict) and given.get("source") == "file":
             return {"forecast_error": 0.0} | given
         return given

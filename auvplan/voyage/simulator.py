@@ -13,7 +13,7 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from auvplan.compiled import compiled
-from auvplan.ocean.currents import Current, divided, united
+from auvplan.ocean.currents import Current, combine, partition
 from auvplan.ocean.vortices import rounded_up
 from auvplan.vehicle import Vehicle, along_track
 
@@ -94,10 +94,10 @@ def sail(
         steps: number of steps of `TIME_STEP`.
     """
 
-    shared, each = divided(current)
+    shared, each = partition(current)
 
     def one(track, arc, moving, now, own, position, velocity, drift) -> Sailed:
-        current = united(shared, own)
+        current = combine(shared, own)
         gaps = jnp.sqrt((jnp.diff(track, axis=0) ** 2).sum(axis=1))
         marks = jnp.concatenate([jnp.zeros(1), jnp.cumsum(gaps)])
         total = marks[-1]

@@ -8,7 +8,7 @@ from threading import Thread
 from auvplan import cache, cores
 from auvplan.compiled import compiling_ahead
 from auvplan.voyage.clock import Clock
-from auvplan.voyage.fleet import Fleet, Mission
+from auvplan.voyage.context import Mission, SimulationContext
 from auvplan.voyage.legs import begin_legs, sail_on
 from auvplan.voyage.path_calls import plan_legs
 from auvplan.voyage.records import LegRecord
@@ -19,30 +19,30 @@ log = logging.getLogger(__name__)
 _warmed_up: set[str] = set()
 
 
-def warm_up(fleet: Fleet, embark: Callable[[], Mission]) -> None:
+def warm_up(context: SimulationContext, embark: Callable[[], Mission]) -> None:
     """Let a mission that nobody waits for begin a leg, in a thread of its own, where a core is free for that.
 
     Args:
-        fleet: what it shares with those that are to be sailed.
+        context: what it shares with those that are to be sailed.
         embark: makes the mission.
     """
     if cores.count() == 1 or not cache.enabled():
         return
-    scenario = fleet.scenario.model_dump_json()
+    scenario = context.scenario.model_dump_json()
     if scenario in _warmed_up:
         return
     _warmed_up.add(scenario)
-    Thread(target=_begin_a_leg, args=(replace(fleet, clock=Clock()), embark), daemon=True).start()
+    Thread(target=_begin_a_leg, args=(replace(context, clock=Clock()), embark), daemon=True).start()
 
 
-def _begin_a_leg(fleet: Fleet, embark: Callable[[], Mission]) -> None:
+def _begin_a_leg(context: SimulationContext, embark: Callable[[], Mission]) -> None:
     try:
         mission = embark()
         start = mission.here
         goal = int(mission.graph.adjacency[start].argmax())
         with compiling_ahead():
-            begin_legs(fleet, [mission], [LegRecord(start, goal, 0.0, 0.0, 0.0)])
-            plan_legs(fleet, [mission], ["window"])
-            sail_on(fleet, [mission])
+            begin_legs(context, [mission], [LegRecord(start, goal, 0.0, 0.0, 0.0)])
+            plan_legs(context, [mission], ["window"])
+            sail_on(context, [mission])
     except Exception as error:  # what is wrong shows where it matters
         log.info("programs are not compiled side by side: %s", error)

@@ -89,7 +89,7 @@ def _drawn_waypoints(scenario: Scenario, waters: Waters, rng: np.random.Generato
 
 
 def _jobs_graph(scenario: Scenario, waters: Waters, jobs: Jobs) -> tuple[MissionGraph, list[str]]:
-    """The graph of the jobs of a file.
+    """Return the graph of the jobs of a file.
 
     Raises:
         ScenarioError: a job lies on land, outside the area or too near the sea bed, or cannot be reached.
@@ -115,7 +115,7 @@ def _jobs_graph(scenario: Scenario, waters: Waters, jobs: Jobs) -> tuple[Mission
 
 
 def misplaced(position: np.ndarray, scenario: Scenario, waters: Waters) -> str:
-    """What is wrong with a waypoint [3] m, or an empty string."""
+    """Return what is wrong with a waypoint [3] m, or an empty string."""
     lower, upper = (np.asarray(corner) for corner in scenario.box)
     if (position[:2] < lower[:2] - 1e-6).any() or (position[:2] > upper[:2] + 1e-6).any():
         return "lies outside the area"

@@ -65,12 +65,12 @@ class TrueObstacles:
 
 
 def make_vehicle(scenario: Scenario) -> Vehicle:
-    """The scenario's vehicle."""
+    """Return the scenario's vehicle."""
     return Vehicle(**scenario.vehicle.model_dump(exclude={"depth_min", "depth_max"}))
 
 
 def picture_chart(settings: ChartSettings, folder: str) -> Chart | None:
-    """The chart of a picture without a place, the shipped one's among them; None for open water.
+    """Return the chart of a picture without a place, the shipped one's among them; None for open water.
 
     Raises:
         ScenarioError: the window does not fit the picture.
@@ -129,7 +129,10 @@ def require_area_on_chart(scenario: Scenario, chart: Chart | None) -> None:
 def make_sea(
     scenario: Scenario, waters: Waters, field_key: jax.Array, sea_key: jax.Array, simulated: bool = True
 ) -> Sea:
-    """The true current of a mission and what is told of it; the forecast for both where none is simulated."""
+    """Return the true current of a mission and what is told of it.
+
+    The forecast for both where none is simulated.
+    """
     settings = scenario.current
     if waters.truth is None or waters.forecast is None:
         field, update = make_current(scenario, field_key), current_update(scenario)
@@ -153,7 +156,7 @@ def make_sea(
 
 
 def make_current(scenario: Scenario, key: jax.Array) -> LambVortices:
-    """The true current at the start."""
+    """Return the true current at the start."""
     settings, area = scenario.current, scenario.area
     if settings.vortices == 0:
         empty = jnp.zeros((1, 0))
@@ -176,7 +179,7 @@ def _uniform(scenario: Scenario) -> jax.Array:
 
 
 def current_update(scenario: Scenario) -> CurrentUpdate:
-    """The steps of Eq. 2."""
+    """Return the steps of Eq. 2."""
     settings = scenario.current
     return CurrentUpdate(
         settings.update_rate, settings.center_std, settings.radius_std, settings.strength_std

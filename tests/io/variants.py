@@ -715,7 +715,7 @@ VARIANTS = {
     "a hole in the upper water": (holes(np.s_[:, 0, 3:5, 3]), WARNED, "tide.nc", "at 0 m depth", "148.96"),
     "centimetres for metres": (scaled(30.0), WARNED, "tide.nc", "9.5 m/s", "units"),
     "a current of nothing": (scaled(0.0), WARNED, "tide.nc", "0 everywhere"),
-    "a fill value as it is": (holes(np.s_[:, :, 3, 3], -9999.0), REFUSED, "tide.nc", "fill value"),
+    "a fill value as it is": (holes(np.s_[:, :, 3, 3], -9999.0), REFUSED, "tide.nc", "_FillValue"),
     "a forecast of last month": (
         change(sections(current={"outside": "clamp"}), tide(told("time", units="hours since 2026-02-01"))),
         WARNED,

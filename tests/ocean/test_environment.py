@@ -45,6 +45,7 @@ def test_paths_are_planned_without_a_box():
     assert np.isfinite([slopes.departure, slopes.speed, slopes.current]).all()
 
 
+@pytest.mark.slow
 def test_a_box_that_binds_nothing_changes_nothing():
     boxed = world()
     free = ap.Environment(boxed.current, boxed.chart, boxed.obstacles)

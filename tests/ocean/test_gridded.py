@@ -7,7 +7,7 @@ import pytest
 
 import auvplan as ap
 from auvplan.ocean import CurrentError, GriddedCurrent
-from auvplan.ocean.currents import SumCurrent, is_gradual, is_steady
+from auvplan.ocean.currents import SumCurrent, is_quasi_steady, is_steady
 from tests.ocean.grids import arrays, edges, grid, places
 
 GOOD = {
@@ -56,11 +56,11 @@ def test_attributes_and_properties():
     np.testing.assert_array_equal(field.u, arrays("even")[0].astype(np.float32))
     assert float(field.step) == 600.0
     assert grid("uneven").step is None
-    assert (field.steady, is_gradual(field)) == (False, True)
+    assert (field.steady, is_quasi_steady(field)) == (False, True)
     one = grid("one time")
-    assert (one.steady, is_gradual(one)) == (True, False)
+    assert (one.steady, is_quasi_steady(one)) == (True, False)
     assert is_steady(SumCurrent(one, ap.UniformCurrent(0.1)))
-    assert is_gradual(SumCurrent(field, ap.UniformCurrent(0.1)))
+    assert is_quasi_steady(SumCurrent(field, ap.UniformCurrent(0.1)))
     speeds = np.hypot(*arrays("even")[:2])
     assert field.fastest == pytest.approx(speeds.max(), rel=1e-6)
     still = grid("even", vertical=False)

@@ -12,7 +12,7 @@ import auvplan as ap
 from auvplan.path import VIOLATIONS, habitats
 from auvplan.path import cost as kernel
 from auvplan.path.bspline import basis_at
-from auvplan.path.cost import CLEARANCE_SCALE, Track, curves, fly, guide, violations
+from auvplan.path.cost import CLEARANCE_SCALE, Track, curves, evaluate, soft_objective, violations
 from tests.path.worlds import GOAL, LOWER, START, UPPER, world
 
 CONFIG = ap.PathConfig(control_points=16, samples=48)
@@ -96,15 +96,15 @@ def test_kernel_matches_naive_twin(chart, obstacles):
     env = resolved(world(chart, obstacles))
     vehicle = ap.Vehicle(surge_max=3.0, sway_max=0.5, turn_rate_max=0.005)
     habitats_ = population(4, env)
-    flight = fly(curves(habitats_, START, GOAL, CONFIG), 100.0, env, vehicle, CONFIG)
+    trajectory = evaluate(curves(habitats_, START, GOAL, CONFIG), 100.0, env, vehicle, CONFIG)
     for p in range(4):
         path, times, excess = naive_flight(habitats_[p], env, vehicle, 100.0, CONFIG)
         np.testing.assert_allclose(
-            np.stack([flight.x[:, p], flight.y[:, p], flight.z[:, p]], axis=1), path, atol=1e-8
+            np.stack([trajectory.x[:, p], trajectory.y[:, p], trajectory.z[:, p]], axis=1), path, atol=1e-8
         )
-        np.testing.assert_allclose(flight.times[:, p], times, rtol=1e-7)
+        np.testing.assert_allclose(trajectory.times[:, p], times, rtol=1e-7)
         # float32 chart and 1e-8 guards
-        np.testing.assert_allclose(np.stack(flight.excess)[:, :, p], excess, rtol=1e-5, atol=1e-4)
+        np.testing.assert_allclose(np.stack(trajectory.excess)[:, :, p], excess, rtol=1e-5, atol=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -202,12 +202,12 @@ def test_a_large_population_is_scored_in_parts():
 def test_guide_is_judged_by_the_score_and_is_less_stiff():
     env = resolved(world())
     many = population(6, env)
-    aim, judged = guide(many, START, GOAL, 0.0, env, ap.Vehicle(), CONFIG)
+    aim, judged = soft_objective(many, START, GOAL, 0.0, env, ap.Vehicle(), CONFIG)
     cost, violation = score(many, START, GOAL, 0.0, env, ap.Vehicle(), CONFIG)
     np.testing.assert_allclose(judged[0], cost, rtol=1e-6)
     np.testing.assert_allclose(judged[1], violation, rtol=1e-6)
-    flight = fly(curves(many, START, GOAL, CONFIG), 0.0, env, ap.Vehicle(), CONFIG)
-    bare = flight.travel_time + flight.price
+    trajectory = evaluate(curves(many, START, GOAL, CONFIG), 0.0, env, ap.Vehicle(), CONFIG)
+    bare = trajectory.travel_time + trajectory.price
     broken = np.asarray(violation) > 0.05
     assert broken.any()
     # Penalties are there, but a small share of those of the cost.
@@ -219,15 +219,15 @@ def test_coast_is_forbidden_and_shoals_are_priced():
     env = world(obstacles=False)
     start, goal = jnp.array([900.0, 200.0, 10.0]), jnp.array([900.0, 1900.0, 10.0])
     line = habitats.straight_line(start, goal, CONFIG)[None]
-    flight = fly(curves(line, start, goal, CONFIG), 0.0, env, ap.Vehicle(), CONFIG)
-    broken = dict(zip(VIOLATIONS, violations(flight)[:, 0], strict=True))
+    trajectory = evaluate(curves(line, start, goal, CONFIG), 0.0, env, ap.Vehicle(), CONFIG)
+    broken = dict(zip(VIOLATIONS, violations(trajectory)[:, 0], strict=True))
     assert broken["coast"] > 0
     assert broken["obstacle"] == 0
     aside = line.at[0, : CONFIG.control_points].set(1160.0)  # passes over the shoal, clear of the island
-    over = fly(curves(aside, start, goal, CONFIG), 0.0, env, ap.Vehicle(), CONFIG)
+    over = evaluate(curves(aside, start, goal, CONFIG), 0.0, env, ap.Vehicle(), CONFIG)
     assert float(over.excess[VIOLATIONS.index("coast")].max()) == 0.0
     unpriced = CONFIG.replace(uncertain_price=0.0)
-    free = fly(curves(aside, start, goal, CONFIG), 0.0, env, ap.Vehicle(), unpriced)
+    free = evaluate(curves(aside, start, goal, CONFIG), 0.0, env, ap.Vehicle(), unpriced)
     assert float(over.price[0]) > 0.0 == float(free.price[0])
 
 
@@ -243,8 +243,8 @@ def test_turn_rate_limit_catches_every_sharp_turn(degrees, sharp):
     x, y = (jnp.asarray(xy[:, k : k + 1]) for k in range(2))
     env = ap.Environment(None, None, None, (-3000, -3000, 0), (3000, 3000, 0))
     vehicle = ap.Vehicle(turn_rate_max=np.radians(40.0) / 16.0)  # a segment lasts 16 s
-    flight = fly(Track.through(x, y, jnp.zeros_like(x)), 0.0, env, vehicle, CONFIG)
-    assert bool(flight.excess[VIOLATIONS.index("turn_rate")].max() > 0) is sharp
+    trajectory = evaluate(Track.through(x, y, jnp.zeros_like(x)), 0.0, env, vehicle, CONFIG)
+    assert bool(trajectory.excess[VIOLATIONS.index("turn_rate")].max() > 0) is sharp
 
 
 def test_obstacle_counts_at_the_time_of_arrival():
@@ -255,8 +255,8 @@ def test_obstacle_counts_at_the_time_of_arrival():
     comes = ap.Obstacles.self_motivated([[1000.0, -400.0, 0.0]], [30.0], [[0.0, 1.0, 0.0]])
     for obstacles, hit in ((gone, False), (comes, True)):
         env = resolved(ap.Environment(None, None, obstacles, LOWER, UPPER))
-        flight = fly(curves(line, start, goal, CONFIG), 0.0, env, ap.Vehicle(), CONFIG)
-        assert bool(flight.excess[VIOLATIONS.index("obstacle")].max() > 0) is hit
+        trajectory = evaluate(curves(line, start, goal, CONFIG), 0.0, env, ap.Vehicle(), CONFIG)
+        assert bool(trajectory.excess[VIOLATIONS.index("obstacle")].max() > 0) is hit
 
 
 @pytest.mark.parametrize(
@@ -277,9 +277,9 @@ def test_a_jet_that_all_middles_miss_is_seen_when_the_path_is_judged(limit, jet,
     env = ap.Environment(current, None, None, (-500, -500, 0), (500, 500, 100))
     vehicle, config = ap.Vehicle(surge_max=4.0, sway_max=1.5), ap.PathConfig()
     x = jnp.arange(5.0)[:, None] * 100.0
-    flight = fly(Track.through(x, 0.0 * x, 0.0 * x), jnp.asarray(0.0), env, vehicle, config)
-    assert not violations(flight).any()
-    judged = kernel.judged_within(flight, env, vehicle, config)
+    trajectory = evaluate(Track.through(x, 0.0 * x, 0.0 * x), jnp.asarray(0.0), env, vehicle, config)
+    assert not violations(trajectory).any()
+    judged = kernel.judged_within(trajectory, env, vehicle, config)
     broken = np.asarray(judged.excess[VIOLATIONS.index(limit)])[:, 0]
     np.testing.assert_allclose(broken, [0.0, excess, 0.0, 0.0], atol=1e-5)
     assert float(violations(judged).sum()) == pytest.approx(excess / 4.0, abs=1e-5)

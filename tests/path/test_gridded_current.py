@@ -65,6 +65,7 @@ def sailed(current, positions, depart, speed=2.5, parts=1):
     return np.array(times[::parts])
 
 
+@pytest.mark.slow
 def test_a_finely_sampled_field_gives_the_plan_of_the_field_itself():
     steady = sampled(np.ones(1))
     analytic, found = plan(VORTICES), plan(steady)

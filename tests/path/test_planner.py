@@ -99,6 +99,7 @@ def test_paper_preset_is_the_plain_search():
     assert plan.violation_history[-1] < plan.violation_history[0]
 
 
+@pytest.mark.slow
 def test_default_is_no_worse_than_the_paper_preset():
     env = world()
     paper = ap.plan_path(START, GOAL, env, key=jax.random.key(0), config=ap.PathConfig.paper())
@@ -233,6 +234,7 @@ def test_the_unit_of_length_does_not_matter():
     np.testing.assert_allclose(times, times[0], rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_winding_ways_are_planned_with_more_control_points():
     water = np.ones((200, 200), bool)
     for k, side in enumerate((np.s_[:150], np.s_[50:], np.s_[:150])):

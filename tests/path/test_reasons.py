@@ -12,7 +12,7 @@ import auvplan as ap
 from auvplan.bbo import History
 from auvplan.ocean.seabed import Seabed
 from auvplan.path import VIOLATIONS, PathPlan
-from auvplan.path.cost import Track, fly, violations
+from auvplan.path.cost import Track, evaluate, violations
 from auvplan.path.sensitivity import Conditions
 
 BOX = (-500.0, -500.0, 0.0), (4500.0, 2500.0, 200.0)
@@ -35,14 +35,14 @@ def followed(positions, depart=0.0, vehicle=None, leg=None, **world) -> PathPlan
     current = world.pop("current", None)
     env = ap.Environment(current, **{"lower": BOX[0], "upper": BOX[1]} | world)  # type: ignore[arg-type]
     x, y, z = (jnp.asarray(positions[:, k, None]) for k in range(3))
-    flight = fly(Track.through(x, y, z), jnp.asarray(depart), env, vehicle, CONFIG)
+    trajectory = evaluate(Track.through(x, y, z), jnp.asarray(depart), env, vehicle, CONFIG)
     none = np.zeros(0)
     return PathPlan(
-        float(flight.travel_time[0]), float(flight.length[0]), np.asarray(positions),
-        np.asarray(flight.times[:, 0]), positions, np.asarray(violations(flight)[:, 0]),
-        float(flight.clearance.min()), float(flight.altitude.min()), 0.0, jnp.zeros((0, 0)),
-        History(*[none] * 6), np.stack(flight.excess)[:, :, 0],
-        np.stack(flight.water, axis=-1)[:, 0], Conditions(env, vehicle, CONFIG, leg),
+        float(trajectory.travel_time[0]), float(trajectory.length[0]), np.asarray(positions),
+        np.asarray(trajectory.times[:, 0]), positions, np.asarray(violations(trajectory)[:, 0]),
+        float(trajectory.clearance.min()), float(trajectory.altitude.min()), 0.0, jnp.zeros((0, 0)),
+        History(*[none] * 6), np.stack(trajectory.excess)[:, :, 0],
+        np.stack(trajectory.water, axis=-1)[:, 0], Conditions(env, vehicle, CONFIG, leg),
     )  # fmt: skip
 
 

@@ -13,7 +13,7 @@ from auvplan.ocean.seabed import Seabed
 from auvplan.path import VIOLATIONS, habitats
 from auvplan.path import cost as kernel
 from auvplan.path.clearance import bed_altitude
-from auvplan.path.cost import ALTITUDE_SCALE, Track, curves, fly
+from auvplan.path.cost import ALTITUDE_SCALE, Track, curves, evaluate
 
 CONFIG = ap.PathConfig(
     bbo=ap.bbo.BBOConfig(
@@ -152,11 +152,13 @@ def test_excess_is_metres_of_missing_altitude():
     env = over(50.0)
     x, y = jnp.linspace(100.0, 900.0, 9)[:, None], jnp.full((9, 1), 700.0)
     for depth, missing in ((40.0, 0.0), (44.0, 0.0), (46.0, 2.0), (53.0, 9.0)):
-        flight = fly(Track.through(x, y, jnp.full_like(x, depth)), 0.0, env, ap.Vehicle(), CONFIG)
-        excess = flight.excess[VIOLATIONS.index("seabed")]
+        trajectory = evaluate(Track.through(x, y, jnp.full_like(x, depth)), 0.0, env, ap.Vehicle(), CONFIG)
+        excess = trajectory.excess[VIOLATIONS.index("seabed")]
         np.testing.assert_allclose(excess, missing / ALTITUDE_SCALE, atol=1e-4)
-        np.testing.assert_allclose(flight.altitude, 50.0 - depth, atol=1e-4)
-    without = fly(Track.through(x, y, 99.0 + 0.0 * x), 0.0, replace(env, seabed=None), ap.Vehicle(), CONFIG)
+        np.testing.assert_allclose(trajectory.altitude, 50.0 - depth, atol=1e-4)
+    without = evaluate(
+        Track.through(x, y, 99.0 + 0.0 * x), 0.0, replace(env, seabed=None), ap.Vehicle(), CONFIG
+    )
     assert (np.asarray(without.altitude) == 1e6).all()
     assert not np.asarray(without.excess[VIOLATIONS.index("seabed")]).any()
 
@@ -166,9 +168,9 @@ def test_first_habitats_rise_over_the_ridge():
     start, goal = jnp.asarray(START), jnp.asarray(GOAL)
     lower, upper = habitats.bounds(start, goal, env, CONFIG)
     np.testing.assert_array_equal(lower[20:], 0.0)
-    line = habitats.risen(habitats.straight_line(start, goal, CONFIG)[None], start, goal, env)
-    flight = fly(curves(line, start, goal, CONFIG), 0.0, env, ap.Vehicle(), CONFIG)
-    assert float(flight.altitude.min()) > 0.0
+    line = habitats.raise_above_seabed(habitats.straight_line(start, goal, CONFIG)[None], start, goal, env)
+    trajectory = evaluate(curves(line, start, goal, CONFIG), 0.0, env, ap.Vehicle(), CONFIG)
+    assert float(trajectory.altitude.min()) > 0.0
     assert (np.asarray(line[0, :20]) == np.asarray(habitats.straight_line(start, goal, CONFIG)[:20])).all()
     many = habitats.initial(jax.random.key(0), 9, start, goal, lower, upper, CONFIG, env)
     assert ((many >= lower) & (many <= upper)).all()

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import auvplan as ap
-from auvplan.ocean.currents import is_gradual
-from auvplan.path.cost import Track, fly
+from auvplan.ocean.currents import is_quasi_steady
+from auvplan.path.cost import Track, evaluate
 from auvplan.path.kinematics import PacedCurrent
 from auvplan.path.sensitivity import Conditions, _Scaled, sensitivity
 from tests.path.worlds import GOAL, START, world
@@ -79,12 +79,12 @@ def test_slopes_of_every_arrival_match_finite_differences(kind):
     """Of the times at all samples, and of each segment's duration, their difference."""
     current = {"steady": lambda: world().current, "tide": lambda: tide, "gradual": gradual_tide}[kind]()
     env = ap.Environment(current)
-    assert is_gradual(env.current) is (kind == "gradual")
+    assert is_quasi_steady(env.current) is (kind == "gradual")
     track = Track.through(*(jnp.asarray(PATH[:, axis, None]) for axis in range(3)))
 
     def times(depart, speed, factor):
         world = replace(env, current=_Scaled(env.current, factor))
-        return fly(track, depart, world, ap.Vehicle(speed=speed), CONFIG).times[:, 0]
+        return evaluate(track, depart, world, ap.Vehicle(speed=speed), CONFIG).times[:, 0]
 
     at, steps = np.array([100.0, 2.5, 1.0]), (1e-2, 1e-5, 1e-5)
     found = np.stack(jax.jit(jax.jacrev(times, argnums=(0, 1, 2)))(*at))
@@ -109,7 +109,7 @@ def test_in_a_paced_current_slopes_take_the_times_of_look_ups_as_they_are():
     def travel(positions, current):
         track = Track.through(*(positions[:, axis, None] for axis in range(3)))
         env = replace(ap.Environment(tide), current=current)
-        return fly(track, jnp.asarray(depart), env, ap.Vehicle(), CONFIG).travel_time[0]
+        return evaluate(track, jnp.asarray(depart), env, ap.Vehicle(), CONFIG).travel_time[0]
 
     duration = np.linalg.norm(np.diff(PATH, axis=0), axis=1) / np.asarray(pace)
     met = (depart + np.cumsum(duration) - 0.5 * duration)[:, None]

@@ -8,7 +8,7 @@ import pytest
 
 import auvplan as ap
 from auvplan.compiled import compilations
-from auvplan.path.cost import Track, fly
+from auvplan.path.cost import Track, evaluate
 from tests.path.worlds import CONFIG, GOAL, START, world
 
 PROGRAMS = 5  # passages, first population, gradient steps, evolution, the path that was found
@@ -81,6 +81,6 @@ def test_other_numbers_of_vortices_and_obstacles_compile_nothing(planned):
     # By the time that the plan's own world gives, without what it was padded by.
     track = Track.through(*(np.asarray(axis)[:, None] for axis in other.positions.T))
     resolved = replace(fewer, obstacles=fewer.obstacles.resolved(fewer.current))
-    flight = fly(track, np.float32(0.0), resolved, plan.conditions.vehicle, config)
-    assert float(flight.travel_time[0]) == pytest.approx(other.travel_time, rel=1e-4)
-    assert float(flight.clearance.min()) == pytest.approx(other.clearance, abs=0.1)
+    trajectory = evaluate(track, np.float32(0.0), resolved, plan.conditions.vehicle, config)
+    assert float(trajectory.travel_time[0]) == pytest.approx(other.travel_time, rel=1e-4)
+    assert float(trajectory.clearance.min()) == pytest.approx(other.clearance, abs=0.1)

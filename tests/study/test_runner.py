@@ -363,7 +363,9 @@ def test_a_finished_study_is_resumed_without_sailing(three, tmp_path, monkeypatc
     assert {name: (out / name).read_bytes() for name in names(out)} == written
 
 
-@pytest.mark.parametrize("sweeps", [(), (Sweep("planning.replan", ("late", "deviation")),)])
+@pytest.mark.parametrize(
+    "sweeps", [(), pytest.param((Sweep("planning.replan", ("late", "deviation")),), marks=pytest.mark.slow)]
+)
 def test_a_study_is_extended_and_ends_as_one_of_all_its_missions(tmp_path, sweeps):
     """Finished or not, and broken off at any step on the way."""
     wanted = Design(small(), 3, sweeps=sweeps)

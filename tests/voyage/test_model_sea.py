@@ -7,7 +7,7 @@ import pytest
 
 import auvplan as ap
 from auvplan.errors import ScenarioError
-from auvplan.ocean.currents import SumCurrent, UniformCurrent, divided, united
+from auvplan.ocean.currents import SumCurrent, UniformCurrent, combine, partition
 from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.voyage import executive
 from auvplan.voyage.sea import ModelSea, stacked
@@ -44,11 +44,11 @@ def test_a_sum_of_currents_adds_up_and_comes_apart():
     total = SumCurrent(UniformCurrent(0.3, -0.1), UniformCurrent(0.2, 0.4, 0.1))
     found = total(*(jnp.asarray(axis) for axis in PLACES.T), jnp.asarray(TIMES))
     np.testing.assert_allclose(np.stack(found), np.tile([[0.5], [0.3], [0.1]], 3), atol=1e-6)
-    shared, own = divided(total)
-    assert united(shared, own)(*PLACES.T, TIMES)[0].shape == (3,)
+    shared, own = partition(total)
+    assert combine(shared, own)(*PLACES.T, TIMES)[0].shape == (3,)
     alone = UniformCurrent(1.0)
-    assert divided(alone) == (None, alone)
-    assert united(None, alone) is alone
+    assert partition(alone) == (None, alone)
+    assert combine(None, alone) is alone
 
 
 def test_stacked_currents_share_what_is_shared():
@@ -57,8 +57,8 @@ def test_stacked_currents_share_what_is_shared():
         ModelSea(field, field, ap.random_vortices(jax.random.key(k), (0, 0, 0), (4000, 4000, 0)))
         for k in (1, 2)
     ]
-    both = stacked([sea.told() for sea in seas])
-    shared, own = divided(both)
+    both = stacked([sea.forecast() for sea in seas])
+    shared, own = partition(both)
     assert shared is field
     assert jax.tree.leaves(own)[0].shape[0] == 2
 

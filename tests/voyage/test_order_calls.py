@@ -6,7 +6,7 @@ import pytest
 
 import auvplan as ap
 from auvplan.voyage import executive, legs
-from auvplan.voyage.fleet import Fleet
+from auvplan.voyage.context import SimulationContext
 from auvplan.voyage.order_calls import effort, time_edges
 from tests.voyage.small import SMALL, planning, scenario
 
@@ -14,8 +14,8 @@ pytestmark = pytest.mark.usefixtures("light_search")
 
 
 def embark(settings: ap.Scenario):
-    fleet = executive.make_fleet(settings, ".")
-    return fleet, executive.embark(fleet, 0, jax.random.key(3), 3)
+    context = executive.make_context(settings, ".")
+    return context, executive.embark(context, 0, jax.random.key(3), 3)
 
 
 def whole_time(leg) -> float:
@@ -52,19 +52,19 @@ def test_by_the_papers_rule_every_late_leg_causes_a_new_order(paper):
 
 
 def test_the_preset_of_the_paper_times_by_distance():
-    fleet, mission = embark(planning(preset="paper"))
-    time_edges(fleet, [mission])
+    context, mission = embark(planning(preset="paper"))
+    time_edges(context, [mission])
     assert np.isnan(mission.timed.travel_time).all()
 
 
 def test_times_of_the_sea_follow_from_what_is_told_of_the_current():
     exact = SMALL["current"] | {"forecast_error": 0.0}
-    fleet, mission = embark(scenario(current=exact))
-    time_edges(fleet, [mission])
-    area = fleet.scenario.area
+    context, mission = embark(scenario(current=exact))
+    time_edges(context, [mission])
+    area = context.scenario.area
     env = ap.Environment(mission.sea.field, None, None, area.lower, area.upper)
-    known = mission.graph.with_travel_times(env, fleet.vehicle, 0.0, effort(fleet.path_config))
-    allowance = fleet.scenario.planning.detour * fleet.scenario.simulation.obstacles.total
+    known = mission.graph.with_travel_times(env, context.vehicle, 0.0, effort(context.path_config))
+    allowance = context.scenario.planning.detour * context.scenario.simulation.obstacles.total
     np.testing.assert_allclose(mission.timed.travel_time, known.travel_time + allowance, rtol=1e-4)
     assert mission.run.estimate_seconds > 0.0
 
@@ -74,27 +74,27 @@ def test_without_obstacles_no_detour_is_allowed_for():
         simulation={"obstacles": {"static": 0, "afloat": 0, "self_motivated": 0}},
         current={"vortices": 0, "layers": 1},
     )
-    fleet, mission = embark(calm)
-    time_edges(fleet, [mission])
+    context, mission = embark(calm)
+    time_edges(context, [mission])
     graph = mission.graph
     np.testing.assert_allclose(mission.timed.leg_times(2.5), graph.leg_times(2.5), rtol=1e-4)
 
 
 @pytest.mark.parametrize("kind", ["sea", "distance"])
 def test_a_refused_edge_keeps_the_time_of_its_path(kind):
-    fleet, mission = embark(planning(travel_times=kind))
+    context, mission = embark(planning(travel_times=kind))
     i, j = (int(node) for node in np.argwhere(mission.graph.adjacency)[0])
     mission.learnt[i, j] = 9000.0
     for now in (0.0, 700.0):
         mission.now = now
-        time_edges(fleet, [mission])
+        time_edges(context, [mission])
         assert mission.timed.travel_time[i, j] == 9000.0
 
 
 def test_an_edge_barred_for_good_does_not_come_back():
-    fleet, mission = embark(scenario())
+    context, mission = embark(scenario())
     mission.graph = mission.graph.without_edges([(0, int(np.argmax(mission.graph.adjacency[0])))])
-    time_edges(fleet, [mission])
+    time_edges(context, [mission])
     assert not (mission.timed.adjacency & ~mission.graph.adjacency).any()
 
 
@@ -110,11 +110,11 @@ def test_planners_are_told_the_current_of_the_moment(monkeypatch):
     seen = []
     original = legs.plan_legs
 
-    def spy(fleet: Fleet, missions, causes, cold=False, growing=True):
+    def spy(context: SimulationContext, missions, causes, cold=False, growing=True):
         seen.extend(
             (m.now, m.sea._updates) for m, cause in zip(missions, causes, strict=True) if cause == "leg"
         )
-        return original(fleet, missions, causes, cold, growing)
+        return original(context, missions, causes, cold, growing)
 
     monkeypatch.setattr(legs, "plan_legs", spy)
     settings = scenario(mission=SMALL["mission"] | {"duration": [600, 900]})

@@ -109,13 +109,13 @@ def test_the_current_does_not_depend_on_when_it_was_looked_at():
 
 def test_telling_errs_by_the_asked_amount_and_anew_every_time():
     sea = some_sea()
-    told, again = sea.told(), sea.told()
+    told, again = sea.forecast(), sea.forecast()
     there = sea.field.strength != 0.0
     error = told.strength[there] / sea.field.strength[there] - 1.0
     assert 0.0 < np.abs(error).max() < 0.3
     assert (told.strength != again.strength).any()
     exact = some_sea(error=0.0)
-    np.testing.assert_array_equal(exact.told().strength, exact.field.strength)
+    np.testing.assert_array_equal(exact.forecast().strength, exact.field.strength)
 
 
 def some_truth():

@@ -23,22 +23,22 @@ GOAL = 7
 
 
 def at_waypoint(edges, edge_tasks=(), waypoint_tasks=(), available=5000.0, here=0, behind=(), **settings):
-    """A fleet, and a mission at a waypoint of a hand-made graph with some waypoints behind it."""
-    fleet = executive.make_fleet(planning(travel_times="distance", return_margin=0.0, **settings), ".")
-    mission = executive.embark(fleet, 0, jax.random.key(0), 0)
+    """A context, and a mission at a waypoint of a hand-made graph with some waypoints behind it."""
+    context = executive.make_context(planning(travel_times="distance", return_margin=0.0, **settings), ".")
+    mission = executive.embark(context, 0, jax.random.key(0), 0)
     graph = task_graph(PLACES, edges, edge_tasks, waypoint_tasks)
     mission.run.graph, mission.run.t_available, mission.here = graph, available, here
     mission.visited = {*behind, here} if behind else set()
-    mission.graph = graph.without_waypoints(behind) if fleet.rules.visits == "once" else graph
-    time_edges(fleet, [mission])
-    return fleet, mission
+    mission.graph = graph.without_waypoints(behind) if context.rules.visits == "once" else graph
+    time_edges(context, [mission])
+    return context, mission
 
 
 def test_a_visited_waypoint_is_passed_where_no_other_way_leads_on():
     edges = [(0, 1), (1, 2), (1, GOAL)]
     tasks = [(1, 2, 5.0, 60.0), (1, GOAL, 2.0, 30.0)]
-    fleet, mission = at_waypoint(edges, tasks, [(1, 4.0, 90.0)], here=2, behind=(0, 1))
-    plan_orders(fleet, [mission])
+    context, mission = at_waypoint(edges, tasks, [(1, 4.0, 90.0)], here=2, behind=(0, 1))
+    plan_orders(context, [mission])
     assert mission.rest == [2, 1, GOAL]
     assert mission.graph.priority[2, 1] == mission.graph.duration[2, 1] == 0.0
     assert mission.graph.priority[1, GOAL] == 2.0
@@ -47,22 +47,22 @@ def test_a_visited_waypoint_is_passed_where_no_other_way_leads_on():
 def test_a_visited_waypoint_is_not_passed_where_another_way_leads_on():
     edges = [(0, 1), (1, 2), (1, GOAL), (2, 3), (3, GOAL)]
     tasks = [(1, GOAL, 50.0, 0.0)]
-    fleet, mission = at_waypoint(edges, tasks, here=2, behind=(0, 1))
-    plan_orders(fleet, [mission])
+    context, mission = at_waypoint(edges, tasks, here=2, behind=(0, 1))
+    plan_orders(context, [mission])
     assert mission.rest == [2, 3, GOAL]
 
 
 def test_it_is_passed_where_the_other_way_takes_too_long():
     edges = [(0, 1), (1, 2), (1, GOAL), (2, 3), (3, GOAL)]
     slow = [(2, 3, 1.0, 4000.0)]
-    fleet, mission = at_waypoint(edges, slow, here=2, behind=(0, 1), available=2500.0)
-    plan_orders(fleet, [mission])
+    context, mission = at_waypoint(edges, slow, here=2, behind=(0, 1), available=2500.0)
+    plan_orders(context, [mission])
     assert mission.rest == [2, 1, GOAL]
 
 
 def test_no_way_at_all_is_one_line():
-    fleet, mission = at_waypoint([(0, 1), (1, 2), (3, GOAL)], here=2, behind=(0, 1))
-    plan_orders(fleet, [mission])
+    context, mission = at_waypoint([(0, 1), (1, 2), (3, GOAL)], here=2, behind=(0, 1))
+    plan_orders(context, [mission])
     assert mission.ended
     assert mission.run.reason.startswith("no order of tasks from waypoint 2: no way through the graph")
     assert "\n" not in mission.run.reason
@@ -70,30 +70,30 @@ def test_no_way_at_all_is_one_line():
 
 def test_passed_edges_alone_are_barred_where_waypoints_may_be_visited_again():
     edges = [(0, 1), (1, 2), (2, 3), (3, 1), (1, GOAL)]
-    fleet, mission = at_waypoint(edges, [(3, 1, 9.0, 10.0)], here=2, behind=(0, 1), visits="edges")
+    context, mission = at_waypoint(edges, [(3, 1, 9.0, 10.0)], here=2, behind=(0, 1), visits="edges")
     mission.graph = mission.graph.without_edges([(0, 1), (1, 2)])
-    time_edges(fleet, [mission])
-    plan_orders(fleet, [mission])
+    time_edges(context, [mission])
+    plan_orders(context, [mission])
     assert mission.rest == [2, 3, 1, GOAL]
 
 
 @pytest.mark.parametrize(("reserve", "expected"), [(60.0, [0, GOAL]), (0.0, [0, 1, GOAL])])
 def test_no_order_uses_the_reserve(reserve, expected):
     """By way of 1 the mission ends 30 s before its time is up."""
-    fleet, mission = at_waypoint(
+    context, mission = at_waypoint(
         [(0, GOAL), (0, 1), (1, GOAL)], [(0, 1, 5.0, 70.0)], available=1500.0, reserve=reserve
     )
     assert mission.graph.leg_times(2.5)[[0, 1], [1, GOAL]].sum() == pytest.approx(1470.0)
-    plan_orders(fleet, [mission])
+    plan_orders(context, [mission])
     assert mission.rest == expected
 
 
 def refused(travel_time: float, **settings) -> str:
     """Why a leg of `travel_time` s from 0 to 1 is refused, 1,200 s away from the destination."""
-    fleet, mission = at_waypoint([(0, 1), (1, GOAL), (0, GOAL)], available=2000.0, **settings)
+    context, mission = at_waypoint([(0, 1), (1, GOAL), (0, GOAL)], available=2000.0, **settings)
     plan = SimpleNamespace(travel_time=travel_time, broken=lambda: ())
     leg = SimpleNamespace(record=LegRecord(0, 1, 200.0, 100.0, 1.0), followed=plan)
-    return executive._refused(fleet, mission, leg, mission.timed.leg_times(2.5))
+    return executive._refused(context, mission, leg, mission.timed.leg_times(2.5))
 
 
 def test_a_leg_is_refused_that_would_strand_the_vehicle():
@@ -111,11 +111,11 @@ def test_the_kept_population_is_what_orders_are_planned_from(monkeypatch):
         return original(*arguments, populations=populations, **more)
 
     monkeypatch.setattr(order_calls, "plan_missions", spy)
-    fleet, mission = at_waypoint([(0, 1), (1, 2), (0, 2), (2, GOAL)], orders_from="kept")
-    plan_orders(fleet, [mission])
+    context, mission = at_waypoint([(0, 1), (1, 2), (0, 2), (2, GOAL)], orders_from="kept")
+    plan_orders(context, [mission])
     first = np.asarray(mission.last_order.population)
     mission.cause = "late"
-    plan_orders(fleet, [mission])
+    plan_orders(context, [mission])
     assert given[0] is None
     np.testing.assert_array_equal(given[1][0], first)
 
@@ -141,8 +141,8 @@ def test_the_papers_preset_changes_the_sea_at_windows_and_keeps_its_population()
         "distance",
     )
     assert (rules.reserve, rules.return_margin, rules.window_change, rules.guard_return) == (0, 0, 0, False)
-    fleet = executive.make_fleet(planning(preset="paper"), ".")
-    sea = executive.embark(fleet, 0, jax.random.key(0), 0).sea
+    context = executive.make_context(planning(preset="paper"), ".")
+    sea = executive.embark(context, 0, jax.random.key(0), 0).sea
     before = np.array(sea.field.centers)
     sea.advance(10 * SMALL["current"]["update_interval"])
     np.testing.assert_array_equal(sea.field.centers, before)

@@ -9,7 +9,7 @@ import pytest
 
 from auvplan.compiled import drop_programs
 from auvplan.voyage import executive, run_mission, warmup
-from auvplan.voyage.executive import embark, make_fleet, seed_keys
+from auvplan.voyage.executive import embark, make_context, seed_keys
 from tests.voyage.small import scenario
 
 pytestmark = pytest.mark.usefixtures("light_search")
@@ -24,9 +24,9 @@ def real(monkeypatch):
 
 
 def test_a_leg_is_begun_by_what_begins_missions(caplog):
-    fleet = make_fleet(scenario(), ".")
+    context = make_context(scenario(), ".")
     with caplog.at_level(logging.INFO, "auvplan"):
-        warmup._begin_a_leg(fleet, partial(embark, fleet, 0, seed_keys([0])[0], 0))
+        warmup._begin_a_leg(context, partial(embark, context, 0, seed_keys([0])[0], 0))
     assert "side by side" not in caplog.text
 
 
@@ -45,11 +45,11 @@ def test_a_mission_is_the_same_with_and_without_it(tmp_path, monkeypatch, real):
 def test_it_is_done_once_for_a_scenario_and_not_on_one_core(monkeypatch, real):
     begun = []
     monkeypatch.setattr(warmup, "_begin_a_leg", lambda *_: begun.append(True))
-    fleet = make_fleet(scenario(), ".")
+    context = make_context(scenario(), ".")
     for _ in range(2):
-        warmup.warm_up(fleet, lambda: None)
+        warmup.warm_up(context, lambda: None)
     assert len(begun) == 1
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0})
     monkeypatch.setattr(warmup, "_warmed_up", set())
-    warmup.warm_up(fleet, lambda: None)
+    warmup.warm_up(context, lambda: None)
     assert len(begun) == 1

@@ -9,7 +9,7 @@ from auvplan.io.currents.series import Array
 def at_depth(
     values: tuple[Array, ...], depths: Array, wanted: Array, floor: Array | None = None
 ) -> tuple[Array, ...]:
-    """Values of N columns at a depth.
+    """Return values of N columns at a depth.
 
     Between levels it is linear. Above the first level, the first holds. Below the deepest level that has a
     value, that holds down to the sea bed and no further than the next level; where the bed is not known, down

@@ -120,7 +120,7 @@ class Regular:
         return weights_of(index, np.stack(weight, axis=1), beyond)
 
     def window(self, index: Index) -> Window:
-        """The rows and columns that hold some points, over the seam where that is shorter."""
+        """Return the rows and columns that hold some points, over the seam where that is shorter."""
         row, column = np.divmod(index, len(self.longitude))
         rows, columns = _run(row, None), _run(column, len(self.longitude))
         inner = _position(rows, row) * len(columns) + _position(columns, column)
@@ -165,7 +165,7 @@ class Curvilinear:
         return within(self, triangles, middle, longitude, latitude)
 
     def window(self, index: Index) -> Window:
-        """The rows and columns that hold some points."""
+        """Return the rows and columns that hold some points."""
         row, column = np.divmod(index, self.longitude.shape[1])
         rows, columns = (slice(int(k.min()), int(k.max()) + 1) for k in (row, column))
         width = columns.stop - columns.start
@@ -197,7 +197,7 @@ def offset(middle: Array, longitude: Array, latitude: Array) -> tuple[Array, Arr
 
 
 def nearest(geometry: Geometry, middle: Array) -> int:
-    """The point nearest to a place, near enough for telling how far it is."""
+    """Return the point nearest to a place, near enough for telling how far it is."""
     east, north = offset(middle, geometry.longitude, geometry.latitude)
     return int(np.hypot(east * np.cos(np.deg2rad(middle[1])), north).argmin())
 
@@ -227,7 +227,10 @@ def _cell_size(degrees: Array) -> Array:
 
 
 def _run(used: Index, around: int | None) -> Index:
-    """The shortest run of indices that holds some; it may go over the end of an axis round the globe."""
+    """Return the shortest run of indices that holds some.
+
+    It may go over the end of an axis round the globe.
+    """
     values = np.unique(used)
     if around is None or len(values) == 1:
         return np.arange(values[0], values[-1] + 1)
@@ -237,6 +240,6 @@ def _run(used: Index, around: int | None) -> Index:
 
 
 def _position(run: Index, index: Index) -> Index:
-    """Where in a run of indices each of some is."""
+    """Return where in a run of indices each of some is."""
     order = np.argsort(run)
     return order[np.searchsorted(run[order], index)]

@@ -37,7 +37,7 @@ class Levels:
 
 
 def find_levels(points: Points, name: str, dim: str | None, notes: list[str]) -> Levels:
-    """The levels of a velocity component.
+    """Return the levels of a velocity component.
 
     Args:
         points: where it is told.
@@ -65,7 +65,7 @@ def find_levels(points: Points, name: str, dim: str | None, notes: list[str]) ->
 
 
 def _axis(points: Points, name: str, dim: str) -> str:
-    """The variable that tells the depths along a dimension."""
+    """Return the variable that tells the depths along a dimension."""
     file = points.series.files[0]
     found = []
     for candidate, variable in file.variables.items():

@@ -56,13 +56,13 @@ class Names:
 
 
 def standard_name(file: File, name: str) -> str:
-    """A variable's CF standard name in lower case, without a modifier; empty where there is none."""
+    """Return a variable's CF standard name in lower case, without a modifier; empty where there is none."""
     words = text(file.variables[name].attrs, "standard_name").lower().split()
     return words[0] if words else ""
 
 
 def find_current(file: File) -> Names:
-    """The level components of the current.
+    """Return the level components of the current.
 
     Raises:
         CurrentError: there are none, or one without the other.
@@ -109,7 +109,7 @@ def _by_name(file: File) -> Names:
 
 
 def _best(file: File, names: Sequence[str]) -> str:
-    """The variable with most dimensions; among equals a well-known name, then the first."""
+    """Return the variable with most dimensions; among equals a well-known name, then the first."""
     known = [name for pair in _PAIRS for name in pair]
 
     def rank(name: str) -> tuple[int, int]:
@@ -119,14 +119,14 @@ def _best(file: File, names: Sequence[str]) -> str:
 
 
 def find_upward(file: File) -> str | None:
-    """The vertical velocity, positive up, or None."""
+    """Return the vertical velocity, positive up, or None."""
     named = [name for name in file.variables if standard_name(file, name) == "upward_sea_water_velocity"]
     plain = [name for name in _UPWARD if name in file.variables and not standard_name(file, name)]
     return (named + plain + [None])[0]
 
 
 def find_places(file: File, name: str, staggered: bool = False) -> tuple[str, str]:
-    """The longitude and latitude of a variable's points.
+    """Return the longitude and latitude of a variable's points.
 
     Args:
         file: opened.

@@ -66,7 +66,7 @@ class OceanData:
         return tuple(moment_of(second) for second in self.times)
 
     def at(self, longitude: ArrayLike, latitude: ArrayLike, depth: ArrayLike, moment: Any) -> Triple:
-        """The current at places and moments: linear in the horizontal, in depth and in time.
+        """Return the current at places and moments: linear in the horizontal, in depth and in time.
 
         At the source's own points, levels and times it is the source's value. It is NaN where there is no
         water: on land and below the sea bed. Arguments broadcast.
@@ -100,7 +100,7 @@ class OceanData:
         return answer[0], answer[1], answer[2] if self.velocity.up is not None else None
 
     def frames(self, first: float, last: float) -> slice:
-        """The times that span two moments, s since 1970; the nearest where they lie outside."""
+        """Return the times that span two moments, s since 1970; the nearest where they lie outside."""
         start = int(np.searchsorted(self.times, first + _SLACK, side="right")) - 1
         stop = int(np.searchsorted(self.times, last - _SLACK, side="left")) + 1
         start = min(max(start, 0), len(self.times) - 1)
@@ -117,7 +117,7 @@ class OceanData:
             has = f"{stamp(self.times[0])} to {stamp(self.times[-1])}"
             if len(self.times) == 1:
                 has = f"{stamp(self.times[0])} only"
-            raise self.series.fail(f"{wanted} is wanted, the data has {has}")
+            raise self.series.fail(f"the mission needs {wanted}, the file covers {has}")
 
     def close(self) -> None:
         """Let go of the files."""
@@ -130,7 +130,7 @@ class OceanData:
         self.close()
 
     def _frames(self, seconds: Array) -> tuple[np.ndarray, Array]:
-        """The time before each moment, and the share of the way to the next."""
+        """Return the time before each moment, and the share of the way to the next."""
         self.check_times(float(seconds.min()), float(seconds.max()))
         if len(self.times) == 1:
             return np.zeros(len(seconds), np.int64), np.zeros(len(seconds))
@@ -173,7 +173,7 @@ def _gathered(block: Any, window: Window, weights: Weights, depth: Array, wanted
 
 
 def describe(beyond: Array) -> str:
-    """How far places [M, 2] lie beyond, m north and east, in words."""
+    """Return how far places [M, 2] lie beyond, m north and east, in words."""
     reach = {
         "north": beyond[:, 0].max(), "south": -beyond[:, 0].min(),
         "east": beyond[:, 1].max(), "west": -beyond[:, 1].min(),
@@ -184,7 +184,7 @@ def describe(beyond: Array) -> str:
 
 
 def misunderstood(label: str, error: Exception) -> CurrentError:
-    """What no check has foreseen, as one line that names the file."""
+    """Return what no check has foreseen, as one line that names the file."""
     line = f"{type(error).__name__}: {' '.join(str(error).split())}"
     return CurrentError(f"{label}: cannot be understood ({line})")
 

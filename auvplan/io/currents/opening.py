@@ -48,7 +48,7 @@ class File:
     def read(
         self, name: str, picks: Mapping[str, Pick] | None = None, dims: Sequence[str] | None = None
     ) -> NDArray[np.float64]:
-        """A variable's values, or those of some indices of its dimensions.
+        """Return a variable's values, or those of some indices of its dimensions.
 
         Args:
             name: of the variable.
@@ -83,7 +83,7 @@ class File:
         return values
 
     def coordinate(self, name: str) -> NDArray[np.float64]:
-        """All values of a coordinate.
+        """Return all values of a coordinate.
 
         Raises:
             CurrentError: they are too many, cannot be read, or are not finite.
@@ -112,7 +112,7 @@ class File:
 
 
 def text(attributes: Mapping[str, Any], name: str) -> str:
-    """An attribute as text without blanks around it; empty where there is none."""
+    """Return an attribute as text without blanks around it; empty where there is none."""
     value = attributes.get(name, "")
     value = value.decode("utf-8", "replace") if isinstance(value, bytes) else value
     return str(value).strip()

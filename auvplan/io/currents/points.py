@@ -30,7 +30,7 @@ class Points:
     geometry: Geometry
 
     def has(self, name: str) -> bool:
-        """Whether a variable is told at the points, or at the corners of their cells."""
+        """Return whether a variable is told at the points, or at the corners of their cells."""
         dims = set(self.series.dims(name))
         return set(self.geometry.dims) <= dims or (self._corners is not None and self._corners in dims)
 
@@ -41,7 +41,7 @@ class Points:
         return grid.cells.dim if isinstance(grid, Triangles) and grid.in_cells and grid.cells else None
 
     def read(self, name: str, frames: slice, window: Window, extra: tuple[str, ...] = ()) -> Array:
-        """Values [T, *extra, P] at a window's points; T is 1 where the variable knows no time.
+        """Return values [T, *extra, P] at a window's points; T is 1 where the variable knows no time.
 
         What is told at nodes is the mean of a cell's corners where the points are cells.
 
@@ -63,7 +63,7 @@ class Points:
         return cell_means(grid.cells, nodes, np.asarray(window.picks[self.geometry.dims[0]]))
 
     def metres(self, name: str) -> float:
-        """Metres in a variable's unit of length; variables without units are in metres.
+        """Return metres in a variable's unit of length; variables without units are in metres.
 
         Raises:
             CurrentError: the unit is no length.
@@ -75,7 +75,7 @@ class Points:
         return factor
 
     def floor_name(self) -> str | None:
-        """The variable that tells the depth of the sea bed, or None."""
+        """Return the variable that tells the depth of the sea bed, or None."""
         names = [find_floor(self.series.files[0], self.geometry.dims)]
         if self._corners is not None:
             names.append(find_floor(self.series.files[0], (self._corners,)))
@@ -90,7 +90,7 @@ class Points:
         return np.where(self.water(window), depth, np.nan)
 
     def rise_name(self) -> str | None:
-        """The variable that tells the height of the surface, or None."""
+        """Return the variable that tells the height of the surface, or None."""
         file = self.series.files[0]
         fitting = [
             name for name in file.variables if self.has(name) and len(self.series.dims(name)) in (1, 2)

@@ -180,7 +180,7 @@ def _box(lower: ArrayLike, upper: ArrayLike) -> tuple[Array, Array]:
 def _frames(
     source: OceanData, start: float, times: tuple[float, float] | None, clamp: bool, notes: list[str]
 ) -> slice:
-    """The data's times that are needed."""
+    """Return the data's times that are needed."""
     if times is None:
         return slice(0, len(source.times))
     if len(times) != 2 or not np.isfinite(times).all() or times[0] > times[1]:
@@ -242,7 +242,7 @@ def _depths(source: OceanData, deepest: float, depths: ArrayLike | None, notes: 
         return wanted
     levels = np.asarray(STANDARD_DEPTHS, float) if source.levels is None else source.levels
     if source.levels is not None and deepest > levels[-1]:
-        notes.append(f"below the deepest level, {levels[-1]:g} m, its current holds")
+        notes.append(f"below {levels[-1]:g} m the deepest level is extrapolated")
     return levels[: int(np.searchsorted(levels, deepest)) + 1]
 
 

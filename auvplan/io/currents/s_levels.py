@@ -84,7 +84,7 @@ def _transform(series: Series, own: str, notes: list[str]) -> int:
 
 
 def _parameter(series: Series, names: tuple[str, ...], count: int) -> Array | None:
-    """A parameter [count] that is a variable or, as CROCO writes it, an attribute of the file."""
+    """Return a parameter [count] that is a variable or, as CROCO writes it, an attribute of the file."""
     file = series.files[0]
     for name in names:
         if name in file.variables:

@@ -60,11 +60,11 @@ class Series:
         return tuple(str(dim) for dim in self.variables[name].dims if dim != self.time_dim)
 
     def fail(self, words: str) -> CurrentError:
-        """An error that names the files."""
+        """Return an error that names the files."""
         return CurrentError(f"{self.label}: {words}")
 
     def read(self, name: str, picks: Mapping[str, Pick], frames: slice, dims: Sequence[str]) -> Array:
-        """Values [T, *dims] of some frames, or [1, *dims] of a variable that knows no time."""
+        """Return values [T, *dims] of some frames, or [1, *dims] of a variable that knows no time."""
         if self.time_dim is None or self.time_dim not in self.variables[name].dims:
             return self.files[0].read(name, picks, tuple(dims))[None]
         wanted, parts = self.frames[frames], []

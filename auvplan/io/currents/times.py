@@ -20,7 +20,9 @@ _NAMES = ("time", "ocean_time", "Time", "TIME", "t", "time_counter", "MT")
 
 
 def find_time(file: File, dims: tuple[str, ...]) -> str:
-    """The variable that tells the times of a field with these dimensions: one-dimensional, or one value.
+    """Return the variable that tells the times of a field with these dimensions.
+
+    It is one-dimensional, or one value.
 
     Raises:
         CurrentError: there is none.
@@ -78,12 +80,14 @@ def decode_times(file: File, name: str) -> tuple[NDArray[np.float64], list[str]]
 
 
 def moment_of(seconds: float) -> datetime:
-    """The moment, UTC, of seconds since 1970."""
+    """Return the moment, UTC, of seconds since 1970."""
     return _EPOCH + timedelta(seconds=float(seconds))
 
 
 def seconds_of(moment: Any) -> NDArray[np.float64]:
-    """Seconds since 1970 of datetimes (without a time zone: UTC), datetime64, or such seconds, of any shape.
+    """Return seconds since 1970 of datetimes, datetime64 or such seconds, of any shape.
+
+    Datetimes without a time zone are UTC.
 
     Raises:
         CurrentError: it is neither.
@@ -108,7 +112,7 @@ def seconds_of(moment: Any) -> NDArray[np.float64]:
 
 
 def stamp(seconds: float) -> str:
-    """A moment in ISO 8601, UTC, to the second."""
+    """Return a moment in ISO 8601, UTC, to the second."""
     return moment_of(round(float(seconds))).strftime("%Y-%m-%dT%H:%M:%SZ")
 
 
@@ -135,7 +139,10 @@ def _decoded(
 
 
 def _by_fields(file: File, name: str, date: Any, calendar: str) -> float:
-    """Seconds since 1970 of a cftime date; a Julian one stands for its day, others for their fields."""
+    """Return seconds since 1970 of a cftime date.
+
+    A Julian one stands for its day, others for their fields.
+    """
     fields = (date.year, date.month, date.day, date.hour, date.minute, date.second, date.microsecond)
     if calendar == "julian":
         date = date.change_calendar("proleptic_gregorian")

@@ -98,7 +98,7 @@ class Triangles:
         return Weights(index, weight, beyond)
 
     def _cell_of(self, longitude: Array, latitude: Array, middle: Array, apart: Array) -> Index:
-        """The cell [M] that holds each place, -1 where there is none."""
+        """Return the cell [M] that holds each place, -1 where there is none."""
         cells = self.cells
         assert cells is not None
         near = _near(cells, cells.triangles, middle, apart)
@@ -134,7 +134,7 @@ def cell_means(cells: Cells, values: Array, index: Index) -> Array:
 
 
 def find_triangles(file: File, name: str, places: tuple[str, str] | None) -> Triangles | None:
-    """The geometry of a variable along one dimension, or None where the file has no places for it.
+    """Return the geometry of a variable along one dimension, or None where the file has no places for it.
 
     Args:
         file: opened.
@@ -166,7 +166,9 @@ def find_triangles(file: File, name: str, places: tuple[str, str] | None) -> Tri
 
 
 def find_cells(file: File) -> Cells | None:
-    """The cells that a file tells: of UGRID's mesh topology, or by FVCOM's, SCHISM's and SELFE's names.
+    """Return the cells that a file tells.
+
+    They are those of UGRID's mesh topology, or by FVCOM's, SCHISM's and SELFE's names.
 
     Raises:
         CurrentError: the connectivity does not fit the nodes.

@@ -33,7 +33,7 @@ _SPEED = re.compile(
 
 
 def speed_factor(units: str) -> float | None:
-    """Metres a second in a unit of speed, or None where it is none that is known.
+    """Return metres a second in a unit of speed, or None where it is none that is known.
 
     Example:
         >>> [speed_factor(units) for units in ("ms-1", "meter second-1", "cm/s", "m")]
@@ -49,7 +49,7 @@ def speed_factor(units: str) -> float | None:
 
 
 def length_factor(units: str) -> float | None:
-    """Metres in a unit of length, or None where it is none that is known.
+    """Return metres in a unit of length, or None where it is none that is known.
 
     Example:
         >>> [length_factor(units) for units in ("Meters", "km", "dbar")]

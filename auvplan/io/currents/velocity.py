@@ -154,7 +154,7 @@ class Velocity:
             if part.limit == FASTEST_UNITLESS:
                 raise self.points.series.fail(f"{part.name} has no units and reaches {fastest:g}: not m/s")
             raise self.points.series.fail(
-                f"{part.name} reaches {fastest:g} m/s, which no current does: a fill value is not declared"
+                f"{part.name} reaches {fastest:g} m/s, which is implausible: check units and _FillValue"
             )
         return values
 
@@ -170,7 +170,7 @@ def _between(edges: Array, axis: int) -> Array:
 
 
 def find_velocity(series: Series, names: Names, geometry: Geometry, notes: list[str]) -> Velocity:
-    """How the current of a series is read.
+    """Return how the current of a series is read.
 
     Args:
         series: the files.
@@ -205,7 +205,7 @@ def _component(
     edge: int | None,
     levels: Levels | None = None,
 ) -> Component:
-    """A component, told at the points or, along axis `edge` of them, on the edges between them.
+    """Return a component, told at the points or, along axis `edge` of them, on the edges between them.
 
     Its levels must be the other component's, where that is given.
     """
@@ -271,7 +271,7 @@ def _angle(points: Points, names: Names, notes: list[str]) -> tuple[str, float]:
 
 
 def _upward(points: Points, notes: list[str]) -> Component | None:
-    """The vertical velocity, where it is told at the same points."""
+    """Return the vertical velocity, where it is told at the same points."""
     series = points.series
     name = find_upward(series.files[0])
     if name is None:

@@ -36,7 +36,7 @@ class Weights:
         return (self.beyond != 0.0).any(axis=1)
 
     def matrix(self, points: int) -> csr_array:
-        """The weights as a sparse matrix [M, points]."""
+        """Return the weights as a sparse matrix [M, points]."""
         places, corners = self.index.shape
         rows = np.repeat(np.arange(places), corners)
         return csr_array((self.weight.ravel(), (rows, self.index.ravel())), (places, points))
@@ -115,7 +115,7 @@ def barycentric(points: Array, triangles: Index, places: Array) -> Weights:
 
 
 def find_triangle(points: Array, triangles: Index, places: Array) -> Index:
-    """The triangle [M] that holds each place, -1 where none does."""
+    """Return the triangle [M] that holds each place, -1 where none does."""
     # It takes a third of a second to import and is needed by curvilinear and unstructured grids only.
     from matplotlib.tri import Triangulation
 
@@ -144,7 +144,7 @@ def triangulate(points: Array) -> Index:
 
 
 def _search(points: Array, triangles: Index, whole: Index, places: Array) -> Index:
-    """The triangle that holds each place among the sixteen with the nearest centres."""
+    """Return the triangle that holds each place among the sixteen with the nearest centres."""
     centres = points[triangles[whole]].mean(axis=1)
     nearest = KDTree(centres).query(places, k=min(16, len(whole)))[1]
     near = whole[np.reshape(nearest, (len(places), -1))]

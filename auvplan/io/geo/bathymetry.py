@@ -165,7 +165,7 @@ def _opened(path: Path, variable: str | None, site: Site, grid: LocalGrid, crs: 
 
 
 def _as_stored(number: float, dtype: np.dtype) -> Any:
-    """A number as a raster keeps it: in single precision -3.4e38 is not quite what the tag tells."""
+    """Return a number as a raster keeps it: in single precision -3.4e38 is not quite what the tag tells."""
     with np.errstate(over="ignore"):
         return dtype.type(number) if dtype.kind == "f" else number
 
@@ -193,7 +193,7 @@ def _window(path: Path, find: Any, grid: LocalGrid, field: Field) -> tuple[int, 
 
 
 def _factor(path: Path, field: Field) -> tuple[float, tuple[str, ...]]:
-    """Metres in the file's unit."""
+    """Return metres in the file's unit."""
     unit = str(field.attributes.get("units", "")).strip()
     if not unit:
         return 1.0, ("units are not told: metres",)
@@ -217,7 +217,7 @@ def _without_sentinels(values: Array) -> tuple[Array, tuple[str, ...]]:
 
 
 def _sense(path: Path, field: Field, values: Array, positive: str | None) -> tuple[float, tuple[str, ...]]:
-    """The factor that makes values positive down, and what was taken for granted."""
+    """Return the factor that makes values positive down, and what was taken for granted."""
     what = f"{path}: {field.name or 'the band'}"
     told = {}
     attribute = str(field.attributes.get("positive", "")).strip().lower()
@@ -230,7 +230,7 @@ def _sense(path: Path, field: Field, values: Array, positive: str | None) -> tup
         told["the argument positive"] = positive
     if len(set(told.values())) > 1:
         listed = ", ".join(f"{source} says {sense}" for source, sense in told.items())
-        raise GeoError(f"{what} counts both ways: {listed}")
+        raise GeoError(f"{what} has a contradictory sign convention: {listed}")
     name = field.name.lower()
     if not told and (name in (*UP, *DOWN) or name.startswith(SPELT_OUT)):
         told["its name"] = "up" if name in UP else "down"

@@ -54,7 +54,7 @@ def chart_and_notes(
     classes: Mapping[int, float] | None = None,
     colours: ChartColours = UNTOLD,
 ) -> tuple[Chart, tuple[str, ...]]:
-    """A chart of a local rectangle from a georeferenced picture, or from a raster of classes.
+    """Return a chart of a local rectangle from a georeferenced picture, or from a raster of classes.
 
     A colour picture is clustered as a whole, on its own pixels (`auvplan.ocean.classify`), and every pixel
     of the chart takes the passability of the picture's nearest one. Where the chart's pixels are coarser than
@@ -107,7 +107,7 @@ def chart_from_polygons(
     fringe: float = 0.0,
     uncertain: str | Path | None = None,
 ) -> Chart:
-    """A chart of a local rectangle from polygons of land: every pixel that land reaches into is coast.
+    """Return a chart of a local rectangle from polygons of land: every pixel that land reaches into is coast.
 
     Land just beyond the rectangle has its fringe inside it, but is not in the chart's distance to the coast.
 
@@ -153,7 +153,7 @@ def with_no_go(
     upper: Any = None,
     pixel_size: float = 10.0,
 ) -> Chart:
-    """A chart on which closed areas are coast: every pixel that one reaches into.
+    """Return a chart on which closed areas are coast: every pixel that one reaches into.
 
     Args:
         chart: the chart; None for open water over the rectangle that the other arguments tell.

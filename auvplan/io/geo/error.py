@@ -92,13 +92,13 @@ def as_chart() -> Iterator[None]:
 
 
 def reason(error: Exception) -> str:
-    """What an error says, on one line."""
+    """Return what an error says, on one line."""
     said = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     return " ".join(said.split())[:300] or f"cannot be read ({type(error).__name__})"
 
 
 def read_text(path: str | Path, limit: int) -> str:
-    """The text of a UTF-8 file, with or without a byte order mark.
+    """Return the text of a UTF-8 file, with or without a byte order mark.
 
     Args:
         path: of the file.

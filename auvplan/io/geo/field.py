@@ -227,7 +227,10 @@ def _index(axis: Array, at: Array) -> Array:
 
 
 def _scattered(what: str, longitude: Array, latitude: Array, *, site: Site, grid: LocalGrid) -> Nodes:
-    """Nodes of two-dimensional coordinates: row and column are interpolated on triangles of local metres."""
+    """Return nodes of two-dimensional coordinates.
+
+    Row and column are interpolated on triangles of local metres.
+    """
     north, east = site.to_local(longitude, np.clip(latitude, -90.0, 90.0))
     known = np.isfinite(north) & np.isfinite(east) & (np.abs(latitude) <= 90.0)
     if known.sum() < 4 or min(longitude.shape) < 2:

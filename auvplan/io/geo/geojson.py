@@ -48,7 +48,7 @@ class Feature:
 
 
 def read_features(path: str | Path, kinds: tuple[str, ...]) -> list[Feature]:
-    """The features of a GeoJSON file, a bare geometry being one without properties.
+    """Return the features of a GeoJSON file, a bare geometry being one without properties.
 
     Args:
         path: of the file.
@@ -141,7 +141,7 @@ def check_place(where: str, longitude: float, latitude: float) -> None:
 
 
 def is_place(longitude: float, latitude: float) -> bool:
-    """Whether degrees are on the Earth."""
+    """Return whether degrees are on the Earth."""
     return bool(-180.0 <= longitude <= 360.0 and -90.0 <= latitude <= 90.0)
 
 
@@ -164,7 +164,7 @@ def read_polygons(path: str | Path) -> list[tuple[Feature, Polygon | MultiPolygo
 
 
 def polygon_of(feature: Feature) -> Polygon | MultiPolygon:
-    """The shape of a Polygon or MultiPolygon feature in longitude and latitude.
+    """Return the shape of a Polygon or MultiPolygon feature in longitude and latitude.
 
     Raises:
         GeoError: rings that are not closed or cross, coordinates off the Earth, or no area.
@@ -181,7 +181,7 @@ def polygon_of(feature: Feature) -> Polygon | MultiPolygon:
 
 
 def _simple(where: str, geometry: Any, kinds: tuple[str, ...]) -> Iterator[dict]:
-    """The geometries of a geometry, those of collections one by one."""
+    """Yield the geometries of a geometry, those of collections one by one."""
     stack = [geometry]
     while stack:
         part = stack.pop()

@@ -59,12 +59,12 @@ class TiffPlace:
 
 
 def is_tiff(start: bytes) -> bool:
-    """Whether a file of these first four bytes is a TIFF, of either size and byte order."""
+    """Return whether a file of these first four bytes is a TIFF, of either size and byte order."""
     return start in _MAGIC
 
 
 def read_place(path: Path) -> TiffPlace:
-    """Where a TIFF file lies, from its tags alone.
+    """Return where a TIFF file lies, from its tags alone.
 
     Raises:
         GeoError: its tags contradict the format. What else tifffile raises on a damaged file is passed on.
@@ -202,7 +202,7 @@ def _affine(path: Path, tags: dict[int, Any], point: bool) -> Affine | None:
 
 
 def _geo_keys(path: Path, directory: Any) -> dict[int, int]:
-    """The keys that hold a short number: those in other tags are not needed."""
+    """Return the keys that hold a short number: those in other tags are not needed."""
     if directory is None:
         return {}
     words = [int(word) for word in np.ravel(directory)]
@@ -213,7 +213,7 @@ def _geo_keys(path: Path, directory: Any) -> dict[int, int]:
 
 
 def _crs(path: Path, keys: dict[int, int]) -> tuple[CRS | None, str]:
-    """The coordinate reference system, or None and the reason."""
+    """Return the coordinate reference system, or None and the reason."""
     if not keys:
         return None, "no GeoTIFF keys tell its coordinate reference system"
     model = keys.get(_MODEL)
@@ -234,7 +234,7 @@ def _nodata(text: Any) -> float | None:
 
 
 def _band_attributes(text: Any) -> dict[str, str]:
-    """What GDAL keeps of the first band, such as units, UNITTYPE, SCALE, OFFSET and NETCDF_VARNAME."""
+    """Return what GDAL keeps of the first band, such as units, UNITTYPE, SCALE, OFFSET and NETCDF_VARNAME."""
     try:
         root = ElementTree.fromstring(str(text))
     except (ElementTree.ParseError, ValueError):

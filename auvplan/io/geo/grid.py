@@ -55,7 +55,7 @@ class LocalGrid:
 
 
 def local_grid(lower: Any, upper: Any, pixel_size: float | None) -> LocalGrid:
-    """The pixels from one corner (north, east) to the other, m, rounded up to whole ones.
+    """Return the pixels from one corner (north, east) to the other, m, rounded up to whole ones.
 
     Without a size there are 64 of them along the longer side.
 

@@ -80,7 +80,7 @@ def check_headings(where: str, given: Iterable[str], known: Mapping[str, str]) -
 
 
 def _slip_of(name: str, known: Mapping[str, str]) -> str:
-    """The known name that a name all but is, or an empty string."""
+    """Return the known name that a name all but is, or an empty string."""
     plain = _plain(name)
     if plain in known:
         return plain

@@ -299,7 +299,7 @@ def _line(where: str, name: str, places: list[Position], priority: float, durati
 
 
 def _number(where: str, told: dict[str, Any], name: str, default: Any, least: float = 0.0) -> Any:
-    """A finite number >= `least`, or the default where there is none."""
+    """Return a finite number >= `least`, or the default where there is none."""
     value = told.get(name)
     if value is None or value == "":
         return default

@@ -47,7 +47,7 @@ class Raster:
     blank: NDArray[np.bool_] | None = None
 
     def nodes(self) -> Nodes:
-        """Where the pixels' centres lie."""
+        """Return where the pixels' centres lie."""
         a, b, c, d, e, f = self.affine
         inverse = np.linalg.inv([[a, b], [d, e]])
         transformer = Transformer.from_crs("EPSG:4326", self.crs, always_xy=True)
@@ -82,7 +82,7 @@ def read_raster(path: str | Path, crs: Any = None, *, indices: bool = False) -> 
         indices: whether a picture with a table of colours is wanted as numbers, not colours.
 
     Raises:
-        GeoError: one line; the file is missing, damaged or too large, tells not where it lies, or tells other
+        GeoError: one line; the file is missing, damaged or too large, is not georeferenced, or tells other
             coordinates than `crs`.
     """
     path = Path(path)
@@ -104,7 +104,7 @@ def read_raster(path: str | Path, crs: Any = None, *, indices: bool = False) -> 
             raise GeoError(f"{path}: is in {own.name}, not in {wanted.name} as crs says")
         system = own or wanted
         if system is None:
-            raise GeoError(f"{path}: {trouble}: say it by crs, such as crs=32755")
+            raise GeoError(f"{path}: {trouble}: set crs, such as crs=32755")
         if not (system.is_geographic or system.is_projected):
             raise GeoError(f"{path}: {system.name} is neither geographic nor projected")
         determinant = affine[0] * affine[4] - affine[1] * affine[3]
@@ -129,7 +129,9 @@ class PixelSize:
 
 
 def pixel_size(path: str | Path) -> PixelSize | None:
-    """The size of a picture's pixels where its GeoTIFF tags or a world file tell it; None where none does.
+    """Return the size of a picture's pixels where its GeoTIFF tags or a world file tell it.
+
+    None where none does.
 
     It is measured along the ellipsoid, so that degrees, and the metres of a map that is stretched towards the
     poles, come out as metres on Earth.
@@ -191,7 +193,7 @@ def _measured(path: Path, affine: Affine, crs: CRS | None, rows: int, columns: i
 
 
 def as_crs(given: Any, what: str) -> CRS:
-    """A coordinate reference system of whatever pyproj understands.
+    """Return a coordinate reference system of whatever pyproj understands.
 
     Raises:
         GeoError: pyproj does not.
@@ -217,7 +219,7 @@ def _picture(path: Path, indices: bool) -> tuple[NDArray, NDArray[np.bool_] | No
 
 
 def _world_names(path: Path) -> list[str]:
-    """Names that a picture's world file may have."""
+    """Return names that a picture's world file may have."""
     names = [path.stem + suffix for suffix in (*_WORLD_FILES.get(path.suffix.lower(), ()), ".wld")]
     return [*names, path.name + "w"]
 
@@ -228,7 +230,7 @@ def _world_file(path: Path) -> Affine:
     if found is None:
         listed = ", ".join(dict.fromkeys(names))
         raise GeoError(
-            f"{path}: tells not where it lies: no GeoTIFF keys, and no world file ({listed}) beside it"
+            f"{path}: is not georeferenced: no GeoTIFF keys, and no world file ({listed}) beside it"
         )
     words = read_text(found, _TEXT_LIMIT).split()
     try:
@@ -252,7 +254,7 @@ def _projection_file(path: Path) -> CRS | None:
 
 
 def _beside(path: Path, names: list[str]) -> Path | None:
-    """The first of some files in the same folder, whichever case their names are in."""
+    """Return the first of some files in the same folder, whichever case their names are in."""
     wanted = [name.lower() for name in names]
     there = {
         entry.name.lower(): entry for entry in sorted(path.absolute().parent.iterdir()) if entry.is_file()

@@ -7,7 +7,7 @@ Array = NDArray[np.floating]
 
 
 def nearest(values: NDArray, row: Array, column: Array, cyclic: bool = False) -> NDArray:
-    """The value of the nearest node, held beyond the outer ones; [rows, columns] at row and column."""
+    """Return the value of the nearest node, held beyond the outer ones; [rows, columns] at row and column."""
     i = np.clip(np.rint(row), 0, values.shape[0] - 1).astype(int)
     j = np.rint(column).astype(int)
     return values[i, j % values.shape[1] if cyclic else np.clip(j, 0, values.shape[1] - 1)]

@@ -19,7 +19,7 @@ _OPEN = 1e-6
 
 
 def to_local(shape: Any, site: Site) -> Any:
-    """A shapely geometry in longitude and latitude, degrees, as one in local (north, east), m."""
+    """Return a shapely geometry in longitude and latitude, degrees, as one in local (north, east), m."""
 
     def local(places: NDArray) -> NDArray:
         return np.stack(site.to_local(places[:, 0], places[:, 1]), axis=-1)

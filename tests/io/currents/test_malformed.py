@@ -77,8 +77,8 @@ MALFORMED = {
     "up, but positive": (attrs("depth", positive="up"), "says positive = up, but its values are positive"),
     "both signs": (values("depth", put(0, -3.0)), "depths depth are of both signs"),
     "sideways": (attrs("depth", positive="left"), "positive = 'left', neither up nor down"),
-    "undeclared fill": (values("uo", put((0, 0, 2, 3), 9999.0)), "uo reaches 9999 m/s, which no"),
-    "infinite": (values("uo", put((0, 0, 2, 3), np.inf)), "uo reaches inf m/s, which no current does"),
+    "undeclared fill": (values("uo", put((0, 0, 2, 3), 9999.0)), "uo reaches 9999 m/s, which is implausible"),
+    "infinite": (values("uo", put((0, 0, 2, 3), np.inf)), "uo reaches inf m/s, which is implausible"),
     "missing everywhere": (values("uo", lambda v: v * np.nan), "missing everywhere in the box"),
     "members": (lambda d: d.expand_dims(member=2), "of which one is neither level nor place"),
     "words": (lambda d: d.assign(uo=d.uo.astype("S1")), "uo holds no numbers"),
@@ -246,7 +246,7 @@ def test_a_head_that_promises_too_much(tmp_path):
         ({"upper": (-3000.0, 0.0, 10.0)}, "upper must exceed lower"),
         ({"outside": "guess"}, "outside must be 'refuse' or 'clamp'"),
         ({"times": (10.0, 5.0)}, "times must be the first and the last"),
-        ({"times": (0.0, 1e6)}, "2020-01-01T00:00:00Z to 2020-01-12T13:46:40Z is wanted, the data has"),
+        ({"times": (0.0, 1e6)}, "2020-01-01T00:00:00Z to 2020-01-12T13:46:40Z, the file covers"),
         ({"spacing": -1.0}, "spacing must be positive"),
         ({"depths": [5.0, 1.0]}, "depths must be rising"),
         ({"upper": (2000.0, 2600.0, 5.0)}, r"degrees\) east$"),
@@ -262,7 +262,9 @@ def test_places_and_moments_outside(tmp_path):
     with open_ocean(write(regular(), tmp_path / "a.nc")) as ocean:
         with pytest.raises(CurrentError, match=r"outside the data, by up to 111\d m \(0.01 degrees\) south"):
             ocean.at(LON, LAT - 0.01, 0.0, START)
-        with pytest.raises(CurrentError, match="2019-12-31T23:00:00Z is wanted, the data has 2020-01-01"):
+        with pytest.raises(
+            CurrentError, match="the mission needs 2019-12-31T23:00:00Z, the file covers 2020-01-01"
+        ):
             ocean.at(LON, LAT, 0.0, START - 3600.0)
         with pytest.raises(CurrentError, match="not negative"):
             ocean.at(LON, LAT, -1.0, START)

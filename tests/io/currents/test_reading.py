@@ -50,7 +50,7 @@ def test_single_time_is_steady(tmp_path):
     found = read_current(path, SITE, **BOX)
     assert found.field.steady
     assert read_current(path, SITE, times=(0.0, 0.0), **BOX).field.steady
-    with pytest.raises(CurrentError, match="the data has 2020-01-01T00:00:00Z only"):
+    with pytest.raises(CurrentError, match="the file covers 2020-01-01T00:00:00Z only"):
         read_current(path, SITE, times=(0.0, 60.0), **BOX)
     assert read_current(path, SITE, times=(0.0, 60.0), outside="clamp", **BOX).field.steady
 

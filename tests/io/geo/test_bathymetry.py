@@ -204,7 +204,7 @@ def test_a_geotiff_without_keys_in_told_coordinates(tmp_path):
     values = sea_floor(LONGITUDE[None, :], LATITUDE[::-1, None])
     where = {"corner": (LONGITUDE[0] - 0.01, LATITUDE[-1] + 0.005), "scale": (0.02, 0.01)}
     path = write_geotiff(tmp_path / "b.tif", values, epsg=None, **where)
-    with pytest.raises(GeoError, match="say it by crs"):
+    with pytest.raises(GeoError, match="set crs"):
         read_bathymetry(path, SITE, **AREA)
     found = read_bathymetry(path, SITE, crs=4326, positive="down", **AREA)
     np.testing.assert_allclose(found.depth, sea_floor(*expected(found)), atol=2e-3)

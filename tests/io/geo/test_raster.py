@@ -183,7 +183,7 @@ def good_png(folder):
         ("f.tif", b"II*\0", {}, None, "f.tif: "),
         ("f.tif", b"II*\0\x08\0\0\0\x05\0", {}, None, "f.tif: "),
         ("f.png", good_png, {}, 32755, r"no world file \(f.pgw, f.pngw, f.wld, f.pngw\)|no world file"),
-        ("f.png", good_png, {"f.pgw": WORLD}, None, "say it by crs"),
+        ("f.png", good_png, {"f.pgw": WORLD}, None, "set crs"),
         ("f.png", good_png, {"f.pgw": WORLD}, "EPSG:1", "is no coordinate reference system"),
         ("f.png", good_png, {"f.pgw": WORLD}, 4978, "neither geographic nor projected"),
         ("f.png", good_png, {"f.pgw": "1 2 3"}, 32755, "six numbers, got '1 2 3'"),
@@ -206,7 +206,7 @@ def test_missing_files_and_missing_keys(tmp_path):
     with pytest.raises(GeoError, match=r"nowhere\.tif: No such file"):
         read_raster(tmp_path / "nowhere.tif")
     path = write_geotiff(tmp_path / "k.tif", VALUES, epsg=None)
-    with pytest.raises(GeoError, match=r"k\.tif: no GeoTIFF keys tell .* say it by crs"):
+    with pytest.raises(GeoError, match=r"k\.tif: no GeoTIFF keys tell .* set crs"):
         read_raster(path)
     assert read_raster(path, crs="EPSG:4326").crs.is_geographic
     with pytest.raises(GeoError, match="name no EPSG"):

@@ -32,7 +32,7 @@ Array = NDArray[np.floating]
 
 
 @dataclass
-class Fleet:
+class SimulationContext:
     """What missions in one sea area share.
 
     Attributes:
@@ -76,7 +76,7 @@ class Fleet:
         return None if self.waters.site is None else self.waters.site.epoch
 
     def moment(self, now: float) -> str:
-        """A time, s since the epoch, in words."""
+        """Return a time, s since the epoch, in words."""
         return at_time(now, self.epoch)
 
     @property
@@ -86,7 +86,7 @@ class Fleet:
         return np.asarray(lower), np.asarray(upper)
 
     def environment(self, current: Current, obstacles: Obstacles | None = None) -> Environment:
-        """The world as planners are told it."""
+        """Return the world as planners are told it."""
         lower, upper = (jnp.asarray(corner, float) for corner in self.box)
         known = Obstacles.none() if obstacles is None else obstacles
         return Environment(current, self.chart, known, lower, upper, seabed=self.waters.seabed)
@@ -236,12 +236,12 @@ class Mission:
         return f"leg {self.run.called(self.leg.record.start)} to {self.run.called(self.leg.record.goal)}"
 
     def path_key(self) -> jax.Array:
-        """A fresh key for the next path planning call."""
+        """Return a fresh key for the next path planning call."""
         self.path_calls += 1
         return prng.folded(self.key, self.path_calls)
 
     def order_key(self) -> jax.Array:
-        """A key for the next order of tasks."""
+        """Return a key for the next order of tasks."""
         return prng.folded(self.key, 0, len(self.run.orders))
 
     def charge(self, seconds: float) -> None:
