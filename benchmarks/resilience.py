@@ -1,14 +1,22 @@
-"""Studies that are broken off: killed at random moments and resumed, or robbed of a Dask worker.
+"""Runs that are broken off: studies killed and resumed, or robbed of a Dask worker; results half replaced.
 
 ``python -m benchmarks.resilience [-n 30] [--kills 10]`` runs a study of the shipped Whitsunday scenario
 unbroken, then again with the command killed by SIGKILL at random moments and resumed, then on two Dask
 workers of which one is killed. It prints whether the datasets are the same to the last bit, wall-clock times
 apart.
+
+``python -m benchmarks.resilience --outputs [--kills 10]`` fills a folder with the results of ``auvplan
+plan``, begins a run of a later departure into it and kills that by SIGKILL: so many times spread over the
+run, and as often while it writes its files, half of these just as the first old file is gone. It does so for
+``auvplan mission`` with another seed, and prints how often the folder then held which files.
 """
 
 import argparse
+import hashlib
+import json
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -19,14 +27,22 @@ from contextlib import suppress
 from pathlib import Path
 
 import xarray as xr
+from rich.table import Table
 
 import auvplan as ap
+from auvplan.io.files import MISSION, SUMMARY
 from auvplan.study import Design, load_study, run_study, without_clocks
 from auvplan.study.store import DATASET, DESIGN, PIECES
 from benchmarks.machine import console
 
 #: Shortest and longest life of a command that is killed, as shares of what the unbroken study took.
 LIFE = (0.4, 1.0)
+
+#: What a folder holds after a kill. Neither is no result: files of one of the two runs without their summary.
+HELD = ("old whole", "new whole", "neither", "mixed")
+
+#: The commands whose results are replaced, with what makes the new run another one than the old.
+OUTPUTS = {"plan": ("--depart", "+1h"), "mission": ("--seed", "1")}
 
 
 def killed_and_resumed(count: int, kills: int, seconds: float, folder: Path) -> tuple[list[int], list[Path]]:
@@ -80,12 +96,128 @@ def same(one: xr.Dataset, other: xr.Dataset) -> str:
     return "identical" if without_clocks(one).identical(without_clocks(other)) else "DIFFERENT"
 
 
+def prints(folder: Path) -> dict[str, str]:
+    """A digest of each file: of its bytes, or of what it says but clock times where it tells these."""
+    return {file.name: hashlib.sha256(_told(file)).hexdigest() for file in folder.iterdir()}
+
+
+def _told(file: Path) -> bytes:
+    if file.name == SUMMARY:
+        return repr(_clockless(json.loads(file.read_bytes()))).encode()
+    if file.name == MISSION:
+        with xr.open_dataset(file, engine="h5netcdf", decode_times=False) as run:
+            kept = run.drop_vars([name for name in run.variables if "cpu" in str(name)]).load()
+        parts = [f"{name}{kept[name].dims}".encode() + kept[name].values.tobytes() for name in kept.variables]
+        return b"".join(sorted(parts))
+    return file.read_bytes()
+
+
+def _clockless(told: object) -> object:
+    if isinstance(told, dict):
+        return {name: _clockless(value) for name, value in told.items() if not name.startswith("cpu")}
+    return [_clockless(value) for value in told] if isinstance(told, list) else told
+
+
+def held(found: dict[str, str], old: dict[str, str], new: dict[str, str]) -> str:
+    """Which of `HELD` the digests of a folder's files are."""
+    if found in (old, new):
+        return HELD[0] if found == old else HELD[1]
+    return (
+        HELD[2]
+        if SUMMARY not in found and (found.items() <= old.items() or found.items() <= new.items())
+        else HELD[3]
+    )
+
+
+def outputs_killed(name: str, kills: int, scenario: Path, folder: Path) -> dict[str, dict[str, int]]:
+    """Kill a command that replaces the results of an earlier one.
+
+    Args:
+        name: of the command, in `OUTPUTS`.
+        kills: of each kind.
+        scenario: file that both runs are of.
+        folder: for the results.
+
+    Returns:
+        How often the folder held what, see `HELD`, for each kind of moment.
+    """
+    command = [
+        sys.executable,
+        "-m",
+        "auvplan.cli",
+        name,
+        str(scenario),
+        "--quiet",
+        "--pictures",
+        "none",
+        "--out",
+    ]
+    old, new, target = folder / f"{name}-old", folder / f"{name}-new", folder / f"{name}-out"
+    subprocess.run([*command, str(old)], check=True)
+    subprocess.run([*command, str(new), *OUTPUTS[name]], check=True)
+    before, after = prints(old), prints(new)
+    command += [str(target), *OUTPUTS[name]]
+
+    def start() -> subprocess.Popen[bytes]:
+        shutil.rmtree(target, ignore_errors=True)
+        shutil.copytree(old, target)
+        return subprocess.Popen(command)
+
+    def writing(process: subprocess.Popen[bytes]) -> None:
+        part = folder / f".{target.name}.{process.pid}.part"
+        while process.poll() is None and not (part.is_dir() and any(part.iterdir())):
+            time.sleep(0.002)
+
+    begin, process = time.perf_counter(), start()
+    writing(process)
+    written = time.perf_counter()
+    process.wait()
+    seconds, tail = time.perf_counter() - begin, time.perf_counter() - written
+    if before == after or prints(target) != after:
+        raise RuntimeError(f"{name}: two runs alike differ, or two that differ are alike")
+    counts = {kind: dict.fromkeys(HELD, 0) for kind in ("over the run", "while files are written")}
+    for kill in range(2 * kills):
+        kind = list(counts)[kill // kills]
+        share, process = (kill % kills + 0.5) / kills, start()
+        if kill < kills:
+            time.sleep(seconds * share)
+        elif kill % 2:
+            writing(process)
+            time.sleep(tail * share)
+        else:
+            while (target / SUMMARY).exists() and process.poll() is None:
+                pass
+        process.kill()
+        process.wait()
+        counts[kind][held(prints(target), before, after)] += 1
+    return counts
+
+
+def print_outputs(kills: int, folder: Path) -> None:
+    """Print the table of `outputs_killed` for all commands."""
+    scenario = folder / "example" / "scenario.yaml"
+    init = [sys.executable, "-m", "auvplan.cli", "init", str(scenario.parent)]
+    subprocess.run(init, check=True, stdout=subprocess.DEVNULL)
+    table = Table("command", "killed", *HELD, title="results of an earlier run, after a kill of a new one")
+    for name in OUTPUTS:
+        for kind, counts in outputs_killed(name, kills, scenario, folder).items():
+            table.add_row(name, f"{kills} times {kind}", *map(str, counts.values()))
+    console().print(table)
+
+
 def main() -> None:
     """Print what was compared."""
-    parser = argparse.ArgumentParser(description="Studies that are broken off.")
+    parser = argparse.ArgumentParser(description="Runs that are broken off.")
     parser.add_argument("-n", type=int, default=30, help="missions of a study")
     parser.add_argument("--kills", type=int, default=10)
+    parser.add_argument(
+        "--outputs", action="store_true", help="kill runs that replace earlier results instead"
+    )
     options = parser.parse_args()
+    if options.outputs:
+        with tempfile.TemporaryDirectory() as name:
+            print_outputs(options.kills, Path(name))
+        return
     screen = console()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

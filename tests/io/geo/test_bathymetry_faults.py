@@ -58,9 +58,9 @@ LAND = np.full((14, 9), 30.0)
     [
         ("h", {"units": "m"}, -LAND, {}, r'h is positive down by its name, but all .* say positive="up"'),
         ("z", {"units": "m", "positive": "down"}, -LAND, {}, "positive down by its attribute"),
-        ("z", {"positive": "down"}, LAND, {"positive": "up"}, "contradictory sign convention: its attribute positive says down"),
-        ("z", {"standard_name": "sea_floor_depth_below_geoid"}, LAND, {"positive": "up"}, "a contradictory sign convention"),
-        ("z", {"standard_name": "sea_floor_depth", "positive": "up"}, LAND, {}, "z has a contradictory sign convention"),
+        ("z", {"positive": "down"}, LAND, {"positive": "up"}, "convention: its attribute positive says down"),
+        ("z", {"standard_name": "sea_floor_depth_below_geoid"}, LAND, {"positive": "up"}, "contradictory"),
+        ("z", {"standard_name": "sea_floor_depth", "positive": "up"}, LAND, {}, "z has a contradictory"),
         ("z", {"units": "fathoms"}, LAND, {}, "z is in 'fathoms'"),
         ("z", {"units": "m"}, LAND * np.nan, {}, "z has no values in the area"),
         ("z", {"units": "m"}, LAND, {"positive": "north"}, 'positive must be "up" or "down"'),
