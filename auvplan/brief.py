@@ -1,4 +1,4 @@
-"""Results on one line at a prompt, and as a small table in a notebook, in place of all their arrays."""
+"""Short representations of results: one line at a prompt, a small table in a notebook."""
 
 from collections.abc import Sequence
 from html import escape

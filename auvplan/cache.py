@@ -1,4 +1,4 @@
-"""What takes long to compute and is computed again in every process, on disk: programs, clustered charts.
+"""Cache on disk of what takes long to compute: compiled programs, clustered charts.
 
 An entry is named by all that it depends on; for a program these are the function and the kinds of its
 arguments, the sources of this package, the versions of Python, JAX and its compiler, the processor, and JAX's

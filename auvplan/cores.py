@@ -1,4 +1,4 @@
-"""How much of the machine a process may use, and how it starts others."""
+"""Cores that this process may use, and how it starts others."""
 
 import os
 import signal

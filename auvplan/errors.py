@@ -1,4 +1,4 @@
-"""What is wrong with what somebody gave: errors that a command prints as one line."""
+"""Errors about user input, printed as one line by the commands."""
 
 
 class AuvplanError(ValueError):

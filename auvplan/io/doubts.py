@@ -1,4 +1,4 @@
-"""What can hardly be meant by the fields of a scenario, though each of them can be."""
+"""Warnings: fields of a scenario that are valid and can hardly be meant."""
 
 from collections.abc import Iterator
 from datetime import date, datetime

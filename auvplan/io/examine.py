@@ -1,4 +1,4 @@
-"""All that is wrong with a scenario at once: its text, its fields, and the files that it names."""
+"""Validation of a scenario: all faults of its text, its fields and the files that it names."""
 
 import re
 import warnings

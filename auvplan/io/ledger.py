@@ -1,4 +1,4 @@
-"""The books of a saved run: its legs, and whether places, edges and times add up. Plain NumPy."""
+"""Consistency checks of a saved run: legs, places, edges and times. Plain NumPy."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Longitude and latitude that somebody has swapped: whether what does not fit would fit then."""
+"""Detection of swapped longitude and latitude."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""What the checker sees on its walk: coast and sea bed under it, obstacles as they move. Plain NumPy."""
+"""The checker's own view of coast, sea bed and moving obstacles. Plain NumPy."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Good first orders by beam search: many partial orders grow together, the most promising ones survive.
+"""Initial orders by beam search: many partial orders grow together, the most promising survive.
 
 All orders of a beam have the same number of waypoints. Their worth is what they have gained less a price for
 the time they have taken, so that short and long ones compare. Two partial orders that end at one waypoint and

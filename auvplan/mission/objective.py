@@ -1,4 +1,4 @@
-"""What makes an order of tasks a good one (section 3.3.1, Eqs 14-15)."""
+"""Objectives of task orders (section 3.3.1, Eqs 14-15)."""
 
 from typing import Literal
 

@@ -1,4 +1,4 @@
-"""The exponential function in single precision, as the innermost loop of a current wants it."""
+"""Fast exponential in single precision, for the innermost loop of a current."""
 
 import jax
 import jax.numpy as jnp

@@ -1,4 +1,4 @@
-"""Pictures as arrays of colours, refused by their size before they are decoded."""
+"""Image files as arrays of colours, with limits on their size."""
 
 import warnings
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""Whether a path can join two points at all."""
+"""Checks of the end points of a path."""
 
 import numpy as np
 from jax.typing import ArrayLike

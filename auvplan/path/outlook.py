@@ -1,4 +1,4 @@
-"""How a plan that is followed fares in the sea as it is known now."""
+"""Re-evaluation of a followed plan in the sea as it is known now."""
 
 from dataclasses import dataclass
 from functools import partial

@@ -1,4 +1,4 @@
-"""Why not: which limit a path breaks, by how much, where and when."""
+"""Constraint diagnostics: which limit a path breaks, by how much, where and when."""
 
 from datetime import datetime
 from enum import Enum

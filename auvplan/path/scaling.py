@@ -1,4 +1,4 @@
-"""One size for all problems: lengths and times of a leg are scaled alike, so that speeds stay what they are.
+"""Scaling of a leg to unit size: lengths and times alike, so that speeds do not change.
 
 A search that sees every leg as long as every other one cannot depend on the unit of length: its margins,
 scales and roundings mean the same in a tank as in a strait.

@@ -1,4 +1,4 @@
-"""How the travel time of a planned path answers to departure, speed and current."""
+"""Sensitivities of a planned travel time to departure, speed and current."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""How a plan fares in simulated missions."""
+"""Rehearsal: a plan against simulated missions."""
 
 from collections import Counter
 from typing import Any

@@ -1,4 +1,4 @@
-"""What the missions of a study tell together, with 95 % intervals."""
+"""Statistics over the missions of a study, with 95 % intervals."""
 
 from collections.abc import Callable
 from itertools import product

@@ -1,4 +1,4 @@
-"""What a worker does: sail missions and hand back their rows."""
+"""A worker of a study: simulate missions and return their rows."""
 
 import os
 import time

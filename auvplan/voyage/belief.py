@@ -1,4 +1,4 @@
-"""What a vehicle believes of the obstacles on its leg: known beforehand roughly, within sensor range well."""
+"""A vehicle's belief about the obstacles on its leg: rough beforehand, accurate within sensor range."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,4 +1,4 @@
-"""Honest clocks for planning calls."""
+"""Timing of planning calls, compilation excluded."""
 
 import time
 from collections.abc import Callable

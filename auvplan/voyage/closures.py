@@ -1,4 +1,4 @@
-"""Why no order of tasks reaches the destination: the leg that the sea closes, or the time."""
+"""Infeasibility diagnosis: the leg that the sea closes, or the time that is too short."""
 
 from functools import partial
 from itertools import pairwise

@@ -1,4 +1,4 @@
-"""The last resort when no plan is clear ahead: keep station, or give way to what comes."""
+"""Collision-avoidance fallback where no plan is clear ahead: keep station, or move out of the way."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,4 +1,4 @@
-"""What a sailed mission leaves behind: plain data on the host, for files, figures and statistics."""
+"""Records of a mission: plain data on the host, for files, figures and statistics."""
 
 import math
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""The true current of one mission, and what a planner is told of it."""
+"""The true current of one mission, and its forecast."""
 
 from collections.abc import Sequence
 from dataclasses import replace
