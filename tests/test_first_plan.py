@@ -20,8 +20,6 @@ from pyproj import Transformer
 
 from auvplan import cli
 
-pytestmark = pytest.mark.slow
-
 PAGE = Path(__file__).parent.parent / "docs" / "first-plan.md"
 BLOCK = re.compile(r"^```(.+?)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 LAND = (0xD8, 0xB2, 0x6E)
