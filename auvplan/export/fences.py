@@ -47,17 +47,19 @@ class Circle:
     Attributes:
         centre: north, east, m.
         radius: m.
+        name: of the obstacle, or empty.
     """
 
     centre: tuple[float, float]
     radius: float
+    name: str = ""
 
 
 Fence = Polygon | Circle
 
 
 def fences_around(
-    lines: Sequence[Array], chart: Chart | None = None, obstacles: Sequence[tuple[ArrayLike, float]] = ()
+    lines: Sequence[Array], chart: Chart | None = None, obstacles: Sequence[tuple[ArrayLike, float, str]] = ()
 ) -> tuple[list[Fence], list[str]]:
     """Fences around the coast and the obstacles within a kilometre of paths.
 
@@ -67,7 +69,7 @@ def fences_around(
     Args:
         lines: paths, [n, 3] m north, east, depth each.
         chart: coast: pixels of no passability; None for open water.
-        obstacles: centres [3] m and radii, m, of what stands still.
+        obstacles: centres [3] m, radii, m, and names of what stands still.
 
     Returns:
         ``(fences, notes)``: the notes say what had to be left out.
@@ -79,7 +81,7 @@ def fences_around(
     fences, notes = [], []
     if chart is not None:
         fences, notes = _around_coast(chart, paths, area)
-    for place, radius in obstacles:
+    for place, radius, name in obstacles:
         x, y, depth = (float(value) for value in np.asarray(place))
         centre = shapely.Point(y, x)
         if shapely.distance(area, centre) > radius:
@@ -89,7 +91,7 @@ def fences_around(
             where = f"at ({x:.0f}, {y:.0f}, {depth:.0f}) m, radius {radius:.0f} m"
             notes.append(f"no fence around the obstacle {where}: a planned path crosses its circle")
         else:
-            fences.append(Circle((x, y), float(radius)))
+            fences.append(Circle((x, y), float(radius), name))
     return fences, notes
 
 

@@ -99,6 +99,7 @@ def _place(row: Array) -> list[float]:
 def _fence(fence: Fence, site: Site) -> dict[str, Any]:
     about: dict[str, Any] = {"kind": "exclusion"}
     if isinstance(fence, Circle):
+        about |= {"name": fence.name} if fence.name else {}
         about["radius_m"] = fence.radius
         angle = 2.0 * np.pi * np.arange(_CORNERS) / _CORNERS
         # The polygon's sides touch the circle: it covers all of it.

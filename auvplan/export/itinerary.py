@@ -208,7 +208,7 @@ def itinerary_of_parts(
     sailed: Sequence[Track] = (),
     *,
     chart: Chart | None = None,
-    obstacles: Sequence[tuple[ArrayLike, float]] = (),
+    obstacles: Sequence[tuple[ArrayLike, float, str]] = (),
     seed: int = 0,
     configuration: str = "{}",
     version: str | None = None,
@@ -220,7 +220,7 @@ def itinerary_of_parts(
     Args:
         name, site, speed, legs, sailed, seed, configuration, notes, end: as in `Itinerary`.
         chart: coast, or None.
-        obstacles: centres [3] m and radii, m, of what stands still.
+        obstacles: centres [3] m, radii, m, and names of what stands still.
         version: of the auvplan that made the mission; the installed one where not given.
 
     Raises:

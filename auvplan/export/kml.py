@@ -64,7 +64,8 @@ def write_kml(itinerary: Itinerary, path: str | Path) -> Path:
         _path(_placemark(sailed, f"leg {number}, sailed", "sailed"), track.positions, track.times, site)
     fences = _folder(document, "fences")
     for number, fence in enumerate(itinerary.fences, 1):
-        polygon = _add(_placemark(fences, f"exclusion {number}", "fence"), "Polygon")
+        name = fence.name if isinstance(fence, Circle) and fence.name else f"exclusion {number}"
+        polygon = _add(_placemark(fences, name, "fence"), "Polygon")
         ring = _add(_add(polygon, "outerBoundaryIs"), "LinearRing")
         _add(ring, "coordinates", _tuples(_ring(fence), site, ","))
     return write_xml(root, path)

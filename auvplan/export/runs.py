@@ -49,7 +49,7 @@ def itinerary_of(
         legs.append(whole.thinned(env, run.vehicle, tolerance, margin))
     sailed = run.legs if run.simulated else []
     still = [
-        ((*obstacle.position, obstacle.depth_min), obstacle.radius)
+        ((*obstacle.position, obstacle.depth_min), obstacle.radius, obstacle.name)
         for obstacle in run.obstacles
         if not obstacle.moves
     ]

@@ -192,7 +192,7 @@ def waypoint_name(run: MissionRun, node: int) -> str:
 
 
 def _moment(run: MissionRun, seconds: float) -> str:
-    moment = None if run.site is None else run.site.utc(seconds)
+    moment = None if run.site is None else run.site.utc(60.0 * round(seconds / 60.0))
     return f"after {hours(seconds)}" if moment is None else f"{moment:%Y-%m-%d %H:%M} UTC"
 
 

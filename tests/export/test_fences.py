@@ -128,8 +128,10 @@ def test_a_path_on_land_has_a_lane_and_is_told_of():
 def test_obstacles_that_stand_still_are_circles_unless_a_path_passes_over_them():
     path = line((100.0, 0.0), (120.0, 3000.0))
     near, below, away = (310.0, 900.0, 35.0), (125.0, 2000.0, 90.0), (1e6, 1e6, 0.0)
-    fences, notes = fences_around([path], None, [(near, 80.0), (below, 40.0), (away, 60.0)])
-    assert fences == [Circle((310.0, 900.0), 80.0)]
+    fences, notes = fences_around(
+        [path], None, [(near, 80.0, "rock"), (below, 40.0, "wreck"), (away, 60.0, "buoy")]
+    )
+    assert fences == [Circle((310.0, 900.0), 80.0, "rock")]
     (note,) = notes
     assert "(125, 2000, 90) m, radius 40 m" in note
 

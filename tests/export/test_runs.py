@@ -79,9 +79,9 @@ def test_an_unsailed_mission_is_made_of_plain_arrays():
     places = np.array([[0.0, 0.0, 5.0], [500.0, 20.0, 8.0], [900.0, 300.0, 5.0]])
     leg = PlannedLeg.of(1, 4, 2, places, [0.0, 250.0, 490.0], names=["a", "b", "c"])
     assert (leg.start_name, leg.goal_name) == ("waypoint 4", "c")
-    rock = ((400.0, 900.0, 10.0), 50.0)
+    rock = ((400.0, 900.0, 10.0), 50.0, "rock")
     made = itinerary_of_parts("m", SITE, 2.0, [leg], obstacles=[rock], version="1.2", notes=["kept"])
-    assert made.fences == (Circle((400.0, 900.0), 50.0),)
+    assert made.fences == (Circle((400.0, 900.0), 50.0, "rock"),)
     assert (made.version, made.notes, made.sailed) == ("1.2", ("kept",), ())
     assert leg.waypoints is not places
     assert len(leg.kept) == 3
