@@ -1,6 +1,5 @@
 from . import bbo as bbo
 from .export import export_run as export_run
-from .io import load_scenario as load_scenario
 from .io import save_run as save_run
 from .io.currents import read_current as read_current
 from .io.restore import restore_run as restore_run
@@ -27,10 +26,11 @@ from .path import plan_path as plan_path
 from .path import plan_paths as plan_paths
 from .path import replan_path as replan_path
 from .path import replan_paths as replan_paths
+from .records import MissionRun as MissionRun
+from .scenario import Scenario as Scenario
+from .scenario import load_scenario as load_scenario
 from .site import Site as Site
 from .vehicle import Vehicle as Vehicle
-from .voyage import MissionRun as MissionRun
-from .voyage import Scenario as Scenario
 from .voyage import plan_scenario as plan_scenario
 from .voyage import run_mission as run_mission
 from .voyage import run_missions as run_missions

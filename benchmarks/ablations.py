@@ -16,7 +16,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 import auvplan as ap
-from auvplan.io.scenario_file import validate_scenario
+from auvplan.scenario.file import validate_scenario
 from auvplan.study import Design, load_study, run_study
 from auvplan.study.statistics import mean_interval, median_interval, relative_errors, use_of_time
 from auvplan.study.store import DATASET

@@ -15,13 +15,13 @@ import jax
 import numpy as np
 
 import auvplan as ap
-from auvplan.io.scenario_file import validate_scenario
+from auvplan.records import LegRecord
+from auvplan.scenario.file import validate_scenario
 from auvplan.voyage import seed_keys
 from auvplan.voyage.context import Mission, SimulationContext
 from auvplan.voyage.executive import embark, make_context
 from auvplan.voyage.legs import set_out
 from auvplan.voyage.path_calls import believed
-from auvplan.voyage.records import LegRecord
 
 SCENARIOS = ("scenario-1", "scenario-2", "scenario-3")
 

@@ -30,7 +30,7 @@ import xarray as xr
 from rich.table import Table
 
 import auvplan as ap
-from auvplan.io.files import MISSION, SUMMARY
+from auvplan.files import MISSION, SUMMARY
 from auvplan.study import Design, load_study, run_study, without_clocks
 from auvplan.study.store import DATASET, DESIGN, PIECES
 from benchmarks.machine import console

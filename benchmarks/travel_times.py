@@ -20,8 +20,8 @@ from auvplan.io.waters import load_waters
 from auvplan.mission.travel_times import TravelTimeConfig, travel_times
 from auvplan.ocean.vortices import LambVortices
 from auvplan.path import PathConfig
+from auvplan.records import LegRecord, MissionRun
 from auvplan.voyage import path_calls, seed_keys
-from auvplan.voyage.records import LegRecord, MissionRun
 
 LEVELS = {
     "straight line, 32 samples": TravelTimeConfig(PathConfig(control_points=6, samples=32)),

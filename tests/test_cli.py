@@ -9,11 +9,10 @@ import yaml
 from PIL import Image
 from typer.testing import CliRunner
 
+import auvplan as ap
 from auvplan import cli
 from auvplan.ocean.whitsunday import classes, render
 from auvplan.study import cluster
-from auvplan.voyage.settings import ChartSettings
-from auvplan.voyage.world import picture_chart
 from tests.io.geo.files import write_geotiff
 from tests.ocean.chart_pictures import STYLES, paint
 
@@ -153,8 +152,9 @@ def test_the_chart_command_proposes_what_colours_stand_for(tmp_path, capsys, mon
     assert chart["image"] == str(tmp_path / "map.png")
     assert chart["colours"]["water"] == ["#ffffff"]
     # The lines make a scenario of the same chart.
-    settings = ChartSettings(**chart)
-    shares = picture_chart(settings, str(tmp_path)).shares()
+    area = {"lower": [0, 0, 0], "upper": [100, 100, 50]}
+    scenario = ap.Scenario.model_validate({"chart": chart, "area": area})
+    shares = ap.load_waters(scenario, tmp_path).chart.shares()
     assert f"coast {shares['coast']:.1%}, uncertain {shares['uncertain']:.1%}" in out
 
 

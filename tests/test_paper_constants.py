@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import auvplan as ap
 from auvplan import MissionConfig, PathConfig
 from auvplan.mission.decoder import HIGHEST, LOWEST
 from auvplan.ocean.classify import UNCERTAIN_MAX
@@ -10,7 +11,6 @@ from auvplan.ocean.whitsunday import EXTENT, PIXELS, whitsunday_chart
 from auvplan.paper import Effort
 from auvplan.paper.legs import SCENARIOS, changed
 from auvplan.voyage import mission_configs, path_config
-from auvplan.voyage.world import picture_chart
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +82,7 @@ def test_the_large_map_is_10_kilometres_wide_and_1000_metres_deep(missions):
 
 def test_the_local_map_is_350_pixels_of_10_metres_wide():
     scenario = changed("scenario-3", "paper")
-    chart = picture_chart(scenario.chart, ".")
+    chart = ap.load_waters(scenario).chart
     assert chart is not None
     assert chart.shape == (350, 350)
     np.testing.assert_allclose(np.asarray(chart.upper) - np.asarray(chart.lower), 3500.0)

@@ -61,7 +61,7 @@ def departures(
     """Plan the mission, or the leg of two waypoints, at many departures and say which is the best."""
     settings, folder = load(scenario, settings=changes)
     departs = departure_times(settings, folder, begin, end, step)
-    from auvplan.io import output_folder
+    from auvplan.files import output_folder
     from auvplan.voyage.departures import plan_departures
     from auvplan.voyage.planning import load_waters_at
 
@@ -204,7 +204,7 @@ def write_departures(found: Any, path: Path) -> Path:
     Raises:
         OutputError: the file cannot be written.
     """
-    from auvplan.io.files import write_atomically
+    from auvplan.files import write_atomically
 
     def write(temporary: Path) -> None:
         with temporary.open("w", newline="", encoding="utf-8") as file:

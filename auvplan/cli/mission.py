@@ -87,7 +87,7 @@ def _run(
     from auvplan.compiled import MISSIONS, preload
 
     preload(MISSIONS)
-    from auvplan.io.files import whole_result
+    from auvplan.files import whole_result
     from auvplan.io.waters import load_waters
 
     with naming(source):

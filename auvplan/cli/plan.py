@@ -32,7 +32,7 @@ from auvplan.words import counted
 
 if TYPE_CHECKING:
     from auvplan.export.sheet import MissionSheet
-    from auvplan.voyage.records import MissionRun
+    from auvplan.records import MissionRun
 
 
 def plan(
@@ -62,7 +62,7 @@ def plan(
 
     preload(MISSIONS)
     from auvplan.cli.departures import departure_seconds
-    from auvplan.io.files import whole_result
+    from auvplan.files import whole_result
 
     with naming(scenario):
         settings, folder = load(scenario, preset, settings=changes)
@@ -169,7 +169,7 @@ def rehearse(
     """Plan a mission, simulate it many times, and say how often the plan holds."""
     quiet = quiet or as_json
     from auvplan.cli.study import mission_bar
-    from auvplan.io.files import write_atomically
+    from auvplan.files import write_atomically
     from auvplan.study import Design, run_study
     from auvplan.study.rehearsal import rehearsal_of, require_one_sea
     from auvplan.study.store import require_room

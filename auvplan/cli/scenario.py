@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 def scenarios() -> None:
     """List the shipped scenarios."""
-    from auvplan.io.scenario_file import shipped_scenarios
+    from auvplan.scenario.file import shipped_scenarios
 
     table = Table(show_header=True)
     table.add_column("name")
@@ -47,8 +47,8 @@ def schema(
     out: Annotated[Path | None, typer.Option("--out", help="File to write; printed if absent.")] = None,
 ) -> None:
     """Print the JSON Schema of scenario files: fields, units, defaults and limits, for editors."""
-    from auvplan.io import write_atomically
-    from auvplan.io.scenario_file import scenario_schema
+    from auvplan.files import write_atomically
+    from auvplan.scenario.file import scenario_schema
 
     text = json.dumps(scenario_schema(), indent=2) + "\n"
     if out is None:

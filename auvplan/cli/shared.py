@@ -71,7 +71,7 @@ def load(
     Raises:
         ScenarioError: one line that names the file or the option, the field and what is wrong.
     """
-    from auvplan.io.scenario_file import change_scenario, read_scenario
+    from auvplan.scenario.file import change_scenario, read_scenario
 
     changes: dict[str, Any] = {}
     options: dict[str, str] = {}
@@ -98,7 +98,7 @@ def _setting(text: str) -> tuple[str, Any]:
     Raises:
         ScenarioError: the text has not this form.
     """
-    from auvplan.io.yaml_lines import YamlError, read_yaml
+    from auvplan.scenario.yaml_lines import YamlError, read_yaml
 
     field, mark, given = text.partition("=")
     if not mark or not field.strip():

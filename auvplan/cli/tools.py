@@ -50,7 +50,8 @@ def chart(
     Where colours of water and land are given, every cluster is taken for what the nearest colour stands for.
     Otherwise rules propose it, which know charts with blue water; what they are not sure of is refused.
     """
-    from auvplan.io import geo, output_folder
+    from auvplan.files import output_folder
+    from auvplan.io import geo
     from auvplan.ocean.chart import Chart, classify_file, settled
     from auvplan.plot import draw_chart
 

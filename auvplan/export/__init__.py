@@ -15,9 +15,9 @@ from auvplan.export.runs import itinerary_of
 from auvplan.export.table import write_csv
 from auvplan.export.thin import Thinned, thin
 from auvplan.export.trajectories import write_netcdf
-from auvplan.io.files import output_folder
+from auvplan.files import output_folder
+from auvplan.records import MissionRun
 from auvplan.site import Site
-from auvplan.voyage.records import MissionRun
 
 __all__ = [
     "FORMATS",

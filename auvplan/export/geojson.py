@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from auvplan.export.fences import Circle, Fence
 from auvplan.export.itinerary import Itinerary
 from auvplan.export.places import DEGREES, elevation, moment, waypoints
-from auvplan.io.files import write_atomically
+from auvplan.files import write_atomically
 from auvplan.site import Site
 
 Array = NDArray[np.floating]

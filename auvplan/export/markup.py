@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from xml.etree import ElementTree
 
-from auvplan.io.files import write_atomically
+from auvplan.files import write_atomically
 
 Element = ElementTree.Element
 

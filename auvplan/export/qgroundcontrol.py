@@ -16,7 +16,7 @@ import shapely
 from auvplan.export.fences import Circle, Fence
 from auvplan.export.itinerary import ExportError, Itinerary
 from auvplan.export.places import DEGREES, Waypoint, waypoints
-from auvplan.io.files import write_atomically
+from auvplan.files import write_atomically
 from auvplan.site import Site
 
 #: MAV_AUTOPILOT_ARDUPILOTMEGA and MAV_TYPE_SUBMARINE.

@@ -9,9 +9,9 @@ from auvplan.ocean.chart import Chart
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.ocean.seabed import Seabed
+from auvplan.records import LegRecord, MissionRun, PlanRecord
+from auvplan.scenario.settings import SafetySettings
 from auvplan.site import Site
-from auvplan.voyage.records import LegRecord, MissionRun, PlanRecord
-from auvplan.voyage.settings import SafetySettings
 
 
 def itinerary_of(

@@ -15,10 +15,10 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import shortest_path
 
 from auvplan.export.itinerary import END_BEHAVIOURS
-from auvplan.io.files import write_atomically
+from auvplan.files import write_atomically
 from auvplan.mission.jobs import jobs_done, jobs_of
-from auvplan.voyage.records import LegRecord, MissionRun
-from auvplan.voyage.settings import PlanningSettings, SafetySettings
+from auvplan.records import LegRecord, MissionRun
+from auvplan.scenario.settings import PlanningSettings, SafetySettings
 from auvplan.words import hours
 
 #: m, longest way between two places at which margins are looked up.

@@ -8,7 +8,7 @@ import numpy as np
 
 from auvplan.export.itinerary import Itinerary
 from auvplan.export.places import degrees, metres, moment, waypoints
-from auvplan.io.files import write_atomically
+from auvplan.files import write_atomically
 
 #: Degrees; metres, north and east in the local frame, depth positive down; UTC; s; the task's priority.
 #: Yaw and pitch of the hull, degrees, and its surge, sway and heave, m/s, are those of the planned path at

@@ -9,8 +9,8 @@ import xarray as xr
 from numpy.typing import ArrayLike
 
 from auvplan.export.itinerary import ExportError, Itinerary, Track
+from auvplan.files import OutputError, write_dataset
 from auvplan.io.fields import motion_variables
-from auvplan.io.files import OutputError, write_dataset
 from auvplan.io.results import TIME_UNITS
 from auvplan.motion import Motion
 from auvplan.site import as_utc

@@ -15,8 +15,8 @@ from auvplan.mission.jobs import Jobs
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.known import KnownObstacle
 from auvplan.ocean.seabed import Seabed
+from auvplan.scenario.scenario import Scenario
 from auvplan.site import Site
-from auvplan.voyage.scenario import Scenario
 
 if TYPE_CHECKING:
     from auvplan.io.currents import CurrentFile

@@ -14,8 +14,8 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from auvplan.files import MISSION, ResultError, read_mission, read_summary
 from auvplan.io.fields import site_of
-from auvplan.io.files import MISSION, ResultError, read_mission, read_summary
 from auvplan.io.geo import GeoError, read_obstacles
 from auvplan.io.ledger import Leg, figure_faults, graph_faults, place_faults, read_legs, require, time_faults
 from auvplan.io.tally import tally_faults

@@ -14,22 +14,22 @@ import numpy as np
 
 from auvplan.errors import AuvplanError, ScenarioError, ScenarioWarning
 from auvplan.io import geo
-from auvplan.io.doubts import doubts, unreachable
-from auvplan.io.faults import Fault, fault_at, in_order
-from auvplan.io.scenario_file import check_scenario
-from auvplan.io.yaml_lines import Document
-from auvplan.voyage.scenario import Scenario
-from auvplan.voyage.settings import (
+from auvplan.scenario.doubts import doubts, unreachable
+from auvplan.scenario.faults import Fault, fault_at, in_order
+from auvplan.scenario.file import check_scenario
+from auvplan.scenario.scenario import Scenario
+from auvplan.scenario.settings import (
     BathymetrySettings,
     ChartSettings,
     CurrentSettings,
     ObstacleSettings,
     SiteSettings,
 )
+from auvplan.scenario.yaml_lines import Document
 
 # Readers, charts and graphs load JAX and more: fields that are at fault are told without them.
 if TYPE_CHECKING:
-    from auvplan.voyage.waters import Waters
+    from auvplan.scenario.waters import Waters
 
 #: Fields that name files, by section.
 _FILES = {
@@ -250,7 +250,7 @@ def _read_apart(
 
 def _together(parts: "dict[str, Waters | None]") -> "Waters":
     """Return what could be read, in one."""
-    from auvplan.voyage.waters import Waters
+    from auvplan.scenario.waters import Waters
 
     got = {part: waters or Waters() for part, waters in parts.items()}
     empty = Waters()
@@ -319,8 +319,8 @@ def _places(
     scenario: Scenario, waters: "Waters", closed: "Waters | None", document: Document
 ) -> Iterator[Fault]:
     """Start, goal and jobs that no vehicle can go to."""
-    from auvplan.voyage.waters import Waters
-    from auvplan.voyage.waypoints import misplaced
+    from auvplan.scenario.waters import Waters
+    from auvplan.scenario.waypoints import misplaced
 
     mission = scenario.mission
 
@@ -346,6 +346,6 @@ def _places(
 
 def _graph(scenario: Scenario, folder: Path) -> None:
     from auvplan.io.waters import load_waters
-    from auvplan.voyage.waypoints import make_graph
+    from auvplan.scenario.waypoints import make_graph
 
     make_graph(scenario, load_waters(scenario, folder), np.random.default_rng(0))

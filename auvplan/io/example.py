@@ -12,7 +12,7 @@ import shapely
 import xarray as xr
 from numpy.typing import NDArray
 
-from auvplan.io.files import OutputError, output_folder, write_atomically, write_dataset
+from auvplan.files import OutputError, output_folder, write_atomically, write_dataset
 from auvplan.io.geo.geojson import read_polygons
 from auvplan.io.geo.shapes import to_local
 from auvplan.ocean.whitsunday import CENTRE

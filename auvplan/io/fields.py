@@ -12,8 +12,8 @@ from auvplan.motion import Motion
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.seabed import Seabed
 from auvplan.ocean.vortices import LambVortices
+from auvplan.records import LegRecord
 from auvplan.site import Site
-from auvplan.voyage.records import LegRecord
 
 #: Steps of the stored passability; 0 is coast and nothing else is.
 LEVELS = 255

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from auvplan.io.files import MISSION, SUMMARY, ResultError
+from auvplan.files import MISSION, SUMMARY, ResultError
 
 Array = NDArray[np.floating]
 

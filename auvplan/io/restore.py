@@ -7,16 +7,16 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from auvplan.files import MISSION, ResultError, read_mission, read_summary
 from auvplan.io.fields import chart_of, history_of, motion_of, seabed_of, site_of, vortices_of
-from auvplan.io.files import MISSION, ResultError, read_mission, read_summary
 from auvplan.io.ledger import read_legs, require
-from auvplan.io.scenario_file import validate_scenario
 from auvplan.io.waters import load_truth
 from auvplan.mission import MissionGraph
 from auvplan.ocean.currents import Current
 from auvplan.ocean.known import KnownObstacle
+from auvplan.records import LegRecord, MissionRun, OrderRecord, PlanRecord
+from auvplan.scenario.file import validate_scenario
 from auvplan.vehicle import Vehicle
-from auvplan.voyage.records import LegRecord, MissionRun, OrderRecord, PlanRecord
 
 
 def restore_run(folder: str | Path) -> MissionRun:

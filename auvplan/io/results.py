@@ -11,6 +11,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from auvplan.files import MISSION, SUMMARY, output_folder, read_mission, write_atomically, write_dataset
 from auvplan.io.fields import (
     Variables,
     chart_variables,
@@ -20,11 +21,10 @@ from auvplan.io.fields import (
     variable,
     vortex_variables,
 )
-from auvplan.io.files import MISSION, SUMMARY, output_folder, read_mission, write_atomically, write_dataset
 from auvplan.motion import Motion
 from auvplan.ocean.known import KnownObstacle
+from auvplan.records import LegRecord, MissionRun
 from auvplan.site import Site
-from auvplan.voyage.records import LegRecord, MissionRun
 
 #: The scenario's epoch has no date of its own; this one stands for it.
 TIME_UNITS = "seconds since 2000-01-01 00:00:00"

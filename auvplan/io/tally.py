@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
+from auvplan.files import MISSION, SUMMARY
 from auvplan.io.fields import site_of
-from auvplan.io.files import MISSION, SUMMARY
 from auvplan.io.geo import GeoError, read_jobs
 from auvplan.io.ledger import TIME_TOLERANCE, Leg, near
 from auvplan.mission.jobs import Jobs

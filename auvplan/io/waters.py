@@ -8,6 +8,7 @@ from functools import lru_cache, wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import jax.numpy as jnp
 import numpy as np
 from scipy import ndimage
 
@@ -15,14 +16,13 @@ from auvplan.errors import ScenarioError, ScenarioWarning
 from auvplan.io import currents, geo
 from auvplan.io.agreement import check_jobs, check_obstacles, warn_of_contradictions
 from auvplan.ocean import whitsunday
-from auvplan.ocean.chart import Chart
+from auvplan.ocean.chart import Chart, classify_file, settled
 from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.ocean.seabed import Seabed
+from auvplan.scenario.scenario import Scenario
+from auvplan.scenario.settings import ChartSettings, CurrentSettings
+from auvplan.scenario.waters import Waters
 from auvplan.site import Site
-from auvplan.voyage.scenario import Scenario
-from auvplan.voyage.settings import ChartSettings, CurrentSettings
-from auvplan.voyage.waters import Waters
-from auvplan.voyage.world import picture_chart_and_notes, require_area_on_chart
 
 #: Pixels of a raster made from a current's file at most.
 _MAX_PIXELS = 16_000_000
@@ -74,7 +74,7 @@ def load_waters(scenario: Scenario, folder: str | Path | None = None, until: flo
     home, box = scenario.folder if folder is None else str(folder), scenario.box
     site, forecast, truth = _currents(scenario, home, until)
     plain, chart, seen = _charts(scenario.chart, site, box, forecast, home)  # type: ignore[arg-type] - frozen models hash
-    require_area_on_chart(scenario, chart)
+    _require_area_on_chart(scenario, chart)
     seabed, found = _seabed(scenario, site, box, forecast, home)
     warn_of_contradictions(scenario, plain, seabed, forecast)
     jobs = None
@@ -188,7 +188,7 @@ def _plain_chart(
     notes: tuple[str, ...] = ()
     size = settings.pixel_size
     if settings.source in ("whitsunday", "image", "none"):
-        chart, notes = picture_chart_and_notes(settings, home)  # type: ignore[arg-type] - frozen models hash
+        chart, notes = _picture_chart(settings, home)  # type: ignore[arg-type] - frozen models hash
         if settings.source == "image":
             notes += _other_size(settings, home)
     elif settings.source == "current":
@@ -314,3 +314,55 @@ def _seabed(
         )
     bed = Seabed.from_depth(found.depth, found.pixel_size, np.asarray(found.origin), clearance=clearance)
     return bed, tuple(f"{settings.file}: {note}" for note in found.notes)
+
+
+@lru_cache(maxsize=4)
+def _picture_chart(settings: ChartSettings, folder: str) -> tuple[Chart | None, tuple[str, ...]]:
+    """Return the chart of a picture, or none, and what was assumed of the picture, a line each.
+
+    Raises:
+        ScenarioError: the window does not fit the picture.
+        ChartError: the picture cannot be read, or what is water in it is in doubt.
+    """
+    notes: tuple[str, ...] = ()
+    if settings.source == "none":
+        return None, notes
+    if settings.source == "whitsunday":
+        chart = whitsunday.whitsunday_chart()
+    else:
+        assert settings.image is not None
+        path = Path(folder) / settings.image
+        found = settled(classify_file(path, colours=settings.colours.told), path)
+        chart = Chart.from_classified(found, settings.pixel_size)
+        notes = tuple(f"{path}: {note}" for note in found.notes)
+    if settings.window is not None:
+        # The window counts rows from the north, the raster from the south.
+        row, column, rows, columns = settings.window
+        north = chart.shape[0]
+        if (
+            row < 0
+            or column < 0
+            or rows < 2
+            or columns < 2
+            or row + rows > north
+            or column + columns > chart.shape[1]
+        ):
+            raise ScenarioError(
+                f"chart.window {settings.window} does not fit a chart of {chart.shape} pixels"
+            )
+        chart = chart.crop(north - row - rows, column, rows, columns)
+        chart = replace(chart, origin=jnp.zeros_like(chart.origin))  # local metres from the window's corner
+    return chart, notes
+
+
+def _require_area_on_chart(scenario: Scenario, chart: Chart | None) -> None:
+    """Raise ScenarioError where the area reaches beyond the chart."""
+    if chart is None:
+        return
+    low, high = np.asarray(chart.lower), np.asarray(chart.upper)
+    area = scenario.area
+    if (np.asarray(area.lower[:2]) < low - 1e-3).any() or (np.asarray(area.upper[:2]) > high + 1e-3).any():
+        raise ScenarioError(
+            f"area {area.lower[:2]} to {area.upper[:2]} m reaches beyond the chart, which covers "
+            f"{tuple(float(v) for v in low)} to {tuple(float(v) for v in high)} m"
+        )

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from auvplan.scenario import Scenario
 from auvplan.study.runner import JAX_SETTINGS
-from auvplan.voyage import Scenario
 
 #: Calls of which the median counts.
 _REPEATS = 3
@@ -53,12 +53,12 @@ def _measure(plain: dict[str, Any], seeds: list[int], settings: dict[str, Any]) 
 
     for name, value in settings.items():
         jax.config.update(name, value)
-    from auvplan.io.scenario_file import validate_scenario
+    from auvplan.records import LegRecord
+    from auvplan.scenario.file import validate_scenario
     from auvplan.voyage import seed_keys
     from auvplan.voyage.executive import embark, make_context
     from auvplan.voyage.legs import begin_legs
     from auvplan.voyage.path_calls import plan_legs
-    from auvplan.voyage.records import LegRecord
 
     context = make_context(validate_scenario(plain, "calls"), ".")
     times: list[list[float]] = [[], []]

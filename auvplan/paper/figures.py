@@ -10,7 +10,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from auvplan.io.files import output_folder
+from auvplan.files import output_folder
 from auvplan.ocean.whitsunday import render, whitsunday_chart
 from auvplan.paper.claims import NO_VIOLATION, Evidence, no_violation
 from auvplan.paper.legs import SHOWN_RATE, Legs, changed, displacement, followed, leg_of, shown_leg
@@ -23,8 +23,9 @@ from auvplan.plot.replans import plot_replans
 from auvplan.plot.study import plot_call_times, plot_expected_times, plot_time_use
 from auvplan.plot.timeline import plot_timeline
 from auvplan.plot.windows import plot_windows
-from auvplan.voyage import MissionRun, run_mission, seed_keys
-from auvplan.voyage.scenario import Scenario
+from auvplan.records import MissionRun
+from auvplan.scenario.scenario import Scenario
+from auvplan.voyage import run_mission, seed_keys
 
 #: Re-plans of the paper's example of a mission.
 _REPLANS = 3

@@ -10,11 +10,12 @@ import xarray as xr
 
 from auvplan.io.check import check_dataset
 from auvplan.io.results import to_dataset
-from auvplan.io.scenario_file import load_scenario, validate_scenario
 from auvplan.ocean.currents import Current
 from auvplan.plot.legs import followed_plans
-from auvplan.voyage import MissionRun, Scenario, run_missions, seed_keys
-from auvplan.voyage.records import LegRecord, PlanRecord
+from auvplan.records import LegRecord, MissionRun, PlanRecord
+from auvplan.scenario import Scenario
+from auvplan.scenario.file import load_scenario, validate_scenario
+from auvplan.voyage import run_missions, seed_keys
 
 Array = np.ndarray
 

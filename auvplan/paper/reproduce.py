@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from auvplan.io.files import output_folder, write_atomically, write_dataset
+from auvplan.files import output_folder, write_atomically, write_dataset
 from auvplan.paper.calls import call_times
 from auvplan.paper.claims import Claim, Evidence, as_json, as_markdown, judge
 from auvplan.paper.figures import draw_paper

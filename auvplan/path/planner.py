@@ -167,10 +167,11 @@ def plan_finely(
                 known = found["population"][chosen, 0]
                 found, new = polished(found, np.flatnonzero(chosen), known, again=again)
                 finer |= new
-        cut = [without_loop(path, config) for path in found["positions"]]
-        if looped := [leg for leg, row in enumerate(cut) if row is not None]:
-            rows = np.stack([cut[leg] for leg in looped])
-            found, new = polished(found, np.array(looped), rows, again=False)
+        paths = enumerate(found["positions"])
+        cut = {leg: row for leg, path in paths if (row := without_loop(path, config)) is not None}
+        if cut:
+            rows = np.stack(list(cut.values()))
+            found, new = polished(found, np.array(list(cut)), rows, again=False)
             finer |= new
     return found, finer
 

@@ -9,7 +9,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 from PIL import Image
 
-from auvplan.io.files import output_folder
+from auvplan.files import output_folder
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.classify import Classified
 from auvplan.plot import style

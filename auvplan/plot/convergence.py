@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from auvplan.plot import style
 from auvplan.plot.legs import busiest_leg
-from auvplan.voyage.records import LegRecord, MissionRun
+from auvplan.records import LegRecord, MissionRun
 
 #: Error bars drawn at most.
 _BARS = 60

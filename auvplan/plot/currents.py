@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from auvplan.ocean.currents import Current, evaluated
 from auvplan.plot import style
 from auvplan.plot.legs import busiest_leg, chosen_plans, extent_points, plan_name, sailed_until
-from auvplan.voyage.records import LegRecord, MissionRun
+from auvplan.records import LegRecord, MissionRun
 
 #: Panels at most.
 PANELS = 4

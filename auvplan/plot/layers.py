@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 from auvplan.plot import style
 from auvplan.plot.legs import busiest_leg, current_at, extent_points, followed_plans, until_next
 from auvplan.plot.windows import boundaries
-from auvplan.voyage.records import LegRecord, MissionRun, PlanRecord
+from auvplan.records import LegRecord, MissionRun, PlanRecord
 
 #: Points along each edge of a layer: of its colours and of its arrows.
 _FINE, _ARROWS = 50, 8

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.ocean.currents import evaluated
-from auvplan.voyage.records import LegRecord, MissionRun, PlanRecord
+from auvplan.records import LegRecord, MissionRun, PlanRecord
 
 Array = NDArray[np.floating]
 

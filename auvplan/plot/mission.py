@@ -9,7 +9,7 @@ from matplotlib.lines import Line2D
 
 from auvplan.plot import style
 from auvplan.plot.depths import draw_depths
-from auvplan.voyage.records import LegRecord, MissionRun
+from auvplan.records import LegRecord, MissionRun
 from auvplan.words import hours
 
 

@@ -9,7 +9,7 @@ from matplotlib.patches import Patch
 
 from auvplan.plot import style
 from auvplan.plot.legs import busiest_leg, extent_points
-from auvplan.voyage.records import LegRecord, MissionRun
+from auvplan.records import LegRecord, MissionRun
 
 #: Height of the box beside its longer horizontal edge.
 _HEIGHT = 0.5

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Self
 from auvplan import cores
 
 if TYPE_CHECKING:
-    from auvplan.voyage.records import MissionRun
+    from auvplan.records import MissionRun
 
 
 class Pictures(StrEnum):

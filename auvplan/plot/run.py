@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from pathlib import Path
 
-from auvplan.io.files import output_folder
+from auvplan.files import output_folder
 from auvplan.plot.convergence import plot_convergence
 from auvplan.plot.currents import plot_currents
 from auvplan.plot.legs import busiest_leg
@@ -11,7 +11,7 @@ from auvplan.plot.mission import plot_mission
 from auvplan.plot.obstacles import plot_obstacles
 from auvplan.plot.style import save
 from auvplan.plot.timeline import plot_timeline
-from auvplan.voyage.records import MissionRun
+from auvplan.records import MissionRun
 
 #: The figure of the mission as a whole.
 MAP = "mission.png"

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
 from auvplan.export.sheet import MissionSheet
-from auvplan.io.files import write_atomically
+from auvplan.files import write_atomically
 
 #: Inches of an A4 page on its side, and of its margin.
 _PAGE, _MARGIN = (11.69, 8.27), 0.5

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator
 
-from auvplan.io.files import output_folder
+from auvplan.files import output_folder
 from auvplan.plot import style
 from auvplan.plot.replans import plot_replans, shown_mission
 from auvplan.plot.sweep import plot_paired, plot_sweep, set_title

@@ -20,7 +20,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
-from auvplan.io.files import write_atomically
+from auvplan.files import write_atomically
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.known import KnownObstacle
 from auvplan.site import Site

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from auvplan.plot import style
-from auvplan.voyage.records import MissionRun, OrderRecord
+from auvplan.records import MissionRun, OrderRecord
 from auvplan.words import hours
 
 #: Pale to dark blue: priorities.

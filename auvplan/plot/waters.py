@@ -14,9 +14,9 @@ from matplotlib.path import Path as Outline
 from auvplan.ocean.currents import evaluated
 from auvplan.plot import style
 from auvplan.plot.depths import draw_depths
+from auvplan.scenario.scenario import Scenario
+from auvplan.scenario.waters import Waters
 from auvplan.site import at_time
-from auvplan.voyage.scenario import Scenario
-from auvplan.voyage.waters import Waters
 
 #: Arrows of the current along the longer side.
 _ARROWS = 22

@@ -10,7 +10,7 @@ from matplotlib.patches import Circle, Patch
 
 from auvplan.plot import style
 from auvplan.plot.legs import busiest_leg, extent_points, followed_plans, until_next
-from auvplan.voyage.records import LegRecord, MissionRun
+from auvplan.records import LegRecord, MissionRun
 
 
 def plot_windows(run: MissionRun, leg: LegRecord | None = None) -> Figure:

@@ -10,8 +10,8 @@ from typing import Any
 import yaml
 
 from auvplan.errors import AuvplanError, ScenarioError
-from auvplan.io.scenario_file import change_scenario, validate_scenario
-from auvplan.voyage.scenario import Scenario
+from auvplan.scenario.file import change_scenario, validate_scenario
+from auvplan.scenario.scenario import Scenario
 
 
 class StudyError(AuvplanError):

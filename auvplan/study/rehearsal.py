@@ -8,9 +8,9 @@ import xarray as xr
 
 from auvplan.errors import ScenarioError
 from auvplan.mission.jobs import jobs_done, jobs_of
+from auvplan.records import MissionRun
+from auvplan.scenario.scenario import Scenario
 from auvplan.study.statistics import summarise
-from auvplan.voyage.records import MissionRun
-from auvplan.voyage.scenario import Scenario
 
 
 def require_one_sea(scenario: Scenario) -> None:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from auvplan.io.check import CheckReport, check_dataset
 from auvplan.io.results import to_dataset
-from auvplan.voyage.records import MissionRun
+from auvplan.records import MissionRun
 
 Row = dict[str, NDArray[Any]]
 

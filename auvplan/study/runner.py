@@ -14,6 +14,7 @@ import numpy as np
 import xarray as xr
 
 from auvplan import cores
+from auvplan.scenario.waypoints import make_graph
 from auvplan.study.cluster import connected, sail_on_cluster
 from auvplan.study.design import Design, StudyError
 from auvplan.study.statistics import summarise
@@ -21,7 +22,6 @@ from auvplan.study.store import RUNS, Store, load_study
 from auvplan.study.table import table
 from auvplan.study.worker import Done, Finished, Job, Report, UnderWay, sail, work
 from auvplan.voyage.executive import make_context
-from auvplan.voyage.waypoints import make_graph
 
 #: Missions done, missions in all, and the share of the work that is done.
 Progress = Callable[[int, int, float], None]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from auvplan.io.files import ResultError, output_folder, read_dataset, write_atomically, write_dataset
+from auvplan.files import ResultError, output_folder, read_dataset, write_atomically, write_dataset
 from auvplan.study.design import Design, StudyError
 from auvplan.study.row import VARIABLES, Row
 from auvplan.study.table import rows_of

@@ -8,21 +8,9 @@ from .executive import sail_missions as sail_missions
 from .executive import seed_keys as seed_keys
 from .planning import load_waters_at as load_waters_at
 from .planning import plan_scenario as plan_scenario
-from .records import LegRecord as LegRecord
-from .records import MissionRun as MissionRun
-from .records import OrderRecord as OrderRecord
-from .records import PlanRecord as PlanRecord
-from .scenario import Scenario as Scenario
-from .world import ScenarioError as ScenarioError
 
 __all__ = [
     "Departures",
-    "LegRecord",
-    "MissionRun",
-    "OrderRecord",
-    "PlanRecord",
-    "Scenario",
-    "ScenarioError",
     "load_waters_at",
     "mission_configs",
     "path_config",

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.ocean.obstacles import CONFIDENCE, Obstacles
-from auvplan.voyage.settings import SensorSettings
+from auvplan.scenario.settings import SensorSettings
 from auvplan.voyage.world import KNOWN, TrueObstacles
 
 Array = NDArray[np.floating]

@@ -17,15 +17,15 @@ from auvplan.ocean.environment import Environment
 from auvplan.ocean.known import Spheres, spheres
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.path import PathConfig, PathPlan
+from auvplan.records import LegRecord, MissionRun
+from auvplan.scenario.scenario import Scenario
+from auvplan.scenario.settings import PlanningRules
+from auvplan.scenario.waters import Waters
 from auvplan.site import at_time
 from auvplan.vehicle import Vehicle
 from auvplan.voyage.belief import ObstacleBelief
 from auvplan.voyage.clock import Clock
-from auvplan.voyage.records import LegRecord, MissionRun
-from auvplan.voyage.scenario import Scenario
 from auvplan.voyage.sea import Sea
-from auvplan.voyage.settings import PlanningRules
-from auvplan.voyage.waters import Waters
 from auvplan.voyage.world import TrueObstacles
 
 Array = NDArray[np.floating]

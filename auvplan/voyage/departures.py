@@ -15,6 +15,8 @@ from auvplan.brief import Brief
 from auvplan.errors import ScenarioError
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.path import PathPlan, PathPlans, plan_paths
+from auvplan.scenario.scenario import Scenario
+from auvplan.scenario.waters import Waters
 from auvplan.site import Site
 from auvplan.voyage.closures import why_no_order
 from auvplan.voyage.context import Mission, SimulationContext
@@ -27,10 +29,8 @@ from auvplan.voyage.planning import (
     planning_context,
     require_known,
 )
-from auvplan.voyage.scenario import Scenario
 from auvplan.voyage.sea import Sea, stacked
 from auvplan.voyage.simulator import over_ground
-from auvplan.voyage.waters import Waters
 from auvplan.words import counted, figure
 
 Array = NDArray[np.float64]

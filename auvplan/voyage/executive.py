@@ -17,16 +17,16 @@ from auvplan import prng
 from auvplan.compiled import MISSIONS, expecting
 from auvplan.mission import MissionConfig, MissionGraph, time_to_go
 from auvplan.path import PathConfig
+from auvplan.records import LegRecord, MissionRun
+from auvplan.scenario.scenario import Scenario
+from auvplan.scenario.waters import Waters
+from auvplan.scenario.waypoints import make_graph
 from auvplan.voyage.context import Leg, Mission, SimulationContext
 from auvplan.voyage.legs import begin_legs, finish, go_as_planned, refusal, sail_on
 from auvplan.voyage.order_calls import plan_orders, time_edges
-from auvplan.voyage.records import LegRecord, MissionRun
-from auvplan.voyage.scenario import Scenario
 from auvplan.voyage.sea import ModelSea
 from auvplan.voyage.simulator import WIDTH
 from auvplan.voyage.warmup import warm_up
-from auvplan.voyage.waters import Waters
-from auvplan.voyage.waypoints import make_graph
 from auvplan.voyage.world import make_sea, make_vehicle
 
 #: Legs that may be refused at one waypoint before the mission is given up.

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from auvplan.motion import Motion
 from auvplan.path.outlook import outlook
+from auvplan.records import LegRecord
 from auvplan.rows import padded_batches
 from auvplan.voyage.belief import ObstacleBelief
 from auvplan.voyage.context import Leg, Mission, SimulationContext
 from auvplan.voyage.evasion import escape_track
 from auvplan.voyage.path_calls import plan_legs
-from auvplan.voyage.records import LegRecord
 from auvplan.voyage.sea import stacked
 from auvplan.voyage.simulator import TIME_STEP, WIDTH, Sailed, over_ground, padded_rows, sail
 from auvplan.voyage.world import TrueObstacles, draw_obstacles

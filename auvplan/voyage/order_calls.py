@@ -12,8 +12,8 @@ from auvplan.mission import MissionConfig, MissionGraph, MissionOrder, plan_miss
 from auvplan.mission.graph import shortest_way
 from auvplan.mission.travel_times import TravelTimeConfig
 from auvplan.path import PathConfig
+from auvplan.records import OrderRecord
 from auvplan.voyage.context import Mission, SimulationContext
-from auvplan.voyage.records import OrderRecord
 
 #: s added for each visited waypoint on a way, so that the way passes as few of them as can be.
 _PASSED = 1e7

@@ -11,9 +11,9 @@ import numpy as np
 from auvplan import prng
 from auvplan.ocean.environment import Environment
 from auvplan.path import PathPlan, PathPlans, plan_paths, replan_paths
+from auvplan.records import PlanRecord
 from auvplan.voyage.belief import as_obstacles
 from auvplan.voyage.context import Mission, SimulationContext
-from auvplan.voyage.records import PlanRecord
 from auvplan.voyage.sea import stacked
 
 

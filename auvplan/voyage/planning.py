@@ -19,13 +19,13 @@ from numpy.typing import ArrayLike, NDArray
 from auvplan.compiled import MISSIONS, expecting
 from auvplan.errors import ScenarioError
 from auvplan.ocean.gridded import GriddedCurrent
+from auvplan.records import MissionRun
+from auvplan.scenario.scenario import Scenario
+from auvplan.scenario.waters import Waters
 from auvplan.site import Site
 from auvplan.voyage.clock import Untimed
 from auvplan.voyage.context import Mission, SimulationContext
 from auvplan.voyage.executive import embark, make_context, seed_keys, step
-from auvplan.voyage.records import MissionRun
-from auvplan.voyage.scenario import Scenario
-from auvplan.voyage.waters import Waters
 
 #: Called with (time s, what is planned) as a plan grows.
 Progress = Callable[[float, str], None]

@@ -7,11 +7,11 @@ from threading import Thread
 
 from auvplan import cache, cores
 from auvplan.compiled import compiling_ahead
+from auvplan.records import LegRecord
 from auvplan.voyage.clock import Clock
 from auvplan.voyage.context import Mission, SimulationContext
 from auvplan.voyage.legs import begin_legs, sail_on
 from auvplan.voyage.path_calls import plan_legs
-from auvplan.voyage.records import LegRecord
 
 log = logging.getLogger(__name__)
 

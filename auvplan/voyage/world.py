@@ -1,24 +1,18 @@
 """Builds the truth of a mission from a scenario and a seed: chart, current, obstacles, vehicle."""
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
-from pathlib import Path
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan.errors import ScenarioError
-from auvplan.ocean.chart import Chart, classify_file, settled
 from auvplan.ocean.known import Spheres
 from auvplan.ocean.vortices import CurrentUpdate, LambVortices, random_vortices
-from auvplan.ocean.whitsunday import whitsunday_chart
+from auvplan.scenario.scenario import Scenario
+from auvplan.scenario.waters import Waters
 from auvplan.vehicle import Vehicle
-from auvplan.voyage.scenario import Scenario
 from auvplan.voyage.sea import ModelSea, Sea, VortexSea
-from auvplan.voyage.settings import ChartSettings
-from auvplan.voyage.waters import Waters
 
 KINDS = ("static", "afloat", "self-motivated")
 #: Kind of the obstacles that are known before the mission.
@@ -67,63 +61,6 @@ class TrueObstacles:
 def make_vehicle(scenario: Scenario) -> Vehicle:
     """Return the scenario's vehicle."""
     return Vehicle(**scenario.vehicle.model_dump(exclude={"depth_min", "depth_max"}))
-
-
-def picture_chart(settings: ChartSettings, folder: str) -> Chart | None:
-    """Return the chart of a picture without a place, the shipped one's among them; None for open water.
-
-    Raises:
-        ScenarioError: the window does not fit the picture.
-        ChartError: the picture cannot be read, or what is water in it is in doubt.
-    """
-    return picture_chart_and_notes(settings, folder)[0]  # type: ignore[arg-type] - frozen models hash
-
-
-@lru_cache(maxsize=4)
-def picture_chart_and_notes(settings: ChartSettings, folder: str) -> tuple[Chart | None, tuple[str, ...]]:
-    """`picture_chart`, and what was assumed of the picture, a line each."""
-    notes: tuple[str, ...] = ()
-    if settings.source == "none":
-        return None, notes
-    if settings.source == "whitsunday":
-        chart = whitsunday_chart()
-    else:
-        assert settings.image is not None
-        path = Path(folder) / settings.image
-        found = settled(classify_file(path, colours=settings.colours.told), path)
-        chart = Chart.from_classified(found, settings.pixel_size)
-        notes = tuple(f"{path}: {note}" for note in found.notes)
-    if settings.window is not None:
-        # The window counts rows from the north, the raster from the south.
-        row, column, rows, columns = settings.window
-        north = chart.shape[0]
-        if (
-            row < 0
-            or column < 0
-            or rows < 2
-            or columns < 2
-            or row + rows > north
-            or column + columns > chart.shape[1]
-        ):
-            raise ScenarioError(
-                f"chart.window {settings.window} does not fit a chart of {chart.shape} pixels"
-            )
-        chart = chart.crop(north - row - rows, column, rows, columns)
-        chart = replace(chart, origin=jnp.zeros_like(chart.origin))  # local metres from the window's corner
-    return chart, notes
-
-
-def require_area_on_chart(scenario: Scenario, chart: Chart | None) -> None:
-    """Raise ScenarioError where the area reaches beyond the chart."""
-    if chart is None:
-        return
-    low, high = np.asarray(chart.lower), np.asarray(chart.upper)
-    area = scenario.area
-    if (np.asarray(area.lower[:2]) < low - 1e-3).any() or (np.asarray(area.upper[:2]) > high + 1e-3).any():
-        raise ScenarioError(
-            f"area {area.lower[:2]} to {area.upper[:2]} m reaches beyond the chart, which covers "
-            f"{tuple(float(v) for v in low)} to {tuple(float(v) for v in high)} m"
-        )
 
 
 def make_sea(

@@ -8,8 +8,8 @@ from auvplan.mission.graph import MissionGraph
 from auvplan.motion import Motion
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.vortices import LambVortices
+from auvplan.records import LegRecord, MissionRun, OrderRecord, PlanRecord
 from auvplan.vehicle import Vehicle
-from auvplan.voyage.records import LegRecord, MissionRun, OrderRecord, PlanRecord
 
 SPEED = 2.5
 #: Rows (north) and columns (east) of the land: a spit one pixel wide that reaches in from the north.

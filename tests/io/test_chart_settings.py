@@ -5,10 +5,10 @@ import pytest
 from PIL import Image
 
 from auvplan.io.examine import examine_scenario
-from auvplan.io.scenario_file import scenario_schema, validate_scenario
 from auvplan.io.waters import load_waters
 from auvplan.ocean.chart import ChartError
 from auvplan.ocean.whitsunday import classes
+from auvplan.scenario.file import scenario_schema, validate_scenario
 from tests.io.geo.files import write_geotiff
 from tests.ocean.chart_pictures import STYLES, paint, shares_right
 

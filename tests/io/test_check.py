@@ -11,7 +11,7 @@ import xarray as xr
 from auvplan.io import save_run
 from auvplan.io.check import ResultError, check_run
 from auvplan.motion import Motion
-from auvplan.voyage.records import MissionRun
+from auvplan.records import MissionRun
 from tests.io.sample_run import WAYPOINTS, make_leg, make_run, refused_leg
 
 

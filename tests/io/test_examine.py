@@ -8,7 +8,7 @@ import yaml
 
 from auvplan.io.examine import examine_folder, examine_scenario
 from auvplan.io.geo import GeoError, read_jobs
-from auvplan.io.scenario_file import scenario_schema
+from auvplan.scenario.file import scenario_schema
 from tests.io.small_site import SmallSite
 from tests.io.variants import scaled
 

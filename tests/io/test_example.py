@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from auvplan.files import OutputError
 from auvplan.io.examine import examine_scenario
 from auvplan.io.example import SCENARIO, sea_bed, tide, write_example
-from auvplan.io.files import OutputError
-from auvplan.io.scenario_file import load_scenario
 from auvplan.io.waters import load_waters
-from auvplan.voyage.scenario import Scenario
-from auvplan.voyage.waypoints import make_graph
+from auvplan.scenario.file import load_scenario
+from auvplan.scenario.scenario import Scenario
+from auvplan.scenario.waypoints import make_graph
 
 
 @pytest.fixture(scope="module")

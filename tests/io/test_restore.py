@@ -9,13 +9,13 @@ import pytest
 import xarray as xr
 
 from auvplan.export import ExportError, export_run, itinerary_of
+from auvplan.files import ResultError
 from auvplan.io import save_run
 from auvplan.io.check import check_run
-from auvplan.io.files import ResultError
 from auvplan.io.restore import restore_run
 from auvplan.ocean.seabed import Seabed
+from auvplan.scenario.scenario import Scenario
 from auvplan.site import Site
-from auvplan.voyage.scenario import Scenario
 from tests.io.sample_run import make_run, refused_leg
 
 SITE = Site(148.96, -20.34, datetime(2026, 11, 22, 6, tzinfo=UTC), (5000.0, 3000.0))

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from auvplan.io import OutputError, load_run, output_folder, save_run, write_atomically
+from auvplan.files import OutputError, output_folder, write_atomically
+from auvplan.io import load_run, save_run
 from auvplan.io.check import ResultError
 from auvplan.motion import Motion
 from tests.io.sample_run import SPIT, make_run, refused_leg

@@ -8,15 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from auvplan.errors import ScenarioError, ScenarioWarning
-from auvplan.io.scenario_faults import check_fields
-from auvplan.io.scenario_file import (
+from auvplan.scenario.fields import check_fields
+from auvplan.scenario.file import (
     check_scenario,
     load_scenario,
     shipped_scenarios,
     validate_scenario,
 )
-from auvplan.io.yaml_lines import YamlError, read_yaml
-from auvplan.voyage.scenario import Scenario
+from auvplan.scenario.scenario import Scenario
+from auvplan.scenario.yaml_lines import YamlError, read_yaml
 
 
 def faults_of(tmp_path, text):

@@ -7,9 +7,9 @@ import pytest
 
 from auvplan.errors import AuvplanError, ScenarioWarning
 from auvplan.io.examine import examine_scenario
-from auvplan.io.scenario_file import load_scenario
 from auvplan.io.waters import load_waters
-from auvplan.voyage.waypoints import make_graph
+from auvplan.scenario.file import load_scenario
+from auvplan.scenario.waypoints import make_graph
 from tests.io.small_site import SmallSite
 from tests.io.variants import REFUSED, VARIANTS, WARNED
 

@@ -9,7 +9,7 @@ from auvplan.ocean.vortices import LambVortices
 from auvplan.paper import legs
 from auvplan.plot.legs import followed_plans, until_next
 from auvplan.plot.windows import boundaries
-from auvplan.voyage.records import LegRecord
+from auvplan.records import LegRecord
 from tests.io.sample_run import SPEED, make_plan, make_run
 
 START, GOAL = np.array([300.0, 300.0, 20.0]), np.array([1500.0, 700.0, 20.0])

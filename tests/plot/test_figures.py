@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 import auvplan as ap
-from auvplan.io import OutputError
+from auvplan.files import OutputError
 from auvplan.plot import (
     busiest_leg,
     draw_chart,

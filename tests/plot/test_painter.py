@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from auvplan.io import OutputError
+from auvplan.files import OutputError
 from auvplan.plot import draw_run
 from auvplan.plot.painter import Painter
 from tests.io.sample_run import make_run

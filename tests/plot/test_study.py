@@ -9,7 +9,7 @@ from matplotlib.quiver import Quiver
 from PIL import Image
 from scipy import stats
 
-from auvplan.io import OutputError
+from auvplan.files import OutputError
 from auvplan.plot import study as figures
 from auvplan.plot import style
 from auvplan.plot.replans import shown_mission

@@ -27,9 +27,10 @@ import numpy as np
 import xarray as xr
 
 from auvplan.errors import ScenarioError
+from auvplan.scenario import Scenario
 from auvplan.study import Design, load_study, run_study, runner, without_clocks, worker
 from auvplan.study.worker import Done, Finished, Job, Report, UnderWay
-from auvplan.voyage import Scenario, executive
+from auvplan.voyage import executive
 from tests.voyage.small import SMALL, light_config, scenario
 
 #: Seconds until a test gives up on a process.

@@ -7,11 +7,12 @@ import pytest
 import auvplan as ap
 from auvplan.errors import ScenarioError
 from auvplan.mission.jobs import JobPoint, Jobs
+from auvplan.scenario import Scenario
 from auvplan.study import Design
 from auvplan.study.rehearsal import rehearsal_of, require_one_sea
 from auvplan.study.row import row_of
 from auvplan.study.table import table
-from auvplan.voyage import Scenario, plan_scenario
+from auvplan.voyage import plan_scenario
 from tests.voyage.tide import CHANNEL, channel, tidal_waters
 
 pytestmark = pytest.mark.usefixtures("light_search")

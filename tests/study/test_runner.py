@@ -12,12 +12,12 @@ import xarray as xr
 
 import auvplan as ap
 from auvplan.errors import ScenarioError
+from auvplan.files import ResultError, read_summary
 from auvplan.io import load_run
-from auvplan.io.files import ResultError, read_summary
+from auvplan.scenario.scenario import Scenario
 from auvplan.study import Design, StudyError, Sweep, load_study, run_study, summarise, without_clocks
 from auvplan.study import runner as runner_module
 from auvplan.study.row import VARIABLES
-from auvplan.voyage.scenario import Scenario
 from tests.study import light
 from tests.study.light import mission, small
 

@@ -1,8 +1,8 @@
 """A small mission in open water and a light search, for tests of the hierarchical loop."""
 
 from auvplan.path import PathConfig
+from auvplan.scenario.scenario import Scenario
 from auvplan.voyage import path_config
-from auvplan.voyage.scenario import Scenario
 
 SMALL = {
     "name": "small",

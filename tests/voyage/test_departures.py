@@ -15,9 +15,9 @@ from auvplan.errors import ScenarioError
 from auvplan.io.waters import load_waters
 from auvplan.mission.travel_times import TravelTimeConfig
 from auvplan.ocean.gridded import CurrentError
+from auvplan.scenario.scenario import Scenario
 from auvplan.voyage import load_waters_at, order_calls, plan_departures, plan_scenario
 from auvplan.voyage.order_calls import effort
-from auvplan.voyage.scenario import Scenario
 from tests.io.currents.samples import LAT, LON, regular, write
 from tests.voyage.small import SMALL, planning, scenario
 from tests.voyage.tide import CHANNEL, EPOCH, PERIOD, channel, stream, tidal_waters

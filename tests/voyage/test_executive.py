@@ -8,10 +8,10 @@ import auvplan as ap
 from auvplan.compiled import compilations
 from auvplan.errors import ScenarioError
 from auvplan.io.waters import load_waters
+from auvplan.scenario.scenario import Scenario
+from auvplan.scenario.waypoints import make_graph
 from auvplan.voyage import sail_missions, seed_keys
-from auvplan.voyage.scenario import Scenario
 from auvplan.voyage.simulator import TIME_STEP
-from auvplan.voyage.waypoints import make_graph
 from tests.voyage.small import SMALL, planning, scenario
 
 pytestmark = pytest.mark.usefixtures("light_search")

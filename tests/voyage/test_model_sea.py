@@ -9,10 +9,10 @@ import auvplan as ap
 from auvplan.errors import ScenarioError
 from auvplan.ocean.currents import SumCurrent, UniformCurrent, combine, partition
 from auvplan.ocean.gridded import GriddedCurrent
+from auvplan.scenario.waters import Waters
+from auvplan.scenario.waypoints import lines_clear, make_graph
 from auvplan.voyage import executive
 from auvplan.voyage.sea import ModelSea, stacked
-from auvplan.voyage.waters import Waters
-from auvplan.voyage.waypoints import lines_clear, make_graph
 from auvplan.voyage.world import make_sea
 from tests.voyage.small import SMALL, light_config, scenario
 

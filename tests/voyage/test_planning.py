@@ -15,9 +15,9 @@ from auvplan.io.restore import restore_run
 from auvplan.io.results import save_run, to_dataset
 from auvplan.mission.jobs import JobLine, JobPoint, Jobs
 from auvplan.ocean.known import KnownObstacle
+from auvplan.scenario.waters import Waters
 from auvplan.voyage import plan_departures, plan_scenario
 from auvplan.voyage.executive import seed_keys
-from auvplan.voyage.waters import Waters
 from tests.voyage.small import scenario
 from tests.voyage.tide import CHANNEL, channel, tidal_waters
 

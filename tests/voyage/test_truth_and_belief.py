@@ -8,11 +8,11 @@ import pytest
 import auvplan as ap
 from auvplan.motion import Motion
 from auvplan.ocean import CurrentUpdate, Seabed
+from auvplan.scenario.scenario import Scenario
+from auvplan.scenario.settings import SensorSettings
 from auvplan.voyage.belief import ObstacleBelief, as_obstacles
 from auvplan.voyage.evasion import escape_track
-from auvplan.voyage.scenario import Scenario
 from auvplan.voyage.sea import VortexSea
-from auvplan.voyage.settings import SensorSettings
 from auvplan.voyage.simulator import TIME_STEP, sail
 from auvplan.voyage.world import TrueObstacles, draw_obstacles
 

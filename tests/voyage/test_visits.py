@@ -10,9 +10,9 @@ import auvplan as ap
 from auvplan.io.check import check_dataset
 from auvplan.io.results import to_dataset
 from auvplan.mission import task_graph
+from auvplan.records import LegRecord
 from auvplan.voyage import executive, order_calls
 from auvplan.voyage.order_calls import plan_orders, time_edges
-from auvplan.voyage.records import LegRecord
 from tests.voyage.small import SMALL, planning
 
 pytestmark = pytest.mark.usefixtures("light_search")

@@ -5,9 +5,9 @@ from datetime import UTC, datetime
 import numpy as np
 
 from auvplan.ocean.gridded import GriddedCurrent
+from auvplan.scenario.scenario import Scenario
+from auvplan.scenario.waters import Waters
 from auvplan.site import Site
-from auvplan.voyage.scenario import Scenario
-from auvplan.voyage.waters import Waters
 
 EPOCH = datetime(2026, 3, 1, 6, tzinfo=UTC)
 

@@ -18,8 +18,8 @@ from auvplan.io.currents.series import Array
 from auvplan.io.currents.times import moment_of, seconds_of
 from auvplan.io.currents.velocity import Block
 from auvplan.io.currents.weights import Weights, mix
-from auvplan.io.swapped import swapped_hint
 from auvplan.ocean.gridded import CurrentError, GriddedCurrent
+from auvplan.scenario.swapped import swapped_hint
 from auvplan.site import Site
 
 #: Nodes a side of a local grid.

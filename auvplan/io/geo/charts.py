@@ -20,10 +20,10 @@ from auvplan.io.geo.grid import LocalGrid, Nodes, local_grid, refuse_beyond, ste
 from auvplan.io.geo.raster import Raster, read_raster
 from auvplan.io.geo.sampling import nearest
 from auvplan.io.geo.shapes import near, to_local, touched
-from auvplan.io.swapped import swapped_hint
 from auvplan.ocean.chart import Chart, ChartError, settled
 from auvplan.ocean.classify import UNCERTAIN_MAX, classify_picture
 from auvplan.ocean.palette import UNTOLD, ChartColours
+from auvplan.scenario.swapped import swapped_hint
 from auvplan.site import Site
 
 # A picture's corner pixels may stick out by so many pixels: half of one is the picture's own edge.

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.io.geo.error import GeoError
-from auvplan.io.swapped import swapped_hint
 from auvplan.ocean.picture import MAX_PIXELS
+from auvplan.scenario.swapped import swapped_hint
 from auvplan.site import Site
 
 Array = NDArray[np.floating]

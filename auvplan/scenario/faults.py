@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from auvplan.io.yaml_lines import Document, Path, Place
+from auvplan.scenario.yaml_lines import Document, Path, Place
 
 #: Characters of a reason that are shown.
 _LONGEST = 500

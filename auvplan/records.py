@@ -17,9 +17,9 @@ from auvplan.ocean.chart import Chart
 from auvplan.ocean.currents import Current
 from auvplan.ocean.known import KnownObstacle
 from auvplan.ocean.seabed import Seabed
+from auvplan.scenario.settings import PlanningSettings
 from auvplan.site import Site
 from auvplan.vehicle import Vehicle
-from auvplan.voyage.settings import PlanningSettings
 from auvplan.words import figure
 
 Array = NDArray[np.floating]

@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from auvplan.errors import ScenarioError, ScenarioWarning
-from auvplan.io.doubts import doubts
-from auvplan.io.faults import Fault, first_of
-from auvplan.io.scenario_faults import check_fields
-from auvplan.io.yaml_lines import Document, YamlError, read_yaml
-from auvplan.voyage.scenario import Scenario
+from auvplan.scenario.doubts import doubts
+from auvplan.scenario.faults import Fault, first_of
+from auvplan.scenario.fields import check_fields
+from auvplan.scenario.scenario import Scenario
+from auvplan.scenario.yaml_lines import Document, YamlError, read_yaml
 
 #: Larger files are no scenarios.
 _MAX_BYTES = 200_000

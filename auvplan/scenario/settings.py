@@ -8,8 +8,8 @@ from zoneinfo import available_timezones
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from auvplan.ocean.palette import ChartColours, as_hex
+from auvplan.scenario.places import Finite, NotNegative, Point, Positive
 from auvplan.site import Site, as_utc
-from auvplan.voyage.places import Finite, NotNegative, Point, Positive
 
 Velocity = tuple[Finite, Finite, Finite]
 

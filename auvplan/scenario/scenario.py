@@ -6,9 +6,8 @@ from typing import Any
 
 from pydantic import PrivateAttr, model_validator
 
-from auvplan.site import Site
-from auvplan.voyage.places import localised
-from auvplan.voyage.settings import (
+from auvplan.scenario.places import localised
+from auvplan.scenario.settings import (
     Area,
     BathymetrySettings,
     ChartSettings,
@@ -23,6 +22,7 @@ from auvplan.voyage.settings import (
     SiteSettings,
     VehicleSettings,
 )
+from auvplan.site import Site
 
 
 class Scenario(Section):
@@ -80,7 +80,7 @@ class Scenario(Section):
             auvplan.errors.ScenarioError: scenario: vehicle.sped: unknown key 'sped', did you mean 'speed'?
         """
         # Faults are told at the edge of the package.
-        from auvplan.io.scenario_file import change_scenario
+        from auvplan.scenario.file import change_scenario
 
         return change_scenario(self, changes)
 

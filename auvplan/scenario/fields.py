@@ -11,12 +11,12 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from auvplan.io.faults import Fault, fault_at, in_order
-from auvplan.io.yaml_lines import Document, Path, short
+from auvplan.scenario.faults import Fault, fault_at, in_order
+from auvplan.scenario.places import localised
+from auvplan.scenario.scenario import Scenario
+from auvplan.scenario.settings import MOVED, Area, SiteSettings
+from auvplan.scenario.yaml_lines import Document, Path, short
 from auvplan.site import Site
-from auvplan.voyage.places import localised
-from auvplan.voyage.scenario import Scenario
-from auvplan.voyage.settings import MOVED, Area, SiteSettings
 
 #: Stands where a value is none: it is no place and no number either.
 _NOTHING = "nothing"

@@ -8,8 +8,8 @@ from auvplan.errors import ScenarioError
 from auvplan.mission.graph import MissionGraph, random_graph
 from auvplan.mission.jobs import NEIGHBOURS, Jobs, jobs_graph
 from auvplan.ocean.seabed import Seabed
-from auvplan.voyage.scenario import Scenario
-from auvplan.voyage.waters import Waters
+from auvplan.scenario.scenario import Scenario
+from auvplan.scenario.waters import Waters
 
 #: Draws of waypoints before a scenario is declared too cramped.
 _TRIES = 200

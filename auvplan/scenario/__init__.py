@@ -1,0 +1,5 @@
+"""Scenarios: settings, their files and validation, and the waters and waypoints that they describe."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
