@@ -114,6 +114,7 @@ def test_obstacles_are_left_out() -> None:
     np.testing.assert_array_equal(one, other)
 
 
+@pytest.mark.slow
 def test_bending_to_the_current_only_shortens_and_comes_near_the_planned_path() -> None:
     env = ap.Environment(vortices(1), **BOX)
     straight = compass().with_travel_times(env, config=TravelTimeConfig(steps=0))

@@ -76,6 +76,7 @@ def test_a_finely_sampled_field_gives_the_plan_of_the_field_itself():
     assert plan(steady, depart=50_000.0).travel_time == pytest.approx(found.travel_time, rel=2e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("depart", [0.0, 7000.0, 17_500.0])
 def test_times_in_a_tide_are_those_of_sailing_it(tide, depart):
     found = plan(tide, depart=depart)
@@ -86,6 +87,7 @@ def test_times_in_a_tide_are_those_of_sailing_it(tide, depart):
     assert travel == pytest.approx(fine[-1] - depart, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_pacing_the_search_loses_next_to_nothing(tide):
     exact = FunctionCurrent(lambda x, y, z, t: tide(x, y, z, t))
     departs = (0.0, 7000.0, 14_000.0)

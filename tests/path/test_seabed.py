@@ -70,6 +70,7 @@ def test_altitude_is_certified_on_every_segment(gap):
     assert np.median(true - certified) < 0.15 * gap + 12.0
 
 
+@pytest.mark.slow
 def test_over_a_flat_bottom_the_way_is_the_straight_one():
     env = over(150.0)
     found = plan(env)

@@ -254,7 +254,9 @@ def test_maps_have_east_right_and_north_up():
 
 
 @pytest.mark.usefixtures("coarse")
-@pytest.mark.parametrize("sweep", [RATES, OBJECTIVES, OBJECTIVES | RATES])
+@pytest.mark.parametrize(
+    "sweep", [pytest.param(RATES, marks=pytest.mark.slow), OBJECTIVES, OBJECTIVES | RATES]
+)
 def test_sweep_figures(tmp_path, sweep):
     paths = draw_study(make_study(5, sweep), tmp_path)
     assert_pictures(paths, NAMES + SWEEPS)
