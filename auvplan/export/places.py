@@ -101,7 +101,7 @@ def moment(site: Site, seconds: float) -> str | None:
 
 
 def elevation(depth: float) -> float:
-    """m above the surface, to a tenth of a millimetre and never -0."""
+    """M above the surface, to a tenth of a millimetre and never -0."""
     return round(-float(depth), 4) + 0.0
 
 

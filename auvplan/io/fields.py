@@ -73,6 +73,7 @@ def history_of(dataset: xr.Dataset, plan: int) -> dict[str, Any]:
 def variable(
     dims: str | tuple[str, ...], values: ArrayLike, name: str, units: str | None = None, **attrs: Any
 ) -> xr.Variable:
+    """Return a variable with `long_name`, `units` where it has any, and further attributes."""
     return xr.Variable(
         dims, np.asarray(values), {"long_name": name} | ({"units": units} if units else {}) | attrs
     )

@@ -61,6 +61,7 @@ class Leg:
 
     @property
     def sailed(self) -> bool:
+        """Whether the leg has a track."""
         return len(self.times) > 0
 
 

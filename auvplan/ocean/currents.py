@@ -35,7 +35,9 @@ _POINTS = 4096
 class Current(Protocol):
     """Velocity of the water, m/s north, east, down, at position [m] and time [s]."""
 
-    def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity: ...
+    def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
+        """Return u, v, w [m/s] at places [m] and times [s], elementwise."""
+        ...
 
 
 @partial(jax.tree_util.register_dataclass, data_fields=(), meta_fields=("function", "steady"))
@@ -73,6 +75,7 @@ class FunctionCurrent:
         return None if " at 0x" in told else hashlib.sha256(told.encode()).hexdigest()
 
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
+        """Return u, v, w [m/s] at places [m] and times [s], elementwise."""
         shape = jnp.broadcast_shapes(jnp.shape(x), jnp.shape(y), jnp.shape(z), jnp.shape(t))
         dtype = jnp.result_type(x)
         u, v, w = _components(self.function(x, y, z, t))
@@ -178,6 +181,7 @@ class UniformCurrent:
     steady = True
 
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
+        """Return u, v, w [m/s] at places [m] and times [s], elementwise."""
         zero = jnp.zeros(jnp.broadcast_shapes(jnp.shape(x), jnp.shape(y), jnp.shape(z)), jnp.result_type(x))
         return zero + self.u, zero + self.v, zero + self.w
 
@@ -199,10 +203,12 @@ class SumCurrent:
 
     @property
     def steady(self) -> bool:
+        """Whether no part changes in time."""
         return all(is_steady(part) for part in self._parts)
 
     @property
     def gradual(self) -> bool:
+        """Whether every part is steady or quasi-steady."""
         return all(is_steady(part) or is_quasi_steady(part) for part in self._parts)
 
     @property
@@ -210,6 +216,7 @@ class SumCurrent:
         return (self.shared,) if self.own is None else (self.shared, self.own)
 
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
+        """Return u, v, w [m/s] at places [m] and times [s], elementwise."""
         found = [part(x, y, z, t) for part in self._parts]
         u, v, w = (reduce(jnp.add, components) for components in zip(*found, strict=True))
         return u, v, w

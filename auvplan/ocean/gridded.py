@@ -164,6 +164,7 @@ class GriddedCurrent:
         return replace(self, **chosen, times=np.asarray(times[kept] + later, np.float32))
 
     def __call__(self, x: ArrayLike, y: ArrayLike, z: ArrayLike, t: ArrayLike) -> Velocity:
+        """Return u, v, w [m/s] at places [m] and times [s], elementwise."""
         given = [jnp.asarray(axis, jnp.result_type(float)) for axis in (x, y, z, t)]
         shape = jnp.broadcast_shapes(*(axis.shape for axis in given))
         places = tuple(jnp.broadcast_to(axis, shape).reshape(-1) for axis in given)

@@ -93,8 +93,11 @@ interpolated = compiled(_interpolated)
 
 
 def _located(shape: tuple[int, ...], axes: tuple, places: _Places) -> tuple[jax.Array, tuple, tuple]:
-    """Flat index of the lowest corner of each place's cell, shares of the way to the highest one along north,
-    east, depth, time, and the spans of the cell along them; both None along an axis of one node.
+    """Locate places in the grid.
+
+    Returns:
+        Flat index of the lowest corner of each place's cell, shares of the way to the highest one along
+        north, east, depth, time, and the spans of the cell along them; both None along an axis of one node.
     """
     origin, spacing, depths, times, step = axes
     x, y, z, t = places

@@ -71,6 +71,7 @@ class LambVortices:
         chex.assert_shape(self.depths, (self.centers.shape[0],))
 
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
+        """Return u, v, w [m/s] at places [m] and times [s], elementwise."""
         shape = jnp.broadcast_shapes(jnp.shape(x), jnp.shape(y), jnp.shape(z))
         # One long row of points makes longer vector loops than a plane of short ones.
         x, y, z = (jnp.broadcast_to(axis, shape).reshape(-1) for axis in (x, y, z))

@@ -105,6 +105,7 @@ class PacedCurrent:
     pace: jax.Array
 
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
+        """Return u, v, w [m/s] at places [m] and times [s], elementwise."""
         return self.current(x, y, z, t)
 
 

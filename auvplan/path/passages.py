@@ -319,8 +319,10 @@ class _Grid:
         return _Traced(x, y, clear, times, most)
 
     def _previous(self, fields: jax.Array) -> tuple[jax.Array, jax.Array]:
-        """[2, N * N] flat index of the cell next to each on the best way to the start and to the goal, which
-        are next to themselves, and what of `broken` the moves to them have.
+        """Return the cell next to each on the best way to the start and to the goal.
+
+        These are flat indices, [2, N * N]; start and goal are next to themselves. With them comes what of
+        `broken` the moves have.
 
         Args:
             fields: [2, N, N] s, from the start and to the goal.

@@ -29,13 +29,16 @@ class ScaledCurrent:
 
     @property
     def steady(self) -> bool:
+        """Whether the current does not change in time."""
         return is_steady(self.current)
 
     @property
     def gradual(self) -> bool:
+        """Whether the current is quasi-steady."""
         return is_quasi_steady(self.current)
 
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
+        """Return u, v, w [m/s] at places [m] and times [s], elementwise."""
         return self.current(*(axis / self.factor for axis in (x, y, z, t)))
 
 

@@ -117,7 +117,7 @@ def _as_hours(time: float) -> str:
 
 
 def _straight(scenario: Scenario) -> float | None:
-    """m from start to goal; None where one of them is drawn."""
+    """M from start to goal; None where one of them is drawn."""
     start, goal = scenario.mission.start, scenario.mission.goal
     return None if start is None or goal is None else float(np.linalg.norm(np.subtract(goal, start)))
 

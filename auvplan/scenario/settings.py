@@ -296,6 +296,7 @@ class SimulatedObstacles(Section):
 
     @property
     def total(self) -> int:
+        """Number of obstacles on each leg."""
         return self.static + self.afloat + self.self_motivated
 
 

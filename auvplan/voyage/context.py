@@ -157,6 +157,7 @@ class Leg:
 
     @property
     def under_way(self) -> bool:
+        """Whether the leg is neither finished nor stopped."""
         return not self.record.arrived and not self.stopped
 
 

@@ -93,7 +93,6 @@ def sail(
         vehicle: speed and limits.
         steps: number of steps of `TIME_STEP`.
     """
-
     shared, each = partition(current)
 
     def one(track, arc, moving, now, own, position, velocity, drift) -> Sailed:

@@ -67,7 +67,7 @@ class Field:
 
 
 def sense_of_standard_name(name: str) -> str | None:
-    """ "up" or "down" where a CF standard name tells it."""
+    """Return "up" or "down" where a CF standard name tells it."""
     name = name.lower()
     if name == "depth" or name.startswith("depth_below") or "sea_floor_depth" in name:
         return "down"
@@ -262,7 +262,7 @@ def _scattered(what: str, longitude: Array, latitude: Array, *, site: Site, grid
 
 
 def _axis_kind(dataset: xr.Dataset, name: Any) -> str | None:
-    """ "longitude" or "latitude" where a variable is one, by its standard name, its units or its own name."""
+    """Return "longitude" or "latitude" where a variable is one, by standard name, units or its own name."""
     attributes = dataset.variables[name].attrs
     standard = str(attributes.get("standard_name", "")).lower()
     if standard:
