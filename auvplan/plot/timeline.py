@@ -163,7 +163,7 @@ def _sailed_name(run: MissionRun) -> str:
 def _legend(run: MissionRun) -> list[Any]:
     handles: list[Any] = [
         Patch(facecolor="#6aaed6", edgecolor="black", label="travel"),
-        Patch(facecolor="#6aaed6", edgecolor="black", label="on-station time"),
+        Patch(facecolor="#6aaed6", edgecolor="black", label="on-station time (half height)"),
         Line2D([], [], color="red", lw=2.0, label=f"time available, {run.t_available:,.0f} s"),
     ]
     if len(run.orders) > 1 and run.simulated:
