@@ -48,7 +48,8 @@ class Sweep:
             values = yaml.safe_load(given if given.strip().startswith("[") else f"[{given}]")
         except (yaml.YAMLError, RecursionError):
             values = None
-        if not mark or field.count(".") < 1 or not isinstance(values, list) or not values:
+        names = [name.strip() for name in field.split(".")]
+        if not mark or len(names) < 2 or not all(names) or not isinstance(values, list) or not values:
             raise StudyError(f"sweep {text!r}: give it as section.name=value,value,...")
         values = [_number(value) for value in values]
         if any(value in values[:place] for place, value in enumerate(values)):

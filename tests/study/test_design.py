@@ -27,6 +27,7 @@ REPLAN = Sweep("planning.replan", ("late", "deviation"))
         ("planning.objective=null,eq15", "planning.objective", (None, "eq15")),
         ("mission.start=[[0, 0, 5], [10, 0, 5]]", "mission.start", ([0, 0, 5], [10, 0, 5])),
         ("chart.image=a=b.png", "chart.image", ("a=b.png",)),
+        ("simulation.obstacles.static=0,2", "simulation.obstacles.static", (0, 2)),
     ],
 )
 def test_a_sweep_is_read_as_it_is_written(text, field, values):
@@ -49,6 +50,10 @@ def test_a_sweep_is_read_as_it_is_written(text, field, values):
         "current.update_rate=[1],[2]",
         "update_rate=1,2",
         "=1,2",
+        "..=0",
+        ".b=1",
+        "a.=1",
+        "a. .b=1",
         "a.b=&x [1],*y",
         "a.b=!!python/object/apply:os.system ['true']",
         "a.b=1\n\0",
@@ -79,7 +84,9 @@ def test_any_text_is_a_sweep_or_refused(text):
     with contextlib.suppress(StudyError):
         sweep = Sweep.parse(text)
         assert sweep.values
-        assert sweep.field.count(".") == 1
+        section, *names = sweep.field.split(".")
+        assert names
+        assert all(name.strip() for name in (section, *names))
 
 
 def test_cases_are_the_product_with_the_last_sweep_fastest():
