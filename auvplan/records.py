@@ -17,7 +17,7 @@ from auvplan.ocean.chart import Chart
 from auvplan.ocean.currents import Current
 from auvplan.ocean.known import KnownObstacle
 from auvplan.ocean.seabed import Seabed
-from auvplan.scenario.settings import PlanningSettings
+from auvplan.scenario.settings import PlanningRules, PlanningSettings, SafetySettings
 from auvplan.site import Site
 from auvplan.vehicle import Vehicle
 from auvplan.words import figure
@@ -237,6 +237,16 @@ class MissionRun(Brief):
         }
 
     @property
+    def planning(self) -> PlanningRules:
+        """The scenario's rules of planning."""
+        return PlanningSettings.model_validate(self.scenario.get("planning", {})).resolved
+
+    @property
+    def safety(self) -> SafetySettings:
+        """The scenario's margins, and how the mission ends."""
+        return SafetySettings.model_validate(self.scenario.get("safety", {}))
+
+    @property
     def t_residual(self) -> float:
         """Time left at the end, s."""
         return self.t_available - self.t_mission
@@ -294,8 +304,7 @@ class MissionRun(Brief):
             taken = leg.t_path + own + stay[leg.goal]
             times[leg.start, leg.goal] = min(times[leg.start, leg.goal], taken)
         common = (times, graph.priority, self.start, self.goal, self.t_available)
-        planning = PlanningSettings.model_validate(self.scenario.get("planning", {}))
-        if planning.resolved.visits == "edges":
+        if self.planning.visits == "edges":
             return trail_bound(*common, waypoint_priority=once, waypoint_duration=stay)
         if any(leg.revisit for leg in self.done):
             edges = np.where(graph.adjacency, graph.priority - once, 0.0)

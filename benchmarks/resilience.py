@@ -124,11 +124,8 @@ def held(found: dict[str, str], old: dict[str, str], new: dict[str, str]) -> str
     """Which of `HELD` the digests of a folder's files are."""
     if found in (old, new):
         return HELD[0] if found == old else HELD[1]
-    return (
-        HELD[2]
-        if SUMMARY not in found and (found.items() <= old.items() or found.items() <= new.items())
-        else HELD[3]
-    )
+    of_one = found.items() <= old.items() or found.items() <= new.items()
+    return HELD[2] if SUMMARY not in found and of_one else HELD[3]
 
 
 def outputs_killed(name: str, kills: int, scenario: Path, folder: Path) -> dict[str, dict[str, int]]:

@@ -168,9 +168,9 @@ def rehearse(
 ) -> None:
     """Plan a mission, simulate it many times, and say how often the plan holds."""
     quiet = quiet or as_json
-    from auvplan.cli.study import mission_bar
+    from auvplan.cli.study import run_with_bar
     from auvplan.files import write_atomically
-    from auvplan.study import Design, run_study
+    from auvplan.study import Design
     from auvplan.study.rehearsal import rehearsal_of, require_one_sea
     from auvplan.study.store import require_room
     from auvplan.voyage.planning import plan_scenario
@@ -182,17 +182,8 @@ def rehearse(
         require_one_sea(settings)
         with time_bar("planning", settings.mission.time_available, quiet) as advance:
             planned = plan_scenario(settings, seed=seed, folder=folder, progress=advance)
-        design = Design(settings, count, seed)
-        with mission_bar(quiet) as progress:
-            sailed = run_study(
-                design,
-                out,
-                folder=folder,
-                resume=resume,
-                force=force,
-                workers=workers,
-                progress=progress,
-            )
+        how = {"resume": resume, "force": force, "workers": workers}
+        sailed = run_with_bar(Design(settings, count, seed), out, quiet, folder=folder, **how)
     found = rehearsal_of(planned, sailed)
     text = json.dumps(found, indent=2) + "\n"
     write_atomically(out / "rehearsal.json", lambda part: part.write_text(text, encoding="utf-8"))

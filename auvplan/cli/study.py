@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.table import Table
@@ -28,6 +28,11 @@ from auvplan.cli.shared import (
     progress_bar,
 )
 from auvplan.words import counted, figure
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from auvplan.study import Design
 
 #: Figures of a study's summary that the command prints, with the words for them.
 _SHOWN = {
@@ -77,27 +82,12 @@ def montecarlo(
     as_json: JsonOption = False,
 ) -> None:
     """Run many missions with consecutive seeds, and summarise them."""
-    from auvplan.study import Design, Sweep, run_study, summarise
-    from auvplan.study.store import is_unfinished
+    from auvplan.study import Design, Sweep, summarise
 
     settings, folder = load(scenario, preset, objective, settings=changes)
     design = Design(settings, count, seed, tuple(Sweep.parse(text) for text in sweep or ()))
-    try:
-        with mission_bar(quiet) as progress:
-            dataset = run_study(
-                design,
-                out,
-                folder=folder,
-                resume=resume,
-                force=force,
-                workers=workers,
-                dask=dask,
-                save_runs=save_runs,
-                progress=progress,
-            )
-    except KeyboardInterrupt:
-        words = "interrupted: the same command with --resume goes on from there"
-        raise KeyboardInterrupt(words if is_unfinished(out) else "interrupted") from None
+    how = {"resume": resume, "force": force, "workers": workers, "dask": dask, "save_runs": save_runs}
+    dataset = run_with_bar(design, out, quiet, folder=folder, **how)
     summary = summarise(dataset)
     cases = summary.get("cases", [summary])
     if as_json:
@@ -144,8 +134,21 @@ def _table(case: dict[str, Any]) -> Table:
     return table
 
 
+def run_with_bar(design: "Design", out: Path, quiet: bool, **options: Any) -> "xr.Dataset":
+    """Run a study with a bar; where it is interrupted, say how to continue. Options as `run_study`."""
+    from auvplan.study import run_study
+    from auvplan.study.store import is_unfinished
+
+    try:
+        with _mission_bar(quiet) as progress:
+            return run_study(design, out, progress=progress, **options)
+    except KeyboardInterrupt:
+        words = "interrupted: the same command with --resume goes on from there"
+        raise KeyboardInterrupt(words if is_unfinished(out) else "interrupted") from None
+
+
 @contextmanager
-def mission_bar(quiet: bool) -> Iterator[Callable[[int, int, float], None]]:
+def _mission_bar(quiet: bool) -> Iterator[Callable[[int, int, float], None]]:
     """Progress over missions: how many are done, their rate, the time left."""
     with progress_bar("compiling", quiet, of=None) as move:
         begun: list[tuple[int, float]] = []

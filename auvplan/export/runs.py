@@ -10,7 +10,6 @@ from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.ocean.seabed import Seabed
 from auvplan.records import LegRecord, MissionRun, PlanRecord
-from auvplan.scenario.settings import SafetySettings
 from auvplan.site import Site
 
 
@@ -64,7 +63,7 @@ def itinerary_of(
         notes=_notes(run),
         seed=run.seed,
         configuration=json.dumps(run.scenario),
-        end=SafetySettings.model_validate(run.scenario.get("safety", {})).end,
+        end=run.safety.end,
     )
 
 

@@ -18,7 +18,6 @@ from auvplan.export.itinerary import END_BEHAVIOURS
 from auvplan.files import write_atomically
 from auvplan.mission.jobs import jobs_done, jobs_of
 from auvplan.records import LegRecord, MissionRun
-from auvplan.scenario.settings import PlanningSettings, SafetySettings
 from auvplan.words import hours
 
 #: m, longest way between two places at which margins are looked up.
@@ -160,7 +159,6 @@ def sheet_of(run: MissionRun) -> MissionSheet:
     first = _stop(run, None, 0.0)
     stops = [replace(first, name=waypoint_name(run, run.start))]
     stops += [_stop(run, leg, float(leg.times[-1])) for leg in run.done]
-    planning = PlanningSettings.model_validate(run.scenario.get("planning", {})).resolved
     epoch = None if run.site is None else run.site.utc(0.0)
     facts = {
         "outcome": run.reason,
@@ -168,8 +166,8 @@ def sheet_of(run: MissionRun) -> MissionSheet:
         "arrival": _moment(run, run.t_mission),
         "time": f"{hours(run.t_mission)} of {hours(run.t_available)} ({run.t_mission:.0f} of "
         f"{run.t_available:.0f} s)",
-        "time left": f"{hours(run.t_residual)}, of which no plan uses {planning.reserve:g} s",
-        "at the end": END_BEHAVIOURS[SafetySettings.model_validate(run.scenario.get("safety", {})).end],
+        "time left": f"{hours(run.t_residual)}, of which no plan uses {run.planning.reserve:g} s",
+        "at the end": END_BEHAVIOURS[run.safety.end],
         "tasks": f"{run.tasks}, total priority {run.total_priority:g} of at most {run.bound:.3g}",
         "way": f"{sum(stop.length for stop in stops) / 1000.0:.1f} km",
     }
