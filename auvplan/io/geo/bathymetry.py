@@ -24,6 +24,8 @@ Array = NDArray[np.floating]
 SMALLEST_PIXEL, LARGEST_PIXEL, MOST_PIXELS = 10.0, 500.0, 1024
 # No sea floor lies deeper and no mountain higher, m: such values stand for none, and so do these.
 _EXTREME, _SENTINELS = 12_000.0, (-9999.0, 9999.0)
+# Rows of a file that are looked through for the signs of its values.
+_ROWS = 64
 _UNITS = {
     "m": 1.0,
     "metre": 1.0,
@@ -78,8 +80,8 @@ def read_bathymetry(
     """Read the sea floor under a local rectangle; bilinear in the file's own coordinates.
 
     Which way values count is told by the attributes `positive` and `standard_name`, else by `positive`, else
-    by the variable's name (elevation, z: up; h, depth: down), else by the sign that most values have, with a
-    note. Units are m, km, cm or ft. A pixel is NaN where one of the values that bear on it is missing. Of
+    by the variable's name (elevation, z: up; h, depth: down). Where nothing tells it, values of both signs in
+    the whole file, or negative ones alone, are heights, with a note; else it is asked for. Units are m, km, cm or ft. A pixel is NaN where one of the values that bear on it is missing. Of
     NetCDF only the window that is needed is read.
 
     Args:
@@ -93,8 +95,8 @@ def read_bathymetry(
         crs: coordinate reference system of a GeoTIFF that tells none.
 
     Raises:
-        GeoError: one line; what is wrong with the file, or on which side and by how much the rectangle
-            reaches beyond its outer cells.
+        GeoError: one line; what is wrong with the file, that it does not tell which way its values count, or
+            on which side and by how much the rectangle reaches beyond its outer cells.
     """
     path = Path(path)
     if positive not in (None, "up", "down"):
@@ -114,12 +116,12 @@ def read_bathymetry(
                 grid = local_grid(lower, upper, max(size, longest / MOST_PIXELS))
             window = _window(path, find, grid, field)
             values = field.load(*window)
+            sense, told = _sense(path, field, values, positive)
         factor, notes = _factor(path, field)
         values, missing = _without_sentinels(values * factor)
         notes += missing
         if not np.isfinite(values).any():
             raise GeoError(f"{path}: {field.name or 'the band'} has no values in the area")
-        sense, told = _sense(path, field, values, positive)
         depth = np.empty(grid.shape, np.float32)
         for rows, north, east in grid.blocks():
             row, column = find(north, east)
@@ -241,9 +243,22 @@ def _sense(path: Path, field: Field, values: Array, positive: str | None) -> tup
                 f'{what} is positive down by {source}, but all its values are negative: say positive="up"'
             )
         return (1.0 if sense == "down" else -1.0), ()
-    below = float(np.mean(values[np.isfinite(values)] < 0.0))
-    sense = "up" if below >= 0.5 else "down"
-    share = f"{max(below, 1 - below):.0%} of its values are {'negative' if sense == 'up' else 'positive'}"
-    return (-1.0 if sense == "up" else 1.0), (
-        f"{field.name or 'the band'} was taken as positive {sense}: {share}",
+    least, most = _extremes(field, values)
+    if most <= 0.0 or (least < 0.0 and not name.startswith("bathy") and "depth" not in name):
+        kind = "of both signs" if most > 0.0 else "negative"
+        return -1.0, (f"{field.name or 'the band'} was taken as positive up: its values are {kind}",)
+    raise GeoError(
+        f"{what} does not tell whether its values, {least:g} to {most:g}, are heights or depths: say "
+        'positive="up" or "down" (bathymetry.positive)'
     )
+
+
+def _extremes(field: Field, values: Array) -> tuple[float, float]:
+    """Return the least and largest of some values and of evenly spaced rows of the whole file."""
+    rows, columns = field.nodes.shape
+    sample = [values.ravel()]
+    for row in np.unique(np.linspace(0, rows - 1, min(rows, _ROWS)).astype(int)):
+        sample.append(field.load(int(row), int(row), 0, columns - 1).ravel())
+    known = np.concatenate(sample)
+    known = known[np.isfinite(known) & ~np.isin(known, _SENTINELS)]
+    return (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)

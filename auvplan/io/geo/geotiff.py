@@ -102,11 +102,7 @@ def read_geotiff(path: Path, indices: bool = False) -> Tiff:
         if bands not in (1, 3, 4):
             raise GeoError(f"{path}: {bands} bands: neither one of values nor three of colour")
         tags = {int(tag.code): tag.value for tag in page.tags}
-        values = _pixels(path, page).reshape(
-            (bands, height, width) if page.planarconfig == 2 and bands > 1 else (height, width, bands)
-        )
-        if page.planarconfig == 2 and bands > 1:
-            values = np.moveaxis(values, 0, -1)
+        values = _pixels(path, page)
         table = page.colormap if page.photometric == _PALETTE and not indices else None
         see_through = bands == 4 and bool(set(page.extrasamples) & _ALPHA)
         if bands > 1 and page.photometric not in _COLOURS:
@@ -132,20 +128,23 @@ def read_geotiff(path: Path, indices: bool = False) -> Tiff:
 
 
 def _pixels(path: Path, page: Any) -> NDArray:
-    """By tifffile, and what it lacks a decoder for by Pillow, or by rasterio where that is installed."""
+    """[rows, columns, bands] by tifffile, else by Pillow, else by rasterio where that is installed."""
+    shape = int(page.imagelength), int(page.imagewidth), int(page.samplesperpixel)
     try:
-        return np.asarray(page.asarray())
+        values = np.asarray(page.asarray())
+        if page.planarconfig == 2 and shape[2] > 1:  # band after band
+            return np.moveaxis(values.reshape(shape[2], *shape[:2]), 0, -1)
+        return values.reshape(shape)
     except Exception as error:
-        if "imagecodecs" not in str(error):
+        if not isinstance(error, ImportError) and "imagecodecs" not in str(error):
             raise
-    expected = int(page.imagelength), int(page.imagewidth)
     try:
         with Image.open(path) as picture:
-            if picture.size == expected[::-1] and len(picture.getbands()) == page.samplesperpixel:
+            if picture.size == (shape[1], shape[0]) and len(picture.getbands()) == shape[2]:
                 values = np.asarray(picture)
                 # Pillow widens some types; a narrowing one would be no picture of the file's values.
                 if np.can_cast(page.dtype, values.dtype, "safe"):
-                    return values.astype(page.dtype)
+                    return values.astype(page.dtype).reshape(shape)
     except Exception:  # whatever it stumbles over, the last reader may not
         pass
     try:
@@ -154,12 +153,9 @@ def _pixels(path: Path, page: Any) -> NDArray:
         name = getattr(page.compression, "name", page.compression)
         raise GeoError(f"{path}: compressed as {name}, which needs {_EXTRA}") from None
     with warnings.catch_warnings():
-        warnings.simplefilter(
-            "ignore"
-        )  # of a place on Earth that it does not find, which is not its task here
+        warnings.simplefilter("ignore")  # of a place on Earth that it does not find
         with rasterio.open(path) as source:
-            values = source.read()
-    return values if page.planarconfig == 2 else np.moveaxis(values, 0, -1)
+            return np.moveaxis(source.read(), 0, -1)
 
 
 def _coloured(path: Path, values: NDArray, table: NDArray | None, see_through: bool) -> NDArray:

@@ -5,6 +5,7 @@ import pytest
 import xarray as xr
 
 from auvplan.io.geo import GeoError, read_bathymetry
+from auvplan.site import Site
 from tests.io.geo.files import write_geotiff
 from tests.io.geo.sea_floors import AREA, LATITUDE, LONGITUDE, SITE, expected, sea_floor, write_grid
 
@@ -32,16 +33,57 @@ def test_rectangles_beyond_the_data(tmp_path, lower, upper, words, kind):
         read_bathymetry(path, SITE, lower=lower, upper=upper)
 
 
-@pytest.mark.parametrize("sign", [-1, 1])
-def test_an_unknown_sense_goes_by_most_values(tmp_path, sign):
-    path = write_grid(tmp_path / "b.nc", "bathymetry", sign=sign, attributes={})
+@pytest.mark.parametrize("form", ["grid", "tiff"])
+def test_values_of_both_signs_are_heights_wherever_the_area_lies(tmp_path, form):
+    """Of a file whose larger part is land, of an area that holds one sign alone."""
+    heights = -sea_floor(LONGITUDE[None, :], LATITUDE[:, None]) + 60.0
+    if form == "grid":
+        path = write_grid(tmp_path / "b.nc", "ROSE", values=heights, attributes={"units": "m"})
+    else:
+        corner = (LONGITUDE[0], LATITUDE[-1])
+        path = write_geotiff(tmp_path / "b.tif", heights[::-1], corner=corner, scale=(0.02, 0.01), point=True)
+    for south, west in ((-1000.0, 1000.0), (3000.0, -1500.0)):
+        found = read_bathymetry(path, SITE, lower=(south, west), upper=(south + 1000.0, west + 2000.0))
+        np.testing.assert_allclose(found.depth, sea_floor(*expected(found)) - 60.0, atol=1e-3)
+        assert any("was taken as positive up: its values are of both signs" in note for note in found.notes)
+
+
+@pytest.mark.parametrize(
+    ("name", "values"), [("relief", 100.0), ("bathymetry", 100.0), ("bathymetry", 0.0), ("band_depth", 0.0)]
+)
+def test_a_sense_that_nothing_tells_is_asked_for(tmp_path, name, values):
+    grid = sea_floor(LONGITUDE[None, :], LATITUDE[:, None]) + values
+    path = write_grid(tmp_path / "b.nc", name, values=grid, attributes={"units": "m"})
+    with pytest.raises(GeoError, match=r'are heights or depths: say positive="up" or "down" \(bathymetry\.p'):
+        read_bathymetry(path, SITE, **AREA)
+    found = read_bathymetry(path, SITE, positive="down", **AREA)
+    np.testing.assert_allclose(found.depth, sea_floor(*expected(found)) + values, atol=1e-3)
+
+
+def test_negative_values_alone_are_heights(tmp_path):
+    path = write_grid(tmp_path / "b.nc", "bathymetry", values=np.full((14, 9), -30.0), attributes={})
     found = read_bathymetry(path, SITE, **AREA)
-    np.testing.assert_allclose(found.depth, sea_floor(*expected(found)), atol=1e-3)
-    assert found.notes[0].startswith(f"bathymetry was taken as positive {'up' if sign < 0 else 'down'}: ")
-    assert found.notes[1] == "units are not told: metres"
-    other = read_bathymetry(path, SITE, positive="down" if sign < 0 else "up", **AREA)
-    np.testing.assert_allclose(other.depth, -found.depth)
-    assert len(other.notes) == 1
+    assert (found.depth == 30.0).all()
+    assert found.notes == (
+        "bathymetry was taken as positive up: its values are negative",
+        "units are not told: metres",
+    )
+
+
+@pytest.mark.parametrize(
+    ("longitude", "latitude"),
+    [(-157.5, 20.5), (-71.5, -33.5), (7.5, 61.5), (-150.5, 61.5), (-72.5, -45.5), (18.5, -34.5)],
+    ids=["Hawaii", "Chile", "Norway", "Alaska", "Patagonia", "Cape"],
+)
+def test_etopo_is_heights_everywhere(shared, longitude, latitude):
+    path = shared / "data/elsewhere/etopo60_rose.nc"
+    with xr.open_dataset(path) as dataset:
+        there = {"ETOPO60X": longitude % 360.0, "ETOPO60Y": latitude}
+        there["ETOPO60X"] += 360.0 * (there["ETOPO60X"] < 20.5)
+        height = float(dataset["ROSE"].interp(there))
+    half = {"lower": (-50.0, -50.0), "upper": (50.0, 50.0), "pixel_size": 100.0}
+    found = read_bathymetry(path, Site(longitude, latitude), **half)
+    np.testing.assert_allclose(found.depth[0, 0], -height, atol=1.0)
 
 
 def test_the_argument_overrides_a_name(tmp_path):

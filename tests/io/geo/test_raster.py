@@ -146,6 +146,37 @@ def test_compressions_that_tifffile_lacks(tmp_path, dtype):
         np.testing.assert_array_equal(read_raster(path).values, values)
 
 
+@pytest.mark.parametrize("interleave", ["pixel", "band"])
+@pytest.mark.parametrize("compress", ["none", "lzw", "deflate", "packbits", "jpeg", "zstd", "webp"])
+@pytest.mark.parametrize("tiled", [False, True])
+def test_colours_of_every_layout_and_compression_are_rasterios(tmp_path, interleave, compress, tiled):
+    rasterio = pytest.importorskip("rasterio")
+    if compress == "webp" and interleave == "band":
+        pytest.skip("the format has no such file")
+    rows, columns = np.mgrid[:40, :52]
+    colours = np.stack([4 * columns, 6 * rows, 255 - 2 * columns - 3 * rows]).astype(np.uint8)
+    path = tmp_path / "c.tif"
+    options = {"tiled": True, "blockxsize": 16, "blockysize": 16} if tiled else {}
+    where = rasterio.Affine(0.1, 0.0, 148.0, 0.0, -0.1, -20.0)
+    with rasterio.open(
+        path, "w", driver="GTiff", width=52, height=40, count=3, dtype="uint8", crs="EPSG:4326",
+        transform=where, compress=compress, interleave=interleave, photometric="RGB", **options,
+    ) as file:  # fmt: skip
+        file.write(colours)
+    with rasterio.open(path) as twin:
+        bands = np.moveaxis(twin.read(), 0, -1)
+    # Two decoders of JPEG round differently.
+    off = np.abs(read_raster(path).values.astype(int) - bands)
+    assert off.max() <= (2 if compress == "jpeg" else 0)
+
+
+def test_a_real_picture_whose_bands_follow_each_other(shared):
+    rasterio = pytest.importorskip("rasterio")
+    path = shared / "data/elsewhere/world_rgb_lzw_band.tif"
+    with rasterio.open(path) as twin:
+        np.testing.assert_array_equal(read_raster(path).values, np.moveaxis(twin.read(), 0, -1))
+
+
 def test_a_compression_that_only_the_extra_reads(tmp_path, monkeypatch):
     path = compressed(tmp_path / "l.tif", VALUES, "lerc")
     with tifffile.TiffFile(path) as file, contextlib.suppress(ValueError):
