@@ -98,7 +98,11 @@ def test_notes_are_told(call, tmp_path):
     site.bed(lambda data: data.assign(depth=data["depth"].assign_attrs(units="")))
     code, out, _ = call("validate", site.folder / "scenario.yaml")
     assert code == 0
-    assert out.splitlines()[1:] == ["note: bed.nc: units are not told: metres"]
+    assert out.splitlines()[1:] == [
+        "note: bed.nc: units are not told: metres",
+        "note: the sea bed is taken at its datum: at low water there is less above it, which "
+        "bathymetry.water_level would count",
+    ]
 
 
 def test_a_shipped_scenario_is_valid_by_name(call):

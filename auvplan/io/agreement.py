@@ -142,7 +142,7 @@ def _sources(
         size = np.asarray(current.spacing, float)
         dry = ~current.water
         corner = np.asarray(current.origin, float) - size / 2.0
-        found.append(_Land(name, dry, np.zeros_like(dry), corner, size, float(size.max())))
+        found.append(_Land(name, dry, ~current.covered, corner, size, float(size.max())))
     return found
 
 

@@ -3,7 +3,8 @@
 import warnings
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from datetime import datetime
 from functools import lru_cache, wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,7 +21,7 @@ from auvplan.ocean.chart import Chart, classify_file, settled
 from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.ocean.seabed import Seabed
 from auvplan.scenario.scenario import Scenario
-from auvplan.scenario.settings import ChartSettings, CurrentSettings
+from auvplan.scenario.settings import BathymetrySettings, ChartSettings
 from auvplan.scenario.waters import Waters
 from auvplan.site import Site
 
@@ -73,7 +74,7 @@ def load_waters(scenario: Scenario, folder: str | Path | None = None, until: flo
     """
     home, box = scenario.folder if folder is None else str(folder), scenario.box
     site, forecast, truth = _currents(scenario, home, until)
-    plain, chart, seen = _charts(scenario.chart, site, box, forecast, home)  # type: ignore[arg-type] - frozen models hash
+    plain, chart, seen = _charts(scenario.chart, _timeless(site), box, forecast, home)  # type: ignore[arg-type] - frozen models hash
     _require_area_on_chart(scenario, chart)
     seabed, found = _seabed(scenario, site, box, forecast, home)
     warn_of_contradictions(scenario, plain, seabed, forecast)
@@ -118,11 +119,12 @@ def _currents(
     assert site is not None
     assert settings.files is not None
     window = (0.0, scenario.mission.time_available if until is None else until)
-    forecast = _current(_reach(settings), settings.files, site, scenario.box, window, home)
+    reach = _Reach(settings.spacing, settings.outside, settings.crs, settings.epoch, scenario.chart)
+    forecast = _current(reach, settings.files, site, scenario.box, window, home)  # type: ignore[arg-type] - frozen models hash
     site = replace(site, epoch=forecast.epoch)
     if settings.truth is None:
         return site, forecast, forecast
-    return site, forecast, _current(_reach(settings), settings.truth, site, scenario.box, window, home)
+    return site, forecast, _current(reach, settings.truth, site, scenario.box, window, home)  # type: ignore[arg-type] - frozen models hash
 
 
 def _site(scenario: Scenario) -> Site | None:
@@ -142,21 +144,54 @@ def _path(home: str, name: str) -> str:
     return str(Path(home) / Path(name).expanduser())
 
 
-def _reach(settings: CurrentSettings) -> tuple[float | None, str]:
-    """Return what of the current's settings the reading of a file depends on."""
-    return settings.spacing, settings.outside
+def _timeless(site: Site | None) -> Site | None:
+    """Return a site without its epoch, which charts do not depend on."""
+    return site and replace(site, epoch=None)
+
+
+@dataclass(frozen=True)
+class _Reach:
+    """What the reading of a current's files depends on, beside site and box.
+
+    Attributes:
+        spacing, outside, crs, epoch: of the current's settings.
+        chart: which tells where no current is needed.
+    """
+
+    spacing: float | None
+    outside: str
+    crs: int | str | None
+    epoch: datetime | None
+    chart: ChartSettings
+
+
+def _land(settings: ChartSettings, site: Site, box: Corners, home: str) -> Any:
+    """Return where a chart tells land, as `read_current` takes it."""
+    if settings.source == "current":
+        return "mesh"
+    chart, _ = _plain_chart(settings.model_copy(update={"no_go": None}), _timeless(site), box, None, home)
+    if chart is None:
+        return None
+    corner, size = np.asarray(chart.lower, float), float(chart.pixel_size)
+    dry = np.asarray(chart.passability) == 0.0
+
+    def land(north: np.ndarray, east: np.ndarray) -> np.ndarray:
+        i, j = (np.floor((axis - corner[k]) / size).astype(int) for k, axis in enumerate((north, east)))
+        pixels = [np.clip(axis, 0, count - 1) for axis, count in zip((i, j), dry.shape, strict=True)]
+        return dry[pixels[0], pixels[1]]
+
+    return land
 
 
 @_kept
 def _current(
-    reach: tuple[float | None, str],
+    reach: _Reach,
     files: str | tuple[str, ...],
     site: Site,
     box: Corners,
     window: tuple[float, float],
     home: str,
 ) -> "CurrentFile":
-    spacing, outside = reach
     names = (files,) if isinstance(files, str) else files
     paths = [_path(home, name) for name in names]
     times = None if site.epoch is None else window
@@ -166,8 +201,11 @@ def _current(
         lower=box[0],
         upper=box[1],
         times=times,
-        spacing=spacing,
-        outside=outside,
+        spacing=reach.spacing,
+        outside=reach.outside,
+        land=_land(reach.chart, site, box, home),
+        crs=reach.crs,
+        data_epoch=reach.epoch,
     )
     if times is None:  # the data's first time is the epoch: now it can be seen whether the data lasts
         dated = replace(site, epoch=found.epoch)
@@ -288,14 +326,15 @@ def _seabed(
     settings, clearance = scenario.bathymetry, scenario.safety.seabed
     if settings.source == "none":
         return None, ()
+    low, water = _low_water(settings, current)
     if settings.source == "current":
         assert current is not None
         if current.sea_floor is None:
             raise ScenarioError("bathymetry.source 'current': the current's files do not tell the depth")
         size = settings.pixel_size or min(current.spacing) / 2.0
         nodes = np.meshgrid(*_node_indices(current, box, size, "bathymetry.pixel_size"), indexing="ij")
-        depth = ndimage.map_coordinates(current.sea_floor, nodes, order=1, mode="nearest")
-        return Seabed.from_depth(depth, size, np.asarray(box[0][:2]), clearance=clearance), ()
+        depth = ndimage.map_coordinates(current.sea_floor + low, nodes, order=1, mode="nearest")
+        return Seabed.from_depth(depth, size, np.asarray(box[0][:2]), clearance=clearance), water
     assert site is not None
     assert settings.file is not None
     found = geo.read_bathymetry(
@@ -312,8 +351,30 @@ def _seabed(
             f"{_path(home, settings.file)}: no pixel of the area lies below the sea surface: say by "
             "bathymetry.positive which way its values count"
         )
-    bed = Seabed.from_depth(found.depth, found.pixel_size, np.asarray(found.origin), clearance=clearance)
-    return bed, tuple(f"{settings.file}: {note}" for note in found.notes)
+    depth = found.depth + np.float32(low)
+    bed = Seabed.from_depth(depth, found.pixel_size, np.asarray(found.origin), clearance=clearance)
+    return bed, (*(f"{settings.file}: {note}" for note in found.notes), *water)
+
+
+def _low_water(settings: BathymetrySettings, current: "CurrentFile | None") -> tuple[float, tuple[str, ...]]:
+    """Return the surface at its lowest, m above the sea bed's datum, and what is to be told of it.
+
+    Depths of a vehicle count from the moving surface, those of the bed from its datum.
+    """
+    if settings.water_level is not None:
+        return settings.water_level, ()
+    told = None if current is None else current.low_water
+    if told is None or not np.isfinite(told).any():
+        return 0.0, (
+            "the sea bed is taken at its datum: at low water there is less above it, which "
+            "bathymetry.water_level would count",
+        )
+    lowest = min(float(np.nanmin(told)), 0.0)
+    if lowest == 0.0:
+        return 0.0, ()
+    return lowest, (
+        f"the sea bed counts from the lowest water of the current's files, {-lowest:.2f} m below their datum",
+    )
 
 
 @lru_cache(maxsize=4)

@@ -186,6 +186,11 @@ class BathymetrySettings(Section):
         default=None, description="direction in which values grow, where the file does not tell"
     )
     pixel_size: Positive | None = Field(default=None, description="m; half of the source's spacing if absent")
+    water_level: Annotated[float, Field(ge=-20.0, le=20.0)] | None = Field(
+        default=None,
+        description="m above the sea bed's datum, the lowest of the mission; if absent that of the current's "
+        "files, where they tell it and it is below the datum, else 0",
+    )
 
     @model_validator(mode="after")
     def _file_given(self) -> "BathymetrySettings":
@@ -225,6 +230,13 @@ class CurrentSettings(Section):
         default="refuse", description="what is done where the files do not reach: 'clamp' holds the nearest"
     )
     spacing: Positive | None = Field(default=None, description="m of the local grid; the files' if absent")
+    crs: int | str | None = Field(
+        default=None,
+        description="projection of the files' coordinates, such as 32633, if they name none",
+    )
+    epoch: datetime | None = Field(
+        default=None, description="UTC, the moment that the files' times count from, if they name none"
+    )
     vortices: Annotated[int, Field(ge=0, le=64, description="in each layer")] = 12
     layers: Annotated[int, Field(ge=1, le=10, description="of vortices, spread over the area's depths")] = 3
     radius: PositiveRange = Field(default=(500.0, 1500.0), description="m")

@@ -5,6 +5,7 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
+from pyproj import CRS
 
 from auvplan.io.currents.opening import Pick
 from auvplan.io.currents.weights import Array, Index, Weights, along, barycentric, weights_of
@@ -141,27 +142,36 @@ class Curvilinear:
         dims: of rows and columns.
         longitude, latitude: [ny, nx] degrees.
         kind: "curvilinear", or "roms" where velocities are on the cells' edges.
+        crs: the projection whose axes the rows and columns follow, where one is told.
     """
 
     dims: tuple[str, ...]
     longitude: Array
     latitude: Array
     kind: str = "curvilinear"
+    crs: CRS | None = None
 
     def locate(self, longitude: Array, latitude: Array) -> Weights:
-        """Linear in the two triangles of each cell, in metres about the places."""
+        """Linear in the two triangles of each cell, in metres about the places.
+
+        Nodes without a place, as models leave them on land, are no corners.
+        """
         middle, apart = bounds(longitude, latitude)
-        near = np.ones(self.longitude.shape, bool)
+        near = np.isfinite(self.longitude) & np.isfinite(self.latitude)
         for degrees, half in zip(offset(middle, self.longitude, self.latitude), apart, strict=True):
             # A cell may hold a place though none of its corners lies among the places.
             near &= np.abs(degrees) <= half + 2.0 * _cell_size(degrees) + 1e-9
         if not near.any():
-            near.flat[nearest(self, middle)] = True
+            near.flat[nearest(self, middle)] = True  # far away: tells how far
         row, column = np.nonzero(near[:-1, :-1] | near[1:, :-1] | near[:-1, 1:] | near[1:, 1:])
         width = self.longitude.shape[1]
         first = row * width + column
         corners = np.stack([first, first + 1, first + width + 1, first + width], axis=1)
         triangles = np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]])
+        placed = np.isfinite(self.longitude) & np.isfinite(self.latitude)
+        triangles = triangles[placed.ravel()[triangles].all(axis=1)]
+        if not len(triangles):
+            triangles = np.full((1, 3), nearest(self, middle))
         return within(self, triangles, middle, longitude, latitude)
 
     def window(self, index: Index) -> Window:
@@ -199,7 +209,7 @@ def offset(middle: Array, longitude: Array, latitude: Array) -> tuple[Array, Arr
 def nearest(geometry: Geometry, middle: Array) -> int:
     """Return the point nearest to a place, near enough for telling how far it is."""
     east, north = offset(middle, geometry.longitude, geometry.latitude)
-    return int(np.hypot(east * np.cos(np.deg2rad(middle[1])), north).argmin())
+    return int(np.nanargmin(np.hypot(east * np.cos(np.deg2rad(middle[1])), north)))
 
 
 def within(geometry: Geometry, triangles: Index, middle: Array, longitude: Array, latitude: Array) -> Weights:
@@ -222,7 +232,7 @@ def _cell_size(degrees: Array) -> Array:
         step = np.abs(_wrapped(np.diff(degrees, axis=axis)))
         ends = [[(0, 0), (0, 0)] for _ in range(2)]
         ends[0][axis], ends[1][axis] = (1, 0), (0, 1)
-        size += np.maximum(*(np.pad(step, end) for end in ends))
+        size += np.fmax(*(np.pad(step, end) for end in ends))
     return size
 
 

@@ -14,7 +14,7 @@ from auvplan.io.currents.series import Array
 from auvplan.ocean.gridded import CurrentError
 
 #: Heights of levels above the datum, as SCHISM and SELFE tell them.
-_HEIGHTS = ("zcor", "zCoordinates")
+_HEIGHTS = ("zcor", "zCoordinates", "zval")
 _SIGMAS = ("siglay", "sigma", "siglev")
 
 
@@ -199,9 +199,16 @@ def _check_shares(fail: Callable[[str], CurrentError], sigma: str, shares: Array
 
 def _told(points: Points, heights: str, dim: str) -> Levels:
     """Heights above the datum for each time, level and point; missing below the sea bed."""
+    metres = points.metres(heights)
+    last = points.series.variables[heights].sizes[dim] - 1
+    first = points.series.read(heights, {dim: np.array([0, last])}, slice(0, 1), points.series.dims(heights))
+    ends = np.moveaxis(first[0], points.series.dims(heights).index(dim), 0) * metres
+    both = np.isfinite(ends).all(axis=0)
+    rising = not both.any() or float((ends[-1] - ends[0])[both].mean()) >= 0.0
+    order = slice(None, None, -1 if rising else 1)
 
     def read(frames: slice, window: Window) -> tuple[Array, Array | None]:
-        height = points.read(heights, frames, window, (dim,)) * points.metres(heights)
+        height = points.read(heights, frames, window, (dim,)) * metres
         there = np.isfinite(height)
         top = np.where(there, height, -np.inf).max(axis=1)
         rise = np.where(np.isfinite(top), top, 0.0)
@@ -209,6 +216,6 @@ def _told(points: Points, heights: str, dim: str) -> Levels:
             rise = points.rise(frames, window)
         depths = np.where(there, rise[:, None] - height, np.inf)
         bed = np.where(there, depths, -np.inf).max(axis=1)
-        return depths[:, ::-1], np.where(np.isfinite(bed), bed, np.nan)
+        return depths[:, order], np.where(np.isfinite(bed), bed, np.nan)
 
-    return Levels(dim, slice(None, None, -1), None, read)
+    return Levels(dim, order, None, read)

@@ -69,7 +69,8 @@ def find_current(file: File) -> Names:
     """
     by_standard: dict[str, list[str]] = {}
     for name in file.variables:
-        by_standard.setdefault(standard_name(file, name), []).append(name)
+        if not _on_network(file, name):
+            by_standard.setdefault(standard_name(file, name), []).append(name)
     for candidates in (
         {name: name.replace("eastward", "northward") for name in by_standard if _TRUE.fullmatch(name)},
         {name: other for name, other in _ALONG.items() if name in by_standard},
@@ -85,6 +86,12 @@ def find_current(file: File) -> Names:
                 raise CurrentError(f"{file.path}: {east} has no partner {candidates[standard]}")
             return Names(east, _best(file, partners), None, standard in _ALONG)
     return _by_name(file)
+
+
+def _on_network(file: File, name: str) -> bool:
+    """Return whether a variable is told on a network of lines, such as the 1D part of D-Flow's rivers."""
+    mesh = file.variables.get(text(file.variables[name].attrs, "mesh"))
+    return mesh is not None and text(mesh.attrs, "topology_dimension") == "1"
 
 
 def _by_name(file: File) -> Names:
@@ -147,10 +154,33 @@ def find_places(file: File, name: str, staggered: bool = False) -> tuple[str, st
         _place(file, name, "longitude", _LONGITUDES, hints),
         _place(file, name, "latitude", _LATITUDES, hints),
     ]
+    if None in found:
+        projected = [_projected(file, name, axis) for axis in ("x", "y")]
+        if projected[0] is not None and projected[1] is not None:
+            return projected[0], projected[1]
     for kind, place in zip(("longitude", "latitude"), found, strict=True):
         if place is None:
-            raise CurrentError(f"{file.path}: {name} has no {kind}")
+            raise CurrentError(
+                f"{file.path}: {name} has no {kind}: name the model's grid file beside it in current.files, "
+                "if it has one"
+            )
     return str(found[0]), str(found[1])
+
+
+def _projected(file: File, of: str, axis: str) -> str | None:
+    """Return the coordinate along an axis of a projection or of a turned pole; None without one."""
+    standard = {
+        "x": ("projection_x_coordinate", "grid_longitude"),
+        "y": ("projection_y_coordinate", "grid_latitude"),
+    }
+    dims, found = set(file.variables[of].dims), []
+    for name, variable in file.variables.items():
+        if variable.ndim not in (1, 2) or not set(variable.dims) <= dims:
+            continue
+        told = standard_name(file, name) in standard[axis]
+        if (told or name.lower() in (axis, f"{axis}c")) and np.any(file.coordinate(name, missing=True)):
+            found.append((not told, name))
+    return min(found)[1] if found else None
 
 
 def _place(file: File, of: str, kind: str, names: Iterable[str], hints: Sequence[str]) -> str | None:
@@ -165,9 +195,10 @@ def _place(file: File, of: str, kind: str, names: Iterable[str], hints: Sequence
             ranked.append((*rank, order.index(name) if name in order else len(order), name))
     for *_, name in sorted(ranked):
         # Models leave coordinates of grids that they do not write at zero.
-        if file.variables[name].ndim == 1 and file.variables[name].size == 1:
+        variable = file.variables[name]
+        if variable.ndim == 1 and variable.size == 1:
             return name
-        if np.any(file.coordinate(name)):
+        if np.nan_to_num(file.coordinate(name, missing=variable.ndim == 2)).any():
             return name
     return None
 

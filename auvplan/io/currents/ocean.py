@@ -10,8 +10,10 @@ from numpy.typing import ArrayLike
 
 from auvplan.io.currents.columns import at_depth
 from auvplan.io.currents.geometry import DEGREE, Curvilinear, Geometry, Regular, Window
+from auvplan.io.currents.models import unified
 from auvplan.io.currents.names import Names, find_current, find_places
 from auvplan.io.currents.opening import File, Paths, open_files
+from auvplan.io.currents.projection import find_crs, in_degrees
 from auvplan.io.currents.series import Array, Series, in_order
 from auvplan.io.currents.times import moment_of, seconds_of, stamp
 from auvplan.io.currents.triangles import find_triangles
@@ -189,20 +191,23 @@ def misunderstood(label: str, error: Exception) -> CurrentError:
     return CurrentError(f"{label}: cannot be understood ({line})")
 
 
-def open_ocean(paths: Paths) -> OceanData:
+def open_ocean(paths: Paths, *, crs: Any = None, epoch: Any = None) -> OceanData:
     """Open files of ocean currents: NetCDF-3, NetCDF-4, or Zarr folders.
 
     They may follow CF, or be native ROMS, FVCOM, SCHISM or SELFE output, or UGRID; see `read_current`.
 
     Args:
-        paths: one path, a glob pattern, or a list of such; files may be split over time.
+        paths: one path, a glob pattern, or a list of such; files may be split over time, and hold the
+            components, the grid and the levels apart.
+        crs: projection of coordinates in metres, as pyproj takes it, where the files do not name it.
+        epoch: the moment that the files' times count from, where they do not tell it; a datetime in UTC.
 
     Raises:
         CurrentError: one line that names the file, the variable and what is wrong.
     """
-    files = open_files(paths)
+    files = open_files(paths, crs, None if epoch is None else float(seconds_of(epoch)))
     try:
-        return _standardised(files)
+        return _standardised(unified(files))
     except CurrentError:
         for file in files:
             file.close()
@@ -244,17 +249,18 @@ def _geometry(series: Series, names: Names, places: tuple[str, str] | None) -> G
         found = find_triangles(file, names.east, None)
         assert found is not None
         return found
-    longitude, latitude = (file.coordinate(name) for name in places)
+    longitude, latitude, crs = in_degrees(file, places)
     dims = [tuple(str(dim) for dim in file.variables[name].dims) for name in places]
-    if np.abs(latitude).max() > 90.0 + 1e-6 or np.abs(longitude).max() > 720.0:
-        raise series.fail(f"{places[0]} and {places[1]} are no degrees")
+    if crs is not None and dims[0] != dims[1]:
+        return Curvilinear((*dims[1], *dims[0]), longitude, latitude, crs=crs)
     if longitude.ndim == 2:
         if dims[0] != dims[1] or min(longitude.shape) < 2:
             raise series.fail(f"{places[0]} and {places[1]} are no grid of rows and columns")
         staggered = places[0] == "lon_rho" and dims[0][-1] not in file.variables[names.north].dims[-1:]
         east_dims, north_dims = (file.variables[name].dims[-2:] for name in (names.east, names.north))
         kind = "roms" if staggered or east_dims != north_dims else "curvilinear"
-        return Curvilinear(dims[0], longitude, latitude, kind)
+        own = crs or find_crs(file, (names.east, *places))
+        return Curvilinear(dims[0], longitude, latitude, kind, own)
     if dims[0] == dims[1] and longitude.ndim == 1:
         found = find_triangles(file, names.east, places)
         assert found is not None

@@ -38,12 +38,16 @@ class File:
         variables: by name; packing and fill values are decoded, times are not.
         attributes: of the whole file.
         close: lets go of the file.
+        crs: the projection of its coordinates as pyproj takes it, where the file may not tell; or None.
+        epoch: the moment, s since 1970, that its times count from where it does not tell; or None.
     """
 
     path: str
     variables: Mapping[str, xr.Variable]
     attributes: Mapping[str, Any]
     close: Callable[[], None]
+    crs: Any = None
+    epoch: float | None = None
 
     def read(
         self, name: str, picks: Mapping[str, Pick] | None = None, dims: Sequence[str] | None = None
@@ -82,8 +86,12 @@ class File:
             values = np.take(values, pick, axis=part.dims.index(dim))
         return values
 
-    def coordinate(self, name: str) -> NDArray[np.float64]:
+    def coordinate(self, name: str, missing: bool = False) -> NDArray[np.float64]:
         """Return all values of a coordinate.
+
+        Args:
+            name: of the variable.
+            missing: whether some may be NaN, as models leave them on land.
 
         Raises:
             CurrentError: they are too many, cannot be read, or are not finite.
@@ -94,7 +102,7 @@ class File:
                 f"{self.path}: coordinate {name} has {size} values, more than {MAX_COORDINATE} are not read"
             )
         values = self.read(name)
-        if not np.isfinite(values).all():
+        if not (np.isfinite(values).any() if missing else np.isfinite(values).all()):
             raise CurrentError(f"{self.path}: coordinate {name} has values that are not finite")
         return values
 
@@ -118,8 +126,12 @@ def text(attributes: Mapping[str, Any], name: str) -> str:
     return str(value).strip()
 
 
-def open_files(paths: Paths) -> tuple[File, ...]:
+def open_files(paths: Paths, crs: Any = None, epoch: float | None = None) -> tuple[File, ...]:
     """Open one file, all files of a glob pattern, or a list of either.
+
+    Args:
+        paths: of the files.
+        crs, epoch: as in `File`.
 
     Raises:
         CurrentError: there is no such file, or one is no readable NetCDF file or Zarr folder.
@@ -136,7 +148,7 @@ def open_files(paths: Paths) -> tuple[File, ...]:
     files: list[File] = []
     try:
         for name in names:
-            files.append(_open(name))
+            files.append(_open(name, crs, epoch))
     except CurrentError:
         for file in files:
             file.close()
@@ -144,7 +156,7 @@ def open_files(paths: Paths) -> tuple[File, ...]:
     return tuple(files)
 
 
-def _open(path: str) -> File:
+def _open(path: str, crs: Any, epoch: float | None) -> File:
     reasons = []
     for engine in _engines(path):
         try:
@@ -156,7 +168,7 @@ def _open(path: str) -> File:
         except Exception as error:
             reasons.append(_line(error))
             continue
-        return File(path, variables, dataset.attrs, dataset.close)
+        return File(path, variables, dataset.attrs, dataset.close, crs, epoch)
     raise CurrentError(f"{path}: not a readable NetCDF file ({reasons[0]})")
 
 

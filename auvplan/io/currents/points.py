@@ -15,6 +15,11 @@ from auvplan.io.currents.units import length_factor
 _SURFACES = ("zeta", "elev", "elevation", "ssh", "zos")
 _SURFACE_NAMES = ("sea_surface_height_above_geoid", "sea_surface_height_above_mean_sea_level",
                   "sea_surface_height", "sea_surface_elevation")  # fmt: skip
+#: Masks of flats that fall dry, of FVCOM, ROMS and SCHISM, and whether 1 is dry.
+_WETTING = (
+    ("wet_cells", False), ("wet_nodes", False), ("wetdry_mask_rho", False), ("wetdry_mask", False),
+    ("dryFlagElement", True), ("dryFlagNode", True), ("wetdry_elem", True), ("wetdry_node", True),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -106,6 +111,21 @@ class Points:
         if name is None:
             return np.zeros((1, window.points))
         return np.nan_to_num(self.read(name, frames, window) * self.metres(name))
+
+    def lowest(self, frames: slice, window: Window) -> Array | None:
+        """Return the least height [P] m of the surface above the datum at some times, None if not told."""
+        if self.rise_name() is None:
+            return None
+        low = self.rise(frames, window).min(axis=0)
+        return np.where(self.water(window), low, np.nan)
+
+    def wet(self, frames: slice, window: Window) -> NDArray[np.bool_]:
+        """[T, P], False where a mask that changes in time says dry; T is 1 where there is none."""
+        for name, dry in _WETTING:
+            if name in self.series.variables and self.has(name):
+                mask = np.nan_to_num(self.read(name, frames, window), nan=float(dry)) > 0.5
+                return ~mask if dry else mask
+        return np.ones((1, window.points), bool)
 
     def water(self, window: Window) -> NDArray[np.bool_]:
         """[P], False where a mask of the file says land."""

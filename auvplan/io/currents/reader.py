@@ -1,9 +1,11 @@
 """Reading ocean currents onto a grid of local metres, for planning."""
 
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
 from itertools import pairwise
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,6 +24,9 @@ from auvplan.ocean.gridded import CurrentError, GriddedCurrent
 from auvplan.scenario.swapped import swapped_hint
 from auvplan.site import Site
 
+#: Where there is land: m north and east [M] to [M] bool, or wherever a mesh has no cells.
+Land = Callable[[Array, Array], NDArray[np.bool_]] | Literal["mesh"]
+
 #: Nodes a side of a local grid.
 MAX_NODES = 512
 #: Depths, m, onto which levels that follow the sea bed are interpolated.
@@ -39,8 +44,13 @@ class CurrentFile:
     Attributes:
         field: the current; its times are s since `epoch`.
         epoch: the moment of time 0, UTC.
-        water: [X, Y] bool, whether there is water at the first depth at all times.
-        sea_floor: [X, Y] m below the datum, positive down, NaN on land; None where the file does not tell it.
+        water: [X, Y] bool, whether there is water at the first depth at all times; False beyond the data.
+        covered: [X, Y] bool, whether the data reaches there: no farther than half a cell beyond a grid's
+            points, nowhere beyond a mesh's cells.
+        sea_floor: [X, Y] m below the datum, positive down, NaN on land and beyond the data; None where the
+            file does not tell it.
+        low_water: [X, Y] m above the datum, the surface at its lowest, NaN on land; None where the file does
+            not tell its height.
         origin: m, north and east of node (0, 0).
         spacing: m between nodes, north and east.
         notes: every assumption that was made.
@@ -50,7 +60,9 @@ class CurrentFile:
     field: GriddedCurrent
     epoch: datetime
     water: NDArray[np.bool_]
+    covered: NDArray[np.bool_]
     sea_floor: Array | None
+    low_water: Array | None
     origin: tuple[float, float]
     spacing: tuple[float, float]
     notes: tuple[str, ...]
@@ -67,6 +79,9 @@ def read_current(
     spacing: float | None = None,
     depths: ArrayLike | None = None,
     outside: str = "refuse",
+    land: Land | None = None,
+    crs: Any = None,
+    data_epoch: datetime | None = None,
 ) -> CurrentFile:
     """Read the currents of a box onto a local grid.
 
@@ -76,7 +91,8 @@ def read_current(
     instantaneous surface.
 
     Args:
-        paths: one path, a glob pattern, or a list of such; files may be split over time.
+        paths: one path, a glob pattern, or a list of such; files may be split over time, and hold the
+            components, the grid and the levels apart.
         site: of the local frame. Where it has no epoch, the first time of the data is the epoch.
         lower, upper: [3] m north, east, depth, the corners of the box that must be covered.
         times: first and last s since the epoch that must be covered; all of the data's by default.
@@ -84,6 +100,10 @@ def read_current(
         depths: m, rising; by default the source's levels down to the box's end and the next one, or standard
             depths where the levels follow the sea bed.
         outside: "refuse" what the data does not cover, or "clamp": the nearest value holds.
+        land: where no current is needed: m north and east [M] to [M] bool, as a chart tells it, or "mesh" for
+            wherever the data is a mesh and has no cells; by default nowhere.
+        crs: projection of the files' coordinates, as pyproj takes it, where they do not name it.
+        data_epoch: the moment, UTC, that the files' times count from, where they do not tell it.
 
     Raises:
         CurrentError: one line that names the file, the variable and what is wrong.
@@ -99,9 +119,9 @@ def read_current(
     low, high = _box(lower, upper)
     if outside not in ("refuse", "clamp"):
         raise CurrentError(f"outside must be 'refuse' or 'clamp', got {outside!r}")
-    source = open_ocean(paths)
+    source = open_ocean(paths, crs=crs, epoch=data_epoch)
     try:
-        return _read(source, site, low, high, times, spacing, depths, outside == "clamp")
+        return _read(source, site, low, high, times, spacing, depths, outside == "clamp", land)
     except CurrentError:
         source.close()
         raise
@@ -119,6 +139,7 @@ def _read(
     spacing: float | None,
     depths: ArrayLike | None,
     clamp: bool,
+    land: Land | None,
 ) -> CurrentFile:
     notes = list(source.notes)
     epoch = moment_of(source.times[0]) if site.epoch is None else site.epoch
@@ -129,20 +150,9 @@ def _read(
     longitude, latitude = site.to_geographic(north, east)
     weights = source.geometry.locate(longitude, latitude)
     if weights.outside.any():
-        share = weights.outside.mean()
-        part = f"{share:.0%}" if share >= 0.005 else "less than 1%"
-        if not clamp or share == 1.0:
-
-            def fits(other: Site) -> bool:
-                return not source.geometry.locate(*other.to_geographic(north, east)).outside.any()
-
-            far, hint = describe(weights.beyond), swapped_hint(site, fits)
-            raise source.series.fail(
-                f"{part} of the box is not covered: it reaches beyond the data {far}{hint}"
-            )
-        notes.append(f"beyond the data's area, in {part} of the box, its nearest value holds")
+        _check_cover(source, site, north, east, weights, land, clamp, notes)
     wanted = _depths(source, high[2], depths, notes)
-    velocities, floor = _gridded(source, weights, frames, wanted, notes)
+    velocities, floor, lowest = _gridded(source, weights, frames, wanted, notes)
     bearing = site.true_north(longitude, latitude)
     cos, sin = np.cos(bearing), np.sin(bearing)
     to_north, to_east, down = velocities
@@ -163,9 +173,61 @@ def _read(
         u, v, None if down is None else down.reshape(shape),
         origin=origin, spacing=apart, depths=wanted, times=source.times[frames] - start,
     )  # fmt: skip
-    sea_floor = None if floor is None else floor.reshape(shape[2:])
-    water = np.asarray(np.isfinite(u[:, 0]).all(axis=0))
-    return CurrentFile(field, epoch, water, sea_floor, origin, apart, tuple(dict.fromkeys(notes)), source)
+    reach = np.hypot(*weights.beyond.T)
+    near = 0.0 if source.kind == "triangles" else _source_spacing(source, site, low, high) / 2.0
+    covered = np.asarray((reach <= near).reshape(shape[2:]))
+    sea_floor, low_water = (
+        None if values is None else np.where(covered, values.reshape(shape[2:]), np.nan)
+        for values in (floor, lowest)
+    )
+    water = np.asarray(np.isfinite(u[:, 0]).all(axis=0)) & covered
+    return CurrentFile(
+        field, epoch, water, covered, sea_floor, low_water, origin, apart, tuple(dict.fromkeys(notes)), source
+    )
+
+
+def _check_cover(
+    source: OceanData,
+    site: Site,
+    north: Array,
+    east: Array,
+    weights: Weights,
+    land: Land | None,
+    clamp: bool,
+    notes: list[str],
+) -> None:
+    """Refuse a box that the data does not cover, or note what holds beyond it.
+
+    Raises:
+        CurrentError: a node lies beyond the data where there is water, or all do.
+    """
+    outside = weights.outside
+    mesh = source.kind == "triangles"
+    if callable(land):
+        dry = np.asarray(land(north, east), bool)
+    else:
+        dry = np.full(len(north), mesh and land == "mesh")
+    lacking = outside & ~dry
+    if outside.all() or (lacking.any() and not clamp):
+        lacking = outside if outside.all() else lacking
+
+        def fits(other: Site) -> bool:
+            return not source.geometry.locate(*other.to_geographic(north, east)).outside.any()
+
+        far, hint = describe(weights.beyond[lacking]), swapped_hint(site, fits)
+        raise source.series.fail(
+            f"{_part(lacking)} of the box is not covered: it reaches beyond the data {far}{hint}"
+        )
+    if lacking.any():
+        what = "there is land unless a chart tells water, where the nearest" if mesh else "its nearest"
+        notes.append(f"beyond the data's area, in {_part(lacking)} of the box, {what} value holds")
+    else:
+        notes.append(f"{_part(outside)} of the box lies beyond the data's area, where there is land")
+
+
+def _part(nodes: NDArray[np.bool_]) -> str:
+    share = nodes.mean()
+    return f"{share:.0%}" if share >= 0.005 else "less than 1%"
 
 
 def _box(lower: ArrayLike, upper: ArrayLike) -> tuple[Array, Array]:
@@ -248,8 +310,8 @@ def _depths(source: OceanData, deepest: float, depths: ArrayLike | None, notes: 
 
 def _gridded(
     source: OceanData, weights: Weights, frames: slice, wanted: Array, notes: list[str]
-) -> tuple[tuple[Array, Array, Array | None], Array | None]:
-    """North, east and down [T, D, M] m/s at M places and D depths, and the sea bed [M] m."""
+) -> tuple[tuple[Array, Array, Array | None], Array | None, Array | None]:
+    """North, east and down [T, D, M] m/s at M places and D depths, the sea bed and the lowest water [M] m."""
     window = source.geometry.window(weights.index)
     count = frames.stop - frames.start
     each = window.points * max(1, _level_count(source))
@@ -269,13 +331,16 @@ def _gridded(
     floor = source.velocity.points.floor(window)
     if floor is not None:
         floor = mix(matrix, floor[None])[0][0]
+    lowest = source.velocity.points.lowest(frames, window)
+    if lowest is not None:
+        lowest = mix(matrix, lowest[None])[0][0]
     if source.velocity.up is None:
-        return (north, east, None), floor
+        return (north, east, None), floor, lowest
     # The field's mask is one for all components.
     lacking = np.isnan(up) & np.isfinite(east)
     if lacking.any():
         notes.append("where the level current is told and the vertical one is not, that is taken as 0")
-    return (north, east, np.where(lacking, 0.0, -up)), floor
+    return (north, east, np.where(lacking, 0.0, -up)), floor, lowest
 
 
 def _level_count(source: OceanData) -> int:

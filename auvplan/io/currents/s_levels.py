@@ -12,6 +12,7 @@ _CURVES = {
     "rho": (("s_rho", "sc_r"), ("Cs_r", "Cs_rho")),
     "w": (("s_w", "sc_w"), ("Cs_w",)),
 }
+_AXES = ("s_rho", "sc_r", "s_w", "sc_w")
 
 
 def s_depths(s: Array, curve: Array, critical: float, transform: int, floor: Array, rise: Array) -> Array:
@@ -49,13 +50,14 @@ def s_levels(series: Series, dim: str, notes: list[str]) -> Callable[[Array, Arr
         CurrentError: these are s-levels, but a parameter is missing or makes no sense.
     """
     file = series.files[0]
-    between = dim in ("s_w", "sc_w")
+    axis = next((name for name in _AXES if name in file.variables and series.dims(name) == (dim,)), dim)
+    between = axis in ("s_w", "sc_w")
     coordinates, curves = _CURVES["w" if between else "rho"]
-    own = standard_name(file, dim) if dim in file.variables else ""
-    if dim not in ("s_rho", "s_w", "sc_r", "sc_w") and not own.startswith("ocean_s_coordinate"):
+    own = standard_name(file, axis) if axis in file.variables else ""
+    if axis not in _AXES and not own.startswith("ocean_s_coordinate"):
         return None
     count = next(v.sizes[dim] for v in file.variables.values() if dim in v.dims)
-    s = _parameter(series, (dim, *coordinates), count)
+    s = _parameter(series, (axis, *coordinates), count)
     if s is None:
         steps = np.arange(count) / (count - 1) if between else (np.arange(count) + 0.5) / count
         s = steps - 1.0

@@ -16,6 +16,8 @@ _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _REAL_CALENDARS = ("", "standard", "gregorian", "proleptic_gregorian", "julian")
 #: Calendars that xarray decodes by itself.
 _WITHOUT_CFTIME = ("", "standard", "gregorian", "proleptic_gregorian")
+#: Misspelt names of calendars.
+_MISSPELT = {"gregorian_proleptic": "proleptic_gregorian", "gregorian-proleptic": "proleptic_gregorian"}
 _NAMES = ("time", "ocean_time", "Time", "TIME", "t", "time_counter", "MT")
 
 
@@ -43,6 +45,16 @@ def find_time(file: File, dims: tuple[str, ...]) -> str:
         if any(likely[:4]) or any(letter.isdigit() for letter in text(variable.attrs, "units")):
             found.append((likely, name))
     if not found:
+        plain = [
+            name
+            for name, variable in file.variables.items()
+            if variable.ndim == 1
+            and variable.dims[0] in dims
+            and (name in _NAMES or variable.dims == (name,))
+            and (name in _NAMES or text(variable.attrs, "standard_name") == "time")
+        ]
+        if plain:
+            return plain[0]
         raise CurrentError(f"{file.path}: no time coordinate with units like 'seconds since 1970-01-01'")
     return max(found)[1]
 
@@ -55,8 +67,13 @@ def decode_times(file: File, name: str) -> tuple[NDArray[np.float64], list[str]]
     """
     variable = file.variables[name]
     units, calendar = text(variable.attrs, "units"), text(variable.attrs, "calendar").lower()
+    calendar = _MISSPELT.get(calendar, calendar)
     notes = []
     exact = _modified_julian(file, variable.dims)
+    if exact is None:
+        exact = _written_out(file, variable.dims)
+    if exact is None and "since" not in units:
+        units = _since_told(file, name, units, notes)
     if exact is not None:
         seconds = exact
     else:
@@ -152,6 +169,43 @@ def _by_fields(file: File, name: str, date: Any, calendar: str) -> float:
     except ValueError:
         day = f"{fields[0]}-{fields[1]:02d}-{fields[2]:02d}"
         raise CurrentError(f"{file.path}: {name}: {day} of the calendar {calendar} is no UTC date") from None
+
+
+def _since_told(file: File, name: str, units: str, notes: list[str]) -> str:
+    """Return units of times that count from the moment that was told of the file.
+
+    Raises:
+        CurrentError: none was told, or the units are no time.
+    """
+    if file.epoch is None:
+        raise CurrentError(
+            f"{file.path}: {name} does not tell the date that it counts from: say current.epoch, such as "
+            "2026-05-01T00:00:00Z"
+        )
+    unit = units.split()[0].lower() if units else "seconds"
+    if not units:
+        notes.append(f"{name} has no units: taken as seconds since current.epoch")
+    return f"{unit} since {stamp(file.epoch).removesuffix('Z')}"
+
+
+def _written_out(file: File, dims: tuple) -> NDArray[np.float64] | None:
+    """FVCOM's Times, dates as text to the microsecond, where they are there and the days are not whole."""
+    written = file.variables.get("Times")
+    if written is None or written.ndim not in (1, 2) or written.dims[0] != dims[0]:
+        return None
+    with file.guarded("Times"):
+        values = np.asarray(written.values)
+    if values.dtype.kind not in "SU" or not values.size:
+        return None
+    rows = [
+        b"".join(row.tolist()).decode() if row.dtype.kind == "S" else "".join(row.tolist())
+        for row in values.reshape(len(values), -1)
+    ]
+    try:
+        dates = [datetime.fromisoformat(row.strip(" \0").removesuffix("Z")) for row in rows]
+    except ValueError:
+        return None
+    return np.asarray([(as_utc(date) - _EPOCH).total_seconds() for date in dates])
 
 
 def _modified_julian(file: File, dims: tuple) -> NDArray[np.float64] | None:

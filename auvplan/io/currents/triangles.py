@@ -5,16 +5,20 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from pyproj import CRS
 from scipy.spatial import ConvexHull, QhullError
 
 from auvplan.io.currents.geometry import Window, bounds, metres, nearest, offset, within
 from auvplan.io.currents.opening import File, text
+from auvplan.io.currents.projection import in_degrees
 from auvplan.io.currents.weights import Array, Index, Weights, find_triangle, triangulate
 from auvplan.ocean.gridded import CurrentError
 
 #: Connectivity where no mesh topology names it.
 _CONNECTIVITY = ("nv", "SCHISM_hgrid_face_nodes", "ele", "elem", "element", "tri")
-_NODES = (("lon", "lat"), ("longitude", "latitude"), ("SCHISM_hgrid_node_x", "SCHISM_hgrid_node_y"))
+_NODES = (
+    ("lon", "lat"), ("longitude", "latitude"), ("SCHISM_hgrid_node_x", "SCHISM_hgrid_node_y"), ("x", "y"),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -26,7 +30,8 @@ class Cells:
         longitude, latitude: [nodes] degrees.
         triangles: [N, 3] nodes.
         cell: [N], the cell that each triangle is of: a cell with four corners is two triangles.
-        corners: [cells, 3 or 4] nodes, -1 where a cell has fewer.
+        corners: [cells, 3 or more] nodes, -1 where a cell has fewer.
+        crs: the projection of the file's coordinates; None for degrees.
     """
 
     dim: str
@@ -36,6 +41,7 @@ class Cells:
     triangles: Index
     cell: Index
     corners: Index
+    crs: CRS | None = None
 
 
 @dataclass(frozen=True)
@@ -47,6 +53,7 @@ class Triangles:
         longitude, latitude: [P] degrees.
         cells: the grid's cells, whose nodes or middles the points are; None where the file has none.
         in_cells: whether the points are the cells' middles.
+        crs: the projection whose axes the grid's coordinates count along; None for degrees.
     """
 
     dims: tuple[str, ...]
@@ -54,6 +61,7 @@ class Triangles:
     latitude: Array
     cells: Cells | None = None
     in_cells: bool = False
+    crs: CRS | None = None
     kind: str = "triangles"
 
     @cached_property
@@ -79,7 +87,8 @@ class Triangles:
         """Linear in triangles, in metres about the places.
 
         Values in cells are linear between the cells' middles; at the rim, where there is no triangle of
-        middles, a cell's own value holds. Holes and bays of the grid are land: their weights are 0.
+        middles, a cell's own value holds. Where no cell is, there is land: the weights are 0. Beyond the
+        convex hull of the grid the places are also told as not covered.
         """
         middle, apart = bounds(longitude, latitude)
         near = _near(self, self.triangles, middle, apart)
@@ -93,8 +102,8 @@ class Triangles:
             index[rim], weight[rim] = held[rim, None], (1.0, 0.0, 0.0)
             beyond[held >= 0] = 0.0
             dry = held < 0
-        inland = dry & self._in_hull(longitude, latitude)
-        weight[inland], beyond[inland] = 0.0, 0.0
+        weight[dry] = 0.0
+        beyond[dry & self._in_hull(longitude, latitude)] = 0.0
         return Weights(index, weight, beyond)
 
     def _cell_of(self, longitude: Array, latitude: Array, middle: Array, apart: Array) -> Index:
@@ -153,16 +162,16 @@ def find_triangles(file: File, name: str, places: tuple[str, str] | None) -> Tri
         turned = np.exp(1j * np.deg2rad(cells.longitude))
         longitude = np.rad2deg(np.angle(cell_means(cells, turned, everything)))
         latitude = cell_means(cells, cells.latitude, everything)
-        return Triangles((cells.cell_dim,), longitude, latitude, cells, True)
+        return Triangles((cells.cell_dim,), longitude, latitude, cells, True, cells.crs)
     dim = str(file.variables[places[0]].dims[0])
-    longitude, latitude = (file.coordinate(place) for place in places)
+    longitude, latitude, crs = in_degrees(file, places)
     if longitude.shape != latitude.shape or len(longitude) < 3:
         raise CurrentError(f"{file.path}: {places[0]} and {places[1]} are no three places or more")
     if cells is not None and dim == cells.dim:
-        return Triangles((dim,), longitude, latitude, cells)
+        return Triangles((dim,), longitude, latitude, cells, crs=crs)
     if cells is not None and dim == cells.cell_dim:
-        return Triangles((dim,), longitude, latitude, cells, True)
-    return Triangles((dim,), longitude, latitude)
+        return Triangles((dim,), longitude, latitude, cells, True, crs)
+    return Triangles((dim,), longitude, latitude, crs=crs)
 
 
 def find_cells(file: File) -> Cells | None:
@@ -194,24 +203,40 @@ def find_cells(file: File) -> Cells | None:
     fans = [(k, np.flatnonzero(corners[:, k + 1] >= 0)) for k in range(1, corners.shape[1] - 1)]
     triangles = [np.stack([corners[at, 0], corners[at, k], corners[at, k + 1]], axis=1) for k, at in fans]
     node_dim, cell_dim = str(file.variables[places[0]].dims[0]), dims[1 if by_corner else 0]
-    longitude, latitude = (file.coordinate(place) for place in places)
+    longitude, latitude, crs = in_degrees(file, places)
     cell = np.concatenate([at for _, at in fans])
-    return Cells(node_dim, cell_dim, longitude, latitude, np.concatenate(triangles), cell, corners)
+    return Cells(node_dim, cell_dim, longitude, latitude, np.concatenate(triangles), cell, corners, crs)
 
 
 def _topology(file: File) -> tuple[str, tuple[str, str]] | None:
-    for variable in file.variables.values():
-        if text(variable.attrs, "cf_role") != "mesh_topology":
+    for mesh, variable in file.variables.items():
+        one_dimensional = text(variable.attrs, "topology_dimension") == "1"
+        if text(variable.attrs, "cf_role") != "mesh_topology" or one_dimensional:
             continue
-        name = text(variable.attrs, "face_node_connectivity")
+        name = text(variable.attrs, "face_node_connectivity") or _connectivity(file, mesh)
         nodes = text(variable.attrs, "node_coordinates").split()
+        if not name:
+            raise CurrentError(f"{file.path}: the mesh topology {mesh} names no face_node_connectivity")
         for missing in [part for part in (name, *nodes) if part not in file.variables]:
-            told = missing or "no cells"
-            raise CurrentError(f"{file.path}: the mesh topology names {told}, which is missing")
+            raise CurrentError(
+                f"{file.path}: the mesh topology {mesh} names {missing}, which is missing: name the model's "
+                "grid file beside it in current.files, if it has one"
+            )
         if len(nodes) == 2:
             northern = [_is_latitude(file, node) for node in nodes]
             return name, (nodes[1], nodes[0]) if northern[0] and not northern[1] else (nodes[0], nodes[1])
     return None
+
+
+def _connectivity(file: File, mesh: str) -> str:
+    """Return the variable whose role is a mesh's cells, empty where there is none."""
+    roles = [
+        name
+        for name, variable in file.variables.items()
+        if text(variable.attrs, "cf_role") == "face_node_connectivity"
+        and text(variable.attrs, "mesh") in ("", mesh)
+    ]
+    return roles[0] if roles else ""
 
 
 def _by_name(file: File) -> tuple[str, tuple[str, str]] | None:
@@ -221,7 +246,8 @@ def _by_name(file: File) -> tuple[str, tuple[str, str]] | None:
             continue
         for places in _NODES:
             known = [file.variables.get(place) for place in places]
-            if all(place is not None and place.ndim == 1 for place in known):
+            flat = all(place is not None and place.ndim == 1 for place in known)
+            if flat and any(file.coordinate(place).any() for place in places):
                 return name, places
     return None
 

@@ -1,16 +1,19 @@
 """Velocities as a file holds them to m/s east, north and up at its points."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from auvplan.io.currents.geometry import Curvilinear, Geometry, Window
 from auvplan.io.currents.levels import Levels, find_levels
 from auvplan.io.currents.names import Names, find_upward, standard_name
 from auvplan.io.currents.opening import Pick, text
 from auvplan.io.currents.points import Points
+from auvplan.io.currents.projection import axes_angle, grid_angle
 from auvplan.io.currents.series import Array, Series
+from auvplan.io.currents.triangles import Triangles
 from auvplan.io.currents.units import speed_factor
 
 #: Faster water, m/s, is a fill value that the file does not declare.
@@ -66,11 +69,11 @@ class Velocity:
 
     Attributes:
         points: where it is told.
-        east, north: components, along the grid's rows and columns where `angle` is named.
+        east, north: components, along axes of their own where there is a `turn`.
         up: vertical velocity, or None.
         both: the dimension that tells the components of one variable apart, or None.
-        angle: the variable that holds the angle from east to the grid's rows, counter-clockwise; or None.
-        radians: radians in that angle's unit.
+        turn: the angle [P], rad, from east to the first component's axis, counter-clockwise, at a window's
+            points; or None.
         staggered: whether the components are on the edges of the cells, as in ROMS.
     """
 
@@ -79,8 +82,7 @@ class Velocity:
     north: Component
     up: Component | None
     both: str | None
-    angle: str | None
-    radians: float
+    turn: Callable[[Window], Array] | None
     staggered: bool
 
     def read(self, frames: slice, window: Window) -> Block:
@@ -97,9 +99,10 @@ class Velocity:
             east, north = (
                 self._values(part, frames, window, k) for k, part in enumerate((self.east, self.north))
             )
-        land = ~(np.isfinite(east) & np.isfinite(north) & self.points.water(window))
-        if self.angle is not None:
-            turn = self.points.read(self.angle, slice(0, 1), window)[:, None] * self.radians
+        wet = self.points.wet(frames, window)[:, None] & self.points.water(window)
+        land = ~(np.isfinite(east) & np.isfinite(north) & wet)
+        if self.turn is not None:
+            turn = self.turn(window)
             east, north = (
                 east * np.cos(turn) - north * np.sin(turn),
                 east * np.sin(turn) + north * np.cos(turn),
@@ -185,16 +188,8 @@ def find_velocity(series: Series, names: Names, geometry: Geometry, notes: list[
     staggered = isinstance(geometry, Curvilinear) and geometry.kind == "roms"
     east = _component(points, names.east, names.both, notes, 1 if staggered else None)
     north = _component(points, names.north, names.both, notes, 0 if staggered else None, east.levels)
-    if (
-        names.along_grid
-        and not isinstance(geometry, Curvilinear)
-        and standard_name(series.files[0], names.east)
-    ):
-        notes.append(f"{names.east} and {names.north} are along x and y: taken as east and north")
-    angle, radians = None, 1.0
-    if isinstance(geometry, Curvilinear) and (names.along_grid or staggered):
-        angle, radians = _angle(points, names, notes)
-    return Velocity(points, east, north, _upward(points, notes), names.both, angle, radians, staggered)
+    turn = _turn(points, names, staggered, notes)
+    return Velocity(points, east, north, _upward(points, notes), names.both, turn, staggered)
 
 
 def _component(
@@ -250,24 +245,61 @@ def _speed(points: Points, name: str, notes: list[str]) -> tuple[float, float]:
     return factor, FASTEST
 
 
-def _angle(points: Points, names: Names, notes: list[str]) -> tuple[str, float]:
-    series, name = points.series, "angle"
-    if name not in series.variables or not points.has(name):
-        raise series.fail(
-            f"{names.east} and {names.north} may follow the grid's axes: angle, which tells how, is missing"
-        )
-    values = series.files[0].coordinate(name)
-    units = text(series.attrs(name), "units").lower()
+def _turn(
+    points: Points, names: Names, staggered: bool, notes: list[str]
+) -> Callable[[Window], Array] | None:
+    """Return the angle [P], rad, from east to the first component's axis, counter-clockwise, or None."""
+    grid, series = points.geometry, points.series
+    standard = standard_name(series.files[0], names.east)
+    if not (names.along_grid or staggered):
+        return None
+    if isinstance(grid, Curvilinear) and "angle" in series.variables and points.has("angle"):
+        radians = _radians(points, notes)
+        return lambda window: points.read("angle", slice(0, 1), window)[0] * radians
+    if isinstance(grid, Curvilinear | Triangles) and grid.crs is not None and not staggered:
+        crs = grid.crs
+        return lambda window: axes_angle(crs, *_places(grid, window))
+    if not isinstance(grid, Curvilinear):
+        if standard:
+            notes.append(f"{names.east} and {names.north} are along x and y: taken as east and north")
+        return None
+    if staggered or "_x_" in standard or standard.startswith("x_"):
+        notes.append("angle is not told: the rows of the grid are followed by the places of its points")
+        angle = grid_angle(grid.longitude, grid.latitude)
+        return lambda window: angle[np.ix_(*(_indices(window, dim) for dim in grid.dims))].ravel()
+    raise series.fail(
+        f"{names.east} and {names.north} may follow the grid's axes: angle, which tells how, is missing, and "
+        "so are a grid_mapping and a standard_name of the components"
+    )
+
+
+def _indices(window: Window, dim: str) -> NDArray[np.int64]:
+    pick = window.picks[dim]
+    return np.arange(pick.start, pick.stop) if isinstance(pick, slice) else pick
+
+
+def _places(grid: Curvilinear | Triangles, window: Window) -> tuple[Array, Array]:
+    """Longitude and latitude [P] of a window's points, degrees."""
+    part = np.ix_(*(_indices(window, dim) for dim in grid.dims))
+    return grid.longitude[part].ravel(), grid.latitude[part].ravel()
+
+
+def _radians(points: Points, notes: list[str]) -> float:
+    """Return the radians in the unit of the variable `angle`."""
+    series = points.series
+    values = series.files[0].coordinate("angle", missing=True)
+    units = text(series.attrs("angle"), "units").lower()
     if units.startswith("deg"):
-        return name, float(np.pi / 180.0)
-    if np.abs(values).max() > 2.0 * np.pi + 1e-6:
+        return float(np.pi / 180.0)
+    far = float(np.nanmax(np.abs(values)))
+    if far > 2.0 * np.pi + 1e-6:
         if units.startswith("rad"):
-            raise series.fail(f"angle is in radians and reaches {np.abs(values).max():g}")
+            raise series.fail(f"angle is in radians and reaches {far:g}")
         notes.append("angle has no units: taken as degrees, by its values")
-        return name, float(np.pi / 180.0)
+        return float(np.pi / 180.0)
     if not units.startswith("rad"):
         notes.append("angle has no units: taken as radians, by its values")
-    return name, 1.0
+    return 1.0
 
 
 def _upward(points: Points, notes: list[str]) -> Component | None:

@@ -81,8 +81,9 @@ def read_bathymetry(
 
     Which way values count is told by the attributes `positive` and `standard_name`, else by `positive`, else
     by the variable's name (elevation, z: up; h, depth: down). Where nothing tells it, values of both signs in
-    the whole file, or negative ones alone, are heights, with a note; else it is asked for. Units are m, km, cm or ft. A pixel is NaN where one of the values that bear on it is missing. Of
-    NetCDF only the window that is needed is read.
+    the whole file, or negative ones alone, are heights, with a note; else it is asked for. Units are m, km,
+    cm or ft. A pixel is NaN where one of the values that bear on it is missing. Of NetCDF only the window
+    that is needed is read.
 
     Args:
         path: NetCDF-3 or -4 with longitude and latitude as two axes or two grids, or GeoTIFF of one band.
@@ -116,6 +117,8 @@ def read_bathymetry(
                 grid = local_grid(lower, upper, max(size, longest / MOST_PIXELS))
             window = _window(path, find, grid, field)
             values = field.load(*window)
+            if not np.isfinite(values).any():
+                raise GeoError(f"{path}: {field.name or 'the band'} has no values in the area")
             sense, told = _sense(path, field, values, positive)
         factor, notes = _factor(path, field)
         values, missing = _without_sentinels(values * factor)

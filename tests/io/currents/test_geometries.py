@@ -154,8 +154,26 @@ def test_curvilinear_components_along_the_grid_are_turned(tmp_path, names, stand
     with open_ocean(write(data, tmp_path / "curved.nc")) as ocean:
         assert ocean.kind == "curvilinear"
         close(ocean, lon[2:5, 3:7], lat[2:5, 3:7], 0.0, 0.0)
-    with pytest.raises(CurrentError, match="angle, which tells how, is missing"):
-        open_ocean(write(data.drop_vars("angle"), tmp_path / "lost.nc"))
+    lost = write(data.drop_vars("angle"), tmp_path / "lost.nc")
+    if not standard[0]:
+        with pytest.raises(CurrentError, match="angle, which tells how, is missing"):
+            open_ocean(lost)
+        return
+    with open_ocean(lost) as ocean:
+        assert any("angle is not told" in note for note in ocean.notes)
+        found = ocean.at(lon[2:5, 3:7], lat[2:5, 3:7], 0.0, START)
+        np.testing.assert_allclose(found[:2], flow(lon[2:5, 3:7], lat[2:5, 3:7]), atol=2e-3)
+
+
+def test_roms_without_an_angle_follows_the_rows_of_its_grid(tmp_path):
+    data = roms()
+    lon, lat = data["lon_rho"].values[2:6, 2:9] + 1e-4, data["lat_rho"].values[2:6, 2:9] + 1e-4
+    with (
+        open_ocean(write(data, tmp_path / "told.nc")) as told,
+        open_ocean(write(data.drop_vars("angle"), tmp_path / "untold.nc")) as untold,
+    ):
+        pair = [np.stack(ocean.at(lon, lat, 3.0, START)[:2]) for ocean in (told, untold)]
+    np.testing.assert_allclose(pair[1], pair[0], atol=3e-3 * np.abs(pair[0]).max())
 
 
 def test_eastward_on_s_levels_is_not_turned_again(tmp_path):

@@ -108,7 +108,6 @@ def test_missing_units_of_a_fast_current(tmp_path):
 
 
 ROMS = {
-    "no angle": (lambda d: d.drop_vars("angle"), "angle, which tells how, is missing"),
     "no h": (lambda d: d.drop_vars("h"), "h is missing"),
     "no curve": (lambda d: d.drop_vars("Cs_r"), "levels along s_rho need Cs_r, which is missing"),
     "no hc": (lambda d: d.drop_vars("hc"), "levels along s_rho need hc, which is missing"),
@@ -155,7 +154,9 @@ def test_malformed_fvcom(tmp_path, name, change, words):
 def test_malformed_ugrid(tmp_path):
     variables = ugrid()
     del variables["mesh_faces"]
-    with pytest.raises(CurrentError, match="the mesh topology names mesh_faces, which is missing"):
+    with pytest.raises(
+        CurrentError, match="the mesh topology mesh names mesh_faces, which is missing: name the model's grid"
+    ):
         open_ocean(write_plain(variables, tmp_path / "mesh.nc"))
 
 

@@ -103,7 +103,11 @@ def test_clamp_holds_the_nearest(tmp_path):
     found = read_current(path, SITE, outside="clamp", spacing=1000.0, **box)
     assert "beyond the data's area, in 58% of the box, its nearest value holds" in found.notes
     np.testing.assert_allclose(found.field.u[:, :, -1], found.field.u[:, :, -3], atol=1e-3)
-    assert found.water.all()
+    # Data ends 2.8 km north of the site; half a cell, 0.56 km, farther it still tells of water.
+    north = found.origin[0] + found.spacing[0] * np.arange(len(found.water))
+    assert found.water[north < 3200.0].all()
+    assert not found.water[north > 3500.0].any()
+    assert (found.covered == found.water).all()
 
 
 def test_half_of_the_weight_must_be_water(tmp_path):

@@ -1,0 +1,159 @@
+"""Coordinates in metres of a map projection as degrees, and the directions of its axes."""
+
+from typing import Any
+
+import numpy as np
+from pyproj import CRS, Geod, Transformer
+
+from auvplan.io.currents.opening import File, text
+from auvplan.io.currents.units import length_factor
+from auvplan.io.currents.weights import Array
+from auvplan.ocean.gridded import CurrentError
+
+_EARTH = Geod(ellps="WGS84")
+#: Attributes of a grid mapping that tell it whole, beside those of CF.
+_TEXTS = ("crs_wkt", "spatial_ref", "proj4_string", "proj4_params", "proj4")
+_CODES = ("epsg", "epsg_code", "EPSG_code", "EPSG")
+
+
+def as_crs(given: Any) -> CRS:
+    """Return a coordinate reference system of whatever pyproj understands.
+
+    Raises:
+        CurrentError: pyproj does not.
+    """
+    try:
+        return CRS.from_user_input(given)
+    except Exception:
+        raise CurrentError(f"crs: {given!r} is no coordinate reference system") from None
+
+
+def in_degrees(file: File, places: tuple[str, str]) -> tuple[Array, Array, CRS | None]:
+    """Read longitude and latitude of coordinates in degrees, or in metres of a projection.
+
+    Args:
+        file: opened.
+        places: names of longitude and latitude, or of x and y; of one dimension each or of two.
+
+    Returns:
+        Longitude and latitude, degrees, of the coordinates' own shape or, for x and y along dimensions of
+        their own, [y, x]; and the projection, None for degrees.
+
+    Raises:
+        CurrentError: the coordinates are of a projection that neither the file nor `File.crs` names, or no
+            degrees.
+    """
+    x, y = (file.coordinate(name, missing=file.variables[name].ndim == 2) for name in places)
+    if not any(_is_projected(file, name) for name in places):
+        finite = np.isfinite(x) & np.isfinite(y) if x.shape == y.shape else np.ones(1, bool)
+        odd = np.nanmax(np.abs(y), initial=0.0) > 90.0 + 1e-6 or np.nanmax(np.abs(x), initial=0.0) > 720.0
+        if not odd and finite.any():
+            return x, y, None
+        if any(text(file.variables[name].attrs, "units").lower().startswith("deg") for name in places):
+            raise CurrentError(f"{file.path}: {places[0]} and {places[1]} are no degrees")
+    crs = find_crs(file, places)
+    if crs is None:
+        raise CurrentError(
+            f"{file.path}: {places[0]} and {places[1]} are metres of a projection that the file does not "
+            "name: say current.crs, such as EPSG:32633"
+        )
+    if not (crs.is_projected or crs.is_derived):
+        raise CurrentError(
+            f"{file.path}: {places[0]} and {places[1]} are metres, {crs.name} is no projection"
+        )
+    x, y = (
+        values * _metres(file, name) / (1.0 if crs.is_geographic else _unit(crs))
+        for name, values in zip(places, (x, y), strict=True)
+    )
+    if file.variables[places[0]].dims != file.variables[places[1]].dims:
+        x, y = np.meshgrid(x, y)
+    longitude, latitude = Transformer.from_crs(crs, "EPSG:4326", always_xy=True).transform(x, y)
+    longitude, latitude = np.asarray(longitude, float), np.asarray(latitude, float)
+    known = np.isfinite(longitude) & np.isfinite(latitude)
+    if not known[np.isfinite(x) & np.isfinite(y)].all():
+        raise CurrentError(f"{file.path}: {places[0]} and {places[1]} do not lie within {crs.name}")
+    return longitude, latitude, crs
+
+
+def find_crs(file: File, names: tuple[str, ...]) -> CRS | None:
+    """Return the reference system that variables are in: their grid mapping's, else the only one, else told.
+
+    Raises:
+        CurrentError: the file's own contradicts what was told of it, or makes no sense.
+    """
+    told = None if file.crs is None else as_crs(file.crs)
+    mappings = [text(file.variables[name].attrs, "grid_mapping").split(":")[0] for name in names]
+    listed = [name for name in mappings if name in file.variables]
+    others = [
+        name
+        for name, variable in file.variables.items()
+        if "grid_mapping_name" in variable.attrs or any(key in variable.attrs for key in _TEXTS)
+    ]
+    for name in [*listed, *(others if len(others) == 1 else [])]:
+        own = _of_mapping(file.variables[name].attrs)
+        if own is None:
+            continue
+        if told is not None and not own.equals(told, ignore_axis_order=True):
+            raise CurrentError(f"{file.path}: {name} is {own.name}, not {told.name} as current.crs says")
+        return own
+    return told
+
+
+def axes_angle(crs: CRS, longitude: Array, latitude: Array) -> Array:
+    """Return the angle, rad, from east to a projection's x axis, counter-clockwise, at places in degrees."""
+    there = Transformer.from_crs("EPSG:4326", crs, always_xy=True)
+    x, y = there.transform(longitude, latitude)
+    step = 1e-3 if crs.is_geographic else 100.0 / _unit(crs)
+    ends = [
+        Transformer.from_crs(crs, "EPSG:4326", always_xy=True).transform(np.asarray(x) + side * step, y)
+        for side in (-1.0, 1.0)
+    ]
+    azimuth, _, _ = _EARTH.inv(*ends[0], *ends[1])
+    return np.pi / 2 - np.deg2rad(np.asarray(azimuth))
+
+
+def grid_angle(longitude: Array, latitude: Array) -> Array:
+    """Return the angle, rad, from east to the rows of a grid [ny, nx] of places, counter-clockwise."""
+    east, north = (
+        np.concatenate([axis[:, :1], axis, axis[:, -1:]], axis=1) for axis in (longitude, latitude)
+    )
+    azimuth, _, _ = _EARTH.inv(east[:, :-2], north[:, :-2], east[:, 2:], north[:, 2:])
+    return np.pi / 2 - np.deg2rad(np.asarray(azimuth))
+
+
+def _is_projected(file: File, name: str) -> bool:
+    attributes = file.variables[name].attrs
+    standard, units = text(attributes, "standard_name").lower(), text(attributes, "units").lower()
+    return standard.startswith(("projection_", "grid_longitude", "grid_latitude")) or (
+        bool(units) and length_factor(units) is not None
+    )
+
+
+def _metres(file: File, name: str) -> float:
+    units = text(file.variables[name].attrs, "units")
+    return length_factor(units) or 1.0 if units else 1.0
+
+
+def _unit(crs: CRS) -> float:
+    """Return metres in a projection's unit."""
+    return float(crs.axis_info[0].unit_conversion_factor) or 1.0
+
+
+def _of_mapping(attributes: Any) -> CRS | None:
+    """Return the projection of a grid mapping's attributes, or None where they tell none."""
+    tries = [text(attributes, name) for name in _TEXTS]
+    tries += [f"EPSG:{text(attributes, name).removeprefix('EPSG:')}" for name in _CODES if name in attributes]
+    for words in filter(None, tries):
+        try:
+            found = CRS.from_user_input(words)
+        except Exception:  # a mapping is often told twice, once badly
+            continue
+        if found.is_projected or found.is_derived:
+            return found
+    try:
+        found = CRS.from_cf(
+            {key: getattr(value, "tolist", lambda v=value: v)() for key, value in attributes.items()}
+        )
+    except Exception:  # whatever pyproj makes of a name that CF does not know
+        return None
+    return found if found.is_projected or found.is_derived else None
