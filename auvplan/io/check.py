@@ -1,7 +1,8 @@
 """The independent checker: re-checks the whole track of a saved run and re-adds every time.
 
 It reads files and uses NumPy, and shares no code with the planners or the simulator, so that a fault of
-theirs cannot hide itself here. Visits and tasks are counted again from the scenario and the track.
+theirs cannot hide itself here. Visits and tasks are counted again from the scenario and the track; land and
+sea bed are looked up twice, in the run's own file and in those that the scenario names.
 """
 
 import json
@@ -18,8 +19,9 @@ from auvplan.files import MISSION, ResultError, read_mission, read_summary
 from auvplan.io.fields import site_of
 from auvplan.io.geo import GeoError, read_obstacles
 from auvplan.io.ledger import Leg, figure_faults, graph_faults, place_faults, read_legs, require, time_faults
+from auvplan.io.sources import Source, places_of, read_sources
 from auvplan.io.tally import tally_faults
-from auvplan.io.walk import Bed, Coast, Walk, events
+from auvplan.io.walk import Array, Bed, Coast, Walk, events
 from auvplan.ocean.known import KnownObstacle
 from auvplan.words import counted
 
@@ -120,12 +122,16 @@ def check_dataset(summary: dict[str, Any], dataset: xr.Dataset) -> CheckReport:
     report.faults += figure_faults(summary, dataset, legs)
     report.faults += tally_faults(summary, dataset, legs, report.notes)
     known = _known_obstacles(dataset, report.notes)
+    sources = read_sources(dataset, report.notes)
+    places = places_of(dataset) if sources else None
     coast = Coast.of(dataset) if "passability" in dataset else None
     bed = Bed.of(dataset) if "seabed_depth" in dataset else None
     for leg in legs:
         if leg.sailed:
             speed = float(dataset.attrs["vehicle_speed"]) + CURRENT_MAX
-            _walk(leg, coast, bed, known, speed, report)
+            walk = _walk(leg, coast, bed, known, speed, report)
+            if walk is not None and places is not None:
+                _look_again(leg, walk, places(*walk.positions[:, :2].T), sources, report)
     return report
 
 
@@ -168,13 +174,13 @@ def _walk(
     known: Sequence[KnownObstacle],
     speed: float,
     report: CheckReport,
-) -> None:
-    """Walk one leg in steps of at most a metre and book what it meets."""
+) -> Walk | None:
+    """Walk one leg in steps of at most a metre and book what it meets; None where it is not finite."""
     report.legs += 1
     for name, values in (("time", leg.times), ("position", leg.positions), ("obstacle", leg.obstacles)):
         if not np.isfinite(values).all():
             report.faults.append(f"{leg}: a {name} is not a number")
-            return
+            return None
     elapsed = np.diff(leg.times)
     gaps = np.linalg.norm(np.diff(leg.positions, axis=0), axis=1)
     if (elapsed <= 0.0).any():
@@ -213,6 +219,31 @@ def _walk(
         for first, last in events(distance < 0.0):
             report.obstacle_hits += 1
             report.faults.append(f"{leg}: inside {obstacle.name!r} {walk.between(first, last)}")
+    return walk
+
+
+def _look_again(
+    leg: Leg,
+    walk: Walk,
+    places: tuple[Array, Array],
+    sources: Sequence[Source],
+    report: CheckReport,
+) -> None:
+    """Book what a walk meets of land and sea bed in the files that the run was planned on."""
+    for source in sources:
+        blocked = source.blocked(*places, walk.positions[:, 2])
+        for first, last in events(blocked):
+            if source.kind == "land":
+                report.coast_hits += 1
+            else:
+                report.seabed_hits += 1
+            where = "on land" if source.kind == "land" else "below the sea bed"
+            report.faults.append(f"{leg}: {where} of {source.name} {walk.between(first, last)}")
+        metres = float(walk.metres[blocked].sum())
+        if source.kind == "land":
+            report.coast_metres += metres
+        else:
+            report.seabed_metres += metres
 
 
 def _distance(obstacle: KnownObstacle, walk: Walk) -> NDArray[np.float64]:

@@ -4,14 +4,13 @@ import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from datetime import datetime
+from datetime import UTC, datetime
 from functools import lru_cache, wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import jax.numpy as jnp
 import numpy as np
-from scipy import ndimage
 
 from auvplan.errors import ScenarioError, ScenarioWarning
 from auvplan.io import currents, geo
@@ -25,6 +24,7 @@ from auvplan.scenario.settings import BathymetrySettings, ChartSettings
 from auvplan.scenario.waters import Waters
 from auvplan.site import Site
 
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 #: Pixels of a raster made from a current's file at most.
 _MAX_PIXELS = 16_000_000
 
@@ -292,27 +292,38 @@ def _warn_of_one_kind(settings: ChartSettings, chart: Chart) -> None:
 
 
 def _water_chart(current: "CurrentFile", box: Corners, size: float) -> Chart:
-    """Coast where a current's file has no water, each pixel as the nearest node."""
-    nodes = _node_indices(current, box, size, "chart.pixel_size")
-    i, j = (np.rint(axis).astype(int) for axis in nodes)
-    north, east = current.water.shape
-    water = current.water[np.clip(i, 0, north - 1)[:, None], np.clip(j, 0, east - 1)]
+    """Coast where a current's files have no water at a pixel's centre or at one of its corners."""
+    pixels = _pixels(box, size, "chart.pixel_size")
+    source, site = current.source, current.site
+    first = (current.epoch - _EPOCH).total_seconds()
+    times = np.asarray(current.field.times, float)
+    frames = source.frames(first + times[0], first + times[-1])
+    reach = 0.0 if source.kind == "triangles" else min(current.spacing) / 2.0
+
+    def is_water(offset: float, more: int) -> np.ndarray:
+        axes = [box[0][k] + size * (np.arange(count + more) + offset) for k, count in enumerate(pixels)]
+        north, east = (axis.ravel() for axis in np.meshgrid(*axes, indexing="ij"))
+        wet = source.is_water(*site.to_geographic(north, east), frames, reach)
+        return wet.reshape(len(axes[0]), len(axes[1]))
+
+    corners = is_water(0.0, 1)
+    water = is_water(0.5, 0) & corners[1:, 1:] & corners[1:, :-1] & corners[:-1, 1:] & corners[:-1, :-1]
     return Chart.from_mask(water, size, box[0][:2])
 
 
-def _node_indices(
-    current: "CurrentFile", box: Corners, size: float, field: str
-) -> tuple[np.ndarray, np.ndarray]:
-    """Of the pixels' centres north and east, where they lie among a current's nodes."""
+def _pixels(box: Corners, size: float, field: str) -> np.ndarray:
+    """Return the pixels of a box, north and east.
+
+    Raises:
+        ScenarioError: they are too many.
+    """
     extent = np.asarray(box[1][:2]) - np.asarray(box[0][:2])
     pixels = np.ceil(extent / size - 1e-9).astype(int)
     if pixels.prod() > _MAX_PIXELS:
         raise ScenarioError(
             f"{field} {size:g} m makes {pixels[0]} x {pixels[1]} pixels: more than {_MAX_PIXELS}"
         )
-    centres = (box[0][k] + size * (np.arange(pixels[k]) + 0.5) for k in range(2))
-    north, east = ((centre - current.origin[k]) / current.spacing[k] for k, centre in enumerate(centres))
-    return north, east
+    return pixels
 
 
 def _seabed(
@@ -332,8 +343,12 @@ def _seabed(
         if current.sea_floor is None:
             raise ScenarioError("bathymetry.source 'current': the current's files do not tell the depth")
         size = settings.pixel_size or min(current.spacing) / 2.0
-        nodes = np.meshgrid(*_node_indices(current, box, size, "bathymetry.pixel_size"), indexing="ij")
-        depth = ndimage.map_coordinates(current.sea_floor + low, nodes, order=1, mode="nearest")
+        pixels = _pixels(box, size, "bathymetry.pixel_size")
+        centres = [box[0][k] + size * (np.arange(count) + 0.5) for k, count in enumerate(pixels)]
+        places = current.site.to_geographic(*(axis.ravel() for axis in np.meshgrid(*centres, indexing="ij")))
+        depth = current.source.sea_floor(*places)
+        assert depth is not None
+        depth = depth.reshape(pixels) + low
         return Seabed.from_depth(depth, size, np.asarray(box[0][:2]), clearance=clearance), water
     assert site is not None
     assert settings.file is not None

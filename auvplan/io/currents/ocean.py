@@ -6,7 +6,7 @@ from datetime import datetime
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from auvplan.io.currents.columns import at_depth
 from auvplan.io.currents.geometry import DEGREE, Curvilinear, Geometry, Regular, Window
@@ -18,11 +18,13 @@ from auvplan.io.currents.series import Array, Series, in_order
 from auvplan.io.currents.times import moment_of, seconds_of, stamp
 from auvplan.io.currents.triangles import find_triangles
 from auvplan.io.currents.velocity import Velocity, find_velocity
-from auvplan.io.currents.weights import Weights, mix_gathered
+from auvplan.io.currents.weights import ENOUGH, Index, Weights, mix_gathered
 from auvplan.ocean.gridded import CurrentError
 
 #: More values at once are refused before they are read.
 MAX_VALUES = 300_000_000
+#: So many places are looked at at a time.
+_PLACES = 300_000
 #: Moments beyond the data's by less, in s, are taken to be at its ends.
 _SLACK = 0.5
 
@@ -100,6 +102,61 @@ class OceanData:
         found = self._sampled(weights, down, before, share)
         answer = [values.reshape(shape) for values in found]
         return answer[0], answer[1], answer[2] if self.velocity.up is not None else None
+
+    def is_water(
+        self, longitude: Array, latitude: Array, frames: slice, reach: float = 0.0
+    ) -> NDArray[np.bool_]:
+        """Return whether there is water at the surface at all of some times.
+
+        Args:
+            longitude, latitude: [M] degrees.
+            frames: the times.
+            reach: m, how far beyond a grid's outer points they still tell of water; a mesh ends at its cells.
+
+        Returns:
+            [M]; as the current itself, water is where at least half of the weight lies on points with water.
+
+        Raises:
+            CurrentError: values cannot be read.
+        """
+        wet = np.full(self.geometry.longitude.size, -1, np.int8)
+        if isinstance(self.geometry, Regular):
+            wet = np.full(len(self.longitude) * len(self.latitude), -1, np.int8)
+        found = np.zeros(len(longitude), bool)
+        for first in range(0, len(longitude), _PLACES):
+            part = slice(first, first + _PLACES)
+            weights = self.geometry.locate(longitude[part], latitude[part])
+            there = (weights.weight.sum(axis=1) > 0.0) & (np.hypot(*weights.beyond.T) <= reach)
+            if not there.any():
+                continue
+            used = np.unique(weights.index[there])
+            new = used[wet[used] < 0]
+            if len(new):
+                wet[new] = self._wet(new, frames)
+            left = (weights.weight * (wet[weights.index] > 0)).sum(axis=1)
+            found[part] = there & (left >= ENOUGH)
+        return found
+
+    def _wet(self, index: Index, frames: slice) -> NDArray[np.bool_]:
+        """[P] whether source points have water at the surface at all of some times."""
+        window = self.geometry.window(index[:, None])
+        wet = np.ones(window.points, bool)
+        for frame in range(frames.start, frames.stop):
+            wet &= np.isfinite(self.velocity.read(slice(frame, frame + 1), window).east[0, 0])
+        return wet[window.index[:, 0]]
+
+    def sea_floor(self, longitude: Array, latitude: Array) -> Array | None:
+        """Return the depth of the sea bed below the datum [M], m; None where the source does not tell it.
+
+        It is NaN on land and beyond the data.
+        """
+        weights = self.geometry.locate(longitude, latitude)
+        window = self.geometry.window(weights.index)
+        floor = self.velocity.points.floor(window)
+        if floor is None:
+            return None
+        (depth,) = mix_gathered(weights.weight, floor[window.index])
+        return np.where(weights.outside, np.nan, depth)
 
     def frames(self, first: float, last: float) -> slice:
         """Return the times that span two moments, s since 1970; the nearest where they lie outside."""

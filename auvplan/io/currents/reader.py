@@ -54,6 +54,7 @@ class CurrentFile:
         origin: m, north and east of node (0, 0).
         spacing: m between nodes, north and east.
         notes: every assumption that was made.
+        site: of the local frame.
         source: the file as opened, with its exact sampler.
     """
 
@@ -66,6 +67,7 @@ class CurrentFile:
     origin: tuple[float, float]
     spacing: tuple[float, float]
     notes: tuple[str, ...]
+    site: Site
     source: OceanData
 
 
@@ -182,7 +184,17 @@ def _read(
     )
     water = np.asarray(np.isfinite(u[:, 0]).all(axis=0)) & covered
     return CurrentFile(
-        field, epoch, water, covered, sea_floor, low_water, origin, apart, tuple(dict.fromkeys(notes)), source
+        field,
+        epoch,
+        water,
+        covered,
+        sea_floor,
+        low_water,
+        origin,
+        apart,
+        tuple(dict.fromkeys(notes)),
+        site,
+        source,
     )
 
 

@@ -13,7 +13,7 @@ Index = NDArray[np.int64]
 #: Smaller weights come from rounding: a source's own point must depend on itself alone.
 _TINY = 1e-9
 #: At least so much of the weight must lie on points that have a value.
-_ENOUGH = 0.5 - 1e-9
+ENOUGH = 0.5 - 1e-9
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ def mix(matrix: csr_array, *fields: Array) -> tuple[Array, ...]:
     """
     valid = np.logical_and.reduce([np.isfinite(field) for field in fields])
     left = (matrix @ valid.T.astype(float)).T
-    there = left >= _ENOUGH
+    there = left >= ENOUGH
     total = np.where(there, left, 1.0)
     sums = ((matrix @ np.where(valid, field, 0.0).T).T for field in fields)
     return tuple(np.where(there, sum_ / total, np.nan) for sum_ in sums)
@@ -66,7 +66,7 @@ def mix_gathered(weight: Array, *fields: Array) -> tuple[Array, ...]:
     """`mix` of fields [M, C] that are already at hand at the corners of each place, each [M]."""
     valid = np.logical_and.reduce([np.isfinite(field) for field in fields])
     left = (weight * valid).sum(axis=1)
-    there = left >= _ENOUGH
+    there = left >= ENOUGH
     total = np.where(there, left, 1.0)
     sums = ((weight * np.where(valid, field, 0.0)).sum(axis=1) for field in fields)
     return tuple(np.where(there, sum_ / total, np.nan) for sum_ in sums)

@@ -1,0 +1,141 @@
+"""The checker's own view of land and sea bed, against files known in closed form."""
+
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from auvplan.io import save_run
+from auvplan.io.check import check_run
+from auvplan.io.sources import places_of, read_sources
+from auvplan.site import Site
+from tests.io.currents.samples import LAT, LON, regular, write
+from tests.io.geo.files import SITE, geographic, ring, write_geojson, write_geotiff
+from tests.io.geo.files import feature as geo_feature
+from tests.io.geo.sea_floors import SITE as FLOOR_SITE
+from tests.io.geo.sea_floors import sea_floor, write_grid
+from tests.io.sample_run import make_run
+
+MESH = {"cf_role": "mesh_topology", "topology_dimension": 2}
+
+
+def saved(folder, site=SITE, **scenario):
+    """A data set that names the files of a scenario."""
+    attributes = {
+        "scenario": json.dumps(scenario),
+        "scenario_folder": str(folder),
+        "site_longitude": site.longitude,
+        "site_latitude": site.latitude,
+        "site_origin": np.asarray(site.origin),
+    }
+    return xr.Dataset(attrs=attributes)
+
+
+def only(dataset):
+    notes = []
+    (source,) = read_sources(dataset, notes)
+    assert notes == []
+    return source
+
+
+def test_places_are_the_sites(tmp_path):
+    site = Site(12.5, 61.0, origin=(300.0, -700.0))
+    north, east = np.array([0.0, 5e3, -2e4]), np.array([100.0, -8e3, 4e4])
+    found = places_of(saved(tmp_path, site))(north, east)
+    np.testing.assert_allclose(np.stack(found, -1), geographic(north, east, site), atol=1e-10)
+
+
+@pytest.mark.parametrize("settings", [{"source": "polygons", "file": "l.json"}, {"no_go": "l.json"}])
+def test_polygons_with_holes(tmp_path, settings):
+    outer, hole = ring((0, 0), (0, 1000), (1000, 1000), (1000, 0)), ring((400, 400), (400, 600), (600, 500))
+    write_geojson(tmp_path / "l.json", geo_feature("Polygon", [outer, hole]))
+    source = only(saved(tmp_path, chart=settings))
+    assert (source.name, source.kind) == ("l.json", "land")
+    north, east = np.array([500.0, 450.0, -1.0, 999.0]), np.array([500.0, 50.0, 500.0, 999.0])
+    places = geographic(north, east).T
+    assert source.blocked(*places, np.zeros(4)).tolist() == [False, True, False, True]
+    assert source.blocked(places[0] + 360.0, places[1], np.zeros(4)).tolist() == [False, True, False, True]
+
+
+def test_a_mesh_ends_at_its_cells(tmp_path):
+    nodes = xr.Dataset(
+        {
+            "mesh": ((), 0, {**MESH, "node_coordinates": "x y", "face_node_connectivity": "f"}),
+            "f": (("face", "three"), [[1, 2, 3]], {"start_index": 1}),
+            "x": ("node", [LON, LON + 0.1, LON], {"standard_name": "longitude", "units": "degrees_east"}),
+            "y": ("node", [LAT, LAT, LAT + 0.1], {"standard_name": "latitude", "units": "degrees_north"}),
+        }
+    )  # fmt: skip
+    write(nodes, tmp_path / "m.nc")
+    source = only(saved(tmp_path, chart={"source": "current"}, current={"files": "m.nc"}))
+    longitude, latitude = LON + np.array([0.02, 0.06, -0.001, 0.05]), LAT + np.array([0.02, 0.06, 0.05, 0.05])
+    assert source.blocked(longitude, latitude, np.zeros(4)).tolist() == [False, True, True, False]
+
+
+def test_a_grid_is_land_where_no_point_around_has_a_value(tmp_path):
+    data = regular()
+    data["uo"][:, :, :, 4:] = np.nan
+    write(data, tmp_path / "g.nc")
+    source = only(saved(tmp_path, chart={"source": "current"}, current={"files": ["g.nc"]}))
+    longitude = LON + 0.01 * np.array([2.5, 3.5, 4.5, 6.5])
+    assert source.blocked(longitude, np.full(4, LAT + 0.015), np.zeros(4)).tolist() == [
+        False,
+        False,
+        True,
+        True,
+    ]
+
+
+@pytest.mark.parametrize("form", ["elevation", "h", "tiff"])
+def test_the_sea_bed_and_its_water_level(tmp_path, form):
+    latitude, longitude = 56.36 + 0.01 * np.arange(14), -5.74 + 0.02 * np.arange(9)
+    if form == "tiff":
+        heights = -sea_floor(longitude[None, :], latitude[::-1, None])
+        corner = (longitude[0], latitude[-1])
+        write_geotiff(tmp_path / "b", heights, corner=corner, scale=(0.02, 0.01), point=True)
+    else:
+        write_grid(tmp_path / "b", form, sign=1.0 if form == "h" else -1.0)
+    places = np.array([[-5.66, 56.42], [-5.615, 56.475]])
+    bed = sea_floor(*places.T)
+    for level, clear in ((0.0, 0.4), (-2.0, -1.6)):
+        settings = {"source": "file", "file": "b", "water_level": level}
+        source = only(saved(tmp_path, FLOOR_SITE, bathymetry=settings))
+        assert source.kind == "sea bed"
+        assert not source.blocked(*places.T, bed + clear).any()
+        assert source.blocked(*places.T, bed + clear + 0.3).all()
+
+
+def test_what_cannot_be_looked_at_is_told(tmp_path):
+    (tmp_path / "b.nc").write_bytes(b"CDF")
+    notes = []
+    settings = {"source": "file", "file": "b.nc"}
+    found = read_sources(saved(tmp_path, bathymetry=settings, chart={"no_go": "none.json"}), notes)
+    assert found == ()
+    assert [note.split(" was not looked at again: ")[0] for note in notes] == [
+        "land of none.json",
+        "sea bed of b.nc",
+    ]
+    assert read_sources(xr.Dataset(attrs={"scenario": "{}"}), notes) == ()
+
+
+def test_a_run_on_water_that_its_sources_know_as_land(tmp_path):
+    """The run's own file has the spit elsewhere: what the planner misread does not vouch for itself."""
+    save_run(make_run(), tmp_path)
+    assert check_run(tmp_path).ok
+    path = tmp_path / "mission.nc"
+    with xr.open_dataset(path, decode_cf=False) as file:
+        data = file.load()
+    write_geojson(
+        tmp_path / "land.json", geo_feature("Polygon", [ring((450, 500), (450, 700), (550, 700), (550, 500))])
+    )
+    attributes = saved(tmp_path, chart={"source": "polygons", "file": "land.json"}).attrs
+    data.attrs |= attributes | {
+        "scenario": json.dumps(json.loads(data.attrs["scenario"]) | json.loads(attributes["scenario"]))
+    }
+    data.to_netcdf(path)
+    report = check_run(tmp_path)
+    assert report.coast_hits == 1
+    assert sum("on land of land.json for" in fault for fault in report.faults) == 1
+    # The first leg goes 400 m north and 600 m east: it is on that land for 100 m north.
+    assert report.coast_metres == pytest.approx(100.0 * np.linalg.norm([400.0, 600.0, 20.0]) / 400.0, abs=2.0)
