@@ -244,6 +244,11 @@ def _read_apart(
     for part, section, settings, alone in _apart(scenario, missing):
         if section in ("chart", "bathymetry") and settings.source == "current" and not parts.get("current"):
             continue  # its fault is the current's, which is told
+        if section in ("current", "bathymetry") and "chart" in parts and parts["chart"] is None:
+            alone = alone.model_copy(update={"chart": ChartSettings(source="none")})
+        if section == "bathymetry" and not parts.get("current"):
+            bare = {"chart": ChartSettings(source="none"), "current": CurrentSettings(vortices=0)}
+            alone = alone.model_copy(update=bare)
         parts[part] = found.attempt(section, settings, partial(load_waters, alone, found.folder))
     return parts
 
@@ -284,22 +289,29 @@ def _apart(
         }
     )
     told = current.model_copy(update={"truth": None})
-    if current.source == "file" and ("current", "files") not in missing:
-        yield "current", "current", told, bare.model_copy(update={"current": told})
-    if current.truth is not None and ("current", "truth") not in missing:
-        sailed = current.model_copy(update={"files": current.truth, "truth": None})
-        yield "truth", "truth", sailed, bare.model_copy(update={"current": sailed})
     gone = {name: None for name in ("uncertain", "no_go") if ("chart", name) in missing}
     plain = chart.model_copy(update={"no_go": None} | gone)
-    if not missing.keys() & {("chart", "file"), ("chart", "image")}:
-        needed = told if chart.source == "current" else vortices
-        yield "chart", "chart", plain, bare.model_copy(update={"chart": plain, "current": needed})
+    there = not missing.keys() & {("chart", "file"), ("chart", "image")}
+    if there and chart.source != "current":
+        yield "chart", "chart", plain, bare.model_copy(update={"chart": plain})
+    # Where a chart has land no current is needed; of a current's own mask a coarse chart will do.
+    coarse = max(np.subtract(scenario.box[1][:2], scenario.box[0][:2])) / 32.0
+    own = ChartSettings(source="current", pixel_size=float(coarse))
+    land = own if chart.source == "current" else plain if there else ChartSettings(source="none")
+    if current.source == "file" and ("current", "files") not in missing:
+        yield "current", "current", told, bare.model_copy(update={"current": told, "chart": land})
+    if current.truth is not None and ("current", "truth") not in missing:
+        sailed = current.model_copy(update={"files": current.truth, "truth": None})
+        yield "truth", "truth", sailed, bare.model_copy(update={"current": sailed, "chart": land})
+    if there and chart.source == "current":
+        yield "chart", "chart", plain, bare.model_copy(update={"chart": plain, "current": told})
     if chart.no_go is not None and ("chart", "no_go") not in missing:
         closed = ChartSettings(source="none", no_go=chart.no_go, pixel_size=chart.pixel_size)
         yield "no_go", "chart", closed, bare.model_copy(update={"chart": closed})
     if ("bathymetry", "file") not in missing:
-        needed = told if scenario.bathymetry.source == "current" else vortices
-        only = bare.model_copy(update={"bathymetry": scenario.bathymetry, "current": needed})
+        # The current's files tell the lowest water.
+        tide = {} if current.source != "file" or ("current", "files") in missing else {"current": told}
+        only = bare.model_copy(update={"bathymetry": scenario.bathymetry, "chart": land} | tide)
         yield "bathymetry", "bathymetry", scenario.bathymetry, only
     if scenario.obstacles.file is not None and ("obstacles", "file") not in missing:
         only = bare.model_copy(update={"obstacles": scenario.obstacles})

@@ -17,6 +17,7 @@ import shapely
 import xarray as xr
 from numpy.typing import NDArray
 from pyproj import Transformer
+from scipy.spatial import KDTree
 
 Array = NDArray[np.floating]
 Mask = NDArray[np.bool_]
@@ -216,6 +217,8 @@ def _off_grid(data: xr.Dataset) -> Callable[[Array, Array, Array], Mask]:
     if name is None:
         raise _UnknownFileError("the names of its current are not known")
     dims = data[name].dims[-2:]
+    if (scattered := _scattered(data, name)) is not None:
+        return scattered
     axes = []
     for dim, word in zip(dims, ("lat", "lon"), strict=True):
         own = [k for k, v in data.variables.items() if v.dims == (dim,) and word in str(k).lower()]
@@ -235,6 +238,37 @@ def _off_grid(data: xr.Dataset) -> Callable[[Array, Array, Array], Mask]:
         return ~(wet[i, j] | wet[i + 1, j] | wet[i, j + 1] | wet[i + 1, j + 1])
 
     return dry
+
+
+def _scattered(data: xr.Dataset, name: str) -> Callable[[Array, Array, Array], Mask] | None:
+    """Dry where the four nearest points of a grid of two-dimensional coordinates are; None of other grids."""
+    for words in (("lon_rho", "lat_rho"), ("longitude", "latitude"), ("lon", "lat"), ("nav_lon", "nav_lat")):
+        if all(word in data and data[word].ndim == 2 for word in words):
+            break
+    else:
+        return None
+    east, north = (np.asarray(data[word].values, float) for word in words)
+    if "mask_rho" in data:
+        wet = data["mask_rho"].values == 1
+    else:
+        values = data[name]
+        wet = np.isfinite(np.asarray(values.isel({dim: 0 for dim in values.dims[:-2]}).values, float))
+    if wet.shape != east.shape:
+        raise _UnknownFileError("its points and its places differ in number")
+    known = np.isfinite(east) & np.isfinite(north)
+    tree = KDTree(_globe(east[known], north[known]))
+    wet = wet[known]
+
+    def dry(longitude: Array, latitude: Array, depth: Array) -> Mask:
+        return ~wet[tree.query(_globe(longitude, latitude), k=4)[1]].any(axis=1)
+
+    return dry
+
+
+def _globe(longitude: Array, latitude: Array) -> Array:
+    """[n, 3] places on a globe of radius 1."""
+    east, north = np.deg2rad(longitude), np.deg2rad(latitude)
+    return np.stack([np.cos(north) * np.cos(east), np.cos(north) * np.sin(east), np.sin(north)], axis=-1)
 
 
 def _bed(path: str, settings: dict[str, Any]) -> Callable[[Array, Array, Array], Mask]:

@@ -10,7 +10,7 @@ from auvplan.io import save_run
 from auvplan.io.check import check_run
 from auvplan.io.sources import places_of, read_sources
 from auvplan.site import Site
-from tests.io.currents.samples import LAT, LON, regular, write
+from tests.io.currents.samples import LAT, LON, regular, roms, write
 from tests.io.geo.files import SITE, geographic, ring, write_geojson, write_geotiff
 from tests.io.geo.files import feature as geo_feature
 from tests.io.geo.sea_floors import SITE as FLOOR_SITE
@@ -85,6 +85,16 @@ def test_a_grid_is_land_where_no_point_around_has_a_value(tmp_path):
         True,
         True,
     ]
+
+
+def test_a_turned_grid_is_land_among_dry_points(tmp_path):
+    data = roms(land=[(j, i) for j in range(9) for i in range(6)])
+    write(data, tmp_path / "r.nc")
+    source = only(saved(tmp_path, chart={"source": "current"}, current={"files": ["r.nc"]}))
+    lon, lat = data["lon_rho"].values, data["lat_rho"].values
+    for i, land in ((2, True), (4, True), (5, False), (8, False)):
+        places = [(axis[4, i] + axis[5, i + 1]) / 2 for axis in (lon, lat)]
+        assert source.blocked(*(np.array([place]) for place in places), np.zeros(1)).tolist() == [land]
 
 
 @pytest.mark.parametrize("form", ["elevation", "h", "tiff"])
