@@ -252,7 +252,7 @@ def _scattered(data: xr.Dataset, name: str) -> Callable[[Array, Array, Array], M
         wet = data["mask_rho"].values == 1
     else:
         values = data[name]
-        wet = np.isfinite(np.asarray(values.isel({dim: 0 for dim in values.dims[:-2]}).values, float))
+        wet = np.isfinite(np.asarray(values.isel(dict.fromkeys(values.dims[:-2], 0)).values, float))
     if wet.shape != east.shape:
         raise _UnknownFileError("its points and its places differ in number")
     known = np.isfinite(east) & np.isfinite(north)

@@ -19,7 +19,7 @@ from auvplan.io.geo.geojson import read_polygons
 from auvplan.io.geo.grid import LocalGrid, Nodes, local_grid, refuse_beyond, steps
 from auvplan.io.geo.raster import Raster, read_raster
 from auvplan.io.geo.sampling import nearest
-from auvplan.io.geo.shapes import near, to_local, touched
+from auvplan.io.geo.shapes import around, near, to_local, touched
 from auvplan.ocean.chart import Chart, ChartError, settled
 from auvplan.ocean.classify import UNCERTAIN_MAX, classify_picture
 from auvplan.ocean.palette import UNTOLD, ChartColours
@@ -130,13 +130,14 @@ def chart_from_polygons(
         grid = local_grid(lower, upper, pixel_size)
         if not (np.isfinite(fringe) and fringe >= 0.0):
             raise GeoError(f"fringe must not be negative, got {fringe}")
-        shapes = [polygon for _, polygon in read_polygons(path)]
+        area = around(site, grid, fringe + pixel_size)
+        shapes = [polygon for _, polygon in read_polygons(path, area)]
         land = near(shapes, site, grid, fringe + pixel_size)
         if shapely.is_empty(land):
             _warn_beyond(path, "land", shapes, site, grid)
         doubtful = touched(land.buffer(fringe), grid) if fringe > 0.0 else np.zeros(grid.shape, bool)
         if uncertain is not None:
-            reefs = [polygon for _, polygon in read_polygons(uncertain)]
+            reefs = [polygon for _, polygon in read_polygons(uncertain, area)]
             shoals = near(reefs, site, grid, pixel_size)
             if shapely.is_empty(shoals):
                 _warn_beyond(uncertain, "uncertain area", reefs, site, grid)

@@ -2,6 +2,7 @@
 
 import json
 import re
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +12,7 @@ import numpy as np
 import shapely
 from shapely.geometry import MultiPolygon, Polygon
 
+from auvplan.errors import ScenarioWarning
 from auvplan.io.geo.error import GeoError, PlaceError, read_text
 
 #: Larger files are no charts of a mission's area.
@@ -61,7 +63,7 @@ def read_features(path: str | Path, kinds: tuple[str, ...]) -> list[Feature]:
     try:
         root = json.loads(read_text(path, MAX_BYTES))
     except (json.JSONDecodeError, RecursionError):
-        raise GeoError(f"{path}: not valid JSON") from None
+        raise GeoError(f"{path}: not valid JSON{_other_format(path)}") from None
     if not isinstance(root, dict) or "type" not in root:
         raise GeoError(f"{path}: not GeoJSON: it has no type")
     _check_crs(path, root.get("crs"))
@@ -94,6 +96,15 @@ def read_features(path: str | Path, kinds: tuple[str, ...]) -> list[Feature]:
         for geometry in _simple(where, feature.get("geometry"), kinds):
             found.append(Feature(where, number, geometry["type"], geometry.get("coordinates"), kept))
     return found
+
+
+def _other_format(path: str | Path) -> str:
+    """Return what to do with a file that is of another format, or an empty string."""
+    start = read_text(path, MAX_BYTES).lstrip("\ufeff \r\n\t")[:1000].lower()
+    if not start.startswith("<"):
+        return ""
+    kind = next((name for name in ("gpx", "kml") if f"<{name}" in start), "xml")
+    return f": it is {kind.upper()}, which `ogr2ogr -f GeoJSON` or QGIS brings to GeoJSON"
 
 
 def positions(where: str, coordinates: Any, least: int = 1) -> np.ndarray:
@@ -145,39 +156,66 @@ def is_place(longitude: float, latitude: float) -> bool:
     return bool(-180.0 <= longitude <= 360.0 and -90.0 <= latitude <= 90.0)
 
 
-def read_polygons(path: str | Path) -> list[tuple[Feature, Polygon | MultiPolygon]]:
+def read_polygons(path: str | Path, area: Any = None) -> list[tuple[Feature, Polygon | MultiPolygon]]:
     """The polygons of a GeoJSON file in longitude and latitude, degrees, with the features that they are of.
 
-    Empty ones, which clipping leaves behind, are passed over.
+    Empty ones, which clipping leaves behind, are passed over. A ring that touches itself is parted there.
+
+    Args:
+        path: of the file.
+        area: shapely geometry in degrees; polygons that reach nowhere near it may be faulty and are then
+            left out. None for everywhere.
 
     Raises:
-        GeoError: see `read_features` and `polygon_of`; or every one is empty.
+        GeoError: see `read_features`; rings that are not closed or cross, no area, or every one is empty.
+
+    Warns:
+        ScenarioWarning: a ring that was parted.
     """
-    found = [
-        (feature, polygon_of(feature))
-        for feature in read_features(path, ("Polygon", "MultiPolygon"))
-        if feature.coordinates != []
-    ]
-    if not found:
+    features = [part for part in read_features(path, ("Polygon", "MultiPolygon")) if part.coordinates != []]
+    if not features:
         raise GeoError(f"{path}: every polygon is empty")
+    found = []
+    for feature in features:
+        shape = _shape(feature)
+        if not shapely.is_valid(shape):
+            near = area is None or shapely.intersects(shapely.box(*shape.bounds), area)
+            shape = _parted(feature, shape) if near else None
+        if shape is not None:
+            found.append((feature, shape))
     return found
 
 
-def polygon_of(feature: Feature) -> Polygon | MultiPolygon:
-    """Return the shape of a Polygon or MultiPolygon feature in longitude and latitude.
+def _shape(feature: Feature) -> Polygon | MultiPolygon:
+    """Return the shape of a Polygon or MultiPolygon feature in longitude and latitude, valid or not.
 
     Raises:
-        GeoError: rings that are not closed or cross, coordinates off the Earth, or no area.
+        GeoError: rings that are not closed, or coordinates off the Earth.
     """
     coordinates = feature.coordinates
     parts = coordinates if feature.kind == "MultiPolygon" else [coordinates]
     if not isinstance(parts, list) or not parts:
         raise GeoError(f"{feature.where}: a {feature.kind} without coordinates")
     polygons = [_polygon(feature.where, rings) for rings in parts]
-    shape = polygons[0] if feature.kind == "Polygon" else MultiPolygon(polygons)
-    if not shapely.is_valid(shape):
-        raise GeoError(f"{feature.where}: {_fault(shapely.is_valid_reason(shape))}")
-    return shape
+    return polygons[0] if feature.kind == "Polygon" else MultiPolygon(polygons)
+
+
+def _parted(feature: Feature, shape: Polygon | MultiPolygon) -> Polygon | MultiPolygon:
+    """Part a ring where it touches itself, which adds no land and takes none.
+
+    Raises:
+        GeoError: it crosses itself, or has no area.
+
+    Warns:
+        ScenarioWarning: a ring was parted.
+    """
+    reason = shapely.is_valid_reason(shape)
+    line = f"{feature.where}: {_fault(reason)}"
+    parted = shapely.make_valid(shape)
+    if not reason.startswith("Ring Self-intersection") or not isinstance(parted, Polygon | MultiPolygon):
+        raise GeoError(line)
+    warnings.warn(f"{line}: it is parted there", ScenarioWarning, stacklevel=3)
+    return parted
 
 
 def _simple(where: str, geometry: Any, kinds: tuple[str, ...]) -> Iterator[dict]:

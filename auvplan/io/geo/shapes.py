@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely.geometry import MultiPolygon
 
 from auvplan.io.geo.grid import LocalGrid
 from auvplan.site import Site
@@ -34,16 +35,24 @@ def near(shapes: Sequence[Any], site: Site, grid: LocalGrid, margin: float) -> A
 
     Of longitudes that name one place (-170 and 190) either is found.
     """
-    west, south, east, north = _bounds(site, grid, margin)
     found = []
     all_shapes = np.asarray(shapes, object)
-    for turn in (-360.0, 0.0, 360.0):
-        box = shapely.box(west + turn, south, east + turn, north)
+    for box in around(site, grid, margin).geoms:
         for shape in all_shapes[shapely.intersects(box, all_shapes)]:
             cut = shapely.intersection(shape, box)
             if not shapely.is_empty(cut):
                 found.append(to_local(cut, site))
     return shapely.union_all(found)
+
+
+def around(site: Site, grid: LocalGrid, margin: float) -> MultiPolygon:
+    """Return boxes in longitude and latitude, degrees, that hold a grid and `margin` m around it.
+
+    There is one for each way to write the longitudes.
+    """
+    west, south, east, north = _bounds(site, grid, margin)
+    turns = (-360.0, 0.0, 360.0)
+    return MultiPolygon([shapely.box(west + turn, south, east + turn, north) for turn in turns])
 
 
 def touched(shape: Any, grid: LocalGrid) -> NDArray[np.bool_]:

@@ -2,10 +2,14 @@
 
 import json
 
+import numpy as np
 import pytest
+import shapely
 
+from auvplan.errors import ScenarioWarning
 from auvplan.io.geo import GeoError, chart_from_polygons, read_jobs, read_zones
 from auvplan.ocean.chart import ChartError
+from auvplan.site import Site
 from tests.io.geo.files import SITE, feature, ring
 
 GOOD = feature("Polygon", [ring((0, 0), (0, 50), (50, 0))])
@@ -28,6 +32,7 @@ def named(name):
 
 FAULTS = [
     ("not json", "not valid JSON"),
+    ('<?xml version="1.0"?>\n<gpx version="1.1"/>', "not valid JSON: it is GPX, which `ogr2ogr"),
     ("[" * 100_000, "not valid JSON"),
     (b"\xff\xfe{}", "not UTF-8 text"),
     ([], "not GeoJSON: it has no type"),
@@ -74,7 +79,7 @@ def test_one_line_that_names_the_file_and_the_feature(tmp_path, content, words):
     with pytest.raises(GeoError, match=words) as zones:
         read_zones(path, SITE)
     with pytest.raises(ChartError) as chart:
-        chart_from_polygons(path, SITE, lower=(0, 0), upper=(100, 100))
+        chart_from_polygons(path, Site(1.0, 1.0), lower=(-2e5, -2e5), upper=(2e5, 2e5), pixel_size=1e4)
     for caught in (zones, chart):
         assert str(caught.value).startswith(str(path))
         assert "\n" not in str(caught.value)
@@ -112,3 +117,41 @@ def test_missing_files(tmp_path):
             read(tmp_path / "nowhere.geojson", SITE)
     with pytest.raises(ChartError, match="fringe must not be negative"):
         chart_from_polygons(tmp_path / "a", SITE, lower=(0, 0), upper=(1, 1), fringe=-1.0)
+
+
+def test_polygons_far_from_the_area_may_be_faulty(tmp_path):
+    path = tmp_path / "l.geojson"
+    path.write_text(json.dumps(collection(feature("Polygon", [BOW]), GOOD)))
+    chart = chart_from_polygons(path, SITE, lower=(0, 0), upper=(100, 100))
+    assert 0.1 < (np.asarray(chart.passability) == 0.0).mean() < 0.3
+
+
+def test_a_ring_that_touches_itself_is_parted_with_a_warning(tmp_path):
+    path = tmp_path / "l.geojson"
+    square, notch = [[0, 0], [4, 0], [4, 4], [2, 4]], [[1, 2], [3, 2], [2, 4], [0, 4], [0, 0]]
+    path.write_text(json.dumps(collection(feature("Polygon", [square + notch]))))
+    with pytest.warns(
+        ScenarioWarning, match=r"feature 1: a ring touches itself at \(2, 4\): it is parted there"
+    ):
+        (zone,) = read_zones(path, Site(2.0, 2.0))
+    assert zone.polygon.is_valid
+    hole = abs(shapely.Polygon([[2, 4], [1, 2], [3, 2]]).area)
+    degrees = zone.polygon.area / (111_195.0**2)
+    assert degrees == pytest.approx(16.0 - hole, rel=0.01)
+
+
+def test_land_of_the_whole_world_with_a_faulty_ring_far_away(shared):
+    path = shared / "data/elsewhere/natural_earth_110m_land.geojson"
+    box = {"lower": (-1e5, -1e5), "upper": (1e5, 1e5), "pixel_size": 2000.0}
+    chart = chart_from_polygons(path, Site(12.0, 41.9), **box)
+    land = shapely.union_all([
+        shapely.make_valid(shapely.from_geojson(json.dumps(part["geometry"])))
+        for part in json.loads(path.read_text())["features"]
+    ])  # fmt: skip
+    middles = -1e5 + 2000.0 * (np.arange(100) + 0.5)
+    local = (axis.ravel() for axis in np.meshgrid(middles, middles, indexing="ij"))
+    places = Site(12.0, 41.9).to_geographic(*local)
+    inside = shapely.contains_xy(land, *places).reshape(100, 100)
+    dry = np.asarray(chart.passability) == 0.0
+    assert dry[inside].all()
+    assert dry.mean() == pytest.approx(inside.mean(), abs=0.02)
