@@ -146,7 +146,7 @@ def find_places(file: File, name: str, staggered: bool = False) -> tuple[str, st
     if staggered:
         pair = ("lon_rho", "lat_rho")
         for place in pair:
-            if place not in file.variables or not file.coordinate(place).any():
+            if place not in file.variables or not np.nan_to_num(file.coordinate(place, missing=True)).any():
                 raise CurrentError(f"{file.path}: {name} is on a staggered grid, but {place} is missing")
         return pair
     hints = text(file.variables[name].attrs, "coordinates").split()

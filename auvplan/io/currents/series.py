@@ -145,6 +145,7 @@ def _same_grid(first: File, other: File, name: str, coordinates: Sequence[str]) 
     for coordinate in coordinates:
         if coordinate not in other.variables:
             raise CurrentError(f"{other.path}: has no {coordinate}, which {first.path} has")
-        pair = [file.coordinate(coordinate) for file in (first, other)]
-        if pair[0].shape != pair[1].shape or not np.allclose(*pair, rtol=0.0, atol=1e-6):
+        pair = [file.coordinate(coordinate, missing=True) for file in (first, other)]
+        same = pair[0].shape == pair[1].shape and np.allclose(*pair, rtol=0.0, atol=1e-6, equal_nan=True)
+        if not same:
             raise CurrentError(f"{where}: the grids differ in {coordinate}")

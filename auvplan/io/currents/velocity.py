@@ -108,6 +108,9 @@ class Velocity:
                 east * np.sin(turn) + north * np.cos(turn),
             )
         depths, floor = self.east.levels.read(frames, window)
+        if floor is not None and self.east.levels.fixed is not None:
+            # Models without a fill value leave the levels below the bed at zero.
+            land |= (east == 0.0) & (north == 0.0) & (depths > floor[:, None])
         up, depths_up = None, None
         if self.up is not None:
             up = self._values(self.up, frames, window, 0)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.spatial import Delaunay, KDTree, QhullError
@@ -12,6 +13,8 @@ Index = NDArray[np.int64]
 
 #: Smaller weights come from rounding: a source's own point must depend on itself alone.
 _TINY = 1e-9
+#: A place so near to a triangle, m, is in it: edges that are straight in degrees bulge in metres.
+_SLACK = 0.5
 #: At least so much of the weight must lie on points that have a value.
 ENOUGH = 0.5 - 1e-9
 
@@ -115,7 +118,7 @@ def barycentric(points: Array, triangles: Index, places: Array) -> Weights:
 
 
 def find_triangle(points: Array, triangles: Index, places: Array) -> Index:
-    """Return the triangle [M] that holds each place, -1 where none does."""
+    """Return the triangle [M] that holds each place, or is within `_SLACK` of it; -1 where none is."""
     # It takes a third of a second to import and is needed by curvilinear and unstructured grids only.
     from matplotlib.tri import Triangulation
 
@@ -132,7 +135,14 @@ def find_triangle(points: Array, triangles: Index, places: Array) -> Index:
         # Grids that overlap themselves, as tripolar ones do at their seam, are searched triangle by triangle.
         return _search(points, triangles, whole, places)
     found = np.asarray(finder(places[:, 1], places[:, 0]), np.int64)
-    return np.where(found >= 0, whole[found], -1)
+    found = np.where(found >= 0, whole[found], -1)
+    out = np.flatnonzero(found < 0)
+    if len(out):
+        tree = shapely.STRtree(shapely.polygons(points[triangles[whole]]))
+        at = np.asarray(shapely.points(places[out]), object).reshape(-1)
+        place, triangle = tree.query(at, predicate="dwithin", distance=_SLACK)
+        found[out[place]] = whole[triangle]
+    return found
 
 
 def triangulate(points: Array) -> Index:

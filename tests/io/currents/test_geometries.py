@@ -284,3 +284,40 @@ def test_selfe_sigma_levels(tmp_path):
     with open_ocean(write_plain(variables, tmp_path / "selfe.nc")) as ocean:
         close(ocean, PLACES[0], PLACES[1], 17.0, 0.5)
         close(ocean, lon[10], lat[10], 0.0, 0.5)
+
+
+def test_zeros_below_the_bed_are_a_mask(tmp_path):
+    data = regular(depth=[0.0, 10.0, 30.0, 60.0])
+    told = {"standard_name": "sea_floor_depth_below_geoid", "units": "m"}
+    data["deptho"] = (("latitude", "longitude"), np.full((6, 8), 25.0), told)
+    for name in ("uo", "vo"):
+        data[name][:, 2:] = 0.0
+    with open_ocean(write(data, tmp_path / "zero.nc")) as ocean:
+        held = np.stack(ocean.at(*PLACES[:, 0], 10.0, START)[:2])
+        np.testing.assert_allclose(np.stack(ocean.at(*PLACES[:, 0], 24.0, START)[:2]), held)
+        assert np.isnan(ocean.at(*PLACES[:, 0], 26.0, START)[0])
+
+
+@pytest.mark.parametrize(("mask", "wet"), [("wet_nodes", 1), ("dryFlagNode", 0)])
+def test_flats_that_fall_dry_have_no_current_then(tmp_path, mask, wet):
+    data = ugrid("node")
+    flags = np.full((2, len(mesh()[0])), wet)
+    flags[1] = 1 - wet
+    data[mask] = (("time", "n_node"), flags.astype(np.int32), {})
+    with open_ocean(write_plain(data, tmp_path / "flats.nc")) as ocean:
+        places = ocean.longitude[20], ocean.latitude[20]
+        assert np.isfinite(ocean.at(*places, 0.0, ocean.times[0])[0])
+        assert np.isnan(ocean.at(*places, 0.0, ocean.times[1])[0])
+
+
+def test_nodes_without_a_place_are_land(tmp_path):
+    """As models leave coordinates on land: no number."""
+    data = roms(land=[(0, 0), (0, 1), (1, 0)])
+    with open_ocean(write(data, tmp_path / "whole.nc")) as whole:
+        lon, lat = data["lon_rho"].values, data["lat_rho"].values
+        places = lon[3:6, 4:8].ravel() + 1e-4, lat[3:6, 4:8].ravel() + 1e-4
+        expected = whole.at(*places, 3.0, START)[:2]
+    for name in ("lon_rho", "lat_rho"):
+        data[name] = data[name].where(data["mask_rho"] > 0)
+    with open_ocean(write(data, tmp_path / "holes.nc")) as holes:
+        np.testing.assert_array_equal(holes.at(*places, 3.0, START)[:2], expected)
