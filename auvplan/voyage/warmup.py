@@ -32,6 +32,10 @@ def warm_up(context: SimulationContext, embark: Callable[[], Mission]) -> None:
     if scenario in _warmed_up:
         return
     _warmed_up.add(scenario)
+    mark = cache.key_of(__name__, scenario, repr(context.simulated))
+    if cache.holds(__name__, mark):  # what this would compile is on disk
+        return
+    cache.store(__name__, mark, True)
     Thread(target=_begin_a_leg, args=(replace(context, clock=Clock()), embark), daemon=True).start()
 
 
