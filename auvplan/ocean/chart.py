@@ -173,7 +173,8 @@ class Chart:
         """
         if isinstance(x, Tracer) or isinstance(y, Tracer) or isinstance(self.signed_distance, Tracer):
             return _distance(self, x, y)
-        return jnp.asarray(elementwise(partial(_distance, self), x, y, together=_POINTS))
+        # Put, not converted: a conversion is a program of its own for every shape.
+        return jax.device_put(elementwise(partial(_distance, self), x, y, together=_POINTS))
 
     def passability_at(self, x: ArrayLike, y: ArrayLike) -> jax.Array:
         """Passability by bilinear interpolation, 0 to 1; arguments as `distance`."""

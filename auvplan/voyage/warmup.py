@@ -23,7 +23,7 @@ def warm_up(context: SimulationContext, embark: Callable[[], Mission]) -> None:
     """Let a mission that nobody waits for begin a leg, in a thread of its own, where a core is free for that.
 
     Args:
-        context: what it shares with those that are to be sailed.
+        context: what it shares with those that are to be sailed. A scenario is begun so once, in one process.
         embark: makes the mission.
     """
     if cores.count() == 1 or not cache.enabled():
