@@ -10,10 +10,10 @@ import chex
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jax.core import Tracer
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from auvplan.compiled import compiled
 from auvplan.errors import AuvplanError, ScenarioWarning
@@ -241,8 +241,8 @@ def _signed_distance(land: NDArray[np.bool_]) -> NDArray[np.floating]:
         return np.full(land.shape, FAR)
     if land.all():
         return np.full(land.shape, -FAR)
-    water = np.asarray(ndimage.distance_transform_edt(~land)) - np.sqrt(0.5)
-    inland = np.asarray(ndimage.distance_transform_edt(land)) - 0.5
+    water = np.asarray(scipy.ndimage.distance_transform_edt(~land)) - np.sqrt(0.5)
+    inland = np.asarray(scipy.ndimage.distance_transform_edt(land)) - 0.5
     return np.where(land, -inland, water)
 
 
