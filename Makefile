@@ -3,6 +3,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= out/whitsunday
 PYTEST := -n 2 --dist worksteal --doctest-modules
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
 .PHONY: mission paper test test-all bench lint clean
 
@@ -15,7 +16,7 @@ paper: $(VENV)/.installed
 test: $(VENV)/.installed-dev
 	$(BIN)/pytest $(PYTEST) -m "not slow" auvplan tests
 
-test-all: $(VENV)/.installed-dev
+test-all: $(VENV)/.installed-dev $(VENV)/.installed-notebooks
 	$(BIN)/pytest $(PYTEST) --nbmake auvplan tests notebooks
 
 bench: $(VENV)/.installed-bench
@@ -34,13 +35,20 @@ clean:
 # The constraints file pins what CI has tested; pyproject.toml gives the lower bounds.
 $(VENV)/.installed: pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e .
+	$(PIP) -e .
 	touch $@
 
 $(VENV)/.installed-bench: $(VENV)/.installed
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'
+	$(PIP) -e '.[bench]'
 	touch $@
 
-$(VENV)/.installed-dev: $(VENV)/.installed
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+# In one go, and compiled to byte code on two cores; some packages hold files that cannot be.
+$(VENV)/.installed-dev: pyproject.toml constraints.txt
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(PIP) --no-compile -e '.[dev]'
+	-$(BIN)/python -m compileall -qq -j 2 $(VENV)/lib
+	touch $@ $(VENV)/.installed
+
+$(VENV)/.installed-notebooks: $(VENV)/.installed-dev
+	$(PIP) -e '.[notebooks]'
 	touch $@

@@ -47,6 +47,12 @@ def folded(key: jax.Array, *numbers: int) -> jax.Array:
     return _folded(key, np.asarray(numbers))
 
 
+def single(keys: jax.Array) -> list[jax.Array]:
+    """Return the single ones of [B] keys."""
+    data, kind = np.asarray(jax.random.key_data(keys)), jax.random.key_impl(keys)
+    return [jax.random.wrap_key_data(jax.device_put(row), impl=kind) for row in data]
+
+
 def stacked(keys: list[jax.Array]) -> jax.Array:
     """[B] keys from B single ones."""
     data = np.stack([np.asarray(jax.random.key_data(key)) for key in keys])

@@ -59,7 +59,9 @@ class _Leaf:
 
     def __getitem__(self, index: NDArray[np.int_]) -> Any:
         chosen = self.values[index]
-        return chosen if self.kind is None else jax.random.wrap_key_data(jnp.asarray(chosen), impl=self.kind)
+        if self.kind is None:
+            return chosen
+        return jax.random.wrap_key_data(jax.device_put(chosen), impl=self.kind)
 
 
 def _threaded(call: Callable[[NDArray[np.int_]], T], rows: list[NDArray[np.int_]]) -> list[T]:

@@ -12,6 +12,7 @@ os.environ["XLA_FLAGS"] = " ".join(
     [
         os.environ.get("XLA_FLAGS", ""),
         "--xla_backend_optimization_level=0",
+        "--xla_llvm_disable_expensive_passes=true",
         "--xla_cpu_parallel_codegen_split_count=1",
         "--xla_cpu_use_fusion_emitters=false"
         if version("jaxlib").startswith(("0.7.", "0.8.", "0.9.", "0.10."))
@@ -24,7 +25,7 @@ import pytest
 
 from auvplan.compiled import drop_programs
 from auvplan.voyage import executive
-from tests.voyage.small import light_config
+from tests.voyage.small import LIGHT
 
 # What several test processes compile alike is compiled once, and kept for the next run: planners' programs by
 # the package itself, those of the tests' own functions by JAX.
@@ -32,6 +33,15 @@ KEPT = Path(__file__).parent.parent / ".pytest_cache"
 os.environ["AUVPLAN_CACHE"] = str(KEPT / "auvplan")
 jax.config.update("jax_compilation_cache_dir", str(KEPT / "jax"))
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+
+# Programs tell which line each of their operations comes from; nobody asks for it here.
+jax.config.update("jax_traceback_in_locations_limit", 0)
+
+# Traces make many objects that live on: to look through them for garbage again and again takes a tenth of the
+# time.
+gc.collect()
+gc.freeze()
+gc.set_threshold(50_000, 20, 50)
 
 # Tests count programs: none is compiled behind their back.
 executive.warm_up = lambda *_: None
@@ -72,7 +82,8 @@ def shared():
 
 @pytest.fixture(scope="module")
 def light_search():
-    """Path searches of the hierarchical loop become small: what is tested does not depend on their depth."""
+    """Searches of the hierarchical loop become small: what is tested does not depend on their depth."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(executive, "path_config", light_config)
+        for name, light in LIGHT.items():
+            patch.setattr(executive, name, light)
         yield

@@ -246,7 +246,7 @@ def test_help_names_every_command():
 
 
 def test_a_current_that_wins_exits_1_and_names_the_place(tmp_path, capsys, monkeypatch):
-    strong = {"vortices": 0, "uniform": [-4.0, 0.0, 0.0]}
+    strong = LEG["current"] | {"uniform": [-4.0, 0.0, 0.0]}
     code, _, err = call(
         capsys, monkeypatch, "mission", write(tmp_path, current=strong), "--out", tmp_path / "out"
     )

@@ -1,6 +1,8 @@
 """`auvplan check` on one run and on the saved runs of a study."""
 
 import json
+import shutil
+from pathlib import Path
 
 import pytest
 
@@ -10,16 +12,24 @@ from auvplan.study.store import DESIGN, RUNS
 from tests.io.sample_run import make_run
 
 
-@pytest.fixture
-def study(tmp_path):
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
     """A folder with three saved runs, of which the second comes from another place at its first leg's end."""
-    (tmp_path / DESIGN).write_text("{}")
-    for seed in range(3):
-        run = make_run()
-        if seed == 1:
-            run.legs[0].positions[-1] += [60.0, 0.0, 0.0]
-        save_run(run, tmp_path / RUNS / f"0000-{seed:08d}")
-    return tmp_path
+    folder = tmp_path_factory.mktemp("study")
+    (folder / DESIGN).write_text("{}")
+    good, bad, same = (folder / RUNS / f"0000-{seed:08d}" for seed in range(3))
+    save_run(make_run(), good)
+    shutil.copytree(good, same)
+    run = make_run()
+    run.legs[0].positions[-1] += [60.0, 0.0, 0.0]
+    save_run(run, bad)
+    return folder
+
+
+@pytest.fixture
+def study(written, tmp_path):
+    """A copy of it, to be spoiled."""
+    return Path(shutil.copytree(written, tmp_path / "study"))
 
 
 @pytest.fixture
@@ -48,7 +58,8 @@ def test_every_saved_run_of_a_study_is_checked(study, check):
 
 
 def test_without_faults_the_status_is_0(study, check):
-    save_run(make_run(), study / RUNS / "0000-00000001")
+    shutil.rmtree(study / RUNS / "0000-00000001")
+    shutil.copytree(study / RUNS / "0000-00000000", study / RUNS / "0000-00000001")
     code, said, _ = check(study)
     assert code == 0
     assert said.splitlines()[-1].endswith("0 runs with faults")

@@ -206,15 +206,11 @@ def test_a_function_that_cannot_be_traced_has_no_fingerprint():
     assert FunctionCurrent(lambda x, y, z, t: (float(x), 0.0, 0.0)).fingerprint() is None
 
 
-PLAN = """
-import jax, auvplan as ap
-from auvplan.compiled import compilations
-stream = lambda x, y, z, t: (0.0, {speed}, 0.0)
-env = ap.Environment(stream, lower=(0, 0, 0), upper=(2000, 1000, 0))
-config = ap.PathConfig(bbo=ap.bbo.BBOConfig(population=12, iterations=2), passages=2, field_cells=16,
-                       control_points=4, samples=32, passage_steps=3, refine_steps=2, finer=1)
-plan = ap.plan_path((0, 500, 0), (2000, 500, 0), env, key=jax.random.key(0), config=config)
-print(repr(plan.travel_time))
+MOVED = """
+import numpy as np
+from auvplan.ocean.currents import FunctionCurrent, evaluated
+stream = FunctionCurrent(lambda x, y, z, t: (0.1 * x, {speed}, 0.0))
+print(np.asarray(evaluated(stream, *np.ones((4, 3)))).tolist())
 """
 
 
@@ -224,12 +220,12 @@ def run(code: str) -> str:
 
 
 def test_another_process_finds_programs_of_a_function_and_none_of_another(place):
-    first = run(PLAN.format(speed=0.5))
+    first = run(MOVED.format(speed=0.5))
     kept = {entry.path for entry in entries()}
     assert kept
-    assert run(PLAN.format(speed=0.5)) == first
+    assert run(MOVED.format(speed=0.5)) == first
     assert {entry.path for entry in entries()} == kept
-    assert run(PLAN.format(speed=0.9)) != first
+    assert run(MOVED.format(speed=0.9)) != first
     assert {entry.path for entry in entries()} > kept
 
 

@@ -1,5 +1,6 @@
 """The command line: plan a mission, a path, many missions; draw a study; look at a chart; check a result."""
 
+import gc
 import logging
 import sys
 import warnings
@@ -13,6 +14,9 @@ import typer
 from auvplan.cli import departures, export, mission, paper, plan, scenario, study, tools
 from auvplan.cli.shared import errors
 from auvplan.errors import AuvplanError, ScenarioWarning
+
+#: New objects after which garbage is looked for.
+_GARBAGE = 20_000
 
 
 def stoppable(command: Callable[..., None]) -> Callable[..., None]:
@@ -93,6 +97,9 @@ def _shorten_warnings() -> None:
 
 def main() -> None:
     """Entry point: bad input is one line and exit status 2."""
+    # Most objects of a command live as long as it: to look through them for garbage so often takes long.
+    gc.freeze()
+    gc.set_threshold(_GARBAGE)
     _shorten_warnings()
     try:
         app()

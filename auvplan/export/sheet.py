@@ -10,7 +10,7 @@ from typing import Any
 from zoneinfo import ZoneInfo
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import shortest_path
 
@@ -218,10 +218,15 @@ def _stop(run: MissionRun, leg: LegRecord | None, arrival: float) -> Stop:
         float(steps.sum()),
         float(steps.sum() / max(times[-1] - times[0], 1e-9)),
         float(speeds.min()) if len(speeds) else 0.0,
-        None if run.chart is None else _known(float(np.min(run.chart.distance(fine[:, 0], fine[:, 1])))),
-        None if run.seabed is None else float(np.min(run.seabed.altitude(fine))),
+        None if run.chart is None else _known(_least(run.chart.distance(fine[:, 0], fine[:, 1]))),
+        None if run.seabed is None else _least(run.seabed.altitude(fine)),
         _to_obstacles(run, fine, when),
     )
+
+
+def _least(values: ArrayLike) -> float:
+    """Return the least of values, taken on the host: their number is another one for every leg."""
+    return float(np.asarray(values).min())
 
 
 def _known(distance: float) -> float | None:

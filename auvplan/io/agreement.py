@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from auvplan.errors import ScenarioError, ScenarioWarning
 from auvplan.io.geo.geojson import is_place
@@ -158,7 +158,7 @@ def _contradiction(one: Mask, other: Mask, room: NDArray) -> tuple[float, float,
     for land in (one[0], other[0]):
         for side in (land, ~land):
             if side.any() and not side.all():
-                far &= ~side | (np.asarray(ndimage.distance_transform_edt(side, sampling)) > 1.0)
+                far &= ~side | (np.asarray(scipy.ndimage.distance_transform_edt(side, sampling)) > 1.0)
     apart = (one[0] != other[0]) & far
     share, land = float(apart.mean()), float((one[0] | other[0]).mean())
     if share < _OF_AREA or share < _OF_LAND * land:

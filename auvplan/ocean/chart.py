@@ -10,10 +10,10 @@ import chex
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jax.core import Tracer
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from auvplan.compiled import compiled
 from auvplan.errors import AuvplanError, ScenarioWarning
@@ -173,7 +173,8 @@ class Chart:
         """
         if isinstance(x, Tracer) or isinstance(y, Tracer) or isinstance(self.signed_distance, Tracer):
             return _distance(self, x, y)
-        return jnp.asarray(elementwise(partial(_distance, self), x, y, together=_POINTS))
+        # Put, not converted: a conversion is a program of its own for every shape.
+        return jax.device_put(elementwise(partial(_distance, self), x, y, together=_POINTS))
 
     def passability_at(self, x: ArrayLike, y: ArrayLike) -> jax.Array:
         """Passability by bilinear interpolation, 0 to 1; arguments as `distance`."""
@@ -240,8 +241,8 @@ def _signed_distance(land: NDArray[np.bool_]) -> NDArray[np.floating]:
         return np.full(land.shape, FAR)
     if land.all():
         return np.full(land.shape, -FAR)
-    water = np.asarray(ndimage.distance_transform_edt(~land)) - np.sqrt(0.5)
-    inland = np.asarray(ndimage.distance_transform_edt(land)) - 0.5
+    water = np.asarray(scipy.ndimage.distance_transform_edt(~land)) - np.sqrt(0.5)
+    inland = np.asarray(scipy.ndimage.distance_transform_edt(land)) - 0.5
     return np.where(land, -inland, water)
 
 

@@ -12,8 +12,8 @@ from functools import partial
 from importlib.metadata import version
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from auvplan.cache import kept
 from auvplan.ocean.frame import find_frame, surround
@@ -162,7 +162,9 @@ def _cluster(
     # Imported here because it takes most of a second, and only pictures need it.
     from sklearn.cluster import KMeans
 
-    smooth = np.stack([ndimage.median_filter(rgb[..., c], size=3, mode="nearest") for c in range(3)], axis=-1)
+    smooth = np.stack(
+        [scipy.ndimage.median_filter(rgb[..., c], size=3, mode="nearest") for c in range(3)], axis=-1
+    )
     pixels = smooth.reshape(-1, 3)
     shown = pixels[~blank.ravel()]
     sample = shown[np.random.default_rng(seed).integers(0, len(shown), min(_SAMPLE, len(shown)))]

@@ -1,9 +1,9 @@
 """The black or white frame of a picture: margins of paper, and the corners of a raster that was turned."""
 
 import numpy as np
+import scipy
 import shapely
 from numpy.typing import NDArray
-from scipy import ndimage
 
 # Levels within which a shade is black or white: JPEG moves them a little.
 _TOLERANCE = 4
@@ -78,5 +78,5 @@ def _shades(rgb: NDArray[np.uint8]) -> tuple[tuple[str, NDArray[np.bool_]], ...]
 
 def _labelled(area: NDArray[np.bool_]) -> tuple[NDArray[np.intp], int]:
     """The number of the connected part that each pixel is in, 0 outside the area, and how many there are."""
-    parts, count = ndimage.label(area)  # type: ignore[misc]
+    parts, count = scipy.ndimage.label(area)  # type: ignore[misc]
     return np.asarray(parts, np.intp), int(count)

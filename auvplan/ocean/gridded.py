@@ -7,8 +7,8 @@ from typing import Self
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy import ndimage
 
 from auvplan.errors import AuvplanError
 from auvplan.ocean.currents import Velocity
@@ -210,7 +210,7 @@ def _nearest_water(water: NDArray[np.bool_], spacing: NDArray[np.floating]) -> N
     for k, wet in enumerate(water):
         if wet.any():
             index[1:, k] = np.asarray(
-                ndimage.distance_transform_edt(
+                scipy.ndimage.distance_transform_edt(
                     ~wet, sampling=spacing, return_distances=False, return_indices=True
                 )
             )

@@ -7,8 +7,8 @@ greys, night palettes) cannot all be told by colour, so the proposal says where 
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from auvplan.ocean.frame import joined
 from auvplan.ocean.palette import UNTOLD, ChartColours, blueness, hue_and_chroma, lab_of
@@ -213,7 +213,7 @@ def _odd_shape(
 
 def _narrow(area: NDArray[np.bool_]) -> bool:
     """Return whether an area is nowhere wide."""
-    width = np.asarray(ndimage.distance_transform_edt(area)).max()
+    width = np.asarray(scipy.ndimage.distance_transform_edt(area)).max()
     return bool(not area.all() and width < _FRINGE * max(area.shape))
 
 
@@ -226,7 +226,7 @@ def _inside(area: NDArray[np.bool_], labels: NDArray[np.integer]) -> float:
     """Return share of a picture in the parts of an area that reach neither its edge nor a line along it."""
     shown = np.pad(labels >= 0, 1)
     reach = max(_RIM * max(labels.shape), 1.0)
-    brink = ndimage.distance_transform_edt(shown)[1:-1, 1:-1] <= reach  # type: ignore[index]
+    brink = scipy.ndimage.distance_transform_edt(shown)[1:-1, 1:-1] <= reach  # type: ignore[index]
     return float((area & ~brink & ~joined(area & (labels >= 0), brink)).sum() / max(shown.sum(), 1))
 
 
@@ -258,10 +258,10 @@ def _pale_water(
     there = labels >= 0
     ashore, blue, white = (which[place] & there for which in (land, water, paler))
     # The coast's pixels look for the nearest one of either tone: ink may lie between.
-    gap, nearest = ndimage.distance_transform_edt(~(blue | white), return_indices=True)  # type: ignore[misc]
+    gap, nearest = scipy.ndimage.distance_transform_edt(~(blue | white), return_indices=True)  # type: ignore[misc]
     coast = ashore & (gap <= max(_RING * max(labels.shape) / _EDGE, 2.0))
     sandwiched = blue[tuple(nearest[:, coast])].mean() if coast.any() else 0.0
-    away = np.asarray(ndimage.distance_transform_edt(~ashore))
+    away = np.asarray(scipy.ndimage.distance_transform_edt(~ashore))
     distances = np.median(away[white]), np.median(away[blue])
     if (
         not paper[share >= _NOTEWORTHY].any()

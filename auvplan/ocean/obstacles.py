@@ -114,8 +114,9 @@ class Obstacles:
     @classmethod
     def none(cls) -> "Obstacles":
         """No obstacle at all."""
-        plane, row = jnp.zeros((0, 3)), jnp.zeros(0)
-        return cls(plane, plane, row, row, row, row, row, row, row, jnp.zeros(0, bool))
+        # Put, not made there: that would be a program for each.
+        plane, row, flags = jax.device_put((np.zeros((0, 3)), np.zeros(0), np.zeros(0, bool)))
+        return cls(plane, plane, row, row, row, row, row, row, row, flags)
 
     @classmethod
     def static(cls, positions: ArrayLike, radii: ArrayLike, **uncertainty: ArrayLike) -> "Obstacles":

@@ -7,9 +7,9 @@ from typing import Self
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from auvplan.errors import AuvplanError
 from auvplan.ocean.bilinear import bilinear, far_corner
@@ -159,7 +159,7 @@ class Seabed:
         """Altitude of positions [..., 3] m above the sea bed, [...] m, negative below it, in NumPy."""
         places = np.asarray(positions, float)
         pixels = (places[..., :2] - np.asarray(self.origin)) / float(self.pixel_size) - 0.5
-        depth = ndimage.map_coordinates(
+        depth = scipy.ndimage.map_coordinates(
             np.asarray(self.depth), np.moveaxis(pixels, -1, 0), order=1, mode="nearest", output=float
         )
         return depth - places[..., 2]

@@ -10,9 +10,9 @@ from importlib.resources import files
 
 import jax
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
-from scipy import ndimage
 
 from auvplan.cache import kept
 from auvplan.ocean.chart import Chart
@@ -48,7 +48,7 @@ def classes(size: int = PIXELS) -> NDArray[np.uint8]:
             outline = [(float(e * scale), float(size - n * scale)) for n, e in zip(north, east, strict=True)]
             draw.polygon(outline, fill=1 if k == 0 else 0)
     land = np.asarray(picture) > 0
-    shoal = np.asarray(ndimage.distance_transform_edt(~land)) * (EXTENT / size) <= FRINGE
+    shoal = np.asarray(scipy.ndimage.distance_transform_edt(~land)) * (EXTENT / size) <= FRINGE
     return np.where(land, 0, np.where(shoal, 1, 2)).astype(np.uint8)
 
 
@@ -57,7 +57,7 @@ def render(size: int = PIXELS, seed: int = 0) -> NDArray[np.uint8]:
     rng = np.random.default_rng(seed)
     kinds = classes(size)
     colours = np.asarray([_LAND, _SHOAL, _WATER], float)[kinds]
-    relief = ndimage.gaussian_filter(rng.normal(size=(size, size)), 12.0)
+    relief = scipy.ndimage.gaussian_filter(rng.normal(size=(size, size)), 12.0)
     relief *= 10.0 / np.abs(relief).max()
     noise = rng.normal(scale=3.0, size=(size, size, 3))
     return np.clip(colours + relief[..., None] + noise, 0, 255).astype(np.uint8)

@@ -1,9 +1,8 @@
 """How a leg's plans converge (Fig. 11)."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -11,6 +10,9 @@ from numpy.typing import NDArray
 from auvplan.plot import style
 from auvplan.plot.legs import busiest_leg
 from auvplan.records import LegRecord, MissionRun
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 #: Error bars drawn at most.
 _BARS = 60
@@ -50,7 +52,7 @@ def plot_convergence(
     return panels
 
 
-def plot_populations(legs: xr.Dataset, met: style.Array, least: float) -> Figure:
+def plot_populations(legs: "xr.Dataset", met: style.Array, least: float) -> Figure:
     """Cost and violation of the population by iteration, a column for each scenario (Fig. 11).
 
     Lines are means over the seeds of the population's mean, error bars those of its standard deviation.

@@ -32,8 +32,7 @@ def plot_path(plan: PathPlan, *, ax: Axes | None = None) -> Axes:
         >>> import jax, auvplan as ap
         >>> from auvplan.plot import plot_path
         >>> env = ap.Environment(ap.UniformCurrent(0.0, 0.5), lower=(-500, -500, 0), upper=(2500, 1500, 0))
-        >>> config = ap.PathConfig.quick().replace(finer=1)
-        >>> plan = ap.plan_path((0, 0, 0), (2000, 0, 0), env, key=jax.random.key(0), config=config)
+        >>> plan = ap.plan_path((0, 0, 0), (2000, 0, 0), env, key=jax.random.key(0))
         >>> plot_path(plan).get_xlabel()
         'east [m]'
     """

@@ -5,7 +5,6 @@ from datetime import datetime
 from functools import cached_property
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
@@ -87,7 +86,7 @@ class SimulationContext:
 
     def environment(self, current: Current, obstacles: Obstacles | None = None) -> Environment:
         """Return the world as planners are told it."""
-        lower, upper = (jnp.asarray(corner, float) for corner in self.box)
+        lower, upper = (jax.device_put(corner.astype(float)) for corner in self.box)
         known = Obstacles.none() if obstacles is None else obstacles
         return Environment(current, self.chart, known, lower, upper, seabed=self.waters.seabed)
 

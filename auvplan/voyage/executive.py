@@ -123,7 +123,7 @@ def sail_missions(
         raise ValueError(f"keys and seeds must be as many, got {len(keys)} and {len(labels)}")
     with expecting(MISSIONS):
         context = make_context(scenario, folder, waters)
-        waiting = deque(enumerate(zip(keys, labels, strict=True)))
+        waiting = deque(enumerate(zip(prng.single(keys), labels, strict=True)))
         active: list[Mission] = []
         while active or waiting:
             while waiting and len(active) < together:

@@ -103,7 +103,8 @@ def sail_on(context: SimulationContext, missions: list[Mission]) -> None:
         for mission in batch[:real]:
             mission.sea.advance(mission.now)
         fields = [mission.sea.field for mission in batch]
-        motions = zip(*(map(padded_rows, leg.truth.motion) for leg in legs), strict=True)
+        rows = [[padded_rows(part) for part in leg.truth.motion] for leg in legs[:real]]
+        motions = zip(*rows, *rows[:1] * (len(legs) - real), strict=True)
         out: Sailed = jax.device_get(
             sail(
                 np.stack([leg.track for leg in legs]),

@@ -151,8 +151,9 @@ def over_ground(current: Current, *motion: ArrayLike, now: float) -> NDArray[np.
 def padded_rows(values: ArrayLike) -> NDArray[np.float64]:
     """Figures [M, ...] of obstacles, followed by zeros up to a number that one program serves."""
     figures = np.asarray(values, float)
-    more = rounded_up(len(figures)) - len(figures)
-    return np.pad(figures, [(0, more)] + [(0, 0)] * (figures.ndim - 1))
+    padded = np.zeros((rounded_up(len(figures)), *figures.shape[1:]))
+    padded[: len(figures)] = figures
+    return padded
 
 
 def _along(track: jax.Array, marks: jax.Array, arc: jax.Array) -> jax.Array:

@@ -23,7 +23,7 @@ def warm_up(context: SimulationContext, embark: Callable[[], Mission]) -> None:
     """Let a mission that nobody waits for begin a leg, in a thread of its own, where a core is free for that.
 
     Args:
-        context: what it shares with those that are to be sailed.
+        context: what it shares with those that are to be sailed. A scenario is begun so once, in one process.
         embark: makes the mission.
     """
     if cores.count() == 1 or not cache.enabled():
@@ -32,6 +32,10 @@ def warm_up(context: SimulationContext, embark: Callable[[], Mission]) -> None:
     if scenario in _warmed_up:
         return
     _warmed_up.add(scenario)
+    mark = cache.key_of(__name__, scenario, repr(context.simulated))
+    if cache.holds(__name__, mark):  # what this would compile is on disk
+        return
+    cache.store(__name__, mark, True)
     Thread(target=_begin_a_leg, args=(replace(context, clock=Clock()), embark), daemon=True).start()
 
 

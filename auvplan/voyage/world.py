@@ -112,7 +112,7 @@ def make_current(scenario: Scenario, key: jax.Array) -> LambVortices:
 
 
 def _uniform(scenario: Scenario) -> jax.Array:
-    return jnp.asarray(scenario.current.uniform, float)
+    return jax.device_put(np.asarray(scenario.current.uniform, float))
 
 
 def current_update(scenario: Scenario) -> CurrentUpdate:

@@ -2,22 +2,37 @@
 
 import json
 import re
+import shutil
 from dataclasses import fields
+from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
 
 from auvplan.io import save_run
-from auvplan.io.check import ResultError, check_run
+from auvplan.io.check import ResultError, check_dataset, check_run
+from auvplan.io.results import to_dataset
 from auvplan.motion import Motion
 from auvplan.records import MissionRun
 from tests.io.sample_run import WAYPOINTS, make_leg, make_run, refused_leg
 
 
-def check(run, folder):
-    save_run(run, folder)
-    return check_run(folder)
+def check(run):
+    """Check a run as it is written, without its way over the disk."""
+    return check_dataset(json.loads(json.dumps(run.summary())), to_dataset(run))
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """The sample run as it was saved."""
+    return save_run(make_run(), tmp_path_factory.mktemp("written"))
+
+
+@pytest.fixture
+def saved(written, tmp_path):
+    """A copy of the saved run, to be spoiled."""
+    return Path(shutil.copytree(written, tmp_path / "saved"))
 
 
 def edit_summary(folder, **changes):
@@ -34,7 +49,9 @@ def moving_obstacle(run, track):
 
 def test_good_run(tmp_path):
     run = make_run()
-    report = check(run, tmp_path)
+    save_run(run, tmp_path)
+    report = check_run(tmp_path)
+    assert report == check(run)
     assert report.ok, report
     assert report.collisions == 0
     assert report.legs == 3
@@ -46,45 +63,45 @@ def test_good_run(tmp_path):
 
 
 @pytest.mark.parametrize("nodes", [(0, 1), (0, 1, 3, 2)])
-def test_open_water_without_obstacles(tmp_path, nodes):
-    report = check(make_run(nodes, chart=False, obstacles=False), tmp_path)
+def test_open_water_without_obstacles(nodes):
+    report = check(make_run(nodes, chart=False, obstacles=False))
     assert report.ok, report
     assert np.isinf([report.coast_clearance, report.obstacle_clearance]).all()
 
 
-def test_refused_leg_is_no_fault(tmp_path):
+def test_refused_leg_is_no_fault():
     run = make_run()
     run.legs.insert(1, refused_leg(run))
-    report = check(run, tmp_path)
+    report = check(run)
     assert report.ok, report
     assert report.legs == 3
 
 
-def test_last_leg_unfinished(tmp_path):
+def test_last_leg_unfinished():
     run = make_run()
     leg = run.legs[-1]
     leg.times, leg.positions = leg.times[:30], leg.positions[:30]
     leg.obstacle_positions, leg.arrived = leg.obstacle_positions[:30], False
     leg.motion = Motion(*(getattr(leg.motion, part.name)[:30] for part in fields(Motion)))
     run.t_mission, run.arrived = float(leg.times[-1]), False
-    report = check(run, tmp_path)
+    report = check(run)
     assert report.ok, report
 
 
-def test_mission_that_never_began(tmp_path):
+def test_mission_that_never_began():
     run = make_run()
     run.legs, run.arrived, run.t_mission = [], False, 0.0
-    assert check(run, tmp_path).ok
+    assert check(run).ok
 
 
-def test_land_between_two_samples_in_water(tmp_path):
+def test_land_between_two_samples_in_water():
     waypoints = WAYPOINTS.copy()
     waypoints[:2] = [[1500.0, 1400.0, 20.0], [1500.0, 1600.0, 20.0]]
     run = make_run((0, 1), waypoints=waypoints, obstacles=False, interval=16.0)
     leg = run.legs[0]
     assert run.chart.is_water(leg.positions[:, 0], leg.positions[:, 1]).all()
     assert run.collisions > 0
-    report = check(run, tmp_path)
+    report = check(run)
     assert report.coast_hits == 1
     assert report.coast_metres == pytest.approx(10.0, abs=1.0)
     assert report.coast_clearance == 0.0
@@ -92,7 +109,7 @@ def test_land_between_two_samples_in_water(tmp_path):
     assert "on land" in str(report)
 
 
-def test_obstacle_hit_only_between_two_samples(tmp_path):
+def test_obstacle_hit_only_between_two_samples():
     run = make_run((0, 1))
     leg = run.legs[0]
     middle = len(leg.times) // 2
@@ -101,13 +118,13 @@ def test_obstacle_hit_only_between_two_samples(tmp_path):
     steps = np.arange(len(leg.times)) - middle - 0.5
     moving_obstacle(run, place + 100.0 * steps[:, None] * across)
     assert run.collisions > 0
-    report = check(run, tmp_path)
+    report = check(run)
     assert report.obstacle_hits == 1
     assert report.obstacle_clearance == pytest.approx(-10.0, abs=0.6)
     assert not report.ok
 
 
-def test_obstacle_that_passed_earlier_is_missed(tmp_path):
+def test_obstacle_that_passed_earlier_is_missed():
     run = make_run((0, 1))
     leg = run.legs[0]
     middle = len(leg.times) // 2
@@ -116,70 +133,70 @@ def test_obstacle_that_passed_earlier_is_missed(tmp_path):
     moving_obstacle(run, leg.positions[middle] + 10.0 * steps[:, None] * across)
     gaps = np.linalg.norm(leg.obstacle_positions - leg.positions[middle], axis=2)
     assert gaps.min() < 1e-6, "the obstacle does cross the route"
-    report = check(run, tmp_path)
+    report = check(run)
     assert report.ok, report
     assert report.obstacle_hits == 0
     assert report.obstacle_clearance > 10.0
 
 
-def test_two_hits_are_two_events(tmp_path):
+def test_two_hits_are_two_events():
     run = make_run((0, 1))
     leg = run.legs[0]
     n = len(leg.times)
     leg.obstacle_positions = np.broadcast_to(leg.positions[[n // 3, 2 * n // 3]], (n, 2, 3)).copy()
     leg.obstacle_radii = np.array([20.0, 20.0])
-    report = check(run, tmp_path)
+    report = check(run)
     assert report.obstacle_hits == 2
     assert report.obstacle_metres == pytest.approx(80.0, abs=4.0)
 
 
-def test_outside_the_chart(tmp_path):
+def test_outside_the_chart():
     waypoints = WAYPOINTS + np.array([0.0, -400.0, 0.0])
-    report = check(make_run((0, 1), waypoints=waypoints), tmp_path)
+    report = check(make_run((0, 1), waypoints=waypoints))
     assert any("outside the chart" in fault for fault in report.faults)
     assert report.coast_hits == 0
 
 
-def test_above_the_surface(tmp_path):
-    report = check(make_run(waypoints=WAYPOINTS - np.array([0.0, 0.0, 30.0])), tmp_path)
+def test_above_the_surface():
+    report = check(make_run(waypoints=WAYPOINTS - np.array([0.0, 0.0, 30.0])))
     assert any("above the surface" in fault for fault in report.faults)
 
 
-def test_teleport(tmp_path):
+def test_teleport():
     run = make_run()
     run.legs[0].positions[40:] += [300.0, 0.0, 0.0]
-    report = check(run, tmp_path)
+    report = check(run)
     assert any("too fast" in fault for fault in report.faults)
     assert any("ends off waypoint 1" in fault for fault in report.faults)
     assert any("from where the last leg ended" in fault for fault in report.faults)
 
 
-def test_not_a_number_is_a_fault(tmp_path):
+def test_not_a_number_is_a_fault():
     run = make_run()
     run.legs[0].positions[40] = np.nan
-    assert any("not a number" in fault for fault in check(run, tmp_path).faults)
+    assert any("not a number" in fault for fault in check(run).faults)
 
 
-def test_time_that_does_not_advance(tmp_path):
+def test_time_that_does_not_advance():
     run = make_run()
     run.legs[0].times[40] = run.legs[0].times[42]
-    assert any("time does not advance" in fault for fault in check(run, tmp_path).faults)
+    assert any("time does not advance" in fault for fault in check(run).faults)
 
 
-def test_gap_between_legs(tmp_path):
+def test_gap_between_legs():
     run = make_run()
     run.legs[1].times = run.legs[1].times - 5.0
-    assert any("begins at" in fault for fault in check(run, tmp_path).faults)
+    assert any("begins at" in fault for fault in check(run).faults)
 
 
-def test_charged_planning_time(tmp_path):
+def test_charged_planning_time():
     run = make_run()
     for leg in run.legs:
         leg.times = leg.times + 4.0
     run.t_mission += 4.0
-    assert not check(run, tmp_path).ok
+    assert not check(run).ok
     run.charged_compute = 4.0
-    report = check(run, tmp_path)
+    report = check(run)
     assert report.ok, report
 
 
@@ -197,54 +214,51 @@ def test_charged_planning_time(tmp_path):
         ({"legs": []}, "legs in"),
     ],
 )
-def test_figures_that_do_not_add_up(tmp_path, changes, words):
-    save_run(make_run(), tmp_path)
-    edit_summary(tmp_path, **changes)
-    assert any(words in fault for fault in check_run(tmp_path).faults)
+def test_figures_that_do_not_add_up(saved, changes, words):
+    edit_summary(saved, **changes)
+    assert any(words in fault for fault in check_run(saved).faults)
 
 
-def test_leg_time_in_the_summary(tmp_path):
-    save_run(make_run(), tmp_path)
-    rows = json.loads((tmp_path / "summary.json").read_text())["legs"]
+def test_leg_time_in_the_summary(saved):
+    rows = json.loads((saved / "summary.json").read_text())["legs"]
     rows[1]["t_path"] += 1.0
-    edit_summary(tmp_path, legs=rows)
-    assert any("times differ" in fault for fault in check_run(tmp_path).faults)
+    edit_summary(saved, legs=rows)
+    assert any("times differ" in fault for fault in check_run(saved).faults)
 
 
-def test_edge_used_twice(tmp_path):
+def test_edge_used_twice():
     run = make_run((0, 1, 0, 3))
-    assert any("taken before" in fault for fault in check(run, tmp_path).faults)
+    assert any("taken before" in fault for fault in check(run).faults)
 
 
-def test_unknown_edge(tmp_path):
+def test_unknown_edge():
     run = make_run((0, 2))
-    assert any("no such edge" in fault for fault in check(run, tmp_path).faults)
+    assert any("no such edge" in fault for fault in check(run).faults)
 
 
-def test_waypoint_skipped(tmp_path):
+def test_waypoint_skipped():
     run = make_run()
     run.legs = [run.legs[0], make_leg(run.graph, 3, 2, run.legs[1].times[0])]
-    assert any("the vehicle is at 1" in fault for fault in check(run, tmp_path).faults)
+    assert any("the vehicle is at 1" in fault for fault in check(run).faults)
 
 
-def test_claimed_arrival(tmp_path):
+def test_claimed_arrival():
     run = make_run()
     run.goal = 1
-    assert any("arrived is True" in fault for fault in check(run, tmp_path).faults)
+    assert any("arrived is True" in fault for fault in check(run).faults)
 
 
-def test_stolen_priority(tmp_path):
+def test_stolen_priority():
     run = make_run()
     run.legs[0].priority = 5.0
-    assert any("counts a priority of 5" in fault for fault in check(run, tmp_path).faults)
+    assert any("counts a priority of 5" in fault for fault in check(run).faults)
 
 
 @pytest.mark.parametrize("name", ["summary.json", "mission.nc"])
-def test_missing_file(tmp_path, name):
-    save_run(make_run(), tmp_path)
-    (tmp_path / name).unlink()
+def test_missing_file(saved, name):
+    (saved / name).unlink()
     with pytest.raises(ResultError, match=rf"{re.escape(name)}: no such file"):
-        check_run(tmp_path)
+        check_run(saved)
 
 
 def test_missing_folder(tmp_path):
@@ -253,54 +267,49 @@ def test_missing_folder(tmp_path):
 
 
 @pytest.mark.parametrize("share", [0.0, 0.01, 0.5, 0.95])
-def test_truncated_netcdf(tmp_path, share):
-    save_run(make_run(), tmp_path)
-    path = tmp_path / "mission.nc"
+def test_truncated_netcdf(saved, share):
+    path = saved / "mission.nc"
     content = path.read_bytes()
     path.write_bytes(content[: int(share * len(content))])
     with pytest.raises(ResultError, match=r"mission\.nc: not a readable NetCDF file") as raised:
-        check_run(tmp_path)
+        check_run(saved)
     assert "\n" not in str(raised.value)
 
 
 @pytest.mark.parametrize("text", ["", "{", "[1]", "\xff"])
-def test_damaged_summary(tmp_path, text):
-    save_run(make_run(), tmp_path)
-    (tmp_path / "summary.json").write_bytes(text.encode("latin-1"))
+def test_damaged_summary(saved, text):
+    (saved / "summary.json").write_bytes(text.encode("latin-1"))
     with pytest.raises(ResultError, match=r"summary\.json: "):
-        check_run(tmp_path)
+        check_run(saved)
 
 
 @pytest.mark.parametrize(
     "changes", [{"t_mission": "long"}, {"legs": 3}, {"cpu": {}}, {"legs": [{"from": 0}]}]
 )
-def test_incomplete_summary(tmp_path, changes):
-    save_run(make_run(), tmp_path)
-    edit_summary(tmp_path, **changes)
+def test_incomplete_summary(saved, changes):
+    edit_summary(saved, **changes)
     with pytest.raises(ResultError, match=r"summary\.json: "):
-        check_run(tmp_path)
+        check_run(saved)
 
 
 @pytest.mark.parametrize("name", ["obstacle_radius", "time", "passability", "adjacency"])
-def test_variable_missing(tmp_path, name):
-    save_run(make_run(), tmp_path)
-    path = tmp_path / "mission.nc"
+def test_variable_missing(saved, name):
+    path = saved / "mission.nc"
     with xr.open_dataset(path, engine="h5netcdf", decode_cf=False) as data:
         less = data.load().drop_vars(name)
     less.to_netcdf(path, engine="h5netcdf")
     with pytest.raises(ResultError, match=rf"mission\.nc: variable {name} is missing"):
-        check_run(tmp_path)
+        check_run(saved)
 
 
-def test_attribute_missing(tmp_path):
-    save_run(make_run(), tmp_path)
-    path = tmp_path / "mission.nc"
+def test_attribute_missing(saved):
+    path = saved / "mission.nc"
     with xr.open_dataset(path, engine="h5netcdf", decode_cf=False) as data:
         less = data.load()
     del less.attrs["vehicle_speed"]
     less.to_netcdf(path, engine="h5netcdf")
     with pytest.raises(ResultError, match="attribute vehicle_speed is missing"):
-        check_run(tmp_path)
+        check_run(saved)
 
 
 def round_trip() -> MissionRun:
@@ -310,28 +319,28 @@ def round_trip() -> MissionRun:
     return run
 
 
-def test_a_waypoint_visited_twice_is_found(tmp_path):
-    report = check(round_trip(), tmp_path)
+def test_a_waypoint_visited_twice_is_found():
+    report = check(round_trip())
     assert any("waypoint 1 is visited twice" in fault for fault in report.faults), report
 
 
-def test_waypoints_may_be_visited_again_where_the_rule_allows_it(tmp_path):
+def test_waypoints_may_be_visited_again_where_the_rule_allows_it():
     run = round_trip()
     run.scenario |= {"planning": {"visits": "edges"}}
-    assert check(run, tmp_path).ok
+    assert check(run).ok
 
 
-def test_a_visited_waypoint_may_be_passed_on_the_only_way(tmp_path):
+def test_a_visited_waypoint_may_be_passed_on_the_only_way():
     """Without the edge from 3 to 2 nothing else is left; but its task does not count again."""
     run = round_trip()
     run.graph.adjacency[3, 2] = run.graph.adjacency[2, 3] = False
-    report = check(run, tmp_path / "counted")
+    report = check(run)
     assert [fault.split(": ", 1)[1][:20] for fault in report.faults[:1]] == ["counts a priority of"]
     leg = run.legs[2]
     run.t_mission -= leg.t_task
     run.legs[3].times = run.legs[3].times - leg.t_task
     leg.priority = leg.t_task = 0.0
-    report = check(run, tmp_path / "passed")
+    report = check(run)
     assert report.ok, report
 
 
@@ -353,7 +362,7 @@ def with_jobs(run, folder, rows):
 def test_jobs_are_counted_from_their_file(tmp_path, gauge, found):
     """Whatever graph and legs say: what a place is worth stands in the file."""
     rows = [f"700,900,40,gauge,{gauge}", "400,1200,25,wreck,3,60", "1000,1800,30,end,3,60"]
-    report = check(with_jobs(make_run(), tmp_path, rows), tmp_path / "run")
+    report = check(with_jobs(make_run(), tmp_path, rows))
     assert report.ok == (not found), report
     assert found in str(report)
 
@@ -374,7 +383,7 @@ def test_a_survey_line_counts_when_all_of_it_is_done(tmp_path):
         run.t_mission += late
     run.legs[1].times = run.legs[1].times + run.legs[0].t_task - 60.0
     run.names = ["survey[1]", "survey[2]", "goal", "survey[3]"]
-    report = check(run, tmp_path / "run")
+    report = check(run)
     assert report.ok, report
     assert run.summary()["tasks"] == 1
 
@@ -382,6 +391,6 @@ def test_a_survey_line_counts_when_all_of_it_is_done(tmp_path):
 def test_jobs_that_cannot_be_read_any_more_are_a_note(tmp_path):
     run = with_jobs(make_run(), tmp_path, [])
     (tmp_path / "jobs.csv").unlink()
-    report = check(run, tmp_path / "run")
+    report = check(run)
     assert report.ok, report
     assert "tasks were counted from the graph" in report.notes[0]

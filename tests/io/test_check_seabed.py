@@ -2,46 +2,53 @@
 
 import numpy as np
 import pytest
-import xarray as xr
 
 from auvplan.io import save_run
-from auvplan.io.check import ResultError, check_run
+from auvplan.io.check import ResultError, check_dataset, check_run
+from auvplan.io.results import to_dataset
 from tests.io.sample_run import make_run
 
 
-def sounded(folder, depth, clearance=5.0, drop=(), **changes):
-    """Check the sample run over a sea bed [50, 50] of 40 m pixels, written into its file by hand."""
-    save_run(make_run(), folder)
-    path = folder / "mission.nc"
-    with xr.open_dataset(path, decode_cf=False) as saved:
-        data = saved.load()
+def over(depth, clearance=5.0):
+    """The sample run's dataset with a sea bed [50, 50] of 40 m pixels put in by hand."""
+    data = to_dataset(make_run())
     data["seabed_depth"] = (("seabed_x", "seabed_y"), np.asarray(depth, np.float32))
     data["seabed_origin"] = ("horizontal", np.array([0.0, 0.0]))
     data["seabed_pixel_size"] = ((), 40.0)
     data.attrs["seabed_clearance"] = clearance
-    data = data.assign(changes).drop_vars([name for name in drop if name in data])
-    if "seabed_clearance" in drop:
-        del data.attrs["seabed_clearance"]
-    data.to_netcdf(path)
+    return data
+
+
+def sounded(depth, clearance=5.0):
+    """Check the sample run over such a sea bed."""
+    return check_dataset(make_run().summary(), over(depth, clearance))
+
+
+def written(data, folder):
+    """Check the sample run over the sea bed of a dataset on disk."""
+    save_run(make_run(), folder)
+    data.to_netcdf(folder / "mission.nc", engine="h5netcdf")
     return check_run(folder)
 
 
 def test_sea_bed_out_of_reach(tmp_path):
-    report = sounded(tmp_path, np.full((50, 50), 60.0))
+    data = over(np.full((50, 50), 60.0))
+    report = written(data, tmp_path)
+    assert report == check_dataset(make_run().summary(), data)
     assert report.ok, report
     assert report.seabed_hits == 0
     # The deepest waypoint lies at 40 m.
     assert report.seabed_altitude == pytest.approx(20.0, abs=1e-3)
     assert "sea bed 20.0 m" in str(report)
-    save_run(make_run(), tmp_path / "none")
-    assert np.isinf(check_run(tmp_path / "none").seabed_altitude)
+    run = make_run()
+    assert np.isinf(check_dataset(run.summary(), to_dataset(run)).seabed_altitude)
 
 
-def test_a_bank_is_hit_and_nearly_hit(tmp_path):
+def test_a_bank_is_hit_and_nearly_hit():
     # The first leg goes from (300, 300, 20) to (700, 900, 40): a bank of 25 m from 420 to 580 m north.
     depth = np.full((50, 50), 60.0)
     depth[11:14, :20] = 25.0
-    report = sounded(tmp_path, depth)
+    report = sounded(depth)
     assert report.seabed_hits == report.collisions == 1
     assert report.seabed_metres > 50.0
     slope = 35.0 / 40.0  # from the last centre on the bank to the next one
@@ -58,21 +65,26 @@ def test_a_bank_is_hit_and_nearly_hit(tmp_path):
 
 
 @pytest.mark.parametrize(("clearance", "ok"), [(19.9, True), (20.05, True), (20.2, False)])
-def test_clearance_of_the_sea_bed_is_kept_to_a_tenth_of_a_metre(tmp_path, clearance, ok):
-    report = sounded(tmp_path, np.full((50, 50), 60.0), clearance)
+def test_clearance_of_the_sea_bed_is_kept_to_a_tenth_of_a_metre(clearance, ok):
+    report = sounded(np.full((50, 50), 60.0), clearance)
     assert report.ok is ok
     assert report.collisions == 0
 
 
-def test_unknown_depths_are_dry_and_the_raster_must_reach(tmp_path):
+def test_unknown_depths_are_dry_and_the_raster_must_reach():
     depth = np.full((50, 50), 60.0)
     depth[12, 14:16] = np.nan  # under the middle of the first leg
-    assert sounded(tmp_path, depth).seabed_hits == 1
-    report = sounded(tmp_path, np.full((20, 50), 60.0))
+    assert sounded(depth).seabed_hits == 1
+    report = sounded(np.full((20, 50), 60.0))
     assert any("beyond the known sea bed" in fault for fault in report.faults)
 
 
 @pytest.mark.parametrize("name", ["seabed_depth", "seabed_origin", "seabed_pixel_size", "seabed_clearance"])
 def test_half_a_sea_bed_is_refused(tmp_path, name):
+    data = over(np.full((50, 50), 60.0))
+    if name in data:
+        data = data.drop_vars(name)
+    else:
+        del data.attrs[name]
     with pytest.raises(ResultError, match=rf"mission\.nc: (variable|attribute) {name} is missing"):
-        sounded(tmp_path, np.full((50, 50), 60.0), drop=(name,))
+        written(data, tmp_path)

@@ -193,7 +193,7 @@ def walled(gap):
     water[95:105] = False
     if gap:
         water[95:105, gap] = True
-    return ap.Environment(None, ap.Chart.from_mask(water, 10.0), None, LOWER, UPPER)
+    return replace(world(), chart=ap.Chart.from_mask(water, 10.0))
 
 
 def test_a_wall_is_told_to_leave_no_way():
@@ -309,7 +309,7 @@ def test_a_path_that_breaks_a_limit_is_polished_strictly(monkeypatch):
 
 def test_without_passages_none_are_looked_for_again():
     """Not even for a path that breaks a limit."""
-    config = CONFIG.replace(passages=0, finer=2, refine_steps=0, control_points=3)
+    config = CONFIG.replace(passages=0, finer=2, refine_steps=0, fine_steps=2, control_points=3)
     env = ap.Environment(ap.UniformCurrent(0.0, 1.9), lower=(0, -50, 0), upper=(2000, 50, 0))
     plan = ap.plan_path((0, 0, 0), (2000, 0, 0), env, key=jax.random.key(0), config=config)
     assert plan.status is ap.PathStatus.SWAY

@@ -43,8 +43,8 @@ RIDGE = 120.0 - 80.0 * np.exp(-(((NORTH - 1400.0 - 0.2 * EAST) / 150.0) ** 2))
 SEAMOUNT = 120.0 - 150.0 * np.exp(-((NORTH - 1500.0) ** 2 + (EAST - 1020.0) ** 2) / 250.0**2)
 
 
-def plan(env, start=START, goal=GOAL, seed=0):
-    return ap.plan_path(start, goal, env, key=jax.random.key(seed), config=CONFIG)
+def plan(env, start=START, goal=GOAL, config=CONFIG):
+    return ap.plan_path(start, goal, env, key=jax.random.key(0), config=config)
 
 
 def walked(path, env):
@@ -191,7 +191,7 @@ def test_ends_at_the_bottom_are_refused(start, goal, message):
 
 
 def test_a_start_nearer_than_the_clearance_is_told():
-    found = plan(over(120.0), (200.0, 900.0, 116.0))
+    found = plan(over(120.0), (200.0, 900.0, 116.0), config=CONFIG.replace(finer=1))
     assert found.status is ap.PathStatus.SEABED
     assert found.reason.startswith("altitude above the sea bed 4.0 m under 6.0 at km 0.0 of 2.6, at ")
     assert found.positions[5, 2] < 116.0

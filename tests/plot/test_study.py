@@ -69,7 +69,7 @@ def with_nothing_but_nan(study):
         without_legs(make_study(3, RATES)).isel(leg=slice(0), plan=slice(0)),
         with_nothing_but_nan(make_study(3, RATES, chart=False)),
         make_study(1, RATES | OBJECTIVES),
-        make_study(3, OBJECTIVES | RATES | {"vehicle.speed": [2, 3]}),
+        make_study(2, OBJECTIVES | {"flag": [True, False], "vehicle.speed": [2, 3]}),
         make_study(2, {"flag": [True, False]}),
     ],
 )
@@ -255,7 +255,12 @@ def test_maps_have_east_right_and_north_up():
 
 @pytest.mark.usefixtures("coarse")
 @pytest.mark.parametrize(
-    "sweep", [pytest.param(RATES, marks=pytest.mark.slow), OBJECTIVES, OBJECTIVES | RATES]
+    "sweep",
+    [
+        pytest.param(RATES, marks=pytest.mark.slow),
+        OBJECTIVES,
+        pytest.param(OBJECTIVES | RATES, marks=pytest.mark.slow),
+    ],
 )
 def test_sweep_figures(tmp_path, sweep):
     paths = draw_study(make_study(5, sweep), tmp_path)

@@ -31,7 +31,7 @@ from auvplan.scenario import Scenario
 from auvplan.study import Design, load_study, run_study, runner, without_clocks, worker
 from auvplan.study.worker import Done, Finished, Job, Report, UnderWay
 from auvplan.voyage import executive
-from tests.voyage.small import SMALL, light_config, scenario
+from tests.voyage.small import LIGHT, SMALL, scenario
 
 #: Seconds until a test gives up on a process.
 PATIENCE = 300.0
@@ -46,8 +46,8 @@ _really_sail = worker.sail
 
 
 def lighten() -> None:
-    """Make path searches of this process light for good, and sail no mission twice."""
-    executive.path_config = light_config
+    """Make searches of this process light for good, and sail no mission twice."""
+    vars(executive).update(LIGHT)
     runner.sail = worker.sail = sail
 
 

@@ -1,8 +1,9 @@
 """A small mission in open water and a light search, for tests of the hierarchical loop."""
 
+from auvplan.mission import MissionConfig
 from auvplan.path import PathConfig
 from auvplan.scenario.scenario import Scenario
-from auvplan.voyage import path_config
+from auvplan.voyage import mission_configs, path_config
 
 SMALL = {
     "name": "small",
@@ -30,3 +31,20 @@ def light_config(settings: Scenario) -> PathConfig:
     config = path_config(settings)
     bbo = config.bbo.replace(population=24, iterations=24)
     return config.replace(bbo=bbo, samples=64, refine_steps=0, passage_steps=0, control_points=6)
+
+
+def light_orders(settings: Scenario) -> tuple[MissionConfig, MissionConfig]:
+    """Settings of a small search for orders, likewise."""
+    first, later = (
+        config.replace(
+            bbo=config.bbo.replace(population=24, iterations=24),
+            seeds=min(config.seeds, 10),
+            beam_width=config.beam_width and min(config.beam_width, 64),
+        )
+        for config in mission_configs(settings)
+    )
+    return first, later
+
+
+#: What stands in for the settings of the loop's searches, by its name there.
+LIGHT = {"path_config": light_config, "mission_configs": light_orders}

@@ -139,7 +139,7 @@ def test_planning_time_is_charged_only_when_asked():
 
 
 def test_a_current_that_wins_ends_the_mission_with_its_reason():
-    strong = SMALL["current"] | {"vortices": 0, "uniform": [-3.5, 0.0, 0.0]}
+    strong = SMALL["current"] | {"uniform": [-3.5, 0.0, 0.0]}
     run = ap.run_mission(scenario(current=strong), key=jax.random.key(0))
     assert not run.success
     assert "current" in run.reason

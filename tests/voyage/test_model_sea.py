@@ -11,10 +11,9 @@ from auvplan.ocean.currents import SumCurrent, UniformCurrent, combine, partitio
 from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.scenario.waters import Waters
 from auvplan.scenario.waypoints import lines_clear, make_graph
-from auvplan.voyage import executive
 from auvplan.voyage.sea import ModelSea, stacked
 from auvplan.voyage.world import make_sea
-from tests.voyage.small import SMALL, light_config, scenario
+from tests.voyage.small import SMALL, scenario
 
 PLACES = np.array([[100.0, 200.0, 5.0], [1500.0, 700.0, 20.0], [3900.0, 3000.0, 40.0]])
 TIMES = np.array([0.0, 1800.0, 5000.0])
@@ -74,16 +73,7 @@ def test_the_error_of_a_forecast_is_the_missions_own_and_of_the_asked_size():
     assert one.difference(PLACES, TIMES) != other.difference(PLACES, TIMES)
 
 
-@pytest.fixture(scope="module")
-def light():
-    """A light path search for whole missions."""
-    patch = pytest.MonkeyPatch()
-    patch.setattr(executive, "path_config", light_config)
-    yield
-    patch.undo()
-
-
-@pytest.mark.usefixtures("light")
+@pytest.mark.usefixtures("light_search")
 def test_a_mission_sails_in_the_truth_and_reports_both_seas():
     run = ap.run_mission(modelled(), key=jax.random.key(0), waters=waters())
     assert run.done
@@ -102,7 +92,7 @@ def test_a_mission_sails_in_the_truth_and_reports_both_seas():
     assert again.t_mission == run.t_mission
 
 
-@pytest.mark.usefixtures("light")
+@pytest.mark.usefixtures("light_search")
 @pytest.mark.slow
 def test_missions_together_are_those_sailed_alone():
     settings, known = modelled(0.1), waters()

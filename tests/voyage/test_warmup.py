@@ -42,14 +42,22 @@ def test_a_mission_is_the_same_with_and_without_it(tmp_path, monkeypatch, real):
         np.testing.assert_array_equal(one.positions, other.positions)
 
 
-def test_it_is_done_once_for_a_scenario_and_not_on_one_core(monkeypatch, real):
+def test_it_is_done_once_for_a_scenario_and_not_on_one_core(tmp_path, monkeypatch, real):
     begun = []
     monkeypatch.setattr(warmup, "_begin_a_leg", lambda *_: begun.append(True))
+    monkeypatch.setenv("AUVPLAN_CACHE", str(tmp_path / "one"))
     context = make_context(scenario(), ".")
     for _ in range(2):
         warmup.warm_up(context, lambda: None)
     assert len(begun) == 1
-    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0})
     monkeypatch.setattr(warmup, "_warmed_up", set())
     warmup.warm_up(context, lambda: None)
+    assert len(begun) == 1, "an earlier process has done it"
+    monkeypatch.setattr(warmup, "_warmed_up", set())
+    monkeypatch.setenv("AUVPLAN_CACHE", str(tmp_path / "other"))
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0})
+    warmup.warm_up(context, lambda: None)
     assert len(begun) == 1
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
+    warmup.warm_up(context, lambda: None)
+    assert len(begun) == 2
