@@ -8,9 +8,9 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
+import scipy
 import shapely
 from numpy.typing import NDArray
-from scipy import ndimage
 from shapely.geometry import MultiPolygon, Polygon
 
 from auvplan.errors import ScenarioWarning
@@ -265,7 +265,7 @@ def _least(passability: NDArray, find: Any, grid: LocalGrid, nodes: Nodes) -> ND
     # A tenth of a pixel more or less, as between two projections, is no reason to look at its neighbours.
     window = tuple(2 * max(int(np.ceil((r - 1.0) / 2.0 - 0.1)), 0) + 1 for r in ratio)
     if max(window) > 1:
-        passability = ndimage.minimum_filter(passability, size=window, mode="nearest")
+        passability = scipy.ndimage.minimum_filter(passability, size=window, mode="nearest")
     out = np.empty(grid.shape, np.float32)
     for rows, north, east in grid.blocks():
         row, column = find(north, east)
