@@ -78,6 +78,7 @@ def jobs_graph(
     *,
     neighbours: int | None = None,
     clear: Callable[[NDArray[np.float64]], Any] | None = None,
+    whole: bool = False,
 ) -> tuple[MissionGraph, list[str]]:
     """Return the operation graph of jobs: node 0 is the start, the last one the goal.
 
@@ -94,6 +95,8 @@ def jobs_graph(
         neighbours: each waypoint is joined to so many nearest ones, and more where the graph would fall
             apart; None joins all of 40 waypoints or fewer, and 7 nearest of more.
         clear: positions [N, 3] m to [N, N] bool, which straight lines can be sailed; None lets all be.
+        whole: whether the ends of lines are joined to the rest as if no way led off between them, for
+            missions without `ways_off_lines`.
 
     Returns:
         The graph, and the name of each node: "start", "goal", a point's name, or a line's with the number of
@@ -125,7 +128,13 @@ def jobs_graph(
     for (i, j, _, _), (name, k) in zip(parts, of_part, strict=True):
         if not free[i, j]:
             raise ValueError(f"line {name!r}: the way from vertex {k} to {k + 1} is not clear")
-    adjacency = _joined(positions, free, neighbours, [(i, j) for i, j, _, _ in parts], names)
+    line_edges = [(i, j) for i, j, _, _ in parts]
+    adjacency = _joined(positions, free, neighbours, line_edges, names)
+    if whole:
+        outward = free & ~_off_lines(names)
+        for job in jobs_of(names):
+            outward[np.ix_(job.nodes, job.nodes)] = False
+        adjacency |= _joined(positions, outward, neighbours, line_edges, names)
     tasks = [(k, point.priority, point.duration) for k, point in enumerate(points, 1)]
     edges = [(int(i), int(j)) for i, j in np.argwhere(np.triu(adjacency, 1))]
     return task_graph(positions, edges, parts, tasks), names
@@ -136,6 +145,28 @@ def jobs_on_land(jobs: Jobs, chart: Chart) -> list[str]:
     named = [(point.name, [point.position]) for point in jobs.points]
     named += [(line.name, list(line.positions)) for line in jobs.lines]
     return [name for name, places in named if not chart.is_water(*np.array(places)[:, :2].T).all()]
+
+
+def ways_off_lines(names: Sequence[str], adjacency: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return the edges (i, j), both ways, that lead off a survey line between its ends, or on to it there.
+
+    Without them a line is surveyed whole or not at all, from either end.
+
+    Args:
+        names: of the nodes, as `jobs_graph` gives them.
+        adjacency: [N, N] of the graph.
+    """
+    return [(int(i), int(j)) for i, j in np.argwhere(_off_lines(names) & adjacency)]
+
+
+def _off_lines(names: Sequence[str]) -> NDArray[np.bool_]:
+    """[N, N]: pairs of which one lies between the ends of a line and the other is not its neighbour there."""
+    off = np.zeros((len(names), len(names)), bool)
+    for job in jobs_of(names):
+        for before, node, after in zip(job.nodes, job.nodes[1:], job.nodes[2:], strict=False):
+            off[node] = True
+            off[node, [before, after]] = False
+    return off | off.T
 
 
 def jobs_done(names: Sequence[str], legs: Iterable[tuple[int, int]]) -> set[str]:

@@ -349,6 +349,11 @@ class MissionSettings(Section):
     priority: PriorityRange = Field(default=(1, 5), description="least and greatest")
     duration: NotNegativeRange = Field(default=(30.0, 300.0), description="s")
     time_available: Positive = Field(default=14_400.0, description="s")
+    lines: Literal["part", "whole"] = Field(
+        default="part",
+        description="survey lines: 'part': a part of a line earns its share; 'whole': it is begun only to be "
+        "sailed from one end to the other, and left only where nothing else is possible",
+    )
     waypoint_clearance: NotNegative = Field(
         default=150.0, description="m, least distance to the coast of waypoints that are drawn"
     )

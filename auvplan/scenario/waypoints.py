@@ -109,6 +109,7 @@ def _jobs_graph(scenario: Scenario, waters: Waters, jobs: Jobs) -> tuple[Mission
             settings.goal,
             neighbours=settings.neighbours,
             clear=lambda positions: lines_clear(positions, scenario, waters),
+            whole=settings.lines == "whole",
         )
     except ValueError as error:
         raise ScenarioError(f"{source}: {error}") from None

@@ -16,6 +16,7 @@ import numpy as np
 from auvplan import prng
 from auvplan.compiled import MISSIONS, expecting
 from auvplan.mission import MissionConfig, MissionGraph, time_to_go
+from auvplan.mission.jobs import ways_off_lines
 from auvplan.path import PathConfig
 from auvplan.records import LegRecord, MissionRun
 from auvplan.scenario.scenario import Scenario
@@ -214,6 +215,8 @@ def embark(context: SimulationContext, number: int, key: jax.Array, seed: int) -
     )
     run.simulated, run.obstacles = context.simulated, context.waters.obstacles
     sea = make_sea(scenario, context.waters, field_key, sea_key, context.simulated)
+    if scenario.mission.lines == "whole":
+        graph = graph.without_edges(ways_off_lines(names, np.asarray(graph.adjacency)))
     return Mission(number, run, sea, planner_key, _generator(chance_key), graph, graph)
 
 

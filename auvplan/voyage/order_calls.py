@@ -10,6 +10,7 @@ import numpy as np
 from auvplan import prng
 from auvplan.mission import MissionConfig, MissionGraph, MissionOrder, plan_missions
 from auvplan.mission.graph import shortest_way
+from auvplan.mission.jobs import ways_off_lines
 from auvplan.mission.travel_times import TravelTimeConfig
 from auvplan.path import PathConfig
 from auvplan.records import OrderRecord
@@ -62,19 +63,23 @@ class _Attempt:
         passing: "" or how visited waypoints may be passed on the way to the destination: as "few" of them as
             can be, or on the "quickest" way.
         untimed: whether edges that the estimate closed are tried: a path may be found yet.
+        leaving: whether a survey line that should be sailed whole may be left.
     """
 
     share: float
     passing: Literal["", "few", "quickest"] = ""
     untimed: bool = False
+    leaving: bool = False
 
 
 #: Slack is kept for the last legs, which no re-planning can mend; where nothing fits with it, it is halved
-#: and in the end given up. Only where no way is left do visited waypoints or closed edges serve.
+#: and in the end given up. Only where no way is left are survey lines left, or do visited waypoints or closed
+#: edges serve.
 _ATTEMPTS = (
     _Attempt(1.0),
     _Attempt(0.5),
     _Attempt(0.0),
+    _Attempt(0.0, leaving=True),
     _Attempt(0.0, "few"),
     _Attempt(0.0, "quickest"),
     _Attempt(0.0, untimed=True),
@@ -88,7 +93,9 @@ def plan_orders(context: SimulationContext, missions: list[Mission]) -> None:
     plain = planning.reserve == 0.0 and planning.return_margin == 0.0
     for attempt in _ATTEMPTS:
         due = [mission for mission in missions if mission.cause and not mission.ended]
-        if attempt.passing:
+        if attempt.leaving:
+            due = [mission for mission in due if _leave_line(context, mission)]
+        elif attempt.passing:
             due = [mission for mission in due if _open_passages(context, mission, attempt.passing)]
         elif attempt.share < 1.0 and plain and not attempt.untimed:
             continue  # there is no slack to give up
@@ -114,6 +121,19 @@ def _all_timed(mission: Mission) -> bool:
 def _keeps(context: SimulationContext, mission: Mission) -> bool:
     """Return whether the population of the last order is planned from."""
     return mission.order is not None and context.rules.orders_from == "kept"
+
+
+def _leave_line(context: SimulationContext, mission: Mission) -> bool:
+    """Open the ways off a survey line from where the vehicle is; return whether there are any."""
+    if context.scenario.mission.lines != "whole":
+        return False
+    shut = ways_off_lines(mission.run.names, np.asarray(mission.run.graph.adjacency))
+    closed = mission.barred | {(mission.here, node) for node in mission.visited}
+    ways = [(i, j) for i, j in shut if i == mission.here and (i, j) not in closed]
+    mission.graph = mission.graph.with_edges(ways)
+    if ways:
+        time_edges(context, [mission])
+    return bool(ways)
 
 
 def _open_passages(context: SimulationContext, mission: Mission, passing: str) -> bool:

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse.csgraph import connected_components
 
-from auvplan.mission.jobs import JobLine, JobPoint, Jobs, jobs_graph, jobs_on_land
+from auvplan.mission.jobs import JobLine, JobPoint, Jobs, jobs_graph, jobs_on_land, ways_off_lines
 from auvplan.ocean.chart import Chart
 from tests.mission.naive import best_priority
 
@@ -30,6 +30,28 @@ def test_nodes_and_tasks():
     np.testing.assert_allclose(
         graph.duration[[0, 3, 4, 5, 3], [1, 4, 5, 4, 5]], [40.0, 75.0, 25.0, 25.0, 0.0]
     )
+
+
+def test_without_ways_off_its_line_a_survey_is_whole_or_none():
+    """By every route there is: with less time than the whole line needs, none of it is done."""
+    graph, names = jobs_graph(POINTS, [LINE], START, GOAL, whole=True)
+    off = ways_off_lines(names, graph.adjacency)
+    assert set(off) == {(4, k) for k in (0, 1, 2, 6)} | {(k, 4) for k in (0, 1, 2, 6)}
+    kept = graph.without_edges(off)
+    assert best_priority(graph, 0, 6, 3000.0, 1.0) == best_priority(kept, 0, 6, 3000.0, 1.0)
+    for budget in np.linspace(1000.0, 2000.0, 21):
+        part, whole = (best_priority(ways, 0, 6, budget, 1.0) for ways in (graph, kept))
+        if whole is not None:
+            assert whole in (0.0, 3.0, 8.0, 11.0)
+            assert whole <= part
+
+
+def test_ends_of_whole_lines_are_joined_though_their_nearest_are_on_the_line():
+    places = [(float(x), 0.0, 5.0) for x in range(0, 100, 10)]
+    line = JobLine("dense", tuple(places), 5.0)
+    graph, names = jobs_graph([], [line], (0.0, 900.0, 5.0), (90.0, 900.0, 5.0), neighbours=1, whole=True)
+    kept = graph.without_edges(ways_off_lines(names, graph.adjacency))
+    assert best_priority(kept, 0, len(names) - 1, 1e5, 1.0) == pytest.approx(5.0)
 
 
 @pytest.mark.parametrize(("budget", "worth"), [(3000.0, 11.0), (1100.0, 3.0), (1050.0, 0.0), (1000.0, None)])

@@ -138,7 +138,7 @@ def find_triangle(points: Array, triangles: Index, places: Array) -> Index:
     found = np.where(found >= 0, whole[found], -1)
     out = np.flatnonzero(found < 0)
     if len(out):
-        tree = shapely.STRtree(shapely.polygons(points[triangles[whole]]))
+        tree = shapely.STRtree(np.asarray(shapely.polygons(points[triangles[whole]]), object))
         at = np.asarray(shapely.points(places[out]), object).reshape(-1)
         place, triangle = tree.query(at, predicate="dwithin", distance=_SLACK)
         found[out[place]] = whole[triangle]
