@@ -37,7 +37,7 @@ def test_a_scenario_remembers_where_its_files_are(site, tmp_path, monkeypatch):
 
 def test_settings_without_a_file_start_from_the_working_directory(site, monkeypatch):
     settings = ap.Scenario.model_validate(ap.load_scenario(site / "scenario.yaml").model_dump())
-    with pytest.raises(ValueError, match="(?i)no such file"):
+    with pytest.raises(ValueError, match=r"(?i)no such file"):
         ap.load_waters(settings)
     monkeypatch.chdir(site)
     assert ap.load_waters(settings).jobs
