@@ -13,6 +13,8 @@ from auvplan.io.currents.times import decode_times, find_time
 from auvplan.io.currents.triangles import find_cells
 from auvplan.ocean.gridded import CurrentError
 
+#: The middles of NEMO's cells.
+_NEMO = ("glamt", "gphit")
 #: Coordinates that tell where a component lies; they must agree among files that are put together.
 _PLACES = ("nav_lon", "nav_lat", "longitude", "latitude", "lon", "lat")
 
@@ -21,8 +23,9 @@ def unified(files: Sequence[File]) -> tuple[File, ...]:
     """Return files each of which tells the whole current of its times.
 
     Components, grid and levels in files of their own are put together: those of one stretch of time by their
-    equal times, those without a time with all. Native ROMS output that was cut by one index range on all
-    axes loses the column and row that lie beyond the cells.
+    equal times, those without a time with all. Components on the edges of cells (ROMS, NEMO with its mesh
+    file, MOM6, MITgcm) are brought to the form of native ROMS: `lon_rho` and `lat_rho` [ny, nx] of the
+    cells' middles, components on the edges between them.
 
     Args:
         files: as opened.
@@ -31,7 +34,7 @@ def unified(files: Sequence[File]) -> tuple[File, ...]:
         CurrentError: files that belong together have other times, sizes or places than each other.
     """
     together = list(files) if all(_whole(file) for file in files) else _put_together(files)
-    return tuple(_without_spare(file) for file in together)
+    return tuple(_on_edges(file) for file in together)
 
 
 def _whole(file: File) -> bool:
@@ -117,14 +120,17 @@ def _merged(parts: Sequence[File]) -> File:
     first, *others = parts
     variables: dict[str, xr.Variable] = dict(first.variables)
     sizes = _sizes(first.variables)
+    nemo = all(any(name in part.variables for part in parts) for name in _NEMO)
     for other in others:
         for dim, size in _sizes(other.variables).items():
-            if sizes.setdefault(dim, size) != size:
+            if sizes.setdefault(dim, size) != size and size > 1:
                 raise CurrentError(f"{first.path} and {other.path}: {dim} has {sizes[dim]} and {size} values")
         for name, variable in other.variables.items():
             if name not in variables:
-                variables[name] = variable
-            elif name in _PLACES and variable.shape == variables[name].shape:
+                # A grid of one time belongs to all times.
+                once = {dim: 0 for dim, size in variable.sizes.items() if size < sizes[str(dim)]}
+                variables[name] = variable.isel(once)
+            elif name in _PLACES and variable.shape == variables[name].shape and not nemo:
                 _require_same_places(first, other, name)
 
     def close() -> None:
@@ -139,8 +145,8 @@ def _require_same_places(first: File, other: File, name: str) -> None:
     one, two = (file.coordinate(name, missing=True) for file in (first, other))
     if one.any() and two.any() and not np.allclose(one, two, rtol=0.0, atol=1e-6, equal_nan=True):
         raise CurrentError(
-            f"{first.path} and {other.path}: {name} differs: components on the edges of the cells need to be "
-            "brought to one place first, such as by cdo or xgcm"
+            f"{first.path} and {other.path}: {name} differs, as on the edges of cells: name the model's mesh "
+            "file (glamt, gphit) beside them in current.files"
         )
 
 
@@ -148,21 +154,111 @@ def _sizes(variables: Mapping[str, xr.Variable]) -> dict[str, int]:
     return {str(dim): size for variable in variables.values() for dim, size in variable.sizes.items()}
 
 
-def _without_spare(file: File) -> File:
-    """Return a native ROMS file without the last edges east and north, where it has as many as points."""
-    rho = file.variables.get("lon_rho")
+def _on_edges(file: File) -> File:
+    """Return a file with components on the edges of cells in the form of native ROMS; others as they are."""
     try:
         names = find_current(file)
     except CurrentError:
         return file
-    if rho is None or rho.ndim != 2 or not _staggered(file, names.east, names.north):
+    if names.both is not None:
         return file
-    variables = dict(file.variables)
-    for name, axis in ((names.east, -1), (names.north, -2)):
+    east, north = (file.variables[name] for name in (names.east, names.north))
+    if "lon_rho" in file.variables and _staggered(file, names.east, names.north):
+        return _without_spare(file, names.east, names.north)
+    if east.dims[-2:] == north.dims[-2:] and all(name in file.variables for name in _NEMO):
+        return _nemo(file, names.east, names.north)
+    if east.ndim > 2 and north.ndim > 2 and not set(east.dims[-2:]) & set(north.dims[-2:]):
+        return _between_middles(file, names.east, names.north)
+    return file
+
+
+def _without_spare(file: File, east: str, north: str) -> File:
+    """Return a native ROMS file without the last edges east and north, where it has as many as points."""
+    rho, variables = file.variables["lon_rho"], dict(file.variables)
+    for name, axis in ((east, -1), (north, -2)):
         edges = variables[name]
-        if edges.shape[-2:] == rho.shape:
+        if rho.ndim == 2 and edges.shape[-2:] == rho.shape:
             spare = {edges.dims[axis]: slice(0, -1)}
             for other, variable in variables.items():
                 if edges.dims[axis] in variable.dims:
                     variables[other] = variable.isel(spare)
     return replace(file, variables=variables)
+
+
+def _nemo(file: File, east: str, north: str) -> File:
+    """Return NEMO's C-grid, whose components lie east and north of the middle with the same index."""
+    variables = dict(file.variables)
+    dims = variables[east].dims[-2:]
+    places = {"lon_rho": "glamt", "lat_rho": "gphit", "mask_rho": "tmask"}
+    for own, name in places.items():
+        if name in variables:
+            flat = variables[name].isel({dim: 0 for dim in variables[name].dims if dim not in dims})
+            if flat.dims == dims:
+                variables[own] = flat
+    for name, edge, axis in ((east, "u", 1), (north, "v", 0)):
+        own = {dim: f"{dim}_{edge}" for dim in dims}
+        edges = variables[name].isel({dims[axis]: slice(0, -1)})
+        level = [dim for dim in edges.dims[:-2] if str(dim).startswith("depth")]
+        same = {level[0]: variables[east].dims[-3]} if level and edges.ndim > 3 else {}
+        renamed = {dim: other for dim, other in (own | same).items() if dim != other}
+        variables[name] = xr.Dataset({"edges": edges}).rename_dims(renamed)["edges"].variable
+    for name in ("nav_lon", "nav_lat"):
+        variables.pop(name, None)
+    return replace(file, variables=variables)
+
+
+def _between_middles(file: File, east: str, north: str) -> File:
+    """Return a C-grid whose edges and middles have dimensions of their own, as MOM6 and MITgcm write them."""
+    variables = dict(file.variables)
+    u, v = variables[east], variables[north]
+    rows, columns = u.dims[-2], v.dims[-1]
+    found = _middles(file, str(rows), str(columns))
+    if found is None:
+        return file
+    variables["lon_rho"] = xr.Variable((rows, columns), found[0])
+    variables["lat_rho"] = xr.Variable((rows, columns), found[1])
+    for name, dim, middle in ((east, u.dims[-1], columns), (north, v.dims[-2], rows)):
+        size, count = variables[name].sizes[dim], len(found[0]) if middle == rows else found[0].shape[1]
+        first = _first_edge(file, str(dim), str(middle), size, count)
+        variables[name] = variables[name].isel({dim: slice(first, first + count - 1)})
+    return replace(file, variables=variables)
+
+
+def _middles(file: File, rows: str, columns: str) -> tuple[Array, Array] | None:
+    """Return longitude and latitude [ny, nx] of the cells' middles, or None where the file has none."""
+    for kind in (
+        ("geolon", "geolat"),
+        ("XC", "YC"),
+        ("lon", "lat"),
+        ("longitude", "latitude"),
+        (columns, rows),
+    ):
+        pair = [file.variables.get(name) for name in kind]
+        if any(variable is None for variable in pair):
+            continue
+        dims = [variable.dims for variable in pair if variable is not None]
+        values = [file.coordinate(name, missing=True) for name in kind]
+        if dims == [(rows, columns), (rows, columns)]:
+            return values[0], values[1]
+        if dims == [(columns,), (rows,)]:
+            east, north = np.meshgrid(*values)
+            return east, north
+    return None
+
+
+def _first_edge(file: File, edges: str, middles: str, size: int, count: int) -> int:
+    """Return the index of the edge between the first two of `count` middles among `size` edges.
+
+    Raises:
+        CurrentError: the axes do not tell it.
+    """
+    if size == count - 1:
+        return 0
+    if size == count + 1:
+        return 1
+    if all(name in file.variables and file.variables[name].ndim == 1 for name in (edges, middles)):
+        edge, middle = file.coordinate(edges), file.coordinate(middles)
+        share = (edge[0] - middle[0]) / (middle[1] - middle[0])
+        if size == count and abs(abs(share) - 0.5) < 0.25:
+            return int(share < 0.0)
+    raise CurrentError(f"{file.path}: {size} edges along {edges} do not fit {count} middles along {middles}")

@@ -21,6 +21,7 @@ _ALONG = {
 _PAIRS = (
     ("uo", "vo"), ("utotal", "vtotal"), ("water_u", "water_v"), ("u_eastward", "v_northward"),
     ("u", "v"), ("u_sur", "v_sur"), ("horizontalVelX", "horizontalVelY"), ("U_hvel", "V_hvel"),
+    ("vozocrtx", "vomecrty"), ("UVEL", "VVEL"), ("unod", "vnod"), ("ssu", "ssv"),
 )  # fmt: skip
 #: SCHISM's velocity, both components in one variable along a last dimension.
 _BOTH = "hvel"

@@ -108,8 +108,7 @@ def axes_angle(crs: CRS, longitude: Array, latitude: Array) -> Array:
         Transformer.from_crs(crs, "EPSG:4326", always_xy=True).transform(np.asarray(x) + side * step, y)
         for side in (-1.0, 1.0)
     ]
-    azimuth, _, _ = _EARTH.inv(*ends[0], *ends[1])
-    return np.pi / 2 - np.deg2rad(np.asarray(azimuth))
+    return _from_east(*ends[0], *ends[1])
 
 
 def grid_angle(longitude: Array, latitude: Array) -> Array:
@@ -117,8 +116,14 @@ def grid_angle(longitude: Array, latitude: Array) -> Array:
     east, north = (
         np.concatenate([axis[:, :1], axis, axis[:, -1:]], axis=1) for axis in (longitude, latitude)
     )
-    azimuth, _, _ = _EARTH.inv(east[:, :-2], north[:, :-2], east[:, 2:], north[:, 2:])
-    return np.pi / 2 - np.deg2rad(np.asarray(azimuth))
+    return _from_east(east[:, :-2], north[:, :-2], east[:, 2:], north[:, 2:])
+
+
+def _from_east(*ends: Any) -> Array:
+    """Return the angle, rad, from east of the way from one place to another, amid it."""
+    there, back, _ = _EARTH.inv(*ends)
+    both = np.exp(1j * np.deg2rad(there)) - np.exp(1j * np.deg2rad(back))
+    return np.pi / 2 - np.angle(both)
 
 
 def _is_projected(file: File, name: str) -> bool:

@@ -16,6 +16,8 @@ from auvplan.io.currents.series import Array, Series
 from auvplan.io.currents.triangles import Triangles
 from auvplan.io.currents.units import speed_factor
 
+#: Variables that tell the angle from east to the grid's rows, counter-clockwise; ROMS and POP.
+_ANGLES = ("angle", "ANGLE")
 #: Faster water, m/s, is a fill value that the file does not declare.
 FASTEST = 20.0
 #: Velocities without units are taken as m/s if none is as fast.
@@ -256,9 +258,10 @@ def _turn(
     standard = standard_name(series.files[0], names.east)
     if not (names.along_grid or staggered):
         return None
-    if isinstance(grid, Curvilinear) and "angle" in series.variables and points.has("angle"):
-        radians = _radians(points, notes)
-        return lambda window: points.read("angle", slice(0, 1), window)[0] * radians
+    named = [name for name in _ANGLES if name in series.variables and points.has(name)]
+    if isinstance(grid, Curvilinear) and named:
+        radians = _radians(points, named[0], notes)
+        return lambda window: points.read(named[0], slice(0, 1), window)[0] * radians
     if isinstance(grid, Curvilinear | Triangles) and grid.crs is not None and not staggered:
         crs = grid.crs
         return lambda window: axes_angle(crs, *_places(grid, window))
@@ -287,21 +290,21 @@ def _places(grid: Curvilinear | Triangles, window: Window) -> tuple[Array, Array
     return grid.longitude[part].ravel(), grid.latitude[part].ravel()
 
 
-def _radians(points: Points, notes: list[str]) -> float:
-    """Return the radians in the unit of the variable `angle`."""
+def _radians(points: Points, name: str, notes: list[str]) -> float:
+    """Return the radians in the unit of the variable of angles."""
     series = points.series
-    values = series.files[0].coordinate("angle", missing=True)
-    units = text(series.attrs("angle"), "units").lower()
+    values = series.files[0].coordinate(name, missing=True)
+    units = text(series.attrs(name), "units").lower()
     if units.startswith("deg"):
         return float(np.pi / 180.0)
     far = float(np.nanmax(np.abs(values)))
     if far > 2.0 * np.pi + 1e-6:
         if units.startswith("rad"):
-            raise series.fail(f"angle is in radians and reaches {far:g}")
-        notes.append("angle has no units: taken as degrees, by its values")
+            raise series.fail(f"{name} is in radians and reaches {far:g}")
+        notes.append(f"{name} has no units: taken as degrees, by its values")
         return float(np.pi / 180.0)
     if not units.startswith("rad"):
-        notes.append("angle has no units: taken as radians, by its values")
+        notes.append(f"{name} has no units: taken as radians, by its values")
     return 1.0
 
 

@@ -321,3 +321,36 @@ def test_nodes_without_a_place_are_land(tmp_path):
         data[name] = data[name].where(data["mask_rho"] > 0)
     with open_ocean(write(data, tmp_path / "holes.nc")) as holes:
         np.testing.assert_array_equal(holes.at(*places, 3.0, START)[:2], expected)
+
+
+def test_a_network_of_rivers_beside_a_mesh_is_left(tmp_path):
+    """The one-dimensional part of D-Flow, whose topology comes first in the file."""
+    sea = ugrid("node")
+    network = {"cf_role": "mesh_topology", "topology_dimension": np.int32(1), "node_coordinates": "rx ry"}
+    rivers = {
+        "river": ((), np.int32(0), network),
+        "rx": (("r_node",), np.arange(3.0), {"standard_name": "longitude", "units": "degrees_east"}),
+        "ry": (("r_node",), np.arange(3.0), {"standard_name": "latitude", "units": "degrees_north"}),
+        "river_u": (("time", "r_node"), np.zeros((2, 3)), {**sea["ucx"][2], "mesh": "river"}),
+    }
+    with (
+        open_ocean(write_plain(rivers | sea, tmp_path / "both.nc")) as both,
+        open_ocean(write_plain(sea, tmp_path / "sea.nc")) as alone,
+    ):
+        places = PLACES[0], PLACES[1], 0.0, START
+        np.testing.assert_array_equal(both.at(*places)[:2], alone.at(*places)[:2])
+
+
+def test_times_of_a_misspelt_calendar_and_dates_as_text(tmp_path):
+    data = regular()
+    data["time"].attrs["calendar"] = "gregorian_proleptic"
+    with open_ocean(write(data, tmp_path / "calendar.nc")) as ocean:
+        np.testing.assert_allclose(ocean.times, START + 3600.0 * np.array([0.0, 1.0, 3.0]))
+    written = fvcom()
+    for name in ("Itime", "Itime2"):
+        written.pop(name, None)
+    stamps = ["2020-01-01T00:00:00.000000", "2020-01-01T01:00:00.250000"]
+    text = np.array([list(stamp) for stamp in stamps], "S1")
+    written["Times"] = (("time", "DateStrLen"), text, {})
+    with open_ocean(write_plain(written, tmp_path / "text.nc")) as ocean:
+        np.testing.assert_allclose(ocean.times, START + np.array([0.0, 3600.25]), atol=1e-6)
