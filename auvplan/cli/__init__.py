@@ -51,6 +51,7 @@ for command in (
     study.plot,
     paper.paper,
     tools.chart,
+    tools.currents,
     tools.check,
     scenario.scenarios,
     scenario.init,

@@ -136,6 +136,41 @@ def _yaml_lines(
     return lines
 
 
+def currents(
+    files: Annotated[list[str], typer.Argument(help="Files of one current: NetCDF or Zarr; parts together.")],
+    to: Annotated[
+        Path | None, typer.Option("--to", help="Write the current as one CF data set, on the model's points.")
+    ] = None,
+    crs: Annotated[
+        str | None, typer.Option("--crs", help="Projection of coordinates in metres, such as EPSG:32633.")
+    ] = None,
+    epoch: Annotated[
+        datetime | None, typer.Option("--epoch", help="UTC, the date that times without one count from.")
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Look at an ocean model's current: what it covers, and what was assumed in reading it."""
+    from auvplan.files import write_dataset
+    from auvplan.io.currents import open_ocean, to_cf
+    from auvplan.io.currents.summary import summary_of
+
+    with open_ocean(files, crs=crs, epoch=epoch) as ocean:
+        found = summary_of(ocean)
+        if to is not None:
+            write_dataset(to_cf(ocean), to)
+    if as_json:
+        print_json(found | {"notes": list(ocean.notes)})
+        return
+    table = Table(show_header=False)
+    for name, value in found.items():
+        table.add_row(name.replace("_", " "), str(value))
+    console.print(table)
+    for note in ocean.notes:
+        say(f"note: {note}")
+    if to is not None:
+        say(f"written: {to}")
+
+
 def check(
     folder: Annotated[
         Path, typer.Argument(help="Folder of a result, or of a study whose runs were saved (--save-runs).")

@@ -28,8 +28,9 @@ def at_depth(
     below = (depths < wanted).sum(axis=0)
     upper, lower = np.maximum(below - 1, 0), np.minimum(below, count - 1)
     first, second = _take(depths, upper), _take(depths, lower)
-    apart = np.where(second > first, second - first, np.inf)
-    share = np.clip((wanted - first) / apart, 0.0, 1.0)
+    with np.errstate(invalid="ignore"):  # columns of land have no levels: all are infinitely deep
+        apart = np.where(second > first, second - first, np.inf)
+        share = np.clip((wanted - first) / apart, 0.0, 1.0)
     share = np.where(lower == upper, 0.0, share)
     grounded = False if floor is None else wanted > floor
     found = []

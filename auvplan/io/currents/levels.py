@@ -215,6 +215,9 @@ def _told(points: Points, heights: str, dim: str) -> Levels:
         if points.rise_name() is not None:
             rise = points.rise(frames, window)
         depths = np.where(there, rise[:, None] - height, np.inf)
+        floor = points.floor(window)
+        if floor is not None:
+            return depths[:, order], floor + rise
         bed = np.where(there, depths, -np.inf).max(axis=1)
         return depths[:, order], np.where(np.isfinite(bed), bed, np.nan)
 

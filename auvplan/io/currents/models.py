@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import xarray as xr
@@ -137,8 +138,9 @@ def _merged(parts: Sequence[File]) -> File:
         for part in parts:
             part.close()
 
+    label = f"{first.path} with {', '.join(Path(part.path).name for part in others)}"
     attributes = {key: value for part in reversed(parts) for key, value in part.attributes.items()}
-    return replace(first, variables=variables, attributes=attributes, close=close)
+    return replace(first, path=label, variables=variables, attributes=attributes, close=close)
 
 
 def _require_same_places(first: File, other: File, name: str) -> None:
