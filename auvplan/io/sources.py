@@ -109,7 +109,14 @@ def _files(settings: dict[str, Any]) -> Iterator[tuple[list[str], str, Callable[
 
 
 def _polygons(paths: list[str]) -> Callable[[Array, Array, Array], Mask]:
-    """Inside the polygons of a GeoJSON file."""
+    """Inside the polygons of a GeoJSON file.
+
+    Raises:
+        _UnknownFileError: it is of another format.
+    """
+    with open(paths[0], "rb") as raw:
+        if not raw.read(64).lstrip(b"\xef\xbb\xbf \r\n\t").startswith(b"{"):
+            raise _UnknownFileError("it is no GeoJSON")
     with open(paths[0], encoding="utf-8-sig") as file:
         root = json.load(file)
     shapes = [shapely.make_valid(shape) for shape in _shapes(root)]

@@ -14,6 +14,7 @@ from shapely.geometry import MultiPolygon, Polygon
 
 from auvplan.errors import ScenarioWarning
 from auvplan.io.geo.error import GeoError, PlaceError, read_text
+from auvplan.io.geo.vector import is_vector_file, read_vector_polygons
 
 #: Larger files are no charts of a mission's area.
 MAX_BYTES = 200_000_000
@@ -157,7 +158,7 @@ def is_place(longitude: float, latitude: float) -> bool:
 
 
 def read_polygons(path: str | Path, area: Any = None) -> list[tuple[Feature, Polygon | MultiPolygon]]:
-    """The polygons of a GeoJSON file in longitude and latitude, degrees, with the features that they are of.
+    """The polygons of a GeoJSON, GeoPackage or Shapefile, in degrees, with the features that they are of.
 
     Empty ones, which clipping leaves behind, are passed over. A ring that touches itself is parted there.
 
@@ -167,22 +168,43 @@ def read_polygons(path: str | Path, area: Any = None) -> list[tuple[Feature, Pol
             left out. None for everywhere.
 
     Raises:
-        GeoError: see `read_features`; rings that are not closed or cross, no area, or every one is empty.
+        GeoError: see `read_features` and `read_vector_polygons`; rings that are not closed or cross, no area,
+            or every one is empty.
 
     Warns:
         ScenarioWarning: a ring that was parted.
     """
-    features = [part for part in read_features(path, ("Polygon", "MultiPolygon")) if part.coordinates != []]
-    if not features:
-        raise GeoError(f"{path}: every polygon is empty")
     found = []
-    for feature in features:
-        shape = _shape(feature)
+    for feature, shape in _vector_shapes(path) if is_vector_file(path) else _shapes(path):
         if not shapely.is_valid(shape):
             near = area is None or shapely.intersects(shapely.box(*shape.bounds), area)
             shape = _parted(feature, shape) if near else None
         if shape is not None:
             found.append((feature, shape))
+    return found
+
+
+def _shapes(path: str | Path) -> list[tuple[Feature, Polygon | MultiPolygon]]:
+    """The polygons of a GeoJSON file, valid or not."""
+    features = [part for part in read_features(path, ("Polygon", "MultiPolygon")) if part.coordinates != []]
+    if not features:
+        raise GeoError(f"{path}: every polygon is empty")
+    return [(feature, _shape(feature)) for feature in features]
+
+
+def _vector_shapes(path: str | Path) -> list[tuple[Feature, Polygon | MultiPolygon]]:
+    """The polygons of a GeoPackage, Shapefile or the like, valid or not.
+
+    Raises:
+        GeoError: see `read_vector_polygons`; or one lies off the Earth.
+    """
+    found = []
+    for number, properties, shape in read_vector_polygons(path):
+        where = f"{path}: feature {number}"
+        west, south, east, north = shape.bounds
+        for longitude, latitude in ((west, south), (east, north)):
+            check_place(where, longitude, latitude)
+        found.append((Feature(where, number, shape.geom_type, None, properties), shape))
     return found
 
 

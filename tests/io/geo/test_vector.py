@@ -1,0 +1,69 @@
+"""Land from GeoPackages, Shapefiles and the like."""
+
+import numpy as np
+import pytest
+import shapely
+from pyproj import Transformer
+
+from auvplan.io.geo import GeoError, chart_from_polygons, read_zones
+from auvplan.ocean.chart import ChartError
+from tests.io.geo.files import SITE, feature, geographic, write_geojson
+
+AREA = {"lower": (0.0, 0.0), "upper": (1000.0, 1000.0), "pixel_size": 20.0}
+CORNERS = [(105.0, 207.0), (109.0, 713.0), (611.0, 705.0), (353.0, 449.0)]
+
+
+def square():
+    """A polygon in longitude and latitude."""
+    return shapely.Polygon(geographic(*np.array(CORNERS).T))
+
+
+def written(path, shapes, crs="EPSG:4326", **columns):
+    pyogrio = pytest.importorskip("pyogrio")
+    names = list(columns)
+    pyogrio.raw.write(
+        path,
+        geometry=shapely.to_wkb(np.asarray(shapes, object)),
+        field_data=[np.asarray(columns[name]) for name in names],
+        fields=names,
+        geometry_type="Polygon",
+        crs=crs,
+    )
+    return path
+
+
+@pytest.mark.parametrize("name", ["land.gpkg", "land.shp", "land.fgb"])
+@pytest.mark.parametrize("crs", ["EPSG:4326", "EPSG:32755"])
+def test_the_same_chart_as_from_geojson(tmp_path, name, crs):
+    shape = square()
+    twin = write_geojson(
+        tmp_path / "land.json", feature("Polygon", [np.array(shape.exterior.coords).tolist()])
+    )
+    if crs != "EPSG:4326":
+        there = Transformer.from_crs("EPSG:4326", crs, always_xy=True)
+        dense = shapely.segmentize(shape, 1e-4)
+        shape = shapely.transform(dense, lambda places: np.stack(there.transform(*places.T), -1))
+    path = written(tmp_path / name, [shape], crs)
+    one, two = (np.asarray(chart_from_polygons(file, SITE, **AREA).passability) for file in (twin, path))
+    assert 0.05 < (one == 0.0).mean() < 0.5
+    assert (one != two).mean() <= (0.0 if crs == "EPSG:4326" else 0.002)
+
+
+def test_names_of_closed_areas(tmp_path):
+    path = written(tmp_path / "closed.gpkg", [square(), square()], NAME=["anchorage", "cable"])
+    assert [zone.name for zone in read_zones(path, SITE)] == ["anchorage", "cable"]
+
+
+def test_what_is_refused(tmp_path):
+    bare = written(tmp_path / "bare.shp", [square()])
+    bare.with_suffix(".prj").unlink()
+    with pytest.raises(
+        ChartError, match=r"tells no coordinate reference system: a Shapefile's is in the \.prj"
+    ):
+        chart_from_polygons(bare, SITE, **AREA)
+    (tmp_path / "broken.gpkg").write_bytes(b"SQLite format 3\0" + bytes(200))
+    with pytest.raises(GeoError, match=r"broken\.gpkg: cannot be read"):
+        read_zones(tmp_path / "broken.gpkg", SITE)
+    bow = shapely.Polygon(geographic(*np.array([(0, 0), (500, 500), (500, 0), (0, 500)], float).T))
+    with pytest.raises(GeoError, match="feature 1: the polygon crosses itself"):
+        read_zones(written(tmp_path / "bow.gpkg", [bow]), SITE)
