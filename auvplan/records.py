@@ -194,6 +194,7 @@ class MissionRun(Brief):
             sailed below is what is planned, in the forecast.
         obstacles: that were known beforehand, where they are at the departure.
         departed: s from the scenario's own departure, to which files of obstacles refer, to this one's.
+        assumed: what was assumed in reading the scenario's files, a line each.
         saved_bound: `bound` of a run that comes from files, which do not keep `first_order`; None of others.
     """
 
@@ -221,6 +222,7 @@ class MissionRun(Brief):
     simulated: bool = True
     obstacles: tuple[KnownObstacle, ...] = ()
     departed: float = 0.0
+    assumed: tuple[str, ...] = ()
     saved_bound: float | None = None
 
     def _facts(self) -> dict[str, str]:

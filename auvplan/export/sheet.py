@@ -18,6 +18,7 @@ from auvplan.export.itinerary import END_BEHAVIOURS
 from auvplan.files import write_atomically
 from auvplan.mission.jobs import jobs_done, jobs_of
 from auvplan.records import LegRecord, MissionRun
+from auvplan.scenario.provenance import SourceFile, source_files
 from auvplan.words import hours
 
 #: m, longest way between two places at which margins are looked up.
@@ -82,6 +83,8 @@ class MissionSheet:
         stops: in the order of the route.
         left_out: jobs that are not done.
         warnings: a line each.
+        files: that the mission was planned on.
+        assumed: what was assumed in reading them, a line each.
         zone: name of the local time zone, or empty.
     """
 
@@ -90,6 +93,8 @@ class MissionSheet:
     stops: tuple[Stop, ...]
     left_out: tuple[LeftOut, ...]
     warnings: tuple[str, ...] = ()
+    files: tuple[SourceFile, ...] = ()
+    assumed: tuple[str, ...] = ()
     zone: str = ""
 
     def plain(self) -> dict[str, Any]:
@@ -103,6 +108,8 @@ class MissionSheet:
             "stops": stops,
             "left_out": [asdict(job) for job in self.left_out],
             "warnings": list(self.warnings),
+            "files": [asdict(file) for file in self.files],
+            "assumed": list(self.assumed),
         }
 
     def table(self, brief: bool = False) -> tuple[list[str], list[list[str]]]:
@@ -178,6 +185,8 @@ def sheet_of(run: MissionRun) -> MissionSheet:
         tuple(stops),
         tuple(_left_out(run)),
         tuple(_warnings(run, stops)),
+        source_files(run.scenario, run.folder),
+        run.assumed,
         zone,
     )
 
@@ -358,6 +367,10 @@ def write_html(sheet: MissionSheet, path: str | Path, picture: str | None = None
     ]
     if left:
         parts += ["<h2>Left out</h2>", _html_table(["job", "priority", "why"], left)]
+    if sheet.files:
+        files = [[file.field, file.name, f"{file.size:,}", file.sha256[:16]] for file in sheet.files]
+        parts += ["<h2>Planned on</h2>", _html_table(["field", "file", "bytes", "SHA-256 begins"], files)]
+    parts += [f"<p>Assumed: {html.escape(line)}.</p>" for line in sheet.assumed]
     if picture:
         parts.append(f'<img src="{html.escape(picture)}" alt="map of the mission">')
     page = _PAGE.format(title=html.escape(sheet.title), body="\n".join(parts))

@@ -73,6 +73,7 @@ def restore_run(folder: str | Path) -> MissionRun:
             simulated=bool(attributes.get("simulated", True)),
             departed=float(attributes.get("departed", 0.0)),
             obstacles=tuple(_obstacle(told) for told in json.loads(attributes.get("known_obstacles", "[]"))),
+            assumed=tuple(json.loads(attributes.get("assumed", "[]"))),
             saved_bound=float(summary.get("priority_bound", 0.0)),
         )
     except (KeyError, TypeError, json.JSONDecodeError) as error:

@@ -115,6 +115,7 @@ def _attributes(run: MissionRun) -> dict[str, Any]:
         "t_residual": float(run.t_residual),
         "charged_compute": float(run.charged_compute),
         "scenario_folder": run.folder,
+        "assumed": json.dumps(run.assumed),
         "waypoint_names": json.dumps(run.names),
         **vehicle,
         **({} if run.site is None else _site_attributes(run.site)),

@@ -214,6 +214,7 @@ def embark(context: SimulationContext, number: int, key: jax.Array, seed: int) -
         names=names,
     )
     run.simulated, run.obstacles = context.simulated, context.waters.obstacles
+    run.assumed = context.waters.notes
     sea = make_sea(scenario, context.waters, field_key, sea_key, context.simulated)
     if scenario.mission.lines == "whole":
         graph = graph.without_edges(ways_off_lines(names, np.asarray(graph.adjacency)))

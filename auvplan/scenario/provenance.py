@@ -1,0 +1,70 @@
+"""The files that a scenario was planned on, by name, size and hash."""
+
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from glob import glob
+from pathlib import Path
+from typing import Any
+
+#: Larger files are told by name and size alone, bytes.
+_HASHED = 500_000_000
+_FIELDS = {
+    "chart": ("image", "file", "uncertain", "no_go"),
+    "bathymetry": ("file",),
+    "current": ("files", "truth"),
+    "obstacles": ("file",),
+    "mission": ("jobs",),
+}
+
+
+@dataclass(frozen=True)
+class SourceFile:
+    """A file that a scenario names.
+
+    Attributes:
+        field: of the scenario.
+        name: of the file, without its folder.
+        size: bytes.
+        sha256: in hexadecimal; empty for folders and files of more than 500 MB.
+    """
+
+    field: str
+    name: str
+    size: int
+    sha256: str
+
+
+def source_files(settings: dict[str, Any], folder: str | Path) -> tuple[SourceFile, ...]:
+    """Return the files that the settings of a scenario name; those that are gone are left out.
+
+    Args:
+        settings: a scenario as plain data.
+        folder: that relative paths start from.
+    """
+    return tuple(
+        SourceFile(name, path.name, _size(path), _hash(path)) for name, path in _named(settings, Path(folder))
+    )
+
+
+def _named(settings: dict[str, Any], folder: Path) -> Iterator[tuple[str, Path]]:
+    for section, fields in _FIELDS.items():
+        for field in fields:
+            given = (settings.get(section) or {}).get(field)
+            for pattern in [given] if isinstance(given, str) else given or ():
+                path = folder / Path(pattern).expanduser()
+                found = [path] if path.exists() else [Path(name) for name in sorted(glob(str(path)))]
+                yield from ((f"{section}.{field}", one) for one in found)
+
+
+def _size(path: Path) -> int:
+    if path.is_dir():
+        return sum(part.stat().st_size for part in path.rglob("*") if part.is_file())
+    return path.stat().st_size
+
+
+def _hash(path: Path) -> str:
+    if path.is_dir() or path.stat().st_size > _HASHED:
+        return ""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
