@@ -2,6 +2,7 @@
 
 import contextlib
 import csv
+import hashlib
 import io
 import json
 import re
@@ -195,3 +196,9 @@ def test_the_mission_sheet_names_every_job(out, jobs):
     page = etree.parse(out / "sheet.html", etree.HTMLParser())
     cells = {"".join(cell.itertext()).strip() for cell in page.iterfind(".//td")}
     assert set(jobs) <= cells
+
+
+def test_the_mission_sheet_names_the_files_by_their_hashes(out):
+    page = (out / "sheet.html").read_text(encoding="utf-8")
+    for name in ("jobs.csv", "chart.png"):
+        assert hashlib.sha256(Path(name).read_bytes()).hexdigest()[:16] in page
