@@ -1,6 +1,6 @@
 """`auvplan.bbo` on the 24 noiseless BBOB functions beside other searches: ``python -m benchmarks.bbob``.
 
-The functions are evosax's, with random shifts and rotations by seed; the bounds are [-5, 5], every search has
+The functions are evosax's, with random shifts and rotations by seed, but for the peaks of 21 and 22; the bounds are [-5, 5], every search has
 1,000 evaluations a dimension in 64-bit numbers. The measure is log10(best cost - optimum), not below -8; its
 median over the seeds is taken for each function, and the median of those for each group of functions.
 """
@@ -55,7 +55,7 @@ def score(x: jax.Array, number: jax.Array, instance: Instance) -> jax.Array:
 
 
 def gallagher(x: jax.Array, instance: Instance, count: int, highest: float, width: float) -> jax.Array:
-    """Functions 21 and 22 as evosax has them, but for the peaks, which it draws anew at every call."""
+    """Functions 21 and 22 with peaks drawn once for a dimension: evosax draws its own anew at every call."""
     from evosax.problems.bbob.bbob_fns import f_pen, transform_osz
 
     centre, rotation, _ = instance
