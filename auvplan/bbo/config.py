@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from auvplan.bbo import rates
 
 _CHOICES = {
-    "migration": ("siv", "fig6"),
+    "migration": ("siv", "fig6", "differential", "covariance"),
     "rates": ("linear", "constant"),
     "mutation_law": ("species", "constant"),
     "mutation": ("uniform", "gaussian"),
@@ -25,7 +25,10 @@ class BBOConfig:
         population: number of habitats P.
         iterations: number of generations.
         elites: habitats that survive each generation unchanged.
-        migration: "siv" decides and draws a donor for each SIV; "fig6" is the paper's Fig. 6.
+        migration: "siv" decides and draws a donor for each SIV; "fig6" is the paper's Fig. 6. Two more favour
+            no axis, for real SIVs: "differential" moves habitats along differences of ranked ones,
+            "covariance" draws them from an adapted normal law. They keep the P best habitats ever met, and
+            use none of the settings of mutation, elites and replacement.
         rates: "linear" over the ranks (section 4.1) or "constant" (section 4.2).
         immigration: I of the linear rates, or the constant lambda.
         emigration: E of the linear rates, or the constant mu.
@@ -37,6 +40,8 @@ class BBOConfig:
         mutation_step: standard deviation of the Gaussian step, as a share of each SIV's range.
         replacement: "generational" replaces all but the elites; "greedy" keeps the better of each habitat
             and its candidate.
+        restarts: times that "differential" or "covariance" migration starts from fresh habitats, at most,
+            when it stalls; the best are kept. Each restart of "covariance" pools twice as many habitats.
 
     Raises:
         ValueError: a setting is out of its range.
@@ -45,7 +50,7 @@ class BBOConfig:
     population: int = 100
     iterations: int = 100
     elites: int = 2
-    migration: Literal["siv", "fig6"] = "siv"
+    migration: Literal["siv", "fig6", "differential", "covariance"] = "siv"
     rates: Literal["linear", "constant"] = "linear"
     immigration: float = 1.0
     emigration: float = 1.0
@@ -55,6 +60,7 @@ class BBOConfig:
     mutation: Literal["uniform", "gaussian"] = "uniform"
     mutation_step: float = 0.1
     replacement: Literal["generational", "greedy"] = "generational"
+    restarts: int = 0
 
     def __post_init__(self) -> None:
         if self.population < 2:
@@ -73,8 +79,36 @@ class BBOConfig:
         for name in ("immigration", "emigration", "mutation_max"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise ValueError(f"{name} must be in [0, 1], got {getattr(self, name)}")
+        if self.restarts < 0:
+            raise ValueError(f"restarts must not be negative, got {self.restarts}")
+        if self.restarts and self.migration not in ("differential", "covariance"):
+            raise ValueError('restarts need migration="differential" or "covariance"')
+        if self.migration == "differential" and self.population < 4:
+            raise ValueError(f"population must be at least 4 to take differences, got {self.population}")
         if self.emigration == 0.0:
             raise ValueError("emigration must be positive")
+
+    @classmethod
+    def rotated(
+        cls,
+        dim: int,
+        evaluations: int = 10_100,
+        migration: Literal["differential", "covariance"] = "covariance",
+    ) -> Self:
+        """Settings for a continuous problem whose SIVs act together.
+
+        Args:
+            dim: number of SIVs D.
+            evaluations: of the cost function, at most; the population is small beside it.
+            migration: a variant that favours no axis.
+
+        Raises:
+            ValueError: too few evaluations for one population.
+        """
+        size = 50 if migration == "differential" else 4 + int(3.0 * np.log(dim))
+        if evaluations < size:
+            raise ValueError(f"evaluations must be at least {size}, got {evaluations}")
+        return cls(population=size, iterations=evaluations // size - 1, migration=migration, restarts=9)
 
     def replace(self, **changes: Any) -> Self:
         """Return a copy with some settings changed."""

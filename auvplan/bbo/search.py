@@ -5,7 +5,7 @@ the cost [P], or the pair (cost [P], violation [P]), whose second member is only
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -13,14 +13,21 @@ import chex
 import jax
 import jax.numpy as jnp
 
-from auvplan.bbo import operators, random
+from auvplan.bbo import covariance, differential, operators, random
 from auvplan.bbo.config import BBOConfig
 from auvplan.prng import as_key
 
 CostFunction = Callable[..., jax.Array | tuple[jax.Array, jax.Array]]
 
+#: Migrations that keep a memory beside the population.
+MEMORIES: dict[str, Any] = {"differential": differential, "covariance": covariance}
 
-@partial(jax.tree_util.register_dataclass, data_fields=("population", "cost", "violation"), meta_fields=())
+
+@partial(
+    jax.tree_util.register_dataclass,
+    data_fields=("population", "cost", "violation", "memory"),
+    meta_fields=(),
+)
 @dataclass(frozen=True)
 class State:
     """A scored population, best habitat first.
@@ -29,11 +36,14 @@ class State:
         population: [P, D] habitats.
         cost: [P]; a habitat whose cost was not a number carries infinity.
         violation: [P], zero where the cost function reports none.
+        memory: what "differential" and "covariance" migration have learned, empty for others. Their
+            population is the best P habitats met, over all restarts.
     """
 
     population: jax.Array
     cost: jax.Array
     violation: jax.Array
+    memory: Any = ()
 
 
 @partial(
@@ -106,11 +116,26 @@ def uniform_population(key: jax.Array, size: int, lower: jax.Array, upper: jax.A
     return jax.random.uniform(key, shape, lower.dtype, lower, upper)
 
 
-def init(population: jax.Array, cost: jax.Array, violation: jax.Array) -> State:
-    """Rank a scored population into a state; a cost that is not finite becomes infinite and ranks last."""
+def init(
+    population: jax.Array, cost: jax.Array, violation: jax.Array, *, config: BBOConfig | None = None
+) -> State:
+    """Rank a scored population into a state; a cost that is not finite becomes infinite and ranks last.
+
+    Args:
+        population: [P, D].
+        cost: [P].
+        violation: [P].
+        config: static settings; needed for "differential" and "covariance" migration, which have a memory.
+    """
     cost = worst_unless_finite(cost)
     order = jnp.argsort(cost)
-    return State(population[order], cost[order], violation[order])
+    state = State(population[order], cost[order], violation[order])
+    if config is None or config.migration not in MEMORIES:
+        return state
+    kind = MEMORIES[config.migration]
+    return replace(
+        state, memory=kind.tell(kind.blank(population, cost, config), population, cost, config, None)
+    )
 
 
 def ask(key: jax.Array, state: State, lower: jax.Array, upper: jax.Array, config: BBOConfig) -> jax.Array:
@@ -128,6 +153,11 @@ def ask(key: jax.Array, state: State, lower: jax.Array, upper: jax.Array, config
     """
     population = state.population
     size, dim = population.shape
+    if config.migration in MEMORIES:
+        if jnp.issubdtype(population.dtype, jnp.integer):
+            raise ValueError(f'migration="{config.migration}" needs real SIVs: use "siv" for integers')
+        candidates = MEMORIES[config.migration].ask(key, state.memory, lower, upper, config)
+        return jnp.clip(candidates, lower, upper)
     immigration, emigration = config.migration_rates()
     if config.mutation == "gaussian" and jnp.issubdtype(population.dtype, jnp.integer):
         raise ValueError('mutation="gaussian" needs real SIVs: use "uniform" for integers')
@@ -153,7 +183,12 @@ def ask(key: jax.Array, state: State, lower: jax.Array, upper: jax.Array, config
 
 
 def tell(
-    state: State, candidates: jax.Array, cost: jax.Array, violation: jax.Array, config: BBOConfig
+    state: State,
+    candidates: jax.Array,
+    cost: jax.Array,
+    violation: jax.Array,
+    config: BBOConfig,
+    key: jax.Array | None = None,
 ) -> State:
     """Take scored candidates into the population.
 
@@ -163,8 +198,18 @@ def tell(
         cost: [P]; not finite ranks last.
         violation: [P].
         config: static settings.
+        key: the one that `ask` had; "covariance" migration needs it to learn well at the bounds.
     """
     cost = worst_unless_finite(cost)
+    if config.migration in MEMORIES:
+        memory = MEMORIES[config.migration].tell(state.memory, candidates, cost, config, key)
+        met = (
+            jnp.concatenate([state.population, candidates]),
+            jnp.concatenate([state.cost, cost]),
+            jnp.concatenate([state.violation, violation]),
+        )
+        best = jnp.argsort(met[1])[: config.population]
+        return State(met[0][best], met[1][best], met[2][best], memory)
     if config.replacement == "greedy":
         better = cost < state.cost
         merged = (
@@ -187,11 +232,12 @@ def _take_in(state: State, found: jax.Array, cost: jax.Array, violation: jax.Arr
     """Let Q habitats take the place of the worst Q where they are better."""
     worst = slice(-found.shape[0], None)
     better = worst_unless_finite(cost) < state.cost[worst]
-    return init(
+    taken = init(
         state.population.at[worst].set(jnp.where(better[:, None], found, state.population[worst])),
         state.cost.at[worst].set(jnp.where(better, cost, state.cost[worst])),
         state.violation.at[worst].set(jnp.where(better, violation, state.violation[worst])),
     )
+    return replace(taken, memory=state.memory)
 
 
 def statistics(state: State) -> History:
@@ -221,6 +267,7 @@ def run(
     period: int = 20,
     iterations: jax.Array | None = None,
     feasible: bool = False,
+    stop: jax.Array | None = None,
 ) -> Result:
     """Search from a given population; traceable, for use inside a larger compiled function.
 
@@ -239,11 +286,16 @@ def run(
             are zero.
         feasible: whether a best habitat that has a violation gives way, in the result, to the best candidate
             that had none.
+        stop: cost at which the search ends, met without a violation; None to make all iterations. Rows of the
+            history after the end repeat the last.
     """
     chex.assert_shape(population, (config.population, lower.shape[0]))
     keys = jax.random.split(key, max(config.iterations, 1))
     kinds = jax.eval_shape(partial(evaluate, fun), population, *args)
     unknown = State(population, *(jnp.full(kind.shape, jnp.inf, kind.dtype) for kind in kinds))
+    if config.migration in MEMORIES:
+        memory = MEMORIES[config.migration].blank(population, unknown.cost, config)
+        unknown = replace(unknown, memory=memory)
     rows = jax.tree.map(lambda row: jnp.zeros((config.iterations + 1,), row.dtype), statistics(unknown))
 
     def generation(k: jax.Array, carry: tuple[State, History, Any]) -> tuple[State, History, Any]:
@@ -254,11 +306,14 @@ def run(
         candidates = ask(keys[jnp.maximum(k - 1, 0)], state, lower, upper, config)
         candidates = jnp.where(k == 0, population, candidates)
         scored = evaluate(fun, candidates, *args)
-        state = jax.tree.map(
-            partial(jnp.where, k == 0),
-            init(candidates, *scored),
-            tell(state, candidates, *scored, config),
-        )
+        if config.migration in MEMORIES:
+            state = tell(state, candidates, *scored, config, keys[jnp.maximum(k - 1, 0)])
+        else:
+            state = jax.tree.map(
+                partial(jnp.where, k == 0),
+                init(candidates, *scored),
+                tell(state, candidates, *scored, config),
+            )
         if feasible:
             kept = _better_feasible(kept, candidates, *scored)
         return state, jax.tree.map(lambda rows, row: rows.at[k].set(row), rows, statistics(state)), kept
@@ -268,8 +323,25 @@ def run(
         return _take_in(state, found, *evaluate(fun, found, *args))
 
     last = config.iterations if iterations is None else iterations
-    none = (population[0], jnp.full_like(unknown.cost[0], jnp.inf)) if feasible else ()
-    state, history, kept = jax.lax.fori_loop(0, last + 1, generation, (unknown, rows, none))
+    none: Any = (population[0], jnp.full_like(unknown.cost[0], jnp.inf)) if feasible else ()
+    if stop is None:
+        state, history, kept = jax.lax.fori_loop(0, last + 1, generation, (unknown, rows, none))
+    else:
+
+        def unmet(at: tuple[jax.Array, Any]) -> jax.Array:
+            k, (state, _, kept) = at
+            met = (state.cost[0] <= stop) & (state.violation[0] == 0.0)
+            if feasible:
+                met |= kept[1] <= stop
+            return (k <= last) & ~met
+
+        end, (state, history, kept) = jax.lax.while_loop(
+            unmet,
+            lambda at: (at[0] + 1, generation(*at)),
+            (jnp.zeros_like(last + 1), (unknown, rows, none)),
+        )
+        row = jnp.minimum(jnp.arange(config.iterations + 1), end - 1)
+        history = jax.tree.map(lambda values: values[row], history)
     x, cost, violation = state.population[0], state.cost[0], state.violation[0]
     if feasible:
         instead = (violation != 0.0) & jnp.isfinite(kept[1])
@@ -297,6 +369,7 @@ def minimize(
     config: BBOConfig | None = None,
     args: tuple[Any, ...] = (),
     population: jax.typing.ArrayLike | None = None,
+    stop: jax.typing.ArrayLike | None = None,
 ) -> Result:
     """Minimise a batched function by biogeography-based optimisation, in one compiled scan.
 
@@ -311,9 +384,11 @@ def minimize(
         lower: [D] inclusive lower bounds; integer bounds make an integer search.
         upper: [D] inclusive upper bounds.
         key: PRNG key, consumed; the same key gives the same result.
-        config: settings; defaults to `BBOConfig()`.
+        config: settings; by default `BBOConfig.rotated` of D, 10,100 evaluations by "covariance" migration,
+            or `BBOConfig()`, as many by "siv", for integers.
         args: pytrees passed on to `fun`.
         population: [Q, D] habitats to start from, Q at most P; the rest is drawn uniformly.
+        stop: cost that is good enough; the search ends when it is met without a violation.
 
     Returns:
         The best habitat, its cost and violation, the last population and the history.
@@ -326,16 +401,19 @@ def minimize(
         >>> import jax, auvplan as ap
         >>> sphere = lambda x: (x**2).sum(axis=1)
         >>> result = ap.bbo.minimize(sphere, [-5.0, -5.0], [5.0, 5.0], key=jax.random.key(0))
-        >>> bool(result.cost < 1e-2)
+        >>> bool(result.cost < 1e-6)
         True
     """
-    config, key = config or BBOConfig(), as_key(key)
+    key = as_key(key)
     low, high = jnp.asarray(lower), jnp.asarray(upper)
     if low.ndim != 1 or low.shape != high.shape:
         raise ValueError(f"bounds must be vectors of one length, got shapes {low.shape} and {high.shape}")
     if not bool(jnp.all(low <= high)):
         raise ValueError("lower bounds must not exceed upper bounds")
     high = high.astype(low.dtype)
+    if config is None:
+        whole = jnp.issubdtype(low.dtype, jnp.integer)
+        config = BBOConfig() if whole else BBOConfig.rotated(low.shape[0])
     start_key, run_key = jax.random.split(key)
     start = uniform_population(start_key, config.population, low, high)
     if population is not None:
@@ -345,7 +423,8 @@ def minimize(
                 f"population must be [Q <= {config.population}, {low.shape[0]}], got shape {given.shape}"
             )
         start = start.at[: given.shape[0]].set(jnp.clip(given, low, high))
-    return _run(run_key, fun, start, low, high, config, args, feasible=True)
+    target = None if stop is None else jnp.asarray(stop)
+    return _run(run_key, fun, start, low, high, config, args, feasible=True, stop=target)
 
 
 _run = jax.jit(run, static_argnums=(1, 5), static_argnames=("feasible",))
