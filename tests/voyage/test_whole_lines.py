@@ -30,7 +30,11 @@ def settings(lines, seconds):
 
 @pytest.mark.parametrize(
     ("lines", "seconds", "priority"),
-    [("part", 2500.0, 1.0 + 4.0 / 3.5), ("whole", 2500.0, 1.0), ("whole", 4000.0, 5.0)],
+    [
+        ("whole", 2500.0, 1.0),
+        pytest.param("part", 2500.0, 1.0 + 4.0 / 3.5, marks=pytest.mark.slow),
+        pytest.param("whole", 4000.0, 5.0, marks=pytest.mark.slow),
+    ],
 )
 def test_a_line_is_begun_only_where_all_of_it_fits(lines, seconds, priority):
     run = plan_scenario(settings(lines, seconds), waters=Waters(jobs=JOBS))
