@@ -17,6 +17,7 @@ from auvplan.io import geo
 from auvplan.scenario.doubts import doubts, unreachable
 from auvplan.scenario.faults import Fault, fault_at, in_order
 from auvplan.scenario.file import check_scenario
+from auvplan.scenario.provenance import FILE_FIELDS
 from auvplan.scenario.scenario import Scenario
 from auvplan.scenario.settings import (
     BathymetrySettings,
@@ -30,15 +31,6 @@ from auvplan.scenario.yaml_lines import Document
 # Readers, charts and graphs load JAX and more: fields that are at fault are told without them.
 if TYPE_CHECKING:
     from auvplan.scenario.waters import Waters
-
-#: Fields that name files, by section.
-_FILES = {
-    "chart": ("image", "file", "uncertain", "no_go"),
-    "bathymetry": ("file",),
-    "current": ("files", "truth"),
-    "obstacles": ("file",),
-    "mission": ("jobs",),
-}
 
 
 @dataclass(frozen=True)
@@ -153,7 +145,7 @@ def _missing(document: Document, folder: Path) -> dict[tuple[str, str], Fault]:
     """Files that are named and not there, by section and field."""
     found = {}
     data = document.data if isinstance(document.data, dict) else {}
-    for section, names in _FILES.items():
+    for section, names in FILE_FIELDS.items():
         part = data.get(section)
         for name in names if isinstance(part, dict) else ():
             given = part[name] if isinstance(part, dict) and name in part else None

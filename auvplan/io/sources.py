@@ -13,11 +13,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy
 import shapely
+import shapely.geometry
 import xarray as xr
 from numpy.typing import NDArray
 from pyproj import Transformer
-from scipy.spatial import KDTree
 
 Array = NDArray[np.floating]
 Mask = NDArray[np.bool_]
@@ -144,8 +145,7 @@ def _shapes(node: dict[str, Any]) -> Iterator[Any]:
         for part in node["geometries"]:
             yield from _shapes(part)
     elif kind in ("Polygon", "MultiPolygon"):
-        flat = json.loads(json.dumps(node))
-        yield shapely.from_geojson(json.dumps({"type": kind, "coordinates": flat["coordinates"]}))
+        yield shapely.geometry.shape(node)
 
 
 def _dry(paths: list[str]) -> Callable[[Array, Array, Array], Mask]:
@@ -263,11 +263,11 @@ def _scattered(data: xr.Dataset, name: str) -> Callable[[Array, Array, Array], M
     if wet.shape != east.shape:
         raise _UnknownFileError("its points and its places differ in number")
     known = np.isfinite(east) & np.isfinite(north)
-    tree = KDTree(_globe(east[known], north[known]))
+    tree = scipy.spatial.KDTree(_globe(east[known], north[known]))
     wet = wet[known]
 
     def dry(longitude: Array, latitude: Array, depth: Array) -> Mask:
-        return ~wet[tree.query(_globe(longitude, latitude), k=4)[1]].any(axis=1)
+        return np.asarray(~wet[tree.query(_globe(longitude, latitude), k=4)[1]].any(axis=1))
 
     return dry
 

@@ -172,13 +172,11 @@ def _land(settings: ChartSettings, site: Site, box: Corners, home: str) -> Any:
     chart, _ = _plain_chart(settings.model_copy(update={"no_go": None}), _timeless(site), box, None, home)
     if chart is None:
         return None
-    corner, size = np.asarray(chart.lower, float), float(chart.pixel_size)
-    dry = np.asarray(chart.passability) == 0.0
+    low, high = (np.asarray(corner, float) for corner in (chart.lower, chart.upper))
 
     def land(north: np.ndarray, east: np.ndarray) -> np.ndarray:
-        i, j = (np.floor((axis - corner[k]) / size).astype(int) for k, axis in enumerate((north, east)))
-        pixels = [np.clip(axis, 0, count - 1) for axis, count in zip((i, j), dry.shape, strict=True)]
-        return dry[pixels[0], pixels[1]]
+        # Rounding may put the nodes on the chart's edge beyond it.
+        return ~chart.is_water(np.clip(north, low[0], high[0]), np.clip(east, low[1], high[1]))
 
     return land
 

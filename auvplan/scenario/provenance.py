@@ -9,7 +9,8 @@ from typing import Any
 
 #: Larger files are told by name and size alone, bytes.
 _HASHED = 500_000_000
-_FIELDS = {
+#: Fields that name files, by section.
+FILE_FIELDS = {
     "chart": ("image", "file", "uncertain", "no_go"),
     "bathymetry": ("file",),
     "current": ("files", "truth"),
@@ -48,7 +49,7 @@ def source_files(settings: dict[str, Any], folder: str | Path) -> tuple[SourceFi
 
 
 def _named(settings: dict[str, Any], folder: Path) -> Iterator[tuple[str, Path]]:
-    for section, fields in _FIELDS.items():
+    for section, fields in FILE_FIELDS.items():
         for field in fields:
             given = (settings.get(section) or {}).get(field)
             for pattern in [given] if isinstance(given, str) else given or ():

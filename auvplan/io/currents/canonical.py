@@ -35,13 +35,9 @@ def to_cf(ocean: OceanData) -> xr.Dataset:
         CurrentError: values cannot be read, or are too many.
     """
     geometry, points = ocean.geometry, ocean.velocity.points
-    count = geometry.longitude.size
-    if isinstance(geometry, Regular):
-        count = len(geometry.longitude) * len(geometry.latitude)
+    count, levels = geometry.count, ocean.level_count
     window = geometry.window(np.arange(count)[:, None])
     frames = slice(0, len(ocean.times))
-    part = ocean.velocity.east
-    levels = ocean.series.variables[part.name].sizes[part.levels.dim] if part.levels.dim else 1
     if len(ocean.times) * levels * count > MAX_VALUES // 4:
         raise ocean.series.fail(
             f"{len(ocean.times)} times, {levels} levels and {count} points are too many to be written at "

@@ -55,6 +55,11 @@ class Geometry(Protocol):
         """Of the points, or of the rows."""
         ...
 
+    @property
+    def count(self) -> int:
+        """Number of points."""
+        ...
+
     def locate(self, longitude: Array, latitude: Array) -> Weights:
         """Places [M] as mixtures of source points."""
         ...
@@ -82,6 +87,11 @@ class Regular:
     longitude: Array
     latitude: Array
     kind: str = "regular"
+
+    @property
+    def count(self) -> int:
+        """Number of points."""
+        return len(self.longitude) * len(self.latitude)
 
     @cached_property
     def _axes(self) -> tuple[Array, Index, Array, Index]:
@@ -150,6 +160,11 @@ class Curvilinear:
     latitude: Array
     kind: str = "curvilinear"
     crs: CRS | None = None
+
+    @property
+    def count(self) -> int:
+        """Number of points."""
+        return self.longitude.size
 
     def locate(self, longitude: Array, latitude: Array) -> Weights:
         """Linear in the two triangles of each cell, in metres about the places.

@@ -11,7 +11,7 @@ from auvplan.io.currents.names import find_current, find_places
 from auvplan.io.currents.opening import File
 from auvplan.io.currents.series import Array
 from auvplan.io.currents.times import decode_times, find_time
-from auvplan.io.currents.triangles import find_cells
+from auvplan.io.currents.triangles import has_cells
 from auvplan.ocean.gridded import CurrentError
 
 #: The middles of NEMO's cells.
@@ -43,7 +43,7 @@ def _whole(file: File) -> bool:
     try:
         names = find_current(file)
         staggered = _staggered(file, names.east, names.north)
-        if staggered or find_cells(file) is None:
+        if staggered or not has_cells(file):
             find_places(file, names.east, staggered)
     except CurrentError:
         return False

@@ -65,6 +65,12 @@ class OceanData:
         return self.velocity.points.series
 
     @property
+    def level_count(self) -> int:
+        """Number of levels, 1 where there is no such dimension."""
+        part = self.velocity.east
+        return int(self.series.variables[part.name].sizes[part.levels.dim]) if part.levels.dim else 1
+
+    @property
     def moments(self) -> tuple[datetime, ...]:
         """The times in UTC."""
         return tuple(moment_of(second) for second in self.times)
@@ -119,9 +125,7 @@ class OceanData:
         Raises:
             CurrentError: values cannot be read.
         """
-        wet = np.full(self.geometry.longitude.size, -1, np.int8)
-        if isinstance(self.geometry, Regular):
-            wet = np.full(len(self.longitude) * len(self.latitude), -1, np.int8)
+        wet = np.full(self.geometry.count, -1, np.int8)
         found = np.zeros(len(longitude), bool)
         for first in range(0, len(longitude), _PLACES):
             part = slice(first, first + _PLACES)

@@ -175,9 +175,10 @@ def _read(
         u, v, None if down is None else down.reshape(shape),
         origin=origin, spacing=apart, depths=wanted, times=source.times[frames] - start,
     )  # fmt: skip
-    reach = np.hypot(*weights.beyond.T)
-    near = 0.0 if source.kind == "triangles" else _source_spacing(source, site, low, high) / 2.0
-    covered = np.asarray((reach <= near).reshape(shape[2:]))
+    covered = ~weights.outside
+    if source.kind != "triangles" and not covered.all():
+        covered = np.hypot(*weights.beyond.T) <= _source_spacing(source, site, low, high) / 2.0
+    covered = np.asarray(covered.reshape(shape[2:]))
     sea_floor, low_water = (
         None if values is None else np.where(covered, values.reshape(shape[2:]), np.nan)
         for values in (floor, lowest)
@@ -326,7 +327,7 @@ def _gridded(
     """North, east and down [T, D, M] m/s at M places and D depths, the sea bed and the lowest water [M] m."""
     window = source.geometry.window(weights.index)
     count = frames.stop - frames.start
-    each = window.points * max(1, _level_count(source))
+    each = window.points * max(1, source.level_count)
     values = count * each * (2 if source.velocity.up is None else 3)
     grid = count * len(wanted) * len(weights.index) * 3
     if max(values, grid) > MAX_VALUES:
@@ -353,11 +354,6 @@ def _gridded(
     if lacking.any():
         notes.append("where the level current is told and the vertical one is not, that is taken as 0")
     return (north, east, np.where(lacking, 0.0, -up)), floor, lowest
-
-
-def _level_count(source: OceanData) -> int:
-    part = source.velocity.east
-    return int(source.series.variables[part.name].sizes[part.levels.dim]) if part.levels.dim else 1
 
 
 def _block_at(block: Block, matrix: csr_array, wanted: Array) -> tuple[Array, Array, Array]:

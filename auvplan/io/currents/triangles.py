@@ -64,6 +64,11 @@ class Triangles:
     crs: CRS | None = None
     kind: str = "triangles"
 
+    @property
+    def count(self) -> int:
+        """Number of points."""
+        return self.longitude.size
+
     @cached_property
     def triangles(self) -> Index:
         """[N, 3] points: the grid's triangles, or Delaunay's in metres about the middle of all points."""
@@ -172,6 +177,15 @@ def find_triangles(file: File, name: str, places: tuple[str, str] | None) -> Tri
     if cells is not None and dim == cells.cell_dim:
         return Triangles((dim,), longitude, latitude, cells, True, crs)
     return Triangles((dim,), longitude, latitude, crs=crs)
+
+
+def has_cells(file: File) -> bool:
+    """Return whether a file tells the cells of a mesh, of which nothing is read.
+
+    Raises:
+        CurrentError: the mesh topology names what is missing.
+    """
+    return _topology(file) is not None or _by_name(file) is not None
 
 
 def find_cells(file: File) -> Cells | None:
