@@ -21,7 +21,7 @@ from auvplan.io.geo import GeoError, read_obstacles
 from auvplan.io.ledger import Leg, figure_faults, graph_faults, place_faults, read_legs, require, time_faults
 from auvplan.io.sources import Source, places_of, read_sources
 from auvplan.io.tally import tally_faults
-from auvplan.io.walk import Array, Bed, Coast, Walk, events
+from auvplan.io.walk import Array, Bed, Coast, Mask, Walk, events
 from auvplan.ocean.known import KnownObstacle
 from auvplan.words import counted
 
@@ -129,9 +129,10 @@ def check_dataset(summary: dict[str, Any], dataset: xr.Dataset) -> CheckReport:
     for leg in legs:
         if leg.sailed:
             speed = float(dataset.attrs["vehicle_speed"]) + CURRENT_MAX
-            walk = _walk(leg, coast, bed, known, speed, report)
-            if walk is not None and places is not None:
-                _look_again(leg, walk, places(*walk.positions[:, :2].T), sources, report)
+            walked = _walk(leg, coast, bed, known, speed, report)
+            if walked is not None and places is not None:
+                walk, booked = walked
+                _look_again(leg, walk, booked, places(*walk.positions[:, :2].T), sources, report)
     return report
 
 
@@ -174,8 +175,12 @@ def _walk(
     known: Sequence[KnownObstacle],
     speed: float,
     report: CheckReport,
-) -> Walk | None:
-    """Walk one leg in steps of at most a metre and book what it meets; None where it is not finite."""
+) -> tuple[Walk, dict[str, Mask]] | None:
+    """Walk one leg in steps of at most a metre and book what it meets.
+
+    Returns:
+        The walk, and where it was booked as on "land" and below the "sea bed"; None where it is not finite.
+    """
     report.legs += 1
     for name, values in (("time", leg.times), ("position", leg.positions), ("obstacle", leg.obstacles)):
         if not np.isfinite(values).all():
@@ -193,17 +198,15 @@ def _walk(
     report.length += float(gaps.sum())
     if (walk.positions[:, 2] < -0.01).any():
         report.faults.append(f"{leg}: above the surface by {-walk.positions[:, 2].min():.2f} m")
+    booked = {kind: np.zeros(len(walk.positions), bool) for kind in ("land", "sea bed")}
     if coast is not None:
-        land, outside = coast.on_land(walk.positions), coast.outside(walk.positions)
+        booked["land"] = coast.on_land(walk.positions)
         report.coast_clearance = min(report.coast_clearance, coast.clearance(walk.positions))
-        report.coast_metres += float(walk.metres[land].sum())
-        for first, last in events(land):
-            report.coast_hits += 1
-            report.faults.append(f"{leg}: on land {walk.between(first, last)}")
-        for first, last in events(outside):
+        _book(leg, walk, "land", booked["land"], "", report)
+        for first, last in events(coast.outside(walk.positions)):
             report.faults.append(f"{leg}: outside the chart {walk.between(first, last)}")
     if bed is not None:
-        _sound(leg, walk, bed, report)
+        booked["sea bed"] = _sound(leg, walk, bed, report)
     clearance = np.linalg.norm(walk.obstacles - walk.positions[:, None], axis=2) - leg.radii
     report.obstacle_clearance = min(report.obstacle_clearance, clearance.min(initial=np.inf))
     report.obstacle_metres += float(walk.metres[(clearance < 0.0).any(axis=1)].sum())
@@ -219,31 +222,36 @@ def _walk(
         for first, last in events(distance < 0.0):
             report.obstacle_hits += 1
             report.faults.append(f"{leg}: inside {obstacle.name!r} {walk.between(first, last)}")
-    return walk
+    return walk, booked
+
+
+def _book(leg: Leg, walk: Walk, kind: str, inside: Mask, where: str, report: CheckReport) -> None:
+    """Book the stretches of a walk on land or below the sea bed; `where` names the file that tells it."""
+    stretches = list(events(inside))
+    metres = float(walk.metres[inside].sum())
+    if kind == "land":
+        report.coast_hits += len(stretches)
+        report.coast_metres += metres
+    else:
+        report.seabed_hits += len(stretches)
+        report.seabed_metres += metres
+    words = "on land" if kind == "land" else "below the sea bed"
+    report.faults += [f"{leg}: {words}{where} {walk.between(first, last)}" for first, last in stretches]
 
 
 def _look_again(
     leg: Leg,
     walk: Walk,
+    booked: dict[str, Mask],
     places: tuple[Array, Array],
     sources: Sequence[Source],
     report: CheckReport,
 ) -> None:
-    """Book what a walk meets of land and sea bed in the files that the run was planned on."""
+    """Book what a walk meets of land and sea bed in the scenario's files and is not booked yet."""
     for source in sources:
         blocked = source.blocked(*places, walk.positions[:, 2])
-        for first, last in events(blocked):
-            if source.kind == "land":
-                report.coast_hits += 1
-            else:
-                report.seabed_hits += 1
-            where = "on land" if source.kind == "land" else "below the sea bed"
-            report.faults.append(f"{leg}: {where} of {source.name} {walk.between(first, last)}")
-        metres = float(walk.metres[blocked].sum())
-        if source.kind == "land":
-            report.coast_metres += metres
-        else:
-            report.seabed_metres += metres
+        _book(leg, walk, source.kind, blocked & ~booked[source.kind], f" of {source.name}", report)
+        booked[source.kind] = booked[source.kind] | blocked
 
 
 def _distance(obstacle: KnownObstacle, walk: Walk) -> NDArray[np.float64]:
@@ -255,21 +263,19 @@ def _distance(obstacle: KnownObstacle, walk: Walk) -> NDArray[np.float64]:
     return np.where(beyond > 0.0, np.hypot(np.maximum(level, 0.0), beyond), level)
 
 
-def _sound(leg: Leg, walk: Walk, bed: Bed, report: CheckReport) -> None:
-    """Book what a walk meets of the sea bed."""
+def _sound(leg: Leg, walk: Walk, bed: Bed, report: CheckReport) -> Mask:
+    """Book what a walk meets of the sea bed, and return where it is below it."""
     altitude = bed.altitude(walk.positions)
     below = altitude < 0.0
     near = (altitude < bed.clearance - ALTITUDE_TOLERANCE) & ~below
     report.seabed_altitude = min(report.seabed_altitude, float(altitude.min()))
-    report.seabed_metres += float(walk.metres[below].sum())
-    for first, last in events(below):
-        report.seabed_hits += 1
-        report.faults.append(f"{leg}: below the sea bed {walk.between(first, last)}")
+    _book(leg, walk, "sea bed", below, "", report)
     for first, last in events(near):
         least = f"{altitude[first : last + 1].min():.1f} m above the sea bed, under {bed.clearance:g} m,"
         report.faults.append(f"{leg}: {least} {walk.between(first, last)}")
     for first, last in events(bed.outside(walk.positions)):
         report.faults.append(f"{leg}: beyond the known sea bed {walk.between(first, last)}")
+    return below
 
 
 def _metres(value: float) -> str:

@@ -17,11 +17,9 @@ import scipy
 import shapely
 import shapely.geometry
 import xarray as xr
-from numpy.typing import NDArray
 from pyproj import Transformer
 
-Array = NDArray[np.floating]
-Mask = NDArray[np.bool_]
+from auvplan.io.walk import Array, Mask
 
 #: Metres below a sea bed that is interpolated otherwise than the planner's that are no fault.
 _TOLERANCE = 0.5

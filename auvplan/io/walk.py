@@ -9,6 +9,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 Array = NDArray[np.floating]
+Mask = NDArray[np.bool_]
 
 #: Longest step of a walk, m; that of the obstacles as well.
 STEP = 1.0
@@ -81,7 +82,7 @@ class Coast:
         edge: [k, 2] m, centres of the land pixels that touch other pixels.
     """
 
-    land: NDArray[np.bool_]
+    land: Mask
     corner: Array
     size: float
     edge: Array
@@ -95,13 +96,13 @@ class Coast:
         inland = framed[:-2, 1:-1] & framed[2:, 1:-1] & framed[1:-1, :-2] & framed[1:-1, 2:]
         return cls(land, corner, size, corner + size * (np.argwhere(land & ~inland) + 0.5))
 
-    def outside(self, positions: Array) -> NDArray[np.bool_]:
+    def outside(self, positions: Array) -> Mask:
         """Return whether positions [n, 3] lie beyond the chart, [n]."""
         place = positions[:, :2] - self.corner
         beyond = (place < -_EDGE) | (place > self.size * np.asarray(self.land.shape) + _EDGE)
         return np.any(beyond, axis=1)
 
-    def on_land(self, positions: Array) -> NDArray[np.bool_]:
+    def on_land(self, positions: Array) -> Mask:
         """Return whether the pixels under positions [n, 3] are land, [n]."""
         pixel = np.floor((positions[:, :2] - self.corner) / self.size).astype(int)
         i, j = np.clip(pixel, 0, np.asarray(self.land.shape) - 1).T
@@ -166,7 +167,7 @@ class Bed:
         clearance = float(dataset.attrs["seabed_clearance"])
         return cls(np.where(np.isfinite(depth), depth, _DRY), corner, size, clearance)
 
-    def outside(self, positions: Array) -> NDArray[np.bool_]:
+    def outside(self, positions: Array) -> Mask:
         """Return whether positions [n, 3] lie beyond the raster, [n]."""
         place = positions[:, :2] - self.corner
         beyond = (place < -_EDGE) | (place > self.size * np.asarray(self.depth.shape) + _EDGE)
@@ -183,7 +184,7 @@ class Bed:
         return south * (1.0 - a) + north * a - positions[:, 2]
 
 
-def events(inside: NDArray[np.bool_]) -> Iterator[tuple[int, int]]:
+def events(inside: Mask) -> Iterator[tuple[int, int]]:
     """First and last index of every unbroken run of True in [n]."""
     change = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
     return zip(change[::2].tolist(), (change[1::2] - 1).tolist(), strict=True)

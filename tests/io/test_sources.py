@@ -129,8 +129,9 @@ def test_what_cannot_be_looked_at_is_told(tmp_path):
     assert read_sources(xr.Dataset(attrs={"scenario": "{}"}), notes) == ()
 
 
-def test_a_run_on_water_that_its_sources_know_as_land(tmp_path):
-    """The run's own file has the spit elsewhere: what the planner misread does not vouch for itself."""
+@pytest.mark.parametrize("known", [False, True])
+def test_a_run_on_land_of_its_sources(tmp_path, known):
+    """What the planner misread does not vouch for itself, and what both know counts once."""
     save_run(make_run(), tmp_path)
     assert check_run(tmp_path).ok
     path = tmp_path / "mission.nc"
@@ -143,9 +144,12 @@ def test_a_run_on_water_that_its_sources_know_as_land(tmp_path):
     data.attrs |= attributes | {
         "scenario": json.dumps(json.loads(data.attrs["scenario"]) | json.loads(attributes["scenario"]))
     }
+    if known:
+        data["passability"][45:55, 50:70] = 0
     data.to_netcdf(path)
     report = check_run(tmp_path)
     assert report.coast_hits == 1
-    assert sum("on land of land.json for" in fault for fault in report.faults) == 1
+    where = "on land for" if known else "on land of land.json for"
+    assert sum(where in fault for fault in report.faults) == 1
     # The first leg goes 400 m north and 600 m east: it is on that land for 100 m north.
     assert report.coast_metres == pytest.approx(100.0 * np.linalg.norm([400.0, 600.0, 20.0]) / 400.0, abs=2.0)

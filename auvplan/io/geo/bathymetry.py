@@ -80,10 +80,10 @@ def read_bathymetry(
     """Read the sea floor under a local rectangle; bilinear in the file's own coordinates.
 
     Which way values count is told by the attributes `positive` and `standard_name`, else by `positive`, else
-    by the variable's name (elevation, z: up; h, depth: down). Where nothing tells it, values of both signs in
-    the whole file, or negative ones alone, are heights, with a note; else it is asked for. Units are m, km,
-    cm or ft. A pixel is NaN where one of the values that bear on it is missing. Of NetCDF only the window
-    that is needed is read.
+    by the variable's name (elevation, z: up; h, depth: down). Where nothing tells it, values of both signs,
+    or negative ones alone, in the area and 64 rows of the whole file are heights, with a note; else it is
+    asked for. Units are m, km, cm or ft. A pixel is NaN where one of the values that bear on it is missing.
+    Of NetCDF only the window that is needed is read.
 
     Args:
         path: NetCDF-3 or -4 with longitude and latitude as two axes or two grids, or GeoTIFF of one band.
