@@ -1,9 +1,9 @@
 """Cache on disk of what takes long to compute: compiled programs, clustered charts.
 
 An entry is named by all that it depends on; for a program these are the function and the kinds of its
-arguments, the sources of this package, the versions of Python, JAX and its compiler, the processor, and JAX's
-settings. So an entry is never out of date: it is found, or it is not. One that is damaged, or that JAX does
-not take, is left out and told to the log; nothing fails for it.
+arguments, the sources that programs are compiled from, the versions of Python, JAX and its compiler, the
+processor, and JAX's settings. So an entry is never out of date: it is found, or it is not. One that is
+damaged, or that JAX does not take, is left out and told to the log; nothing fails for it.
 
 The folder is ``~/.cache/auvplan``. The environment variable ``AUVPLAN_CACHE`` names another one, or says
 ``off``. Entries not used for longest are removed where all together exceed `LIMIT`.
@@ -33,6 +33,9 @@ LIMIT = 1_000_000_000
 
 #: Settings of JAX that say nothing about programs: where things are kept and what is printed.
 _SILENT = "cache", "log", "dump", "dir", "profil", "traceback", "monitor", "distributed"
+
+#: Packages that no compiled program takes code from: what changes there leaves programs as they are.
+UNCOMPILED = "cli", "io", "paper", "plot", "report", "scenario", "study"
 
 _DIGEST = hashlib.sha256().digest_size
 
@@ -186,7 +189,7 @@ def _surroundings() -> str:
         _processor(),
         os.environ.get("XLA_FLAGS", ""),
         settings,
-        _sources(),
+        digest_of_sources(Path(__file__).parent),
     )
     return repr(parts)
 
@@ -201,9 +204,10 @@ def _processor() -> str:
     return f"{platform.machine()} {[line for line in lines if line.startswith(told)]}"
 
 
-def _sources() -> str:
-    """Digest of this package's code."""
+def digest_of_sources(home: Path) -> str:
+    """Return a digest of the code in this package's folder, as far as programs are compiled from it."""
     digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.rglob("*.py")):
-        digest.update(path.read_bytes())
+    for path in sorted(home.rglob("*.py")):
+        if path.relative_to(home).parts[0] not in UNCOMPILED:
+            digest.update(path.read_bytes())
     return digest.hexdigest()

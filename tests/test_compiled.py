@@ -1,10 +1,13 @@
 """Programs that are kept on disk: found again, told apart, never in the way."""
 
+import ast
 import logging
+import shutil
 import subprocess
 import sys
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -280,3 +283,23 @@ def test_the_command_says_what_was_left_out(place, caplog, monkeypatch, tmp_path
         (entry,) = (entry for entry in entries() if "classify" in entry.name)
         entry.path.write_bytes(b"damaged")
     assert "made anew" in caplog.text
+
+
+def test_compiled_code_is_in_packages_that_keys_depend_on():
+    """No module that holds a program imports from those whose changes programs outlive."""
+    home = Path(ap.__file__).parent
+    for path in home.rglob("*.py"):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        imports = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+        if "compiled" in {alias.name for node in imports for alias in node.names}:
+            rooms = {(node.module or "").split(".")[1:2][0] for node in imports if "." in (node.module or "")}
+            assert not rooms & set(cache.UNCOMPILED), path
+
+
+@pytest.mark.parametrize(("changed", "same"), [("cli/tools.py", True), ("path/cost.py", False)])
+def test_keys_depend_on_the_code_that_is_compiled(tmp_path, changed, same):
+    home = tmp_path / "auvplan"
+    shutil.copytree(Path(ap.__file__).parent, home, ignore=shutil.ignore_patterns("data", "__pycache__"))
+    before = cache.digest_of_sources(home)
+    (home / changed).write_text("")
+    assert (cache.digest_of_sources(home) == before) == same

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linprog
 from scipy.sparse import csr_matrix, vstack
 from scipy.sparse.csgraph import breadth_first_order, dijkstra, maximum_flow
 
@@ -120,6 +119,8 @@ def solve_relaxation(
         The solution [C] and the value of its dual multipliers, which is a bound whatever the tolerances of
         the solver; None where it finds no solution.
     """
+    from scipy.optimize import linprog  # a third of a second, and no plan needs it
+
     answer = linprog(
         -profit, A_ub=matrix, b_ub=limit, A_eq=balance, b_eq=supply,
         bounds=(0.0, None), method="highs", options={"presolve": False},

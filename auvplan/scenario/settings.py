@@ -386,6 +386,7 @@ class PlanningRules:
     orders_from: Literal["kept", "fresh"]
     window_change: float
     reserve: float
+    allowance: float
     return_margin: float
     guard_return: bool
     second_look: bool
@@ -496,6 +497,11 @@ class PlanningSettings(Section):
     reserve: NotNegative | None = Field(
         default=None,
         description="s of the available time that no order is planned to use; default 60, paper 0",
+    )
+    allowance: NotNegative = Field(
+        default=0.0,
+        description="share by which a mission is taken to last longer than expected when its tasks "
+        "are chosen, for what no plan can know; what it leaves is used on the way ('deviation')",
     )
     return_margin: NotNegative | None = Field(
         default=None,

@@ -253,7 +253,7 @@ def _update_edge_times(context: SimulationContext, missions: list[Mission]) -> N
         slack = mission.run.t_available - planning.reserve - ends
         if slack < min(mission.slack, 0.0) - planning.tolerance:
             mission.cause = "late"
-        elif slack > planning.gain:
+        elif slack - planning.allowance * (ends - mission.now) > planning.gain:
             mission.cause = "early"
 
 

@@ -59,7 +59,7 @@ class _Attempt:
     """What a call of the mission planner may count on.
 
     Attributes:
-        share: of reserve and return margin that it keeps.
+        share: of reserve, allowance and return margin that it keeps.
         passing: "" or how visited waypoints may be passed on the way to the destination: as "few" of them as
             can be, or on the "quickest" way.
         untimed: whether edges that the estimate closed are tried: a path may be found yet.
@@ -90,7 +90,7 @@ _ATTEMPTS = (
 def plan_orders(context: SimulationContext, missions: list[Mission]) -> None:
     """Plan the order of tasks for the missions that need one, from where each stands."""
     planning = context.rules
-    plain = planning.reserve == 0.0 and planning.return_margin == 0.0
+    plain = planning.reserve == planning.allowance == planning.return_margin == 0.0
     for attempt in _ATTEMPTS:
         due = [mission for mission in missions if mission.cause and not mission.ended]
         if attempt.leaving:
@@ -178,8 +178,8 @@ def _plan_orders(
 ) -> None:
     """One call of the mission planner that keeps a share of the slack, and what it found."""
     planning = context.rules
-    reserve = share * planning.reserve
-    left = [mission.run.t_available - mission.now - reserve for mission in missions]
+    reserve, longer = share * planning.reserve, 1.0 + share * planning.allowance
+    left = [(mission.run.t_available - mission.now - reserve) / longer for mission in missions]
     populations = np.stack([mission.last_order.population for mission in missions]) if kept else None
     orders, seconds = context.clock.time(
         partial(
