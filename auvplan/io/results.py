@@ -195,11 +195,14 @@ def _legs(run: MissionRun) -> Variables:
         "leg_to": column([leg.goal for leg in legs], "waypoint headed for", dtype=np.int32),
         "leg_t_expected": column([leg.t_expected for leg in legs], "expected time, the task included", "s"),
         "leg_t_path": column([leg.t_path for leg in legs], "travel time sailed", "s"),
+        "leg_t_hold": column([leg.t_hold for leg in legs], "time waited for the way to open", "s"),
+        "leg_t_wait": column([leg.t_wait for leg in legs], "time waited for the task's window", "s"),
         "leg_t_task": column([leg.t_task for leg in legs], "time of the task", "s"),
         "leg_priority": column([leg.priority for leg in legs], "priority of the task, 0 without one", "1"),
         "leg_revisit": _yes_or_no(
             "leg", [leg.revisit for leg in legs], "whether the waypoint headed for had been visited before"
         ),
+        "leg_missed": _yes_or_no("leg", [leg.missed for leg in legs], "whether the task's window was missed"),
         "leg_arrived": _yes_or_no("leg", [leg.arrived for leg in legs], "whether the waypoint was reached"),
         "leg_followed": column(
             [leg.followed for leg in legs], "which of its plans the leg was begun with", dtype=np.int32

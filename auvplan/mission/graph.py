@@ -212,6 +212,37 @@ class MissionGraph:
             timetable = replace(timetable, travel_time=planes)
         return replace(self, travel_time=travel_time, timetable=timetable)
 
+    def times_at(
+        self,
+        env: Environment,
+        vehicle: Vehicle | None,
+        departures: NDArray[np.floating],
+        config: TravelTimeConfig | None = None,
+    ) -> NDArray[np.float64]:
+        """Return the travel time of every edge at several departures, without tasks.
+
+        Args:
+            env, vehicle, config: as for `with_travel_times`, of one graph.
+            departures: [M] s since the epoch.
+
+        Returns:
+            [M, N, N] s; infinite where there is no edge or the sea closes it.
+        """
+        adjacency = np.array(self.adjacency) & ~np.eye(self.size, dtype=bool)
+        i, j = np.nonzero(adjacency)
+        count = len(departures)
+        times = np.full((count, self.size, self.size), np.inf)
+        seconds, sailable = travel_times(
+            np.tile(self.positions[i], (count, 1)),
+            np.tile(self.positions[j], (count, 1)),
+            env,
+            vehicle or Vehicle(),
+            np.repeat(np.asarray(departures, float), len(i)),
+            config or TravelTimeConfig(),
+        )
+        times[:, i, j] = np.where(sailable, seconds, np.inf).reshape(count, len(i))
+        return times
+
     def with_timetable(self, timetable: Timetable) -> Self:
         """Return a copy with travel times by departure, without the edges that never open.
 

@@ -2,8 +2,8 @@
 
 An edge's travel time is known at evenly spaced departures and linear between them. Where the vehicle may
 wait, it enters an edge later if that brings it to the end sooner: arrival functions are then first in, first
-out, and an edge that is closed for some time is entered when it opens again. Between two departures an edge is
-open where it is open at both.
+out, and an edge that is closed for some time is entered when it opens again. Between two departures an edge
+is open where it is open at both.
 """
 
 from collections.abc import Sequence
@@ -103,6 +103,16 @@ class Timetable:
         times = {name: getattr(self, name) - seconds for name in ("departures", "opens", "closes")}
         return replace(self, **times)
 
+    def begins(self, i: int, j: int, arrives: float) -> float:
+        """Return when the task from i to j may begin after an arrival, s; infinite where it is too late."""
+        opens, closes = self.opens[i, j], self.closes[i, j]
+        if not len(opens):
+            return arrives
+        missed = arrives > closes
+        if not self.waiting:
+            missed |= arrives < opens
+        return float(np.where(missed, np.inf, np.maximum(arrives, opens)).min())
+
     def padded(self, more: int) -> Self:
         """Return a copy with so many waypoints more, which no edge leads to."""
         square = [(0, more), (0, more)]
@@ -168,20 +178,10 @@ def stages(
             later = departures[cell + 1 :] + travel[cell + 1 :, i, j]
             if timetable.waiting and len(later) and later.min() < arrives:
                 leaves, arrives = departures[cell + 1 + int(np.argmin(later))], later.min()
-        begins = _begin(arrives, timetable.opens[i, j], timetable.closes[i, j], timetable.waiting)
+        begins = timetable.begins(i, j, arrives)
         time = begins + float(duration[i, j])
         rows.append((departs, leaves, arrives, begins, time))
     return Stages(*np.asarray(rows, float).reshape(-1, 5).T)
-
-
-def _begin(arrives: float, opens: Array, closes: Array, waiting: bool) -> float:
-    """Return when a task may begin after an arrival."""
-    if not len(opens):
-        return arrives
-    late = arrives > closes
-    early = arrives < opens
-    begins = np.where(late | (early & (not waiting)), np.inf, np.maximum(arrives, opens))
-    return float(begins.min())
 
 
 @partial(
