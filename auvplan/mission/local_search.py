@@ -4,8 +4,8 @@ A change cuts out up to `CUT` waypoints that follow each other and puts one othe
 place. That covers insertion, removal and replacement.
 
 Where travel times depend on the clock a change is judged by the times of its own legs and by how much
-later the rest may begin if its legs take as long as before (forward time slack, Savelsbergh 1992); the changed
-order is then gone through, and dropped where it does not fit.
+later the rest may begin if its legs take as long as before (forward time slack, Savelsbergh 1992); the
+changed order is then gone through, and dropped where it does not fit.
 """
 
 from functools import partial

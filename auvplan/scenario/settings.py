@@ -354,6 +354,11 @@ class MissionSettings(Section):
         description="survey lines: 'part': a part of a line earns its share; 'whole': it is begun only to be "
         "sailed from one end to the other, and left only where nothing else is possible",
     )
+    wait: Literal["station", "loiter", "none"] = Field(
+        default="station",
+        description="what a vehicle does that comes before a task's time window: keep station, loiter, or "
+        "'none', which takes no way that leads there too early",
+    )
     waypoint_clearance: NotNegative = Field(
         default=150.0, description="m, least distance to the coast of waypoints that are drawn"
     )
