@@ -21,6 +21,7 @@ from auvplan.io.fields import (
     variable,
     vortex_variables,
 )
+from auvplan.mission import MissionGraph
 from auvplan.motion import Motion
 from auvplan.ocean.known import KnownObstacle
 from auvplan.records import LegRecord, MissionRun
@@ -263,7 +264,23 @@ def _graph(run: MissionRun) -> Variables:
         "waypoint_duration": variable(
             "waypoint", np.asarray(graph.waypoint_duration, float), "the same part of their time", "s"
         ),
+        **_windows(graph),
     }
+
+
+def _windows(graph: MissionGraph) -> Variables:
+    """Return when tasks may begin; nothing where all may at any time."""
+    if graph.timetable is None or not graph.timetable.opens.shape[-1]:
+        return {}
+    into = np.arange(graph.size) - 1, np.arange(graph.size)  # the same for all edges into a waypoint
+    words = "beginnings", "ends"
+    return {
+        f"window_{name}": variable(
+            ("waypoint", "window"), getattr(graph.timetable, name)[into],
+            f"{word} of the times in which the task at the waypoint may begin, since the epoch", "s",
+        )
+        for name, word in zip(("opens", "closes"), words, strict=True)
+    }  # fmt: skip
 
 
 def _orders(run: MissionRun) -> Variables:
@@ -272,16 +289,18 @@ def _orders(run: MissionRun) -> Variables:
     if not orders:
         return {}
     nodes = np.full((len(orders), max(len(order.nodes) for order in orders)), -1, np.int32)
-    legs = np.full(nodes.shape, np.nan)
+    legs, waits = np.full(nodes.shape, np.nan), np.full(nodes.shape, np.nan)
     for row, order in enumerate(orders):
         nodes[row, : len(order.nodes)] = order.nodes
         legs[row, : len(order.leg_times)] = order.leg_times
+        waits[row, : len(order.waits)] = order.waits
     codes, flags = _flags(np.asarray([order.cause for order in orders]), _ORDER_CAUSES)
     return {
         "order_nodes": variable(("order", "stop"), nodes, "waypoints in order of visit; -1 pads"),
         "order_leg_time": variable(
-            ("order", "stop"), legs, "time expected of the leg from each stop, its task included", "s"
+            ("order", "stop"), legs, "time expected of the leg from each stop, waiting and task included", "s"
         ),
+        "order_wait": variable(("order", "stop"), waits, "part of it that waits for the task's window", "s"),
         "order_made_at": variable(
             "order", [order.made_at for order in orders], "when it was made", TIME_UNITS
         ),

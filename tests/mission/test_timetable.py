@@ -1,5 +1,6 @@
 """Orders by the clock, against an exhaustive search that looks times up by itself."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import jax
@@ -8,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from auvplan.mission import MissionConfig, MissionGraph, plan_mission
+from auvplan.compiled import compilations
+from auvplan.mission import MissionConfig, MissionGraph, plan_mission, plan_missions
 from auvplan.mission.timetable import Timetable
 
 #: One size of graphs, so that all cases share their programs.
@@ -117,3 +119,72 @@ def test_orders_are_as_good_as_the_exhaustive_search(seed, closing, budget):
             time += seconds
         assert time == pytest.approx(found.time)
         assert time < budget
+
+
+def test_without_waiting_a_task_is_reached_in_its_window_or_left():
+    """No order is late or early anywhere, whatever the search does with a problem that is not monotone."""
+    for seed in range(12):
+        graph = clocked(seed, 0.1, 2, waiting=False)
+        found = plan_mission(graph, 0, SIZE - 1, 1500.0, speed=1.5, key=jax.random.key(0), config=QUICK)
+        time = 0.0
+        for i, j in pairwise(found.nodes.tolist()):
+            time = looked_up(graph, i, j, time)
+        assert np.isfinite(time)
+        assert not found.feasible or time == pytest.approx(found.time)
+        assert found.waits.sum() == 0.0
+
+
+def test_a_steady_timetable_changes_nothing():
+    """One departure, no windows: the same order as without a timetable, and the same times."""
+    graph = clocked(3, 0.0, 0)
+    steady = graph.with_timetable(Timetable(np.zeros(1), graph.timetable.travel_time[:1]))
+    plain = replace(steady, timetable=None)
+    ways = [
+        plan_mission(one, 0, SIZE - 1, 1200.0, speed=1.5, key=jax.random.key(1), config=QUICK)
+        for one in (steady, plain)
+    ]
+    assert ways[0].nodes.tolist() == ways[1].nodes.tolist()
+    np.testing.assert_allclose(ways[0].leg_times, ways[1].leg_times)
+
+
+def test_windows_count_from_the_time_that_they_are_told_for():
+    """Later on the way the same timetable says the same of the rest."""
+    graph = clocked(5, 0.1, 2)
+    order = plan_mission(graph, 0, SIZE - 1, 1600.0, speed=1.5, key=jax.random.key(2), config=QUICK)
+    whole = graph.itinerary(order.nodes, 1.5)
+    for k, departs in enumerate(whole.ends[:-1], 1):
+        later = replace(graph, timetable=graph.timetable.since(departs))
+        rest = later.itinerary(order.nodes[k:], 1.5)
+        np.testing.assert_allclose(rest.ends + departs, whole.ends[k:])
+        assert (rest.leaves >= rest.departs).all()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"departures": [0.0, 1.0]}, "departures must be"),
+        ({"departures": [1.0, 2.0, 3.0]}, "must begin at 0"),
+        ({"departures": [0.0, 1.0, 3.0]}, "evenly spaced"),
+        ({"travel_time": -np.ones((3, 2, 2))}, "must not be negative"),
+        ({"opens": np.zeros((3, 3, 1))}, "opens must be"),
+        ({"opens": np.zeros((2, 2, 1))}, "as many"),
+    ],
+)
+def test_bad_timetables_are_refused(change, message):
+    sound = {"departures": [0.0, 1.0, 2.0], "travel_time": np.ones((3, 2, 2))}
+    with pytest.raises(ValueError, match=message):
+        Timetable(**sound | change)
+
+
+def test_batches_equal_single_missions_and_compile_once():
+    graphs = [clocked(seed, 0.1, 2) for seed in range(20, 23)]
+    keys = jax.random.split(jax.random.key(4), 3)
+    common = {"speed": 1.5, "config": QUICK}
+    together = plan_missions(MissionGraph.stack(graphs), [0] * 3, [SIZE - 1] * 3, 1500.0, keys=keys, **common)
+    alone = [plan_mission(graphs[0], 0, SIZE - 1, 1500.0, key=keys[0], **common)]
+    before = compilations()
+    alone += [plan_mission(graphs[k], 0, SIZE - 1, 1500.0, key=keys[k], **common) for k in (1, 2)]
+    assert compilations() == before
+    for one, other in zip(together, alone, strict=True):
+        assert one.nodes.tolist() == other.nodes.tolist()
+        assert one.time == other.time
