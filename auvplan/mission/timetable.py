@@ -36,8 +36,8 @@ class Timetable:
     """Travel times by departure and windows of tasks, for all pairs of N waypoints.
 
     Attributes:
-        departures: [..., M] s, evenly spaced, the first one not after 0, M at least 1. After the last one
-            travel times stay as they are.
+        departures: [..., M] s, evenly spaced, M at least 1. Before the first one and after the last travel
+            times are as they are then.
         travel_time: [..., M, N, N] s from i to j without the task; infinite where the edge is closed.
         opens, closes: [..., N, N, W] s, the W intervals in which the task of an edge may begin, minus and
             plus infinity for one that is open always, plus and minus infinity for none. W is 0 where every
@@ -64,8 +64,8 @@ class Timetable:
             raise ValueError(f"departures must be {travel.shape[:-2]}, got shape {departures.shape}")
         steps = np.diff(departures, axis=-1)
         even = not steps.size or ((steps > 0.0).all() and np.allclose(steps, steps[..., :1], rtol=1e-6))
-        if (departures[..., 0] > 0.0).any() or not even:
-            raise ValueError("departures must begin at 0 or before and be evenly spaced")
+        if not even:
+            raise ValueError("departures must be evenly spaced and rise")
         if np.isnan(travel).any() or (travel < 0.0).any():
             raise ValueError("travel_time must not be negative or NaN; infinite where an edge is closed")
         shape = (*travel.shape[:-3], *travel.shape[-2:])
