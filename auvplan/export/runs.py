@@ -38,11 +38,8 @@ def itinerary_of(
         raise ExportError("the scenario has no section site: add one to export geographic formats")
     done = run.done
     # What is waited for the way on is waited where the vehicle is.
-    holds = [leg.t_wait + leg.t_task for leg in done]
-    holds = [
-        hold + leg.t_hold
-        for hold, leg in zip(holds, [*done[1:], LegRecord(0, 0, 0.0, 0.0, 0.0)], strict=True)
-    ]
+    onward = [leg.t_hold for leg in done[1:]] + [0.0]
+    holds = [leg.t_wait + leg.t_task + hold for leg, hold in zip(done, onward, strict=False)]
     legs = []
     for number, leg in enumerate(done, 1):
         plan = leg.plans[leg.followed]
