@@ -72,8 +72,9 @@ class LegRecord(Brief):
         start: index of the waypoint left.
         goal: index of the waypoint reached.
         t_expected: t_ij of Eq. 13, s, the task included.
-        t_task: delta_ij, s.
-        priority: rho_ij of the task; zero where the edge has none, or where it was done before.
+        t_task: delta_ij, s; zero where the task's window was missed.
+        priority: rho_ij of the task; zero where the edge has none, it was done before or its window was
+            missed.
         revisit: whether the waypoint reached had been visited before: allowed with `visits: edges`, otherwise
             on the only way to the destination alone, and then without a task.
         plans: the first plan and every re-plan.
@@ -87,6 +88,9 @@ class LegRecord(Brief):
         obstacle_radii: [M] m, the truth.
         obstacle_kinds: [M] names: "static", "afloat" or "self-motivated".
         arrived: whether the goal was reached.
+        t_hold: s that the vehicle waited at the waypoint left, for the way to open.
+        t_wait: s that it waited at the waypoint reached, for the task's window.
+        missed: whether it came too late for the task's window.
     """
 
     start: int
@@ -105,6 +109,9 @@ class LegRecord(Brief):
     obstacle_radii: Array = field(default_factory=lambda: np.zeros(0))
     obstacle_kinds: list[str] = field(default_factory=list)
     arrived: bool = False
+    t_hold: float = 0.0
+    t_wait: float = 0.0
+    missed: bool = False
 
     def _facts(self) -> dict[str, str]:
         return {
@@ -152,7 +159,8 @@ class OrderRecord:
         cpu: s of wall-clock time.
         cause: "start", "late" (a leg took longer than expected), "early", or "refused" (a leg could not be
             sailed in time).
-        leg_times: s, expected of each leg with its task; empty where it was not kept.
+        leg_times: s, expected of each leg with waiting and task; empty where it was not kept.
+        waits: s of them that pass in waiting for the task's window; empty where it was not kept.
     """
 
     made_at: float
@@ -162,6 +170,7 @@ class OrderRecord:
     cpu: float
     cause: str
     leg_times: list[float] = field(default_factory=list)
+    waits: list[float] = field(default_factory=list)
 
 
 @dataclass(repr=False)
@@ -404,6 +413,8 @@ class MissionRun(Brief):
                     "t_expected": leg.t_expected,
                     "t_planned": None if math.isnan(leg.t_planned) else leg.t_planned,
                     "t_path": leg.t_path,
+                    "t_hold": leg.t_hold,
+                    "t_wait": leg.t_wait,
                     "t_task": leg.t_task,
                     "priority": leg.priority,
                     "revisit": leg.revisit,

@@ -37,12 +37,15 @@ def itinerary_of(
     if site is None:
         raise ExportError("the scenario has no section site: add one to export geographic formats")
     done = run.done
+    # What is waited for the way on is waited where the vehicle is.
+    onward = [leg.t_hold for leg in done[1:]] + [0.0]
+    holds = [leg.t_wait + leg.t_task + hold for leg, hold in zip(done, onward, strict=False)]
     legs = []
     for number, leg in enumerate(done, 1):
         plan = leg.plans[leg.followed]
         whole = PlannedLeg.of(
             number, leg.start, leg.goal, plan.positions, plan.times,
-            names=run.names, hold=leg.t_task, priority=leg.priority, motion=plan.motion,
+            names=run.names, hold=holds[number - 1], priority=leg.priority, motion=plan.motion,
         )  # fmt: skip
         env = _environment(leg, plan, run.chart, run.seabed)
         legs.append(whole.thinned(env, run.vehicle, tolerance, margin))

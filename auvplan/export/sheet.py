@@ -36,7 +36,9 @@ class Stop:
         arrival: s since the departure.
         utc: moment of the arrival, or None without a date.
         depth: m.
+        wait: s between the arrival and the beginning of the task, and before the next leg.
         hold: s that the task takes.
+        window: the task's time windows in words, or empty.
         length: m, of the path to it.
         ground_speed, slowest: m/s over ground on the way, mean and least.
         coast, bed, obstacle: m, least distance on the way to the coast, above the sea bed and to a known
@@ -49,7 +51,9 @@ class Stop:
     arrival: float
     utc: datetime | None
     depth: float
+    wait: float
     hold: float
+    window: str
     length: float
     ground_speed: float
     slowest: float
@@ -118,7 +122,9 @@ class MissionSheet:
         dated = any(stop.utc for stop in self.stops)
         headings = ["", "waypoint", "task", "priority", "after", *(["UTC"] if dated else [])]
         headings += [self.zone.split("/")[-1]] if dated and local else []
-        headings += ["depth, m", "hold, s", "way, m", "speed, m/s", "coast, m", "bed, m", "obstacle, m"]
+        windows = any(stop.window for stop in self.stops)
+        headings += ["depth, m", *(["window"] if windows else []), "wait, s", "hold, s", "way, m"]
+        headings += ["speed, m/s", "coast, m", "bed, m", "obstacle, m"]
         if brief:
             return _brief(self.stops, dated)
         rows = []
@@ -135,6 +141,8 @@ class MissionSheet:
                     hours(stop.arrival),
                     *times,
                     f"{stop.depth:.0f}",
+                    *([stop.window] if windows else []),
+                    f"{stop.wait:.0f}" if stop.wait else "",
                     f"{stop.hold:.0f}" if stop.hold else "",
                     f"{stop.length:,.0f}" if number else "",
                     f"{stop.ground_speed:.1f} ({stop.slowest:.1f})" if number else "",
@@ -146,7 +154,8 @@ class MissionSheet:
 
 def _brief(stops: Sequence[Stop], dated: bool) -> tuple[list[str], list[list[str]]]:
     """Headings and cells for a terminal."""
-    headings = ["", "waypoint", "task", "UTC" if dated else "after", "depth", "hold", "coast", "bed"]
+    hold = "wait + hold" if any(stop.wait for stop in stops) else "hold"
+    headings = ["", "waypoint", "task", "UTC" if dated else "after", "depth", hold, "coast", "bed"]
     return headings, [
         [
             str(number),
@@ -154,7 +163,7 @@ def _brief(stops: Sequence[Stop], dated: bool) -> tuple[list[str], list[list[str
             ("done" if stop.task == stop.name else stop.task) if stop.task else "",
             hours(stop.arrival) if stop.utc is None else f"{stop.utc:%H:%M:%S}",
             f"{stop.depth:.0f} m",
-            f"{stop.hold:.0f} s" if stop.hold else "",
+            " + ".join(f"{part:.0f} s" for part in (stop.wait, stop.hold) if part),
             *(f"{_margin(value)} m" if value is not None else "" for value in (stop.coast, stop.bed)),
         ]
         for number, stop in enumerate(stops)
@@ -166,6 +175,8 @@ def sheet_of(run: MissionRun) -> MissionSheet:
     first = _stop(run, None, 0.0)
     stops = [replace(first, name=waypoint_name(run, run.start))]
     stops += [_stop(run, leg, float(leg.times[-1])) for leg in run.done]
+    for number, leg in enumerate(run.done):
+        stops[number] = replace(stops[number], wait=stops[number].wait + leg.t_hold)
     epoch = None if run.site is None else run.site.utc(0.0)
     facts = {
         "outcome": run.reason,
@@ -216,6 +227,8 @@ def _stop(run: MissionRun, leg: LegRecord | None, arrival: float) -> Stop:
     speeds = steps[np.diff(times) > 0.0] / np.diff(times)[np.diff(times) > 0.0]
     fine, when = _finely(places, times)
     task = "" if leg is None or not leg.priority else _task_name(run, leg)
+    if leg is not None and leg.missed:
+        task = "too late for its window"
     return Stop(
         waypoint_name(run, node),
         task,
@@ -223,7 +236,9 @@ def _stop(run: MissionRun, leg: LegRecord | None, arrival: float) -> Stop:
         arrival,
         None if run.site is None else run.site.utc(arrival),
         float(run.graph.positions[node][2]),
+        0.0 if leg is None else float(leg.t_wait),
         0.0 if leg is None else float(leg.t_task),
+        _windows(run, node),
         float(steps.sum()),
         float(steps.sum() / max(times[-1] - times[0], 1e-9)),
         float(speeds.min()) if len(speeds) else 0.0,
@@ -231,6 +246,28 @@ def _stop(run: MissionRun, leg: LegRecord | None, arrival: float) -> Stop:
         None if run.seabed is None else _least(run.seabed.altitude(fine)),
         _to_obstacles(run, fine, when),
     )
+
+
+def _windows(run: MissionRun, node: int) -> str:
+    """Return when the task at a waypoint may begin, in words; empty where it may at any time."""
+    table = run.graph.timetable
+    if table is None or not table.opens.shape[-1]:
+        return ""
+    spans = zip(table.opens[node - 1, node], table.closes[node - 1, node], strict=True)
+    words = []
+    for opens, closes in spans:
+        if opens == -np.inf and closes == np.inf:
+            return ""
+        if opens < closes:
+            ends = ("" if np.isinf(moment) else _time(run, moment) for moment in (opens, closes))
+            words.append("-".join(ends))
+    return ", ".join(words)
+
+
+def _time(run: MissionRun, seconds: float) -> str:
+    """Return a moment to the minute: UTC, or since the departure."""
+    moment = None if run.site is None else run.site.utc(60.0 * round(seconds / 60.0))
+    return hours(seconds) if moment is None else f"{moment:%H:%M}"
 
 
 def _least(values: ArrayLike) -> float:
@@ -316,6 +353,8 @@ def _why(run: MissionRun, nodes: Sequence[int]) -> str:
     )
     if not np.isfinite(extra):
         return "no open way leads there: the current, the coast or the sea bed closes every leg"
+    if why := _out_of_window(run, first, ways):
+        return why
     left = run.t_residual
     if extra > left:
         needed = run.t_available + extra - left
@@ -324,6 +363,35 @@ def _why(run: MissionRun, nodes: Sequence[int]) -> str:
             f"about {hours(needed)} ({needed:.0f} s) would do"
         )
     return f"the detour of about {hours(extra)} leaves too little for reserve and way back"
+
+
+def _out_of_window(run: MissionRun, node: int, ways: NDArray) -> str:
+    """Return how a task's windows miss the route, or an empty string where a detour comes in time for one.
+
+    Args:
+        run: with its route.
+        node: of the task.
+        ways: [N, N] s, shortest times between waypoints, tasks included.
+    """
+    table = run.graph.timetable
+    if table is None or not _windows(run, node):
+        return ""
+    stay = float(np.asarray(run.graph.waypoint_duration)[node])
+    ends = [(run.start, 0.0)]
+    ends += [(leg.goal, float(leg.times[-1]) + leg.t_wait + leg.t_task) for leg in run.done]
+    reach = [(seconds + ways[i, node] - stay, i) for i, seconds in ends if i != run.goal]
+    begins = [table.begins(i, node, arrival) - arrival for arrival, i in reach]
+    arrival, i = min(reach)
+    if not np.isfinite(begins).any():
+        closes = float(table.closes[i, node].max())
+        return (
+            f"its window is {_windows(run, node)}: the route could be there {_time(run, arrival)} at the "
+            f"earliest, {hours(arrival - closes)} too late"
+        )
+    wait = min(begins)
+    return (
+        f"its window is {_windows(run, node)}: it would cost {hours(wait)} of waiting" if wait > 60.0 else ""
+    )
 
 
 def _warnings(run: MissionRun, stops: Sequence[Stop]) -> list[str]:

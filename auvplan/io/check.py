@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from auvplan.files import MISSION, ResultError, read_mission, read_summary
 from auvplan.io.fields import site_of
 from auvplan.io.geo import GeoError, read_obstacles
+from auvplan.io.hours import window_faults
 from auvplan.io.ledger import Leg, figure_faults, graph_faults, place_faults, read_legs, require, time_faults
 from auvplan.io.sources import Source, places_of, read_sources
 from auvplan.io.tally import tally_faults
@@ -121,6 +122,7 @@ def check_dataset(summary: dict[str, Any], dataset: xr.Dataset) -> CheckReport:
     report.faults += time_faults(dataset, summary, legs)
     report.faults += figure_faults(summary, dataset, legs)
     report.faults += tally_faults(summary, dataset, legs, report.notes)
+    report.faults += window_faults(dataset, legs)
     known = _known_obstacles(dataset, report.notes)
     sources = read_sources(dataset, report.notes)
     places = places_of(dataset) if sources else None

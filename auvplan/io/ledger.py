@@ -55,6 +55,8 @@ class Leg:
     positions: Array  # [n, 3] m
     obstacles: Array  # [n, M, 3] m
     radii: Array  # [M] m
+    t_hold: float = 0.0
+    t_wait: float = 0.0
 
     def __str__(self) -> str:
         return f"leg {self.number} ({self.start} to {self.goal})"
@@ -113,7 +115,8 @@ def read_legs(dataset: xr.Dataset) -> Iterator[Leg]:
     place = np.stack([table["x"], table["y"], table["depth"]], axis=1).astype(float)
     obstacles = np.asarray(table.get("obstacle_position", np.zeros((len(place), 0, 3))), float)
     radii = np.asarray(table.get("obstacle_radius", np.zeros((len(table["row_size"]), 0))), float)
-    ends = np.cumsum(table["row_size"])
+    ends, still = np.cumsum(table["row_size"]), np.zeros(len(table["row_size"]))
+    holds, waits = table.get("leg_t_hold", still), table.get("leg_t_wait", still)
     for k, end in enumerate(ends):
         part = slice(int(end - table["row_size"][k]), int(end))
         real = np.isfinite(radii[k])
@@ -121,7 +124,7 @@ def read_legs(dataset: xr.Dataset) -> Iterator[Leg]:
             k, int(table["leg_from"][k]), int(table["leg_to"][k]),
             float(table["leg_t_path"][k]), float(table["leg_t_task"][k]), float(table["leg_priority"][k]),
             bool(table["leg_arrived"][k]), np.asarray(table["time"][part], float), place[part],
-            obstacles[part][:, real], radii[k][real],
+            obstacles[part][:, real], radii[k][real], float(holds[k]), float(waits[k]),
         )  # fmt: skip
 
 
@@ -178,12 +181,14 @@ def time_faults(dataset: xr.Dataset, summary: dict[str, Any], legs: list[Leg]) -
         taken = leg.times[-1] - leg.times[0]
         if not _same(taken, leg.t_path):
             yield f"{leg}: took {taken:.2f} s, its travel time is given as {leg.t_path:.2f} s"
-        gap = leg.times[0] - now
-        # Between two legs nothing but planning passes, and that only where it is charged.
+        gap = leg.times[0] - now - leg.t_hold
+        # Between two legs nothing but waiting passes, and planning where it is charged.
         if gap < -TIME_TOLERANCE or gap > charged + TIME_TOLERANCE or not np.isfinite(gap):
             yield f"{leg}: begins at {leg.times[0]:.2f} s, the last leg and its task end at {now:.2f} s"
         task = leg.t_task if leg.arrived else 0.0
-        now, spent = leg.times[-1] + task, spent + leg.t_path + task
+        waited = leg.t_wait if leg.arrived else 0.0
+        now = leg.times[-1] + waited + task
+        spent += leg.t_hold + leg.t_path + waited + task
     total = spent + charged
     if not _same(total, summary["t_mission"]):
         yield f"legs, tasks and planning add up to {total:.2f} s, t_mission is {summary['t_mission']:.2f} s"

@@ -12,6 +12,7 @@ from auvplan.io.fields import chart_of, history_of, motion_of, seabed_of, site_o
 from auvplan.io.ledger import read_legs, require
 from auvplan.io.waters import load_truth
 from auvplan.mission import MissionGraph
+from auvplan.mission.timetable import Timetable
 from auvplan.ocean.currents import Current
 from auvplan.ocean.known import KnownObstacle
 from auvplan.records import LegRecord, MissionRun, OrderRecord, PlanRecord
@@ -49,6 +50,7 @@ def restore_run(folder: str | Path) -> MissionRun:
             waypoint_priority=dataset["waypoint_priority"].values,
             waypoint_duration=dataset["waypoint_duration"].values,
         )
+        graph = _with_windows(graph, dataset, settings, vehicle["speed"])
         run = MissionRun(
             settings,
             int(attributes["seed"]),
@@ -81,6 +83,19 @@ def restore_run(folder: str | Path) -> MissionRun:
     return run
 
 
+def _with_windows(graph: MissionGraph, dataset: xr.Dataset, settings: dict, speed: float) -> MissionGraph:
+    """Return the graph with the time windows of its tasks, if it has any."""
+    if "window_opens" not in dataset:
+        return graph
+    opens, closes = (
+        np.broadcast_to(dataset[name].values.astype(float), (graph.size, *dataset[name].shape)).copy()
+        for name in ("window_opens", "window_closes")
+    )
+    still = graph.leg_times(speed) - graph.duration
+    waiting = settings["mission"].get("wait") != "none"
+    return graph.with_timetable(Timetable(np.zeros(1), still[None], opens, closes, waiting))
+
+
 def _obstacle(told: dict) -> KnownObstacle:
     """Return a known obstacle from JSON."""
     deepest = np.inf if told["depth_max"] is None else float(told["depth_max"])
@@ -105,17 +120,18 @@ def _orders(dataset: xr.Dataset) -> list[OrderRecord]:
             float(dataset["order_priority"].values[row]),
             float(dataset["order_cpu"].values[row]),
             causes[int(dataset["order_cause"].values[row])],
-            _leg_times(dataset, row),
+            _leg_times(dataset, row, "order_leg_time"),
+            _leg_times(dataset, row, "order_wait"),
         )
         for row, nodes in enumerate(dataset["order_nodes"].values)
     ]
 
 
-def _leg_times(dataset: xr.Dataset, order: int) -> list[float]:
+def _leg_times(dataset: xr.Dataset, order: int, name: str) -> list[float]:
     """Return what an order expected of its legs, s."""
-    if "order_leg_time" not in dataset:
+    if name not in dataset:
         return []
-    times = dataset["order_leg_time"].values[order]
+    times = dataset[name].values[order]
     return [float(seconds) for seconds in times if np.isfinite(seconds)]
 
 
@@ -131,6 +147,8 @@ def _legs(dataset: xr.Dataset, settings: dict, home: str) -> list[LegRecord]:
         record = LegRecord(
             leg.start, leg.goal, float(dataset["leg_t_expected"].values[number]), leg.t_task, leg.priority
         )
+        record.t_hold, record.t_wait = leg.t_hold, leg.t_wait
+        record.missed = bool(dataset["leg_missed"].values[number]) if "leg_missed" in dataset else False
         record.revisit = bool(dataset["leg_revisit"].values[number])
         record.followed = int(dataset["leg_followed"].values[number])
         record.current_difference = float(dataset["leg_current_difference"].values[number])

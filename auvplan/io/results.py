@@ -21,6 +21,7 @@ from auvplan.io.fields import (
     variable,
     vortex_variables,
 )
+from auvplan.mission import MissionGraph
 from auvplan.motion import Motion
 from auvplan.ocean.known import KnownObstacle
 from auvplan.records import LegRecord, MissionRun
@@ -195,11 +196,14 @@ def _legs(run: MissionRun) -> Variables:
         "leg_to": column([leg.goal for leg in legs], "waypoint headed for", dtype=np.int32),
         "leg_t_expected": column([leg.t_expected for leg in legs], "expected time, the task included", "s"),
         "leg_t_path": column([leg.t_path for leg in legs], "travel time sailed", "s"),
+        "leg_t_hold": column([leg.t_hold for leg in legs], "time waited for the way to open", "s"),
+        "leg_t_wait": column([leg.t_wait for leg in legs], "time waited for the task's window", "s"),
         "leg_t_task": column([leg.t_task for leg in legs], "time of the task", "s"),
         "leg_priority": column([leg.priority for leg in legs], "priority of the task, 0 without one", "1"),
         "leg_revisit": _yes_or_no(
             "leg", [leg.revisit for leg in legs], "whether the waypoint headed for had been visited before"
         ),
+        "leg_missed": _yes_or_no("leg", [leg.missed for leg in legs], "whether the task's window was missed"),
         "leg_arrived": _yes_or_no("leg", [leg.arrived for leg in legs], "whether the waypoint was reached"),
         "leg_followed": column(
             [leg.followed for leg in legs], "which of its plans the leg was begun with", dtype=np.int32
@@ -260,7 +264,23 @@ def _graph(run: MissionRun) -> Variables:
         "waypoint_duration": variable(
             "waypoint", np.asarray(graph.waypoint_duration, float), "the same part of their time", "s"
         ),
+        **_windows(graph),
     }
+
+
+def _windows(graph: MissionGraph) -> Variables:
+    """Return when tasks may begin; nothing where all may at any time."""
+    if graph.timetable is None or not graph.timetable.opens.shape[-1]:
+        return {}
+    into = np.arange(graph.size) - 1, np.arange(graph.size)  # the same for all edges into a waypoint
+    words = "beginnings", "ends"
+    return {
+        f"window_{name}": variable(
+            ("waypoint", "window"), getattr(graph.timetable, name)[into],
+            f"{word} of the times in which the task at the waypoint may begin, since the epoch", "s",
+        )
+        for name, word in zip(("opens", "closes"), words, strict=True)
+    }  # fmt: skip
 
 
 def _orders(run: MissionRun) -> Variables:
@@ -269,16 +289,18 @@ def _orders(run: MissionRun) -> Variables:
     if not orders:
         return {}
     nodes = np.full((len(orders), max(len(order.nodes) for order in orders)), -1, np.int32)
-    legs = np.full(nodes.shape, np.nan)
+    legs, waits = np.full(nodes.shape, np.nan), np.full(nodes.shape, np.nan)
     for row, order in enumerate(orders):
         nodes[row, : len(order.nodes)] = order.nodes
         legs[row, : len(order.leg_times)] = order.leg_times
+        waits[row, : len(order.waits)] = order.waits
     codes, flags = _flags(np.asarray([order.cause for order in orders]), _ORDER_CAUSES)
     return {
         "order_nodes": variable(("order", "stop"), nodes, "waypoints in order of visit; -1 pads"),
         "order_leg_time": variable(
-            ("order", "stop"), legs, "time expected of the leg from each stop, its task included", "s"
+            ("order", "stop"), legs, "time expected of the leg from each stop, waiting and task included", "s"
         ),
+        "order_wait": variable(("order", "stop"), waits, "part of it that waits for the task's window", "s"),
         "order_made_at": variable(
             "order", [order.made_at for order in orders], "when it was made", TIME_UNITS
         ),

@@ -15,6 +15,7 @@ import numpy as np
 from auvplan.errors import ScenarioError, ScenarioWarning
 from auvplan.io import currents, geo
 from auvplan.io.agreement import check_jobs, check_obstacles, warn_of_contradictions
+from auvplan.mission.jobs import Jobs
 from auvplan.ocean import whitsunday
 from auvplan.ocean.chart import Chart, classify_file, settled
 from auvplan.ocean.gridded import GriddedCurrent
@@ -58,6 +59,21 @@ def _kept(read: Callable[..., Any]) -> Callable[..., Any]:
     return again
 
 
+def load_jobs(
+    scenario: Scenario, site: Site | None, folder: str | Path, until: float | None = None
+) -> Jobs | None:
+    """Read the scenario's file of jobs, if there is one; arguments as for `load_waters`.
+
+    Raises:
+        GeoError: one line that names file, row or feature and reason.
+    """
+    if scenario.mission.jobs is None:
+        return None
+    over = scenario.mission.time_available if until is None else until
+    path, depth = _path(str(folder), scenario.mission.jobs), scenario.box[0][2]
+    return geo.read_jobs(path, site, default_depth=depth, until=over)
+
+
 def load_waters(scenario: Scenario, folder: str | Path | None = None, until: float | None = None) -> Waters:
     """Chart, sea bed, current files and jobs of a scenario; files are read once and kept.
 
@@ -78,9 +94,8 @@ def load_waters(scenario: Scenario, folder: str | Path | None = None, until: flo
     _require_area_on_chart(scenario, chart)
     seabed, found = _seabed(scenario, site, box, forecast, home)
     warn_of_contradictions(scenario, plain, seabed, forecast)
-    jobs = None
-    if scenario.mission.jobs is not None:
-        jobs = geo.read_jobs(_path(home, scenario.mission.jobs), site, default_depth=box[0][2])
+    jobs = load_jobs(scenario, site, home, until)
+    if jobs is not None:
         check_jobs(jobs, site, scenario)
     obstacles = ()
     if scenario.obstacles.file is not None:

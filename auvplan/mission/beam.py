@@ -73,12 +73,14 @@ def beam_search(
     def grow(state: tuple[_Beam, _Trace, jax.Array]) -> tuple[_Beam, _Trace, jax.Array]:
         beam, trace, step = state
         onward = problem.neighbours[beam.here]
-        times = problem.leg_times[beam.here]
+        times = problem.onward_times(beam.here, beam.time)
         open_ = (
             beam.alive[:, None]
             & (beam.time[:, None] < problem.latest[beam.here])
             & ~beam.visited[width_index[:, None], onward]
         )
+        if problem.schedule is not None:
+            open_ = open_ & jnp.isfinite(times)
         gained = beam.worth[:, None] + gain[beam.here]
         ends = open_ & to_goal[beam.here]
         ended = jnp.where(ends, gained, -jnp.inf).max(axis=1)

@@ -133,12 +133,15 @@ def decode(
         here = walk.current
         onward = problem.neighbours[here]
         value = walk.value[rows[:, None], onward]
+        times = problem.onward_times(here, walk.time)
         if decoder == "rate":
             value = value + share[:, None] * problem.rate[here]
         if decoder == "paper":
-            qualifies = jnp.isfinite(problem.leg_times[here])
+            qualifies = jnp.isfinite(times)
         else:
             qualifies = walk.time[:, None] < problem.latest[here]
+            if problem.schedule is not None:
+                qualifies = qualifies & jnp.isfinite(times)
         value = jnp.where(qualifies, value, -jnp.inf)
         best, edge = highest(value)
         moves = walk.active & (best > -jnp.inf)
@@ -150,7 +153,7 @@ def decode(
             value=walk.value.at[rows, entered].set(-jnp.inf, mode="drop"),
             position=walk.position.at[rows, entered].set(walk.step + 1, mode="drop"),
             current=there,
-            time=walk.time + jnp.where(moves, problem.leg_times[here, edge], 0.0),
+            time=walk.time + jnp.where(moves, _taken(problem, times, here, rows, edge), 0.0),
             priority=walk.priority + rho,
             tasks=walk.tasks + task,
             inverse=walk.inverse + jnp.where(task, 1.0 / jnp.where(task, rho, 1.0), 0.0),
@@ -188,6 +191,13 @@ def decode(
         late=late,
         reached=(walk.current == problem.goal) & (late == 0.0),
     )
+
+
+def _taken(
+    problem: Problem, times: jax.Array, here: jax.Array, rows: jax.Array, edge: jax.Array
+) -> jax.Array:
+    """Return the seconds [P] that the chosen edges take."""
+    return problem.leg_times[here, edge] if problem.schedule is None else times[rows, edge]
 
 
 def encode(nodes: jax.Array, population: jax.Array, decoder: DecoderName) -> jax.Array:

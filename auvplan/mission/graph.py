@@ -1,6 +1,6 @@
 """The operation graph: waypoints joined by edges that may carry a task (section 3.3, Eq. 13)."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Self
@@ -13,6 +13,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial.distance import cdist
 
+from auvplan.mission.timetable import Stages, Timetable, stages
 from auvplan.mission.travel_times import TravelTimeConfig, travel_times
 from auvplan.ocean.environment import Environment
 from auvplan.vehicle import Vehicle
@@ -28,6 +29,7 @@ from auvplan.vehicle import Vehicle
         "travel_time",
         "waypoint_priority",
         "waypoint_duration",
+        "timetable",
     ),
     meta_fields=(),
 )
@@ -48,6 +50,8 @@ class MissionGraph:
         waypoint_priority: [..., N], the part of `priority` on every edge into waypoint j that belongs to a
             task at j itself: done once, on arrival, whichever edge leads there. None means zero.
         waypoint_duration: [..., N] s, the same part of `duration`.
+        timetable: travel times by departure, and windows of tasks; None where neither depends on the clock.
+            With one, `travel_time` is its least.
 
     Raises:
         ValueError: a field given as a NumPy array or nested list has a wrong shape, is negative or NaN.
@@ -60,6 +64,7 @@ class MissionGraph:
     travel_time: Any = None
     waypoint_priority: Any = None
     waypoint_duration: Any = None
+    timetable: Timetable | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.positions, np.ndarray | list | tuple):
@@ -163,13 +168,17 @@ class MissionGraph:
 
     def without_task_at(self, node: int) -> Self:
         """Return a copy in which the task at a waypoint is done: edges into it keep their own tasks alone."""
-        fields = {}
+        fields: dict[str, Any] = {}
         for name, part in (("priority", "waypoint_priority"), ("duration", "waypoint_duration")):
             whole, at_waypoint = np.array(getattr(self, name)), np.array(getattr(self, part))
             less = np.where(np.asarray(self.adjacency)[..., node], at_waypoint[..., node, None], 0.0)
             whole[..., node] = np.maximum(whole[..., node] - less, 0.0)
             at_waypoint[..., node] = 0.0
             fields |= {name: whole, part: at_waypoint}
+        if self.timetable is not None:
+            done = np.zeros(self.adjacency.shape, bool)
+            done[..., node] = fields["priority"][..., node] == 0.0
+            fields["timetable"] = self.timetable.without_windows(done)
         return replace(self, **fields)
 
     def with_edges(self, edges: Iterable[tuple[int, int]], tasks: bool = True) -> Self:
@@ -179,11 +188,15 @@ class MissionGraph:
             edges: pairs (i, j).
             tasks: whether they carry what the graph has for them; False makes them mere passages.
         """
-        fields = {name: np.array(getattr(self, name)) for name in ("adjacency", "priority", "duration")}
+        fields: dict[str, Any] = {
+            name: np.array(getattr(self, name)) for name in ("adjacency", "priority", "duration")
+        }
         for i, j in edges:
             fields["adjacency"][..., i, j] = True
             if not tasks:
                 fields["priority"][..., i, j] = fields["duration"][..., i, j] = 0.0
+        if self.timetable is not None:
+            fields["timetable"] = self.timetable.without_windows(fields["priority"] == 0.0)
         return replace(self, **fields)
 
     def with_travel_time(self, i: int, j: int, seconds: float) -> Self:
@@ -191,9 +204,75 @@ class MissionGraph:
 
         Its shapes are the same.
         """
-        travel_time = np.array(self.travel_time)
+        travel_time, timetable = np.array(self.travel_time), self.timetable
         travel_time[..., i, j] = seconds
-        return replace(self, travel_time=travel_time)
+        if timetable is not None:
+            planes = timetable.travel_time.copy()
+            planes[..., i, j] = seconds
+            timetable = replace(timetable, travel_time=planes)
+        return replace(self, travel_time=travel_time, timetable=timetable)
+
+    def times_at(
+        self,
+        env: Environment,
+        vehicle: Vehicle | None,
+        departures: NDArray[np.floating],
+        config: TravelTimeConfig | None = None,
+    ) -> NDArray[np.float64]:
+        """Return the travel time of every edge at several departures, without tasks.
+
+        Args:
+            env, vehicle, config: as for `with_travel_times`, of one graph.
+            departures: [M] s since the epoch.
+
+        Returns:
+            [M, N, N] s; infinite where there is no edge or the sea closes it.
+        """
+        adjacency = np.array(self.adjacency) & ~np.eye(self.size, dtype=bool)
+        i, j = np.nonzero(adjacency)
+        count = len(departures)
+        times = np.full((count, self.size, self.size), np.inf)
+        seconds, sailable = travel_times(
+            np.tile(self.positions[i], (count, 1)),
+            np.tile(self.positions[j], (count, 1)),
+            env,
+            vehicle or Vehicle(),
+            np.repeat(np.asarray(departures, float), len(i)),
+            config or TravelTimeConfig(),
+        )
+        times[:, i, j] = np.where(sailable, seconds, np.inf).reshape(count, len(i))
+        return times
+
+    def with_timetable(self, timetable: Timetable) -> Self:
+        """Return a copy with travel times by departure, without the edges that never open.
+
+        Raises:
+            ValueError: it is of another number of waypoints.
+        """
+        least = timetable.least
+        if least.shape != np.shape(self.adjacency):
+            raise ValueError(f"a timetable of {np.shape(self.adjacency)} is needed, got {least.shape}")
+        open_ = np.isfinite(least)
+        return replace(
+            self,
+            adjacency=np.asarray(self.adjacency) & open_,
+            travel_time=np.where(open_, least, np.nan),
+            timetable=timetable,
+        )
+
+    def itinerary(self, nodes: Sequence[int] | NDArray[np.int_], speed: Any, now: float = 0.0) -> Stages:
+        """Go through an order of waypoints by the clock.
+
+        Args:
+            nodes: [n] the order; only edges of the graph.
+            speed: |v| m/s, where travel times follow from it.
+            now: s, when it begins.
+        """
+        timetable = self.timetable
+        if timetable is None:
+            travel = self.leg_times(speed) - self.duration
+            timetable = Timetable(np.zeros(1), travel[None])
+        return stages(timetable, self.duration, nodes, now)
 
     def with_travel_times(
         self,

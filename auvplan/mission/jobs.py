@@ -32,12 +32,14 @@ class JobPoint:
         position: north, east, down, m.
         priority: rho >= 0; a point of priority 0 and no duration is a mere waypoint.
         duration: s spent there, >= 0.
+        windows: intervals in which the task may begin, s since the departure; any time where there are none.
     """
 
     name: str
     position: Position
     priority: float = 1.0
     duration: float = 0.0
+    windows: tuple[tuple[float, float], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -138,6 +140,26 @@ def jobs_graph(
     tasks = [(k, point.priority, point.duration) for k, point in enumerate(points, 1)]
     edges = [(int(i), int(j)) for i, j in np.argwhere(np.triu(adjacency, 1))]
     return task_graph(positions, edges, parts, tasks), names
+
+
+def task_windows(
+    points: Sequence[JobPoint], size: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """Return when the tasks of a graph may begin, both ends [N, N, W] s; None where all may at any time.
+
+    Args:
+        points: of the graph, as `jobs_graph` was given them.
+        size: number of its waypoints N.
+    """
+    most = max((len(point.windows) for point in points), default=0)
+    if not most:
+        return None
+    opens, closes = np.full((size, size, most), np.inf), np.full((size, size, most), -np.inf)
+    opens[..., 0], closes[..., 0] = -np.inf, np.inf
+    for node, point in enumerate(points, 1):
+        for k, (first, last) in enumerate(point.windows):
+            opens[:, node, k], closes[:, node, k] = first, last
+    return opens, closes
 
 
 def jobs_on_land(jobs: Jobs, chart: Chart) -> list[str]:

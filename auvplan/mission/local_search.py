@@ -2,6 +2,10 @@
 
 A change cuts out up to `CUT` waypoints that follow each other and puts one other waypoint, or none, in their
 place. That covers insertion, removal and replacement.
+
+Where travel times depend on the clock a change is judged by the times of its own legs and by how much
+later the rest may begin if its legs take as long as before (forward time slack, Savelsbergh 1992); the
+changed order is then gone through, and dropped where it does not fit.
 """
 
 from functools import partial
@@ -29,7 +33,12 @@ def improve(nodes: jax.Array, problem: Problem, gain: jax.Array, rounds: int) ->
     """
     times = _table(problem, problem.leg_times, jnp.inf)
     gains = _table(problem, gain, 0.0)
-    step = partial(_change_all, problem=problem, times=times, gains=gains, gain=gain)
+    places = None
+    if problem.schedule is not None:
+        width = problem.neighbours.shape[1]
+        number = jnp.broadcast_to(jnp.arange(width, dtype=jnp.int32), problem.neighbours.shape)
+        places = _table(problem, number, width)
+    step = partial(_change_all, problem=problem, times=times, gains=gains, gain=gain, places=places)
     return jax.lax.fori_loop(0, rounds, lambda _, orders: step(orders), nodes)
 
 
@@ -41,8 +50,72 @@ def _table(problem: Problem, values: jax.Array, default: float) -> jax.Array:
     return jnp.full((size, size), default, values.dtype).at[rows, column].set(values, mode="drop")
 
 
+def _lasts(
+    problem: Problem,
+    times: jax.Array,
+    places: jax.Array | None,
+    here: jax.Array,
+    there: jax.Array,
+    at: jax.Array,
+) -> jax.Array:
+    """Return the seconds that edges between waypoints take where they are entered at times, of one shape."""
+    if problem.schedule is None or places is None:
+        return times[here, there]
+    place = places[here, there]
+    lasts = problem.schedule.lasts(here, jnp.minimum(place, problem.neighbours.shape[1] - 1), at)
+    return jnp.where(place < problem.neighbours.shape[1], lasts, jnp.inf)
+
+
+def _by_the_clock(problem: Problem, nodes: jax.Array, places: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """When orders [P, N] are done at each place, and by how much each arrival may be delayed, both [P, N] s.
+
+    The times are infinite from the first leg on that cannot be done.
+    """
+    schedule, width = problem.schedule, problem.neighbours.shape[1]
+    assert schedule is not None
+    here, onward = jnp.maximum(nodes[:, :-1], 0), jnp.maximum(nodes[:, 1:], 0)
+    inside, place = nodes[:, 1:] >= 0, places[here, onward]
+    edge = jnp.minimum(place, width - 1)
+
+    def go(time: jax.Array, leg: tuple) -> tuple[jax.Array, tuple[jax.Array, ...]]:
+        node, edge, taken = leg
+        arrives, begins = schedule.begins(node, edge, time)
+        done = jnp.where(taken, begins + schedule.duration[node, edge], time)
+        closes = schedule.closes[node, edge]
+        # The window in which the task begins is the first that serves: it may begin there until it closes.
+        open_ = (closes >= begins[:, None]) & (schedule.opens[node, edge] <= begins[:, None])
+        last = jnp.where(open_, closes, -jnp.inf).max(axis=1, initial=-jnp.inf)
+        last = last if closes.shape[-1] else jnp.full_like(begins, jnp.inf)
+        wait, spare = jnp.where(taken, begins - arrives, 0.0), jnp.where(taken, last - begins, jnp.inf)
+        return done, (done, wait, spare)
+
+    zero = jnp.zeros(len(nodes), schedule.duration.dtype)
+    legs = here.T, edge.T, inside.T & (width > place.T)
+    _, (done, wait, spare) = jax.lax.scan(go, zero, legs)
+    arrival = jnp.concatenate([zero[None], done]).T
+    at = jnp.maximum(nodes, 0)
+    room = jnp.where(nodes >= 0, problem.deadline - problem.way_back[at] - arrival, jnp.inf)
+
+    def back(later: jax.Array, place: tuple) -> tuple[jax.Array, jax.Array]:
+        room, wait, spare = place
+        here = jnp.minimum(room, later)
+        return wait + jnp.minimum(spare, here), here
+
+    waits, spares = (
+        jnp.concatenate([jnp.full((1, len(nodes)), first), part])
+        for first, part in ((0.0, wait), (jnp.inf, spare))
+    )
+    _, slack = jax.lax.scan(back, jnp.full(len(nodes), jnp.inf), (room.T, waits, spares), reverse=True)
+    return arrival, slack.T
+
+
 def _change_all(
-    nodes: jax.Array, problem: Problem, times: jax.Array, gains: jax.Array, gain: jax.Array
+    nodes: jax.Array,
+    problem: Problem,
+    times: jax.Array,
+    gains: jax.Array,
+    gain: jax.Array,
+    places: jax.Array | None = None,
 ) -> jax.Array:
     """One best change to each order."""
     count, size = nodes.shape
@@ -64,11 +137,19 @@ def _change_all(
     due = problem.deadline - problem.way_back[at]
     slack = jnp.where(inside, due - arrival, jnp.inf)
     slack = jax.lax.cummin(slack, axis=1, reverse=True)
+    if places is not None:
+        arrival, slack = _by_the_clock(problem, nodes, places)
 
     via = problem.neighbours[at]
     open_ = (
         inside[:, :, None] & ~visited[rows[:, None, None], via] & (arrival[:, :, None] < problem.latest[at])
     )
+    onward_times = problem.leg_times[at]
+    if problem.schedule is not None:
+        edges = jnp.arange(via.shape[2], dtype=jnp.int32)
+        onward_times = problem.schedule.lasts(at[:, :, None], edges, arrival[:, :, None])
+        onward_times = jnp.where(jnp.isfinite(problem.leg_times[at]), onward_times, jnp.inf)
+    then = arrival[:, :, None] + onward_times
     best = jnp.zeros(count)
     choice = (jnp.full(count, size), jnp.zeros(count, jnp.int32), jnp.zeros(count, jnp.int32))
 
@@ -85,14 +166,16 @@ def _change_all(
         room = slack[:, ahead]
         fits = inside[:, ahead] & (jnp.arange(size) + 1 + cut < size)
         old_time, old_gain = arrival[:, ahead] - arrival, gained[:, ahead] - gained
-        longer = problem.leg_times[at] + times[via, there[:, :, None]] - old_time[:, :, None]
+        second = _lasts(problem, times, places, via, there[:, :, None], then)
+        longer = onward_times + second - old_time[:, :, None]
         richer = gain[at] + gains[via, there[:, :, None]] - old_gain[:, :, None]
         worth = jnp.where(open_ & fits[:, :, None] & (longer < room[:, :, None]), richer, -jnp.inf)
         value, index = highest(worth.reshape(count, -1))
         place, edge = index // via.shape[2], index % via.shape[2]
         best, choice = consider(best, choice, value, place, cut, via[rows, place, edge])
         if cut:
-            longer, richer = times[at, there] - old_time, gains[at, there] - old_gain
+            direct = _lasts(problem, times, places, at, there, arrival)
+            longer, richer = direct - old_time, gains[at, there] - old_gain
             worth = jnp.where(inside & fits & (longer < room), richer, -jnp.inf)
             best, choice = consider(best, choice, *highest(worth), cut, jnp.full(count, -1))
 
@@ -101,4 +184,7 @@ def _change_all(
     source = column - (node >= 0) + cut
     moved = jnp.where(source < size, jnp.take_along_axis(nodes, jnp.clip(source, 0, size - 1), axis=1), -1)
     changed = jnp.where(column <= place, nodes, jnp.where((column == place + 1) & (node >= 0), node, moved))
-    return jnp.where(best[:, None] > 1e-6, changed, nodes)
+    better = best > 1e-6
+    if places is not None:
+        better &= _by_the_clock(problem, changed, places)[1][:, 0] >= 0.0
+    return jnp.where(better[:, None], changed, nodes)

@@ -37,7 +37,8 @@ class MissionOrder(Brief):
         priority: sum of rho over the tasks taken.
         tasks: number of edges taken that carry a task.
         cost: of the objective.
-        leg_times: [n - 1] s, expected t_ij of each leg, travel and task (Eq. 13).
+        leg_times: [n - 1] s, expected t_ij of each leg, travel, waiting and task (Eq. 13).
+        waits: [n - 1] s of them that pass between the arrival and the opening of the task's window.
         status: OK, or why there is no mission.
         least_time: s, shortest time to the destination; infinite where there is no way.
         time_available: T_available, s.
@@ -56,6 +57,7 @@ class MissionOrder(Brief):
     tasks: int
     cost: float
     leg_times: Array
+    waits: Array
     status: MissionStatus
     least_time: float
     time_available: float
@@ -119,7 +121,8 @@ class MissionOrders(Brief):
     """B orders from one compiled call; `orders[b]` is a `MissionOrder`.
 
     Attributes: as in `MissionOrder`, with a leading axis B; `nodes` is [B, N], padded with -1, `leg_times`
-        [B, N - 1], padded with zeros, `count` [B] the number of waypoints of each order, `goals` [B].
+        and `waits` [B, N - 1], padded with zeros, `count` [B] the number of waypoints of each order, `goals`
+        [B].
     """
 
     nodes: IntArray
@@ -129,6 +132,7 @@ class MissionOrders(Brief):
     tasks: IntArray
     cost: Array
     leg_times: Array
+    waits: Array
     status: tuple[MissionStatus, ...]
     least_time: Array
     time_available: Array
@@ -167,6 +171,7 @@ class MissionOrders(Brief):
             tasks=int(self.tasks[b]),
             cost=float(self.cost[b]),
             leg_times=self.leg_times[b, : count - 1],
+            waits=self.waits[b, : count - 1],
             status=self.status[b],
             least_time=float(self.least_time[b]),
             time_available=float(self.time_available[b]),

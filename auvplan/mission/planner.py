@@ -168,7 +168,11 @@ def plan_missions(
     shared = config.replace(bbo=config.bbo.replace(iterations=max(iterations, _ITERATIONS)))
     square, row = [(0, 0), (0, more), (0, more)], [(0, 0), (0, more)]
     edges = Edges.of(
-        np.pad(legs, square, constant_values=np.inf), np.pad(graphs.priority, square), config.degree
+        np.pad(legs, square, constant_values=np.inf),
+        np.pad(graphs.priority, square),
+        config.degree,
+        None if graphs.timetable is None else graphs.timetable.padded(more),
+        np.pad(graphs.duration, square),
     )
     found = batch_map(
         partial(search_missions, count=count, iterations=np.int32(iterations), config=shared),
@@ -212,12 +216,18 @@ def _collect(
     reached = np.asarray(best.reached[:, 0])
     nodes = np.where(reached[:, None], best.nodes[:, 0], -1)
     nodes[:, 0] = starts
+    late = (1.0 + margins) * least >= budget * (1.0 - 4.0 * rounding_margin(size))
     here, there = nodes[:, :-1], nodes[:, 1:]
     taken = there >= 0
     rows = np.arange(batch)[:, None]
-    leg_times = np.where(taken, legs[rows, here, there], 0.0)
+    leg_times, waits = np.where(taken, legs[rows, here, there], 0.0), np.zeros((batch, size - 1))
+    if graphs.timetable is not None:
+        leg_times, waits = _by_the_clock(graphs, nodes)
+        kept = leg_times.sum(axis=1) < budget
+        reached &= kept
+        nodes[~kept, 1:], leg_times[~kept], waits[~kept] = -1, 0.0, 0.0
+        there, taken = nodes[:, 1:], nodes[:, 1:] >= 0
     rho = np.where(taken, graphs.priority[rows, here, there], 0.0)
-    late = (1.0 + margins) * least >= budget * (1.0 - 4.0 * rounding_margin(size))
     return MissionOrders(
         nodes=nodes,
         count=1 + taken.sum(axis=1),
@@ -226,6 +236,7 @@ def _collect(
         tasks=(rho > 0.0).sum(axis=1),
         cost=result.cost,
         leg_times=leg_times,
+        waits=waits,
         status=tuple(_status(*row) for row in zip(reached, least, late, strict=True)),
         least_time=least,
         time_available=budget,
@@ -236,6 +247,18 @@ def _collect(
         goals=goals,
         return_margin=margins,
     )
+
+
+def _by_the_clock(graphs: MissionGraph, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the time of each leg and the waiting in it, [B, N - 1] s, of orders padded with -1."""
+    times, waits = np.zeros((2, len(nodes), nodes.shape[1] - 1))
+    for row, order in enumerate(nodes):
+        graph = jax.tree.map(lambda leaf, row=row: leaf[row], graphs)
+        found = graph.itinerary(order[order >= 0], 1.0)
+        count = len(found.ends)
+        times[row, :count] = found.ends - found.departs
+        waits[row, :count] = found.begins - found.arrives
+    return times, waits
 
 
 def _status(reached: bool, least: float, late: bool) -> MissionStatus:

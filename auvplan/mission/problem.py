@@ -13,10 +13,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from auvplan.mission.timetable import Schedule, Timetable, latest_entries
+
 
 @partial(
     jax.tree_util.register_dataclass,
-    data_fields=("neighbours", "leg_times", "priority"),
+    data_fields=("neighbours", "leg_times", "priority", "schedule"),
     meta_fields=(),
 )
 @dataclass(frozen=True)
@@ -27,18 +29,28 @@ class Edges:
         neighbours: [..., N, K] int32, waypoints in rising order.
         leg_times: [..., N, K] s, t_ij; infinite where the list is padded.
         priority: [..., N, K] rho_ij.
+        schedule: what depends on the time at which edges are entered; None where nothing does. Leg times are
+            then the least.
     """
 
     neighbours: Any
     leg_times: Any
     priority: Any
+    schedule: Schedule | None = None
 
     @classmethod
-    def of(cls, leg_times: np.ndarray, priority: np.ndarray, least: int = 16) -> "Edges":
+    def of(
+        cls,
+        leg_times: np.ndarray,
+        priority: np.ndarray,
+        least: int = 16,
+        timetable: Timetable | None = None,
+        duration: np.ndarray | None = None,
+    ) -> "Edges":
         """Gather the finite entries of [..., N, N] leg times (NumPy) and their priorities.
 
         The lists get a power of two of places (at most N), no fewer than `least`: a graph that loses edges
-        keeps its compiled programs.
+        keeps its compiled programs. A timetable needs the `duration` [..., N, N] s of tasks.
         """
         size = leg_times.shape[-1]
         finite = np.isfinite(leg_times)
@@ -50,6 +62,9 @@ class Edges:
             np.where(used, neighbours, 0).astype(np.int32),
             np.where(used, np.take_along_axis(leg_times, neighbours, axis=-1), np.inf).astype(np.float32),
             np.where(used, np.take_along_axis(priority, neighbours, axis=-1), 0.0).astype(np.float32),
+            None
+            if timetable is None or duration is None
+            else Schedule.of(timetable, duration, neighbours, used),
         )
 
 
@@ -68,6 +83,7 @@ class Edges:
         "start",
         "goal",
         "time_available",
+        "schedule",
     ),
     meta_fields=(),
 )
@@ -77,7 +93,8 @@ class Problem:
 
     Attributes:
         neighbours: [N, K] int32.
-        leg_times: [N, K] s, t_ij; infinite off the edges, into the start and into visited waypoints.
+        leg_times: [N, K] s, t_ij; infinite off the edges, into the start and into visited waypoints. With a
+            schedule the least that each edge takes at any time.
         priority: [N, K] rho_ij; zero where there is no task.
         rate: [N, K] rho_ij / t_ij over its mean on the edges that carry a task.
         latest: [N, K] s, the mission time before which an edge must be entered.
@@ -87,6 +104,7 @@ class Problem:
         following: [N] the next waypoint on the shortest way to the goal.
         start, goal: indices.
         time_available: s, T_available.
+        schedule: what depends on the time at which edges are entered; None where nothing does.
     """
 
     neighbours: jax.Array
@@ -101,11 +119,20 @@ class Problem:
     start: jax.Array
     goal: jax.Array
     time_available: jax.Array
+    schedule: Schedule | None = None
 
     @property
     def size(self) -> int:
         """Number of waypoints N."""
         return self.neighbours.shape[0]
+
+    def onward_times(self, here: jax.Array, time: jax.Array) -> jax.Array:
+        """Return the seconds [P, K] that the edges from waypoints `here` [P] take at times [P]."""
+        if self.schedule is None:
+            return self.leg_times[here]
+        edge = jnp.arange(self.neighbours.shape[1], dtype=jnp.int32)
+        lasts = self.schedule.lasts(here[:, None], edge, time[:, None])
+        return jnp.where(jnp.isfinite(self.leg_times[here]), lasts, jnp.inf)
 
 
 def highest(values: jax.Array) -> tuple[jax.Array, jax.Array]:
@@ -158,12 +185,18 @@ def prepare(
     time, following = shortest_routes(neighbours, leg_times, goal)
     deadline = time_available * (1.0 - rounding_margin(size, leg_times.dtype))
     way_back = (1.0 + jnp.asarray(return_margin, leg_times.dtype)) * time
+    latest = deadline - (leg_times + way_back[neighbours])
+    if edges.schedule is not None:
+        margin = jnp.asarray(return_margin, leg_times.dtype)
+        shut = ~jnp.isfinite(leg_times)
+        latest, due, following = latest_entries(edges.schedule, neighbours, shut, goal, deadline, margin)
+        way_back = (1.0 + margin) * (deadline - due)
     return Problem(
         neighbours=neighbours,
         leg_times=leg_times,
         priority=priority,
         rate=rate / jnp.where(mean > 0.0, mean, 1.0),
-        latest=deadline - (leg_times + way_back[neighbours]),
+        latest=latest,
         way_back=way_back,
         deadline=deadline,
         time_to_go=time,
@@ -171,6 +204,7 @@ def prepare(
         start=start,
         goal=goal,
         time_available=time_available,
+        schedule=edges.schedule,
     )
 
 

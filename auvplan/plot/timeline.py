@@ -23,7 +23,7 @@ _FONT = 7.0
 
 @dataclass(frozen=True)
 class Bar:
-    """One leg on the time line, s: `travel` and then `task`."""
+    """One leg on the time line, s: `travel`, then `wait`, then `task`."""
 
     start: int
     goal: int
@@ -31,6 +31,12 @@ class Bar:
     travel: float
     task: float
     priority: float
+    wait: float = 0.0
+
+    @property
+    def ends(self) -> float:
+        """When it is over, s."""
+        return self.begin + self.travel + self.wait + self.task
 
 
 def plot_timeline(run: MissionRun, *, ax: Axes | None = None) -> Axes:
@@ -53,7 +59,7 @@ def plot_timeline(run: MissionRun, *, ax: Axes | None = None) -> Axes:
     planned = [_planned(run, order) for order in orders]
     sailed = _sailed(run)
     bars = [bar for row in [*planned, sailed] for bar in row]
-    last = max([run.t_available, run.t_mission, *(bar.begin + bar.travel + bar.task for bar in bars)])
+    last = max([run.t_available, run.t_mission, *(bar.ends for bar in bars)])
     axes.set_xlim(0.0, 1.02 * last)
     axes.set_ylim(rows - 0.35, -0.65)
     norm = _norm(run)
@@ -96,8 +102,11 @@ def _planned(run: MissionRun, order: OrderRecord) -> list[Bar]:
     """Return an order's legs by the times that were expected when it was made."""
     times = np.asarray(run.graph.leg_times(float(run.vehicle.speed)))  # type: ignore[arg-type]
     travel = times - np.asarray(run.graph.duration)
+    waits = dict.fromkeys(pairwise(order.nodes), 0.0) | dict(
+        zip(pairwise(order.nodes), order.waits, strict=False)
+    )
     for (i, j), seconds in zip(pairwise(order.nodes), order.leg_times, strict=False):
-        travel[i, j] = max(seconds - float(run.graph.duration[i, j]), 0.0)
+        travel[i, j] = max(seconds - waits[i, j] - float(run.graph.duration[i, j]), 0.0)
     # A refused leg was planned after all, and later orders reckon with what its path takes.
     for leg in run.legs:
         if not len(leg.times) and leg.plans and leg.plans[-1].made_at <= order.made_at:
@@ -105,9 +114,9 @@ def _planned(run: MissionRun, order: OrderRecord) -> list[Bar]:
     bars, now = [], order.made_at
     for i, j in zip(order.nodes[:-1], order.nodes[1:], strict=True):
         task = float(run.graph.duration[i, j])
-        bar = Bar(i, j, now, float(travel[i, j]), task, float(run.graph.priority[i, j]))
+        bar = Bar(i, j, now, float(travel[i, j]), task, float(run.graph.priority[i, j]), waits[i, j])
         bars.append(bar)
-        now += bar.travel + bar.task
+        now = bar.ends
     return bars
 
 
@@ -116,7 +125,9 @@ def _sailed(run: MissionRun) -> list[Bar]:
     for leg in run.legs:
         if len(leg.times):
             task = leg.t_task if leg.arrived else 0.0
-            bars.append(Bar(leg.start, leg.goal, float(leg.times[0]), leg.t_path, task, leg.priority))
+            wait = leg.t_wait if leg.arrived else 0.0
+            begin = float(leg.times[0])
+            bars.append(Bar(leg.start, leg.goal, begin, leg.t_path, task, leg.priority, wait))
     return bars
 
 
@@ -125,7 +136,9 @@ def _draw(axes: Axes, row: int, bars: list[Bar], norm: Normalize, letter: float)
         colour = _PRIORITY(norm(bar.priority)) if bar.priority > 0 else (1.0, 1.0, 1.0, 1.0)
         common: dict[str, Any] = {"color": colour, "edgecolor": "black", "linewidth": 0.7}
         axes.barh(row, bar.travel, left=bar.begin, height=0.74, **common)
-        axes.barh(row, bar.task, left=bar.begin + bar.travel, height=0.3, **common)
+        axes.barh(row, bar.task, left=bar.begin + bar.travel + bar.wait, height=0.3, **common)
+        if bar.wait:
+            axes.plot([bar.begin + bar.travel, bar.begin + bar.travel + bar.wait], [row] * 2, "k:", lw=1.2)
         text, width = f"{bar.start}→{bar.goal}", bar.travel
         if width < 1.4 * letter:
             continue

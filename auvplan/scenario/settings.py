@@ -354,6 +354,11 @@ class MissionSettings(Section):
         description="survey lines: 'part': a part of a line earns its share; 'whole': it is begun only to be "
         "sailed from one end to the other, and left only where nothing else is possible",
     )
+    wait: Literal["station", "loiter", "none"] = Field(
+        default="station",
+        description="what a vehicle does that comes before a task's time window: keep station, loiter, or "
+        "'none', which takes no way that leads there too early",
+    )
     waypoint_clearance: NotNegative = Field(
         default=150.0, description="m, least distance to the coast of waypoints that are drawn"
     )
@@ -379,6 +384,7 @@ class PlanningRules:
     objective: Literal["priority", "eq15"]
     travel_times: Literal["sea", "distance"]
     visits: Literal["once", "edges"]
+    departures: int
     detour: float
     t_series: int
     current_updates: Literal["interval", "window"]
@@ -401,6 +407,7 @@ PRESETS: dict[str, dict[str, Any]] = {
     "default": {
         "objective": "priority",
         "travel_times": "sea",
+        "departures": 24,
         "visits": "once",
         "reserve": 60.0,
         "guard_return": True,
@@ -413,6 +420,7 @@ PRESETS: dict[str, dict[str, Any]] = {
     "paper": {
         "objective": "eq15",
         "travel_times": "distance",
+        "departures": 1,
         "visits": "edges",
         "reserve": 0.0,
         "return_margin": 0.0,
@@ -471,6 +479,11 @@ class PlanningSettings(Section):
         description="'once': no waypoint is visited twice in a mission (rule 3 of section 3.3), but for the "
         "only way to the destination; 'edges': passed edges alone are barred (3.3.2), each task counts once; "
         "default 'once', paper 'edges'",
+    )
+    departures: Annotated[int, Field(ge=1, le=200)] | None = Field(
+        default=None,
+        description="times of departure, over the time available, at which every edge is timed where "
+        "currents are forecast to change; 1 takes the sea to stay as it is; default 24, paper 1",
     )
     detour: NotNegative = Field(
         default=3.5, description="s that each obstacle is taken to cost a leg; with travel_times 'sea'"

@@ -6,7 +6,8 @@ import numpy as np
 
 from auvplan.errors import ScenarioError
 from auvplan.mission.graph import MissionGraph, random_graph
-from auvplan.mission.jobs import NEIGHBOURS, Jobs, jobs_graph
+from auvplan.mission.jobs import NEIGHBOURS, Jobs, jobs_graph, task_windows
+from auvplan.mission.timetable import Timetable
 from auvplan.ocean.seabed import Seabed
 from auvplan.scenario.scenario import Scenario
 from auvplan.scenario.waters import Waters
@@ -102,7 +103,7 @@ def _jobs_graph(scenario: Scenario, waters: Waters, jobs: Jobs) -> tuple[Mission
             where = "({:.0f}, {:.0f}, {:.0f}) m".format(*position)
             raise ScenarioError(f"{source}: job {name!r} at {where} {fault}")
     try:
-        return jobs_graph(
+        graph, names = jobs_graph(
             jobs.points,
             jobs.lines,
             settings.start,
@@ -113,6 +114,12 @@ def _jobs_graph(scenario: Scenario, waters: Waters, jobs: Jobs) -> tuple[Mission
         )
     except ValueError as error:
         raise ScenarioError(f"{source}: {error}") from None
+    windows = task_windows(jobs.points, graph.size)
+    if windows is not None:
+        still = graph.leg_times(scenario.vehicle.speed) - graph.duration
+        waiting = settings.wait != "none"
+        graph = graph.with_timetable(Timetable(np.zeros(1), still[None], *windows, waiting))
+    return graph, names
 
 
 def misplaced(position: np.ndarray, scenario: Scenario, waters: Waters) -> str:

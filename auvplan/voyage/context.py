@@ -65,6 +65,13 @@ class SimulationContext:
         return self.scenario.simulation.obstacles.total if self.simulated else 0
 
     @property
+    def by_clock(self) -> bool:
+        """Whether edges are timed by their departure: where the sea is forecast to change."""
+        rules, forecast = self.rules, self.waters.forecast
+        changes = forecast is not None and not forecast.steady
+        return rules.travel_times == "sea" and rules.departures > 1 and changes
+
+    @property
     def chart(self) -> Chart | None:
         """Coast and uncertain areas, or None."""
         return self.waters.chart
@@ -179,6 +186,8 @@ class Mission:
         slack: s that the order left of the available time, less the reserve, when it was made.
         cause: why a new order is due, or empty.
         learnt: s, travel times of edges (i, j) whose planned path was refused for its time.
+        departures: [M] s since the epoch, and `travel_time` [M, N, N] s of all edges then, where the sea is
+            forecast to change; None before they are timed.
         refusals: of legs in a row.
         obstruction: the last leg that was refused and why, or empty.
         no_order: why the last call of the mission planner found no order, or empty.
@@ -203,6 +212,8 @@ class Mission:
     slack: float = 0.0
     cause: str = "start"
     learnt: dict[tuple[int, int], float] = field(default_factory=dict)
+    departures: Array | None = None
+    travel_time: Array | None = None
     refusals: int = 0
     obstruction: str = ""
     no_order: str = ""

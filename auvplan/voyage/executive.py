@@ -249,7 +249,10 @@ def _update_edge_times(context: SimulationContext, missions: list[Mission]) -> N
         if mission.cause or planning.replan != "deviation":
             continue
         times, rest = mission.timed.leg_times(context.speed), mission.rest
-        ends = mission.now + times[rest[:-1], rest[1:]].sum()
+        if mission.timed.timetable is None:
+            ends = mission.now + times[rest[:-1], rest[1:]].sum()
+        else:
+            ends = mission.now + float(mission.timed.itinerary(rest, context.speed).ends[-1])
         slack = mission.run.t_available - planning.reserve - ends
         if slack < min(mission.slack, 0.0) - planning.tolerance:
             mission.cause = "late"
@@ -265,13 +268,32 @@ def _begin(context: SimulationContext, missions: list[Mission]) -> None:
     for mission, times in zip(missions, expected, strict=True):
         i, j = mission.rest[:2]
         task, rho = float(mission.graph.duration[i, j]), float(mission.graph.priority[i, j])
-        records.append(LegRecord(i, j, float(times[i, j]), task, rho, revisit=j in mission.visited))
+        expects, hold = float(times[i, j]), 0.0
+        if mission.timed.timetable is not None:
+            expects, hold = _by_the_clock(mission, i, j, expects, context.speed)
+        revisit = j in mission.visited
+        records.append(LegRecord(i, j, expects, task, rho, revisit=revisit, t_hold=hold))
     begin_legs(context, missions, records)
     for mission, times in zip(missions, expected, strict=True):
         mission.run.legs.append(mission.sailing.record)
         if why := _refused(context, mission, mission.sailing, times):
+            mission.now -= mission.sailing.record.t_hold
+            mission.sailing.record.t_hold = 0.0
             _reject_leg(mission, mission.sailing, why)
             mission.leg = None
+
+
+def _by_the_clock(mission: Mission, i: int, j: int, least: float, speed: float) -> tuple[float, float]:
+    """Wait for the way to open; return how long the leg is expected to take, waiting left out, and the wait.
+
+    Where nothing says that the leg can be done, `least` is expected.
+    """
+    leg = mission.timed.itinerary([i, j], speed)
+    departs, leaves, arrives = float(leg.departs[0]), float(leg.leaves[0]), float(leg.arrives[0])
+    if not np.isfinite(arrives):
+        return least, 0.0
+    mission.now += leaves - departs
+    return arrives - leaves + float(mission.graph.duration[i, j]), leaves - departs
 
 
 def _refused(context: SimulationContext, mission: Mission, leg: Leg, times: np.ndarray) -> str:
@@ -327,7 +349,8 @@ def _judge(context: SimulationContext, mission: Mission) -> None:
         name = f"leg {mission.run.called(record.start)} to {mission.run.called(record.goal)}"
         mission.end(f"{name} was not finished: {leg.stopped}")
         return
-    mission.now += record.t_task
+    _await_window(mission, record)
+    mission.now += record.t_wait + record.t_task
     mission.refusals = 0
     mission.here = record.goal
     mission.step += 1
@@ -337,6 +360,18 @@ def _judge(context: SimulationContext, mission: Mission) -> None:
         mission.end("")
     elif planning.replan == "late" and record.t_path + record.t_task > record.t_expected:
         mission.cause = "late"
+
+
+def _await_window(mission: Mission, record: LegRecord) -> None:
+    """Book how long the vehicle waits for the window of the task, or that it has missed it."""
+    timetable = mission.graph.timetable
+    if timetable is None or record.priority == 0.0 == record.t_task:
+        return
+    begins = timetable.begins(record.start, record.goal, mission.now)
+    if np.isfinite(begins):
+        record.t_wait = begins - mission.now
+    else:
+        record.missed, record.priority, record.t_task = True, 0.0, 0.0
 
 
 def what_is_left(graph: MissionGraph, left: int, reached: int, visits: str) -> MissionGraph:

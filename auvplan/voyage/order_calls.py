@@ -11,6 +11,7 @@ from auvplan import prng
 from auvplan.mission import MissionConfig, MissionGraph, MissionOrder, plan_missions
 from auvplan.mission.graph import shortest_way
 from auvplan.mission.jobs import ways_off_lines
+from auvplan.mission.timetable import Array, Timetable
 from auvplan.mission.travel_times import TravelTimeConfig
 from auvplan.path import PathConfig
 from auvplan.records import OrderRecord
@@ -29,20 +30,54 @@ def effort(config: PathConfig) -> TravelTimeConfig:
 
 
 def time_edges(context: SimulationContext, missions: list[Mission]) -> None:
-    """Estimate the travel times of the edges that are left, from what is told of the sea now."""
+    """Estimate the travel times of the edges that are left, from what is told of the sea now.
+
+    Where the sea is forecast to change they are estimated once, for all departures of the mission.
+    """
     planning = context.rules
-    allowance = planning.detour * context.surprises
+    detour = planning.detour * context.surprises
     for mission in missions:
-        mission.timed = mission.graph
-        if planning.travel_times == "sea":
+        mission.timed, seconds = mission.graph, 0.0
+        if context.by_clock:
+            if mission.travel_time is None:
+                seconds = _time_departures(context, mission, detour)
+            assert mission.departures is not None
+            assert mission.travel_time is not None
+            mission.timed = _with_times(mission.graph, mission.departures, mission.travel_time)
+        elif planning.travel_times == "sea":
             mission.sea.advance(mission.now)
             timed, seconds = _timed(context, mission)
-            mission.timed = replace(timed, travel_time=timed.travel_time + allowance)
-            mission.run.estimate_seconds += seconds
-            if planning.charge_compute:
-                mission.charge(seconds)
+            mission.timed = replace(timed, travel_time=timed.travel_time + detour)
+            if timed.timetable is not None:
+                closed = np.where(timed.adjacency, mission.timed.travel_time, np.inf)
+                mission.timed = _with_times(mission.timed, np.zeros(1), closed[None])
+        mission.run.estimate_seconds += seconds
+        if seconds and planning.charge_compute:
+            mission.charge(seconds)
         for (i, j), seconds in mission.learnt.items():
             mission.timed = mission.timed.with_travel_time(i, j, seconds)
+        if (timetable := mission.timed.timetable) is not None:
+            mission.timed = replace(mission.timed, timetable=timetable.since(mission.now))
+
+
+def _with_times(graph: MissionGraph, departures: Array, travel_time: Array) -> MissionGraph:
+    """Return a graph with times by departure, s since the epoch, and the windows that its tasks have."""
+    windows = graph.timetable
+    if windows is None:
+        return graph.with_timetable(Timetable(departures, travel_time))
+    return graph.with_timetable(replace(windows, departures=departures, travel_time=travel_time))
+
+
+def _time_departures(context: SimulationContext, mission: Mission, detour: float) -> float:
+    """Time all edges at all departures, longer by a detour; return the wall-clock seconds that took."""
+    mission.sea.advance(mission.now)
+    env = context.environment(mission.sea.forecast())
+    departures = np.linspace(mission.now, mission.run.t_available, context.rules.departures)
+    times, seconds = context.clock.time(
+        lambda: mission.run.graph.times_at(env, context.vehicle, departures, effort(context.path_config))
+    )
+    mission.departures, mission.travel_time = departures, times + detour
+    return seconds
 
 
 def _timed(context: SimulationContext, mission: Mission) -> tuple[MissionGraph, float]:
@@ -102,7 +137,7 @@ def plan_orders(context: SimulationContext, missions: list[Mission]) -> None:
         if attempt.untimed:
             due = [mission for mission in due if not _all_timed(mission)]
             for mission in due:
-                mission.timed = replace(mission.timed, adjacency=mission.graph.adjacency)
+                mission.timed = _untimed(context, mission)
         groups: dict[tuple[MissionConfig, bool], list[Mission]] = {}
         for mission in due:
             groups.setdefault((_config(context, mission), _keeps(context, mission)), []).append(mission)
@@ -111,6 +146,18 @@ def plan_orders(context: SimulationContext, missions: list[Mission]) -> None:
     for mission in missions:
         if mission.cause and not mission.ended:
             _go_on(mission)
+
+
+def _untimed(context: SimulationContext, mission: Mission) -> MissionGraph:
+    """Return the graph with the edges that the estimate closed, as long as they are in still water."""
+    adjacency, timetable = mission.graph.adjacency, mission.timed.timetable
+    if timetable is None:
+        return replace(mission.timed, adjacency=adjacency)
+    still = replace(mission.graph, travel_time=None, duration=0.0 * mission.graph.duration)
+    filled = np.where(
+        np.isfinite(timetable.travel_time), timetable.travel_time, still.leg_times(context.speed)
+    )
+    return mission.graph.with_timetable(replace(timetable, travel_time=filled))
 
 
 def _all_timed(mission: Mission) -> bool:
@@ -209,8 +256,8 @@ def _take(context: SimulationContext, mission: Mission, order: MissionOrder, sec
     nodes = [int(node) for node in order.nodes]
     run.first_order = run.first_order or order
     figures = float(order.time), float(order.priority), seconds
-    legs = [float(seconds) for seconds in order.leg_times]
-    run.orders.append(OrderRecord(mission.now, nodes, *figures, mission.cause, legs))
+    legs, waits = ([float(seconds) for seconds in of] for of in (order.leg_times, order.waits))
+    run.orders.append(OrderRecord(mission.now, nodes, *figures, mission.cause, legs, waits))
     mission.order, mission.step, mission.cause = order, 0, ""
     mission.slack = run.t_available - planning.reserve - (mission.now + float(order.time))
     if planning.charge_compute:

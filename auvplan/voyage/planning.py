@@ -84,7 +84,7 @@ def load_waters_at(scenario: Scenario, departs: ArrayLike, folder: str | Path | 
     Raises:
         ScenarioError, ChartError, GeoError, CurrentError: as `load_waters`.
     """
-    from auvplan.io.waters import load_waters
+    from auvplan.io.waters import load_jobs, load_waters
 
     moments, site = np.asarray(departs, float), scenario.site
     first, last = float(moments.min()), float(moments.max()) + scenario.mission.time_available
@@ -100,6 +100,7 @@ def load_waters_at(scenario: Scenario, departs: ArrayLike, folder: str | Path | 
     return replace(
         waters,
         site=site.site,
+        jobs=load_jobs(scenario, site.site, scenario.folder if folder is None else folder, last),
         forecast=replace(waters.forecast, times=waters.forecast.times + first),
         truth=replace(waters.truth, times=waters.truth.times + first),
     )
@@ -177,6 +178,8 @@ def _from_departure(run: MissionRun, depart: float) -> MissionRun:
         ]
     for order in run.orders:
         order.made_at -= depart
+    if run.graph.timetable is not None:
+        run.graph = replace(run.graph, timetable=run.graph.timetable.since(depart))
     run.t_mission -= depart
     run.t_available -= depart
     if run.site is not None and run.site.epoch is not None:

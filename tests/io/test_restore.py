@@ -13,6 +13,7 @@ from auvplan.files import ResultError
 from auvplan.io import save_run
 from auvplan.io.check import check_run
 from auvplan.io.restore import restore_run
+from auvplan.mission.timetable import Timetable
 from auvplan.ocean.seabed import Seabed
 from auvplan.scenario.scenario import Scenario
 from auvplan.site import Site
@@ -122,3 +123,20 @@ def test_a_file_of_another_kind_is_one_line(run, tmp_path):
     (tmp_path / "summary.json").write_text(json.dumps({key: text[key] for key in ("legs",)}))
     with pytest.raises(ResultError, match=r"summary\.json: .* is missing"):
         restore_run(tmp_path)
+
+
+def test_windows_and_waiting_come_back(run, tmp_path):
+    size = run.graph.size
+    opens, closes = np.full((size, size, 1), -np.inf), np.full((size, size, 1), np.inf)
+    opens[:, 3], closes[:, 3] = 100.0, 900.0
+    still = run.graph.leg_times(1.5) - run.graph.duration
+    run.graph = run.graph.with_timetable(Timetable(np.zeros(1), still[None], opens, closes))
+    run.legs[1].t_wait, run.legs[1].t_hold, run.legs[2].missed = 12.0, 3.0, True
+    run.orders[0].waits = [0.0, 12.0, 0.0]
+    back = restore_run(save_run(run, tmp_path))
+    np.testing.assert_array_equal(back.graph.timetable.opens, opens)
+    np.testing.assert_array_equal(back.graph.timetable.closes, closes)
+    assert [(leg.t_wait, leg.t_hold, leg.missed) for leg in back.legs] == [
+        (leg.t_wait, leg.t_hold, leg.missed) for leg in run.legs
+    ]
+    assert back.orders[0].waits == run.orders[0].waits

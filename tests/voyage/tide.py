@@ -22,7 +22,7 @@ CHANNEL = {
     "current": {"vortices": 0, "forecast_error": 0},
     "simulation": {"obstacles": {"static": 0, "afloat": 0, "self_motivated": 0}},
     "mission": {"waypoints": 2, "start": [0, 0, 5], "goal": [1000, 0, 5], "time_available": 3000},
-    "planning": {"effort": "plain"},
+    "planning": {"effort": "plain", "departures": 1},
 }
 
 

@@ -13,6 +13,9 @@ _OTHER_WORDS = {
     "priority": "weight importance value reward rank score rho profit urgency",
     "depth": "z down altitude alt elevation elev height level",
     "name": "id fid label title job job_name job_id task task_name waypoint wp site station",
+    "from": "earliest start_time not_before begin after opens open",
+    "to": "latest end_time not_after end before deadline due closes close",
+    "windows": "time_window time_windows opening_hours",
     "line": "track transect survey line_id line_name lawnmower segment group",
     "lon": "lng x_deg long_deg",
     "lat": "y_deg",
@@ -20,10 +23,7 @@ _OTHER_WORDS = {
     "east": "easting e x_local",
 }
 #: What is asked of jobs elsewhere and has no counterpart here.
-_UNHEEDED = (
-    "speed heading course yaw radius deadline due earliest latest window start_time end_time not_before "
-    "not_after begin end after before required mandatory enabled skip order sequence seq"
-)
+_UNHEEDED = "speed heading course yaw radius required mandatory enabled skip order sequence seq"
 _MEANING = {
     "depth": "m, positive down",
     "duration": "s",
@@ -32,6 +32,8 @@ _MEANING = {
     "east": "m from the site",
     "lon": "degrees east",
     "lat": "degrees north",
+    "from": "a moment, a time of day or seconds",
+    "to": "a moment, a time of day or seconds",
 }
 #: A unit or a remark after a name: "depth [m]", "duration_s", "prio.".
 _UNIT = re.compile(
@@ -74,7 +76,7 @@ def check_headings(where: str, given: Iterable[str], known: Mapping[str, str]) -
         if meant and meant not in told:
             doubts[name] = f"{where}: {name!r} is left unread: is {meant!r} meant{_in_words(meant)}?"
         elif plain in _UNHEEDED.split():
-            what = "jobs have a place, priority, duration and name alone"
+            what = "jobs have a place, priority, duration, name and time windows alone"
             doubts[name] = f"{where}: {name!r} is left unread: {what}"
     return doubts
 

@@ -15,6 +15,7 @@ from auvplan.errors import ScenarioWarning
 from auvplan.io.geo.error import Faults, GeoError, read_text, reading
 from auvplan.io.geo.geojson import Feature, check_place, is_place, positions, read_features
 from auvplan.io.geo.headings import check_headings
+from auvplan.io.geo.windows import read_windows
 from auvplan.mission.jobs import JobLine, JobPoint, Jobs, Position
 from auvplan.site import Site
 
@@ -33,15 +34,20 @@ _HEADINGS = {
     "duration": "duration",
     "name": "name",
     "line": "line",
+    **{name: name for name in ("from", "to", "windows", "window")},
 }
-_PROPERTIES = {name: name for name in ("depth", "priority", "duration", "name")}
+_PROPERTIES = {
+    name: name for name in ("depth", "priority", "duration", "name", "from", "to", "windows", "window")
+}
 #: By how much a depth and an elevation may differ and still say the same, m.
 _SAME = 1e-3
 #: Numbers without a unit that name a place so near the site, m, in degrees are degrees.
 _NEAR = 200_000.0
 
 
-def read_jobs(path: str | Path, site: Site | None, *, default_depth: float = 0.0) -> Jobs:
+def read_jobs(
+    path: str | Path, site: Site | None, *, default_depth: float = 0.0, until: float = 86_400.0
+) -> Jobs:
     """Read points to visit and lines to survey.
 
     GeoJSON: Point, MultiPoint (a job each, named "name 1", "name 2", ...) and LineString with the properties
@@ -51,12 +57,13 @@ def read_jobs(path: str | Path, site: Site | None, *, default_depth: float = 0.0
     the same value in the column `line` are the vertices of a survey line of that name, in order, and tell its
     priority and duration. Headings and properties are read in either case; other ones are left, see
     `check_headings`. A name that is missing is the job's number in the file; priority is 1 and duration 0 s
-    by default.
+    by default. A task may have a time window, `from` and `to`, or several `windows`: see `read_windows`.
 
     Args:
         path: .csv or .txt for CSV, else GeoJSON.
         site: where local coordinates count from; None where the file has local metres.
         default_depth: m, of places for which the file tells none.
+        until: s since the departure, when missions are over at the latest.
 
     Returns:
         The jobs, in the order of the file; positions are local north, east, down, m.
@@ -72,9 +79,9 @@ def read_jobs(path: str | Path, site: Site | None, *, default_depth: float = 0.0
     path = Path(path)
     with reading(path):
         if path.suffix.lower() in (".csv", ".txt", ".tsv"):
-            jobs = _table(path, site, default_depth)
+            jobs = _table(path, site, default_depth, until)
         else:
-            jobs = _features(path, site, default_depth)
+            jobs = _features(path, site, default_depth, until)
         counts = Counter(job.name for job in (*jobs.points, *jobs.lines))
         twice = [
             f"{path}: {'two' if count == 2 else count} jobs are named {name!r}"
@@ -86,7 +93,7 @@ def read_jobs(path: str | Path, site: Site | None, *, default_depth: float = 0.0
         return jobs
 
 
-def _features(path: Path, site: Site | None, default_depth: float) -> Jobs:
+def _features(path: Path, site: Site | None, default_depth: float, until: float) -> Jobs:
     if site is None:
         raise GeoError(f"{path}: GeoJSON is in longitude and latitude, which need a site")
     found: list[JobPoint | JobLine] = []
@@ -100,7 +107,7 @@ def _features(path: Path, site: Site | None, default_depth: float) -> Jobs:
         except GeoError as error:
             slips = {line.removeprefix(feature.where): line for line in error.lines} | slips
         with faults.kept():
-            found += _jobs_of(feature, site, default_depth)
+            found += _jobs_of(feature, site, default_depth, until)
     _warn_all(doubts.values())
     faults.lines += slips.values()
     faults.refuse(len(features))
@@ -115,17 +122,20 @@ def _warn_all(lines: Iterable[str]) -> None:
         warnings.warn(line, ScenarioWarning, stacklevel=2)
 
 
-def _jobs_of(feature: Feature, site: Site, default_depth: float) -> list[JobPoint | JobLine]:
+def _jobs_of(feature: Feature, site: Site, default_depth: float, until: float) -> list[JobPoint | JobLine]:
     where, told = feature.where, feature.properties
     depth = _number(where, told, "depth", None)
     priority, duration = _number(where, told, "priority", 1.0), _number(where, told, "duration", 0.0)
     name = str(told.get("name", "")).strip() or str(feature.number)
     places = _places(feature, site, depth, default_depth)
+    windows = read_windows(where, told, site, duration, until)
     if feature.kind == "LineString":
+        if windows:
+            raise GeoError(f"{where}: a survey line has no time windows: give them to points")
         return [_line(where, name, places, priority, duration)]
     if feature.kind == "Point":
-        return [JobPoint(name, places[0], priority, duration)]
-    return [JobPoint(f"{name} {k}", place, priority, duration) for k, place in enumerate(places, 1)]
+        return [JobPoint(name, places[0], priority, duration, windows)]
+    return [JobPoint(f"{name} {k}", place, priority, duration, windows) for k, place in enumerate(places, 1)]
 
 
 def _places(feature: Feature, site: Site, depth: float | None, default_depth: float) -> list[Position]:
@@ -153,7 +163,7 @@ def _depth(where: str, depth: float | None, elevation: float, default_depth: flo
     return max(0.0, -elevation) if depth is None else depth
 
 
-def _table(path: Path, site: Site | None, default_depth: float) -> Jobs:
+def _table(path: Path, site: Site | None, default_depth: float, until: float) -> Jobs:
     given, rows, faults = _rows(path)
     _check_reading(path, given, rows, site)
     points: list[JobPoint] = []
@@ -168,10 +178,13 @@ def _table(path: Path, site: Site | None, default_depth: float) -> Jobs:
         with faults.kept():
             place = *_place(where, row, site), _number(where, row, "depth", default_depth)
             told = {name: _number(where, row, name, None) for name in ("priority", "duration")}
+            windows = read_windows(where, row, site, told["duration"] or 0.0, until)
+            if line and windows:
+                raise GeoError(f"{where}: a survey line has no time windows: give them to points")
             if not line:
                 priority = 1.0 if told["priority"] is None else told["priority"]
                 name = row.get("name") or str(len(points) + len(vertices) + 1)
-                points.append(JobPoint(name, place, priority, told["duration"] or 0.0))
+                points.append(JobPoint(name, place, priority, told["duration"] or 0.0, windows))
             elif line in vertices and line != before:
                 raise GeoError(f"{where}: line {line!r} goes on after other rows")
             else:
@@ -255,7 +268,7 @@ def _rows(path: Path) -> tuple[list[str], list[tuple[str, dict[str, str]]], Faul
         }
         if separator == ";":
             # Where commas do not part cells they part decimals.
-            for name in cells.keys() - {"name", "line"}:
+            for name in cells.keys() & {"lon", "lat", "north", "east", "depth", "priority", "duration"}:
                 cells[name] = cells[name].replace(",", ".")
         rows.append((where, cells))
     return given, rows, faults

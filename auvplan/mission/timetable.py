@@ -1,0 +1,341 @@
+"""Timetables: how long every edge takes by the time at which it is entered, and when its task may begin.
+
+An edge's travel time is known at evenly spaced departures and linear between them. Where the vehicle may
+wait, it enters an edge later if that brings it to the end sooner: arrival functions are then first in, first
+out, and an edge that is closed for some time is entered when it opens again. Between two departures an edge
+is open where it is open at both.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import pairwise
+from typing import Any, NamedTuple, Self
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.floating]
+
+#: Halvings that find the last moment at which an edge may be entered, to single precision.
+_HALVINGS = 26
+
+#: s; no vehicle is so punctual.
+_MOMENT = 1e-3
+
+
+@partial(
+    jax.tree_util.register_dataclass,
+    data_fields=("departures", "travel_time", "opens", "closes"),
+    meta_fields=("waiting",),
+)
+@dataclass(frozen=True)
+class Timetable:
+    """Travel times by departure and windows of tasks, for all pairs of N waypoints.
+
+    Attributes:
+        departures: [..., M] s, evenly spaced, M at least 1. Before the first one and after the last travel
+            times are as they are then.
+        travel_time: [..., M, N, N] s from i to j without the task; infinite where the edge is closed.
+        opens, closes: [..., N, N, W] s, the W intervals in which the task of an edge may begin, minus and
+            plus infinity for one that is open always, plus and minus infinity for none. W is 0 where every
+            task may begin at any time.
+        waiting: whether the vehicle may wait, for a window at the task and for an edge before it.
+
+    Raises:
+        ValueError: a field given as a NumPy array has a wrong shape, or departures are not evenly spaced.
+    """
+
+    departures: Any
+    travel_time: Any
+    opens: Any = None
+    closes: Any = None
+    waiting: bool = True
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.travel_time, np.ndarray | list):
+            return  # JAX rebuilds timetables from traced arrays and placeholders: nothing to check there
+        travel, departures = np.asarray(self.travel_time, float), np.asarray(self.departures, float)
+        if travel.ndim < 3 or travel.shape[-1] != travel.shape[-2]:
+            raise ValueError(f"travel_time must be [M, N, N] s, got shape {travel.shape}")
+        if departures.shape != travel.shape[:-2]:
+            raise ValueError(f"departures must be {travel.shape[:-2]}, got shape {departures.shape}")
+        steps = np.diff(departures, axis=-1)
+        even = not steps.size or ((steps > 0.0).all() and np.allclose(steps, steps[..., :1], rtol=1e-6))
+        if not even:
+            raise ValueError("departures must be evenly spaced and rise")
+        if np.isnan(travel).any() or (travel < 0.0).any():
+            raise ValueError("travel_time must not be negative or NaN; infinite where an edge is closed")
+        shape = (*travel.shape[:-3], *travel.shape[-2:])
+        for name in ("opens", "closes"):
+            given = getattr(self, name)
+            value = np.zeros((*shape, 0)) if given is None else np.asarray(given, float)
+            if value.shape[:-1] != shape:
+                raise ValueError(f"{name} must be [N, N, W] with N = {shape[-1]}, got shape {value.shape}")
+            object.__setattr__(self, name, value)
+        if self.opens.shape != self.closes.shape:
+            raise ValueError(f"opens and closes must be as many, got {self.opens.shape}, {self.closes.shape}")
+        object.__setattr__(self, "travel_time", travel)
+        object.__setattr__(self, "departures", departures)
+
+    @property
+    def least(self) -> Array:
+        """[..., N, N] s, the shortest travel time at any departure; infinite where an edge never opens."""
+        return np.min(self.travel_time, axis=-3)
+
+    @property
+    def later(self) -> Array:
+        """[..., M, N, N] s, when edges end at the earliest that are entered at a departure after each one.
+
+        Infinite after the last one, and where the vehicle may not wait.
+        """
+        arrival = self.departures[..., None, None] + self.travel_time
+        if not self.waiting:
+            return np.full_like(arrival, np.inf)
+        earliest = np.flip(np.minimum.accumulate(np.flip(arrival, -3), -3), -3)
+        last = np.full_like(arrival[..., -1:, :, :], np.inf)
+        return np.concatenate([earliest[..., 1:, :, :], last], axis=-3)
+
+    def since(self, seconds: float) -> Self:
+        """Return a copy whose times count from `seconds` later."""
+        times = {name: getattr(self, name) - seconds for name in ("departures", "opens", "closes")}
+        return replace(self, **times)
+
+    def begins(self, i: int, j: int, arrives: float) -> float:
+        """Return when the task from i to j may begin after an arrival, s; infinite where it is too late."""
+        opens, closes = self.opens[i, j], self.closes[i, j]
+        if not len(opens):
+            return arrives
+        missed = arrives > closes
+        if not self.waiting:
+            missed |= arrives < opens
+        return float(np.where(missed, np.inf, np.maximum(arrives, opens)).min())
+
+    def padded(self, more: int) -> Self:
+        """Return a copy with so many waypoints more, which no edge leads to."""
+        square = [(0, more), (0, more)]
+        lead = [(0, 0)] * (self.travel_time.ndim - 2)
+        windows = [*lead[1:], *square, (0, 0)]
+        return replace(
+            self,
+            travel_time=np.pad(self.travel_time, [*lead, *square], constant_values=np.inf),
+            opens=np.pad(self.opens, windows, constant_values=np.inf),
+            closes=np.pad(self.closes, windows, constant_values=-np.inf),
+        )
+
+    def without_windows(self, pairs: NDArray[np.bool_]) -> Self:
+        """Return a copy in which the tasks of pairs, a mask [..., N, N], may begin at any time."""
+        opens = np.where(pairs[..., None], -np.inf, self.opens)
+        return replace(self, opens=opens, closes=np.where(pairs[..., None], np.inf, self.closes))
+
+
+class Stages(NamedTuple):
+    """The legs of an order by the clock, each [n - 1] s; infinite from the first that cannot be done.
+
+    Attributes:
+        departs: when the leg before is done.
+        leaves: when the edge is entered; what lies between is waiting for it to open.
+        arrives: when the vehicle is at its end.
+        begins: when its task begins; what lies between is waiting.
+        ends: when its task is done.
+    """
+
+    departs: Array
+    leaves: Array
+    arrives: Array
+    begins: Array
+    ends: Array
+
+
+def stages(
+    timetable: Timetable,
+    duration: NDArray[np.floating],
+    nodes: Sequence[int] | NDArray[np.int_],
+    now: float = 0.0,
+) -> Stages:
+    """Go through an order by the clock, in double precision.
+
+    Args:
+        timetable: of one graph of N waypoints.
+        duration: [N, N] s, of the task on each edge.
+        nodes: [n] the order.
+        now: s, when it begins.
+    """
+    departures, travel = timetable.departures, timetable.travel_time
+    step, final = float(departures[1] - departures[0]) if len(departures) > 1 else 1.0, len(departures) - 1
+    rows, time = [], float(now)
+    for i, j in pairwise(int(node) for node in nodes):
+        departs = leaves = arrives = time
+        if np.isfinite(departs):
+            place = max((departs - departures[0]) / step, 0.0)
+            cell = min(int(place), final)
+            share = min(place - cell, 1.0)
+            a, b = travel[cell, i, j], travel[min(cell + 1, final), i, j]
+            between = a + share * (b - a) if np.isfinite([a, b]).all() else np.inf
+            arrives = departs + (a if share == 0.0 else between)
+            later = departures[cell + 1 :] + travel[cell + 1 :, i, j]
+            if timetable.waiting and len(later) and later.min() < arrives:
+                leaves, arrives = departures[cell + 1 + int(np.argmin(later))], later.min()
+        begins = timetable.begins(i, j, arrives)
+        time = begins + float(duration[i, j])
+        rows.append((departs, leaves, arrives, begins, time))
+    return Stages(*np.asarray(rows, float).reshape(-1, 5).T)
+
+
+@partial(
+    jax.tree_util.register_dataclass,
+    data_fields=("origin", "step", "travel_time", "later", "duration", "opens", "closes"),
+    meta_fields=("waiting",),
+)
+@dataclass(frozen=True)
+class Schedule:
+    """A timetable as the compiled planner sees it, in neighbour lists of length K.
+
+    Attributes:
+        origin: [...] s, the first departure.
+        step: [...] s between departures.
+        travel_time, later: [..., N, K, M] s, as in `Timetable`.
+        duration: [..., N, K] s, of the task on each edge.
+        opens, closes: [..., N, K, W] s.
+        waiting: as in `Timetable`.
+    """
+
+    origin: Any
+    step: Any
+    travel_time: Any
+    later: Any
+    duration: Any
+    opens: Any
+    closes: Any
+    waiting: bool = True
+
+    @classmethod
+    def of(
+        cls, timetable: Timetable, duration: Array, neighbours: NDArray[np.int_], used: NDArray[np.bool_]
+    ) -> "Schedule":
+        """Gather a timetable by neighbour lists [..., N, K], of which `used` says what is no padding."""
+        departures = timetable.departures
+        count = departures.shape[-1]
+        step = departures[..., 1] - departures[..., 0] if count > 1 else np.ones(departures.shape[:-1])
+
+        def gathered(values: Array, filling: float) -> Array:
+            rows = np.take_along_axis(values, neighbours, axis=-1)
+            return np.where(used, rows, filling).astype(np.float32)
+
+        def planes(values: Array, filling: float, axis: int) -> Array:
+            parts = [gathered(part, filling) for part in np.moveaxis(values, axis, 0)]
+            empty = np.zeros((*neighbours.shape, 0), np.float32)
+            return np.stack(parts, axis=-1) if parts else empty
+
+        # What rounding may add up to on the way must not let a task begin too late.
+        slack = timetable.travel_time.shape[-1] * float(np.finfo(np.float32).eps)
+        closes = np.where(np.isfinite(timetable.closes), (1.0 - slack) * timetable.closes, timetable.closes)
+        return cls(
+            departures[..., 0].astype(np.float32),
+            step.astype(np.float32),
+            planes(timetable.travel_time, np.inf, -3),
+            planes(timetable.later, np.inf, -3),
+            gathered(duration, 0.0),
+            planes(timetable.opens, np.inf, -1),
+            planes(closes, -np.inf, -1),
+            timetable.waiting,
+        )
+
+    def begins(
+        self, node: Any, edge: Any, time: Any, waiting: bool | None = None
+    ) -> tuple[jax.Array, jax.Array]:
+        """Arrival and beginning of the task, s, where edges are entered at a time; arrays of one shape.
+
+        Args:
+            node: indices of the waypoints that edges lead from.
+            edge: places of edges in their lists.
+            time: s.
+            waiting: instead of the timetable's own.
+        """
+        final = self.travel_time.shape[-1] - 1
+        place = jnp.maximum((time - self.origin) / self.step, 0.0)
+        cell = jnp.clip(jnp.floor(place), 0, final).astype(jnp.int32)
+        share = jnp.clip(place - cell, 0.0, 1.0)
+        a = self.travel_time[node, edge, cell]
+        b = self.travel_time[node, edge, jnp.minimum(cell + 1, final)]
+        shut = jnp.isinf(a) | jnp.isinf(b)
+        between = jnp.where(shut, jnp.inf, a + share * jnp.where(shut, 0.0, b - a))
+        lasts = jnp.where(share == 0.0, a, between)
+        arrives = jnp.minimum(time + lasts, self.later[node, edge, cell])
+        if not self.opens.shape[-1]:
+            return arrives, arrives
+        opens, closes = self.opens[node, edge], self.closes[node, edge]
+        late = arrives[..., None] > closes
+        early = arrives[..., None] < opens
+        missed = late if (self.waiting if waiting is None else waiting) else late | early
+        return arrives, jnp.where(missed, jnp.inf, jnp.maximum(arrives[..., None], opens)).min(axis=-1)
+
+    def lasts(self, node: Any, edge: Any, time: Any, waiting: bool | None = None) -> jax.Array:
+        """Seconds from entering edges until their tasks are done; arguments as in `begins`."""
+        _, begins = self.begins(node, edge, time, waiting)
+        return begins + self.duration[node, edge] - time
+
+
+def latest_entries(
+    schedule: Schedule,
+    neighbours: jax.Array,
+    closed: jax.Array,
+    goal: jax.Array,
+    deadline: jax.Array,
+    margin: jax.Array,
+) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """When each edge must be entered at the latest so that the goal can still be reached.
+
+    Waiting is taken to be allowed, and waypoints may be passed again: no later entry helps. The way from each
+    waypoint to the goal is taken to last longer by `margin`.
+
+    Args:
+        schedule: of N waypoints, lists of length K.
+        neighbours: [N, K] int32.
+        closed: [N, K] bool, edges that are not to be taken.
+        goal: index.
+        deadline: s.
+        margin: share.
+
+    Returns:
+        ``(latest [N, K] s, due [N] s, following [N])``: the last moment to enter each edge with the margin,
+        the last one to leave each waypoint without it, and where to go then; minus infinity where the goal is
+        out of reach.
+    """
+    size, width = neighbours.shape
+    node = jnp.broadcast_to(jnp.arange(size, dtype=jnp.int32)[:, None], (size, width))
+    edge = jnp.broadcast_to(jnp.arange(width, dtype=jnp.int32), (size, width))
+
+    def last(due: jax.Array) -> jax.Array:
+        """Return the last moment at which each edge may be entered to end by `due` [N]."""
+        wanted = due[neighbours]
+
+        def in_time(moment: jax.Array) -> jax.Array:
+            return (moment + schedule.lasts(node, edge, moment, waiting=True) <= wanted) & ~closed
+
+        def halve(_: int, bounds: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
+            low, high = bounds
+            middle = 0.5 * (low + high)
+            good = in_time(middle)
+            return jnp.where(good, middle, low), jnp.where(good, high, middle)
+
+        none = jnp.zeros((size, width), schedule.duration.dtype)
+        low, _ = jax.lax.fori_loop(0, _HALVINGS, halve, (none, none + deadline))
+        # An edge that can be entered at once and closes then is entered before a moment after.
+        return jnp.where(in_time(none), jnp.maximum(low, _MOMENT), -jnp.inf)
+
+    def relax(state: tuple[jax.Array, jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array, jax.Array]:
+        due, following, _ = state
+        moments = last(due)
+        best = moments.max(axis=1)
+        later = best > due
+        onward = neighbours[jnp.arange(size), jnp.argmax(moments, axis=1)]
+        return jnp.where(later, best, due), jnp.where(later, onward, following), later.any()
+
+    index = jnp.arange(size, dtype=jnp.int32)
+    at_goal = jnp.where(index == goal, deadline, -jnp.inf).astype(schedule.duration.dtype)
+    due, following, _ = jax.lax.while_loop(lambda state: state[2], relax, (at_goal, index, jnp.array(True)))
+    spare = deadline - (1.0 + margin) * (deadline - due)
+    return last(jnp.where(jnp.isfinite(due), spare, -jnp.inf)), due, following

@@ -1,0 +1,94 @@
+"""Time windows of jobs: moments, times of day, seconds; each slip in one line."""
+
+import json
+from datetime import UTC, datetime
+
+import pytest
+
+from auvplan.io.geo import GeoError, read_jobs
+from auvplan.io.geo.windows import read_windows
+from auvplan.site import Site
+
+SITE = Site(148.96, -20.34, epoch=datetime(2026, 3, 1, tzinfo=UTC))
+HOUR = 3600.0
+
+
+def windows(duration=0.0, until=6 * HOUR, **told):
+    return read_windows("jobs.csv: row 2", told, SITE, duration, until)
+
+
+@pytest.mark.parametrize(
+    ("told", "expected"),
+    [
+        ({}, ()),
+        ({"from": "", "to": ".."}, ()),
+        ({"from": 600, "to": "1800"}, ((600.0, 1800.0),)),
+        ({"to": 1800}, ((-float("inf"), 1800.0),)),
+        ({"from": "2026-03-01T01:00Z", "to": "2026-03-01T13:00+10:00"}, ((HOUR, 3 * HOUR),)),
+        ({"from": "11:30+10:00", "to": "12:30+10:00"}, ((1.5 * HOUR, 2.5 * HOUR),)),
+        ({"from": "23:00Z", "to": "02:00Z"}, ((-HOUR, 2 * HOUR),)),
+        ({"windows": "0/600, 3000/.."}, ((0.0, 600.0), (3000.0, float("inf")))),
+        ({"windows": [[3000, 4200], [None, 600]]}, ((-float("inf"), 600.0), (3000.0, 4200.0))),
+    ],
+)
+def test_windows_are_read(told, expected):
+    assert windows(**told) == expected
+
+
+def test_the_whole_task_lies_in_the_window_unless_its_beginning_does():
+    told = {"windows": [[0, 100], [1000, 2000]]}
+    assert windows(300.0, **told) == ((1000.0, 1700.0),)
+    assert windows(300.0, **told, window="begin") == ((0.0, 100.0), (1000.0, 2000.0))
+
+
+def test_times_of_day_hold_on_every_day():
+    found = windows(until=50 * HOUR, **{"from": "03:00Z", "to": "04:00Z"})
+    assert found == tuple((day * 24 * HOUR + 3 * HOUR, day * 24 * HOUR + 4 * HOUR) for day in range(2))
+
+
+@pytest.mark.parametrize(
+    ("told", "message"),
+    [
+        ({"from": 1800, "to": 600}, "from 1800 to 600 ends before it begins"),
+        ({"from": "2026-03-01T01:00"}, "has no time zone: write 2026-03-01T01:00Z"),
+        ({"from": "08:00", "to": "09:00Z"}, "has no time zone: write 08:00Z"),
+        ({"from": "8 o'clock"}, "cannot be read: write a moment"),
+        ({"from": "25:00Z", "to": "26:00Z"}, "is no time of day"),
+        ({"from": "nan"}, "must be a finite time"),
+        ({"from": 0, "windows": "1/2"}, "put all into windows"),
+        ({"windows": "0/600/1200"}, "must be pairs"),
+        ({"windows": "0/600, 500/900"}, "two windows overlap"),
+        ({"from": 0, "to": 200}, "takes 300 s, its longest window 200 s"),
+        ({"from": "2026-03-02T01:00Z"}, "lie outside the mission"),
+        ({"from": "03:00Z", "to": 600}, "both be times of day"),
+        ({"from": 0, "window": "half"}, "must be 'whole' or 'begin'"),
+    ],
+)
+def test_slips_are_told(told, message):
+    with pytest.raises(GeoError, match=message) as refused:
+        windows(300.0, **told)
+    assert str(refused.value).startswith("jobs.csv: row 2: ")
+
+
+def test_dates_need_a_departure():
+    with pytest.raises(GeoError, match=r"needs site\.departure"):
+        read_windows("jobs.csv: row 2", {"from": "2026-03-01T01:00Z"}, Site(0.0, 0.0), 0.0, 1.0)
+
+
+def test_both_formats_tell_the_same(tmp_path):
+    table = tmp_path / "jobs.csv"
+    table.write_text("name,lon,lat,duration,from,to\na,148.95,-20.33,60,01:00Z,02:00Z\n")
+    point = {"type": "Point", "coordinates": [148.95, -20.33]}
+    properties = {"name": "a", "duration": 60, "from": "01:00Z", "to": "02:00Z"}
+    feature = {"type": "Feature", "geometry": point, "properties": properties}
+    other = tmp_path / "jobs.geojson"
+    other.write_text(json.dumps({"type": "FeatureCollection", "features": [feature]}))
+    (one,), (two,) = (read_jobs(path, SITE, until=6 * HOUR).points for path in (table, other))
+    assert one.windows == two.windows == ((HOUR, 2 * HOUR - 60.0),)
+
+
+def test_lines_have_no_windows(tmp_path):
+    table = tmp_path / "jobs.csv"
+    table.write_text("line,lon,lat,from\na,148.95,-20.33,60\na,148.96,-20.33,\n")
+    with pytest.raises(GeoError, match="a survey line has no time windows"):
+        read_jobs(table, SITE)

@@ -1,0 +1,63 @@
+"""Windows looked up again: what is done outside of them is a fault, and so is waiting for nothing."""
+
+import json
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from auvplan.io.hours import window_faults
+from auvplan.io.ledger import Leg
+
+NAMES = ["start", "gauge", "wreck", "goal"]
+
+
+def leg(goal: int, arrival: float, wait: float, task: float, priority: float = 1.0) -> Leg:
+    times = np.array([arrival - 10.0, arrival])
+    nothing = np.zeros((2, 0, 3))
+    return Leg(
+        0, 0, goal, 10.0, task, priority, True, times, np.zeros((2, 3)), nothing, np.zeros(0), 0.0, wait
+    )
+
+
+def run_in(tmp_path, table: str, departed: float = 0.0) -> xr.Dataset:
+    """What `mission.nc` tells of a run whose jobs are in a file."""
+    (tmp_path / "jobs.csv").write_text(table)
+    attributes = {
+        "scenario": json.dumps({"mission": {"jobs": "jobs.csv"}}),
+        "scenario_folder": str(tmp_path),
+        "waypoint_names": json.dumps(NAMES),
+        "site_epoch": f"2026-03-01T00:{int(departed) // 60:02}:00+00:00",
+        "departed": departed,
+    }
+    return xr.Dataset(attrs=attributes)
+
+
+@pytest.mark.parametrize(
+    ("span", "departed"),
+    [
+        ("600,1200", 0.0),
+        ("2026-03-01T00:10Z,2026-03-01T10:20+10:00", 0.0),
+        ("00:10Z,00:20Z", 0.0),
+        ("600,1200", 300.0),
+    ],
+)
+def test_tasks_are_in_their_windows_or_told(tmp_path, span, departed):
+    dataset = run_in(tmp_path, f"name,from,to\ngauge,{span}\nwreck,,\n", departed)
+    kept = leg(1, 500.0 - departed, 150.0, 300.0), leg(1, 600.0 - departed, 0.0, 600.0)
+    missed = leg(1, 1300.0 - departed, 0.0, 0.0, priority=0.0)
+    assert not [*window_faults(dataset, [*kept, missed, leg(2, 5000.0, 0.0, 60.0)])]
+    for wrong in (leg(1, 500.0 - departed, 0.0, 60.0), leg(1, 1100.0 - departed, 0.0, 200.0)):
+        (fault,) = window_faults(dataset, [wrong])
+        assert "is in none of its windows" in fault
+
+
+def test_a_window_may_ask_for_the_beginning_alone(tmp_path):
+    dataset = run_in(tmp_path, "name,windows,window\ngauge,0/100,begin\n")
+    assert not [*window_faults(dataset, [leg(1, 90.0, 0.0, 300.0)])]
+
+
+def test_nobody_waits_without_a_window(tmp_path):
+    dataset = run_in(tmp_path, "name,from,to\ngauge,,\n")
+    (fault,) = window_faults(dataset, [leg(1, 90.0, 60.0, 300.0)])
+    assert "waits 60 s for a task without a time window" in fault
