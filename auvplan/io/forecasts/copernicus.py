@@ -15,6 +15,8 @@ from auvplan.io.currents.times import moment_of
 from auvplan.io.forecasts.remote import Remote, missing
 from auvplan.io.forecasts.request import ForecastError, Request
 
+#: Degrees around the box that are asked for too: a cell of most of the service's grids.
+_WIDER = 0.1
 _SECONDS = {"units": "seconds since 1970-01-01 00:00:00"}
 
 
@@ -46,10 +48,10 @@ def open_copernicus(request: Request, timeout: float) -> Remote:
             )
         dataset = client.open_dataset(
             dataset_id=request.dataset,
-            minimum_longitude=west,
-            maximum_longitude=east if east > west else east + 360.0,
-            minimum_latitude=south,
-            maximum_latitude=north,
+            minimum_longitude=west - _WIDER,
+            maximum_longitude=(east if east > west else east + 360.0) + _WIDER,
+            minimum_latitude=max(south - _WIDER, -90.0),
+            maximum_latitude=min(north + _WIDER, 90.0),
             minimum_depth=least,
             maximum_depth=most,
             start_datetime=begin,
@@ -64,7 +66,8 @@ def open_copernicus(request: Request, timeout: float) -> Remote:
         with _guarded(request):
             return np.asarray(dataset.variables[name].isel(picks).values)
 
-    return Remote.of(request.dataset, dataset, read, dataset.attrs)
+    with _guarded(request):
+        return Remote.of(request.dataset, dataset, read, dataset.attrs)
 
 
 @contextmanager

@@ -71,7 +71,8 @@ def open_erddap(request: Request, timeout: float) -> Remote:
             return own.values[whole]
         return cut({name: whole})[name].values
 
-    return Remote.of(request.dataset, xr.Dataset(head), read, attributes.get("NC_GLOBAL", {}))
+    with answering(request, timeout):
+        return Remote.of(request.dataset, xr.Dataset(head), read, attributes.get("NC_GLOBAL", {}))
 
 
 def _engine(content: bytes) -> str:

@@ -28,8 +28,12 @@ _OPENERS: dict[str, Callable[[Request, float], Remote]] = {
     "erddap": open_erddap,
     "thredds": open_opendap,
 }
-#: Attributes of a storage format, and the server's account of its own work with the time of day in it.
-_UNWANTED = ("history", "CLASS", "NAME", "REFERENCE_LIST", "DIMENSION_LIST", "DODS_EXTRA")
+#: How attributes begin that tell of a storage format, of the server's own work, with the time of day in it, or of
+#: the whole data set's extent.
+_UNWANTED = (
+    "history", "CLASS", "NAME", "REFERENCE_LIST", "DIMENSION_LIST", "DODS", "actual_range", "geospatial_",
+    "time_coverage_", "Northernmost_", "Southernmost_", "Easternmost_", "Westernmost_",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -166,7 +170,7 @@ def _plain(attributes: Mapping[Any, Any]) -> dict[str, Any]:
     kept = {}
     for name, value in attributes.items():
         hidden = str(name).startswith("_") and name not in ("_FillValue", "_Unsigned")
-        if str(name) in _UNWANTED or hidden:
+        if hidden or str(name).startswith(_UNWANTED):
             continue
         if isinstance(value, str) or np.asarray(value).dtype.kind in "fiu":
             kept[str(name)] = value

@@ -38,7 +38,8 @@ def open_opendap(request: Request, timeout: float) -> Remote:
         with _guarded(request, timeout):
             return np.asarray(dataset.variables[name].isel(picks).values)
 
-    return Remote.of(request.dataset, dataset, read, dataset.attrs)
+    with _guarded(request, timeout):
+        return Remote.of(request.dataset, dataset, read, dataset.attrs)
 
 
 def _carrier(request: Request, timeout: float) -> Callable[[dict[str, Any], Callable], list[bytes]]:

@@ -67,7 +67,7 @@ class Request:
             raise ForecastError(
                 f"--box {box!r}: longitudes lie in [-180, 360], latitudes in [-90, 90], south before north"
             )
-        if west == east or (east - west) % 360.0 > 180.0:
+        if not 0.0 < (east - west) % 360.0 <= 180.0:
             raise ForecastError(f"--box {box!r}: west and east must differ, by at most 180 degrees eastward")
         depths = None
         if depth is not None:
