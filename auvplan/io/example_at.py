@@ -4,6 +4,7 @@ import json
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import scipy
@@ -119,7 +120,7 @@ def _bounds(site: Site, half: float) -> tuple[float, float, float, float]:
     return float(turned.min()), float(latitude.min()), float(turned.max()), float(latitude.max())
 
 
-def _places(land: Polygon, half: float) -> Array | None:
+def _places(land: Any, half: float) -> Array | None:
     """[2 + jobs, 2] m north, east: start, goal and jobs, far apart in one water; None where it is small."""
     axis = np.linspace(-_INNER * half, _INNER * half, _ALONG)
     north, east = np.meshgrid(axis, axis, indexing="ij")
@@ -142,7 +143,7 @@ def _places(land: Polygon, half: float) -> Array | None:
     return np.array(found)
 
 
-def _refusal(latitude: float, longitude: float, size: float, land: Polygon) -> str:
+def _refusal(latitude: float, longitude: float, size: float, land: Any) -> str:
     where = f"--at {latitude:g},{longitude:g}"
     if shapely.intersects(land, shapely.Point(0.0, 0.0)):
         far = distance_to_coast(longitude, latitude) / 1000.0

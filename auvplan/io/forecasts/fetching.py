@@ -28,8 +28,8 @@ _OPENERS: dict[str, Callable[[Request, float], Remote]] = {
     "erddap": open_erddap,
     "thredds": open_opendap,
 }
-#: How attributes begin that tell of a storage format, of the server's own work, with the time of day in it, or of
-#: the whole data set's extent.
+#: How attributes begin that tell of a storage format, of the server's own work and its time of day, or of the
+#: extent of the whole data set.
 _UNWANTED = (
     "history", "CLASS", "NAME", "REFERENCE_LIST", "DIMENSION_LIST", "DODS", "actual_range", "geospatial_",
     "time_coverage_", "Northernmost_", "Southernmost_", "Easternmost_", "Westernmost_",
