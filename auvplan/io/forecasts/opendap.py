@@ -4,13 +4,16 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
-from urllib.parse import quote, urlsplit, urlunsplit
+from urllib.parse import quote, unquote, urlsplit, urlunsplit
 
 import numpy as np
 import xarray as xr
 
 from auvplan.io.forecasts.remote import Remote, answering, missing, session
 from auvplan.io.forecasts.request import Request
+
+#: What of a constraint goes as it is, as other clients send it.
+_PLAIN = ":,.&=<>!~/"
 
 
 def open_opendap(request: Request, timeout: float) -> Remote:
@@ -50,7 +53,7 @@ def _carrier(request: Request, timeout: float) -> Callable[[dict[str, Any], Call
     connection, parts = session(request), urlsplit(request.dataset)
 
     def carry(environ: dict[str, Any], start: Callable) -> list[bytes]:
-        path, query = quote(environ["PATH_INFO"]), environ["QUERY_STRING"]
+        path, query = quote(environ["PATH_INFO"]), quote(unquote(environ["QUERY_STRING"]), _PLAIN)
         address = urlunsplit((parts.scheme, parts.netloc, path, query, ""))
         answer = connection.get(address, timeout=timeout)
         answer.raise_for_status()

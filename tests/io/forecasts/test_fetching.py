@@ -12,7 +12,7 @@ from auvplan.files import OutputError, write_dataset
 from auvplan.io.currents import open_ocean, to_cf
 from auvplan.io.forecasts import ForecastError, Request, fetch_current
 from auvplan.scenario.provenance import source_files
-from tests.io.currents.samples import LAT, LON, START, regular, roms
+from tests.io.currents.samples import LAT, LON, START, regular, roms, ugrid
 from tests.io.forecasts.servers import serving
 from tests.test_cli import call
 
@@ -170,6 +170,12 @@ def test_real_files_cut_by_a_server_are_the_same_current(shared, tmp_path, name,
     assert (tmp_path / "cut.nc").stat().st_size < path.stat().st_size
     with open_ocean(tmp_path / "cut.nc") as ocean:
         np.testing.assert_allclose(ocean.at(lon, lat, 1.0, first)[:2], whole, atol=1e-7)
+
+
+def test_a_mesh_is_not_cut(tmp_path):
+    mesh = xr.Dataset({name: parts for name, parts in ugrid("node").items() if name != "mesh"})
+    with serving(m=mesh) as server, pytest.raises(ForecastError, match="is a mesh, which is not cut"):
+        fetch(dap(server, "m"), tmp_path / "m.nc")
 
 
 def test_where_it_is_from_stays_with_the_file(server, tmp_path):

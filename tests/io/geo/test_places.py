@@ -283,6 +283,23 @@ def test_altitudes_that_kml_lays_on_the_ground(tmp_path):
     assert read_jobs(path, SITE, default_depth=1.0).points[0].position[2] == 7.0
 
 
+def test_a_scenario_tells_what_was_assumed(tmp_path):
+    from auvplan.io.examine import examine_scenario
+    from tests.io.small_site import SmallSite
+
+    site = SmallSite(tmp_path / "site")
+    plan(site.folder / "jobs.plan", item(hold=30, place=(-20.345, 148.97, -5.0)))
+    site.set(mission={"jobs": "jobs.plan"})
+    found = examine_scenario(site.folder / "scenario.yaml")
+    assert found.lines == []
+    assert [note for note in found.notes if "jobs.plan" in note] == [
+        f"{site.folder / 'jobs.plan'}: priority is not told by 1 of 1 job: taken as 1"
+    ]
+    plan(site.folder / "jobs.plan", item(place=(-20.345, 148.97, 5.0)), item(frame=10))
+    lines = examine_scenario(site.folder / "scenario.yaml").lines
+    assert ["item 1" in lines[0], "item 2" in lines[1], len(lines)] == [True, True, 2]
+
+
 def test_they_need_a_site(tmp_path):
     with pytest.raises(GeoError, match="need a site"):
         read_jobs(plan(tmp_path / "a.plan", item()), None)
