@@ -183,9 +183,9 @@ def currents(
 ) -> None:
     """Look at an ocean model's current: what it covers, and what was assumed in reading it.
 
-    With --from the current is fetched from a server first: the velocities, and the height of the surface
-    where it is told, of the box, times and depths asked for. Copernicus Marine needs its
-    `copernicusmarine login` once.
+    With --from it is fetched from a server first, of the box, times and depths
+    asked for: velocities, and the height of the surface where it is told.
+    Copernicus Marine needs `copernicusmarine login` once.
     """
     from auvplan.files import write_dataset
     from auvplan.io.currents import open_ocean, to_cf
