@@ -198,7 +198,9 @@ def _encoding(variable: "xr.Variable") -> dict[str, Any]:
     if variable.dtype.kind == "O":
         return {}
     missing = variable.dtype.kind == "f" and bool(np.isnan(variable.values).any())
-    encoding: dict[str, Any] = {"_FillValue": np.nan if missing else None}
+    encoding: dict[str, Any] = {}
+    if "_FillValue" not in variable.attrs:  # values as another program packed them
+        encoding["_FillValue"] = np.nan if missing else None
     if variable.ndim and variable.size:
         encoding |= {"zlib": True, "complevel": 4, "shuffle": True}
     return encoding

@@ -2,6 +2,9 @@
 
 import hashlib
 
+import h5py
+
+from auvplan.export.sheet import MissionSheet, write_html
 from auvplan.scenario.provenance import source_files
 
 
@@ -28,3 +31,20 @@ def test_a_folder_has_a_size_and_no_hash(tmp_path):
     (tmp_path / "z.zarr" / "chunk").write_bytes(bytes(10))
     (file,) = source_files({"current": {"files": "z.zarr"}}, tmp_path)
     assert (file.size, file.sha256) == (10, "")
+
+
+def test_where_a_current_was_fetched_from_is_on_the_sheet(tmp_path):
+    origin = {"server": "https://server/dodsC", "dataset": "model.nc", "run": "2026-03-01T00:00:00Z"}
+    origin |= {
+        "request": "from thredds:https://server/dodsC/model.nc box <1,2,3,4>",
+        "request_sha256": "ab" * 32,
+    }
+    with h5py.File(tmp_path / "f.nc", "w") as file:
+        file.attrs.update({f"fetched_{name}": value for name, value in origin.items()})
+    files = source_files({"current": {"files": "f.nc"}, "mission": {"jobs": "f.nc"}}, tmp_path)
+    assert [file.origin for file in files] == [origin, {}], "only currents are fetched"
+    sheet = MissionSheet("bay", {}, (), (), files=files)
+    page = write_html(sheet, tmp_path / "sheet.html").read_text()
+    assert "f.nc: model.nc from https://server/dodsC, run of 2026-03-01T00:00:00Z" in page
+    assert "box &lt;1,2,3,4&gt; (SHA-256 abababababababab)" in page
+    assert sheet.plain()["files"][0]["origin"] == origin

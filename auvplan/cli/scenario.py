@@ -12,6 +12,8 @@ from auvplan.errors import ScenarioError
 from auvplan.words import counted
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from auvplan.io.examine import Examination
 
 
@@ -30,17 +32,48 @@ def scenarios() -> None:
 def init(
     folder: Annotated[Path, typer.Argument(help="Folder for the example; created if needed.")],
     force: Annotated[bool, typer.Option("--force", help="Replace files that are there.")] = False,
+    at: Annotated[
+        str | None,
+        typer.Option(
+            "--at",
+            metavar="LAT,LON",
+            help="Around this place instead, with the packaged coast of the world (1:10 million, coarse).",
+        ),
+    ] = None,
+    size: Annotated[
+        float | None, typer.Option("--size", metavar="KM", help="With --at: the area's sides; 10 if absent.")
+    ] = None,
 ) -> None:
     """Write an example that runs as it is: a commented scenario, and the files that it names."""
     from auvplan.io.example import SCENARIO, write_example
 
-    written = write_example(folder, force)
+    if at is not None:
+        written = _begin_at(folder, at, 10.0 if size is None else size, force)
+    elif size is not None:
+        raise ScenarioError("--size goes with --at alone")
+    else:
+        written = write_example(folder, force)
     for path in written:
         typer.echo(f"wrote {path}")
     scenario = folder / SCENARIO
     typer.echo(f"check: auvplan validate {scenario}")
     typer.echo(f"plan:  auvplan plan {scenario} --out {folder / 'out'}")
-    typer.echo(f"then change {scenario}: every field is explained there; auvplan schema tells them all")
+    explained = "" if at else " every field is explained there;"
+    typer.echo(f"then change {scenario}:{explained} auvplan schema tells them all")
+
+
+def _begin_at(folder: Path, at: str, size: float, force: bool) -> "Sequence[Path]":
+    """Write a scenario around a place, and tell what is to be known of it."""
+    from auvplan.io.example_at import write_example_at
+
+    try:
+        latitude, longitude = (float(part) for part in at.split(","))
+    except ValueError:
+        raise ScenarioError(f"--at {at!r}: give it as LAT,LON in degrees, such as 56.4,-5.5") from None
+    begun = write_example_at(folder, latitude, longitude, size, force)
+    for note in begun.notes:
+        typer.echo(f"warning: {note}", err=True)
+    return begun.paths
 
 
 def schema(

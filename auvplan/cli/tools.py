@@ -10,12 +10,13 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from auvplan.cli.shared import JsonOption, OutOption, QuietOption, console, print_json, say
+from auvplan.cli.shared import JsonOption, OutOption, QuietOption, console, print_json, progress_bar, say
 from auvplan.errors import ScenarioError
 from auvplan.words import counted
 
 if TYPE_CHECKING:
     from auvplan.io.check import CheckReport
+    from auvplan.io.forecasts import Fetched
     from auvplan.io.geo.raster import PixelSize
     from auvplan.ocean.classify import Classified
     from auvplan.ocean.palette import ChartColours
@@ -137,7 +138,10 @@ def _yaml_lines(
 
 
 def currents(
-    files: Annotated[list[str], typer.Argument(help="Files of one current: NetCDF or Zarr; parts together.")],
+    files: Annotated[
+        list[str] | None,
+        typer.Argument(help="Files of one current: NetCDF or Zarr; parts together.", show_default=False),
+    ] = None,
     to: Annotated[
         Path | None, typer.Option("--to", help="Write the current as one CF data set, on the model's points.")
     ] = None,
@@ -147,28 +151,102 @@ def currents(
     epoch: Annotated[
         datetime | None, typer.Option("--epoch", help="UTC, the date that times without one count from.")
     ] = None,
+    source: Annotated[
+        str | None,
+        typer.Option(
+            "--from",
+            metavar="SERVER:DATASET",
+            help="Fetch from a server instead: copernicus:DATASET_ID, erddap:ADDRESS of the griddap page, or "
+            "thredds:ADDRESS of OPeNDAP.",
+        ),
+    ] = None,
+    box: Annotated[
+        str | None, typer.Option(metavar="W,S,E,N", help="With --from: degrees; a cell around it comes too.")
+    ] = None,
+    time: Annotated[
+        str | None,
+        typer.Option(
+            metavar="FROM,TO", help="With --from: UTC, such as 2026-03-01T00:00Z,+12h (or a second date)."
+        ),
+    ] = None,
+    depth: Annotated[
+        str | None, typer.Option(metavar="MIN,MAX", help="With --from: m; all levels if absent.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="With --from: the file to write, such as forecast.nc.")
+    ] = None,
+    timeout: Annotated[
+        float, typer.Option(min=0.1, max=3600.0, help="With --from: s that the server may be silent.")
+    ] = 60.0,
+    quiet: QuietOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Look at an ocean model's current: what it covers, and what was assumed in reading it."""
+    """Look at an ocean model's current: what it covers, and what was assumed in reading it.
+
+    With --from it is fetched from a server first, of the box, times and depths
+    asked for: velocities, and the height of the surface where it is told.
+    Copernicus Marine needs `copernicusmarine login` once.
+    """
     from auvplan.files import write_dataset
     from auvplan.io.currents import open_ocean, to_cf
     from auvplan.io.currents.summary import summary_of
 
+    notes: tuple[str, ...] = ()
+    if source is not None:
+        if files:
+            raise ScenarioError("--from fetches one file: name no files beside it")
+        fetched = _fetch(source, box, time, depth, out, timeout, quiet or as_json)
+        files, notes = [str(fetched.path)], fetched.notes
+    elif unused := _given(box=box, time=time, depth=depth, out=out):
+        raise ScenarioError(f"{unused}: goes with --from alone")
+    if not files:
+        raise ScenarioError("currents: name the files of a current, or a server by --from")
     with open_ocean(files, crs=crs, epoch=epoch) as ocean:
         found = summary_of(ocean)
         if to is not None:
             write_dataset(to_cf(ocean), to)
+    notes = tuple(dict.fromkeys((*notes, *ocean.notes)))
     if as_json:
-        print_json(found | {"notes": list(ocean.notes)})
+        print_json(found | {"notes": list(notes)})
+        return
+    if quiet:
         return
     table = Table(show_header=False)
     for name, value in found.items():
         table.add_row(name.replace("_", " "), str(value))
     console.print(table)
-    for note in ocean.notes:
+    for note in notes:
         say(f"note: {note}")
-    if to is not None:
-        say(f"written: {to}")
+    for written in (out, to):
+        if written is not None:
+            say(f"written: {written}")
+
+
+def _given(**options: Any) -> str:
+    """Return the first option that is given, by its name; empty where none is."""
+    return next((f"--{name}" for name, value in options.items() if value is not None), "")
+
+
+def _fetch(
+    source: str,
+    box: str | None,
+    time: str | None,
+    depth: str | None,
+    out: Path | None,
+    timeout: float,
+    quiet: bool,
+) -> "Fetched":
+    """Fetch a current from a server."""
+    from auvplan.io.forecasts import Request, fetch_current
+
+    if box is None or time is None or out is None:
+        lacking = next(
+            name for name, value in (("--box", box), ("--time", time), ("--out", out)) if value is None
+        )
+        raise ScenarioError(f"--from {source}: needs {lacking} too: --box W,S,E,N --time FROM,TO --out FILE")
+    request = Request.of(source, box, time, depth)
+    with progress_bar("fetching", quiet) as progress:
+        return fetch_current(request, out, timeout=timeout, progress=progress)
 
 
 def check(

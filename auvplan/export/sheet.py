@@ -438,11 +438,22 @@ def write_html(sheet: MissionSheet, path: str | Path, picture: str | None = None
     if sheet.files:
         files = [[file.field, file.name, f"{file.size:,}", file.sha256[:16]] for file in sheet.files]
         parts += ["<h2>Planned on</h2>", _html_table(["field", "file", "bytes", "SHA-256 begins"], files)]
+        parts += [f"<p>{html.escape(line)}</p>" for line in _fetched(sheet.files)]
     parts += [f"<p>Assumed: {html.escape(line)}.</p>" for line in sheet.assumed]
     if picture:
         parts.append(f'<img src="{html.escape(picture)}" alt="map of the mission">')
     page = _PAGE.format(title=html.escape(sheet.title), body="\n".join(parts))
     return write_atomically(path, lambda part: part.write_text(page, encoding="utf-8"))
+
+
+def _fetched(files: Sequence[SourceFile]) -> list[str]:
+    """Return where files were fetched from, and with which request, a line each."""
+    return [
+        f"{file.name}: {file.fetched}; request: {file.origin.get('request', '?')} "
+        f"(SHA-256 {file.origin.get('request_sha256', '?')[:16]})"
+        for file in files
+        if file.fetched
+    ]
 
 
 def _html_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

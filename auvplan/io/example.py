@@ -71,9 +71,19 @@ def write_example(folder: str | Path, force: bool = False) -> list[Path]:
     output_folder(home)
     written = []
     for source, name in _COPIES.items():
-        content = data.joinpath(*source.split("/")).read_bytes()
+        told = source == "NOTICE.md"
+        content = notice(_COAST).encode() if told else data.joinpath(*source.split("/")).read_bytes()
         written.append(write_atomically(home / name, lambda part, content=content: part.write_bytes(content)))
     return written + [write_dataset(make(), home / name) for name, make in made.items()]
+
+
+def notice(name: str) -> str:
+    """Return the part of the notice of the packaged data that concerns a file."""
+    text = (files("auvplan") / "data" / "NOTICE.md").read_text(encoding="utf-8")
+    title, *parts = text.split("\n## ")
+    if f"`{name}`" in title:
+        return title
+    return "# Data notice\n\n" + next(part for part in parts if part.startswith(name)).partition("\n\n")[2]
 
 
 def tide() -> xr.Dataset:

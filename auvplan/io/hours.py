@@ -93,7 +93,7 @@ def _rows(path: Path) -> list[dict[str, Any]]:
 
 
 def _moment(value: Any, epoch: pd.Timestamp | None, last: bool) -> Any:
-    """Return seconds since the epoch, or ("daily", s after it) of a time of day; infinite where it is open."""
+    """Return seconds since the epoch, or ("daily", s) of a time of day; infinite where it is open."""
     text = "" if value is None else str(value).strip()
     if text in ("", ".."):
         return float("inf") if last else -float("inf")

@@ -103,6 +103,7 @@ def load_waters(scenario: Scenario, folder: str | Path | None = None, until: flo
         obstacles = geo.read_obstacles(_path(home, scenario.obstacles.file), site)
         check_obstacles(obstacles, scenario, plain)
     notes = [note for file in (forecast, truth) if file is not None for note in file.notes]
+    notes += () if jobs is None else jobs.notes
     return Waters(
         chart,
         seabed,

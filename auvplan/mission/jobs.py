@@ -66,10 +66,12 @@ class Jobs:
     Attributes:
         points: places to visit.
         lines: lines to survey.
+        notes: what was assumed in reading them, a line each.
     """
 
     points: tuple[JobPoint, ...] = ()
     lines: tuple[JobLine, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def jobs_graph(

@@ -38,7 +38,10 @@ def write_pdf(sheet: MissionSheet, path: str | Path) -> Path:
         lines = [fill(f"{job.name} (priority {job.priority:g}): {job.reason}", 190) for job in sheet.left_out]
         figure.text(left, top - height - 0.02, "Left out", fontsize=9, weight="bold", va="top")
         figure.text(left, top - height - 0.045, "\n".join(lines), fontsize=7.5, va="top")
-    foot = [f"{file.name} ({file.sha256[:12]})" for file in sheet.files]
+    foot = [
+        f"{file.name} ({file.sha256[:12]}{'; ' if file.fetched else ''}{file.fetched})"
+        for file in sheet.files
+    ]
     lines = ["planned on: " + ", ".join(foot)] if foot else []
     lines += [f"assumed: {line}" for line in sheet.assumed]
     text = "\n".join(fill(line, 240) for line in lines)

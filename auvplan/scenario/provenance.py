@@ -1,5 +1,6 @@
 """The files that a scenario was planned on, by name, size and hash."""
 
+import dataclasses
 import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -7,8 +8,12 @@ from glob import glob
 from pathlib import Path
 from typing import Any
 
+import h5py
+
 #: Larger files are told by name and size alone, bytes.
 _HASHED = 500_000_000
+#: What attributes begin with that tell where a file of currents was fetched from.
+ORIGIN = "fetched_"
 #: Fields that name files, by section.
 FILE_FIELDS = {
     "chart": ("image", "file", "uncertain", "no_go"),
@@ -28,12 +33,23 @@ class SourceFile:
         name: of the file, without its folder.
         size: bytes.
         sha256: in hexadecimal; empty for folders and files of more than 500 MB.
+        origin: of a current that `auvplan currents` fetched: server, dataset, run, request, request_sha256.
     """
 
     field: str
     name: str
     size: int
     sha256: str
+    origin: dict[str, str] = dataclasses.field(default_factory=dict)
+
+    @property
+    def fetched(self) -> str:
+        """Where it was fetched from, for people; empty where the file does not tell."""
+        if not self.origin:
+            return ""
+        run = self.origin.get("run")
+        dataset, server = (self.origin.get(name, "?") for name in ("dataset", "server"))
+        return f"{dataset} from {server}" + (f", run of {run}" if run else "")
 
 
 def source_files(settings: dict[str, Any], folder: str | Path) -> tuple[SourceFile, ...]:
@@ -44,18 +60,19 @@ def source_files(settings: dict[str, Any], folder: str | Path) -> tuple[SourceFi
         folder: that relative paths start from.
     """
     return tuple(
-        SourceFile(name, path.name, _size(path), _hash(path)) for name, path in _named(settings, Path(folder))
+        SourceFile(name, path.name, _size(path), _hash(path), _origin(name, path))
+        for name, path in _named(settings, Path(folder))
     )
 
 
 def _named(settings: dict[str, Any], folder: Path) -> Iterator[tuple[str, Path]]:
     for section, fields in FILE_FIELDS.items():
-        for field in fields:
-            given = (settings.get(section) or {}).get(field)
+        for name in fields:
+            given = (settings.get(section) or {}).get(name)
             for pattern in [given] if isinstance(given, str) else given or ():
                 path = folder / Path(pattern).expanduser()
                 found = [path] if path.exists() else [Path(name) for name in sorted(glob(str(path)))]
-                yield from ((f"{section}.{field}", one) for one in found)
+                yield from ((f"{section}.{name}", one) for one in found)
 
 
 def _size(path: Path) -> int:
@@ -69,3 +86,15 @@ def _hash(path: Path) -> str:
         return ""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _origin(name: str, path: Path) -> dict[str, str]:
+    """Return what a file of currents tells of where it was fetched from; nothing of other files."""
+    if not name.startswith("current.") or path.is_dir() or not h5py.is_hdf5(path):
+        return {}
+    with h5py.File(path, "r") as file:
+        return {
+            key.removeprefix(ORIGIN): value
+            for key, value in file.attrs.items()
+            if key.startswith(ORIGIN) and isinstance(value, str)
+        }

@@ -337,7 +337,8 @@ class MissionSettings(Section):
 
     jobs: str | None = Field(
         default=None,
-        description="path of GeoJSON or CSV jobs; waypoints, priority, duration count for none then",
+        description="path of jobs: GeoJSON, CSV, GPX, KML or QGroundControl's .plan; waypoints, priority, "
+        "duration count for none then",
     )
     waypoints: Annotated[
         int, Field(ge=2, le=1000, description="start and goal among them; 2: one leg, no task")

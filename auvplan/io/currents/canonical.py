@@ -7,8 +7,10 @@ import xarray as xr
 
 from auvplan.io.currents.geometry import Curvilinear, Regular
 from auvplan.io.currents.ocean import MAX_VALUES, OceanData
+from auvplan.io.currents.opening import text
 from auvplan.io.currents.series import Array
 from auvplan.io.currents.triangles import Triangles
+from auvplan.scenario.provenance import ORIGIN
 
 _LONGITUDE = {"standard_name": "longitude", "units": "degrees_east"}
 _LATITUDE = {"standard_name": "latitude", "units": "degrees_north"}
@@ -83,6 +85,8 @@ def to_cf(ocean: OceanData) -> xr.Dataset:
         coordinates["depth"] = "level", ocean.levels, about
     notes = "; ".join(ocean.notes)
     attributes = {"Conventions": "CF-1.11 UGRID-1.0", "source": ocean.series.label, "comment": notes}
+    told_by = ocean.series.attributes
+    attributes |= {name: text(told_by, name) for name in told_by if str(name).startswith(ORIGIN)}
     return xr.Dataset(told, coordinates, attributes)
 
 

@@ -268,14 +268,24 @@ def open_ocean(paths: Paths, *, crs: Any = None, epoch: Any = None) -> OceanData
     """
     files = open_files(paths, crs, None if epoch is None else float(seconds_of(epoch)))
     try:
-        return _standardised(unified(files))
+        return ocean_of(files)
     except CurrentError:
         for file in files:
             file.close()
         raise
+
+
+def ocean_of(files: Sequence[File]) -> OceanData:
+    """Return the current of files that are open.
+
+    Raises:
+        CurrentError: as `open_ocean`.
+    """
+    try:
+        return _standardised(unified(files))
+    except CurrentError:
+        raise
     except Exception as error:
-        for file in files:
-            file.close()
         raise misunderstood(files[0].path, error) from None
 
 

@@ -67,7 +67,7 @@ class Faults:
 
 def _by_number(line: str) -> tuple[int, str]:
     """By the number of the row or feature, as far as there is one."""
-    number = re.search(r": (?:row|feature) (\d+)", line)
+    number = re.search(r": (?:row|feature|waypoint|placemark|item) (\d+)", line)
     return (int(number[1]) if number else 1 << 30), line
 
 

@@ -1,4 +1,4 @@
-"""Jobs from files: GeoJSON (RFC 7946) and CSV (RFC 4180, or as spreadsheets write it)."""
+"""Jobs from files: GeoJSON (RFC 7946), CSV (RFC 4180, or as spreadsheets write it), GPX, KML, `.plan`."""
 
 import csv
 import io
@@ -15,9 +15,11 @@ from auvplan.errors import ScenarioWarning
 from auvplan.io.geo.error import Faults, GeoError, read_text, reading
 from auvplan.io.geo.geojson import Feature, check_place, is_place, positions, read_features
 from auvplan.io.geo.headings import check_headings
+from auvplan.io.geo.places import READERS, read_places
 from auvplan.io.geo.windows import read_windows
 from auvplan.mission.jobs import JobLine, JobPoint, Jobs, Position
 from auvplan.site import Site
+from auvplan.words import counted
 
 _MAX_BYTES = 50_000_000
 _HEADINGS = {
@@ -55,12 +57,15 @@ def read_jobs(
     with commas, semicolons or tabs: columns longitude and latitude (or lon, lat), or north and east in local
     metres (or x and y, which are read as these, with a warning); depth, priority, duration, name; rows with
     the same value in the column `line` are the vertices of a survey line of that name, in order, and tell its
-    priority and duration. Headings and properties are read in either case; other ones are left, see
-    `check_headings`. A name that is missing is the job's number in the file; priority is 1 and duration 0 s
-    by default. A task may have a time window, `from` and `to`, or several `windows`: see `read_windows`.
+    priority and duration. GPX: its waypoints, whose elevation is less the depth. KML and KMZ: points, and
+    lines to survey, with depth, priority and duration in their extended data. QGroundControl's `.plan`:
+    waypoints with their hold time, and the transects of a survey as one line. Headings and properties are
+    read in either case; other ones are left, see `check_headings`. A name that is missing is the job's number
+    in the file; priority is 1 and duration 0 s by default, which the notes tell of formats for places. A task
+    may have a time window, `from` and `to`, or several `windows`: see `read_windows`.
 
     Args:
-        path: .csv or .txt for CSV, else GeoJSON.
+        path: .csv, .txt or .tsv for CSV, .gpx, .kml, .kmz, .plan, else GeoJSON.
         site: where local coordinates count from; None where the file has local metres.
         default_depth: m, of places for which the file tells none.
         until: s since the departure, when missions are over at the latest.
@@ -72,7 +77,8 @@ def read_jobs(
         GeoError: names the file and the row or the number of the feature; its `lines` are all that is wrong.
 
     Warns:
-        ScenarioWarning: columns x and y, and headings that look as if they were to mean something.
+        ScenarioWarning: columns x and y, headings that look as if they were to mean something, and routes and
+            tracks of a GPX file, which are left unread.
     """
     if not (np.isfinite(default_depth) and default_depth >= 0.0):
         raise GeoError(f"default_depth must not be negative, got {default_depth}")
@@ -94,11 +100,17 @@ def read_jobs(
 
 
 def _features(path: Path, site: Site | None, default_depth: float, until: float) -> Jobs:
+    foreign = path.suffix.lower() in READERS
     if site is None:
-        raise GeoError(f"{path}: GeoJSON is in longitude and latitude, which need a site")
+        kind = path.suffix.lower() if foreign else "GeoJSON"
+        raise GeoError(f"{path}: {kind} is in longitude and latitude, which need a site")
     found: list[JobPoint | JobLine] = []
-    faults = Faults()
-    features = read_features(path, ("Point", "MultiPoint", "LineString"))
+    faults, notes = Faults(), []
+    if foreign:
+        features = read_places(path, faults, notes)
+        notes += _defaults(path, features, default_depth)
+    else:
+        features = read_features(path, ("Point", "MultiPoint", "LineString"))
     doubts: dict[str, str] = {}
     slips: dict[str, str] = {}  # what is the same in many features is told of the first
     for feature in features:
@@ -114,7 +126,26 @@ def _features(path: Path, site: Site | None, default_depth: float, until: float)
     return Jobs(
         tuple(job for job in found if isinstance(job, JobPoint)),
         tuple(job for job in found if isinstance(job, JobLine)),
+        tuple(notes),
     )
+
+
+def _defaults(path: Path, features: list[Feature], default_depth: float) -> list[str]:
+    """Return what is assumed of features that do not tell it: formats for places seldom do."""
+    notes = []
+    for name, words in (("priority", "1"), ("duration", "0 s"), ("depth", f"{default_depth:g} m")):
+        lacking = [one for one in features if one.properties.get(name) in (None, "")]
+        if name == "depth":
+            lacking = [one for one in lacking if not _has_elevation(one)]
+        if lacking:
+            share = f"{len(lacking)} of {counted(len(features), 'job')}"
+            notes.append(f"{path}: {name} is not told by {share}: taken as {words}")
+    return notes
+
+
+def _has_elevation(feature: Feature) -> bool:
+    first = feature.coordinates if feature.kind == "Point" else feature.coordinates[0]
+    return len(first) > 2
 
 
 def _warn_all(lines: Iterable[str]) -> None:

@@ -1,0 +1,223 @@
+"""A first scenario at any coast of the world: the packaged coastline, and places for jobs in its water."""
+
+import json
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry import Polygon
+
+from auvplan.errors import ScenarioError
+from auvplan.files import OutputError, output_folder, write_atomically
+from auvplan.io.example import SCENARIO, notice
+from auvplan.io.geo.shapes import to_local
+from auvplan.io.geo.world import distance_to_coast, land_within
+from auvplan.site import Site
+
+#: What is to be known of the coast, wherever it is used.
+CAUTION = (
+    "the coast is Natural Earth's at 1:10,000,000, good to about a kilometre at best: no chart for "
+    "navigation; put a chart of your own in its place"
+)
+_COAST, _JOBS = "coast.geojson", "jobs.geojson"
+#: Least and greatest size of the area, km, and the latitude that its middle may lie at.
+_SIZES, _FARTHEST = (2.0, 100.0), 80.0
+#: Places along a side of the area that may become jobs, the share of it that they lie in, and their number.
+_ALONG, _INNER, _COUNT = 61, 0.8, 6
+#: Distance of jobs to the coast, as a share of the area's side.
+_OFF = 0.04
+#: m/s, and how much longer than the straight way through all jobs the time available is.
+_SPEED, _DETOUR = 2.0, 1.6
+_DEPTHS = (5, 10, 8, 12, 6, 15)
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Beginning:
+    """A scenario that was written.
+
+    Attributes:
+        paths: of the files, the scenario first.
+        box: west, south, east, north of the area, degrees.
+        notes: what is to be told of it, a line each.
+    """
+
+    paths: tuple[Path, ...]
+    box: tuple[float, float, float, float]
+    notes: tuple[str, ...]
+
+
+def write_example_at(
+    folder: str | Path, latitude: float, longitude: float, size: float = 10.0, force: bool = False
+) -> Beginning:
+    """Write a scenario of an area around a place, with the coast there and jobs in its water.
+
+    Args:
+        folder: made where it is missing.
+        latitude, longitude: of the middle of the area, degrees.
+        size: of its sides, km.
+        force: whether files of the same names are replaced.
+
+    Raises:
+        ScenarioError: one line; the place is none, or has too little water around it.
+        OutputError: a file is there already, or cannot be written.
+    """
+    if not (abs(latitude) <= _FARTHEST and -180.0 <= longitude <= 360.0):
+        raise ScenarioError(
+            f"--at {latitude:g},{longitude:g}: give latitude, within {_FARTHEST:g} degrees of the equator, "
+            "then longitude, in [-180, 360]"
+        )
+    if not _SIZES[0] <= size <= _SIZES[1]:
+        raise ScenarioError(f"--size {size:g}: must be between {_SIZES[0]:g} and {_SIZES[1]:g} km")
+    site = Site(longitude, latitude)
+    half = 500.0 * size
+    shapes = land_within(*_bounds(site, 1.2 * half))
+    land = shapely.union_all([to_local(shape, site) for shape in shapes])
+    places = _places(land, half)
+    if places is None:
+        raise ScenarioError(_refusal(latitude, longitude, size, land))
+    notes = []
+    away = float(np.hypot(*places[0]))
+    if shapely.intersects(land, shapely.Point(0.0, 0.0)):
+        notes.append(f"the place itself is on land: the start is {away / 1000.0:.1f} km from it, in water")
+    inside = shapely.intersects(land, shapely.box(-half, -half, half, half))
+    notes.append(CAUTION if inside else "the packaged coast has no land in the area, which is open water")
+    content = {
+        SCENARIO: _scenario(site, size, places, bool(inside)),
+        _JOBS: _jobs(site, places[2:]),
+        "NOTICE.md": notice("world_land.npz"),
+    }
+    if inside:
+        content[_COAST] = _coast(shapes)
+    home = Path(folder)
+    there = [name for name in content if (home / name).exists()]
+    if there and not force:
+        raise OutputError(f"{home / there[0]}: already exists: use --force to overwrite it")
+    output_folder(home)
+    written = [
+        write_atomically(home / name, lambda part, text=text: part.write_text(text, encoding="utf-8"))
+        for name, text in content.items()
+    ]
+    return Beginning(tuple(written), _bounds(site, half), tuple(notes))
+
+
+def _bounds(site: Site, half: float) -> tuple[float, float, float, float]:
+    """West, south, east, north of a square about a site, degrees; west is not less than -180."""
+    side = np.linspace(-half, half, 21)
+    rim = np.full_like(side, half)
+    north = np.concatenate([side, side, rim, -rim])
+    east = np.concatenate([rim, -rim, side, side])
+    longitude, latitude = site.to_geographic(north, east)
+    turned = site.longitude + np.mod(np.asarray(longitude) - site.longitude + 180.0, 360.0) - 180.0
+    if turned.min() < -180.0:
+        turned = turned + 360.0
+    return float(turned.min()), float(latitude.min()), float(turned.max()), float(latitude.max())
+
+
+def _places(land: Any, half: float) -> Array | None:
+    """[2 + jobs, 2] m north, east: start, goal and jobs, far apart in one water; None where it is small."""
+    axis = np.linspace(-_INNER * half, _INNER * half, _ALONG)
+    north, east = np.meshgrid(axis, axis, indexing="ij")
+    points = shapely.points(north, east)
+    off = np.full(north.shape, np.inf) if land.is_empty else shapely.distance(land, points)
+    waters, _ = scipy.ndimage.label(off >= 2.0 * half * _OFF)
+    if not waters.any():
+        return None
+    middle = np.where(waters > 0, np.hypot(north, east), np.inf)
+    own = waters == waters.flat[middle.argmin()]
+    if own.sum() < 4 * (_COUNT + 2):
+        return None
+    there = np.stack([north[own], east[own]], axis=1)
+    start = there[np.hypot(*there.T).argmin()]
+    goal = there[np.abs(np.hypot(*(there - start).T) - 0.3 * half).argmin()]
+    found = [start, goal]
+    while len(found) < 2 + _COUNT:
+        apart = np.min([np.hypot(*(there - place).T) for place in found], axis=0)
+        found.append(there[apart.argmax()])
+    return np.array(found)
+
+
+def _refusal(latitude: float, longitude: float, size: float, land: Any) -> str:
+    where = f"--at {latitude:g},{longitude:g}"
+    if shapely.intersects(land, shapely.Point(0.0, 0.0)):
+        far = distance_to_coast(longitude, latitude) / 1000.0
+        return (
+            f"{where}: is on land, {far:.0f} km from the sea by the packaged coast, which knows no rivers: "
+            f"too little water in an area of {size:g} km: give a place at sea, or a greater --size"
+        )
+    return f"{where}: too little water in an area of {size:g} km: give a place farther off, or another --size"
+
+
+def _time(places: Array) -> int:
+    """Return a time available, s, in which the jobs can be done: by the nearest next one, and some more."""
+    left, here, length = [*places[2:]], places[0], 0.0
+    while left:
+        steps = [float(np.hypot(*(place - here))) for place in left]
+        length += min(steps)
+        here = left.pop(int(np.argmin(steps)))
+    length += float(np.hypot(*(places[1] - here)))
+    return int(np.ceil((_DETOUR * length / _SPEED + 60.0 * _COUNT) / 600.0)) * 600
+
+
+def _place(site: Site, place: Array) -> tuple[float, float]:
+    """Longitude and latitude, rounded to some metres."""
+    longitude, latitude = site.to_geographic(place[0], place[1])
+    return round(float(longitude), 5), round(float(latitude), 5)
+
+
+def _jobs(site: Site, places: Array) -> str:
+    features = []
+    for number, (place, depth) in enumerate(zip(places, _DEPTHS, strict=True), 1):
+        told = {"name": f"job {number}", "priority": 1 + number % 3, "duration": 60, "depth": depth}
+        at = {"type": "Point", "coordinates": list(_place(site, place))}
+        features.append({"type": "Feature", "properties": told, "geometry": at})
+    return _collection(features)
+
+
+def _coast(shapes: list[Polygon]) -> str:
+    rounded = [shapely.set_precision(shape, 1e-5) for shape in shapes]
+    parts = [part for part in shapely.get_parts(rounded) if isinstance(part, Polygon) and not part.is_empty]
+    return _collection(
+        [
+            {"type": "Feature", "properties": {}, "geometry": json.loads(shapely.to_geojson(part))}
+            for part in sorted(parts, key=lambda part: (-part.area, *part.bounds))
+        ]
+    )
+
+
+def _collection(features: list[dict]) -> str:
+    lines = ",\n".join(f"    {json.dumps(feature)}" for feature in features)
+    return f'{{\n  "type": "FeatureCollection",\n  "features": [\n{lines}\n  ]\n}}\n'
+
+
+def _scenario(site: Site, size: float, places: Array, coast: bool) -> str:
+    text = (files("auvplan") / "data" / "example" / "scenario_at.yaml").read_text(encoding="utf-8")
+    half, box = round(500.0 * size), _bounds(site, 500.0 * size)
+    (start, goal), wide = (_place(site, place) for place in places[:2]), [round(axis, 3) for axis in box]
+    land = (
+        "source: polygons                    # land as GeoJSON, GeoPackage or Shapefile\n"
+        f"  file: {_COAST}\n  pixel_size: {max(10, round(2.0 * size))}                      # m"
+    )
+    values = {
+        "LONGITUDE": f"{site.longitude:.7g}",
+        "LATITUDE": f"{site.latitude:.7g}",
+        "HALF": str(half),
+        "CHART": land if coast else "source: none                        # open water",
+        "BOX": ",".join(f"{axis:.3f}" for axis in wide),
+        "START": f"{{longitude: {start[0]}, latitude: {start[1]}, depth: 5}}",
+        "GOAL": f"{{longitude: {goal[0]}, latitude: {goal[1]}, depth: 5}}",
+        "TIME": str(_time(places)),
+        "CAUTION": CAUTION.replace("; ", ";\n# ").replace("the coast", "The coast", 1),
+    }
+    for name, value in values.items():
+        text = text.replace(f"@{name}@", value)
+    return text
+
+
+__all__ = ["CAUTION", "Beginning", "write_example_at"]

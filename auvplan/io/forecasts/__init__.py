@@ -1,0 +1,5 @@
+"""Currents from servers of ocean forecasts: Copernicus Marine, ERDDAP, OPeNDAP."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

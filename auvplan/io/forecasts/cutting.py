@@ -1,0 +1,214 @@
+"""Which variables of a data set, and which indices of its dimensions, a request needs."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvplan.io.currents.geometry import Curvilinear, Regular
+from auvplan.io.currents.names import find_places, standard_name
+from auvplan.io.currents.ocean import OceanData, describe, ocean_of
+from auvplan.io.currents.opening import File, text
+from auvplan.io.currents.times import decode_times, find_time, stamp
+from auvplan.io.forecasts.request import Request
+
+#: Places along a side of the box at which the grid's cells are looked up.
+_ALONG = 201
+#: s by which times of a request may lie beyond the data's.
+_SLACK = 0.5
+#: What belongs to a grid beside places and levels, by name: angle, masks and the parameters of s-levels.
+_GRID = (
+    "angle", "ANGLE", "mask_rho", "wetdry_mask_rho", "wetdry_mask",
+    "s_rho", "sc_r", "Cs_r", "Cs_rho", "hc", "Vtransform", "s_w", "sc_w", "Cs_w",
+)  # fmt: skip
+_RUN = "forecast_reference_time"
+_RUN_ATTRIBUTES = (
+    "forecast_reference_time", "bulletin_date", "model_initialization_time", "analysis_time", "run_time",
+)  # fmt: skip
+
+Indices = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Cut:
+    """A part of a data set.
+
+    Attributes:
+        names: of the variables, each once.
+        picks: indices by dimension, in the order in which they are to follow each other; dimensions that are
+            not named are taken whole.
+        seam: the longitudes, where the part reaches over the seam of a grid round the globe; or None.
+        notes: what is to be told of it.
+    """
+
+    names: tuple[str, ...]
+    picks: dict[str, Indices]
+    seam: str | None
+    notes: tuple[str, ...]
+
+
+def cut_of(file: File, request: Request) -> Cut:
+    """Return the part of a data set that holds a request, with a rim of a cell around its box.
+
+    Args:
+        file: the head of the data set.
+        request: box, times and depths.
+
+    Raises:
+        ForecastError: one line; the box or the times lie outside the data, or the grid cannot be cut.
+        CurrentError: the data set has no current that can be read.
+    """
+    ocean = ocean_of((file,))
+    grid = ocean.geometry
+    if not isinstance(grid, Regular | Curvilinear):
+        raise request.fail(
+            "is a mesh, which is not cut: download its files whole, and name them in current.files"
+        )
+    level = ocean.velocity.east.levels.dim
+    picks = _places(ocean, grid, request)
+    if ocean.series.time_dim is not None:
+        picks[ocean.series.time_dim] = _times(ocean, request)
+    else:
+        _times(ocean, request)
+    notes = list(ocean.notes)
+    if level is not None:
+        picks[level] = _levels(ocean, request, notes)
+    names = _names(file, ocean, set(picks))
+    for name in names:
+        for dim, size in file.variables[name].sizes.items():
+            if dim in picks and picks[str(dim)].max(initial=0) >= size:
+                raise request.fail(
+                    f"{name} lies on the edges of cells in a way that is not cut: download its files whole, "
+                    "and name them in current.files"
+                )
+    over = isinstance(grid, Regular) and (np.diff(picks[grid.dims[1]]) < 0).any()
+    seam = find_places(file, ocean.velocity.east.name)[0] if over else None
+    return Cut(names, picks, seam, tuple(notes))
+
+
+def reference_time(file: File) -> str:
+    """Return when the run that made a forecast began, ISO 8601 in UTC, where the data set tells; else "".
+
+    Where it holds several runs, it is the latest one's.
+    """
+    for name in file.variables:
+        if standard_name(file, name) == _RUN and file.variables[name].ndim < 2:
+            seconds, _ = decode_times(file, name)
+            return stamp(seconds.max())
+    told = (text(file.attributes, name) for name in _RUN_ATTRIBUTES)
+    return next((value for value in told if value), "")
+
+
+def _places(ocean: OceanData, grid: Regular | Curvilinear, request: Request) -> dict[str, Indices]:
+    """Indices of the points around a box, by dimension."""
+    west, south, east, north = request.box
+    along = np.linspace(0.0, 1.0, _ALONG)
+    x, y = west + along * ((east - west) % 360.0), south + along * (north - south)
+    sides = (x, np.full_like(x, south)), (x, np.full_like(x, north)), (np.full_like(y, west), y)
+    sides += ((np.full_like(y, x[-1]), y),)
+    weights = grid.locate(*(np.concatenate(axis) for axis in zip(*sides, strict=True)))
+    if weights.outside.any():
+        least, most = np.nanmin(grid.longitude), np.nanmax(grid.longitude)
+        low, high = np.nanmin(grid.latitude), np.nanmax(grid.latitude)
+        raise request.fail(
+            f"the box reaches beyond the data {describe(weights.beyond)}: they cover longitudes {least:.6g} "
+            f"to {most:.6g} and latitudes {low:.6g} to {high:.6g}"
+        )
+    shape = (len(grid.latitude), len(grid.longitude)) if isinstance(grid, Regular) else grid.longitude.shape
+    found: dict[str, Indices] = {}
+    for (dim, pick), size in zip(grid.window(weights.index).picks.items(), shape, strict=True):
+        run = np.arange(pick.start, pick.stop) if isinstance(pick, slice) else pick
+        around = dim == grid.dims[1] and isinstance(grid, Regular) and _closed(grid.longitude)
+        found[dim] = _with_rim(run, size, around)
+    if grid.kind == "roms":
+        rows, columns = (found[dim] for dim in grid.dims)
+        u, v = (part.dims for part in (ocean.velocity.east, ocean.velocity.north))
+        # Edges lie between points: there is one less of them.
+        found |= {u[0]: rows, u[1]: columns[:-1]} | {v[0]: rows[:-1], v[1]: columns}
+    return found
+
+
+def _closed(longitude: NDArray[np.float64]) -> bool:
+    """Return whether columns go round the globe."""
+    steps = np.abs(np.diff(np.unwrap(longitude, period=360.0)))
+    step = float(np.median(steps)) if len(steps) else np.nan
+    return abs(float(steps.sum()) + step - 360.0) < 0.5 * step
+
+
+def _with_rim(run: Indices, size: int, around: bool) -> Indices:
+    """Return a run of indices with one more at each end, where there is one."""
+    wider = np.arange(run[0] - 1, run[0] + len(run) + 1)
+    if around:
+        return wider % size if len(wider) < size else np.arange(size)
+    return wider[(wider >= 0) & (wider < size)]
+
+
+def _times(ocean: OceanData, request: Request) -> Indices:
+    """Indices of the times from the last before the request to the first after it."""
+    begin, end = request.times
+    times = ocean.times
+    if begin < times[0] - _SLACK or end > times[-1] + _SLACK:
+        raise request.fail(
+            f"the times asked for, {stamp(begin)} to {stamp(end)}, lie outside the data, which are from "
+            f"{stamp(times[0])} to {stamp(times[-1])}"
+        )
+    first = max(int(np.searchsorted(times, begin + _SLACK, "right")) - 1, 0)
+    last = min(int(np.searchsorted(times, end - _SLACK)), len(times) - 1)
+    found = ocean.series.frames[first : max(first, last) + 1, 1]
+    return np.arange(found.min(), found.max() + 1)
+
+
+def _levels(ocean: OceanData, request: Request, notes: list[str]) -> Indices:
+    """Indices of the levels around the depths asked for; all where they follow the sea bed."""
+    levels, count = ocean.levels, ocean.level_count
+    if request.depths is None:
+        return np.arange(count)
+    if levels is None:
+        notes.append("the levels follow the sea bed: all of them are taken")
+        return np.arange(count)
+    least, most = request.depths
+    if least > levels[-1] + 1e-6:
+        raise request.fail(f"--depth begins at {least:g} m, and the deepest level is {levels[-1]:g} m")
+    if most > levels[-1] + 1e-6:
+        notes.append(f"the deepest level is {levels[-1]:g} m, {most:g} m were asked for")
+    first = max(int(np.searchsorted(levels, least + 1e-6, "right")) - 1, 0)
+    last = min(int(np.searchsorted(levels, most - 1e-6)), count - 1)
+    found = np.arange(first, max(first, last) + 1)
+    return found if ocean.velocity.east.levels.order.step != -1 else (count - 1 - found)[::-1]
+
+
+def _names(file: File, ocean: OceanData, dims: set[str]) -> tuple[str, ...]:
+    """Velocities, the height of the surface, and what tells where and when they are."""
+    points, velocity = ocean.velocity.points, ocean.velocity
+    told = [velocity.east.name, velocity.north.name]
+    up = velocity.up
+    if up is not None and (up.levels.dim in dims or ocean.levels is None):
+        told.append(up.name)
+    told += [name for name in (points.rise_name(), points.floor_name()) if name is not None]
+    staggered = ocean.kind == "roms"
+    told += find_places(file, velocity.east.name, staggered)
+    time_dims = tuple(str(dim) for dim in file.variables[velocity.east.name].dims)
+    told.append(find_time(file, time_dims))
+    hints = _hints(file, told)
+    for name, variable in file.variables.items():
+        grid = name in _GRID or standard_name(file, name) in ("sea_binary_mask", _RUN)
+        axis = name in dims or (variable.ndim == 1 and variable.dims[0] == velocity.east.levels.dim)
+        if grid or axis or name in hints:
+            told.append(name)
+    return tuple(dict.fromkeys(name for name in told if name in file.variables))
+
+
+def _hints(file: File, names: Sequence[str]) -> set[str]:
+    """Grid mappings of variables, and their coordinates without dimensions."""
+    found: set[str] = set()
+    for name in names:
+        variable = file.variables.get(name)
+        if variable is None:
+            continue
+        attributes: Any = {**variable.encoding, **variable.attrs}
+        found |= set(text(attributes, "grid_mapping").replace(":", " ").split())
+        scalar = text(attributes, "coordinates").split()
+        found |= {hint for hint in scalar if hint in file.variables and not file.variables[hint].ndim}
+    return found

@@ -1,0 +1,316 @@
+"""Jobs from files that other programs write: GPX, KML and KMZ, QGroundControl's plans."""
+
+import json
+import zipfile
+
+import fastkml
+import gpxpy.gpx
+import numpy as np
+import pygeoif
+import pytest
+
+from auvplan.errors import ScenarioWarning
+from auvplan.io.geo import GeoError, read_jobs
+from auvplan.site import Site
+
+SITE = Site(148.96, -20.34)
+
+
+def lonlat(place):
+    return [float(degrees) for degrees in SITE.to_geographic(place[1], place[0])]
+
+
+def close(found, places):
+    """Local positions against places of longitude, latitude and depth."""
+    north, east = SITE.to_local(*np.transpose([place[:2] for place in places]))
+    expected = np.stack([north, east, [place[2] for place in places]], axis=1)
+    np.testing.assert_allclose(found, expected, atol=1e-3)
+
+
+def test_gpx_waypoints_as_gpxpy_writes_them(tmp_path):
+    made = gpxpy.gpx.GPX()
+    made.waypoints = [
+        gpxpy.gpx.GPXWaypoint(-20.344, 148.9415, elevation=-12.5, name="tide gauge", symbol="Flag"),
+        gpxpy.gpx.GPXWaypoint(-20.313, 148.94, comment="no name, no depth"),
+    ]
+    path = tmp_path / "jobs.gpx"
+    path.write_text(made.to_xml())
+    jobs = read_jobs(path, SITE, default_depth=3.0)
+    assert [(job.name, job.priority, job.duration) for job in jobs.points] == [
+        ("tide gauge", 1, 0),
+        ("2", 1, 0),
+    ]
+    close([job.position for job in jobs.points], [(148.9415, -20.344, 12.5), (148.94, -20.313, 3.0)])
+    assert jobs.notes == (
+        f"{path}: priority is not told by 2 of 2 jobs: taken as 1",
+        f"{path}: duration is not told by 2 of 2 jobs: taken as 0 s",
+        f"{path}: depth is not told by 1 of 2 jobs: taken as 3 m",
+    )
+    made.routes = [gpxpy.gpx.GPXRoute("r")]
+    path.write_text(made.to_xml(version="1.0"))
+    with pytest.warns(ScenarioWarning, match="routes and tracks are left unread"):
+        assert len(read_jobs(path, SITE).points) == 2
+
+
+def placemarks(*marks):
+    """A document of placemarks (name, geometry, extended data, altitude mode), as fastkml writes it."""
+    features = []
+    for name, shape, data, mode in marks:
+        told = [fastkml.Data(name=key, value=str(value)) for key, value in data.items()]
+        geometry = fastkml.geometry.create_kml_geometry(shape, altitude_mode=mode)
+        features.append(
+            fastkml.Placemark(
+                name=name, kml_geometry=geometry, extended_data=fastkml.ExtendedData(elements=told)
+            )
+        )
+    document = fastkml.Document(features=[fastkml.Folder(features=features)])
+    return fastkml.KML(features=[document]).to_string()
+
+
+ABSOLUTE = fastkml.enums.AltitudeMode.absolute
+MARKS = [
+    ("wreck", pygeoif.Point(148.989, -20.366, -22.0), {"Priority": 5, "duration": 300}, ABSOLUTE),
+    ("buoy", pygeoif.Point(148.95, -20.35, 0.0), {"depth": 8}, None),
+    (
+        "sound",
+        pygeoif.LineString([(148.945, -20.327, -12.0), (148.937, -20.323, -14.0)]),
+        {"priority": 4},
+        ABSOLUTE,
+    ),
+    ("plain", pygeoif.Point(148.94, -20.33), {}, None),
+]
+
+
+@pytest.mark.parametrize("name", ["jobs.kml", "jobs.kmz"])
+def test_kml_placemarks_as_fastkml_writes_them(tmp_path, name):
+    path = tmp_path / name
+    if name.endswith("kmz"):
+        with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+            archive.writestr("files/icon.png", b"")
+            archive.writestr("doc.kml", placemarks(*MARKS))
+    else:
+        path.write_text(placemarks(*MARKS))
+    jobs = read_jobs(path, SITE, default_depth=2.0)
+    told = [(job.name, job.priority, job.duration) for job in (*jobs.points, *jobs.lines)]
+    assert told == [("wreck", 5, 300), ("buoy", 1, 0), ("plain", 1, 0), ("sound", 4, 0)]
+    close(
+        [job.position for job in jobs.points],
+        [(148.989, -20.366, 22), (148.95, -20.35, 8), (148.94, -20.33, 2)],
+    )
+    close(jobs.lines[0].positions, [(148.945, -20.327, 12), (148.937, -20.323, 14)])
+    assert [note.partition(": ")[2] for note in jobs.notes] == [
+        "priority is not told by 2 of 4 jobs: taken as 1",
+        "duration is not told by 3 of 4 jobs: taken as 0 s",
+        "depth is not told by 1 of 4 jobs: taken as 2 m",
+    ]
+
+
+def test_kml_as_gdal_writes_it(tmp_path):
+    raw = pytest.importorskip("pyogrio.raw")
+    import shapely
+
+    path = tmp_path / "jobs.kml"
+    places = shapely.to_wkb(shapely.points([[148.95, -20.35], [148.96, -20.36]]))
+    fields = [np.array(["a", "b"], object), np.array([3, 2]), np.array([7.5, 9.0])]
+    raw.write(
+        str(path),
+        places,
+        fields,
+        ["Name", "priority", "depth"],
+        driver="KML",
+        geometry_type="Point",
+        crs="EPSG:4326",
+    )
+    jobs = read_jobs(path, SITE)
+    assert [(job.name, job.priority, job.position[2]) for job in jobs.points] == [
+        ("a", 3, 7.5),
+        ("b", 2, 9.0),
+    ]
+
+
+def item(command=16, hold=0, place=(-20.35, 148.95, -9.0), **more):
+    params = [hold, 5, 0, None, *place]
+    made = {"type": "SimpleItem", "command": command, "frame": 3, "params": params, "autoContinue": True}
+    return made | {"Altitude": place[2], "AltitudeMode": 1, "AMSLAltAboveTerrain": None, "doJumpId": 1} | more
+
+
+def survey(depth=15.0, **more):
+    """As QGroundControl 4 saves one."""
+    points = [[-20.33, 148.95], [-20.34, 148.95], [-20.34, 148.952], [-20.33, 148.952]]
+    style = {
+        "CameraCalc": {"CameraName": "Manual (no camera specs)", "DistanceToSurface": -depth, "version": 2},
+        "Items": [],
+        "VisualTransectPoints": points,
+        "version": 2,
+    }
+    return {
+        "TransectStyleComplexItem": style | more,
+        "angle": 0,
+        "complexItemType": "survey",
+        "polygon": points,
+        "type": "ComplexItem",
+        "version": 5,
+    }
+
+
+def plan(path, *items):
+    mission = {"items": list(items), "version": 2, "plannedHomePosition": [-20.34, 148.96, 0]}
+    path.write_text(json.dumps({"fileType": "Plan", "version": 1, "mission": mission}))
+    return path
+
+
+def test_plans_of_qgroundcontrol(tmp_path):
+    speed = {"type": "SimpleItem", "command": 178, "frame": 2, "params": [1, 1.5, -1, 0, 0, 0, 0]}
+    path = plan(
+        tmp_path / "a.plan", speed, item(hold=60), item(19, 30, (-20.36, 148.96, -4)), survey(), item(21)
+    )
+    jobs = read_jobs(path, SITE, default_depth=2.0)
+    assert [(job.name, job.priority, job.duration) for job in jobs.points] == [("2", 1, 60), ("3", 1, 30)]
+    close([job.position for job in jobs.points], [(148.95, -20.35, 9), (148.96, -20.36, 4)])
+    (line,) = jobs.lines
+    assert (line.name, line.priority, line.duration) == ("survey 4", 1, 0)
+    corners = survey()["TransectStyleComplexItem"]["VisualTransectPoints"]
+    close(line.positions, [(lon, lat, 15.0) for lat, lon in corners])
+    assert f"{path}: items that are no waypoints or surveys are left unread: 1 (178), 5 (21)" in jobs.notes
+
+
+def gpx(body):
+    return f'<?xml version="1.0"?><gpx xmlns="http://www.topografix.com/GPX/1/1" version="1.1">{body}</gpx>'
+
+
+def kml(body):
+    return f'<kml xmlns="http://www.opengis.net/kml/2.2"><Document><Placemark><name>a</name>{body}</Placemark></Document></kml>'
+
+
+def point(coordinates, mode=""):
+    mode = mode and f"<altitudeMode>{mode}</altitudeMode>"
+    return kml(f"<Point>{mode}<coordinates>{coordinates}</coordinates></Point>")
+
+
+BOMB = '<!DOCTYPE x [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;">]>'
+FAULTS = {
+    "no waypoint": ("a.gpx", gpx("<rte/>"), r"no waypoints \(wpt\)"),
+    "longitude": (
+        "a.gpx",
+        gpx('<wpt lat="-20"><name>w</name></wpt>'),
+        "waypoint 1 'w': lon must be a number, got ''",
+    ),
+    "elevation": (
+        "a.gpx",
+        gpx('<wpt lat="-20" lon="149"><ele>deep</ele></wpt>'),
+        "waypoint 1: ele must be a number",
+    ),
+    "above the sea": (
+        "a.gpx",
+        gpx('<wpt lat="-20" lon="149"><ele>5</ele></wpt>'),
+        "waypoint 1: elevation 5 m is above",
+    ),
+    "swapped": (
+        "a.gpx",
+        gpx('<wpt lat="149" lon="-20"/>'),
+        "waypoint 1: .*longitude and latitude seem swapped",
+    ),
+    "other root": ("a.gpx", "<kml/>", "is no GPX: its root is kml"),
+    "no xml": ("a.gpx", "<gpx>\n<wpt>", "line 2, column 6: not valid XML"),
+    "entities": ("a.gpx", BOMB + "<gpx>&b;</gpx>", "document type or entities"),
+    "file of elsewhere": (
+        "a.kml",
+        '<!DOCTYPE x [<!ENTITY a SYSTEM "file:///etc/passwd">]><kml>&a;</kml>',
+        "document type",
+    ),
+    "no placemarks": ("a.kml", "<kml/>", "has no placemarks"),
+    "polygon": (
+        "a.kml",
+        kml("<Polygon/>"),
+        "placemark 1 'a': a Polygon, where Point or LineString is wanted",
+    ),
+    "no geometry": ("a.kml", kml(""), "placemark 1 'a': has no geometry"),
+    "no number": ("a.kml", point("148.9, -20.3"), "placemark 1 'a': coordinates must be a number, got ''"),
+    "bottom": (
+        "a.kml",
+        point("148.9,-20.3,5", "relativeToSeaFloor"),
+        "altitudeMode relativeToSeaFloor counts from the sea bed",
+    ),
+    "altitude": (
+        "a.kml",
+        point("148.9,-20.3,5", "absolute"),
+        "placemark 1 'a': elevation 5 m is above the sea",
+    ),
+    "no zip": ("a.kmz", "text", "a.kmz: "),
+    "no plan": ("a.plan", "{}", "no mission.items"),
+    "no json": ("a.plan", "{", "not valid JSON"),
+}
+
+
+@pytest.mark.parametrize("case", FAULTS)
+def test_faults_are_one_line(tmp_path, case):
+    name, text, words = FAULTS[case]
+    path = tmp_path / name
+    path.write_text(text)
+    with pytest.raises(GeoError, match=words) as told:
+        read_jobs(path, SITE)
+    assert str(told.value).startswith(f"{path}: ")
+    assert "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        (item(place=(-20.35, 148.95, 9.0)), "item 1: elevation 9 m is above the sea"),
+        (item(frame=10), "item 1: frame 10"),
+        (item(params=[0, 0, 0, None, "x", 148.95, -9]), "item 1: params must tell"),
+        (item(params=[1]), "item 1: params must be seven"),
+        (survey(depth=-50.0), "item 1: elevation 50 m is above the sea"),
+        (survey(VisualTransectPoints=[]), "item 1: the survey has no VisualTransectPoints"),
+        (survey(VisualTransectPoints=[[1, 2], ["x", 3]]), "VisualTransectPoints must be"),
+        ("item", "item 1: is no mission item"),
+    ],
+)
+def test_faults_of_plans_name_the_item(tmp_path, wrong, words):
+    path = plan(tmp_path / "a.plan", wrong, item(hold="long"))
+    with pytest.raises(GeoError, match=words) as told:
+        read_jobs(path, SITE)
+    assert told.value.lines[1] == f"{path}: item 2: duration must be a finite number, got 'long'"
+
+
+def test_altitudes_that_kml_lays_on_the_ground(tmp_path):
+    path = tmp_path / "a.kml"
+    path.write_text(point("148.95,-20.35,120"))
+    jobs = read_jobs(path, SITE, default_depth=1.0)
+    assert jobs.points[0].position[2] == 1.0
+    assert any("count for nothing" in note for note in jobs.notes)
+    path.write_text(point("148.95,-20.35,-7"))
+    assert read_jobs(path, SITE, default_depth=1.0).points[0].position[2] == 7.0
+
+
+def test_a_scenario_tells_what_was_assumed(tmp_path):
+    from auvplan.io.examine import examine_scenario
+    from tests.io.small_site import SmallSite
+
+    site = SmallSite(tmp_path / "site")
+    plan(site.folder / "jobs.plan", item(hold=30, place=(-20.345, 148.97, -5.0)))
+    site.set(mission={"jobs": "jobs.plan"})
+    found = examine_scenario(site.folder / "scenario.yaml")
+    assert found.lines == []
+    assert [note for note in found.notes if "jobs.plan" in note] == [
+        f"{site.folder / 'jobs.plan'}: priority is not told by 1 of 1 job: taken as 1"
+    ]
+    plan(site.folder / "jobs.plan", item(place=(-20.345, 148.97, 5.0)), item(frame=10))
+    lines = examine_scenario(site.folder / "scenario.yaml").lines
+    assert ["item 1" in lines[0], "item 2" in lines[1], len(lines)] == [True, True, 2]
+
+
+def test_they_need_a_site(tmp_path):
+    with pytest.raises(GeoError, match="need a site"):
+        read_jobs(plan(tmp_path / "a.plan", item()), None)
+
+
+def test_our_own_plan_is_read_back(tmp_path):
+    from auvplan.export.qgroundcontrol import write_qgc
+    from tests.export.sample import make_itinerary
+
+    made = make_itinerary()
+    path = write_qgc(made, tmp_path / "itinerary.plan")
+    jobs = read_jobs(path, made.site)
+    assert len(jobs.points) >= 2
+    assert all(job.position[2] >= 0.0 for job in jobs.points)
