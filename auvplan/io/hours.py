@@ -3,10 +3,10 @@
 import csv
 import json
 from collections.abc import Iterator
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
 import xarray as xr
 
 from auvplan.io.ledger import TIME_TOLERANCE, Leg
@@ -61,8 +61,8 @@ def _windows_of_jobs(dataset: xr.Dataset) -> dict[str, tuple[list[tuple[Any, Any
     path = Path(str(dataset.attrs["scenario_folder"])) / Path(name).expanduser()
     epoch = None
     if told := dataset.attrs.get("site_epoch"):
-        epoch = pd.Timestamp(str(told)).tz_convert("UTC")
-        epoch -= pd.Timedelta(seconds=float(dataset.attrs.get("departed", 0.0)))
+        epoch = datetime.fromisoformat(str(told))
+        epoch -= timedelta(seconds=float(dataset.attrs.get("departed", 0.0)))
     found = {}
     for number, row in enumerate(_rows(path), 1):
         told = {str(key).strip().lower(): value for key, value in row.items() if key is not None}
@@ -92,7 +92,7 @@ def _rows(path: Path) -> list[dict[str, Any]]:
     return []
 
 
-def _moment(value: Any, epoch: pd.Timestamp | None, last: bool) -> Any:
+def _moment(value: Any, epoch: datetime | None, last: bool) -> Any:
     """Return seconds since the epoch, or ("daily", s) of a time of day; infinite where it is open."""
     text = "" if value is None else str(value).strip()
     if text in ("", ".."):
@@ -104,7 +104,6 @@ def _moment(value: Any, epoch: pd.Timestamp | None, last: bool) -> Any:
     if epoch is None:
         return float("nan")
     if "T" in text or "-" in text[:5]:
-        return float((pd.Timestamp(text).tz_convert("UTC") - epoch).total_seconds())
-    return "daily", float(
-        (pd.Timestamp(f"2000-01-01T{text.zfill(5)}").tz_convert("UTC") - epoch).total_seconds() % _DAY
-    )
+        return (datetime.fromisoformat(text) - epoch).total_seconds()
+    moment = datetime.fromisoformat(f"2000-01-01T{'0' * (text[1] == ':') + text}")
+    return "daily", (moment - epoch).total_seconds() % _DAY
