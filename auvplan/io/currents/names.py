@@ -205,10 +205,11 @@ def _place(file: File, of: str, kind: str, names: Iterable[str], hints: Sequence
 
 
 def find_floor(file: File, dims: Sequence[str]) -> str | None:
-    """The depth of the sea bed on the dimensions of places, by standard name or ROMS' and FVCOM's h."""
+    """The sea bed on the dimensions of places: by standard name, ROMS' and FVCOM's h, D-Flow's altitude."""
     fitting = [name for name, variable in file.variables.items() if set(variable.dims) == set(dims)]
     named = [name for name in fitting if standard_name(file, name) in _FLOOR_NAMES]
     plain = [name for name in ("h", "deptho", "bathymetry") if name in fitting]
     if "SCHISM_hgrid" in file.variables and "depth" in fitting:
         plain.append("depth")
+    plain += [n for n in fitting if n.endswith("flowelem_bl") and standard_name(file, n) == "altitude"]
     return (named + plain + [None])[0]

@@ -16,7 +16,7 @@ from auvplan.io.currents.opening import File, Paths, open_files
 from auvplan.io.currents.projection import find_crs, in_degrees
 from auvplan.io.currents.series import Array, Series, in_order
 from auvplan.io.currents.times import moment_of, seconds_of, stamp
-from auvplan.io.currents.triangles import find_triangles
+from auvplan.io.currents.triangles import Triangles, find_triangles
 from auvplan.io.currents.velocity import Velocity, find_velocity
 from auvplan.io.currents.weights import ENOUGH, Index, Weights, mix_gathered
 from auvplan.ocean.gridded import CurrentError
@@ -285,6 +285,15 @@ def _standardised(files: Sequence[File]) -> OceanData:
     series = in_order(files, names.east, places or ())
     notes = list(series.notes)
     geometry = _geometry(series, names, places)
+    if isinstance(geometry, Curvilinear) and geometry.folds:
+        grid = " and ".join(places or ())
+        raise series.fail(f"the grid of {grid} folds over itself: they contradict each other")
+    if isinstance(geometry, Triangles) and geometry.overlaps:
+        raise series.fail("the cells of the mesh lie over each other: places and connectivity contradict")
+    if torn := _torn(geometry):
+        notes.append(
+            f"{torn} sides or triangles of the grid are far longer than usual: there are no cells there"
+        )
     velocity = find_velocity(series, names, geometry, notes)
     return OceanData(
         geometry.kind, geometry.longitude, geometry.latitude, series.times, velocity.east.levels.fixed,
@@ -302,6 +311,14 @@ def _places(file: File, names: Names) -> tuple[str, str] | None:
         if staggered or find_triangles(file, names.east, None) is None:
             raise
         return None
+
+
+def _torn(geometry: Geometry) -> int:
+    """Return how many sides of cells are too long to be any."""
+    if isinstance(geometry, Curvilinear):
+        return sum(int((step > geometry.longest).sum()) for step in geometry.steps)
+    cells = geometry.cells if isinstance(geometry, Triangles) else None
+    return 0 if cells is None else int((~cells.whole).sum())
 
 
 def _geometry(series: Series, names: Names, places: tuple[str, str] | None) -> Geometry:

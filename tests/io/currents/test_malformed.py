@@ -218,6 +218,18 @@ def test_series_that_do_not_fit(tmp_path):
             open_ocean([first, other])
 
 
+@pytest.mark.parametrize("name", ["s_rho", "Cs_r", "h", "hc", "angle"])
+def test_series_whose_levels_or_directions_differ(tmp_path, name):
+    first, second = roms(), roms()
+    second["ocean_time"] = second["ocean_time"] + 7200.0
+    second["ocean_time"].attrs = first["ocean_time"].attrs
+    values = second[name].values
+    second[name] = (second[name].dims, values[::-1] if values.ndim == 1 else values * 1.1, second[name].attrs)
+    paths = [write(data, tmp_path / f"{k}.nc") for k, data in enumerate((first, second))]
+    with pytest.raises(CurrentError, match=rf"1\.nc and 0\.nc: the grids differ in {name}"):
+        open_ocean(paths)
+
+
 def test_absurd_sizes_are_refused_before_they_are_read(tmp_path, monkeypatch):
     path = write(regular(), tmp_path / "a.nc")
     monkeypatch.setattr(reader, "MAX_VALUES", 100)
