@@ -398,7 +398,9 @@ def roms(
             number = known[0].astype(int) + known[1]
             parts.append(np.where((number > 0) & mask, total / np.maximum(number, 1), np.nan))
         angle, degrees = np.zeros((ny, nx)), False
-        if aligned is False:
+        if aligned:
+            angle = np.full((ny, nx), np.pi * (np.nanmean(np.diff(longitude, axis=1)) < 0.0))
+        else:
             angle, units = raw.values("angle", grid_dims), raw.attribute("angle", "units").lower()
             degrees = units.startswith("deg") or (not units and np.nanmax(np.abs(angle)) > 2.0 * np.pi)
         east, north = turned(*parts, np.deg2rad(angle) if degrees else angle)
@@ -486,7 +488,10 @@ def mesh(
         table = raw.values(connectivity)
         table = table.T if table.shape[0] < table.shape[1] else table
         start = raw.attribute(connectivity, "start_index")
-        first = float(start) if start else float(np.nanmax(table) == len(corner_x))
+        counted = np.nanmax(table) == len(corner_x) or (
+            connectivity in ("nv", "ele") and np.nanmin(table) > 0
+        )
+        first = float(start) if start else float(counted)
         corners = [np.asarray(row[np.isfinite(row) & (row >= first)] - first, int) for row in table]
         if max(row.max() for row in corners) >= len(corner_x):
             raise Unreadable("connectivity does not fit")

@@ -65,7 +65,7 @@ nodes of the local grid that the planner gets, which is in single precision, whe
 land. Rows above {same} say why."""
 BEDS = """## Sea beds and charts
 
-Depths on the local grid by bilinear interpolation, m; passability of a chart's pixels; a picture's colours."""
+Depths on the local grid by bilinear interpolation, m; passability of charts' pixels; colours of pictures."""
 MUTATED = """## Damaged and altered copies
 
 Copies of each real file, cut to four times and the variables of the current. Bytes: cut off,

@@ -99,6 +99,9 @@ def _by_name(file: File) -> Names:
     for east, north in _PAIRS:
         if east in file.variables and north in file.variables:
             names = [standard_name(file, name) for name in (east, north)]
+            if re.search("northward|_y_|^y_", names[0]) or re.search("eastward|_x_|^x_", names[1]):
+                told = " and ".join(name or "none" for name in names)
+                raise CurrentError(f"{file.path}: {east} and {north} have standard names {told}: in doubt")
             # u and v are also winds, ice and waves.
             if all(not name or "sea_water" in name for name in names):
                 return Names(east, north, None, "east" not in east)

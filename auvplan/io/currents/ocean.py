@@ -284,7 +284,7 @@ def _standardised(files: Sequence[File]) -> OceanData:
     places = _places(files[0], names)
     series = in_order(files, names.east, places or ())
     notes = list(series.notes)
-    geometry = _geometry(series, names, places)
+    geometry = _geometry(series, names, places, notes)
     if isinstance(geometry, Curvilinear) and geometry.folds:
         grid = " and ".join(places or ())
         raise series.fail(f"the grid of {grid} folds over itself: they contradict each other")
@@ -308,7 +308,7 @@ def _places(file: File, names: Names) -> tuple[str, str] | None:
     try:
         return find_places(file, names.east, staggered)
     except CurrentError:
-        if staggered or find_triangles(file, names.east, None) is None:
+        if staggered or find_triangles(file, names.east, None, []) is None:
             raise
         return None
 
@@ -321,10 +321,10 @@ def _torn(geometry: Geometry) -> int:
     return 0 if cells is None else int((~cells.whole).sum())
 
 
-def _geometry(series: Series, names: Names, places: tuple[str, str] | None) -> Geometry:
+def _geometry(series: Series, names: Names, places: tuple[str, str] | None, notes: list[str]) -> Geometry:
     file = series.files[0]
     if places is None:
-        found = find_triangles(file, names.east, None)
+        found = find_triangles(file, names.east, None, notes)
         assert found is not None
         return found
     longitude, latitude, crs = in_degrees(file, places)
@@ -340,7 +340,7 @@ def _geometry(series: Series, names: Names, places: tuple[str, str] | None) -> G
         own = crs or find_crs(file, (names.east, *places))
         return Curvilinear(dims[0], longitude, latitude, kind, own)
     if dims[0] == dims[1] and longitude.ndim == 1:
-        found = find_triangles(file, names.east, places)
+        found = find_triangles(file, names.east, places, notes)
         assert found is not None
         return found
     if longitude.ndim > 1 or latitude.ndim > 1:

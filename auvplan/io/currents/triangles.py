@@ -173,13 +173,16 @@ def cell_means(cells: Cells, values: Array, index: Index) -> Array:
     return (values[..., corners] * there).sum(axis=-1) / there.sum(axis=-1)
 
 
-def find_triangles(file: File, name: str, places: tuple[str, str] | None) -> Triangles | None:
+def find_triangles(
+    file: File, name: str, places: tuple[str, str] | None, notes: list[str]
+) -> Triangles | None:
     """Return the geometry of a variable along one dimension, or None where the file has no places for it.
 
     Args:
         file: opened.
         name: of a velocity component.
         places: longitude and latitude of its values; None where they are not told.
+        notes: get what has to be assumed.
 
     Raises:
         CurrentError: the connectivity does not fit the nodes.
@@ -192,6 +195,7 @@ def find_triangles(file: File, name: str, places: tuple[str, str] | None) -> Tri
         if named is not None:
             longitude, latitude, crs = in_degrees(file, named)
             return Triangles((cells.cell_dim,), longitude, latitude, cells, True, crs)
+        notes.append("the places of the cells' middles are not told: taken as the means of their corners")
         everything = np.arange(len(cells.corners))
         # As directions, longitudes on both sides of the date line have a middle.
         turned = np.exp(1j * np.deg2rad(cells.longitude))
@@ -240,7 +244,9 @@ def find_cells(file: File) -> Cells | None:
     nodes = file.variables[places[0]].size
     finite = values[np.isfinite(values)]
     start = text(variable.attrs, "start_index")
-    first = float(start) if start else float(len(finite) > 0 and finite.max() == nodes)
+    # UGRID counts from 0 without word of it; models from 1, also where a cut lost the last node.
+    counted = bool(len(finite)) and (finite.max() == nodes or (name in _CONNECTIVITY and finite.min() > 0))
+    first = float(start) if start else float(counted)
     corners = np.where(np.isfinite(values) & (values >= first), values - first, -1.0).astype(np.int64)
     if corners.shape[1] < 3 or (corners[:, :3] < 0).any() or corners.max() >= nodes:
         raise CurrentError(f"{file.path}: connectivity {name} does not fit the {nodes} nodes of {places[0]}")

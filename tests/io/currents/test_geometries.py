@@ -429,6 +429,17 @@ def test_a_node_far_away_makes_no_cells(tmp_path):
         assert ocean.geometry.locate(np.array([-60.0]), lat[20:21]).weight.sum() == 0.0
 
 
+def test_corners_count_from_one_also_where_the_last_node_is_lost(tmp_path):
+    data = fvcom()
+    for name, (dims, values, about) in data.items():
+        if "nele" in dims:
+            data[name] = (dims, np.take(values, np.arange(30), axis=dims.index("nele")), about)
+    assert data["nv"][1].max() < len(data["lon"][1])
+    with open_ocean(write_plain(data, tmp_path / "cut.nc")) as ocean:
+        close(ocean, ocean.longitude, ocean.latitude, 25.0, 0.5)
+        assert ocean.geometry.cells.corners.min() == 0
+
+
 def test_cells_that_lie_over_each_other_are_refused(tmp_path):
     data = ugrid("node")
     data["mesh_y"][1][:] = np.random.default_rng(0).permutation(data["mesh_y"][1])

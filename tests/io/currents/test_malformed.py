@@ -11,6 +11,7 @@ from tests.io.currents.samples import (
     BOX,
     LAT,
     LON,
+    NORTH,
     SITE,
     START,
     fvcom,
@@ -57,6 +58,7 @@ def put(index, value):
 MALFORMED = {
     "no current": (lambda d: d.drop_vars(["uo", "vo"]), "no current: neither a variable with standard_name"),
     "no partner": (lambda d: d.drop_vars("vo"), "uo has no partner northward_sea_water_velocity"),
+    "two northward": (attrs("uo", standard_name=NORTH["standard_name"]), "uo and vo have standard names"),
     "no time": (lambda d: d.drop_vars("time"), "no time coordinate"),
     "no longitude": (lambda d: d.drop_vars("longitude"), "uo has no longitude"),
     "no depths": (lambda d: d.drop_vars("depth"), "uo has levels along depth, but no depths of them"),
