@@ -13,6 +13,10 @@ from auvplan.site import Site
 
 #: Metres in a degree of latitude, near enough for telling how far outside a place is.
 DEGREE = 111_195.0
+#: Neighbours that lie so many times as far apart as usual are none.
+_TORN = 30.0
+#: So large a share of cells lies the other way round at the seams of sound grids.
+_FOLDED = 0.05
 #: Places beyond an axis by less, in degrees, are taken to be on its end.
 _SLACK = 1e-6
 
@@ -166,10 +170,38 @@ class Curvilinear:
         """Number of points."""
         return self.longitude.size
 
+    @cached_property
+    def steps(self) -> tuple[Array, Array]:
+        """Distances, m, near enough, between neighbours along rows and along columns."""
+        shrunk = np.cos(np.deg2rad(self.latitude))
+        across, along = (
+            DEGREE
+            * np.hypot(_wrapped(np.diff(self.longitude, axis=k)) * part, np.diff(self.latitude, axis=k))
+            for k, part in ((1, shrunk[:, 1:]), (0, shrunk[1:]))
+        )
+        return across, along
+
+    @cached_property
+    def longest(self) -> float:
+        """Longest side, m, of a cell: beyond it the nodes are no neighbours."""
+        usual = [float(np.median(step[step > 0.0])) for step in self.steps if (step > 0.0).any()]
+        return _TORN * max(usual, default=np.inf)
+
+    @property
+    def folds(self) -> bool:
+        """Whether a part of the cells lies the other way round than the rest."""
+        east = [_wrapped(np.diff(self.longitude, axis=k)) for k in (1, 0)]
+        north = [np.diff(self.latitude, axis=k) for k in (1, 0)]
+        turn = east[0][:-1] * north[1][:, :-1] - east[1][:, :-1] * north[0][:-1]
+        across, along = (step <= self.longest for step in self.steps)
+        turn = turn[across[:-1] & across[1:] & along[:, :-1] & along[:, 1:] & (turn != 0.0)]
+        return bool(min((turn > 0.0).sum(), (turn < 0.0).sum()) > _FOLDED * len(turn))
+
     def locate(self, longitude: Array, latitude: Array) -> Weights:
         """Linear in the two triangles of each cell, in metres about the places.
 
-        Nodes without a place, as models leave them on land, are no corners.
+        Nodes without a place, as models leave them on land, are no corners; cells between nodes that lie far
+        apart, as where models leave places at zero, are none.
         """
         middle, apart = bounds(longitude, latitude)
         near = np.isfinite(self.longitude) & np.isfinite(self.latitude)
@@ -185,6 +217,8 @@ class Curvilinear:
         triangles = np.concatenate([corners[:, [0, 1, 2]], corners[:, [0, 2, 3]]])
         placed = np.isfinite(self.longitude) & np.isfinite(self.latitude)
         triangles = triangles[placed.ravel()[triangles].all(axis=1)]
+        lengths = edge_lengths(self.longitude.ravel(), self.latitude.ravel(), triangles)
+        triangles = triangles[(lengths <= self.longest).all(axis=1)]
         if not len(triangles):
             triangles = np.full((1, 3), nearest(self, middle))
         return within(self, triangles, middle, longitude, latitude)
@@ -201,6 +235,13 @@ class Curvilinear:
     def places(self, index: Index) -> tuple[Array, Array]:
         """Longitude and latitude of points, degrees."""
         return self.longitude.ravel()[index], self.latitude.ravel()[index]
+
+
+def edge_lengths(longitude: Array, latitude: Array, triangles: Index) -> Array:
+    """[N, 3] m, near enough, of the edges of triangles [N, 3] of places in degrees."""
+    east, north = longitude[triangles], latitude[triangles]
+    over, up = _wrapped(np.roll(east, 1, axis=1) - east), np.roll(north, 1, axis=1) - north
+    return DEGREE * np.hypot(over * np.cos(np.deg2rad(north)), up)
 
 
 def bounds(longitude: Array, latitude: Array) -> tuple[Array, Array]:

@@ -13,6 +13,8 @@ from auvplan.io.currents.s_levels import s_levels
 from auvplan.io.currents.series import Array
 from auvplan.ocean.gridded import CurrentError
 
+#: No level lies deeper or higher, m.
+DEEPEST = 20_000.0
 #: Heights of levels above the datum, as SCHISM and SELFE tell them.
 _HEIGHTS = ("zcor", "zCoordinates", "zval")
 _SIGMAS = ("siglay", "sigma", "siglev")
@@ -85,6 +87,8 @@ def _fixed(points: Points, axis: str, dim: str | None, notes: list[str]) -> Leve
     if not text(series.attrs(axis), "units"):
         notes.append(f"{axis} has no units: taken as metres")
     depths = _downward(points, axis, values * points.metres(axis), notes)
+    if (far := float(np.max(np.abs(depths)))) > DEEPEST:
+        raise series.fail(f"depths {axis} reach {far:g} m, where there is no sea: check units")
     steps = np.diff(depths)
     if len(steps) and not ((steps > 0).all() or (steps < 0).all()):
         raise series.fail(f"depths {axis} neither rise nor fall throughout")
@@ -209,6 +213,10 @@ def _told(points: Points, heights: str, dim: str) -> Levels:
 
     def read(frames: slice, window: Window) -> tuple[Array, Array | None]:
         height = points.read(heights, frames, window, (dim,)) * metres
+        if (far := float(np.nanmax(np.abs(height), initial=0.0))) > DEEPEST:
+            raise points.series.fail(
+                f"{heights} reaches {far:g} m, where there is no sea: check _FillValue and units"
+            )
         there = np.isfinite(height)
         top = np.where(there, height, -np.inf).max(axis=1)
         rise = np.where(np.isfinite(top), top, 0.0)

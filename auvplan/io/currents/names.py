@@ -99,6 +99,9 @@ def _by_name(file: File) -> Names:
     for east, north in _PAIRS:
         if east in file.variables and north in file.variables:
             names = [standard_name(file, name) for name in (east, north)]
+            if re.search("northward|_y_|^y_", names[0]) or re.search("eastward|_x_|^x_", names[1]):
+                told = " and ".join(name or "none" for name in names)
+                raise CurrentError(f"{file.path}: {east} and {north} have standard names {told}: in doubt")
             # u and v are also winds, ice and waves.
             if all(not name or "sea_water" in name for name in names):
                 return Names(east, north, None, "east" not in east)
@@ -205,10 +208,11 @@ def _place(file: File, of: str, kind: str, names: Iterable[str], hints: Sequence
 
 
 def find_floor(file: File, dims: Sequence[str]) -> str | None:
-    """The depth of the sea bed on the dimensions of places, by standard name or ROMS' and FVCOM's h."""
+    """The sea bed on the dimensions of places: by standard name, ROMS' and FVCOM's h, D-Flow's altitude."""
     fitting = [name for name, variable in file.variables.items() if set(variable.dims) == set(dims)]
     named = [name for name in fitting if standard_name(file, name) in _FLOOR_NAMES]
     plain = [name for name in ("h", "deptho", "bathymetry") if name in fitting]
     if "SCHISM_hgrid" in file.variables and "depth" in fitting:
         plain.append("depth")
+    plain += [n for n in fitting if n.endswith("flowelem_bl") and standard_name(file, n) == "altitude"]
     return (named + plain + [None])[0]

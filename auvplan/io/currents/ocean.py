@@ -16,7 +16,7 @@ from auvplan.io.currents.opening import File, Paths, open_files
 from auvplan.io.currents.projection import find_crs, in_degrees
 from auvplan.io.currents.series import Array, Series, in_order
 from auvplan.io.currents.times import moment_of, seconds_of, stamp
-from auvplan.io.currents.triangles import find_triangles
+from auvplan.io.currents.triangles import Triangles, find_triangles
 from auvplan.io.currents.velocity import Velocity, find_velocity
 from auvplan.io.currents.weights import ENOUGH, Index, Weights, mix_gathered
 from auvplan.ocean.gridded import CurrentError
@@ -294,7 +294,16 @@ def _standardised(files: Sequence[File]) -> OceanData:
     places = _places(files[0], names)
     series = in_order(files, names.east, places or ())
     notes = list(series.notes)
-    geometry = _geometry(series, names, places)
+    geometry = _geometry(series, names, places, notes)
+    if isinstance(geometry, Curvilinear) and geometry.folds:
+        grid = " and ".join(places or ())
+        raise series.fail(f"the grid of {grid} folds over itself: they contradict each other")
+    if isinstance(geometry, Triangles) and geometry.overlaps:
+        raise series.fail("the cells of the mesh lie over each other: places and connectivity contradict")
+    if torn := _torn(geometry):
+        notes.append(
+            f"{torn} sides or triangles of the grid are far longer than usual: there are no cells there"
+        )
     velocity = find_velocity(series, names, geometry, notes)
     return OceanData(
         geometry.kind, geometry.longitude, geometry.latitude, series.times, velocity.east.levels.fixed,
@@ -309,15 +318,23 @@ def _places(file: File, names: Names) -> tuple[str, str] | None:
     try:
         return find_places(file, names.east, staggered)
     except CurrentError:
-        if staggered or find_triangles(file, names.east, None) is None:
+        if staggered or find_triangles(file, names.east, None, []) is None:
             raise
         return None
 
 
-def _geometry(series: Series, names: Names, places: tuple[str, str] | None) -> Geometry:
+def _torn(geometry: Geometry) -> int:
+    """Return how many sides of cells are too long to be any."""
+    if isinstance(geometry, Curvilinear):
+        return sum(int((step > geometry.longest).sum()) for step in geometry.steps)
+    cells = geometry.cells if isinstance(geometry, Triangles) else None
+    return 0 if cells is None else int((~cells.whole).sum())
+
+
+def _geometry(series: Series, names: Names, places: tuple[str, str] | None, notes: list[str]) -> Geometry:
     file = series.files[0]
     if places is None:
-        found = find_triangles(file, names.east, None)
+        found = find_triangles(file, names.east, None, notes)
         assert found is not None
         return found
     longitude, latitude, crs = in_degrees(file, places)
@@ -333,7 +350,7 @@ def _geometry(series: Series, names: Names, places: tuple[str, str] | None) -> G
         own = crs or find_crs(file, (names.east, *places))
         return Curvilinear(dims[0], longitude, latitude, kind, own)
     if dims[0] == dims[1] and longitude.ndim == 1:
-        found = find_triangles(file, names.east, places)
+        found = find_triangles(file, names.east, places, notes)
         assert found is not None
         return found
     if longitude.ndim > 1 or latitude.ndim > 1:

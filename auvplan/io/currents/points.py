@@ -1,6 +1,7 @@
 """Reading variables at the points where the current is told."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,6 +93,8 @@ class Points:
         if name is None:
             return None
         depth = self.read(name, slice(0, 1), window)[0] * self.metres(name)
+        if standard_name(self.series.files[0], name) == "altitude":
+            depth = -depth
         return np.where(self.water(window), depth, np.nan)
 
     def rise_name(self) -> str | None:
@@ -127,12 +130,28 @@ class Points:
                 return ~mask if dry else mask
         return np.ones((1, window.points), bool)
 
+    @cached_property
+    def masks(self) -> tuple[str, ...]:
+        """The masks of land that the file has at the points."""
+        file, dims = self.series.files[0], set(self.geometry.dims)
+        return tuple(
+            name
+            for name, variable in file.variables.items()
+            if (name == "mask_rho" or standard_name(file, name) == "sea_binary_mask")
+            and set(variable.dims) == dims
+        )
+
+    @cached_property
+    def mask(self) -> str | None:
+        """The mask of land; None without one, or where it says land everywhere: that was never written."""
+        file = self.series.files[0]
+        found = (
+            name for name in self.masks if (np.nan_to_num(file.coordinate(name, missing=True)) > 0.5).any()
+        )
+        return next(found, None)
+
     def water(self, window: Window) -> NDArray[np.bool_]:
         """[P], False where a mask of the file says land."""
-        file = self.series.files[0]
-        dims = set(self.geometry.dims)
-        for name, variable in file.variables.items():
-            masks = name == "mask_rho" or standard_name(file, name) == "sea_binary_mask"
-            if masks and set(variable.dims) == dims:
-                return np.nan_to_num(self.read(name, slice(0, 1), window)[0]) > 0.5
-        return np.ones(window.points, bool)
+        if self.mask is None:
+            return np.ones(window.points, bool)
+        return np.nan_to_num(self.read(self.mask, slice(0, 1), window)[0]) > 0.5

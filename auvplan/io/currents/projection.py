@@ -10,7 +10,7 @@ from auvplan.io.currents.units import length_factor
 from auvplan.io.currents.weights import Array
 from auvplan.ocean.gridded import CurrentError
 
-_EARTH = Geod(ellps="WGS84")
+_EARTH, _SPHERE = Geod(ellps="WGS84"), Geod(ellps="sphere")
 #: Attributes of a grid mapping that tell it whole, beside those of CF.
 _TEXTS = ("crs_wkt", "spatial_ref", "proj4_string", "proj4_params", "proj4")
 _CODES = ("epsg", "epsg_code", "EPSG_code", "EPSG")
@@ -108,7 +108,8 @@ def axes_angle(crs: CRS, longitude: Array, latitude: Array) -> Array:
         Transformer.from_crs(crs, "EPSG:4326", always_xy=True).transform(np.asarray(x) + side * step, y)
         for side in (-1.0, 1.0)
     ]
-    return _from_east(*ends[0], *ends[1])
+    # A pole is turned on a sphere; a projection keeps or changes angles on an ellipsoid of its own.
+    return _from_east(*ends[0], *ends[1], _SPHERE if crs.is_geographic else crs.get_geod() or _EARTH)
 
 
 def grid_angle(longitude: Array, latitude: Array) -> Array:
@@ -116,12 +117,12 @@ def grid_angle(longitude: Array, latitude: Array) -> Array:
     east, north = (
         np.concatenate([axis[:, :1], axis, axis[:, -1:]], axis=1) for axis in (longitude, latitude)
     )
-    return _from_east(east[:, :-2], north[:, :-2], east[:, 2:], north[:, 2:])
+    return _from_east(east[:, :-2], north[:, :-2], east[:, 2:], north[:, 2:], _EARTH)
 
 
-def _from_east(*ends: Any) -> Array:
-    """Return the angle, rad, from east of the way from one place to another, amid it."""
-    there, back, _ = _EARTH.inv(*ends)
+def _from_east(x: Array, y: Array, to_x: Array, to_y: Array, earth: Geod) -> Array:
+    """Return the angle, rad, from east of the way from one place to another, degrees, amid it."""
+    there, back, _ = earth.inv(x, y, to_x, to_y)
     both = np.exp(1j * np.deg2rad(there)) - np.exp(1j * np.deg2rad(back))
     return np.pi / 2 - np.angle(both)
 

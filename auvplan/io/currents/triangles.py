@@ -8,12 +8,16 @@ from numpy.typing import NDArray
 from pyproj import CRS
 from scipy.spatial import ConvexHull, QhullError
 
-from auvplan.io.currents.geometry import Window, bounds, metres, nearest, offset, within
+from auvplan.io.currents.geometry import Window, bounds, edge_lengths, metres, nearest, offset, within
 from auvplan.io.currents.opening import File, text
 from auvplan.io.currents.projection import in_degrees
 from auvplan.io.currents.weights import Array, Index, Weights, find_triangle, triangulate
 from auvplan.ocean.gridded import CurrentError
 
+#: Cells that together are so many times their convex hull lie over each other.
+_MORE = 1.2
+#: Sides of a mesh's cells that are so many times as long as usual are none: meshes grow coarse offshore.
+_TORN = 1000.0
 #: Connectivity where no mesh topology names it.
 _CONNECTIVITY = ("nv", "SCHISM_hgrid_face_nodes", "ele", "elem", "element", "tri")
 _NODES = (
@@ -42,6 +46,12 @@ class Cells:
     cell: Index
     corners: Index
     crs: CRS | None = None
+
+    @cached_property
+    def whole(self) -> NDArray[np.bool_]:
+        """[N], False for triangles between nodes that lie too far apart, as where places are damaged."""
+        lengths = edge_lengths(self.longitude, self.latitude, self.triangles)
+        return np.asarray((lengths <= _TORN * np.median(lengths)).all(axis=1))
 
 
 @dataclass(frozen=True)
@@ -73,7 +83,7 @@ class Triangles:
     def triangles(self) -> Index:
         """[N, 3] points: the grid's triangles, or Delaunay's in metres about the middle of all points."""
         if self.cells is not None and not self.in_cells:
-            return self.cells.triangles
+            return self.cells.triangles[self.cells.whole]
         return triangulate(self._about_middle(self.longitude, self.latitude))
 
     @cached_property
@@ -84,6 +94,21 @@ class Triangles:
             return ConvexHull(self._about_middle(nodes.longitude, nodes.latitude)).equations
         except (QhullError, ValueError):
             return np.zeros((0, 3))
+
+    @property
+    def overlaps(self) -> bool:
+        """Whether the cells, of less than half the Earth, are together larger than what they lie in."""
+        cells = self.cells
+        if cells is None or not cells.whole.any() or bounds(cells.longitude, cells.latitude)[1].max() > 45.0:
+            return False
+        places = self._about_middle(cells.longitude, cells.latitude)
+        corners = cells.triangles[cells.whole]
+        (ax, ay), (bx, by) = ((places[corners[:, k]] - places[corners[:, 0]]).T for k in (1, 2))
+        try:
+            hull = ConvexHull(places[np.unique(corners)]).volume
+        except (QhullError, ValueError):
+            return False
+        return bool(np.abs(ax * by - ay * bx).sum() / 2.0 > _MORE * hull)
 
     def _about_middle(self, longitude: Array, latitude: Array) -> Array:
         return metres(bounds(self.longitude, self.latitude)[0], longitude, latitude)
@@ -116,6 +141,7 @@ class Triangles:
         cells = self.cells
         assert cells is not None
         near = _near(cells, cells.triangles, middle, apart)
+        near = near[cells.whole[near]]
         if not len(near):
             return np.full(len(longitude), -1, np.int64)
         used, local = np.unique(cells.triangles[near], return_inverse=True)
@@ -147,13 +173,16 @@ def cell_means(cells: Cells, values: Array, index: Index) -> Array:
     return (values[..., corners] * there).sum(axis=-1) / there.sum(axis=-1)
 
 
-def find_triangles(file: File, name: str, places: tuple[str, str] | None) -> Triangles | None:
+def find_triangles(
+    file: File, name: str, places: tuple[str, str] | None, notes: list[str]
+) -> Triangles | None:
     """Return the geometry of a variable along one dimension, or None where the file has no places for it.
 
     Args:
         file: opened.
         name: of a velocity component.
         places: longitude and latitude of its values; None where they are not told.
+        notes: get what has to be assumed.
 
     Raises:
         CurrentError: the connectivity does not fit the nodes.
@@ -162,6 +191,11 @@ def find_triangles(file: File, name: str, places: tuple[str, str] | None) -> Tri
     if places is None:
         if cells is None or cells.cell_dim not in file.variables[name].dims:
             return None
+        named = _face_coordinates(file, cells.cell_dim)
+        if named is not None:
+            longitude, latitude, crs = in_degrees(file, named)
+            return Triangles((cells.cell_dim,), longitude, latitude, cells, True, crs)
+        notes.append("the places of the cells' middles are not told: taken as the means of their corners")
         everything = np.arange(len(cells.corners))
         # As directions, longitudes on both sides of the date line have a middle.
         turned = np.exp(1j * np.deg2rad(cells.longitude))
@@ -210,7 +244,9 @@ def find_cells(file: File) -> Cells | None:
     nodes = file.variables[places[0]].size
     finite = values[np.isfinite(values)]
     start = text(variable.attrs, "start_index")
-    first = float(start) if start else float(len(finite) > 0 and finite.max() == nodes)
+    # UGRID counts from 0 without word of it; models from 1, also where a cut lost the last node.
+    counted = bool(len(finite)) and (finite.max() == nodes or (name in _CONNECTIVITY and finite.min() > 0))
+    first = float(start) if start else float(counted)
     corners = np.where(np.isfinite(values) & (values >= first), values - first, -1.0).astype(np.int64)
     if corners.shape[1] < 3 or (corners[:, :3] < 0).any() or corners.max() >= nodes:
         raise CurrentError(f"{file.path}: connectivity {name} does not fit the {nodes} nodes of {places[0]}")
@@ -239,6 +275,18 @@ def _topology(file: File) -> tuple[str, tuple[str, str]] | None:
         if len(nodes) == 2:
             northern = [_is_latitude(file, node) for node in nodes]
             return name, (nodes[1], nodes[0]) if northern[0] and not northern[1] else (nodes[0], nodes[1])
+    return None
+
+
+def _face_coordinates(file: File, cell_dim: str) -> tuple[str, str] | None:
+    """Return x and y of the cells' middles as UGRID's mesh topology names them, None where it does not."""
+    for variable in file.variables.values():
+        names = text(variable.attrs, "face_coordinates").split()
+        if text(variable.attrs, "cf_role") != "mesh_topology" or len(names) != 2:
+            continue
+        if all(name in file.variables and file.variables[name].dims == (cell_dim,) for name in names):
+            turned = _is_latitude(file, names[0]) and "lon" in names[1].lower()
+            return (names[1], names[0]) if turned else (names[0], names[1])
     return None
 
 

@@ -18,6 +18,8 @@ from auvplan.io.currents.units import speed_factor
 
 #: Variables that tell the angle from east to the grid's rows, counter-clockwise; ROMS and POP.
 _ANGLES = ("angle", "ANGLE")
+#: Directions of axes, rad, that differ by less are the same.
+_SAME_AXES = np.deg2rad(2.0)
 #: Faster water, m/s, is a fill value that the file does not declare.
 FASTEST = 20.0
 #: Velocities without units are taken as m/s if none is as fast.
@@ -144,9 +146,10 @@ class Velocity:
             picks[part.dims[k]] = pick
         values = self._read(part, frames, picks, (*part.extra, *part.dims))
         values = values.reshape(len(values), -1, *values.shape[-2:])
-        if "mask_rho" in self.points.series.variables:
+        mask = self.points.mask
+        if mask is not None:
             # Without fill values the walls of land hold zeros, which are no current.
-            water = np.nan_to_num(self.points.series.read("mask_rho", {}, slice(0, 1), grid.dims)[0]) > 0.5
+            water = np.nan_to_num(self.points.series.read(mask, {}, slice(0, 1), grid.dims)[0]) > 0.5
             water = np.moveaxis(water, axis, 0)
             open_ = np.moveaxis(water[1:] & water[:-1], 0, axis)
             values = np.where(open_[tuple(picks[dim] for dim in part.dims)], values, np.nan)
@@ -190,6 +193,8 @@ def find_velocity(series: Series, names: Names, geometry: Geometry, notes: list[
         CurrentError: units, dimensions, levels or angles are missing or contradict themselves.
     """
     points = Points(series, geometry)
+    if points.masks and points.mask is None:
+        notes.append(f"{points.masks[0]} says land everywhere: left out")
     staggered = isinstance(geometry, Curvilinear) and geometry.kind == "roms"
     east = _component(points, names.east, names.both, notes, 1 if staggered else None)
     north = _component(points, names.north, names.both, notes, 0 if staggered else None, east.levels)
@@ -262,21 +267,58 @@ def _turn(
     if isinstance(grid, Curvilinear) and named:
         radians = _radians(points, named[0], notes)
         return lambda window: points.read(named[0], slice(0, 1), window)[0] * radians
-    if isinstance(grid, Curvilinear | Triangles) and grid.crs is not None and not staggered:
+    if isinstance(grid, Triangles) and grid.crs is not None:
         crs = grid.crs
         return lambda window: axes_angle(crs, *_places(grid, window))
     if not isinstance(grid, Curvilinear):
         if standard:
             notes.append(f"{names.east} and {names.north} are along x and y: taken as east and north")
         return None
-    if staggered or "_x_" in standard or standard.startswith("x_"):
+    angle = None if staggered else _along_projection(points, notes)
+    if angle is None and (staggered or "_x_" in standard or standard.startswith("x_")):
         notes.append("angle is not told: the rows of the grid are followed by the places of its points")
-        angle = grid_angle(grid.longitude, grid.latitude)
+        angle = _along_rows(points, staggered)
+    if angle is not None:
         return lambda window: angle[np.ix_(*(_indices(window, dim) for dim in grid.dims))].ravel()
     raise series.fail(
         f"{names.east} and {names.north} may follow the grid's axes: angle, which tells how, is missing, and "
         "so are a grid_mapping and a standard_name of the components"
     )
+
+
+def _along_projection(points: Points, notes: list[str]) -> Array | None:
+    """Return the angle [ny, nx], rad, from east to x of a projection that fits the places, or None."""
+    grid = points.geometry
+    crs = grid.crs if isinstance(grid, Curvilinear) else None
+    if crs is None:
+        return None
+    angle = axes_angle(crs, grid.longitude, grid.latitude)
+    off = np.abs(np.angle(np.exp(1j * (angle - _along_rows(points, staggered=False)))))
+    if float(np.nanmedian(off)) < _SAME_AXES:
+        return angle
+    notes.append(f"the axes of {crs.name} do not follow the places of the grid's points: left out")
+    return None
+
+
+def _along_rows(points: Points, staggered: bool) -> Array:
+    """Return the angle [ny, nx], rad, from east to x, by the places of a grid's points."""
+    grid = points.geometry
+    across, falling = (False, False) if staggered else _x_axis(points)
+    longitude, latitude = (axis.T if across else axis for axis in (grid.longitude, grid.latitude))
+    angle = grid_angle(longitude, latitude) + np.pi * falling
+    return angle.T if across else angle
+
+
+def _x_axis(points: Points) -> tuple[bool, bool]:
+    """Return whether x runs along a grid's first dimension, not its second, and whether it falls there."""
+    file = points.series.files[0]
+    for name, variable in file.variables.items():
+        told = standard_name(file, name) in ("projection_x_coordinate", "grid_longitude")
+        fits = variable.ndim == 1 and str(variable.dims[0]) in points.geometry.dims and variable.size > 1
+        if fits and (told or text(variable.attrs, "axis") == "X"):
+            x = file.coordinate(name)
+            return str(variable.dims[0]) == points.geometry.dims[0], bool(x[-1] < x[0])
+    return False, False
 
 
 def _indices(window: Window, dim: str) -> NDArray[np.int64]:

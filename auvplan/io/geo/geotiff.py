@@ -1,7 +1,10 @@
 """GeoTIFF (OGC GeoTIFF 1.1): the tags that say where the pixels lie, and the pixels."""
 
+import contextlib
+import logging
 import warnings
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -58,6 +61,18 @@ class TiffPlace:
     shape: tuple[int, int]
 
 
+@contextlib.contextmanager
+def _opened(path: Path) -> Iterator[tifffile.TiffFile]:
+    """A TIFF file; what tifffile logs of damage goes nowhere: the reader says what matters, once."""
+    log = logging.getLogger("tifffile")
+    before, log.disabled = log.disabled, True
+    try:
+        with tifffile.TiffFile(path) as file:
+            yield file
+    finally:
+        log.disabled = before
+
+
 def is_tiff(start: bytes) -> bool:
     """Return whether a file of these first four bytes is a TIFF, of either size and byte order."""
     return start in _MAGIC
@@ -69,7 +84,7 @@ def read_place(path: Path) -> TiffPlace:
     Raises:
         GeoError: its tags contradict the format. What else tifffile raises on a damaged file is passed on.
     """
-    with tifffile.TiffFile(path) as file:
+    with _opened(path) as file:
         page: Any = file.pages[0]
         tags = {int(tag.code): tag.value for tag in page.tags}
         shape = int(page.imagelength), int(page.imagewidth)
@@ -88,7 +103,7 @@ def read_geotiff(path: Path, indices: bool = False) -> Tiff:
         GeoError: it is too large, cannot be decoded, or has tags that contradict the format. What else
             tifffile raises on a damaged file is passed on.
     """
-    with tifffile.TiffFile(path) as file:
+    with _opened(path) as file:
         page: Any = file.pages[0]
         width, height, bands = int(page.imagewidth), int(page.imagelength), int(page.samplesperpixel)
         if width * height > MAX_PIXELS:

@@ -354,3 +354,117 @@ def test_times_of_a_misspelt_calendar_and_dates_as_text(tmp_path):
     written["Times"] = (("time", "DateStrLen"), text, {})
     with open_ocean(write_plain(written, tmp_path / "text.nc")) as ocean:
         np.testing.assert_allclose(ocean.times, START + np.array([0.0, 3600.25]), atol=1e-6)
+
+
+def test_sigma_layers_over_a_bed_that_is_told_as_an_altitude(tmp_path):
+    """D-Flow FM in three dimensions."""
+    data = ugrid("face")
+    count, layers = len(data["mesh_faces"][1]), -np.array([0.9, 0.5, 0.1])
+    bed, rise = 50.0 + np.linspace(0.0, 9.0, count), 1.0
+    with open_ocean(write_plain(data, tmp_path / "flat.nc")) as flat:
+        lon, lat = flat.longitude, flat.latitude
+    depth = -layers[None, None] * (bed + rise)[None, :, None]
+    parts = flow(lon[None, :, None], lat[None, :, None], depth, np.array([0.0, 1.0])[:, None, None])
+    dims = ("time", "n_face", "layer")
+    for name, part in zip(("ucx", "ucy"), parts, strict=True):
+        data[name] = (dims, part, data[name][2])
+    data["layer_sigma"] = (("layer",), layers, {"standard_name": "ocean_sigma_coordinate", "positive": "up"})
+    data["mesh_flowelem_bl"] = (("n_face",), -bed, {"standard_name": "altitude", "units": "m"})
+    height = {"standard_name": "sea_surface_height", "units": "m"}
+    data["mesh_s1"] = (("time", "n_face"), np.full((2, count), rise), height)
+    with open_ocean(write_plain(data, tmp_path / "dflow.nc")) as ocean:
+        close(ocean, lon, lat, 25.0, 0.5)
+        assert np.isfinite(ocean.at(lon, lat, bed + rise - 0.1, START)[0]).all()
+        assert np.isnan(ocean.at(lon, lat, bed + rise + 0.1, START)[0]).all()
+        np.testing.assert_allclose(ocean.sea_floor(lon[20:24], lat[20:24]), bed[20:24], atol=0.1)
+
+
+def test_a_mask_of_land_alone_was_never_written(tmp_path):
+    data = roms()
+    expected = write(data, tmp_path / "whole.nc")
+    places = data["lon_rho"].values[2:6, 2:9], data["lat_rho"].values[2:6, 2:9], 3.0, START
+    with (
+        open_ocean(expected) as told,
+        open_ocean(write(data.assign(mask_rho=0.0 * data["mask_rho"]), tmp_path / "zero.nc")) as unset,
+    ):
+        assert "mask_rho says land everywhere: left out" in unset.notes
+        np.testing.assert_array_equal(unset.at(*places), told.at(*places))
+
+
+@pytest.mark.parametrize("name", ["lon_rho", "lat_rho"])
+def test_a_grid_that_folds_over_itself_is_refused(tmp_path, name):
+    data = roms(angle=0.1)
+    values = data[name].values.copy()
+    axis = -1 if name == "lon_rho" else 0
+    values[:, :4] = np.flip(values[:, :4], axis)
+    data[name] = (data[name].dims, values, data[name].attrs)
+    with pytest.raises(CurrentError, match="the grid of lon_rho and lat_rho folds over itself"):
+        open_ocean(write(data, tmp_path / "folded.nc"))
+
+
+def test_places_left_at_zero_make_no_cells(tmp_path):
+    """As models leave them where they save the points of land: no cell reaches from the grid to there."""
+    data = roms(angle=0.1)
+    lon, lat = data["lon_rho"].values, data["lat_rho"].values
+    places = lon[5:, :].ravel(), lat[5:, :].ravel(), 3.0, START
+    with open_ocean(write(data, tmp_path / "whole.nc")) as whole:
+        expected = whole.at(*places)[:2]
+    for name in ("lon_rho", "lat_rho"):
+        values = data[name].values.copy()
+        values[2:4, 3:6] = 0.0
+        data[name] = (data[name].dims, values, data[name].attrs)
+    with open_ocean(write(data, tmp_path / "zero.nc")) as holes:
+        assert any("far longer than usual: there are no cells there" in note for note in holes.notes)
+        np.testing.assert_array_equal(holes.at(*places)[:2], expected)
+        assert holes.geometry.locate(lon[2:3, 4], lat[2:3, 4]).outside.all()
+
+
+def test_a_node_far_away_makes_no_cells(tmp_path):
+    data = ugrid("node")
+    data["mesh_x"][1][20] = -120.0
+    with open_ocean(write_plain(data, tmp_path / "far.nc")) as ocean:
+        assert any("far longer than usual" in note for note in ocean.notes)
+        lon, lat, _ = mesh()
+        close(ocean, np.delete(lon, 20)[30:40], np.delete(lat, 20)[30:40], 0.0, 0.0)
+        assert ocean.geometry.locate(np.array([-60.0]), lat[20:21]).weight.sum() == 0.0
+
+
+def test_corners_count_from_one_also_where_the_last_node_is_lost(tmp_path):
+    data = fvcom()
+    for name, (dims, values, about) in data.items():
+        if "nele" in dims:
+            data[name] = (dims, np.take(values, np.arange(30), axis=dims.index("nele")), about)
+    assert data["nv"][1].max() < len(data["lon"][1])
+    with open_ocean(write_plain(data, tmp_path / "cut.nc")) as ocean:
+        close(ocean, ocean.longitude, ocean.latitude, 25.0, 0.5)
+        assert ocean.geometry.cells.corners.min() == 0
+
+
+def test_cells_that_lie_over_each_other_are_refused(tmp_path):
+    data = ugrid("node")
+    data["mesh_y"][1][:] = np.random.default_rng(0).permutation(data["mesh_y"][1])
+    with pytest.raises(CurrentError, match="the cells of the mesh lie over each other"):
+        open_ocean(write_plain(data, tmp_path / "knot.nc"))
+
+
+def test_middles_of_cells_by_the_topology(tmp_path):
+    """D-Flow's are no means of the corners; UGRID names them, whatever their attributes are."""
+    data = ugrid("face")
+    data["mesh"][2]["face_coordinates"] = "face_a face_b"
+    with open_ocean(write_plain(data, tmp_path / "means.nc")) as plain:
+        lon, lat = plain.longitude + 2e-4, plain.latitude - 1e-4
+    data["face_a"] = (("n_face",), lon, {"standard_name": "latitude"})
+    data["face_b"] = (("n_face",), lat, {})
+    with open_ocean(write_plain(data, tmp_path / "named.nc")) as ocean:
+        np.testing.assert_allclose(ocean.longitude, lon)
+        np.testing.assert_allclose(ocean.latitude, lat)
+
+
+def test_heights_of_levels_without_their_fill_value_are_refused(tmp_path):
+    data = schism()
+    data["zcor"] = (data["zcor"][0], np.nan_to_num(data["zcor"][1], nan=9.96921e36), data["zcor"][2])
+    with (
+        open_ocean(write_plain(data, tmp_path / "fill.nc")) as ocean,
+        pytest.raises(CurrentError, match=r"zcor reaches 9\.96921e\+36 m, where there is no sea"),
+    ):
+        ocean.at(LON + 0.01, LAT + 0.02, 1.0, START)

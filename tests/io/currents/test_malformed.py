@@ -11,6 +11,7 @@ from tests.io.currents.samples import (
     BOX,
     LAT,
     LON,
+    NORTH,
     SITE,
     START,
     fvcom,
@@ -57,6 +58,7 @@ def put(index, value):
 MALFORMED = {
     "no current": (lambda d: d.drop_vars(["uo", "vo"]), "no current: neither a variable with standard_name"),
     "no partner": (lambda d: d.drop_vars("vo"), "uo has no partner northward_sea_water_velocity"),
+    "two northward": (attrs("uo", standard_name=NORTH["standard_name"]), "uo and vo have standard names"),
     "no time": (lambda d: d.drop_vars("time"), "no time coordinate"),
     "no longitude": (lambda d: d.drop_vars("longitude"), "uo has no longitude"),
     "no depths": (lambda d: d.drop_vars("depth"), "uo has levels along depth, but no depths of them"),
@@ -216,6 +218,18 @@ def test_series_that_do_not_fit(tmp_path):
         other = write(change(data), tmp_path / f"{name}.nc")
         with pytest.raises(CurrentError, match=words):
             open_ocean([first, other])
+
+
+@pytest.mark.parametrize("name", ["s_rho", "Cs_r", "h", "hc", "angle"])
+def test_series_whose_levels_or_directions_differ(tmp_path, name):
+    first, second = roms(), roms()
+    second["ocean_time"] = second["ocean_time"] + 7200.0
+    second["ocean_time"].attrs = first["ocean_time"].attrs
+    values = second[name].values
+    second[name] = (second[name].dims, values[::-1] if values.ndim == 1 else values * 1.1, second[name].attrs)
+    paths = [write(data, tmp_path / f"{k}.nc") for k, data in enumerate((first, second))]
+    with pytest.raises(CurrentError, match=rf"1\.nc and 0\.nc: the grids differ in {name}"):
+        open_ocean(paths)
 
 
 def test_absurd_sizes_are_refused_before_they_are_read(tmp_path, monkeypatch):

@@ -18,6 +18,8 @@ def from_east(crs, lon, lat):
     there = Transformer.from_crs("EPSG:4326", crs, always_xy=True)
     south, north = (np.stack(there.transform(lon, lat + step)) for step in (-1e-3, 1e-3))
     east, up = north - south
+    if crs.is_geographic:  # degrees of a turned pole's longitude are shorter
+        east = east * np.cos(np.deg2rad(south[1]))
     return np.arctan2(east, up)
 
 
@@ -88,6 +90,46 @@ def test_a_turned_pole(tmp_path):
     data, lon, lat = grid(crs, x, y, mapping, **names)
     with open_ocean(write(data, tmp_path / "turned.nc")) as ocean:
         np.testing.assert_allclose(ocean.longitude, lon, atol=1e-9)
+        expect(ocean, lon, lat, 1e-6)
+
+
+def polar_grid(change):
+    """A polar stereographic grid with longitude and latitude too, changed; x and y are told as axes."""
+    crs = CRS.from_user_input("+proj=stere +lat_0=90 +lat_ts=60 +lon_0=58 +a=6371000 +b=6371000")
+    mapping = {key: value for key, value in crs.to_cf().items() if key != "crs_wkt"}
+    x, y = 1e6 + 4e3 * np.arange(8), -1.2e6 + 4e3 * np.arange(7)
+    names = {"names": ("projection_x_coordinate", "projection_y_coordinate"), "units": "m"}
+    data, lon, lat = grid(crs, x, y, mapping, **names)
+    places = {
+        "lon": (("y", "x"), lon, {"units": "degrees_east"}),
+        "lat": (("y", "x"), lat, {"units": "degrees_north"}),
+    }
+    return change(data.assign(places)), lon, lat
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda data: data,
+        lambda data: data.transpose("x", "y", "time"),
+        lambda data: data.isel(x=slice(None, None, -1)),
+        lambda data: data.isel(y=slice(None, None, -1)).transpose("time", "x", "y"),
+    ],
+)
+@pytest.mark.parametrize("mapped", [True, False])
+def test_x_runs_where_its_coordinate_says(tmp_path, change, mapped):
+    data, lon, lat = polar_grid(change)
+    data = data if mapped else data.drop_vars("crs")
+    with open_ocean(write(data, tmp_path / "polar.nc")) as ocean:
+        # By the places alone the ellipsoid counts, which the model's sphere has not.
+        expect(ocean, lon, lat, 1e-6 if mapped else 2e-3)
+
+
+def test_a_projection_that_does_not_fit_the_places_is_left_out(tmp_path):
+    data, lon, lat = polar_grid(lambda data: data)
+    data["crs"].attrs["straight_vertical_longitude_from_pole"] = 0.0
+    with open_ocean(write(data, tmp_path / "wrong.nc")) as ocean:
+        assert any("do not follow the places of the grid's points: left out" in note for note in ocean.notes)
         expect(ocean, lon, lat, 2e-3)
 
 

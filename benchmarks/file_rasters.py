@@ -1,0 +1,344 @@
+"""Sea beds and charts of ``benchmarks.files``: as read, and as rasterio, netCDF4 and shapely do."""
+
+import json
+import shutil
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import netCDF4
+import numpy as np
+import pyogrio.raw
+import rasterio
+import shapely
+from pyproj import Proj, Transformer
+from rasterio.features import rasterize
+from rasterio.transform import Affine, from_bounds
+from scipy.ndimage import map_coordinates
+
+from auvplan.io.geo import chart_from_polygons, chart_from_raster, read_bathymetry, read_raster
+from auvplan.site import Site
+from benchmarks import file_models
+from benchmarks.file_cases import SHARED
+
+#: Passability of the classes of the pictures' truth: land, reef, water.
+CLASSES = {0: 0.0, 1: 0.3, 2: 1.0}
+
+
+@dataclass(frozen=True)
+class Box:
+    """A rectangle about a site, m: half its sides north and east, and the edge of its pixels."""
+
+    site: Site
+    half: tuple[float, float]
+    pixel: float
+
+    @property
+    def corners(self) -> dict[str, tuple[float, float]]:
+        """As the readers take it."""
+        north, east = self.half
+        return {"lower": (-north, -east), "upper": (north, east)}
+
+    def centres(self) -> tuple[np.ndarray, np.ndarray]:
+        """Longitude and latitude [nx, ny] of the pixels' centres, by PROJ."""
+        counts = [int(np.ceil(2 * side / self.pixel - 1e-6)) for side in self.half]
+        axes = [-side + (np.arange(n) + 0.5) * self.pixel for side, n in zip(self.half, counts, strict=True)]
+        north, east = np.meshgrid(*axes, indexing="ij")
+        local = Proj(proj="aeqd", lon_0=self.site.longitude, lat_0=self.site.latitude, datum="WGS84")
+        return local(east, north, inverse=True)
+
+
+@dataclass(frozen=True)
+class Rasters:
+    """A file of a sea bed or a chart.
+
+    Attributes:
+        name, kind, origin: what it is; kind is "sea bed", "chart" or "picture".
+        prepare: a folder to the file there.
+        read: what auvplan makes of it, [n, m] or [n, m, 3].
+        expect: what other libraries find there.
+        exact: largest difference, in the values' unit, that is none.
+    """
+
+    name: str
+    kind: str
+    origin: str
+    prepare: Callable[[Path], Path]
+    read: Callable[[Path], np.ndarray]
+    expect: Callable[[Path], np.ndarray]
+    exact: float = 1e-3
+
+
+def _copied(name: str) -> Callable[[Path], Path]:
+    return lambda folder: Path(shutil.copy(SHARED / name, folder))
+
+
+def bilinear(values: np.ndarray, row: np.ndarray, column: np.ndarray) -> np.ndarray:
+    """Between nodes, held beyond the outer ones; NaN beside NaN."""
+    missing = np.isnan(values)
+    held = [np.clip(at, 0, size - 1) for at, size in zip((row, column), values.shape, strict=True)]
+    found = map_coordinates(np.where(missing, 0.0, values), held, order=1, mode="nearest")
+    return np.where(
+        map_coordinates(missing.astype(float), held, order=1, mode="nearest") > 1e-9, np.nan, found
+    )
+
+
+def tiff_depth(path: Path, box: Box) -> np.ndarray:
+    """Depth, m, of heights in a GeoTIFF, by rasterio."""
+    with rasterio.open(path) as source:
+        values = source.read(1, masked=True).astype(float).filled(np.nan)
+        values = values * source.scales[0] + source.offsets[0]
+        values[np.abs(values) > 12_000.0] = np.nan
+        x, y = Transformer.from_crs(4326, source.crs, always_xy=True).transform(*box.centres())
+        column, row = ~source.transform * (np.asarray(x), np.asarray(y))
+    return -bilinear(values, row - 0.5, column - 0.5)
+
+
+def _values(variable: Any) -> np.ndarray:
+    variable.set_auto_mask(False)
+    values, told = np.asarray(variable[...], float), variable.ncattrs()
+    for key in ("_FillValue", "missing_value"):
+        if key in told:
+            gain, offset = (float(variable.getncattr(k)) if k in told else d for k, d in _PACKING)
+            values[values == float(variable.getncattr(key)) * gain + offset] = np.nan
+    return values
+
+
+_PACKING = (("scale_factor", 1.0), ("add_offset", 0.0))
+_METRES = {"": 1.0, "m": 1.0, "meter": 1.0, "meters": 1.0, "km": 1000.0, "cm": 0.01}
+
+
+def _height(variable: Any, dims: Sequence[str]) -> np.ndarray:
+    """Values in m on some dimensions; what no sea floor has is missing."""
+    values = _values(variable) * _METRES[str(getattr(variable, "units", "")).lower()]
+    values = values.transpose([variable.dimensions.index(dim) for dim in dims])
+    return np.where((np.abs(values) > 12_000.0) | (np.abs(values) == 9999.0), np.nan, values)
+
+
+def _on(variable: Any, dims: Sequence[str]) -> np.ndarray:
+    return _values(variable).transpose([variable.dimensions.index(dim) for dim in dims])
+
+
+def axes_depth(path: Path, names: Sequence[str], box: Box, sign: float) -> np.ndarray:
+    """Depth, m, of a variable on two axes, by netCDF4; names: variable, longitude, latitude."""
+    with netCDF4.Dataset(str(path)) as data:
+        lon, lat = (_values(data[name]) for name in names[1:])
+        z = _height(data[names[0]], (*data[names[2]].dimensions, *data[names[1]].dimensions))
+    lon = np.unwrap(lon, period=360.0)
+    if lon[0] > lon[-1]:
+        lon, z = lon[::-1], z[:, ::-1]
+    longitude, latitude = box.centres()
+    row = np.interp(
+        latitude,
+        *((lat, np.arange(len(lat))) if lat[0] < lat[-1] else (lat[::-1], np.arange(len(lat))[::-1])),
+    )
+    near = lon.min() + (longitude - lon.min()) % 360.0
+    return sign * bilinear(z, row, np.interp(near, lon, np.arange(len(lon))))
+
+
+def grid_depth(path: Path, names: Sequence[str], box: Box, mask: str | None = None) -> np.ndarray:
+    """Depth, m, of a variable on a grid of places, by netCDF4: bilinear in rows and columns."""
+    with netCDF4.Dataset(str(path)) as data:
+        dims = data[names[1]].dimensions
+        lon = _values(data[names[1]])
+        lat, z = (read(data[n], dims) for read, n in ((_on, names[2]), (_height, names[0])))
+        if mask is not None and mask in data.variables:
+            z = np.where(_on(data[mask], dims) == 0, np.nan, z)
+    local = Proj(proj="aeqd", lon_0=box.site.longitude, lat_0=box.site.latitude, datum="WGS84")
+    if not np.isfinite(lon + lat).all():
+        raise ValueError("places are missing")
+    x, y = local(lon, lat)
+    goal = np.stack(local(*box.centres()))
+    near = ((x.ravel()[:, None] - goal[0].ravel()) ** 2 + (y.ravel()[:, None] - goal[1].ravel()) ** 2).argmin(
+        axis=0
+    )
+    at = np.stack(np.unravel_index(near, x.shape)).reshape(2, *goal.shape[1:]).astype(float)
+    for _ in range(30):  # Newton's way into the cell
+
+        def place(at: np.ndarray) -> np.ndarray:
+            return np.stack([map_coordinates(axis, at, order=1, mode="nearest") for axis in (x, y)])
+
+        off = goal - place(at)
+        slopes = []
+        for k in range(2):
+            step = np.zeros_like(at)
+            step[k] = 1e-3
+            slopes.append((place(at + step) - place(at - step)) / 2e-3)
+        (a, c), (b, d) = slopes
+        area = a * d - b * c
+        at[0] = np.clip(at[0] + (d * off[0] - b * off[1]) / area, 0, x.shape[0] - 1)
+        at[1] = np.clip(at[1] + (a * off[1] - c * off[0]) / area, 0, x.shape[1] - 1)
+    return bilinear(z, *at)
+
+
+def bed(path: Path, box: Box, **options: Any) -> np.ndarray:
+    """Depth, m, as auvplan reads it."""
+    return read_bathymetry(path, box.site, **box.corners, pixel_size=box.pixel, **options).depth
+
+
+def tiff_classes(path: Path, box: Box) -> np.ndarray:
+    """Passability of the nearest pixel of a raster of classes, by rasterio."""
+    with rasterio.open(path) as source:
+        values = source.read(1)
+        x, y = Transformer.from_crs(4326, source.crs, always_xy=True).transform(*box.centres())
+        column, row = ~source.transform * (np.asarray(x), np.asarray(y))
+    i, j = (
+        np.clip(np.floor(at).astype(int), 0, n - 1) for at, n in zip((row, column), values.shape, strict=True)
+    )
+    return np.vectorize(CLASSES.get)(values[i, j])
+
+
+def pixels(path: Path) -> np.ndarray:
+    """[rows, columns, bands] of a picture, by rasterio."""
+    with rasterio.open(path) as source:
+        return np.moveaxis(source.read(), 0, -1)[..., :3]
+
+
+def classes(path: Path, box: Box) -> np.ndarray:
+    """Passability as auvplan reads it."""
+    chart = chart_from_raster(path, box.site, **box.corners, pixel_size=box.pixel, classes=CLASSES)
+    return np.asarray(chart.passability)
+
+
+def land(path: Path, box: Box) -> np.ndarray:
+    """0 for land, 1 for water, as auvplan reads it."""
+    chart = chart_from_polygons(path, box.site, **box.corners, pixel_size=box.pixel)
+    return np.asarray(chart.passability)
+
+
+def rasterized(path: Path, box: Box) -> np.ndarray:
+    """0 for every pixel that land touches, by GDAL's rasterizer on polygons in local metres."""
+    if path.suffix == ".geojson":
+        features = json.loads(path.read_text())["features"]
+        shapes = shapely.from_geojson([json.dumps(feature["geometry"]) for feature in features])
+    else:
+        meta, _, wkb, _ = pyogrio.raw.read(path)
+        turn = Transformer.from_crs(meta["crs"], 4326, always_xy=True)
+        shapes = shapely.transform(shapely.from_wkb(wkb), lambda p: np.stack(turn.transform(*p.T), axis=1))
+    local = Proj(proj="aeqd", lon_0=box.site.longitude, lat_0=box.site.latitude, datum="WGS84")
+    window = shapely.box(
+        box.site.longitude - 3, box.site.latitude - 3, box.site.longitude + 3, box.site.latitude + 3
+    )
+    shapes = [shape for shape in shapes if shape.intersects(window)]
+    shapes = shapely.segmentize(np.asarray(shapes, object), 0.01)  # edges are straight in degrees
+    shapes = shapely.transform(shapes, lambda p: np.stack(local(*p.T), axis=1))
+    north, east = (int(np.ceil(2 * side / box.pixel - 1e-6)) for side in box.half)
+    where = from_bounds(-box.half[1], -box.half[0], -box.half[1] + east * box.pixel,
+                        -box.half[0] + north * box.pixel, east, north)  # fmt: skip
+    burnt = rasterize(
+        [(s, 1) for s in shapes], (north, east), transform=where, all_touched=True, dtype="uint8"
+    )
+    return np.where(burnt[::-1] == 1, 0.0, 1.0)
+
+
+def _utm_floor(folder: Path) -> Path:
+    """A GeoTIFF of heights in UTM, packed in decimetres, with missing pixels."""
+    rows, columns = np.meshgrid(np.arange(60), np.arange(80), indexing="ij")
+    values = (-300 - 4 * rows - 7 * columns + (rows * columns) % 11).astype(np.int16)
+    values[5:9, 60:70] = -32768
+    path = folder / "utm_packed.tif"
+    with rasterio.open(
+        path, "w", driver="GTiff", width=80, height=60, count=1, dtype="int16", crs="EPSG:32632",
+        transform=Affine(100.0, 0.0, 300_000.0, 0.0, -100.0, 6_656_000.0), nodata=-32768, compress="deflate",
+    ) as sink:  # fmt: skip
+        sink.write(values, 1)
+        sink.scales, sink.offsets = (0.1,), (0.0,)
+        sink.units = ("metre",)
+    return path
+
+
+def _gebco(folder: Path) -> Path:
+    lon, lat = 359.5 + np.arange(300) / 240.0, 50.0 + np.arange(200) / 240.0
+    values = np.rint(-60 + 30 * np.sin(lon * 9)[None] * np.cos(lat * 7)[:, None]).astype(np.int16)
+    fields = {
+        "elevation": (("lat", "lon"), values, {"units": "m", "standard_name": "height_above_mean_sea_level"}),
+        "lon": (("lon",), lon, {"units": "degrees_east"}),
+        "lat": (("lat",), lat, {"units": "degrees_north"}),
+    }
+    return file_models.save(folder / "gebco.nc", fields)
+
+
+def _geopackage(folder: Path) -> Path:
+    """The real land polygons in UTM, as a GeoPackage."""
+    meta, _, wkb, _ = pyogrio.raw.read(SHARED / "maps/whitsunday_land_osm.geojson")
+    turn = Transformer.from_crs(4326, 32755, always_xy=True)
+    shapes = shapely.transform(shapely.from_wkb(wkb), lambda p: np.stack(turn.transform(*p.T[:2]), axis=1))
+    path = folder / "land_utm.gpkg"
+    pyogrio.raw.write(path, shapely.to_wkb(shapes), [], [], driver="GPKG", crs="EPSG:32755",
+                      geometry_type="Polygon" if set(shapely.get_type_id(shapes)) == {3} else "MultiPolygon",
+                      promote_to_multi=set(shapely.get_type_id(shapes)) != {3})  # fmt: skip
+    del meta
+    return path
+
+
+def _world_file(folder: Path) -> Path:
+    """The real picture as PNG, with the world file that it lacks."""
+    path = Path(shutil.copy(SHARED / "maps/whitsunday_hook_passage.png", folder))
+    path.with_suffix(".pgw").write_text("10\n0\n0\n-10\n697205\n7774095\n")
+    return path
+
+
+_HOOK = Box(Site(*Transformer.from_crs(32755, 4326, always_xy=True).transform(702_200.0, 7_769_100.0)),
+            (3400.0, 4300.0), 10.0)  # fmt: skip
+_HAMILTON = Box(Site(148.98, -20.33), (2000.0, 2000.0), 10.0)
+_LAND = Box(Site(148.96, -20.22), (8000.0, 8000.0), 20.0)
+_OBAN = Box(Site(-5.66, 56.43), (4000.0, 4000.0), 100.0)
+_FJORD = Box(Site(5.6756, 59.0332), (250.0, 250.0), 10.0)
+_NORKYST = Box(Site(5.99, 55.947), (2500.0, 2500.0), 50.0)
+_ARCTIC = Box(Site(17.6224, 74.025), (60_000.0, 60_000.0), 2000.0)
+_ROSE = Box(Site(-150.0, 20.0), (300_000.0, 300_000.0), 10_000.0)
+_UTM = Box(Site(5.49, 59.975), (1500.0, 2500.0), 50.0)
+_GREENWICH = Box(Site(0.05, 50.4), (15_000.0, 15_000.0), 250.0)
+_WORLD = Box(Site(10.5, 42.2), (90_000.0, 90_000.0), 1000.0)
+
+
+def _floor(
+    name: str, origin: str, prepare: Any, box: Box, expect: Any, exact: float = 1e-2, **options: Any
+) -> Rasters:
+    return Rasters(
+        name, "sea bed", origin, prepare, lambda p: bed(p, box, **options), lambda p: expect(p, box), exact
+    )
+
+
+RASTERS = (
+    _floor("oban_gebco2020.tif", "real", _copied("bathymetry/oban_gebco2020.tif"), _OBAN, tiff_depth),
+    _floor("etopo60_rose.nc", "real", _copied("elsewhere/etopo60_rose.nc"), _ROSE,
+           lambda p, b: axes_depth(p, ("ROSE", "ETOPO60X", "ETOPO60Y"), b, -1.0)),
+    _floor("norfjords160_roms_native_24h.nc, h", "real", _copied("currents/norfjords160_roms_native_24h.nc"),
+           _FJORD, lambda p, b: grid_depth(p, ("h", "lon_rho", "lat_rho"), b, "mask_rho"), 0.05),
+    _floor("norkyst_v3_800m_5h.nc, h", "real", _copied("currents/norkyst_v3_800m_5h.nc"), _NORKYST,
+           lambda p, b: grid_depth(p, ("h", "lon", "lat"), b), 0.05),
+    _floor("arctic20_polar_stereographic.nc, h", "real", _copied("elsewhere/arctic20_polar_stereographic.nc"),
+           _ARCTIC, lambda p, b: grid_depth(p, ("h", "longitude", "latitude"), b), 1.0),
+    _floor("UTM GeoTIFF, packed in decimetres", "made", _utm_floor, _UTM, tiff_depth, positive="up"),
+    _floor("GEBCO NetCDF across Greenwich, 0 to 360", "made", _gebco, _GREENWICH,
+           lambda p, b: axes_depth(p, ("elevation", "lon", "lat"), b, -1.0)),
+    Rasters("whitsunday_hook_passage_class.tif", "chart", "real",
+            _copied("maps/whitsunday_hook_passage_class.tif"),
+            lambda p: classes(p, _HOOK), lambda p: tiff_classes(p, _HOOK)),
+    Rasters("whitsunday_hamilton_dent_class.tif", "chart", "real",
+            _copied("maps/whitsunday_hamilton_dent_class.tif"),
+            lambda p: classes(p, _HAMILTON), lambda p: tiff_classes(p, _HAMILTON)),
+    Rasters("whitsunday_land_osm.geojson", "chart", "real", _copied("maps/whitsunday_land_osm.geojson"),
+            lambda p: land(p, _LAND), lambda p: rasterized(p, _LAND)),
+    Rasters("whitsunday_reefs_eatlas.geojson", "chart", "real",
+            _copied("maps/whitsunday_reefs_eatlas.geojson"),
+            lambda p: land(p, _LAND), lambda p: rasterized(p, _LAND)),
+    Rasters("natural_earth_110m_land.geojson", "chart", "real",
+            _copied("elsewhere/natural_earth_110m_land.geojson"),
+            lambda p: land(p, _WORLD), lambda p: rasterized(p, _WORLD)),
+    Rasters("whitsunday_land_osm in UTM, GeoPackage", "chart", "cut", _geopackage,
+            lambda p: land(p, _LAND), lambda p: rasterized(p, _LAND)),
+    Rasters("whitsunday_hook_passage_rgb.tif", "picture", "real",
+            _copied("maps/whitsunday_hook_passage_rgb.tif"),
+            lambda p: read_raster(p).values, pixels),
+    Rasters("whitsunday_hamilton_dent_rgb.tif", "picture", "real",
+            _copied("maps/whitsunday_hamilton_dent_rgb.tif"), lambda p: read_raster(p).values, pixels),
+    Rasters("world_rgb_lzw_band.tif", "picture", "real", _copied("elsewhere/world_rgb_lzw_band.tif"),
+            lambda p: read_raster(p, crs=4326).values, pixels),
+    Rasters("whitsunday_hook_passage.png", "picture", "real", _copied("maps/whitsunday_hook_passage.png"),
+            lambda p: read_raster(p, crs=32755).values, pixels),
+    Rasters("whitsunday_hook_passage.png with a world file", "picture", "cut", _world_file,
+            lambda p: read_raster(p, crs=32755).values, pixels),
+)  # fmt: skip

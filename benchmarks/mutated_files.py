@@ -1,0 +1,589 @@
+"""Damaged and altered copies of the real files: ``python -m benchmarks.mutated_files --json FILE``.
+
+Each copy must be refused by one line, within 30 s of processor time and 4 GB, or be read right: as the
+original where the change bears on nothing that is read or on bytes, else as the other libraries of
+`benchmarks.file_references` and `benchmarks.file_rasters` read the copy. A current is compared at 40 points,
+levels and times of the copy, a sea bed and a chart over their rectangle. All else is a failure and is listed.
+"""
+
+import argparse
+import json
+import multiprocessing
+import re
+import resource
+import shutil
+import signal
+import tempfile
+import time
+import warnings
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from auvplan.errors import AuvplanError
+from auvplan.io.currents import open_ocean
+from benchmarks.file_cases import REAL, Currents
+from benchmarks.file_rasters import RASTERS, Rasters
+from benchmarks.file_references import Table, Unreadable
+
+COPIES, POINTS = 500, 40
+SECONDS, BYTES = 30, 4 << 30
+#: m/s, and share of a chart's pixels.
+SAME = 1e-4
+#: m/s, for places that are not told and taken from others, which a note says.
+NEAR, _MEANS = 0.05, "means of their corners"
+
+#: A change: what it is, and whether the copy must read as the original ("same"), as the copy is read by other
+#: libraries ("copy"), or as either ("either"); and new names of variables.
+Change = tuple[str, str, dict[str, str]]
+Rng = np.random.Generator
+
+
+@dataclass
+class Told:
+    """What became of a copy: "refused", "right" or a failure in words."""
+
+    file: str
+    copy: int
+    change: str
+    found: str
+
+
+def damage(path: Path, rng: Rng) -> Change:
+    """Change bytes of a file."""
+    whole = bytearray(path.read_bytes())
+    kind = rng.integers(4)
+    if kind == 0:
+        end = int(rng.integers(len(whole)))
+        path.write_bytes(whole[:end])
+        return "cut off", "either", {}
+    if kind == 1:
+        first = int(rng.integers(len(whole)))
+        size = int(rng.integers(1, 4096))
+        whole[first : first + size] = bytes(len(whole[first : first + size]))
+        path.write_bytes(whole)
+        return "bytes zeroed", "either", {}
+    end = len(whole) if kind == 2 else min(len(whole), 20_000)
+    for place in rng.integers(0, end, int(rng.integers(1, 6))):
+        whole[place] = int(rng.integers(256))
+    path.write_bytes(whole)
+    return "bytes changed" if kind == 2 else "bytes of the head changed", "either", {}
+
+
+#: Attributes of a mapping, which a file with longitudes and latitudes need not heed.
+_MAPPING = ("straight_vertical_longitude_from_pole", "standard_parallel", "proj4", "proj4_string", "epsg",
+            "grid_mapping")  # fmt: skip
+_VALUES: dict[str, tuple[Any, ...]] = {
+    "units": ("cm s-1", "knots", "m", "furlong", "degrees_north", "km", "seconds since 1990-01-01",
+              "days since 1950-01-01", "hours since 1990-01-01 00:00:00", ""),
+    "standard_name": ("eastward_wind", "northward_sea_water_velocity", "EASTWARD_SEA_WATER_VELOCITY",
+                      "longitude", "latitude", "depth", "sea_ice_x_velocity"),
+    "positive": ("up", "down", "left"),
+    "calendar": ("noleap", "360_day", "julian", "proleptic_gregorian", "gregorian_proleptic", "martian"),
+    "_FillValue": (0.0, 1.0, -1.0, 1e20),
+    "missing_value": (0.0, 1e20),
+    "scale_factor": (0.01, 1.0, -1.0, 0.0),
+    "add_offset": (0.0, 1.0, 100.0),
+    "coordinates": ("", "x y", "lat lon time"),
+    "grid_mapping": ("", "nowhere", "time"),
+    "axis": ("X", "Y", "Z", "T"),
+    "start_index": (0, 1, 7),
+    "cf_role": ("", "mesh_topology"),
+    "node_coordinates": ("", "nowhere nowhere2"),
+    "face_node_connectivity": ("", "nowhere"),
+    "valid_range": (np.array([-0.1, 0.1]),),
+    "standard_parallel": (45.0,),
+    "straight_vertical_longitude_from_pole": (0.0, 90.0),
+    "epsg": (4326, 32633, 0),
+    "proj4": ("", "+proj=utm +zone=33"),
+    "proj4_string": ("", "+proj=utm +zone=33"),
+}  # fmt: skip
+
+
+def attribute(data: xr.Dataset, names: list[str], rng: Rng) -> tuple[xr.Dataset, Change]:
+    """Take an attribute away, change it, or add one."""
+    name = str(rng.choice(names))
+    told = data[name].attrs
+    likely = [key for key in _VALUES if key in told]
+    if likely and rng.random() < 0.8:
+        key = str(rng.choice(likely))
+    else:
+        key = str(
+            rng.choice(["units", "standard_name", "positive", "calendar", "scale_factor", "_FillValue"])
+        )
+    if key in told and rng.random() < 0.4:
+        del told[key]
+        return data, (f"{key} of {name} taken away", "either" if key in _MAPPING else "copy", {})
+    options = _VALUES[key]
+    value = options[int(rng.integers(len(options)))]
+    if key in ("_FillValue", "missing_value"):
+        if not np.isfinite(data[name].values.astype(data[name].dtype.type(0).dtype)).size:
+            return data, ("nothing", "same", {})
+        value = data[name].dtype.type(value) if abs(value) < 1e4 or data[name].dtype.kind == "f" else None
+        if value is None or data[name].dtype.kind not in "iuf":
+            return data, ("nothing", "same", {})
+    told[key] = value
+    return data, (f"{key} of {name} = {value}", "either" if key in _MAPPING else "copy", {})
+
+
+def structure(data: xr.Dataset, variables: tuple[str, ...], rng: Rng) -> tuple[xr.Dataset, Change]:
+    """Reverse, permute, rename, drop, blank or double parts of a file."""
+    there = [name for name in variables if name and name in data.variables]
+    kind = int(rng.integers(11))
+    name = str(rng.choice(there))
+    dims = [str(dim) for n in there for dim in data[n].dims if data.sizes[dim] > 1]
+    dim = str(rng.choice(dims))
+    if kind == 0:
+        dim_of = [d for d in dims if not ({"xi", "eta"} & {d.split("_")[0]})] or dims
+        dim = str(rng.choice(dim_of))
+        return data.isel({dim: slice(None, None, -1)}), (f"{dim} reversed", "copy", {})
+    if kind == 1 and data[name].ndim:
+        turned = data[name].isel({data[name].dims[0]: slice(None, None, -1)})
+        data[name] = (data[name].dims, turned.values, data[name].attrs)
+        return data, (f"values of {name} reversed", "copy", {})
+    if kind == 2:
+        order = [str(d) for d in rng.permutation(data[name].dims)]
+        data[name] = data[name].transpose(*order)
+        return data, (f"{name} transposed to {' '.join(order)}", "copy", {})
+    if kind == 3:
+        data = data.map(lambda part: part.transpose(*part.dims[::-1]), keep_attrs=True)
+        return data, ("all variables transposed", "copy", {})
+    if kind == 4:
+        other = str(rng.choice([f"{name}_2", "velocity", name.upper() + "X"]))
+        return data.rename({name: other}), (f"{name} renamed {other}", "copy", {name: other})
+    if kind == 5:
+        lost = str(rng.choice([str(n) for n in data.variables]))
+        return data.drop_vars(lost), (f"{lost} dropped", "copy", {})
+    if kind == 6 and data[name].dtype.kind == "f" and data[name].ndim:
+        values = data[name].values.copy()
+        block = tuple(slice(int(a := rng.integers(n)), int(a + rng.integers(1, n + 1))) for n in values.shape)
+        values[block] = np.nan
+        data[name] = (data[name].dims, values, data[name].attrs)
+        return data, (f"NaN in {name}", "copy", {})
+    time_dims = data[variables[5]].dims if len(variables) > 5 and variables[5] in data.variables else ()
+    if kind == 7 and time_dims:
+        return xr.concat([data, data], time_dims[0], data_vars="minimal", coords="minimal", compat="override",
+                         join="override"), ("times doubled", "copy", {})  # fmt: skip
+    if kind == 8 and time_dims and data.sizes[time_dims[0]] > 1:
+        order = np.argsort(rng.random(data.sizes[time_dims[0]]))
+        return data.isel({time_dims[0]: order}), ("times shuffled", "copy", {})
+    if kind == 9:
+        lon = variables[2]
+        if lon in data.variables and data[lon].dtype.kind == "f" and "scale_factor" not in data[lon].attrs:
+            values = data[lon].values
+            values = values % 360.0 if rng.random() < 0.5 else (values + 180.0) % 360.0 - 180.0
+            if str(data[lon].attrs.get("units", "")).lower().startswith("deg"):
+                data = data.assign_coords({lon: (data[lon].dims, values, data[lon].attrs)})
+                return data, (f"{lon} in another turn", "copy", {})
+    if kind == 10 and variables[2] in data.variables and variables[3] in data.variables:
+        pair = {variables[2]: variables[3], variables[3]: variables[2]}
+        if data[variables[2]].ndim == 2 or data[variables[2]].dims == data[variables[3]].dims:
+            return data.rename({variables[2]: "swap_", variables[3]: variables[2]}).rename(
+                {"swap_": variables[3]}
+            ), ("longitude and latitude under each other's names", "swapped", pair)
+    return data.isel({dim: slice(0, max(data.sizes[dim] // 2, 2))}), (f"{dim} halved", "copy", {})
+
+
+def netcdf(path: Path, variables: tuple[str, ...], rng: Rng) -> Change:
+    """Change a NetCDF file."""
+    if rng.random() < 0.35:
+        return damage(path, rng)
+    with xr.open_dataset(path, engine="netcdf4", decode_cf=False) as file:
+        data = file.load()
+        form = file.encoding.get("source") and (
+            "NETCDF3_64BIT" if path.read_bytes()[:3] == b"CDF" else "NETCDF4"
+        )
+    for variable in data.variables.values():
+        variable.encoding = {}
+    there = [name for name in variables if name and name in data.variables]
+    if not there:
+        return damage(path, rng)
+    try:
+        if rng.random() < 0.6:
+            more = [
+                str(n)
+                for n, v in data.variables.items()
+                if "grid_mapping_name" in v.attrs or "cf_role" in v.attrs
+            ]
+            more += [
+                n
+                for n in ("angle", "h", "zeta", "mask_rho", "hc", "Cs_r", "ele", "nv")
+                if n in data.variables
+            ]
+            data, change = attribute(data, there * 3 + more, rng)
+        else:
+            data, change = structure(data, variables, rng)
+        fresh = path.with_suffix(".new")
+        data.to_netcdf(fresh, engine="netcdf4", format=form)
+    except Exception as error:  # what no library writes
+        return f"not written: {type(error).__name__}", "same", {}
+    fresh.replace(path)
+    return change
+
+
+_GEO_KEYS = ("4326", "CRS84", "EPSG:32755")
+
+
+def text(path: Path, rng: Rng) -> Change:
+    """Change a GeoJSON file."""
+    if rng.random() < 0.5:
+        return damage(path, rng)
+    root = json.loads(path.read_text())
+    features = root["features"]
+    whole = [feature for feature in features if feature["geometry"]["coordinates"]]
+    feature = whole[int(rng.integers(len(whole)))]
+    rings = feature["geometry"]["coordinates"]
+    ring = rings[0] if feature["geometry"]["type"] == "Polygon" else rings[0][0]
+    kind = int(rng.integers(9))
+    said, expect = "a feature dropped", "copy"
+    if kind == 0:
+        features.remove(feature)
+    elif kind == 1:
+        ring[int(rng.integers(len(ring)))] = [float("nan"), 0.0]
+        said = "NaN in a ring"
+    elif kind == 2:
+        for position in ring:
+            position[:2] = position[1::-1]
+        said = "a ring's longitude and latitude swapped"
+    elif kind == 3:
+        ring.pop()
+        said = "a ring opened"
+    elif kind == 4:
+        ring.reverse()
+        said, expect = "a ring reversed", "same"
+    elif kind == 5:
+        root["crs"] = {"type": "name", "properties": {"name": str(rng.choice(_GEO_KEYS))}}
+        said, expect = f"crs {root['crs']['properties']['name']}", "same"
+    elif kind == 6:
+        feature["geometry"] = None
+        said = "a geometry taken away"
+    elif kind == 7:
+        for position in ring:
+            position[0] += 360.0
+        said, expect = "a ring one turn further east", "same"
+    else:
+        features.append(feature)
+        said, expect = "a feature doubled", "same"
+    path.write_text(json.dumps(root))
+    return said, expect, {}
+
+
+def tiff(path: Path, rng: Rng) -> Change:
+    """Change a GeoTIFF."""
+    if rng.random() < 0.6:
+        return damage(path, rng)
+    import rasterio
+
+    with rasterio.open(path) as source:
+        profile, values = source.profile, source.read()
+    kind = int(rng.integers(7))
+    said, expect = "rows from the south", "copy"
+    if kind == 0:
+        t = profile["transform"]
+        values = values[:, ::-1]
+        profile["transform"] = rasterio.Affine(t.a, t.b, t.c, t.d, -t.e, t.f + t.e * values.shape[1])
+    elif kind == 1:
+        profile["crs"] = str(rng.choice(["EPSG:4326", "EPSG:32755", "EPSG:3857"]))
+        said = f"crs {profile['crs']}"
+    elif kind == 2:
+        profile.pop("crs")
+        said = "crs taken away"
+    elif kind == 3:
+        profile["nodata"] = float(values.flat[int(rng.integers(values.size))])
+        said = f"nodata {profile['nodata']:g}"
+    elif kind == 4:
+        t = profile["transform"]
+        profile["transform"] = rasterio.Affine(t.a, t.b, t.c + 3 * t.a, t.d, t.e, t.f)
+        said = "three pixels further east"
+    elif kind == 5:
+        profile |= {"tiled": True, "blockxsize": 16, "blockysize": 16,
+                    "compress": str(rng.choice(["lzw", "deflate", "none", "zstd"])),
+                    "interleave": str(rng.choice(["band", "pixel"]))}  # fmt: skip
+        said, expect = f"tiled, {profile['compress']}, by {profile['interleave']}", "same"
+    else:
+        values = values.copy()
+        values[:, : values.shape[1] // 3] = values.flat[0]
+        said = "a third of the rows even"
+    with rasterio.open(path, "w", **profile) as sink:
+        sink.write(values)
+    return said, expect, {}
+
+
+def thin(path: Path, variables: tuple[str, ...]) -> None:
+    """Leave four times of a file, and of its fields those that bear on a current."""
+    with xr.open_dataset(path, engine="netcdf4", decode_cf=False) as file:
+        data = file.load()
+    time_dims = [d for d in data.dims if "time" in str(d).lower() or d == "tl"]
+    kept = {*variables, *_BEARING}
+    lost = [
+        name
+        for name, variable in data.data_vars.items()
+        if name not in kept
+        and (variable.ndim > 2 or (not variable.ndim and "cf_role" not in variable.attrs))
+        and "grid_mapping_name" not in variable.attrs
+    ]
+    data = data.isel({dim: slice(0, 4) for dim in time_dims}).drop_vars(lost)
+    for variable in data.variables.values():
+        variable.encoding = {}
+    form = "NETCDF3_64BIT" if path.read_bytes()[:3] == b"CDF" else "NETCDF4"
+    fresh = path.with_suffix(".new")
+    data.to_netcdf(fresh, engine="netcdf4", format=form)
+    fresh.replace(path)
+
+
+_BEARING = ("zeta", "w", "hc", "Vtransform", "dryFlagNode", "SCHISM_hgrid")
+
+
+def difference(found: np.ndarray, expected: np.ndarray | None) -> float:
+    """Largest difference; infinite where only one of the two has a value, or there is nothing expected."""
+    if expected is None or found.shape != expected.shape:
+        return np.inf
+    odd = np.isnan(found) != np.isnan(expected)
+    return np.inf if odd.any() else float(np.nanmax(np.abs(found - expected), initial=0.0))
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Where a current is asked for: places, depths and moments, [M]."""
+
+    longitude: np.ndarray
+    latitude: np.ndarray
+    depth: np.ndarray
+    moment: np.ndarray
+
+    @classmethod
+    def of(cls, table: Table, rng: Rng) -> "Sample":
+        """Points, levels and times of a table that have a current."""
+        known = np.isfinite(table.east) & np.isfinite(table.depth)
+        wet = np.argwhere(known)
+        t, k, p = wet[rng.choice(len(wet), min(POINTS, len(wet)), replace=False)].T
+        depth = np.broadcast_to(table.depth, table.east.shape)[t, k, p]
+        return cls(table.longitude[p], table.latitude[p], depth, table.times[t])
+
+    def expected(self, table: Table) -> np.ndarray:
+        """[2, M] m/s by the table's own interpolation."""
+        found = []
+        for lon, lat, depth, moment in zip(
+            self.longitude, self.latitude, self.depth, self.moment, strict=True
+        ):
+            mixture = table.mixture(float(lon), float(lat))
+            found.append(
+                np.full(2, np.nan) if mixture is None else table.at(*mixture, float(depth), float(moment))
+            )
+        return np.transpose(found)
+
+
+def current(
+    case: Currents, paths: list[Path], options: dict[str, Any], change: Change, original: Table
+) -> str:
+    """What became of a copy of a current's files."""
+    _, expect, names = change
+    with open_ocean(paths, **options) as ocean:
+        table = original
+        if expect != "same":
+            try:
+                table = case.reading(paths, renamed=names)
+            except Unreadable as error:
+                table = error
+            except Exception as error:
+                table = Unreadable(f"{type(error).__name__}: {error}")
+        rng = np.random.default_rng(1)
+        base = original if isinstance(table, Unreadable) else table
+        if not (np.isfinite(base.east) & np.isfinite(base.depth)).any():
+            table = Unreadable("no current anywhere")
+            base = original
+        sample = Sample.of(base, rng)
+        found = np.stack(ocean.at(sample.longitude, sample.latitude, sample.depth, sample.moment)[:2])
+        wanted = None if isinstance(table, Unreadable) else sample.expected(table)
+        if wanted is not None and np.isnan(wanted).any():
+            known = np.isfinite(wanted).all(axis=0)
+            found, wanted = found[:, known], wanted[:, known]
+        off = difference(found, wanted)
+        if off <= SAME:
+            return "right"
+        plain = np.inf
+        if expect == "either" or wanted is None:
+            sample = Sample.of(original, np.random.default_rng(1))
+            found = np.stack(ocean.at(sample.longitude, sample.latitude, sample.depth, sample.moment)[:2])
+            plain = difference(found, sample.expected(original))
+            if plain <= SAME:
+                return "right: as the original"
+        if min(off, plain) <= NEAR and any(_MEANS in note for note in ocean.notes):
+            return "right: with a note"
+        why = f" ({table})" if isinstance(table, Unreadable) else ""
+        return f"off by {min(off, plain):.3g} m/s{why}; notes: {'; '.join(ocean.notes)}"
+
+
+def raster(case: Rasters, path: Path, change: Change, original: np.ndarray) -> str:
+    """What became of a copy of a sea bed or a chart."""
+    found = np.asarray(case.read(path), float)
+    wanted: np.ndarray | None = None
+    why = ""
+    if change[1] != "same":
+        try:
+            wanted = np.asarray(case.expect(path), float)
+        except Exception as error:
+            why = f" ({type(error).__name__}: {error})"
+
+    def far(expected: np.ndarray | None) -> float:
+        if expected is None or expected.shape != found.shape:
+            return np.inf
+        equal = (np.abs(found - expected) <= case.exact) | (np.isnan(found) & np.isnan(expected))
+        return float(1.0 - equal.mean())
+
+    off, plain = far(wanted), far(original)
+    if off <= SAME:
+        return "right"
+    if plain <= SAME and (change[1] != "copy" or wanted is None):
+        return "right: as the original"
+    return f"{min(off, plain if wanted is None else off):.2%} of the pixels differ{why}"
+
+
+def outcome(work: Callable[[], str]) -> str:
+    """What became of a copy; a refusal in one line is one, all else that is raised is a failure."""
+
+    def late(*_: object) -> None:
+        raise TimeoutError(f"longer than {SECONDS} s")
+
+    signal.signal(signal.SIGPROF, late)
+    signal.setitimer(signal.ITIMER_PROF, SECONDS)
+    try:
+        return work()
+    except AuvplanError as error:
+        line = str(error)
+        clean = (
+            "\n" not in line and len(line) < 900 and "MemoryError" not in line and "longer than" not in line
+        )
+        return f"refused: {line}" if clean else f"unclean refusal: {line[:200]}"
+    except BaseException as error:
+        return f"raised {type(error).__name__}: {str(error)[:200]}"
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
+
+
+def copies_of(case: Currents | Rasters, numbers: list[int], pipe: Any) -> None:
+    """Make copies and tell what became of each; runs in a process of its own."""
+    resource.setrlimit(resource.RLIMIT_AS, (BYTES, BYTES))
+    warnings.simplefilter("ignore")
+    with tempfile.TemporaryDirectory() as name:
+        kept, folder = Path(name) / "kept", Path(name) / "copy"
+        kept.mkdir()
+        if isinstance(case, Currents):
+            whole, options = case.prepare(kept)
+            for path in whole:
+                thin(path, case.variables)
+            original: Any = case.reading(whole)
+        else:
+            whole, options = [case.prepare(kept)], {}
+            original = np.asarray(case.expect(whole[0]), float)
+        for number in numbers:
+            shutil.rmtree(folder, ignore_errors=True)
+            shutil.copytree(kept, folder)
+            paths = [folder / path.name for path in whole]
+            rng = np.random.default_rng([number, *case.name.encode()])
+            path = paths[int(rng.integers(len(paths)))]
+            if isinstance(case, Currents):
+                change = netcdf(path, case.variables, rng)
+            elif path.suffix == ".geojson":
+                change = text(path, rng)
+            elif path.suffix == ".tif":
+                change = tiff(path, rng)
+            elif path.suffix == ".nc":
+                change = netcdf(path, BED_VARIABLES[case.name], rng)
+            else:
+                change = damage(path, rng)
+            pipe.send((number, change[0], None))
+
+            def work(paths: Any = paths, change: Any = change) -> str:
+                if isinstance(case, Currents):
+                    return current(case, paths, options, change, original)
+                return raster(case, paths[0], change, original)
+
+            pipe.send((number, change[0], outcome(work)))
+    pipe.send(None)
+
+
+#: As `Currents.variables` of sea beds.
+BED_VARIABLES = {
+    "etopo60_rose.nc": ("ROSE", "ROSE", "ETOPO60X", "ETOPO60Y"),
+    "norfjords160_roms_native_24h.nc, h": ("h", "h", "lon_rho", "lat_rho"),
+    "norkyst_v3_800m_5h.nc, h": ("h", "h", "lon", "lat"),
+    "arctic20_polar_stereographic.nc, h": ("h", "h", "longitude", "latitude"),
+}
+
+
+def told_of(case: Currents | Rasters, count: int, seed: int = 0) -> list[Told]:
+    """What became of the copies of a file; a process that dies is a failure of its copy."""
+    left = list(range(seed, seed + count))
+    found: list[Told] = []
+    died, lost = -1, set()
+    while left:
+        ours, theirs = multiprocessing.get_context("fork").Pipe(duplex=False)
+        process = multiprocessing.get_context("fork").Process(target=copies_of, args=(case, left, theirs))
+        process.start()
+        theirs.close()
+        last: tuple[int, str] | None = None
+        try:
+            while (said := ours.recv()) is not None:
+                number, change, became = said
+                last = (number, change)
+                if became is not None:
+                    found.append(Told(case.name, number, change, became))
+                    last = None
+            left = []
+        except EOFError:
+            if last is None:
+                raise RuntimeError(f"{case.name}: the process ended by itself") from None
+            # HDF5 may trip over what earlier damage left in its memory: once more, in a new process.
+            if last[0] == died:
+                found.append(Told(case.name, *last, "the process died"))
+            died = last[0]
+            left = [number for number in left if number > died or (number == died and last[0] not in lost)]
+            lost.add(died)
+        process.join()
+    return found
+
+
+def is_failure(told: Told) -> bool:
+    return not told.found.startswith(("refused", "right"))
+
+
+def main() -> None:
+    """Print failures as they come, then counts by file."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.mutated_files", description=__doc__)
+    parser.add_argument("--copies", type=int, default=COPIES, help="of each file")
+    parser.add_argument("--only", help="part of the names of files")
+    parser.add_argument("--kind", choices=["currents", "rasters"], help="only these")
+    parser.add_argument("--json", type=Path, help="file for the counts; those of other files there are kept")
+    parser.add_argument("--all", action="store_true", help="print what became of every copy")
+    options = parser.parse_args()
+    counts: dict[str, dict[str, Any]] = {}
+    if options.json and options.json.exists():
+        counts = json.loads(options.json.read_text())
+    rasters = [case for case in RASTERS if case.origin == "real" and not case.name.endswith("png")]
+    cases: list[Currents | Rasters] = [*REAL, *rasters]
+    if options.kind:
+        cases = list(REAL) if options.kind == "currents" else list(rasters)
+    for case in cases:
+        if options.only and options.only not in case.name:
+            continue
+        begin = time.perf_counter()
+        told = told_of(case, options.copies)
+        for one in told:
+            if is_failure(one) or options.all:
+                print(f"  {one.copy}: {one.change}: {re.sub(r'/tmp/[^ :]*/', '', one.found)}", flush=True)
+        kinds = Counter("failed" if is_failure(one) else one.found.split(":")[0] for one in told)
+        failures = [f"{one.change}: {one.found}" for one in told if is_failure(one)]
+        counts[case.name] = dict(kinds) | {"copies": len(told), "failures": failures}
+        print(f"{case.name}: {dict(kinds)}, {time.perf_counter() - begin:.0f} s", flush=True)
+        if options.json:
+            options.json.write_text(json.dumps(counts, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
