@@ -1,0 +1,180 @@
+"""Orders by the clock against orders by the sea as it is when they are planned, in three tidal seas.
+
+    python -m benchmarks.clock --missions 100 --out docs/clock_missions.md
+
+Missions of one seed differ in nothing but `planning.departures`: 1 prices every leg as if it were sailed at once,
+24 by the time at which it is begun. Forecasts are exact and nothing is in the way: what is late is so by the
+order alone. Two seas are files of ../shared/data, the third is a harmonic tide (M2, S2, K1) made here.
+"""
+
+import argparse
+import tempfile
+from datetime import UTC, datetime
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+import auvplan as ap
+from auvplan.files import write_atomically
+from auvplan.records import MissionRun
+from auvplan.scenario.scenario import Scenario
+from benchmarks.machine import processor
+
+DATA = Path(__file__).parent.parent / ".." / "shared" / "data" / "currents"
+#: Degrees an hour, m/s along the channel and phase in degrees, of the harmonic tide.
+CONSTITUENTS = {"M2": (28.984, 0.7, 40.0), "S2": (30.0, 0.25, 75.0), "K1": (15.041, 0.15, 10.0)}
+#: Seconds by which an arrival may differ, as a share of the time since the order was made.
+OFF = 0.05
+
+COMMON: dict[str, Any] = {
+    "simulation": {"obstacles": {"static": 0, "afloat": 0, "self_motivated": 0}},
+    "vehicle": {"speed": 1.5, "surge_max": 3.0, "sway_max": 1.4},
+}
+
+
+def harmonic_tide(path: Path) -> Path:
+    """Write a current that runs to and fro along the north-east, stronger in the middle of a channel."""
+    hours = np.arange(0.0, 36.0, 0.25)
+    speed = sum(a * np.cos(np.radians(rate * hours - phase)) for rate, a, phase in CONSTITUENTS.values())
+    longitude, latitude = np.linspace(4.9, 5.2, 31), np.linspace(59.9, 60.1, 41)
+    across = (longitude[None, :] - 5.05) / 0.06 - (latitude[:, None] - 60.0) / 0.12
+    shape = 0.3 + 0.7 * np.exp(-(across**2))
+    u, v = (part * speed[:, None, None] * shape for part in (0.55, 0.83))
+    dims = ("time", "latitude", "longitude")
+    xr.Dataset(
+        {
+            "uo": (dims, u, {"units": "m s-1", "standard_name": "eastward_sea_water_velocity"}),
+            "vo": (dims, v, {"units": "m s-1", "standard_name": "northward_sea_water_velocity"}),
+        },
+        {
+            "time": np.datetime64("2026-03-01T00:00", "ns") + (hours * 3.6e12).astype("timedelta64[ns]"),
+            "latitude": ("latitude", latitude, {"units": "degrees_north"}),
+            "longitude": ("longitude", longitude, {"units": "degrees_east"}),
+        },
+    ).to_netcdf(path, engine="h5netcdf")
+    return path
+
+
+def seas(folder: Path) -> dict[str, dict[str, Any]]:
+    """Sections of a scenario for each sea."""
+    tide = harmonic_tide(folder / "tide.nc")
+    fjord, ocean = DATA / "norfjords160_roms_native_24h.nc", DATA / "rtofs_water_u_v_washington_64x3h.nc"
+    found = {
+        "harmonic tide": {
+            "site": {"longitude": 5.05, "latitude": 60.0, "departure": datetime(2026, 3, 1, 1, tzinfo=UTC)},
+            "area": {"lower": [-5000, -4000, 0], "upper": [5000, 4000, 30]},
+            "chart": {"source": "none"},
+            "current": {"source": "file", "files": str(tide), "forecast_error": 0.0},
+            "mission": {"waypoints": 24, "time_available": 18_000},
+        }
+    }
+    if DATA.is_dir():
+        found["norfjords160 (ROMS, 24 h)"] = {
+            "site": {
+                "longitude": 5.67686,
+                "latitude": 59.03289,
+                "departure": datetime(2015, 9, 7, 2, tzinfo=UTC),
+            },
+            "area": {"lower": [-460, -350, 0], "upper": [770, 480, 20]},
+            "chart": {"source": "current"},
+            "current": {
+                "source": "file",
+                "files": str(fjord.resolve()),
+                "forecast_error": 0.0,
+                "spacing": 40,
+            },
+            "vehicle": {"speed": 0.6, "surge_max": 1.5, "sway_max": 0.55},
+            "mission": {"waypoints": 20, "time_available": 14_400, "waypoint_clearance": 30},
+        }
+        with xr.open_dataset(ocean, engine="scipy") as data:
+            longitude, latitude = (float(data[name].mean()) for name in ("lon", "lat"))
+            first = str(data["time"].values[0])[:19]
+        found["RTOFS off Washington (64 x 3 h)"] = {
+            "site": {
+                "longitude": longitude - 360.0 * (longitude > 180.0), "latitude": latitude,
+                "departure": f"{first}Z",
+            },
+            "area": {"lower": [-40_000, -40_000, 0], "upper": [40_000, 40_000, 5]},
+            "chart": {"source": "none"},
+            "current": {"source": "file", "files": str(ocean.resolve()), "forecast_error": 0.0, "spacing": 4000},
+            "vehicle": {"speed": 0.8, "surge_max": 2.0, "sway_max": 0.75, "depth_min": 0, "depth_max": 5},
+            "mission": {"waypoints": 20, "time_available": 432_000},
+        }  # fmt: skip
+    return found
+
+
+def arrivals(run: MissionRun) -> list[float]:
+    """Of the first order as far as it was followed: how far off each arrival is, as a share of its time."""
+    order, found, now = run.orders[0], [], 0.0
+    for (i, j), seconds, leg in zip(pairwise(order.nodes), order.leg_times, run.done, strict=False):
+        if (i, j) != (leg.start, leg.goal):
+            break
+        now += seconds
+        ends = float(leg.times[-1]) + leg.t_wait + leg.t_task
+        found.append(abs(now - ends) / ends)
+    return found
+
+
+def compared(name: str, sections: dict[str, Any], missions: int, first: int) -> list[str]:
+    """Cells of the table for one sea."""
+    runs = {}
+    for departures in (1, 24):
+        scenario = Scenario.model_validate(
+            COMMON | sections | {"name": name, "planning": {"departures": departures}}
+        )
+        runs[departures] = ap.run_missions(scenario, seeds=range(first, first + missions))
+    gain = np.array([b.total_priority - a.total_priority for a, b in zip(runs[1], runs[24], strict=True)])
+    half = 1.96 * gain.std(ddof=1) / np.sqrt(missions)
+    cells = [name, f"{gain.mean():+.2f} ± {half:.2f}"]
+    for each in runs.values():
+        off = np.array([error for run in each for error in arrivals(run)])
+        cells += [
+            f"{np.mean([run.total_priority for run in each]):.1f}",
+            f"{100.0 * off.mean():.1f} %",
+            f"{100.0 * (off > OFF).mean():.0f} %",
+            f"{np.mean([len(run.orders) - 1 for run in each]):.1f}",
+            f"{sum(run.success for run in each)}",
+        ]
+    return cells
+
+
+def main() -> None:
+    """Run the missions and write the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--missions", type=int, default=100)
+    parser.add_argument("--first", type=int, default=5000, help="first seed")
+    parser.add_argument("--only", help="seas whose name holds this")
+    parser.add_argument("--out", type=Path)
+    chosen = parser.parse_args()
+    heads = ["priority", "arrivals off", f"off by more than {100 * OFF:.0f} %", "re-plans", "on time"]
+    columns = [
+        "sea",
+        "gain in priority",
+        *(f"{head}, {how}" for how in ("snapshot", "clock") for head in heads),
+    ]
+    lines = [
+        f"By `python -m benchmarks.clock --missions {chosen.missions}`, seeds {chosen.first} to "
+        f"{chosen.first + chosen.missions - 1}; {processor()}.",
+        "",
+        "| " + " | ".join(columns) + " |",
+        "|" + "---|" * len(columns),
+    ]
+    with tempfile.TemporaryDirectory() as folder:
+        for name, sections in seas(Path(folder)).items():
+            if not chosen.only or chosen.only in name:
+                lines.append(
+                    "| " + " | ".join(compared(name, sections, chosen.missions, chosen.first)) + " |"
+                )
+                print(lines[-1], flush=True)
+    text = "\n".join(lines) + "\n"
+    if chosen.out:
+        write_atomically(chosen.out, lambda part: part.write_text(text, encoding="utf-8"))
+    else:
+        print(text)
+
+
+if __name__ == "__main__":
+    main()
