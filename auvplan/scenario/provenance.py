@@ -10,7 +10,7 @@ from typing import Any
 #: Larger files are told by name and size alone, bytes.
 _HASHED = 500_000_000
 #: Fields that name files, by section.
-FILE_FIELDS = {
+FILE_FIELDS: dict[str, tuple[str, ...]] = {
     "chart": ("image", "file", "uncertain", "no_go"),
     "bathymetry": ("file",),
     "current": ("files", "truth"),
