@@ -203,8 +203,8 @@ class PathPlans(Brief):
     """B plans; `plans[b]` is a `PathPlan`.
 
     Attributes are as in `PathPlan`, with a leading axis B; `violations` is [B, V], `excess` [B, V, S - 1],
-    `water` [B, S - 1, 3]. A leg that was planned with more samples than the others (`PathConfig.finer`) has all
-    of them in `plans[b]` alone; arrays hold what they are like at the samples of the others.
+    `water` [B, S - 1, 3]. A leg that was planned with more samples than the others (`PathConfig.finer`) has
+    all of them in `plans[b]` alone; arrays hold what they are like at the samples of the others.
 
     Attributes:
         finer: fields of legs with more samples, by leg.
