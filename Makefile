@@ -5,7 +5,7 @@ OUT ?= out/whitsunday
 PYTEST := -n 2 --dist worksteal --doctest-modules
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
-.PHONY: mission paper test test-all bench lint clean
+.PHONY: mission paper test test-all bench lint docs notebooks release-check clean
 
 mission: $(VENV)/.installed
 	$(BIN)/auvplan mission --out $(OUT)
@@ -22,6 +22,15 @@ test-all: $(VENV)/.installed-dev $(VENV)/.installed-notebooks
 bench: $(VENV)/.installed-bench
 	mkdir -p out
 	$(BIN)/python -m benchmarks --out out/bench.json
+
+docs: $(VENV)/.installed-docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+
+notebooks: $(VENV)/.installed-notebooks
+	$(BIN)/python tools/run_notebooks.py
+
+release-check: $(VENV)/.installed-docs
+	$(BIN)/python tools/check_release.py
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
@@ -50,5 +59,9 @@ $(VENV)/.installed-dev: pyproject.toml constraints.txt
 	touch $@ $(VENV)/.installed
 
 $(VENV)/.installed-notebooks: $(VENV)/.installed-dev
-	$(PIP) -e '.[notebooks]'
+	$(PIP) -e '.[bench,notebooks]'
+	touch $@
+
+$(VENV)/.installed-docs: $(VENV)/.installed-dev
+	$(PIP) -e '.[docs]'
 	touch $@

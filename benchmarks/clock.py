@@ -21,7 +21,7 @@ import auvplan as ap
 from auvplan.files import write_atomically
 from auvplan.records import MissionRun
 from auvplan.scenario.scenario import Scenario
-from benchmarks.machine import processor
+from benchmarks.machine import machine
 
 DATA = Path(__file__).parent.parent / ".." / "shared" / "data" / "currents"
 #: Degrees an hour, m/s along the channel and phase in degrees, of the harmonic tide.
@@ -99,8 +99,12 @@ def seas(folder: Path) -> dict[str, dict[str, Any]]:
             },
             "area": {"lower": [-40_000, -40_000, 0], "upper": [40_000, 40_000, 5]},
             "chart": {"source": "none"},
-            "current": {"source": "file", "files": str(ocean.resolve()), "forecast_error": 0.0, "spacing": 4000},
-            "vehicle": {"speed": 0.8, "surge_max": 2.0, "sway_max": 0.75, "depth_min": 0, "depth_max": 5},
+            "current": {
+                "source": "file", "files": str(ocean.resolve()), "forecast_error": 0.0, "spacing": 4000,
+            },
+            "vehicle": {
+                "speed": 0.8, "surge_max": 2.0, "sway_max": 0.75, "depth_min": 0, "depth_max": 5,
+            },
             "mission": {"waypoints": 20, "time_available": 432_000},
         }  # fmt: skip
     return found
@@ -157,7 +161,7 @@ def main() -> None:
     ]
     lines = [
         f"By `python -m benchmarks.clock --missions {chosen.missions}`, seeds {chosen.first} to "
-        f"{chosen.first + chosen.missions - 1}; {processor()}.",
+        f"{chosen.first + chosen.missions - 1}; {machine()['processor']}.",
         "",
         "| " + " | ".join(columns) + " |",
         "|" + "---|" * len(columns),

@@ -120,9 +120,8 @@ class MissionOrder(Brief):
 class MissionOrders(Brief):
     """B orders from one compiled call; `orders[b]` is a `MissionOrder`.
 
-    Attributes: as in `MissionOrder`, with a leading axis B; `nodes` is [B, N], padded with -1, `leg_times`
-        and `waits` [B, N - 1], padded with zeros, `count` [B] the number of waypoints of each order, `goals`
-        [B].
+    Attributes are as in `MissionOrder`, with a leading axis B; `nodes` is [B, N], padded with -1, `leg_times`
+    and `waits` [B, N - 1], padded with zeros, `count` [B] the number of waypoints of each order, `goals` [B].
     """
 
     nodes: IntArray

@@ -1,6 +1,6 @@
 """What the path planner returns."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, replace
 from datetime import datetime
 from functools import cached_property
@@ -202,10 +202,12 @@ class PathPlan(Brief):
 class PathPlans(Brief):
     """B plans; `plans[b]` is a `PathPlan`.
 
-    Attributes: as in `PathPlan`, with a leading axis B; `violations` is [B, V], `excess` [B, V, S - 1],
-        `water` [B, S - 1, 3]. A leg that was planned with more samples than the others (`PathConfig.finer`)
-        has all of them in `plans[b]` alone; arrays hold what they are like at the samples of the others.
-        finer: fields of such legs, by leg.
+    Attributes are as in `PathPlan`, with a leading axis B; `violations` is [B, V], `excess` [B, V, S - 1],
+    `water` [B, S - 1, 3]. A leg that was planned with more samples than the others (`PathConfig.finer`) has
+    all of them in `plans[b]` alone; arrays hold what they are like at the samples of the others.
+
+    Attributes:
+        finer: fields of legs with more samples, by leg.
     """
 
     travel_time: Array
@@ -249,7 +251,7 @@ class PathPlans(Brief):
         conditions = self.conditions if self.conditions.leg is None else replace(self.conditions, leg=b)
         return PathPlan(**own, conditions=conditions)
 
-    def __iter__(self):
+    def __iter__(self) -> Iterator[PathPlan]:
         return (self[b] for b in range(len(self)))
 
 

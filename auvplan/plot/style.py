@@ -43,9 +43,9 @@ KIND_COLOURS = {"static": PURPLE, "afloat": ORANGE, "self-motivated": SKY, "know
 #: Time along a route: dark to bright, without the palest end, which would be lost on the water.
 TIME = LinearSegmentedColormap.from_list("time", ["#0d0887", "#7e03a8", "#cc4778", "#f89540", "#f6d543"])
 
-START = {"marker": "o", "s": 90, "color": YELLOW, "edgecolors": BLACK, "linewidths": 1.0}
-GOAL = {"marker": "*", "s": 230, "color": GREEN, "edgecolors": BLACK, "linewidths": 0.8}
-VEHICLE = {"marker": "o", "s": 60, "color": RED, "edgecolors": "white", "linewidths": 1.0}
+START: dict[str, Any] = {"marker": "o", "s": 90, "color": YELLOW, "edgecolors": BLACK, "linewidths": 1.0}
+GOAL: dict[str, Any] = {"marker": "*", "s": 230, "color": GREEN, "edgecolors": BLACK, "linewidths": 0.8}
+VEHICLE: dict[str, Any] = {"marker": "o", "s": 60, "color": RED, "edgecolors": "white", "linewidths": 1.0}
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ _HASHED = 500_000_000
 #: What attributes begin with that tell where a file of currents was fetched from.
 ORIGIN = "fetched_"
 #: Fields that name files, by section.
-FILE_FIELDS = {
+FILE_FIELDS: dict[str, tuple[str, ...]] = {
     "chart": ("image", "file", "uncertain", "no_go"),
     "bathymetry": ("file",),
     "current": ("files", "truth"),

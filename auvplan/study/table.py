@@ -60,7 +60,7 @@ def _variable(
         if longest.size:
             row[tuple(slice(length) for length in value.shape)] = value
     if not longest.size:
-        padded[:] = values
+        padded[:] = [value.item() for value in values]
     attrs: dict[str, Any] = {"long_name": variable.long_name}
     if variable.units:
         attrs["units"] = variable.units

@@ -3,9 +3,11 @@
 from dataclasses import replace
 
 import pytest
+import xarray as xr
 
 import auvplan as ap
 from auvplan.errors import ScenarioError
+from auvplan.files import write_dataset
 from auvplan.mission.jobs import JobPoint, Jobs
 from auvplan.scenario import Scenario
 from auvplan.study import Design
@@ -53,6 +55,14 @@ def test_shares_and_margins_are_those_of_the_missions(rehearsed):
     done = {job["name"]: job["done"] for job in found["jobs"]}
     assert sum(done.values()) == sum(run.tasks for run in runs)
     assert all(job["planned"] for job in found["jobs"])
+
+
+def test_reasons_are_whole_in_a_file(rehearsed, tmp_path):
+    runs = sorted(rehearsed[1], key=lambda run: len(run.reason))
+    assert len(runs[0].reason) < len(runs[1].reason)
+    sailed = table(Design(SHORT, 2), [row_of(run) for run in runs], None)
+    with xr.open_dataset(write_dataset(sailed, tmp_path / "missions.nc"), engine="h5netcdf") as again:
+        assert again["reason"].values.tolist() == [run.reason for run in runs]
 
 
 @pytest.mark.parametrize(

@@ -43,7 +43,7 @@ class Tiff:
         blank: [rows, columns] which pixels of a colour picture are see-through or no data; None of values.
     """
 
-    values: NDArray
+    values: NDArray[Any]
     affine: Affine | None
     crs: CRS | None
     crs_trouble: str

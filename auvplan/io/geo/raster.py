@@ -39,7 +39,7 @@ class Raster:
         blank: [rows, columns] which pixels of a colour picture are see-through or no data; None of values.
     """
 
-    values: NDArray
+    values: NDArray[Any]
     affine: Affine
     crs: CRS
     nodata: float | None = None
