@@ -19,8 +19,12 @@ if TYPE_CHECKING:
 #: Names of the two files that hold a run.
 SUMMARY, MISSION = "summary.json", "mission.nc"
 
+#: Name of the page that shows a result.
+REPORT = "report.html"
+
 #: Names of the other files of a run, as patterns.
 RESULTS = (
+    REPORT,
     "itinerary.*",
     "sheet.html",
     "sheet.pdf",

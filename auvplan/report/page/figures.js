@@ -1,0 +1,69 @@
+// Figures: drawn by Plotly in the page's colours, redrawn where colours, width or the medium change.
+
+report.shownFigures = [];
+
+report.font = 'system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif';
+
+/** An axis in the page's colours. */
+report.axis = function (colours, title, more = {}) {
+  return {
+    title: { text: title, font: { size: 12 }, standoff: 8 }, gridcolor: colours.grid, zeroline: false, linecolor: colours.line,
+    showline: true, mirror: false, ticks: "outside", ticklen: 4, tickcolor: colours.line, tickfont: { size: 11 }, automargin: true, ...more,
+  };
+};
+
+/**
+ * A figure in the place of an element.
+ *
+ * `draw(colours, width)` returns `data`, `layout`, `height` and perhaps `config`; `after(host)` is called once it is there
+ * and whenever it is drawn anew.
+ */
+report.drawn = function (host, label, draw, after) {
+  host.classList.add("figure");
+  host.setAttribute("role", "group");
+  host.setAttribute("aria-label", label);
+  const figure = { host, width: 0 };
+  figure.draw = function (width = host.clientWidth) {
+    if (!width) return;
+    figure.width = width;
+    const colours = report.colours();
+    const made = draw(colours, width);
+    const layout = {
+      paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", showlegend: false, hovermode: "closest",
+      margin: { l: 58, r: 14, t: 12, b: 46 }, font: { family: report.font, size: 12, color: colours.text },
+      hoverlabel: { font: { family: report.font, size: 12, color: colours.text }, bgcolor: colours.card, bordercolor: colours.line },
+      modebar: { bgcolor: "rgba(0,0,0,0)", color: colours.quiet, activecolor: colours.accent },
+      ...made.layout, width, height: made.height, autosize: false,
+    };
+    const config = {
+      displaylogo: false, displayModeBar: false, responsive: false, scrollZoom: false, doubleClick: "reset", showTips: false,
+      modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"], ...made.config,
+    };
+    const first = !figure.made;
+    figure.made = true;
+    Plotly.react(host, made.data, layout, config);
+    if (after) after(host, first);
+  };
+  figure.draw();
+  report.themed.push(() => figure.draw(report.printing ? figure.width : undefined));
+  new ResizeObserver(() => {
+    if (!report.printing && host.clientWidth && Math.abs(host.clientWidth - figure.width) > 1) figure.draw();
+  }).observe(host);
+  report.shownFigures.push(figure);
+  return figure;
+};
+
+/** What is printed is light, and as wide as the paper. */
+report.print = function (begins) {
+  if (report.printing === begins) return;
+  report.printing = begins;
+  const open = begins ? [...document.querySelectorAll("details:not([open])")] : report.opened || [];
+  for (const part of open) part.open = begins;
+  report.opened = begins ? open : [];
+  for (const figure of report.shownFigures) {
+    if (begins) figure.width = figure.host.closest(".mapgrid") ? 500 : figure.host.closest(".pair") ? 330 : 690;
+  }
+  report.applyTheme();
+};
+window.addEventListener("beforeprint", () => report.print(true));
+window.addEventListener("afterprint", () => report.print(false));
