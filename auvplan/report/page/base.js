@@ -257,17 +257,18 @@ report.provenance = function (told) {
       { title: "bytes", text: (file) => report.fixed(file.size) },
       { title: "SHA-256", text: (file) => file.sha256 || "–", words: true, class: "code" },
     ], files));
-  } else {
+  } else if (told.settings) {
     parts.push(report.element("p", {}, "The scenario names no files: chart, currents and tasks come from the package and the seed."));
   }
   for (const line of told.assumed || []) parts.push(report.element("p", {}, `Assumed: ${line}.`));
   for (const line of told.notes || []) parts.push(report.element("p", {}, `Note: ${line}.`));
-  const origin = [["seed", told.seeds || String(told.seed)], ...Object.entries(told.versions || {}).map(([name, value]) => [`version of ${name}`, value])];
-  const settings = told.settings || [];
+  const seed = told.seeds || told.seed;
+  const origin = [...(report.isNumber(seed) || seed ? [["seed", String(seed)]] : []), ...Object.entries(told.versions || {}).map(([name, value]) => [`version of ${name}`, value])];
+  const { settings } = told;
   parts.push(report.element(
     "div", { class: "pair" },
-    report.element("div", {}, report.facts("Seed and versions", origin)),
-    report.element("div", {}, settings.length
+    origin.length ? report.element("div", {}, report.facts("Seed and versions", origin)) : null,
+    report.element("div", {}, !settings ? report.element("p", {}, "The folder does not tell which scenario this was.") : settings.length
       ? report.table("Settings that differ from the defaults", [
         { title: "setting", text: (row) => row.field, words: true, class: "code" },
         { title: "value", text: (row) => report.setting(row.value), words: true, class: "code" },

@@ -125,6 +125,8 @@ report.map = function (host, label, ground, traces, labels) {
       const [x, y] = pixel(one);
       return [x - 6, y - 6, x + 6, y + 6];
     });
+    // The corner of the scale and the arrow to the north.
+    taken.push([0, size.height - 78, 0.25 * size.width, size.height]);
     const clear = (box, own) => taken.every((other, k) => k === own || box[0] >= other[2] || box[2] <= other[0] || box[1] >= other[3] || box[3] <= other[1]);
     pen.font = `11px ${report.font}`;
     const order = inside.map((_, k) => k).sort((a, b) => inside[a].rank - inside[b].rank);

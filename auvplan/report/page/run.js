@@ -126,10 +126,10 @@
     tiles: [
       ["mission time", report.hours(figures.t_mission), `${report.fixed(figures.t_mission)} of ${report.fixed(figures.t_available)} s`],
       ["time left", report.hours(figures.t_residual), `${report.fixed(figures.t_residual)} s`],
-      run.kind === "leg" ? null : ["tasks done", report.fixed(figures.tasks), report.counted(waypoints.length, "waypoint")],
+      run.kind === "leg" ? null : [run.simulated ? "tasks done" : "tasks", report.fixed(figures.tasks), report.counted(waypoints.length, "waypoint")],
       run.kind === "leg" ? null : ["total priority", report.figure(figures.total_priority), figures.priority_bound ? `at most ${report.figure(figures.priority_bound)} possible` : null],
       ["way", `${report.fixed(run.legs.reduce((sum, leg) => sum + leg.length, 0) / 1000, 1)} km`, report.counted(run.legs.filter((leg) => leg.begin !== null).length, "leg")],
-      run.simulated ? ["re-plans", report.fixed(figures.path_replans + figures.mission_replans), `${figures.path_replans} of paths, ${figures.mission_replans} of the order`] : null,
+      run.simulated ? ["re-plans", report.fixed(figures.path_replans + figures.mission_replans), run.kind === "leg" ? "of the path" : `${figures.path_replans} of paths, ${figures.mission_replans} of the order`] : null,
       run.simulated ? ["collisions", report.fixed(figures.collisions), figures.collisions ? "points inside an obstacle or on land" : "none on the track"] : null,
     ],
     warnings: run.warnings,
@@ -430,7 +430,7 @@
   state.followers = [];
 
   const legendOf = (entries) => report.element("div", { class: "choices small quiet" }, entries.map(([words, shape, colour]) => report.element("span", { style: "display: inline-flex; gap: .35rem; align-items: center" }, swatch(shape, colour), words)));
-  const CLEARANCES = [["coast", "to the coast", "left"], ["obstacle", "to the nearest obstacle", "earlier"], ["bed", "above the sea bed", "plan"]];
+  const CLEARANCES = [["coast", "to the coast", "left"], ["obstacle", "to the nearest obstacle", "earlier"], ["bed", "above the sea bed", "task"]];
   if (track.time.length) {
     const side = report.element("div", { id: "side" });
     const near = CLEARANCES.filter(([name]) => track[name]);
