@@ -32,9 +32,7 @@ def write_report(folder: str | Path) -> Path:
         return write_run_report(restore_run(target), read_summary(target), target)
     if (target / DEPARTURES).is_file():
         return write_departures_report(target)
-    missing = (
-        "no such folder" if not target.is_dir() else "no result of a mission, a study or departures in it"
-    )
+    missing = "no run, study or departures in it" if target.is_dir() else "no such folder"
     raise ResultError(f"{folder}: {missing}; give the folder that --out named")
 
 

@@ -22,9 +22,10 @@ FAR = 1e5
 def to_obstacles(run: MissionRun, leg: LegRecord) -> Array:
     """Distance to the surface of the nearest obstacle, true or known, [n] m; infinite without one."""
     least = np.full(len(leg.times), np.inf)
-    for m in _shown(leg) if len(least) else ():
-        away = np.linalg.norm(leg.positions - leg.obstacle_positions[:, m], axis=1)
-        least = np.minimum(least, away - leg.obstacle_radii[m])
+    tracks, radii = _truth(leg)
+    for m in _shown(leg):
+        away = np.linalg.norm(leg.positions - tracks[:, m], axis=1)
+        least = np.minimum(least, away - radii[m])
     for obstacle in run.obstacles:
         centre = np.asarray(obstacle.position) + leg.times[:, None] * np.asarray(obstacle.velocity)
         places = np.reshape(leg.positions, (-1, 3))
@@ -33,6 +34,12 @@ def to_obstacles(run: MissionRun, leg: LegRecord) -> Array:
         beside = np.hypot(np.maximum(level, 0.0), np.maximum(above, 0.0))
         least = np.minimum(least, np.where((level < 0.0) & (above < 0.0), np.maximum(level, above), beside))
     return least
+
+
+def _truth(leg: LegRecord) -> tuple[Array, Array]:
+    """Places [n, M, 3] m and radii [M] m, as single precision has them: that is how files keep them."""
+    tracks, radii = (np.asarray(part, np.float32) for part in (leg.obstacle_positions, leg.obstacle_radii))
+    return tracks.astype(float), radii.astype(float)
 
 
 def _shown(leg: LegRecord) -> list[int]:
@@ -57,12 +64,12 @@ def obstacle_data(run: MissionRun, leg: LegRecord, rows: NDArray[np.int_]) -> di
     shown = _shown(leg)
     if not shown or not len(rows):
         return {"kinds": [], "radii": [], "times": None, "places": None, "looks": []}
-    places = np.asarray(leg.obstacle_positions, float)[:, shown]
+    tracks, radii = _truth(leg)
     return {
         "kinds": [leg.obstacle_kinds[m] for m in shown],
-        "radii": np.asarray(leg.obstacle_radii, float)[shown],
+        "radii": radii[shown],
         "times": packed(leg.times[rows]),
-        "places": packed(places[rows]),
+        "places": packed(tracks[rows][:, shown]),
         "looks": _looks(run, leg, shown),
     }
 
@@ -76,11 +83,8 @@ def _looks(run: MissionRun, leg: LegRecord, shown: Sequence[int]) -> list[Array]
     def at(track: Array) -> Array:
         return np.stack([np.interp(times, leg.times, axis) for axis in np.asarray(track, float).T], axis=1)
 
-    vehicle = at(leg.positions)
-    away = [
-        np.linalg.norm(at(leg.obstacle_positions[:, m]) - vehicle, axis=1) - leg.obstacle_radii[m]
-        for m in shown
-    ]
+    vehicle, (tracks, radii) = at(leg.positions), _truth(leg)
+    away = [np.linalg.norm(at(tracks[:, m]) - vehicle, axis=1) - radii[m] for m in shown]
     return [times[distance <= sensors.range] for distance in away]
 
 

@@ -41,7 +41,7 @@ def run_data(run: MissionRun, summary: Mapping[str, Any]) -> dict[str, Any]:
     told = summary.get("sheet") or sheet_of(run).plain()
     way = _Way.of(run)
     legs = _legs(run, way)
-    planned = [plan.positions for leg in run.legs for plan in leg.plans]
+    planned = [_places(plan) for leg in run.legs for plan in leg.plans]
     points = np.concatenate([np.asarray(run.graph.positions, float), way.places, *planned])
     low, high = frame(points, run.chart)
     begin = (
@@ -202,8 +202,13 @@ def _plans(run: MissionRun) -> list[dict[str, Any]]:
     return [_plan(number, leg, plan) for number, leg in enumerate(run.legs) for plan in leg.plans]
 
 
+def _places(plan: PlanRecord) -> Array:
+    """Places [S, 3] m of a plan, as single precision has them: that is how files keep them."""
+    return np.asarray(plan.positions, np.float32).astype(float)
+
+
 def _plan(number: int, leg: LegRecord, plan: PlanRecord) -> dict[str, Any]:
-    broken = np.asarray(plan.history.get("violation_best", ()), float)
+    broken = np.asarray(plan.history.get("violation_best", ()), np.float32)
     return {
         "leg": number,
         "made": plan.made_at,
@@ -213,7 +218,7 @@ def _plan(number: int, leg: LegRecord, plan: PlanRecord) -> dict[str, Any]:
         "feasible": plan.feasible,
         "violation": float(broken[-1]) if len(broken) else None,
         "cpu": plan.cpu,
-        "places": packed(np.round(plan.positions, 2)),
+        "places": packed(np.round(_places(plan), 2)),
         "times": packed(plan.times),
     }
 

@@ -1,10 +1,12 @@
 """A headless Chromium for tests, spoken to by the DevTools protocol over two pipes."""
 
 import base64
+import fcntl
 import json
 import os
 import shutil
-import subprocess
+import signal
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Self
 
@@ -29,20 +31,22 @@ class Browser:
     def __init__(self, folder: Path):
         """Start a browser that keeps its profile in a folder."""
         (theirs_in, ours_out), (ours_in, theirs_out) = os.pipe(), os.pipe()
-        flags = ["--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--disable-extensions",
-                 "--disable-background-networking", "--disable-component-update", "--no-first-run",
-                 "--disable-dev-shm-usage", f"--user-data-dir={folder}", "--remote-debugging-pipe"]  # fmt: skip
-        # The browser reads from descriptor 3 and writes to 4.
-        line = ["sh", "-c", f'exec "$@" 3<&{theirs_in} 4>&{theirs_out}', "sh", str(chromium()), *flags]
-        self._process = subprocess.Popen(
-            line,
-            pass_fds=(theirs_in, theirs_out),
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
+        flags = [
+            *("--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--no-first-run"),
+            *("--disable-extensions", "--disable-background-networking", "--disable-component-update"),
+            *("--disable-dev-shm-usage", f"--user-data-dir={folder}", "--remote-debugging-pipe"),
+        ]
+        # The browser reads from descriptor 3 and writes to 4; ours must be other ones.
+        ends = [fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, 10) for end in (theirs_in, theirs_out)]
+        empty = [(os.POSIX_SPAWN_OPEN, number, os.devnull, os.O_RDWR, 0) for number in range(3)]
+        self._process = os.posix_spawn(
+            str(chromium()),
+            ["chromium", *flags],
+            os.environ,
+            file_actions=[*empty, *((os.POSIX_SPAWN_DUP2, end, 3 + k) for k, end in enumerate(ends))],
         )
-        os.close(theirs_in)
-        os.close(theirs_out)
+        for end in (theirs_in, theirs_out, *ends):
+            os.close(end)
         self._in, self._out, self._rest, self._count = ours_in, ours_out, b"", 0
         self._session: str | None = None
         self.events: list[tuple[str, dict[str, Any]]] = []
@@ -55,8 +59,9 @@ class Browser:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._process.kill()
-        self._process.wait()
+        with suppress(OSError):
+            os.kill(self._process, signal.SIGTERM)
+        os.waitpid(self._process, 0)
         os.close(self._in)
         os.close(self._out)
 
@@ -114,8 +119,8 @@ class Browser:
     def frames(self, count: int = 3) -> None:
         """Wait for the page to be drawn so many times."""
         self.run(
-            f"new Promise(done => {{ let left = {count}; const next = () => left-- ? requestAnimationFrame(next)"
-            " : done(); next(); })"
+            f"new Promise(done => {{ let left = {count};"
+            " const next = () => left-- ? requestAnimationFrame(next) : done(); next(); })"
         )
 
     def press(self, key: str, code: str = "", text: str = "") -> None:

@@ -67,7 +67,7 @@ report.literal = (text) =>
 
 /** An element with attributes, listeners ("onclick") and children; texts are never markup. */
 report.element = function (tag, attributes = {}, ...children) {
-  const svg = ["svg", "path", "circle", "rect", "line", "polygon"].includes(tag);
+  const svg = ["svg", "g", "path", "circle", "rect", "line"].includes(tag);
   const made = svg ? document.createElementNS("http://www.w3.org/2000/svg", tag) : document.createElement(tag);
   for (const [name, value] of Object.entries(attributes)) {
     if (value === null || value === undefined || value === false) continue;

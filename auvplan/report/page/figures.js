@@ -12,6 +12,16 @@ report.axis = function (colours, title, more = {}) {
   };
 };
 
+/** A logarithmic axis with 1, 2 and 5 times each power of ten between the values that are shown. */
+report.logAxis = function (colours, title, values, more) {
+  const known = values.filter((value) => value > 0);
+  const [low, high] = known.length ? [Math.min(...known), Math.max(...known)] : [1, 10];
+  const tickvals = [];
+  for (let power = Math.floor(Math.log10(low)); power <= Math.ceil(Math.log10(high)); power++) tickvals.push(...[1, 2, 5].map((part) => Number(`${part}e${power}`)));
+  const few = Math.log10(high / low) > 2.2 ? tickvals.filter((value) => /^1(0*|e.*)$|^0\.0*1$/.test(String(value))) : tickvals;
+  return report.axis(colours, title, { type: "log", tickvals: few, ticktext: few.map((value) => value.toLocaleString("en", { maximumSignificantDigits: 3 })), ...more });
+};
+
 /**
  * A figure in the place of an element.
  *
@@ -51,6 +61,20 @@ report.drawn = function (host, label, draw, after) {
   }).observe(host);
   report.shownFigures.push(figure);
   return figure;
+};
+
+/** A line at a value of a figure's horizontal axis; `move()` puts it where `at()` says. */
+report.cursor = function (host, at) {
+  const line = report.element("div", { class: "cursor" });
+  const move = () => {
+    const { xaxis, _size: size } = host._fullLayout;
+    const place = xaxis.c2p(at());
+    line.hidden = !(place >= 0 && place <= xaxis._length);
+    Object.assign(line.style, { left: `${xaxis._offset + place}px`, top: `${size.t}px`, height: `${size.h}px` });
+  };
+  host.append(line);
+  host.on("plotly_afterplot", move);
+  return move;
 };
 
 /** What is printed is light, and as wide as the paper. */

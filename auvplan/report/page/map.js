@@ -22,7 +22,7 @@ report.ticks = function (low, high, most) {
  * `map.unit` metres. `labels` are texts at places, [{ text, east, north, rank, colour }], set so that none covers
  * another; those that find no room are left out. Shapes and notes of the frame are the map's own.
  */
-report.map = function (host, label, ground, traces, labels) {
+report.map = function (host, label, ground, traces, labels, paint) {
   const [south, west] = ground.low;
   const [north, east] = ground.high;
   const map = { host, unit: Math.max(east - west, north - south) > 4000 ? 1000 : 1, labels, hidden: new Set(), before: 0 };
@@ -38,7 +38,7 @@ report.map = function (host, label, ground, traces, labels) {
     if (!along) return "";
     const longitude = along.longitude[0] + ((e - west) / (east - west)) * (along.longitude[1] - along.longitude[0]);
     const latitude = along.latitude[0] + ((n - south) / (north - south)) * (along.latitude[1] - along.latitude[0]);
-    const text = (value, signs) => `${Math.abs(value).toFixed(4)}° ${signs[value < 0 ? 1 : 0]}`;
+    const text = (value, signs) => `${Math.abs(value).toFixed(4)}°\u00a0${signs[value < 0 ? 1 : 0]}`;
     return `${text(latitude, "NS")}, ${text(longitude, "EW")}`;
   };
 
@@ -152,7 +152,7 @@ report.map = function (host, label, ground, traces, labels) {
   }
 
   function draw(colours, width) {
-    const wide = width >= 500;
+    const wide = width >= 540;
     const margin = { l: wide ? 54 : 42, r: along && wide ? 54 : 8, t: along && wide ? 24 : 8, b: 44 };
     const inner = width - margin.l - margin.r;
     const tall = Math.min(Math.max(inner * ((north - south) / (east - west)), 220), 1.25 * inner, 900);
@@ -190,7 +190,7 @@ report.map = function (host, label, ground, traces, labels) {
     report.element("button", { type: "button", "aria-label": "Zoom in", onclick: () => map.zoom(1 / 1.6) }, "+"),
     report.element("button", { type: "button", "aria-label": "Zoom out", onclick: () => map.zoom(1.6) }, "−"),
     report.element("button", { type: "button", onclick: () => map.zoom() }, "Whole map"));
-  /** Show or hide a layer: the chart, the names, or all traces whose `meta` is its name. */
+  /** Show or hide a layer: the chart, the names, what is painted, or all traces whose `meta` is its name. */
   map.toggle = function (layer, on) {
     if (on) map.hidden.delete(layer);
     else map.hidden.add(layer);
@@ -200,28 +200,35 @@ report.map = function (host, label, ground, traces, labels) {
       const members = host.data.map((trace, k) => (trace.meta === layer ? k : -1)).filter((k) => k >= 0);
       if (members.length) Plotly.restyle(host, { visible: on }, members);
     }
+    map.repaint();
+  };
+
+  /**
+   * Paint what changes with time, between the sea bed and the waypoints.
+   *
+   * It is no trace: to draw a figure with its axes and depth lines anew takes too long for every step of the slider.
+   * `paint(x, y)` returns SVG elements; `x` and `y` turn metres east and north into the figure's pixels.
+   */
+  map.repaint = function () {
+    const plot = paint && host.querySelector(".cartesianlayer .overplot > .xy");
+    if (!plot) return;
+    if (!map.group || map.group.parentNode !== plot) {
+      map.group = report.element("g", { class: "painted" });
+      plot.insertBefore(map.group, plot.querySelector(".scatterlayer"));
+    }
+    const { xaxis, yaxis } = host._fullLayout;
+    map.group.replaceChildren(...paint((e) => xaxis.c2p(e / map.unit), (n) => yaxis.c2p(n / map.unit)));
   };
 
   map.figure = report.drawn(host, label, draw, (_, first) => {
     if (first) {
+      host.on("plotly_afterplot", () => map.repaint());
       host.on("plotly_relayout", (change) => {
         if (Object.keys(change).some((key) => key.startsWith("xaxis") || key.startsWith("yaxis"))) map.refurnish();
       });
     }
     map.refurnish();
+    map.repaint();
   });
   return map;
-};
-
-/** A circle as a closed polygon, appended to the coordinates of a trace. */
-report.circle = function (xs, ys, east, north, radius, unit) {
-  if (xs.length) {
-    xs.push(null);
-    ys.push(null);
-  }
-  for (let k = 0; k <= 36; k++) {
-    const angle = (2 * Math.PI * k) / 36;
-    xs.push((east + radius * Math.sin(angle)) / unit);
-    ys.push((north + radius * Math.cos(angle)) / unit);
-  }
 };

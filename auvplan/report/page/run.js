@@ -174,109 +174,91 @@
   /** Whether the map is as small as on a telephone, where marks are fewer and smaller. */
   const narrow = () => stage.clientWidth > 0 && stage.clientWidth < 480;
   const HEAD = 0.32;
-  /** The arrows of the current at a time as one broken line, the longest of two thirds of the arrows' distance. */
-  function arrows(time, unit, every) {
-    const xs = [], ys = [];
-    if (!current) return { x: xs, y: ys };
+  /** The arrows of the current at a time; the longest are about as long as the arrows are apart. */
+  function arrows(time, x, y, every) {
+    if (!current) return "";
     const frame = Math.max(latest(current.times, time), 0);
     const [rows, columns] = [current.north.length, current.east.length];
-    const apart = Math.min(Math.abs(current.north[1] - current.north[0]), Math.abs(current.east[1] - current.east[0]));
+    const apart = Math.min(Math.abs(x(current.east[1]) - x(current.east[0])), Math.abs(y(current.north[1]) - y(current.north[0])));
     const scale = (0.92 * every * apart) / Math.max(current.fastest, 1e-6);
+    const parts = [];
     for (let i = every >> 1; i < rows; i += every) {
       for (let j = every >> 1; j < columns; j += every) {
         const k = (frame * rows + i) * columns + j;
-        const [u, v] = [current.u[k], current.v[k]];
-        if (u < -30) continue;
-        const long = Math.hypot(u, v);
+        if (current.u[k] < -30) continue;
+        const long = Math.hypot(current.u[k], current.v[k]);
         const part = long > current.fastest ? current.fastest / long : 1;
-        const [dn, de] = [u * scale * part, v * scale * part];
-        const [n, e] = [current.north[i] - dn / 2, current.east[j] - de / 2];
-        const tip = [n + dn, e + de];
-        const wing = (side) => [tip[0] - HEAD * (dn + side * 0.6 * de), tip[1] - HEAD * (de - side * 0.6 * dn)];
-        const points = [[n, e], tip, wing(1), null, tip, wing(-1), null];
-        for (const point of points) {
-          xs.push(point ? point[1] / unit : null);
-          ys.push(point ? point[0] / unit : null);
-        }
+        const [dx, dy] = [current.v[k] * scale * part, -current.u[k] * scale * part];
+        const [tx, ty] = [x(current.east[j]) + dx / 2, y(current.north[i]) + dy / 2];
+        const wing = (side) => `${(tx - HEAD * (dx - side * 0.6 * dy)).toFixed(1)} ${(ty - HEAD * (dy + side * 0.6 * dx)).toFixed(1)}`;
+        const tip = `${tx.toFixed(1)} ${ty.toFixed(1)}`;
+        parts.push(`M${(tx - dx).toFixed(1)} ${(ty - dy).toFixed(1)}L${tip}M${wing(1)}L${tip}L${wing(-1)}`);
       }
     }
-    return { x: xs, y: ys };
+    return parts.join("");
   }
 
-  /** Coordinates and more of the traces that change with time, by their names. */
-  function moving(time, unit) {
-    const here = vehicle(time), all = obstaclesAt(time), found = {};
-    const line = (numbers) => {
-      const xs = [], ys = [];
-      for (const k of numbers) {
-        if (xs.length) {
-          xs.push(null);
-          ys.push(null);
-        }
-        for (let s = 0; s < plans[k].places.length / 3; s++) {
-          xs.push(plans[k].places[3 * s + 1] / unit);
-          ys.push(plans[k].places[3 * s] / unit);
-        }
-      }
-      return { x: xs, y: ys };
+  /** A broken line through places: `at(k)` returns east and north, m. */
+  function line(count, at, x, y) {
+    const parts = [];
+    let before = "";
+    for (let k = 0; k < count; k++) {
+      const [e, n] = at(k);
+      const place = `${x(e).toFixed(1)} ${y(n).toFixed(1)}`;
+      if (place !== before) parts.push(place);
+      before = place;
+    }
+    return parts.length ? `M${parts.join("L")}` : "";
+  }
+
+  /** What the map shows of a time, from the lowest to the highest. */
+  function painted(x, y) {
+    const { time } = state, here = vehicle(time), all = obstaclesAt(time), { hidden } = state.map;
+    const small = narrow() ? 0.72 : 1, pixels = Math.abs(x(1) - x(0));
+    const made = [];
+    const show = (layer, tag, name, attributes) => {
+      if (!hidden.has(layer)) made.push(report.element(tag, { class: name, ...attributes }));
     };
-    const { now, earlier } = plansAt(time);
-    found.current = arrows(time, unit, narrow() ? 2 : 1);
-    found.plan = line(now < 0 ? [] : [now]);
-    found.earlier = line(earlier);
-    const done = track.time.length ? latest(track.time, time) + 1 : 0;
-    found.sailed = { x: [...Array.from(track.east.subarray(0, done)), here.east].map((e) => e / unit), y: [...Array.from(track.north.subarray(0, done)), here.north].map((n) => n / unit) };
-    const order = orderAt(time), rest = order ? order.nodes : [];
-    const number = legAt(time), target = number < 0 ? run.start : run.legs[number].to;
-    const coming = rest.includes(target) ? rest.slice(rest.indexOf(target)) : rest;
-    found.order = { x: coming.map((node) => waypoints[node].place[1] / unit), y: coming.map((node) => waypoints[node].place[0] / unit) };
-    const anew = [...new Set(replanned.filter((order) => order.made <= time + 1e-6).map((order) => order.nodes[0]))];
-    found["order planned anew"] = { x: anew.map((node) => waypoints[node].place[1] / unit), y: anew.map((node) => waypoints[node].place[0] / unit) };
-    const edges = { x: [], y: [] };
-    for (const one of all) if (one.kind !== "known") report.circle(edges.x, edges.y, one.east, one.north, one.boundary, unit);
-    found.boundary = edges;
-    for (const [name] of present) {
-      const discs = { x: [], y: [] };
-      for (const one of all) if (one.kind === name) report.circle(discs.x, discs.y, one.east, one.north, one.radius, unit);
-      found[`${name} obstacles`] = discs;
-    }
-    const ring = { x: [], y: [] };
-    if (run.sensing && number >= 0) report.circle(ring.x, ring.y, here.east, here.north, run.sensing.range, unit);
-    found["sensed range"] = ring;
-    found.vehicle = { x: [here.east / unit], y: [here.north / unit], "marker.angle": here.course };
-    return found;
-  }
+    const node = (chosen) => (k) => [waypoints[chosen[k]].place[1], waypoints[chosen[k]].place[0]];
+    const plan = (k) => line(plans[k].places.length / 3, (s) => [plans[k].places[3 * s + 1], plans[k].places[3 * s]], x, y);
+    show("current", "path", "current", { d: arrows(time, x, y, narrow() ? 2 : 1) });
 
-  function traces(colours, { unit, hidden }) {
-    const now = moving(state.time, unit), shrunk = narrow() ? 0.72 : 1;
-    const one = (name, meta, more) => ({ type: "scatter", mode: "lines", name, meta, hoverinfo: "skip", visible: !hidden.has(meta), ...now[name] && { x: now[name].x, y: now[name].y }, ...more });
-    const stroke = (colour, width, dash) => ({ line: { color: colour, width, dash: dash || "solid" } });
-    const found = [
-      one("current", "current", stroke(colours.current, 1)),
-      one("order", "order", { ...stroke(colours.order, 1.6, "dot") }),
-      one("whole track", "track", { x: Array.from(track.east, (e) => e / unit), y: Array.from(track.north, (n) => n / unit), opacity: 0.38, ...stroke(colours.track, 1.4) }),
-      one("earlier", "earlier", stroke(colours.earlier, 1.3, "dash")),
-      one("sailed", "track", stroke(colours.track, 2.6)),
-      one("plan", "plan", stroke(colours.plan, 2.6)),
-      one("boundary", "boundary", { ...stroke(colours.quiet, 1, "dot"), fill: "toself", fillcolor: report.mix(colours.quiet, 0.2) }),
-      ...present.map(([name, colour]) => one(`${name} obstacles`, "obstacles", { ...stroke(colours[colour], 1.2), fill: "toself", fillcolor: report.mix(colours[colour], 0.65), hoverinfo: "name", hoveron: "fills" })),
-      one("sensed range", "sensed", stroke(colours.sense, 1.5, "dot")),
-    ];
-    if (replanned.length) {
-      found.push(one("order planned anew", "replans", {
-        mode: "markers", marker: { symbol: "square-open", size: 15 * shrunk, color: colours.earlier, line: { width: 1.8 } },
-      }));
+    const number = legAt(time), order = orderAt(time), rest = order ? order.nodes : [];
+    const target = number < 0 ? run.start : run.legs[number].to;
+    const coming = rest.includes(target) ? rest.slice(rest.indexOf(target)) : rest;
+    if (run.kind !== "leg" && run.simulated) show("order", "path", "order", { d: line(coming.length, node(coming), x, y) });
+
+    const way = (count) => line(count, (k) => [track.east[k], track.north[k]], x, y);
+    show("track", "path", "way", { d: way(track.time.length) });
+    const { now: followed, earlier } = plansAt(time);
+    show("earlier", "path", "earlier", { d: earlier.map(plan).join("") });
+    const done = track.time.length ? way(latest(track.time, time) + 1) : "";
+    show("track", "path", "sailed", { d: done ? `${done}L${x(here.east).toFixed(1)} ${y(here.north).toFixed(1)}` : "" });
+    show("plan", "path", "plan", { d: followed < 0 ? "" : plan(followed) });
+
+    const disc = (layer, name, one, radius, more) =>
+      show(layer, "circle", name, { cx: x(one.east).toFixed(2), cy: y(one.north).toFixed(2), r: (radius * pixels).toFixed(2), ...more });
+    const told = (one) => ({ "data-east": one.east, "data-north": one.north });
+    for (const one of all) if (one.boundary > one.radius) disc("boundary", "boundary", one, one.boundary, { "data-radius": one.boundary });
+    for (const one of all) {
+      const colour = `var(--${Object.fromEntries(KINDS)[one.kind] || "quiet"})`;
+      disc("obstacles", "obstacle", one, one.radius, { ...told(one), style: `fill: ${colour}; stroke: ${colour}` });
     }
-    found.push(...places(colours, unit, hidden, shrunk));
-    found.push(one("vehicle", "vehicle", {
-      mode: "markers", hoverinfo: "name",
-      marker: { symbol: "arrow", size: shrunk * 19, angle: vehicle(state.time).course, color: colours.earlier, line: { color: colours.halo, width: 1.5 } },
-    }));
-    return found;
+    if (run.sensing && number >= 0) disc("sensed", "sensed", here, run.sensing.range);
+    const anew = [...new Set(replanned.filter((one) => one.made <= time + 1e-6).map((one) => one.nodes[0]))];
+    const half = 7.5 * small;
+    const box = ([e, n]) => `M${x(e) - half} ${y(n) - half}h${2 * half}v${2 * half}h${-2 * half}z`;
+    show("replans", "path", "replan", { d: anew.map((_, k) => box(node(anew)(k))).join("") });
+    show("vehicle", "path", "vehicle", {
+      d: "M0 -10L6.5 8L0 4.5L-6.5 8Z", ...told(here),
+      transform: `translate(${x(here.east).toFixed(2)} ${y(here.north).toFixed(2)}) rotate(${here.course.toFixed(1)}) scale(${small})`,
+    });
+    return made;
   }
 
   /** Marks of the waypoints: tasks done, visited, left, start and destination. */
-  function places(colours, unit, hidden, shrunk) {
+  function places(colours, { unit, hidden, place: where }) {
+    const shrunk = narrow() ? 0.72 : 1;
     const groups = [
       ["left", "left", { symbol: "circle-open", size: shrunk * 7, color: colours.left, line: { width: 1.6 } }],
       ["visited", "visited, without a task", { symbol: "circle", size: shrunk * 7, color: colours.card, line: { color: colours.text, width: 1.4 } }],
@@ -291,11 +273,9 @@
       x: nodes.map((node) => waypoints[node].place[1] / unit), y: nodes.map((node) => waypoints[node].place[0] / unit),
       text: nodes.map((node) => {
         const { name, place } = waypoints[node];
-        const where = map0.place(place[0], place[1]);
-        return [`<b>${report.literal(name)}</b>`, words, `depth ${report.fixed(place[2])} m`, where].filter(Boolean).join("<br>");
+        return [`<b>${report.literal(name)}</b>`, words, `depth ${report.fixed(place[2])} m`, where(place[0], place[1])].filter(Boolean).join("<br>");
       }),
     });
-    const map0 = { place: (n, e) => (state.map ? state.map.place(n, e) : "") };
     const inner = waypoints.map((_, node) => node).filter((node) => node !== run.start && node !== run.goal);
     return [
       ...groups.map(([mark, words, marker]) => one(inner.filter((node) => waypoints[node].state === mark), words, marker)),
@@ -325,7 +305,7 @@
   const length = Math.max(run.end - run.begin, 1);
   const nice = report.ticks(0, length, 700).step;
   const slider = report.element("input", { type: "range", id: "time", min: 0, max: Math.ceil(length), step: nice >= 1 ? 1 : "any", value: 0, "aria-label": "Time since departure", oninput: () => show(run.begin + Number(slider.value)) });
-  const button = report.element("button", { type: "button", class: "play", id: "play", "aria-pressed": "false", onclick: () => play(!state.playing) }, "▶ Play");
+  const button = report.element("button", { type: "button", class: "play", id: "play", title: "Space", "aria-keyshortcuts": "Space", "aria-pressed": "false", onclick: () => play(!state.playing) }, "▶ Play");
   const clock = report.element("output", { for: "time", id: "clock" });
   const speeds = { 60: "60 ×", 180: "180 ×", 600: "600 ×", 1800: "1800 ×" };
   const usual = Object.keys(speeds).reduce((best, speed) => (Math.abs(length / speed - 45) < Math.abs(length / best - 45) ? speed : best));
@@ -383,19 +363,7 @@
   };
 
   function move() {
-    const { host, unit } = state.map;
-    const found = moving(state.time, unit);
-    const numbers = [], change = { x: [], y: [] };
-    host.data.forEach((trace, k) => {
-      const told = found[trace.name];
-      if (!told || trace.type !== "scatter") return;
-      numbers.push(k);
-      change.x.push(told.x);
-      change.y.push(told.y);
-    });
-    const angles = numbers.map((k) => (host.data[k].name === "vehicle" ? found.vehicle["marker.angle"] : null));
-    host.data[numbers[angles.findIndex((angle) => angle !== null)]].marker.angle = found.vehicle["marker.angle"];
-    Plotly.restyle(host, change, numbers);
+    state.map.repaint();
     for (const follow of state.followers) follow();
     tell();
   }
@@ -456,7 +424,7 @@
       for (const [name, words, colour] of near) {
         data.push({ x: axis, y: safe(track[name]), customdata: when, yaxis: "y2", mode: "lines", name: words, line: { color: colours[colour], width: 1.6 }, hovertemplate: `%{y:,.0f} m ${words}<extra></extra>` });
       }
-      const shapes = [cursor(colours)];
+      const shapes = [];
       for (const { name, margin } of run.limits) {
         const drawn = near.find(([other]) => other === name);
         if (drawn && margin > 0) shapes.push({ type: "line", xref: "paper", yref: "y2", x0: 0, x1: 1, y0: margin, y1: margin, line: { color: colours[drawn[2]], width: 1.2, dash: "dash" } });
@@ -469,15 +437,15 @@
           shapes, hovermode: "x", margin: { l: width < 500 ? 48 : 58, r: 14, t: 10, b: 46 },
           xaxis: report.axis(colours, title, { anchor: two ? "y2" : "y", range: [along(run.begin), along(run.end)] }),
           yaxis: report.axis(colours, "depth [m]", { domain: two ? [0.5, 1] : [0, 1], range: [floor, Math.min(0, ...track.depth)], automargin: false }),
-          ...two && { yaxis2: report.axis(colours, "clearance [m]", { domain: [0, 0.43], type: "log", dtick: 1, automargin: false }) },
+          ...two && { yaxis2: report.logAxis(colours, "clearance [m]", near.flatMap(([name]) => safe(track[name])), { domain: [0, 0.43], automargin: false }) },
         },
       };
     };
-    const cursor = (colours) => ({ type: "line", xref: "x", yref: "paper", x0: along(state.time), x1: along(state.time), y0: 0, y1: 1, line: { color: colours.earlier, width: 1.6 } });
     const profile = report.drawn(side, "Side view: depth and clearances", draw, (host, first) => {
-      if (first) host.on("plotly_click", ({ points }) => show(track.time[points[0].pointIndex]));
+      if (!first) return;
+      host.on("plotly_click", ({ points }) => show(track.time[points[0].pointIndex]));
+      state.followers.push(report.cursor(host, () => along(state.time)));
     });
-    state.followers.push(() => Plotly.relayout(side, { "shapes[0].x0": along(state.time), "shapes[0].x1": along(state.time) }));
     if (run.limits.some(({ name, margin }) => margin > 0 && near.some(([other]) => other === name))) {
       made.append(report.element("p", { class: "quiet small" }, "Dashed: the margin that a plan keeps. Clearances on a logarithmic scale. A click shows that moment."));
     }
@@ -517,14 +485,14 @@
           yaxis: report.axis(colours, "", { range: [rows.length - 0.4, -0.6], tickvals: rows.map((_, k) => k), ticktext: rows.map((order, k) => (narrow ? (order.cause === "done" ? (run.simulated ? "<b>done</b>" : "<b>plan</b>") : k ? `R${k} ${report.literal(order.cause)}` : "first") : title(order, k))), showgrid: false, ticks: "", automargin: false, title: { text: "" } }),
           annotations: [{ x: run.available / 3600, y: 1, xref: "x", yref: "paper", yanchor: "bottom", xanchor: "right", text: "time available", showarrow: false, font: { size: 11, color: colours.bad } }],
           shapes: [
-            { type: "line", xref: "x", yref: "paper", x0: since(state.time) / 3600, x1: since(state.time) / 3600, y0: 0, y1: 1, line: { color: colours.earlier, width: 1.6 } },
             { type: "line", xref: "x", yref: "paper", x0: run.available / 3600, x1: run.available / 3600, y0: 0, y1: 1, line: { color: colours.bad, width: 2 } },
           ],
         },
       };
     };
-    report.drawn(timeline, "Orders of tasks over time", draw);
-    state.followers.push(() => Plotly.relayout(timeline, { "shapes[0].x0": since(state.time) / 3600, "shapes[0].x1": since(state.time) / 3600 }));
+    report.drawn(timeline, "Orders of tasks over time", draw, (host, first) => {
+      if (first) state.followers.push(report.cursor(host, () => since(state.time) / 3600));
+    });
     const late = rows.map((order, k) => ({ order, k })).filter(({ order }) => order.why);
     if (late.length) made.append(report.element("details", {}, report.element("summary", {}, "Why the order was planned anew"), report.element("ul", { class: "small" }, late.map(({ order, k }) => report.element("li", {}, `R${k} at ${report.fixed(since(order.made))} s, ${CAUSES[order.cause] || order.cause}: ${order.why}`)))));
   }
@@ -579,8 +547,10 @@
   report.section("costs", "Costs and limits", null, report.element("div", { class: "pair" },
     report.element("div", {}, report.facts("Costs and planning", [
       ["cost of the mission (Eq. 15)", report.fixed(figures.cost_mission, 1)], ["with re-planning time (Eq. 16)", report.fixed(figures.cost_total, 1)],
-      ["planning of paths", `${report.fixed(cpu.path_s, 2)} s, ${report.counted(figures.path_calls, "leg")}`], ["planning of orders", `${report.fixed(cpu.mission_s, 2)} s, of which re-plans ${report.fixed(cpu.mission_replans_s, 2)} s`],
-      ["travel times", `${report.fixed(cpu.travel_times_s, 2)} s`], cpu.charged_s ? ["charged to the mission's clock", `${report.fixed(cpu.charged_s, 2)} s`] : null,
+      ...(cpu.path_s + cpu.mission_s > 0 ? [
+        ["planning of paths", `${report.fixed(cpu.path_s, 2)} s, ${report.counted(figures.path_calls, "leg")}`], ["planning of orders", `${report.fixed(cpu.mission_s, 2)} s, of which re-plans ${report.fixed(cpu.mission_replans_s, 2)} s`],
+        ["estimates of travel times", `${report.fixed(cpu.travel_times_s, 2)} s`],
+      ] : []), cpu.charged_s ? ["charged to the mission's clock", `${report.fixed(cpu.charged_s, 2)} s`] : null,
       forecast ? ["travel time, planned and simulated", `${report.fixed(forecast.planned_s)} s, ${report.fixed(forecast.sailed_s)} s`] : null,
       forecast ? ["forecast error of the current", `${report.fixed(forecast.current_difference, 2)} m/s (rms)`] : null,
     ].filter(Boolean))),
@@ -597,12 +567,13 @@
     { title: "cost (Eq. 12), s", key: (plan) => plan.cost, text: (plan) => report.fixed(plan.cost, 1) },
     { title: "violation", key: (plan) => plan.violation, text: (plan) => report.figure(plan.violation, 3) },
     { title: "limits kept", words: true, key: (plan) => Number(plan.feasible), text: (plan) => (plan.feasible ? "yes" : "no"), class: (plan) => (plan.feasible ? "" : "bad-cell") },
-    { title: "planning, s", key: (plan) => plan.cpu, text: (plan) => report.fixed(plan.cpu, 3) },
-  ], plans, { id: "plans-table" })) : null);
+    cpu.path_s > 0 && { title: "planning, s", key: (plan) => plan.cpu, text: (plan) => report.fixed(plan.cpu, 3) },
+  ].filter(Boolean), plans, { id: "plans-table" })) : null);
 
   report.provenance(run.provenance);
 
-  state.map = report.map(stage, "Map of the mission", run.map, traces, labels);
+  state.map = report.map(stage, "Map of the mission", run.map, places, labels, (x, y) => (state.map ? painted(x, y) : []));
+  state.map.repaint();
   where.querySelector(".head").append(state.map.buttons());
   show(run.begin);
 })();

@@ -218,7 +218,7 @@
         marks("all planning of the mission", one.figures.planning.map((value) => value || null), colours.earlier, "square"),
         marks("a path planning call, median", middle, colours.plan, "circle", { error_y: { type: "data", symmetric: false, array: middle.map((value, k) => high[k] - value), arrayminus: middle.map((value, k) => value - low[k]), color: colours.moving, thickness: 1.4, width: 0 } }),
       ],
-      layout: { showlegend: true, legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 }, margin: { l: 62, r: 14, t: 34, b: 46 }, xaxis: seedAxis(colours), yaxis: report.axis(colours, "time of planning [s]", { type: "log", automargin: false }) },
+      layout: { showlegend: true, legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 }, margin: { l: 62, r: 14, t: 34, b: 46 }, xaxis: seedAxis(colours), yaxis: report.logAxis(colours, "time of planning [s]", [...one.figures.planning, ...low, ...high], { automargin: false }) },
     };
   }, clicks);
 
