@@ -5,6 +5,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import shortest_path
 
 from auvplan.export.sheet import waypoint_name
 from auvplan.records import MissionRun
@@ -38,14 +40,14 @@ def _unvisited(run: MissionRun) -> list[dict[str, Any]]:
     Tasks of waypoints without names lie on the edges between them: told is the highest priority of an edge
     that leads there.
     """
-    route = run.route
+    route, priority = run.route, np.asarray(run.graph.priority, float)
     times = np.asarray(run.graph.leg_times(float(run.vehicle.speed)))  # type: ignore[arg-type]
-    priority = np.asarray(run.graph.priority, float)
+    travel = times - np.asarray(run.graph.duration)
+    edges = np.nonzero(np.isfinite(travel))
+    ways = shortest_path(csr_array((travel[edges], edges), shape=travel.shape))
     rows = []
-    for node in sorted(set(range(len(times))) - set(route)):
-        extra = min(
-            (times[i, node] + times[node, j] - times[i, j] for i, j in pairwise(route)), default=np.inf
-        )
+    for node in sorted(set(range(len(travel))) - set(route)):
+        detours = [ways[i, node] + ways[node, j] - travel[i, j] for i, j in pairwise(route)]
         rows.append(
             {
                 "name": waypoint_name(run, node),
@@ -53,7 +55,7 @@ def _unvisited(run: MissionRun) -> list[dict[str, Any]]:
                 "done": False,
                 "at": None,
                 "duration": None,
-                "why": _why_unvisited(run, float(extra)),
+                "why": _why_unvisited(run, float(min(detours, default=np.inf))),
             }
         )
     return sorted(rows, key=lambda row: -row["priority"])
@@ -63,7 +65,7 @@ def _why_unvisited(run: MissionRun, extra: float) -> str:
     if not run.arrived:
         return "the mission ended before"
     if not np.isfinite(extra):
-        return "no edge leads there from the route"
+        return "no way leads there"
     if extra > run.t_residual:
         return f"the detour takes about {hours(extra)} in still water, {hours(run.t_residual)} were left"
     return (

@@ -136,7 +136,8 @@ report.table = function (caption, columns, rows, options = {}) {
       heading.append(column.title);
       return heading;
     }
-    heading.append(report.element("button", { type: "button", onclick: () => sort(column, heading) }, column.title));
+    // Buttons are left out of a heading that is repeated on the next sheet of paper.
+    heading.append(report.element("button", { type: "button", onclick: () => sort(column, heading) }, column.title), report.element("span", { class: "printed" }, column.title));
     return heading;
   });
   function sort(column, heading) {

@@ -81,13 +81,13 @@ report.map = function (host, label, ground, traces, labels, paint) {
     const part = length / (right - left);
     const text = metres >= 1000 ? `${metres / 1000} km` : `${metres} m`;
     const shapes = [
-      { type: "rect", xref: "x domain", yref: "y domain", x0: 0.02, x1: 0.02 + part, y0: 0.022, y1: 0.03, fillcolor: colours.text, line: { width: 1.5, color: colours.halo }, layer: "above" },
+      { type: "rect", xref: "x domain", yref: "y domain", x0: 0.02, x1: 0.02 + part, y0: 14 / size.height, y1: 18 / size.height, fillcolor: colours.text, line: { width: 0 }, layer: "above" },
     ];
     const notes = [
-      { xref: "x domain", yref: "y domain", x: 0.02 + part / 2, y: 0.032, yanchor: "bottom", text: `<b>${text}</b>`, showarrow: false, font: { size: 11 } },
-      { xref: "x domain", yref: "y domain", x: 0.035, y: 0.032, ax: 0, ay: 30, yshift: 56, text: "<b>N</b>", showarrow: true, arrowhead: 2, arrowsize: 1.1, arrowwidth: 1.8, arrowcolor: colours.text, font: { size: 12 } },
+      { xref: "x domain", yref: "y domain", x: 0.02 + part / 2, y: 18 / size.height, yanchor: "bottom", text: `<b>${text}</b>`, showarrow: false, font: { size: 11 } },
+      { xref: "x domain", yref: "y domain", x: 0.035, y: 18 / size.height, ax: 0, ay: 30, yshift: 56, text: "<b>N</b>", showarrow: true, arrowhead: 2, arrowsize: 1.1, arrowwidth: 1.8, arrowcolor: colours.text, font: { size: 12 } },
     ];
-    if (along && size.width >= 420) {
+    if (along && map.wide) {
       const share = (value, [low, high]) => low + (value - west) / (east - west) * (high - low);
       const up = (value, [low, high]) => low + (value - south) / (north - south) * (high - low);
       const edges = [
@@ -152,7 +152,8 @@ report.map = function (host, label, ground, traces, labels, paint) {
   }
 
   function draw(colours, width) {
-    const wide = width >= 540;
+    const wide = width >= 480;
+    map.wide = wide;
     const margin = { l: wide ? 54 : 42, r: along && wide ? 54 : 8, t: along && wide ? 24 : 8, b: 44 };
     const inner = width - margin.l - margin.r;
     const tall = Math.min(Math.max(inner * ((north - south) / (east - west)), 220), 1.25 * inner, 900);

@@ -303,7 +303,7 @@
       report.element("h3", {}, "The whole mission"),
       study.runs.includes(name) ? [report.element("p", {}, "It is saved in this folder. Its page, with map and track, is written by"), report.element("pre", { class: "code" }, `auvplan report runs/${name}`)] : null,
       report.element("p", {}, `${study.runs.includes(name) ? "Or sail" : "Sail"} it again, with its track, its pictures and its page${study.scenario ? "" : " (SCENARIO.yaml is the study's scenario)"}:`),
-      report.element("pre", { class: "code", id: "again" }, again),
+      report.element("pre", { class: "code", id: "again" }, again.split(" ").map((word, k) => [k ? " " : null, report.element("span", { style: "white-space: nowrap" }, word)])),
     ];
   }
 
