@@ -41,7 +41,7 @@ report.drawn = function (host, label, draw, after) {
     const layout = {
       paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", showlegend: false, hovermode: "closest",
       margin: { l: 58, r: 14, t: 12, b: 46 }, font: { family: report.font, size: 12, color: colours.text },
-      hoverlabel: { font: { family: report.font, size: 12, color: colours.text }, bgcolor: colours.card, bordercolor: colours.line },
+      hoverlabel: { align: "left", font: { family: report.font, size: 12, color: colours.text }, bgcolor: colours.card, bordercolor: colours.line },
       modebar: { bgcolor: "rgba(0,0,0,0)", color: colours.quiet, activecolor: colours.accent },
       ...made.layout, width, height: made.height, autosize: false,
     };

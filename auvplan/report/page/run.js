@@ -256,12 +256,13 @@
     return made;
   }
 
+  const reasons = new Map(run.tasks.filter((task) => !task.done).map((task) => [task.name.replace(/^waypoint /, ""), task.why]));
   /** Marks of the waypoints: tasks done, visited, left, start and destination. */
   function places(colours, { unit, hidden, place: where }) {
     const shrunk = narrow() ? 0.72 : 1;
     const groups = [
       ["left", "left", { symbol: "circle-open", size: shrunk * 7, color: colours.left, line: { width: 1.6 } }],
-      ["visited", "visited, without a task", { symbol: "circle", size: shrunk * 7, color: colours.card, line: { color: colours.text, width: 1.4 } }],
+      ["visited", "passed, without a task", { symbol: "circle", size: shrunk * 7, color: colours.card, line: { color: colours.text, width: 1.4 } }],
       ["task", "task done", { symbol: "circle", size: shrunk * 8.5, color: colours.task, line: { color: colours.halo, width: 1 } }],
     ];
     const ends = [
@@ -273,7 +274,8 @@
       x: nodes.map((node) => waypoints[node].place[1] / unit), y: nodes.map((node) => waypoints[node].place[0] / unit),
       text: nodes.map((node) => {
         const { name, place } = waypoints[node];
-        return [`<b>${report.literal(name)}</b>`, words, `depth ${report.fixed(place[2])} m`, where(place[0], place[1])].filter(Boolean).join("<br>");
+        const why = words === "left" && reasons.get(name.replace(/\[\d+\]$/, ""));
+        return [`<b>${report.literal(name)}</b>`, words, why && report.literal(why), `depth ${report.fixed(place[2])} m`, where(place[0], place[1])].filter(Boolean).join("<br>");
       }),
     });
     const inner = waypoints.map((_, node) => node).filter((node) => node !== run.start && node !== run.goal);
@@ -285,10 +287,14 @@
 
   const stage = report.element("div", { id: "map" });
   const now = report.element("dl", { class: "now", id: "now" });
+  const marks = [
+    ["●", run.simulated ? "task done" : "task", "task"], ["○", "passed", "text"], ["○", "left", "left"],
+  ].filter((_, k) => waypoints.some(({ state: mark }) => mark === ["task", "visited", "left"][k]));
   const boxes = report.element("fieldset", { class: "layers" }, report.element("legend", {}, "Layers"), layers.map(([layer, words, shape, colour]) =>
     report.element("label", {},
       report.element("input", { type: "checkbox", checked: true, "data-layer": layer, onchange: (event) => state.map.toggle(layer, event.target.checked) }),
       swatch(shape, colour), words)),
+    report.element("div", { class: "small quiet", style: "margin-top: .4rem" }, "Waypoints: ", marks.map(([sign, words, colour], k) => [k ? ", " : "", report.element("span", { style: `color: var(--${colour}); font-weight: 600` }, `${sign} `), words])),
     present.length > 1 ? report.element("div", { class: "small quiet" }, "Obstacles: ", present.map(([name, colour], k) => [k ? ", " : "", report.element("span", { style: `color: var(--${colour}); font-weight: 600` }, "● "), name])) : null,
   );
   const note = report.element("p", { class: "quiet small", id: "map-note" });
