@@ -7,7 +7,6 @@ from typing import Any
 from auvplan.files import DEPARTURES, MISSION, REHEARSAL, REPORT, ResultError, read_json, read_summary
 from auvplan.records import MissionRun
 from auvplan.report.page import write_page
-from auvplan.study.store import RUNS, is_study, load_study
 
 
 def write_report(folder: str | Path) -> Path:
@@ -24,12 +23,14 @@ def write_report(folder: str | Path) -> Path:
         OutputError: the page cannot be written; one line that names it.
     """
     target = Path(folder)
-    if is_study(target):
-        return write_study_report(target)
     if (target / MISSION).is_file():
         from auvplan.io.restore import restore_run
 
         return write_run_report(restore_run(target), read_summary(target), target)
+    from auvplan.study.store import is_study
+
+    if is_study(target):
+        return write_study_report(target)
     if (target / DEPARTURES).is_file():
         return write_departures_report(target)
     missing = "no run, study or departures in it" if target.is_dir() else "no such folder"
@@ -57,6 +58,7 @@ def write_run_report(run: MissionRun, summary: Mapping[str, Any], folder: str | 
 def write_study_report(folder: str | Path) -> Path:
     """Write the page of a finished study, or of a rehearsal; raises as `write_report`."""
     from auvplan.report.study import study_data
+    from auvplan.study.store import RUNS, load_study
 
     target = Path(folder)
     rehearsal = read_json(target, REHEARSAL) if (target / REHEARSAL).is_file() else None

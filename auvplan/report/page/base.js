@@ -23,7 +23,10 @@ report.isNumber = (value) => typeof value === "number" && Number.isFinite(value)
 /** A number with so many decimals; a dash where there is none. */
 report.fixed = function (value, decimals = 0) {
   if (!report.isNumber(value)) return "–";
-  const text = value.toLocaleString("en", { minimumFractionDigits: decimals, maximumFractionDigits: decimals });
+  const text = value.toLocaleString("en", {
+    minimumFractionDigits: decimals,
+    maximumFractionDigits: decimals,
+  });
   return text.replace("-", "−");
 };
 
@@ -60,15 +63,16 @@ report.utc = function (seconds, epoch) {
 report.counted = (count, noun) => `${report.fixed(count)} ${noun}${count === 1 ? "" : "s"}`;
 
 /** Text for Plotly, which would take some of it for markup. */
-report.literal = (text) =>
-  String(text).replace(/&/g, "&amp;").replace(/</g, "&lt;").replace(/>/g, "&gt;");
+report.literal = (text) => String(text).replace(/&/g, "&amp;").replace(/</g, "&lt;").replace(/>/g, "&gt;");
 
 // --- elements ----------------------------------------------------------------------------------------
 
 /** An element with attributes, listeners ("onclick") and children; texts are never markup. */
 report.element = function (tag, attributes = {}, ...children) {
   const svg = ["svg", "g", "path", "circle", "rect", "line"].includes(tag);
-  const made = svg ? document.createElementNS("http://www.w3.org/2000/svg", tag) : document.createElement(tag);
+  const made = svg
+    ? document.createElementNS("http://www.w3.org/2000/svg", tag)
+    : document.createElement(tag);
   for (const [name, value] of Object.entries(attributes)) {
     if (value === null || value === undefined || value === false) continue;
     if (name.startsWith("on")) made.addEventListener(name.slice(2), value);
@@ -83,7 +87,8 @@ report.element = function (tag, attributes = {}, ...children) {
 /** A titled part of the page, listed in its contents. */
 report.section = function (id, title, note, ...children) {
   const made = report.element(
-    "section", { class: "card", id, "aria-labelledby": `${id}-title` },
+    "section",
+    { class: "card", id, "aria-labelledby": `${id}-title` },
     report.element("div", { class: "head" }, report.element("h2", { id: `${id}-title` }, title)),
     note ? report.element("p", { class: "quiet" }, note) : null,
     ...children,
@@ -97,20 +102,41 @@ report.section = function (id, title, note, ...children) {
 /** A choice between a few values, the first of which holds at first. */
 report.segments = function (name, title, values, chosen, change) {
   return report.element(
-    "fieldset", { class: "segments" }, report.element("legend", { class: "hidden" }, title),
+    "fieldset",
+    { class: "segments" },
+    report.element("legend", { class: "hidden" }, title),
     Object.entries(values).map(([value, words]) =>
       report.element(
-        "label", {},
-        report.element("input", { type: "radio", name, value, checked: value === chosen, onchange: () => change(value) }),
+        "label",
+        {},
+        report.element("input", {
+          type: "radio",
+          name,
+          value,
+          checked: value === chosen,
+          onchange: () => change(value),
+        }),
         report.element("span", {}, words),
-      )),
+      ),
+    ),
   );
 };
 
 report.tiles = (entries) =>
-  report.element("dl", { class: "tiles" }, entries.filter(Boolean).map(([name, value, note]) =>
-    report.element("div", { class: "tile" }, report.element("dt", {}, name),
-      report.element("dd", {}, value, note ? report.element("small", {}, note) : null))));
+  report.element(
+    "dl",
+    { class: "tiles" },
+    entries
+      .filter(Boolean)
+      .map(([name, value, note]) =>
+        report.element(
+          "div",
+          { class: "tile" },
+          report.element("dt", {}, name),
+          report.element("dd", {}, value, note ? report.element("small", {}, note) : null),
+        ),
+      ),
+  );
 
 /**
  * A table that its headings sort.
@@ -122,7 +148,10 @@ report.table = function (caption, columns, rows, options = {}) {
   const shown = rows.map((row, number) => {
     const cells = columns.map((column, place) => {
       const content = column.text(row, number);
-      const name = [column.words ? "words" : "", typeof column.class === "function" ? column.class(row) : column.class || ""];
+      const name = [
+        column.words ? "words" : "",
+        typeof column.class === "function" ? column.class(row) : column.class || "",
+      ];
       const attributes = { class: name.filter(Boolean).join(" ") || null };
       if (place === 0) attributes.scope = "row";
       return report.element(place === 0 ? "th" : "td", attributes, content);
@@ -137,7 +166,10 @@ report.table = function (caption, columns, rows, options = {}) {
       return heading;
     }
     // Buttons are left out of a heading that is repeated on the next sheet of paper.
-    heading.append(report.element("button", { type: "button", onclick: () => sort(column, heading) }, column.title), report.element("span", { class: "printed" }, column.title));
+    heading.append(
+      report.element("button", { type: "button", onclick: () => sort(column, heading) }, column.title),
+      report.element("span", { class: "printed" }, column.title),
+    );
     return heading;
   });
   function sort(column, heading) {
@@ -157,18 +189,34 @@ report.table = function (caption, columns, rows, options = {}) {
     body.append(...sorted);
   }
   const made = report.element(
-    "table", { id: options.id }, report.element("caption", {}, caption),
-    report.element("thead", {}, report.element("tr", {}, headings)), body,
+    "table",
+    { id: options.id },
+    report.element("caption", {}, caption),
+    report.element("thead", {}, report.element("tr", {}, headings)),
+    body,
   );
-  return report.element("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": caption }, made);
+  return report.element(
+    "div",
+    { class: "scroll", tabindex: "0", role: "region", "aria-label": caption },
+    made,
+  );
 };
 
 /** A table of names and values. */
 report.facts = function (caption, entries) {
   const rows = entries.map(([name, value]) =>
-    report.element("tr", {}, report.element("th", { scope: "row", class: "words" }, name), report.element("td", { class: "words" }, value)));
-  return report.element("div", { class: "scroll" },
-    report.element("table", {}, report.element("caption", {}, caption), report.element("tbody", {}, rows)));
+    report.element(
+      "tr",
+      {},
+      report.element("th", { scope: "row", class: "words" }, name),
+      report.element("td", { class: "words" }, value),
+    ),
+  );
+  return report.element(
+    "div",
+    { class: "scroll" },
+    report.element("table", {}, report.element("caption", {}, caption), report.element("tbody", {}, rows)),
+  );
 };
 
 // --- light and dark ----------------------------------------------------------------------------------
@@ -215,34 +263,52 @@ report.applyTheme();
 report.prefersDark.addEventListener("change", () => report.applyTheme());
 
 report.themeSwitch = () =>
-  report.segments("theme", "Colours", { auto: "Auto", light: "Light", dark: "Dark" }, report.chosenTheme, (value) => {
-    report.chosenTheme = value;
-    try {
-      localStorage.setItem("auvplan-theme", value);
-    } catch {
-      // A page from a file may keep nothing: the choice holds for as long as it is open.
-    }
-    report.applyTheme();
-  });
+  report.segments(
+    "theme",
+    "Colours",
+    { auto: "Auto", light: "Light", dark: "Dark" },
+    report.chosenTheme,
+    (value) => {
+      report.chosenTheme = value;
+      try {
+        localStorage.setItem("auvplan-theme", value);
+      } catch {
+        // A page from a file may keep nothing: the choice holds for as long as it is open.
+      }
+      report.applyTheme();
+    },
+  );
 
 // --- head, provenance, foot --------------------------------------------------------------------------
 
 /** Text whose parts between backticks are commands. */
-report.marked = (text) => text.split("`").map((part, k) => (k % 2 ? report.element("code", { class: "code" }, part) : part));
+report.marked = (text) =>
+  text.split("`").map((part, k) => (k % 2 ? report.element("code", { class: "code" }, part) : part));
 
 report.head = function ({ title, line, badge, good, tiles, warnings }) {
-  document.getElementById("top").append(
-    report.element(
-      "div", { class: "headline" },
-      report.element("div", {}, report.element("h1", {}, title),
-        report.element("p", {}, badge ? [report.element("span", { class: `badge ${good ? "good" : "bad"}` }, badge), " "] : null,
-          report.element("span", { class: "quiet" }, line))),
-      report.themeSwitch(),
-    ),
-    report.element("nav", { class: "contents", "aria-label": "Contents" }),
-    report.tiles(tiles),
-    ...(warnings || []).map((words) => report.element("p", { class: "warning" }, report.marked(words))),
-  );
+  document
+    .getElementById("top")
+    .append(
+      report.element(
+        "div",
+        { class: "headline" },
+        report.element(
+          "div",
+          {},
+          report.element("h1", {}, title),
+          report.element(
+            "p",
+            {},
+            badge ? [report.element("span", { class: `badge ${good ? "good" : "bad"}` }, badge), " "] : null,
+            report.element("span", { class: "quiet" }, line),
+          ),
+        ),
+        report.themeSwitch(),
+      ),
+      report.element("nav", { class: "contents", "aria-label": "Contents" }),
+      report.tiles(tiles),
+      ...(warnings || []).map((words) => report.element("p", { class: "warning" }, report.marked(words))),
+    );
 };
 
 report.setting = (value) => (value === null || value === undefined ? "none" : JSON.stringify(value));
@@ -252,32 +318,72 @@ report.provenance = function (told) {
   const parts = [];
   const files = told.files || [];
   if (files.length) {
-    parts.push(report.table("Files that the scenario names", [
-      { title: "field", text: (file) => file.field, words: true },
-      { title: "file", text: (file) => file.name, words: true, class: "code" },
-      { title: "bytes", text: (file) => report.fixed(file.size) },
-      { title: "SHA-256", text: (file) => file.sha256 || "–", words: true, class: "code" },
-    ], files));
+    parts.push(
+      report.table(
+        "Files that the scenario names",
+        [
+          { title: "field", text: (file) => file.field, words: true },
+          { title: "file", text: (file) => file.name, words: true, class: "code" },
+          { title: "bytes", text: (file) => report.fixed(file.size) },
+          { title: "SHA-256", text: (file) => file.sha256 || "–", words: true, class: "code" },
+        ],
+        files,
+      ),
+    );
   } else if (told.settings) {
-    parts.push(report.element("p", {}, "The scenario names no files: chart, currents and tasks come from the package and the seed."));
+    parts.push(
+      report.element(
+        "p",
+        {},
+        "The scenario names no files: chart, currents and tasks come from the package and the seed.",
+      ),
+    );
   }
   for (const line of told.assumed || []) parts.push(report.element("p", {}, `Assumed: ${line}.`));
   for (const line of told.notes || []) parts.push(report.element("p", {}, `Note: ${line}.`));
   const seed = told.seeds || told.seed;
-  const origin = [...(report.isNumber(seed) || seed ? [["seed", String(seed)]] : []), ...Object.entries(told.versions || {}).map(([name, value]) => [`version of ${name}`, value])];
+  const origin = [
+    ...(report.isNumber(seed) || seed ? [["seed", String(seed)]] : []),
+    ...Object.entries(told.versions || {}).map(([name, value]) => [`version of ${name}`, value]),
+  ];
   const { settings } = told;
-  parts.push(report.element(
-    "div", { class: "pair" },
-    origin.length ? report.element("div", {}, report.facts("Seed and versions", origin)) : null,
-    report.element("div", {}, !settings ? report.element("p", {}, "The folder does not tell which scenario this was.") : settings.length
-      ? report.table("Settings that differ from the defaults", [
-        { title: "setting", text: (row) => row.field, words: true, class: "code" },
-        { title: "value", text: (row) => report.setting(row.value), words: true, class: "code" },
-        { title: "default", text: (row) => report.setting(row.default), words: true, class: "code" },
-      ], settings)
-      : report.element("p", {}, "All settings have their defaults.")),
-  ));
+  parts.push(
+    report.element(
+      "div",
+      { class: "pair" },
+      origin.length ? report.element("div", {}, report.facts("Seed and versions", origin)) : null,
+      report.element(
+        "div",
+        {},
+        !settings
+          ? report.element("p", {}, "The folder does not tell which scenario this was.")
+          : settings.length
+            ? report.table(
+                "Settings that differ from the defaults",
+                [
+                  { title: "setting", text: (row) => row.field, words: true, class: "code" },
+                  { title: "value", text: (row) => report.setting(row.value), words: true, class: "code" },
+                  {
+                    title: "default",
+                    text: (row) => report.setting(row.default),
+                    words: true,
+                    class: "code",
+                  },
+                ],
+                settings,
+              )
+            : report.element("p", {}, "All settings have their defaults."),
+      ),
+    ),
+  );
   report.section("provenance", "Provenance", null, ...parts);
-  document.getElementById("foot").append(
-    report.element("p", {}, "Written by auvplan. Figures: plotly.js, MIT licence. This file loads nothing from anywhere."));
+  document
+    .getElementById("foot")
+    .append(
+      report.element(
+        "p",
+        {},
+        "Written by auvplan. Figures: plotly.js, MIT licence. This file loads nothing from anywhere.",
+      ),
+    );
 };

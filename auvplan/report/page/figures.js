@@ -7,8 +7,18 @@ report.font = 'system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", A
 /** An axis in the page's colours. */
 report.axis = function (colours, title, more = {}) {
   return {
-    title: { text: title, font: { size: 12 }, standoff: 8 }, gridcolor: colours.grid, zeroline: false, linecolor: colours.line,
-    showline: true, mirror: false, ticks: "outside", ticklen: 4, tickcolor: colours.line, tickfont: { size: 11 }, automargin: true, ...more,
+    title: { text: title, font: { size: 12 }, standoff: 8 },
+    gridcolor: colours.grid,
+    zeroline: false,
+    linecolor: colours.line,
+    showline: true,
+    mirror: false,
+    ticks: "outside",
+    ticklen: 4,
+    tickcolor: colours.line,
+    tickfont: { size: 11 },
+    automargin: true,
+    ...more,
   };
 };
 
@@ -17,9 +27,18 @@ report.logAxis = function (colours, title, values, more) {
   const known = values.filter((value) => value > 0);
   const [low, high] = known.length ? [Math.min(...known), Math.max(...known)] : [1, 10];
   const tickvals = [];
-  for (let power = Math.floor(Math.log10(low)); power <= Math.ceil(Math.log10(high)); power++) tickvals.push(...[1, 2, 5].map((part) => Number(`${part}e${power}`)));
-  const few = Math.log10(high / low) > 2.2 ? tickvals.filter((value) => /^1(0*|e.*)$|^0\.0*1$/.test(String(value))) : tickvals;
-  return report.axis(colours, title, { type: "log", tickvals: few, ticktext: few.map((value) => value.toLocaleString("en", { maximumSignificantDigits: 3 })), ...more });
+  for (let power = Math.floor(Math.log10(low)); power <= Math.ceil(Math.log10(high)); power++)
+    tickvals.push(...[1, 2, 5].map((part) => Number(`${part}e${power}`)));
+  const few =
+    Math.log10(high / low) > 2.2
+      ? tickvals.filter((value) => /^1(0*|e.*)$|^0\.0*1$/.test(String(value)))
+      : tickvals;
+  return report.axis(colours, title, {
+    type: "log",
+    tickvals: few,
+    ticktext: few.map((value) => value.toLocaleString("en", { maximumSignificantDigits: 3 })),
+    ...more,
+  });
 };
 
 /**
@@ -39,15 +58,33 @@ report.drawn = function (host, label, draw, after) {
     const colours = report.colours();
     const made = draw(colours, width);
     const layout = {
-      paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", showlegend: false, hovermode: "closest",
-      margin: { l: 58, r: 14, t: 12, b: 46 }, font: { family: report.font, size: 12, color: colours.text },
-      hoverlabel: { align: "left", font: { family: report.font, size: 12, color: colours.text }, bgcolor: colours.card, bordercolor: colours.line },
+      paper_bgcolor: "rgba(0,0,0,0)",
+      plot_bgcolor: "rgba(0,0,0,0)",
+      showlegend: false,
+      hovermode: "closest",
+      margin: { l: 58, r: 14, t: 12, b: 46 },
+      font: { family: report.font, size: 12, color: colours.text },
+      hoverlabel: {
+        align: "left",
+        font: { family: report.font, size: 12, color: colours.text },
+        bgcolor: colours.card,
+        bordercolor: colours.line,
+      },
       modebar: { bgcolor: "rgba(0,0,0,0)", color: colours.quiet, activecolor: colours.accent },
-      ...made.layout, width, height: made.height, autosize: false,
+      ...made.layout,
+      width,
+      height: made.height,
+      autosize: false,
     };
     const config = {
-      displaylogo: false, displayModeBar: false, responsive: false, scrollZoom: false, doubleClick: "reset", showTips: false,
-      modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"], ...made.config,
+      displaylogo: false,
+      displayModeBar: false,
+      responsive: false,
+      scrollZoom: false,
+      doubleClick: "reset",
+      showTips: false,
+      modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"],
+      ...made.config,
     };
     const first = !figure.made;
     figure.made = true;
@@ -70,7 +107,11 @@ report.cursor = function (host, at) {
     const { xaxis, _size: size } = host._fullLayout;
     const place = xaxis.c2p(at());
     line.hidden = !(place >= 0 && place <= xaxis._length);
-    Object.assign(line.style, { left: `${xaxis._offset + place}px`, top: `${size.t}px`, height: `${size.h}px` });
+    Object.assign(line.style, {
+      left: `${xaxis._offset + place}px`,
+      top: `${size.t}px`,
+      height: `${size.h}px`,
+    });
   };
   host.append(line);
   host.on("plotly_afterplot", move);
@@ -85,7 +126,8 @@ report.print = function (begins) {
   for (const part of open) part.open = begins;
   report.opened = begins ? open : [];
   for (const figure of report.shownFigures) {
-    if (begins) figure.width = figure.host.closest(".mapgrid") ? 500 : figure.host.closest(".pair") ? 330 : 690;
+    if (begins)
+      figure.width = figure.host.closest(".mapgrid") ? 500 : figure.host.closest(".pair") ? 330 : 690;
   }
   report.applyTheme();
 };

@@ -25,7 +25,13 @@ report.ticks = function (low, high, most) {
 report.map = function (host, label, ground, traces, labels, paint) {
   const [south, west] = ground.low;
   const [north, east] = ground.high;
-  const map = { host, unit: Math.max(east - west, north - south) > 4000 ? 1000 : 1, labels, hidden: new Set(), before: 0 };
+  const map = {
+    host,
+    unit: Math.max(east - west, north - south) > 4000 ? 1000 : 1,
+    labels,
+    hidden: new Set(),
+    before: 0,
+  };
   const name = map.unit === 1000 ? "km" : "m";
   const corners = ground.corners;
 
@@ -36,26 +42,48 @@ report.map = function (host, label, ground, traces, labels, paint) {
   };
   map.place = function (n, e) {
     if (!along) return "";
-    const longitude = along.longitude[0] + ((e - west) / (east - west)) * (along.longitude[1] - along.longitude[0]);
-    const latitude = along.latitude[0] + ((n - south) / (north - south)) * (along.latitude[1] - along.latitude[0]);
+    const longitude =
+      along.longitude[0] + ((e - west) / (east - west)) * (along.longitude[1] - along.longitude[0]);
+    const latitude =
+      along.latitude[0] + ((n - south) / (north - south)) * (along.latitude[1] - along.latitude[0]);
     const text = (value, signs) => `${Math.abs(value).toFixed(4)}°\u00a0${signs[value < 0 ? 1 : 0]}`;
     return `${text(latitude, "NS")}, ${text(longitude, "EW")}`;
   };
 
   function depthLines(colours) {
     if (!ground.depths) return [];
-    const [norths, easts, depths] = ["north", "east", "depth"].map((part) => report.unpack(ground.depths[part]));
-    const rows = Array.from(norths, (_, i) => Array.from(easts, (_, j) => {
-      const depth = depths[i * easts.length + j];
-      return depth > 0 ? depth : null;
-    }));
+    const [norths, easts, depths] = ["north", "east", "depth"].map((part) =>
+      report.unpack(ground.depths[part]),
+    );
+    const rows = Array.from(norths, (_, i) =>
+      Array.from(easts, (_, j) => {
+        const depth = depths[i * easts.length + j];
+        return depth > 0 ? depth : null;
+      }),
+    );
     const deepest = depths.reduce((most, depth) => Math.max(most, depth), 0);
-    return [{
-      type: "contour", name: "depth of the sea bed", meta: "depths", x: Array.from(easts, (e) => e / map.unit), y: Array.from(norths, (n) => n / map.unit),
-      z: rows, showscale: false, hoverinfo: "skip", line: { width: 0.8, color: colours.depth },
-      contours: { coloring: "none", showlabels: true, labelfont: { size: 9, color: colours.depth, family: report.font }, ...levels(deepest) },
-      autocontour: false, connectgaps: false, visible: !map.hidden.has("depths"),
-    }];
+    return [
+      {
+        type: "contour",
+        name: "depth of the sea bed",
+        meta: "depths",
+        x: Array.from(easts, (e) => e / map.unit),
+        y: Array.from(norths, (n) => n / map.unit),
+        z: rows,
+        showscale: false,
+        hoverinfo: "skip",
+        line: { width: 0.8, color: colours.depth },
+        contours: {
+          coloring: "none",
+          showlabels: true,
+          labelfont: { size: 9, color: colours.depth, family: report.font },
+          ...levels(deepest),
+        },
+        autocontour: false,
+        connectgaps: false,
+        visible: !map.hidden.has("depths"),
+      },
+    ];
   }
   function levels(deepest) {
     const { step } = report.ticks(0, Math.max(deepest, 1), 8);
@@ -65,11 +93,20 @@ report.map = function (host, label, ground, traces, labels, paint) {
   function chartImages() {
     if (!ground.chart) return [];
     const { low, high } = ground.chart;
-    return [{
-      source: ground.chart[report.theme()], xref: "x", yref: "y", x: low[1] / map.unit, y: high[0] / map.unit,
-      sizex: (high[1] - low[1]) / map.unit, sizey: (high[0] - low[0]) / map.unit, sizing: "stretch", layer: "below",
-      visible: !map.hidden.has("chart"),
-    }];
+    return [
+      {
+        source: ground.chart[report.theme()],
+        xref: "x",
+        yref: "y",
+        x: low[1] / map.unit,
+        y: high[0] / map.unit,
+        sizex: (high[1] - low[1]) / map.unit,
+        sizey: (high[0] - low[0]) / map.unit,
+        sizing: "stretch",
+        layer: "below",
+        visible: !map.hidden.has("chart"),
+      },
+    ];
   }
 
   /** Scale, arrow to the north, longitudes and latitudes along the edges, labels, for the ranges that are shown. */
@@ -81,18 +118,65 @@ report.map = function (host, label, ground, traces, labels, paint) {
     const part = length / (right - left);
     const text = metres >= 1000 ? `${metres / 1000} km` : `${metres} m`;
     const shapes = [
-      { type: "rect", xref: "x domain", yref: "y domain", x0: 0.02, x1: 0.02 + part, y0: 14 / size.height, y1: 18 / size.height, fillcolor: colours.text, line: { width: 0 }, layer: "above" },
+      {
+        type: "rect",
+        xref: "x domain",
+        yref: "y domain",
+        x0: 0.02,
+        x1: 0.02 + part,
+        y0: 14 / size.height,
+        y1: 18 / size.height,
+        fillcolor: colours.text,
+        line: { width: 0 },
+        layer: "above",
+      },
     ];
     const notes = [
-      { xref: "x domain", yref: "y domain", x: 0.02 + part / 2, y: 18 / size.height, yanchor: "bottom", text: `<b>${text}</b>`, showarrow: false, font: { size: 11 } },
-      { xref: "x domain", yref: "y domain", x: 0.035, y: 18 / size.height, ax: 0, ay: 30, yshift: 56, text: "<b>N</b>", showarrow: true, arrowhead: 2, arrowsize: 1.1, arrowwidth: 1.8, arrowcolor: colours.text, font: { size: 12 } },
+      {
+        xref: "x domain",
+        yref: "y domain",
+        x: 0.02 + part / 2,
+        y: 18 / size.height,
+        yanchor: "bottom",
+        text: `<b>${text}</b>`,
+        showarrow: false,
+        font: { size: 11 },
+      },
+      {
+        xref: "x domain",
+        yref: "y domain",
+        x: 0.035,
+        y: 18 / size.height,
+        ax: 0,
+        ay: 30,
+        yshift: 56,
+        text: "<b>N</b>",
+        showarrow: true,
+        arrowhead: 2,
+        arrowsize: 1.1,
+        arrowwidth: 1.8,
+        arrowcolor: colours.text,
+        font: { size: 12 },
+      },
     ];
     if (along && map.wide) {
-      const share = (value, [low, high]) => low + (value - west) / (east - west) * (high - low);
-      const up = (value, [low, high]) => low + (value - south) / (north - south) * (high - low);
+      const share = (value, [low, high]) => low + ((value - west) / (east - west)) * (high - low);
+      const up = (value, [low, high]) => low + ((value - south) / (north - south)) * (high - low);
       const edges = [
-        { ends: [left, right].map((x) => share(x * map.unit, along.longitude)), from: left, to: right, signs: "EW", across: true },
-        { ends: [bottom, top].map((y) => up(y * map.unit, along.latitude)), from: bottom, to: top, signs: "NS", across: false },
+        {
+          ends: [left, right].map((x) => share(x * map.unit, along.longitude)),
+          from: left,
+          to: right,
+          signs: "EW",
+          across: true,
+        },
+        {
+          ends: [bottom, top].map((y) => up(y * map.unit, along.latitude)),
+          from: bottom,
+          to: top,
+          signs: "NS",
+          across: false,
+        },
       ];
       for (const { ends, from, to, signs, across } of edges) {
         const room = across ? size.width / 110 : size.height / 70;
@@ -102,9 +186,20 @@ report.map = function (host, label, ground, traces, labels, paint) {
           const at = from + ((value - ends[0]) / (ends[1] - ends[0])) * (to - from);
           const words = `${Math.abs(value).toFixed(decimals)}° ${signs[value < 0 ? 1 : 0]}`;
           const common = { text: words, showarrow: false, font: { size: 10, color: colours.quiet } };
-          notes.push(across
-            ? { ...common, xref: "x", yref: "y domain", x: at, y: 1, yanchor: "bottom", yshift: 1 }
-            : { ...common, xref: "x domain", yref: "y", x: 1, y: at, xanchor: "left", xshift: 3, textangle: 0 });
+          notes.push(
+            across
+              ? { ...common, xref: "x", yref: "y domain", x: at, y: 1, yanchor: "bottom", yshift: 1 }
+              : {
+                  ...common,
+                  xref: "x domain",
+                  yref: "y",
+                  x: 1,
+                  y: at,
+                  xanchor: "left",
+                  xshift: 3,
+                  textangle: 0,
+                },
+          );
         }
       }
     }
@@ -118,32 +213,60 @@ report.map = function (host, label, ground, traces, labels, paint) {
     const colours = report.colours();
     const scale = size.width / (right - left);
     const pixel = ({ east: e, north: n }) => [(e / map.unit - left) * scale, (top - n / map.unit) * scale];
-    const small = size.width < 420 && right - left > 0.6 * (east - west) / map.unit;
-    const inside = map.labels.filter(({ east: e, north: n, rank }) =>
-      !(small && rank > 2) && e / map.unit >= left && e / map.unit <= right && n / map.unit >= bottom && n / map.unit <= top);
+    const small = size.width < 420 && right - left > (0.6 * (east - west)) / map.unit;
+    const inside = map.labels.filter(
+      ({ east: e, north: n, rank }) =>
+        !(small && rank > 2) &&
+        e / map.unit >= left &&
+        e / map.unit <= right &&
+        n / map.unit >= bottom &&
+        n / map.unit <= top,
+    );
     const taken = inside.map((one) => {
       const [x, y] = pixel(one);
       return [x - 6, y - 6, x + 6, y + 6];
     });
     // The corner of the scale and the arrow to the north.
     taken.push([0, size.height - 78, 0.25 * size.width, size.height]);
-    const clear = (box, own) => taken.every((other, k) => k === own || box[0] >= other[2] || box[2] <= other[0] || box[1] >= other[3] || box[3] <= other[1]);
+    const clear = (box, own) =>
+      taken.every(
+        (other, k) =>
+          k === own || box[0] >= other[2] || box[2] <= other[0] || box[1] >= other[3] || box[3] <= other[1],
+      );
     pen.font = `11px ${report.font}`;
     const order = inside.map((_, k) => k).sort((a, b) => inside[a].rank - inside[b].rank);
     const notes = [];
     for (const k of order) {
       const [x, y] = pixel(inside[k]);
       const [wide, tall] = [pen.measureText(inside[k].text).width + 2, 12];
-      for (const [h, v] of [[1, -1], [1, 1], [-1, -1], [-1, 1], [1, 0], [-1, 0], [0, -1], [0, 1]]) {
+      for (const [h, v] of [
+        [1, -1],
+        [1, 1],
+        [-1, -1],
+        [-1, 1],
+        [1, 0],
+        [-1, 0],
+        [0, -1],
+        [0, 1],
+      ]) {
         const distance = h && v ? 5 : 8;
         const [cx, cy] = [x + h * (distance + wide / 2), y + v * (distance + tall / 2)];
         const box = [cx - wide / 2, cy - tall / 2, cx + wide / 2, cy + tall / 2];
-        if (box[0] < 0 || box[2] > size.width || box[1] < 0 || box[3] > size.height || !clear(box, k)) continue;
+        if (box[0] < 0 || box[2] > size.width || box[1] < 0 || box[3] > size.height || !clear(box, k))
+          continue;
         taken.push(box);
         notes.push({
-          xref: "x", yref: "y", x: inside[k].east / map.unit, y: inside[k].north / map.unit, xshift: cx - x, yshift: y - cy, showarrow: false,
-          text: report.literal(inside[k].text), font: { size: 11, color: colours[inside[k].colour] || colours.text },
-          borderpad: 0, captureevents: false,
+          xref: "x",
+          yref: "y",
+          x: inside[k].east / map.unit,
+          y: inside[k].north / map.unit,
+          xshift: cx - x,
+          yshift: y - cy,
+          showarrow: false,
+          text: report.literal(inside[k].text),
+          font: { size: 11, color: colours[inside[k].colour] || colours.text },
+          borderpad: 0,
+          captureevents: false,
         });
         break;
       }
@@ -159,24 +282,47 @@ report.map = function (host, label, ground, traces, labels, paint) {
     // All of it is to be seen above the slider.
     const room = report.printing ? 900 : Math.max(window.innerHeight - 190, 380);
     const tall = Math.min(Math.max(inner * ((north - south) / (east - west)), 220), 1.25 * inner, 900, room);
-    const ranges = [[west / map.unit, east / map.unit], [south / map.unit, north / map.unit]];
+    const ranges = [
+      [west / map.unit, east / map.unit],
+      [south / map.unit, north / map.unit],
+    ];
     const under = depthLines(colours);
     map.before = under.length;
     return {
       data: [...under, ...traces(colours, map)],
       height: tall + margin.t + margin.b,
       layout: {
-        margin, plot_bgcolor: colours.water, dragmode: matchMedia("(pointer: coarse)").matches ? false : "pan",
-        xaxis: report.axis(colours, `east [${name}]`, { range: ranges[0], constrain: "domain", automargin: false, showgrid: false, mirror: true }),
-        yaxis: report.axis(colours, `north [${name}]`, { range: ranges[1], constrain: "domain", scaleanchor: "x", scaleratio: 1, automargin: false, showgrid: false, mirror: true }),
-        images: chartImages(), ...furniture(ranges, { width: inner, height: tall }),
+        margin,
+        plot_bgcolor: colours.water,
+        dragmode: matchMedia("(pointer: coarse)").matches ? false : "pan",
+        xaxis: report.axis(colours, `east [${name}]`, {
+          range: ranges[0],
+          constrain: "domain",
+          automargin: false,
+          showgrid: false,
+          mirror: true,
+        }),
+        yaxis: report.axis(colours, `north [${name}]`, {
+          range: ranges[1],
+          constrain: "domain",
+          scaleanchor: "x",
+          scaleratio: 1,
+          automargin: false,
+          showgrid: false,
+          mirror: true,
+        }),
+        images: chartImages(),
+        ...furniture(ranges, { width: inner, height: tall }),
       },
     };
   }
 
   function size() {
     const { xaxis, yaxis } = host._fullLayout;
-    return [[xaxis.range, yaxis.range].map((range) => [...range]), { width: xaxis._length, height: yaxis._length }];
+    return [
+      [xaxis.range, yaxis.range].map((range) => [...range]),
+      { width: xaxis._length, height: yaxis._length },
+    ];
   }
   map.refurnish = function () {
     return Plotly.relayout(host, furniture(...size()));
@@ -184,15 +330,33 @@ report.map = function (host, label, ground, traces, labels, paint) {
   /** Show a part of the map that is so many times as wide about the same middle; all of it without a share. */
   map.zoom = function (share) {
     const [[[left, right], [bottom, top]]] = size();
-    const about = (low, high) => [(low + high) / 2 - (share * (high - low)) / 2, (low + high) / 2 + (share * (high - low)) / 2];
-    const whole = [[west, east], [south, north]].map((ends) => ends.map((end) => end / map.unit));
+    const about = (low, high) => [
+      (low + high) / 2 - (share * (high - low)) / 2,
+      (low + high) / 2 + (share * (high - low)) / 2,
+    ];
+    const whole = [
+      [west, east],
+      [south, north],
+    ].map((ends) => ends.map((end) => end / map.unit));
     const [x, y] = share ? [about(left, right), about(bottom, top)] : whole;
     return Plotly.relayout(host, { "xaxis.range": x, "yaxis.range": y });
   };
-  map.buttons = () => report.element("div", { class: "choices screen" },
-    report.element("button", { type: "button", "aria-label": "Zoom in", onclick: () => map.zoom(1 / 1.6) }, "+"),
-    report.element("button", { type: "button", "aria-label": "Zoom out", onclick: () => map.zoom(1.6) }, "−"),
-    report.element("button", { type: "button", onclick: () => map.zoom() }, "Whole map"));
+  map.buttons = () =>
+    report.element(
+      "div",
+      { class: "choices screen" },
+      report.element(
+        "button",
+        { type: "button", "aria-label": "Zoom in", onclick: () => map.zoom(1 / 1.6) },
+        "+",
+      ),
+      report.element(
+        "button",
+        { type: "button", "aria-label": "Zoom out", onclick: () => map.zoom(1.6) },
+        "−",
+      ),
+      report.element("button", { type: "button", onclick: () => map.zoom() }, "Whole map"),
+    );
   /** Show or hide a layer: the chart, the names, what is painted, or all traces whose `meta` is its name. */
   map.toggle = function (layer, on) {
     if (on) map.hidden.delete(layer);
@@ -220,14 +384,20 @@ report.map = function (host, label, ground, traces, labels, paint) {
       plot.insertBefore(map.group, plot.querySelector(".scatterlayer"));
     }
     const { xaxis, yaxis } = host._fullLayout;
-    map.group.replaceChildren(...paint((e) => xaxis.c2p(e / map.unit), (n) => yaxis.c2p(n / map.unit)));
+    map.group.replaceChildren(
+      ...paint(
+        (e) => xaxis.c2p(e / map.unit),
+        (n) => yaxis.c2p(n / map.unit),
+      ),
+    );
   };
 
   map.figure = report.drawn(host, label, draw, (_, first) => {
     if (first) {
       host.on("plotly_afterplot", () => map.repaint());
       host.on("plotly_relayout", (change) => {
-        if (Object.keys(change).some((key) => key.startsWith("xaxis") || key.startsWith("yaxis"))) map.refurnish();
+        if (Object.keys(change).some((key) => key.startsWith("xaxis") || key.startsWith("yaxis")))
+          map.refurnish();
       });
     }
     map.refurnish();
