@@ -19,8 +19,18 @@ if TYPE_CHECKING:
 #: Names of the two files that hold a run.
 SUMMARY, MISSION = "summary.json", "mission.nc"
 
+#: Name of the page that shows a result.
+REPORT = "report.html"
+
+#: Figures of a rehearsal, in the folder of its study.
+REHEARSAL = "rehearsal.json"
+
+#: Departures as a table, and what they were planned from.
+DEPARTURES, DEPARTED = "departures.csv", "departures.json"
+
 #: Names of the other files of a run, as patterns.
 RESULTS = (
+    REPORT,
     "itinerary.*",
     "sheet.html",
     "sheet.pdf",
@@ -145,7 +155,16 @@ def read_summary(folder: str | Path) -> dict[str, Any]:
     Raises:
         ResultError: one line that names the file and the reason.
     """
-    path = _existing(folder, SUMMARY)
+    return read_json(folder, SUMMARY)
+
+
+def read_json(folder: str | Path, name: str) -> dict[str, Any]:
+    """Return a mapping of fields from a JSON file of results.
+
+    Raises:
+        ResultError: one line that names the file and the reason.
+    """
+    path = _existing(folder, name)
     try:
         if path.stat().st_size > _MAX_SUMMARY_BYTES:
             raise ResultError(f"{path}: larger than {_MAX_SUMMARY_BYTES} bytes, not a summary")

@@ -76,17 +76,28 @@ def test_mission_check_and_files(tmp_path, capsys, monkeypatch):
         "currents.png",
         "obstacles.png",
         "convergence.png",
+        "report.html",
     ):
         assert (tmp_path / "out" / name).stat().st_size > 1000
+    assert out.splitlines()[-2] == f"open {tmp_path / 'out' / 'report.html'}"
+    page = (tmp_path / "out" / "report.html").read_bytes()
+    code, out, _ = call(capsys, monkeypatch, "report", tmp_path / "out")
+    assert (code or 0, out) == (0, f"open {tmp_path / 'out' / 'report.html'}\n")
+    assert (tmp_path / "out" / "report.html").read_bytes() == page
     code, out, _ = call(capsys, monkeypatch, "check", tmp_path / "out")
     assert code in (0, None)
     assert "collisions: 0" in out
 
 
 def test_path_and_quiet(tmp_path, capsys, monkeypatch):
-    code, out, err = call(capsys, monkeypatch, "path", write(tmp_path), "--out", tmp_path / "out", "--quiet")
+    arguments = ("path", write(tmp_path), "--out", tmp_path / "out", "--quiet")
+    code, out, err = call(capsys, monkeypatch, *arguments)
     assert code in (0, None), err
     assert out == ""
+    assert (tmp_path / "out" / "report.html").is_file()
+    code, _, err = call(capsys, monkeypatch, *arguments, "--pictures", "none")
+    assert code in (0, None), err
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["mission.nc", "summary.json"]
 
 
 def test_montecarlo_reports_statistics_and_plot_draws_them(tmp_path, capsys, monkeypatch):
@@ -97,6 +108,7 @@ def test_montecarlo_reports_statistics_and_plot_draws_them(tmp_path, capsys, mon
     report = json.loads((out / "summary.json").read_text())
     assert report["missions"] == report["on_time"] == 3
     assert "3 of 3 missions" in said
+    assert said.splitlines()[-1] == f"open {out / 'report.html'}"
     code, said, err = call(capsys, monkeypatch, *arguments, "--resume", "--json")
     assert code in (0, None), err
     assert json.loads(said)["on_time"] == 3
@@ -239,7 +251,17 @@ def test_scenarios_are_listed(capsys, monkeypatch):
 
 def test_help_names_every_command():
     out = CliRunner().invoke(cli.app, ["--help"]).output
-    for command in ("mission", "path", "departures", "export", "montecarlo", "plot", "chart", "check"):
+    for command in (
+        "mission",
+        "path",
+        "departures",
+        "export",
+        "montecarlo",
+        "plot",
+        "report",
+        "chart",
+        "check",
+    ):
         assert command in out
     for command in ("init", "validate", "schema", "scenarios", "paper"):
         assert command in out

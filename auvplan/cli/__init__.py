@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
-from auvplan.cli import departures, export, mission, paper, plan, scenario, study, tools
+from auvplan.cli import departures, export, mission, paper, plan, report, scenario, study, tools
 from auvplan.cli.shared import errors
 from auvplan.errors import AuvplanError, ScenarioWarning
 
@@ -49,6 +49,7 @@ for command in (
     export.export,
     study.montecarlo,
     study.plot,
+    report.report,
     paper.paper,
     tools.chart,
     tools.currents,

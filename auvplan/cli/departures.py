@@ -1,11 +1,14 @@
 """The command that says when to leave."""
 
 import csv
+import json
 import math
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
 from datetime import datetime
+from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -23,6 +26,7 @@ from auvplan.cli.shared import (
     console,
     errors,
     load,
+    name_page,
     print_json,
     progress_bar,
     say,
@@ -61,7 +65,7 @@ def departures(
     """Plan the mission, or the leg of two waypoints, at many departures and say which is the best."""
     settings, folder = load(scenario, settings=changes)
     departs = departure_times(settings, folder, begin, end, step)
-    from auvplan.files import output_folder
+    from auvplan.files import DEPARTED, DEPARTURES, output_folder
     from auvplan.voyage.departures import plan_departures
     from auvplan.voyage.planning import load_waters_at
 
@@ -74,6 +78,7 @@ def departures(
 
     from auvplan.plot.departures import plot_departures
     from auvplan.plot.style import save
+    from auvplan.report import write_departures_report
 
     with _planning_bar(quiet) as progress:
         found = plan_departures(
@@ -85,8 +90,10 @@ def departures(
             progress=progress,
         )
     files = [
-        write_departures(found, out / "departures.csv"),
+        write_departures(found, out / DEPARTURES),
+        _write_origin(settings, folder, seed, waters.notes, out / DEPARTED),
         save(plot_departures(found), out / "departures.png"),
+        write_departures_report(out),
     ]
     if as_json:
         print_json(
@@ -104,6 +111,7 @@ def departures(
         wide = console if console.is_terminal else Console(width=_WIDTH)
         wide.print(_table(found, f"{settings.name}, seed {seed}"))
         console.print("files:", *(f"  {file}" for file in files), sep="\n", soft_wrap=True)
+        name_page(files[-1])
     if found.best is None:
         errors.print(
             f"auvplan: no departure is feasible; {found.moment(0)}: {found.reasons[0]}",
@@ -214,6 +222,23 @@ def write_departures(found: Any, path: Path) -> Path:
             writer.writerows({name: _cell(value) for name, value in row.items()} for row in rows)
 
     return write_atomically(path, write)
+
+
+def _write_origin(settings: Any, folder: Path, seed: int, notes: Iterable[str], path: Path) -> Path:
+    """Write what departures were planned from: the scenario, its files, the seed and versions."""
+    from auvplan.files import write_atomically
+    from auvplan.scenario.provenance import source_files
+
+    scenario = settings.model_dump(mode="json")
+    told = {
+        "scenario": scenario,
+        "seed": seed,
+        "versions": {"auvplan": version("auvplan")},
+        "files": [asdict(file) for file in source_files(scenario, folder)],
+        "notes": list(notes),
+    }
+    text = json.dumps(told, indent=2) + "\n"
+    return write_atomically(path, lambda part: part.write_text(text, encoding="utf-8"))
 
 
 def _rows(found: Any) -> list[dict[str, Any]]:

@@ -20,6 +20,7 @@ from auvplan.cli.shared import (
     console,
     errors,
     load,
+    name_page,
     naming,
     print_json,
     say,
@@ -115,6 +116,7 @@ def _run(
 
         sheet = sheet_of(run).plain()
         save_run(run, partial, sheet=sheet)
+        page = None if pictures == Pictures.NONE else _write_page(run, sheet, partial)
         drawn = [out / picture.name for picture in painter.finish()]
     if as_json:
         print_json(run.summary() | {"sheet": sheet})
@@ -122,7 +124,16 @@ def _run(
         _print_summary(run.summary())
         if drawn:
             console.print("pictures:", *(f"  {picture}" for picture in drawn), sep="\n", soft_wrap=True)
+        if page:
+            name_page(out / page.name)
     return run
+
+
+def _write_page(run: Any, sheet: dict[str, Any], folder: Path) -> Path:
+    """Write the page of a run whose sheet is known."""
+    from auvplan.report import write_run_report
+
+    return write_run_report(run, run.summary() | {"sheet": sheet}, folder)
 
 
 def _load_writers() -> None:

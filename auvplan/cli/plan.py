@@ -22,6 +22,7 @@ from auvplan.cli.shared import (
     console,
     errors,
     load,
+    name_page,
     naming,
     print_json,
     say,
@@ -62,7 +63,7 @@ def plan(
 
     preload(MISSIONS)
     from auvplan.cli.departures import departure_seconds
-    from auvplan.files import whole_result
+    from auvplan.files import REPORT, whole_result
 
     with naming(scenario):
         settings, folder = load(scenario, preset, settings=changes)
@@ -97,6 +98,10 @@ def plan(
             write_pdf(sheet, partial / "sheet.pdf")
         write_html(sheet, partial / "sheet.html", "mission.png" if names else None)
         notes = _vehicle_files(run, partial) if run.success else []
+        if pictures != Pictures.NONE:
+            from auvplan.report import write_run_report
+
+            write_run_report(run, run.summary() | {"sheet": sheet.plain()}, partial)
         written = sorted(file.name for file in partial.iterdir())
     if as_json:
         print_json(run.summary() | {"sheet": sheet.plain()})
@@ -105,6 +110,8 @@ def plan(
         for note in notes:
             say(f"note: {note}")
         say(f"files in {out}: {', '.join(written)}")
+        if pictures != Pictures.NONE:
+            name_page(out / REPORT)
     if not run.success:
         errors.print(f"auvplan: no plan: {run.reason}", soft_wrap=True, highlight=False)
         raise typer.Exit(1)
@@ -169,7 +176,8 @@ def rehearse(
     """Plan a mission, simulate it many times, and say how often the plan holds."""
     quiet = quiet or as_json
     from auvplan.cli.study import run_with_bar
-    from auvplan.files import write_atomically
+    from auvplan.files import REHEARSAL, write_atomically
+    from auvplan.report import write_study_report
     from auvplan.study import Design
     from auvplan.study.rehearsal import rehearsal_of, require_one_sea
     from auvplan.study.store import require_room
@@ -186,12 +194,14 @@ def rehearse(
         sailed = run_with_bar(Design(settings, count, seed), out, quiet, folder=folder, **how)
     found = rehearsal_of(planned, sailed)
     text = json.dumps(found, indent=2) + "\n"
-    write_atomically(out / "rehearsal.json", lambda part: part.write_text(text, encoding="utf-8"))
+    write_atomically(out / REHEARSAL, lambda part: part.write_text(text, encoding="utf-8"))
+    page = write_study_report(out)
     if as_json:
         print_json(found)
     elif not quiet:
         console.print(_rehearsal_table(settings.name, found))
-        say(f"figures: {out / 'rehearsal.json'}; missions: {out}")
+        say(f"figures: {out / REHEARSAL}; missions: {out}")
+        name_page(page)
 
 
 def _rehearsal_table(name: str, found: dict[str, Any]) -> Table:

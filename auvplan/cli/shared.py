@@ -127,6 +127,11 @@ def say(text: str) -> None:
     console.print(text, highlight=False, soft_wrap=True, markup=False)
 
 
+def name_page(page: Path) -> None:
+    """Say which page shows the result."""
+    say(f"open {page}")
+
+
 def print_json(data: Any) -> None:
     """Print one JSON object and nothing else; what is no number, such as no clearance at all, is null."""
     typer.echo(json.dumps(_finite(data), indent=2, allow_nan=False))

@@ -24,6 +24,7 @@ from auvplan.cli.shared import (
     console,
     errors,
     load,
+    name_page,
     print_json,
     progress_bar,
 )
@@ -88,6 +89,9 @@ def montecarlo(
     design = Design(settings, count, seed, tuple(Sweep.parse(text) for text in sweep or ()))
     how = {"resume": resume, "force": force, "workers": workers, "dask": dask, "save_runs": save_runs}
     dataset = run_with_bar(design, out, quiet, folder=folder, **how)
+    from auvplan.report import write_study_report
+
+    page = write_study_report(out)
     summary = summarise(dataset)
     cases = summary.get("cases", [summary])
     if as_json:
@@ -97,6 +101,7 @@ def montecarlo(
             console.print(_table(case))
         console.print(f"results: {out / 'missions.nc'}, {out / 'summary.json'}", soft_wrap=True)
         console.print(f"pictures: auvplan plot {out}", soft_wrap=True)
+        name_page(page)
     failed = sum(case["missions"] - case["on_time"] for case in cases)
     if failed:
         seeds = sorted({seed for case in cases for seed in case["failed_seeds"]})

@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from auvplan.ocean.chart import UNCERTAIN_MAX, Chart
 from auvplan.plot import style
 from auvplan.plot.sweep import set_title
+from auvplan.study.table import study_chart
 from auvplan.words import counted
 
 #: Orders that get a map.
@@ -34,7 +34,7 @@ def plot_replans(dataset: xr.Dataset, seed: int | None = None) -> Figure:
     known = np.isfinite(places).all(axis=-1)
     if not made.size or not known.any():
         return style.empty_figure(f"seed {int(one['seed'])}: no order of tasks was made")
-    chart = _chart(dataset)
+    chart = study_chart(dataset)
     low, high = style.frame_of(places[known], margin=0.06)
     if chart is not None:
         low, high = np.maximum(low, np.asarray(chart.lower)), np.minimum(high, np.asarray(chart.upper))
@@ -154,17 +154,3 @@ def _label_order(axes: Axes, one: xr.Dataset, order: int, done: list[int], unit:
     lines = [(flat[way][:-1] + share * np.diff(flat[way], axis=0)).reshape(-1, 2) for way in (nodes, done)]
     taken = np.concatenate([flat[np.isfinite(flat).all(axis=-1)], *lines])
     style.place_labels(axes, flat[nodes], [str(node) for node in nodes], taken, zorder=8)
-
-
-def _chart(dataset: xr.Dataset) -> Chart | None:
-    """Return the study's chart; None for open water.
-
-    Stored steps may miss the values of a chart by a hair.
-    """
-    if "passability" not in dataset:
-        return None
-    north, east = dataset["chart_x"].values, dataset["chart_y"].values
-    raster = np.nan_to_num(dataset["passability"].values, nan=1.0)
-    raster = np.where(raster > 0.99, 1.0, np.clip(raster, 0.0, UNCERTAIN_MAX))
-    size = float(north[1] - north[0]) if len(north) > 1 else float(east[-1] - east[0]) / max(len(east) - 1, 1)
-    return Chart.from_passability(raster, size, (float(north[0]) - 0.5 * size, float(east[0]) - 0.5 * size))

@@ -1,7 +1,5 @@
 """Orders of tasks over time (Fig. 15): every order as planned, and the mission as sailed under them."""
 
-from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -12,31 +10,14 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from auvplan.plot import style
-from auvplan.records import MissionRun, OrderRecord
+from auvplan.records import MissionRun
+from auvplan.schedule import Bar, lateness, planned_bars, sailed_bars
 from auvplan.words import hours
 
 #: Pale to dark blue: priorities.
 _PRIORITY = LinearSegmentedColormap.from_list("priority", ["#e3eef9", "#6aaed6", "#08306b"])
 #: Size of the labels on bars, points.
 _FONT = 7.0
-
-
-@dataclass(frozen=True)
-class Bar:
-    """One leg on the time line, s: `travel`, then `wait`, then `task`."""
-
-    start: int
-    goal: int
-    begin: float
-    travel: float
-    task: float
-    priority: float
-    wait: float = 0.0
-
-    @property
-    def ends(self) -> float:
-        """When it is over, s."""
-        return self.begin + self.travel + self.wait + self.task
 
 
 def plot_timeline(run: MissionRun, *, ax: Axes | None = None) -> Axes:
@@ -56,8 +37,8 @@ def plot_timeline(run: MissionRun, *, ax: Axes | None = None) -> Axes:
     axes = style.own_axes(ax, 13.0, 1.9 + rows * float(np.clip(8.0 / rows, 0.4, 0.6)))
     # Axes of their own figure will take about 85 % of it.
     width = 0.85 * 13.0 if ax is None else ax.get_window_extent().width / style.figure_of(ax).dpi
-    planned = [_planned(run, order) for order in orders]
-    sailed = _sailed(run)
+    planned = [planned_bars(run, order) for order in orders]
+    sailed = sailed_bars(run)
     bars = [bar for row in [*planned, sailed] for bar in row]
     last = max([run.t_available, run.t_mission, *(bar.ends for bar in bars)])
     axes.set_xlim(0.0, 1.02 * last)
@@ -98,39 +79,6 @@ def _norm(run: MissionRun) -> Normalize:
     return Normalize(0.0, top)
 
 
-def _planned(run: MissionRun, order: OrderRecord) -> list[Bar]:
-    """Return an order's legs by the times that were expected when it was made."""
-    times = np.asarray(run.graph.leg_times(float(run.vehicle.speed)))  # type: ignore[arg-type]
-    travel = times - np.asarray(run.graph.duration)
-    waits = dict.fromkeys(pairwise(order.nodes), 0.0) | dict(
-        zip(pairwise(order.nodes), order.waits, strict=False)
-    )
-    for (i, j), seconds in zip(pairwise(order.nodes), order.leg_times, strict=False):
-        travel[i, j] = max(seconds - waits[i, j] - float(run.graph.duration[i, j]), 0.0)
-    # A refused leg was planned after all, and later orders reckon with what its path takes.
-    for leg in run.legs:
-        if not len(leg.times) and leg.plans and leg.plans[-1].made_at <= order.made_at:
-            travel[leg.start, leg.goal] = leg.plans[-1].times[-1] - leg.plans[-1].times[0]
-    bars, now = [], order.made_at
-    for i, j in zip(order.nodes[:-1], order.nodes[1:], strict=True):
-        task = float(run.graph.duration[i, j])
-        bar = Bar(i, j, now, float(travel[i, j]), task, float(run.graph.priority[i, j]), waits[i, j])
-        bars.append(bar)
-        now = bar.ends
-    return bars
-
-
-def _sailed(run: MissionRun) -> list[Bar]:
-    bars = []
-    for leg in run.legs:
-        if len(leg.times):
-            task = leg.t_task if leg.arrived else 0.0
-            wait = leg.t_wait if leg.arrived else 0.0
-            begin = float(leg.times[0])
-            bars.append(Bar(leg.start, leg.goal, begin, leg.t_path, task, leg.priority, wait))
-    return bars
-
-
 def _draw(axes: Axes, row: int, bars: list[Bar], norm: Normalize, letter: float) -> None:
     for bar in bars:
         colour = _PRIORITY(norm(bar.priority)) if bar.priority > 0 else (1.0, 1.0, 1.0, 1.0)
@@ -154,18 +102,9 @@ def _draw(axes: Axes, row: int, bars: list[Bar], norm: Normalize, letter: float)
 def _name(run: MissionRun, number: int) -> str:
     order = run.orders[number]
     title = f"re-plan R{number} at {order.made_at:,.0f} s, {order.cause}" if number else "first order"
-    if order.cause == "late" and (why := _lateness(run, order)):
+    if order.cause == "late" and (why := lateness(run, order)):
         title += f":\n{why}"
     return f"{title}\npriority {order.priority:g}, {order.time:,.0f} s"
-
-
-def _lateness(run: MissionRun, order: OrderRecord) -> str:
-    """Return words for the leg that an order was made after; empty where it took no longer than expected."""
-    before = [leg for leg in run.done if leg.times[-1] + leg.t_task <= order.made_at + 1.0]
-    if not before or before[-1].t_path + before[-1].t_task <= before[-1].t_expected:
-        return ""
-    leg = before[-1]
-    return f"{leg.start}→{leg.goal} took {leg.t_path + leg.t_task:,.0f} s, not {leg.t_expected:,.0f} s"
 
 
 def _sailed_name(run: MissionRun) -> str:

@@ -65,14 +65,23 @@ def source_files(settings: dict[str, Any], folder: str | Path) -> tuple[SourceFi
     )
 
 
-def _named(settings: dict[str, Any], folder: Path) -> Iterator[tuple[str, Path]]:
+def file_names(settings: dict[str, Any]) -> list[tuple[str, str]]:
+    """Return field and text of all files, patterns and folders that the settings of a scenario name."""
+    found = []
     for section, fields in FILE_FIELDS.items():
-        for name in fields:
-            given = (settings.get(section) or {}).get(name)
-            for pattern in [given] if isinstance(given, str) else given or ():
-                path = folder / Path(pattern).expanduser()
-                found = [path] if path.exists() else [Path(name) for name in sorted(glob(str(path)))]
-                yield from ((f"{section}.{name}", one) for one in found)
+        for field in fields:
+            given = (settings.get(section) or {}).get(field)
+            found += [
+                (f"{section}.{field}", one) for one in ([given] if isinstance(given, str) else given or ())
+            ]
+    return found
+
+
+def _named(settings: dict[str, Any], folder: Path) -> Iterator[tuple[str, Path]]:
+    for field, pattern in file_names(settings):
+        path = folder / Path(pattern).expanduser()
+        found = [path] if path.exists() else [Path(name) for name in sorted(glob(str(path)))]
+        yield from ((field, one) for one in found)
 
 
 def _size(path: Path) -> int:

@@ -9,7 +9,15 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from auvplan.files import ResultError, output_folder, read_dataset, write_atomically, write_dataset
+from auvplan.files import (
+    REHEARSAL,
+    REPORT,
+    ResultError,
+    output_folder,
+    read_dataset,
+    write_atomically,
+    write_dataset,
+)
 from auvplan.study.design import Design, StudyError
 from auvplan.study.row import VARIABLES, Row
 from auvplan.study.table import rows_of
@@ -77,7 +85,7 @@ class Store:
         self._write_design(plain)
 
     def _drop_results(self) -> None:
-        for name in (SUMMARY, DATASET):
+        for name in (SUMMARY, DATASET, REHEARSAL, REPORT):
             (self.folder / name).unlink(missing_ok=True)
 
     def _write_design(self, plain: dict[str, Any]) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from auvplan.io.fields import chart_variables
-from auvplan.ocean.chart import Chart
+from auvplan.ocean.chart import UNCERTAIN_MAX, Chart
 from auvplan.study.design import Design
 from auvplan.study.row import VARIABLES, Row, Variable
 
@@ -101,3 +101,17 @@ def _attributes(design: Design) -> dict[str, Any]:
 def without_clocks(dataset: xr.Dataset) -> xr.Dataset:
     """Return the dataset without wall-clock times: what a second run repeats to the last bit."""
     return dataset.drop_vars([name for name, variable in VARIABLES.items() if variable.clock])
+
+
+def study_chart(dataset: xr.Dataset) -> Chart | None:
+    """Return the chart that all missions share; None for open water.
+
+    Stored steps may miss the values of a chart by a hair.
+    """
+    if "passability" not in dataset:
+        return None
+    north, east = dataset["chart_x"].values, dataset["chart_y"].values
+    raster = np.nan_to_num(dataset["passability"].values, nan=1.0)
+    raster = np.where(raster > 0.99, 1.0, np.clip(raster, 0.0, UNCERTAIN_MAX))
+    size = float(north[1] - north[0]) if len(north) > 1 else float(east[-1] - east[0]) / max(len(east) - 1, 1)
+    return Chart.from_passability(raster, size, (float(north[0]) - 0.5 * size, float(east[0]) - 0.5 * size))

@@ -279,7 +279,8 @@ def test_the_command_from_a_file_of_currents(dated, capsys, monkeypatch):
     best = [row for row in rows if row["best"] == "true"]
     assert [float(row["time_s"]) for row in best] == [min(float(row["time_s"]) for row in rows)]
     assert (folder / "out" / "departures.png").stat().st_size > 10_000
-    assert sorted(path.name for path in (folder / "out").iterdir()) == ["departures.csv", "departures.png"]
+    names = ["departures.csv", "departures.json", "departures.png", "report.html"]
+    assert sorted(path.name for path in (folder / "out").iterdir()) == names
 
     settings["mission"] |= {"time_available": 60}
     code, out, err = call(capsys, monkeypatch, settings, folder, *options, "--quiet")

@@ -1,0 +1,64 @@
+"""The page of departures: what a mission or a leg comes to by when it leaves."""
+
+import csv
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from auvplan.files import DEPARTED, DEPARTURES, ResultError, read_json
+from auvplan.report.provenance import changed_settings
+
+#: Columns of numbers, of those that a table of departures may have.
+_NUMBERS = ("departure_s", "time_s", "tasks", "total_priority", "length_m", "clearance_m", "current_m_s")
+
+
+def departures_data(rows: list[dict[str, Any]], told: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what the page of departures shows.
+
+    Args:
+        rows: a departure each, by the names of the table's columns.
+        told: scenario, seed and what else the departures were planned from.
+    """
+    settings = dict(told.get("scenario", {}))
+    return {
+        "kind": "departures",
+        "name": str(settings.get("name") or "departures"),
+        "description": str(settings.get("description") or ""),
+        "leg": "total_priority" not in rows[0],
+        "departures": rows,
+        "available": (settings.get("mission") or {}).get("time_available"),
+        "provenance": {
+            "files": list(told.get("files", [])),
+            "notes": list(told.get("notes", [])),
+            "seed": told.get("seed"),
+            "versions": dict(told.get("versions", {})),
+            "settings": changed_settings(settings) if settings else None,
+        },
+    }
+
+
+def read_departures(folder: str | Path) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """Return the departures of a folder and what they were planned from, as far as the folder tells.
+
+    Raises:
+        ResultError: a file is missing or damaged; one line that names it.
+    """
+    path, beside = Path(folder) / DEPARTURES, Path(folder) / DEPARTED
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            rows = [_row(row) for row in csv.DictReader(file)]
+    except (OSError, ValueError, KeyError, csv.Error) as error:
+        reason = getattr(error, "strerror", None) or "not a table of departures"
+        raise ResultError(f"{path}: {reason}; `auvplan departures` writes one") from None
+    if not rows:
+        raise ResultError(f"{path}: no departures in it")
+    told = read_json(folder, DEPARTED) if beside.is_file() else {}
+    return rows, told
+
+
+def _row(cells: dict[str, str]) -> dict[str, Any]:
+    """Return a departure from its cells: numbers, truth values and texts."""
+    row: dict[str, Any] = {name: cells[name] for name in ("departure_utc", "reason")}
+    row |= {name: cells[name] == "true" for name in ("feasible", "best")}
+    row |= {name: float(cells[name]) if cells[name] else None for name in _NUMBERS if name in cells}
+    return row | {"waypoints": cells.get("waypoints", "")}

@@ -1,0 +1,189 @@
+// The page of departures: what a mission or a leg comes to by when it leaves.
+
+(function () {
+  const { departures, leg, available, provenance, name, description } = report.data;
+  const feasible = departures.filter((one) => one.feasible);
+  const best = departures.find((one) => one.best);
+  const dated = departures.every((one) => one.departure_utc);
+  const moment = (one) =>
+    dated ? one.departure_utc.replace("T", " ").replace(/:00Z$/, "") : `+${report.hours(one.departure_s)}`;
+
+  report.head({
+    title: name,
+    badge: feasible.length
+      ? `${feasible.length} of ${report.counted(departures.length, "departure")} feasible`
+      : "no departure is feasible",
+    good: feasible.length > 0,
+    line: [
+      leg ? "departures of a leg" : "departures of a mission",
+      dated ? "times in UTC" : "hours after the scenario's departure",
+      description,
+    ]
+      .filter(Boolean)
+      .join(" · "),
+    tiles: [
+      best ? ["best departure", moment(best), dated ? "UTC" : "after the scenario's"] : null,
+      best
+        ? [
+            leg ? "travel time" : "mission time",
+            report.hours(best.time_s),
+            `${report.fixed(best.time_s)} s${available ? ` of ${report.fixed(available)} s` : ""}`,
+          ]
+        : null,
+      best && !leg
+        ? ["total priority", report.figure(best.total_priority), report.counted(best.tasks, "task")]
+        : null,
+      best && leg
+        ? [
+            "way",
+            `${report.fixed(best.length_m / 1000, 1)} km`,
+            best.clearance_m === null ? "open water" : `${report.fixed(best.clearance_m)} m clear`,
+          ]
+        : null,
+      best ? ["current", `${report.fixed(best.current_m_s, 2)} m/s`, "mean at that departure"] : null,
+    ],
+  });
+
+  const panels = [
+    ...(leg
+      ? []
+      : [
+          ["total_priority", "total priority", "task", 1],
+          ["tasks", "tasks", "static", 1],
+        ]),
+    ["time_s", leg ? "travel time [min]" : "mission time [min]", "plan", 1 / 60],
+    ["current_m_s", "current [m/s]", "earlier", 1],
+  ];
+  const host = report.element("div", { id: "departures" });
+  report.section(
+    "when",
+    "When to leave",
+    "Departures that are not feasible are shaded; the star is the best: most priority, then least time, then the earliest. A click marks the row below.",
+    host,
+  );
+  const when = departures.map((one) => (dated ? one.departure_utc : one.departure_s / 3600));
+  report.drawn(
+    host,
+    "What a departure comes to",
+    (colours) => {
+      const rows = panels.length,
+        gap = 0.05,
+        tall = (1 - gap * (rows - 1)) / rows;
+      const axisName = (k) => (k ? `y${k + 1}` : "y");
+      const data = panels.flatMap(([column, title, colour, factor], k) => {
+        const y = departures.map((one) =>
+          one[column] === null || one[column] === undefined ? null : factor * one[column],
+        );
+        const line = {
+          type: "scatter",
+          mode: "lines+markers",
+          yaxis: axisName(k),
+          name: title,
+          x: when,
+          y,
+          customdata: departures.map((_, at) => at),
+          line: { color: colours[colour], width: 1.6 },
+          marker: { size: 7, color: colours[colour] },
+          hovertemplate: `%{x}<br>${title}: %{y:,.4g}<extra></extra>`,
+        };
+        const at = departures.indexOf(best);
+        const star = {
+          type: "scatter",
+          mode: "markers",
+          yaxis: axisName(k),
+          x: [when[at]],
+          y: [y[at]],
+          hoverinfo: "skip",
+          marker: { symbol: "star", size: 16, color: colours.start, line: { color: "#000000", width: 1 } },
+        };
+        return at >= 0 && column !== "current_m_s" ? [line, star] : [line];
+      });
+      const places = when.map((value) => (dated ? new Date(value).getTime() : value));
+      const back = (value) => (dated ? new Date(value).toISOString() : value);
+      const half = places.length > 1 ? (places[1] - places[0]) / 2 : dated ? 1.8e6 : 0.5;
+      const shapes = departures.flatMap((one, k) =>
+        one.feasible
+          ? []
+          : [
+              {
+                type: "rect",
+                xref: "x",
+                yref: "paper",
+                x0: back(places[k] - half),
+                x1: back(places[k] + half),
+                y0: 0,
+                y1: 1,
+                fillcolor: report.mix(colours.earlier, 0.16),
+                line: { width: 0 },
+                layer: "below",
+              },
+            ],
+      );
+      const layout = {
+        shapes,
+        margin: { l: 66, r: 14, t: 12, b: 46 },
+        xaxis: report.axis(colours, dated ? "departure [UTC]" : "departure [h after the scenario's]", {
+          anchor: axisName(rows - 1),
+          range: [back(places[0] - half), back(places[places.length - 1] + half)],
+          ...(dated ? { type: "date" } : {}),
+        }),
+      };
+      panels.forEach(([column, title], k) => {
+        const top = 1 - k * (tall + gap);
+        layout[k ? `yaxis${k + 1}` : "yaxis"] = report.axis(colours, title, {
+          domain: [Math.max(top - tall, 0), top],
+          automargin: false,
+          nticks: 5,
+          ...(column === "time_s" ? {} : { rangemode: "tozero" }),
+        });
+      });
+      return { data, layout, height: 70 + 135 * rows };
+    },
+    (_, begun) => {
+      if (begun)
+        host.on("plotly_click", ({ points }) => {
+          if (!Number.isInteger(points[0].customdata)) return;
+          for (const row of table.querySelectorAll("tbody tr"))
+            row.classList.toggle("chosen", Number(row.dataset.row) === points[0].customdata);
+          table.querySelector("tr.chosen").scrollIntoView({ block: "center", behavior: "smooth" });
+        });
+    },
+  );
+
+  const number = (column, title, decimals) => ({
+    title,
+    key: (one) => one[column],
+    text: (one) => report.fixed(one[column], decimals),
+  });
+  const table = report.table(
+    report.counted(departures.length, "departure"),
+    [
+      {
+        title: dated ? "departure, UTC" : "departure",
+        words: true,
+        key: (one) => one.departure_s,
+        text: moment,
+      },
+      {
+        title: "feasible",
+        words: true,
+        key: (one) => Number(one.feasible),
+        text: (one) => (one.best ? "best" : one.feasible ? "yes" : "no"),
+        class: (one) => (one.best ? "good-cell" : one.feasible ? "" : "bad-cell"),
+      },
+      number("time_s", leg ? "travel time, s" : "time, s", 0),
+      ...(leg
+        ? [number("length_m", "length, m", 0), number("clearance_m", "clearance, m", 0)]
+        : [number("tasks", "tasks", 0), number("total_priority", "priority", 1)]),
+      number("current_m_s", "current, m/s", 2),
+      ...(leg ? [] : [{ title: "waypoints", words: true, class: "long", text: (one) => one.waypoints }]),
+      ...(feasible.length < departures.length
+        ? [{ title: "why not", words: true, class: "long", text: (one) => one.reason }]
+        : []),
+    ],
+    departures,
+    { id: "departures-table" },
+  );
+  report.section("table", "Departures", null, table);
+  report.provenance(provenance);
+})();

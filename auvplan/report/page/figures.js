@@ -1,0 +1,135 @@
+// Figures: drawn by Plotly in the page's colours, redrawn where colours, width or the medium change.
+
+report.shownFigures = [];
+
+report.font = 'system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif';
+
+/** An axis in the page's colours. */
+report.axis = function (colours, title, more = {}) {
+  return {
+    title: { text: title, font: { size: 12 }, standoff: 8 },
+    gridcolor: colours.grid,
+    zeroline: false,
+    linecolor: colours.line,
+    showline: true,
+    mirror: false,
+    ticks: "outside",
+    ticklen: 4,
+    tickcolor: colours.line,
+    tickfont: { size: 11 },
+    automargin: true,
+    ...more,
+  };
+};
+
+/** A logarithmic axis with 1, 2 and 5 times each power of ten between the values that are shown. */
+report.logAxis = function (colours, title, values, more) {
+  const known = values.filter((value) => value > 0);
+  const [low, high] = known.length ? [Math.min(...known), Math.max(...known)] : [1, 10];
+  const tickvals = [];
+  for (let power = Math.floor(Math.log10(low)); power <= Math.ceil(Math.log10(high)); power++)
+    tickvals.push(...[1, 2, 5].map((part) => Number(`${part}e${power}`)));
+  const few =
+    Math.log10(high / low) > 2.2
+      ? tickvals.filter((value) => /^1(0*|e.*)$|^0\.0*1$/.test(String(value)))
+      : tickvals;
+  return report.axis(colours, title, {
+    type: "log",
+    tickvals: few,
+    ticktext: few.map((value) => value.toLocaleString("en", { maximumSignificantDigits: 3 })),
+    ...more,
+  });
+};
+
+/**
+ * A figure in the place of an element.
+ *
+ * `draw(colours, width)` returns `data`, `layout`, `height` and perhaps `config`; `after(host)` is called once it is there
+ * and whenever it is drawn anew.
+ */
+report.drawn = function (host, label, draw, after) {
+  host.classList.add("figure");
+  host.setAttribute("role", "group");
+  host.setAttribute("aria-label", label);
+  const figure = { host, width: 0 };
+  figure.draw = function (width = host.clientWidth) {
+    if (!width) return;
+    figure.width = width;
+    const colours = report.colours();
+    const made = draw(colours, width);
+    const layout = {
+      paper_bgcolor: "rgba(0,0,0,0)",
+      plot_bgcolor: "rgba(0,0,0,0)",
+      showlegend: false,
+      hovermode: "closest",
+      margin: { l: 58, r: 14, t: 12, b: 46 },
+      font: { family: report.font, size: 12, color: colours.text },
+      hoverlabel: {
+        align: "left",
+        font: { family: report.font, size: 12, color: colours.text },
+        bgcolor: colours.card,
+        bordercolor: colours.line,
+      },
+      modebar: { bgcolor: "rgba(0,0,0,0)", color: colours.quiet, activecolor: colours.accent },
+      ...made.layout,
+      width,
+      height: made.height,
+      autosize: false,
+    };
+    const config = {
+      displaylogo: false,
+      displayModeBar: false,
+      responsive: false,
+      scrollZoom: false,
+      doubleClick: "reset",
+      showTips: false,
+      modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"],
+      ...made.config,
+    };
+    const first = !figure.made;
+    figure.made = true;
+    Plotly.react(host, made.data, layout, config);
+    if (after) after(host, first);
+  };
+  figure.draw();
+  report.themed.push(() => figure.draw(report.printing ? figure.width : undefined));
+  new ResizeObserver(() => {
+    if (!report.printing && host.clientWidth && Math.abs(host.clientWidth - figure.width) > 1) figure.draw();
+  }).observe(host);
+  report.shownFigures.push(figure);
+  return figure;
+};
+
+/** A line at a value of a figure's horizontal axis; `move()` puts it where `at()` says. */
+report.cursor = function (host, at) {
+  const line = report.element("div", { class: "cursor" });
+  const move = () => {
+    const { xaxis, _size: size } = host._fullLayout;
+    const place = xaxis.c2p(at());
+    line.hidden = !(place >= 0 && place <= xaxis._length);
+    Object.assign(line.style, {
+      left: `${xaxis._offset + place}px`,
+      top: `${size.t}px`,
+      height: `${size.h}px`,
+    });
+  };
+  host.append(line);
+  host.on("plotly_afterplot", move);
+  return move;
+};
+
+/** What is printed is light, and as wide as the paper. */
+report.print = function (begins) {
+  if (report.printing === begins) return;
+  report.printing = begins;
+  const open = begins ? [...document.querySelectorAll("details:not([open])")] : report.opened || [];
+  for (const part of open) part.open = begins;
+  report.opened = begins ? open : [];
+  for (const figure of report.shownFigures) {
+    if (begins)
+      figure.width = figure.host.closest(".mapgrid") ? 500 : figure.host.closest(".pair") ? 330 : 690;
+  }
+  report.applyTheme();
+};
+window.addEventListener("beforeprint", () => report.print(true));
+window.addEventListener("afterprint", () => report.print(false));

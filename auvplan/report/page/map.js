@@ -1,0 +1,407 @@
+// Maps: east to the right, north up, equal scales, in local metres or kilometres.
+
+/** The largest of 1, 2 and 5 times a power of ten that is no more than a value. */
+report.roundBelow = function (value) {
+  const power = 10 ** Math.floor(Math.log10(value));
+  return [5, 2, 1].find((step) => step * power <= value * 1.000001) * power;
+};
+
+/** Round values between two ends, `most` of them at most. */
+report.ticks = function (low, high, most) {
+  const power = 10 ** Math.floor(Math.log10((high - low) / most));
+  const step = [1, 2, 5, 10].map((part) => part * power).find((size) => (high - low) / size <= most);
+  const first = Math.ceil(low / step - 1e-9);
+  const count = Math.floor(high / step + 1e-9) - first + 1;
+  return { step, values: Array.from({ length: Math.max(count, 0) }, (_, k) => (first + k) * step) };
+};
+
+/**
+ * A map.
+ *
+ * `ground` is what lies under everything else; `traces(colours, map)` returns Plotly's traces over it, in the map's unit:
+ * `map.unit` metres. `labels` are texts at places, [{ text, east, north, rank, colour }], set so that none covers
+ * another; those that find no room are left out. Shapes and notes of the frame are the map's own.
+ */
+report.map = function (host, label, ground, traces, labels, paint) {
+  const [south, west] = ground.low;
+  const [north, east] = ground.high;
+  const map = {
+    host,
+    unit: Math.max(east - west, north - south) > 4000 ? 1000 : 1,
+    labels,
+    hidden: new Set(),
+    before: 0,
+  };
+  const name = map.unit === 1000 ? "km" : "m";
+  const corners = ground.corners;
+
+  /** Longitude of places along the middle of the map, and latitude likewise. */
+  const along = corners && {
+    longitude: [(corners[0][0] + corners[2][0]) / 2, (corners[1][0] + corners[3][0]) / 2],
+    latitude: [(corners[0][1] + corners[1][1]) / 2, (corners[2][1] + corners[3][1]) / 2],
+  };
+  map.place = function (n, e) {
+    if (!along) return "";
+    const longitude =
+      along.longitude[0] + ((e - west) / (east - west)) * (along.longitude[1] - along.longitude[0]);
+    const latitude =
+      along.latitude[0] + ((n - south) / (north - south)) * (along.latitude[1] - along.latitude[0]);
+    const text = (value, signs) => `${Math.abs(value).toFixed(4)}°\u00a0${signs[value < 0 ? 1 : 0]}`;
+    return `${text(latitude, "NS")}, ${text(longitude, "EW")}`;
+  };
+
+  function depthLines(colours) {
+    if (!ground.depths) return [];
+    const [norths, easts, depths] = ["north", "east", "depth"].map((part) =>
+      report.unpack(ground.depths[part]),
+    );
+    const rows = Array.from(norths, (_, i) =>
+      Array.from(easts, (_, j) => {
+        const depth = depths[i * easts.length + j];
+        return depth > 0 ? depth : null;
+      }),
+    );
+    const deepest = depths.reduce((most, depth) => Math.max(most, depth), 0);
+    return [
+      {
+        type: "contour",
+        name: "depth of the sea bed",
+        meta: "depths",
+        x: Array.from(easts, (e) => e / map.unit),
+        y: Array.from(norths, (n) => n / map.unit),
+        z: rows,
+        showscale: false,
+        hoverinfo: "skip",
+        line: { width: 0.8, color: colours.depth },
+        contours: {
+          coloring: "none",
+          showlabels: true,
+          labelfont: { size: 9, color: colours.depth, family: report.font },
+          ...levels(deepest),
+        },
+        autocontour: false,
+        connectgaps: false,
+        visible: !map.hidden.has("depths"),
+      },
+    ];
+  }
+  function levels(deepest) {
+    const { step } = report.ticks(0, Math.max(deepest, 1), 8);
+    return { start: step, end: deepest, size: step };
+  }
+
+  function chartImages() {
+    if (!ground.chart) return [];
+    const { low, high } = ground.chart;
+    return [
+      {
+        source: ground.chart[report.theme()],
+        xref: "x",
+        yref: "y",
+        x: low[1] / map.unit,
+        y: high[0] / map.unit,
+        sizex: (high[1] - low[1]) / map.unit,
+        sizey: (high[0] - low[0]) / map.unit,
+        sizing: "stretch",
+        layer: "below",
+        visible: !map.hidden.has("chart"),
+      },
+    ];
+  }
+
+  /** Scale, arrow to the north, longitudes and latitudes along the edges, labels, for the ranges that are shown. */
+  function furniture(ranges, size) {
+    const colours = report.colours();
+    const [[left, right], [bottom, top]] = ranges;
+    const length = report.roundBelow(0.22 * (right - left));
+    const metres = length * map.unit;
+    const part = length / (right - left);
+    const text = metres >= 1000 ? `${metres / 1000} km` : `${metres} m`;
+    const shapes = [
+      {
+        type: "rect",
+        xref: "x domain",
+        yref: "y domain",
+        x0: 0.02,
+        x1: 0.02 + part,
+        y0: 14 / size.height,
+        y1: 18 / size.height,
+        fillcolor: colours.text,
+        line: { width: 0 },
+        layer: "above",
+      },
+    ];
+    const notes = [
+      {
+        xref: "x domain",
+        yref: "y domain",
+        x: 0.02 + part / 2,
+        y: 18 / size.height,
+        yanchor: "bottom",
+        text: `<b>${text}</b>`,
+        showarrow: false,
+        font: { size: 11 },
+      },
+      {
+        xref: "x domain",
+        yref: "y domain",
+        x: 0.035,
+        y: 18 / size.height,
+        ax: 0,
+        ay: 30,
+        yshift: 56,
+        text: "<b>N</b>",
+        showarrow: true,
+        arrowhead: 2,
+        arrowsize: 1.1,
+        arrowwidth: 1.8,
+        arrowcolor: colours.text,
+        font: { size: 12 },
+      },
+    ];
+    if (along && map.wide) {
+      const share = (value, [low, high]) => low + ((value - west) / (east - west)) * (high - low);
+      const up = (value, [low, high]) => low + ((value - south) / (north - south)) * (high - low);
+      const edges = [
+        {
+          ends: [left, right].map((x) => share(x * map.unit, along.longitude)),
+          from: left,
+          to: right,
+          signs: "EW",
+          across: true,
+        },
+        {
+          ends: [bottom, top].map((y) => up(y * map.unit, along.latitude)),
+          from: bottom,
+          to: top,
+          signs: "NS",
+          across: false,
+        },
+      ];
+      for (const { ends, from, to, signs, across } of edges) {
+        const room = across ? size.width / 110 : size.height / 70;
+        const { step, values } = report.ticks(ends[0], ends[1], Math.max(2, Math.floor(room)));
+        const decimals = Math.max(0, Math.ceil(-Math.log10(step) - 1e-9));
+        for (const value of values) {
+          const at = from + ((value - ends[0]) / (ends[1] - ends[0])) * (to - from);
+          const words = `${Math.abs(value).toFixed(decimals)}° ${signs[value < 0 ? 1 : 0]}`;
+          const common = { text: words, showarrow: false, font: { size: 10, color: colours.quiet } };
+          notes.push(
+            across
+              ? { ...common, xref: "x", yref: "y domain", x: at, y: 1, yanchor: "bottom", yshift: 1 }
+              : {
+                  ...common,
+                  xref: "x domain",
+                  yref: "y",
+                  x: 1,
+                  y: at,
+                  xanchor: "left",
+                  xshift: 3,
+                  textangle: 0,
+                },
+          );
+        }
+      }
+    }
+    if (!map.hidden.has("names")) notes.push(...placed(ranges, size));
+    return { shapes, annotations: notes };
+  }
+
+  const pen = document.createElement("canvas").getContext("2d");
+  /** Labels beside their places, each where it covers neither another label nor a place; dropped where it must. */
+  function placed([[left, right], [bottom, top]], size) {
+    const colours = report.colours();
+    const scale = size.width / (right - left);
+    const pixel = ({ east: e, north: n }) => [(e / map.unit - left) * scale, (top - n / map.unit) * scale];
+    const small = size.width < 420 && right - left > (0.6 * (east - west)) / map.unit;
+    const inside = map.labels.filter(
+      ({ east: e, north: n, rank }) =>
+        !(small && rank > 2) &&
+        e / map.unit >= left &&
+        e / map.unit <= right &&
+        n / map.unit >= bottom &&
+        n / map.unit <= top,
+    );
+    const taken = inside.map((one) => {
+      const [x, y] = pixel(one);
+      return [x - 6, y - 6, x + 6, y + 6];
+    });
+    // The corner of the scale and the arrow to the north.
+    taken.push([0, size.height - 78, 0.25 * size.width, size.height]);
+    const clear = (box, own) =>
+      taken.every(
+        (other, k) =>
+          k === own || box[0] >= other[2] || box[2] <= other[0] || box[1] >= other[3] || box[3] <= other[1],
+      );
+    pen.font = `11px ${report.font}`;
+    const order = inside.map((_, k) => k).sort((a, b) => inside[a].rank - inside[b].rank);
+    const notes = [];
+    for (const k of order) {
+      const [x, y] = pixel(inside[k]);
+      const [wide, tall] = [pen.measureText(inside[k].text).width + 2, 12];
+      for (const [h, v] of [
+        [1, -1],
+        [1, 1],
+        [-1, -1],
+        [-1, 1],
+        [1, 0],
+        [-1, 0],
+        [0, -1],
+        [0, 1],
+      ]) {
+        const distance = h && v ? 5 : 8;
+        const [cx, cy] = [x + h * (distance + wide / 2), y + v * (distance + tall / 2)];
+        const box = [cx - wide / 2, cy - tall / 2, cx + wide / 2, cy + tall / 2];
+        if (box[0] < 0 || box[2] > size.width || box[1] < 0 || box[3] > size.height || !clear(box, k))
+          continue;
+        taken.push(box);
+        notes.push({
+          xref: "x",
+          yref: "y",
+          x: inside[k].east / map.unit,
+          y: inside[k].north / map.unit,
+          xshift: cx - x,
+          yshift: y - cy,
+          showarrow: false,
+          text: report.literal(inside[k].text),
+          font: { size: 11, color: colours[inside[k].colour] || colours.text },
+          borderpad: 0,
+          captureevents: false,
+        });
+        break;
+      }
+    }
+    return notes;
+  }
+
+  function draw(colours, width) {
+    const wide = width >= 480;
+    map.wide = wide;
+    const margin = { l: wide ? 54 : 42, r: along && wide ? 54 : 8, t: along && wide ? 24 : 8, b: 44 };
+    const inner = width - margin.l - margin.r;
+    // All of it is to be seen above the slider.
+    const room = report.printing ? 900 : Math.max(window.innerHeight - 190, 380);
+    const tall = Math.min(Math.max(inner * ((north - south) / (east - west)), 220), 1.25 * inner, 900, room);
+    const ranges = [
+      [west / map.unit, east / map.unit],
+      [south / map.unit, north / map.unit],
+    ];
+    const under = depthLines(colours);
+    map.before = under.length;
+    return {
+      data: [...under, ...traces(colours, map)],
+      height: tall + margin.t + margin.b,
+      layout: {
+        margin,
+        plot_bgcolor: colours.water,
+        dragmode: matchMedia("(pointer: coarse)").matches ? false : "pan",
+        xaxis: report.axis(colours, `east [${name}]`, {
+          range: ranges[0],
+          constrain: "domain",
+          automargin: false,
+          showgrid: false,
+          mirror: true,
+        }),
+        yaxis: report.axis(colours, `north [${name}]`, {
+          range: ranges[1],
+          constrain: "domain",
+          scaleanchor: "x",
+          scaleratio: 1,
+          automargin: false,
+          showgrid: false,
+          mirror: true,
+        }),
+        images: chartImages(),
+        ...furniture(ranges, { width: inner, height: tall }),
+      },
+    };
+  }
+
+  function size() {
+    const { xaxis, yaxis } = host._fullLayout;
+    return [
+      [xaxis.range, yaxis.range].map((range) => [...range]),
+      { width: xaxis._length, height: yaxis._length },
+    ];
+  }
+  map.refurnish = function () {
+    return Plotly.relayout(host, furniture(...size()));
+  };
+  /** Show a part of the map that is so many times as wide about the same middle; all of it without a share. */
+  map.zoom = function (share) {
+    const [[[left, right], [bottom, top]]] = size();
+    const about = (low, high) => [
+      (low + high) / 2 - (share * (high - low)) / 2,
+      (low + high) / 2 + (share * (high - low)) / 2,
+    ];
+    const whole = [
+      [west, east],
+      [south, north],
+    ].map((ends) => ends.map((end) => end / map.unit));
+    const [x, y] = share ? [about(left, right), about(bottom, top)] : whole;
+    return Plotly.relayout(host, { "xaxis.range": x, "yaxis.range": y });
+  };
+  map.buttons = () =>
+    report.element(
+      "div",
+      { class: "choices screen" },
+      report.element(
+        "button",
+        { type: "button", "aria-label": "Zoom in", onclick: () => map.zoom(1 / 1.6) },
+        "+",
+      ),
+      report.element(
+        "button",
+        { type: "button", "aria-label": "Zoom out", onclick: () => map.zoom(1.6) },
+        "−",
+      ),
+      report.element("button", { type: "button", onclick: () => map.zoom() }, "Whole map"),
+    );
+  /** Show or hide a layer: the chart, the names, what is painted, or all traces whose `meta` is its name. */
+  map.toggle = function (layer, on) {
+    if (on) map.hidden.delete(layer);
+    else map.hidden.add(layer);
+    if (layer === "names") map.refurnish();
+    else if (layer === "chart") Plotly.relayout(host, { "images[0].visible": on });
+    else {
+      const members = host.data.map((trace, k) => (trace.meta === layer ? k : -1)).filter((k) => k >= 0);
+      if (members.length) Plotly.restyle(host, { visible: on }, members);
+    }
+    map.repaint();
+  };
+
+  /**
+   * Paint what changes with time, between the sea bed and the waypoints.
+   *
+   * It is no trace: to draw a figure with its axes and depth lines anew takes too long for every step of the slider.
+   * `paint(x, y)` returns SVG elements; `x` and `y` turn metres east and north into the figure's pixels.
+   */
+  map.repaint = function () {
+    const plot = paint && host.querySelector(".cartesianlayer .overplot > .xy");
+    if (!plot) return;
+    if (!map.group || map.group.parentNode !== plot) {
+      map.group = report.element("g", { class: "painted" });
+      plot.insertBefore(map.group, plot.querySelector(".scatterlayer"));
+    }
+    const { xaxis, yaxis } = host._fullLayout;
+    map.group.replaceChildren(
+      ...paint(
+        (e) => xaxis.c2p(e / map.unit),
+        (n) => yaxis.c2p(n / map.unit),
+      ),
+    );
+  };
+
+  map.figure = report.drawn(host, label, draw, (_, first) => {
+    if (first) {
+      host.on("plotly_afterplot", () => map.repaint());
+      host.on("plotly_relayout", (change) => {
+        if (Object.keys(change).some((key) => key.startsWith("xaxis") || key.startsWith("yaxis")))
+          map.refurnish();
+      });
+    }
+    map.refurnish();
+    map.repaint();
+  });
+  return map;
+};

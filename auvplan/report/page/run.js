@@ -1,0 +1,1315 @@
+// The page of one mission, one plan or one leg.
+
+(function () {
+  const run = report.data;
+  const track = Object.fromEntries(
+    ["time", "north", "east", "depth", "coast", "bed", "obstacle"].map((name) => [
+      name,
+      report.unpack(run.track[name]),
+    ]),
+  );
+  const sailed = run.simulated ? "sailed" : "planned";
+  const waypoints = run.waypoints;
+  const obstacles = run.legs.map(({ obstacles: told }) => ({
+    ...told,
+    times: report.unpack(told.times),
+    places: report.unpack(told.places),
+  }));
+  const plans = run.plans.map((plan) => ({
+    ...plan,
+    places: report.unpack(plan.places),
+    times: report.unpack(plan.times),
+  }));
+  const current = run.current && {
+    ...run.current,
+    u: report.unpack(run.current.u),
+    v: report.unpack(run.current.v),
+  };
+  const state = { time: run.begin, axis: "time", playing: false };
+  const since = (time) => time - run.begin;
+  const CAUSES = {
+    leg: "at departure",
+    window: "window",
+    hazard: "hazard",
+    start: "first order",
+    late: "late",
+    early: "early",
+    refused: "leg refused",
+  };
+
+  // --- what holds at a time --------------------------------------------------------------------------
+
+  /** The last index whose value is no later than a time, -1 before the first. */
+  function latest(values, time) {
+    let [low, high] = [0, values.length];
+    while (low < high) {
+      const middle = (low + high) >> 1;
+      if (values[middle] <= time + 1e-6) low = middle + 1;
+      else high = middle;
+    }
+    return low - 1;
+  }
+
+  /** Index and share of the step in which a time lies; the first or the last value holds beyond the ends. */
+  function step(times, time) {
+    const k = latest(times, time);
+    if (k < 0) return [0, 0];
+    if (k >= times.length - 1) return [times.length - 1, 0];
+    return [k, (time - times[k]) / Math.max(times[k + 1] - times[k], 1e-9)];
+  }
+  const between = (values, [k, share], width = 1, offset = 0) => {
+    const here = values[k * width + offset];
+    return share ? here + share * (values[(k + 1) * width + offset] - here) : here;
+  };
+
+  function vehicle(time) {
+    if (!track.time.length) {
+      const [north, east, depth] = waypoints[run.start].place;
+      return { north, east, depth, speed: 0, course: 0, index: 0 };
+    }
+    const at = step(track.time, time);
+    const k = Math.min(at[0], Math.max(track.time.length - 2, 0));
+    const [dn, de, dd, dt] = ["north", "east", "depth", "time"].map(
+      (name) => (track[name][k + 1] ?? track[name][k]) - track[name][k],
+    );
+    const moved = Math.hypot(dn, de);
+    const found = {
+      speed: dt > 0 ? Math.hypot(moved, dd) / dt : 0,
+      course: moved > 0 ? (Math.atan2(de, dn) * 180) / Math.PI : 0,
+      index: at[0],
+    };
+    for (const name of ["north", "east", "depth", "coast", "bed", "obstacle"])
+      found[name] = track[name] ? between(track[name], at) : null;
+    return found;
+  }
+
+  const begins = run.legs.map((leg) => leg.begin);
+  /** Number of the leg that is sailed at a time, or was last; -1 before the first. */
+  function legAt(time) {
+    let found = -1;
+    begins.forEach((begin, k) => {
+      if (begin !== null && begin <= time + 1e-6) found = k;
+    });
+    return found;
+  }
+
+  function doing(time) {
+    const number = legAt(time);
+    if (number < 0) return run.legs.length ? "not under way yet" : "no leg was begun";
+    const leg = run.legs[number];
+    const name = (node) => waypoints[node].name;
+    if (time < leg.end) return `leg ${number + 1}: ${name(leg.from)} → ${name(leg.to)}`;
+    if (!leg.arrived) return `ended on leg ${number + 1}`;
+    if (leg.task > 0 && time < leg.end + leg.task) return `on station at ${name(leg.to)}`;
+    return number === run.legs.length - 1 ? `arrived at ${name(leg.to)}` : `at ${name(leg.to)}`;
+  }
+
+  /** The plan that is followed at a time, and all others made until then, as numbers in `plans`. */
+  function plansAt(time) {
+    const number = legAt(time);
+    const own = plans.map((plan, k) => k).filter((k) => plans[k].leg === number);
+    const followed =
+      number < 0
+        ? []
+        : run.legs[number].followed.map((k) => own[k]).filter((k) => plans[k].made <= time + 1e-6);
+    const now = followed.length ? followed[followed.length - 1] : -1;
+    const earlier = plans
+      .map((_, k) => k)
+      .filter((k) => k !== now && plans[k].made <= time + 1e-6 && plans[k].leg <= number);
+    return { now, earlier };
+  }
+
+  function orderAt(time) {
+    const made = run.orders.filter((order) => order.made !== undefined && order.made <= time + 1e-6);
+    return made.length ? made[made.length - 1] : null;
+  }
+
+  /** Obstacles at a time with their collision boundaries: { kind, north, east, depth, radius, boundary }. */
+  function obstaclesAt(time) {
+    const number = legAt(time);
+    const found = run.known.map((known) => ({
+      kind: "known",
+      name: known.name,
+      north: known.position[0] + known.velocity[0] * time,
+      east: known.position[1] + known.velocity[1] * time,
+      depth: null,
+      radius: known.radius,
+      boundary: known.radius,
+    }));
+    const told = obstacles[number];
+    if (!told || !told.places) return found;
+    const [count, at] = [told.kinds.length, step(told.times, time)];
+    told.kinds.forEach((kind, m) => {
+      const [north, east, depth] = [0, 1, 2].map((axis) => between(told.places, at, 3 * count, 3 * m + axis));
+      found.push({
+        kind,
+        name: `${kind} obstacle`,
+        north,
+        east,
+        depth,
+        radius: told.radii[m],
+        boundary: told.radii[m] + grown(number, told.looks[m], time),
+      });
+    });
+    return found;
+  }
+
+  /** What the boundary of an obstacle allows for: the error of the last look and the growth since, m. */
+  function grown(number, looks, time) {
+    const rule = run.sensing;
+    if (!rule) return 0;
+    const last = latest(looks, time);
+    const [error, seen] = last < 0 ? [rule.prior, run.legs[number].begin] : [rule.seen, looks[last]];
+    const until = Math.min(time, run.legs[number].end);
+    return error + Math.min(rule.growth * Math.max(until - seen, 0), rule.growth_max);
+  }
+
+  // --- head ------------------------------------------------------------------------------------------
+
+  const figures = run.figures;
+  const kind = {
+    mission: "simulated mission",
+    plan: "plan",
+    leg: run.simulated ? "simulated leg" : "planned leg",
+  }[run.kind];
+  const start = report.utc(0, run.epoch);
+  report.head({
+    title: run.name,
+    badge: run.reason || (run.success ? "in time" : "failed"),
+    good: run.success,
+    line: [`${kind}, seed ${run.seed}`, start && `departure ${start}`, run.description]
+      .filter(Boolean)
+      .join(" · "),
+    tiles: [
+      [
+        "mission time",
+        report.hours(figures.t_mission),
+        `${report.fixed(figures.t_mission)} of ${report.fixed(figures.t_available)} s`,
+      ],
+      ["time left", report.hours(figures.t_residual), `${report.fixed(figures.t_residual)} s`],
+      run.kind === "leg"
+        ? null
+        : [
+            run.simulated ? "tasks done" : "tasks",
+            report.fixed(figures.tasks),
+            report.counted(waypoints.length, "waypoint"),
+          ],
+      run.kind === "leg"
+        ? null
+        : [
+            "total priority",
+            report.figure(figures.total_priority),
+            figures.priority_bound ? `at most ${report.figure(figures.priority_bound)} possible` : null,
+          ],
+      [
+        "way",
+        `${report.fixed(run.legs.reduce((sum, leg) => sum + leg.length, 0) / 1000, 1)} km`,
+        report.counted(run.legs.filter((leg) => leg.begin !== null).length, "leg"),
+      ],
+      run.simulated
+        ? [
+            "re-plans",
+            report.fixed(figures.path_replans + figures.mission_replans),
+            run.kind === "leg"
+              ? "of the path"
+              : `${figures.path_replans} of paths, ${figures.mission_replans} of the order`,
+          ]
+        : null,
+      run.simulated
+        ? [
+            "collisions",
+            report.fixed(figures.collisions),
+            figures.collisions ? "points inside an obstacle or on land" : "none on the track",
+          ]
+        : null,
+    ],
+    warnings: run.warnings,
+  });
+
+  // --- map -------------------------------------------------------------------------------------------
+
+  const KINDS = [
+    ["static", "static"],
+    ["afloat", "afloat"],
+    ["self-motivated", "moving"],
+    ["known", "known"],
+  ];
+  const present = KINDS.filter(([name]) =>
+    name === "known" ? run.known.length : run.legs.some((leg) => leg.obstacles.kinds.includes(name)),
+  );
+  const replanned = run.orders.filter((order) => order.made !== undefined).slice(1);
+
+  function swatch(shape, colour) {
+    const parts = {
+      line: [["line", { x1: 1, y1: 8, x2: 27, y2: 8, "stroke-width": 3 }]],
+      thin: [["line", { x1: 1, y1: 8, x2: 27, y2: 8, "stroke-width": 1.6 }]],
+      dash: [["line", { x1: 1, y1: 8, x2: 27, y2: 8, "stroke-width": 1.8, "stroke-dasharray": "5 3" }]],
+      dot: [["line", { x1: 1, y1: 8, x2: 27, y2: 8, "stroke-width": 1.8, "stroke-dasharray": "2 3" }]],
+      arrow: [
+        ["line", { x1: 3, y1: 8, x2: 22, y2: 8, "stroke-width": 1.6 }],
+        ["path", { d: "M18 4 L24 8 L18 12", fill: "none", "stroke-width": 1.6 }],
+      ],
+      area: [["rect", { x: 3, y: 2, width: 22, height: 12, rx: 2, stroke: "none" }]],
+      ring: [
+        ["circle", { cx: 14, cy: 8, r: 6, fill: "none", "stroke-width": 1.6, "stroke-dasharray": "2 2" }],
+      ],
+      disc: [["circle", { cx: 14, cy: 8, r: 6, stroke: "none" }]],
+      halo: [["circle", { cx: 14, cy: 8, r: 7, "fill-opacity": 0.25, "stroke-dasharray": "2 2" }]],
+      text: [["path", { d: "M9 13 L14 3 L19 13 M11 9.5 H17", fill: "none", "stroke-width": 1.6 }]],
+      square: [["rect", { x: 8, y: 2, width: 12, height: 12, fill: "none", "stroke-width": 2 }]],
+    }[shape];
+    return report.element(
+      "svg",
+      {
+        width: 28,
+        height: 16,
+        viewBox: "0 0 28 16",
+        "aria-hidden": "true",
+        style: `stroke: var(--${colour}); fill: var(--${colour})`,
+      },
+      parts.map(([tag, attributes]) => report.element(tag, attributes)),
+    );
+  }
+
+  const layers = [
+    run.map.chart && ["chart", run.map.chart.uncertain ? "coast, uncertain area" : "coast", "area", "coast"],
+    run.map.depths && ["depths", "depth of the sea bed, m", "thin", "depth"],
+    current && ["current", "current", "arrow", "current"],
+    run.kind !== "leg" && run.orders.length > 1 && ["order", "order of tasks, to come", "dot", "order"],
+    ["plan", "plan that is followed", "line", "plan"],
+    run.simulated && plans.length && ["earlier", "earlier plans", "dash", "earlier"],
+    ["track", run.simulated ? "track" : "whole way", "line", "track"],
+    present.length && ["obstacles", "obstacles", "disc", present[0][1]],
+    run.simulated && present.length && ["boundary", "their uncertainty boundaries", "halo", "quiet"],
+    run.sensing && present.length && ["sensed", "sensed range", "ring", "sense"],
+    replanned.length && ["replans", "order planned anew", "square", "earlier"],
+    ["waypoints", "waypoints", "disc", "task"],
+    ["names", "names", "text", "text"],
+  ].filter(Boolean);
+
+  /** Whether the map is as small as on a telephone, where marks are fewer and smaller. */
+  const narrow = () => stage.clientWidth > 0 && stage.clientWidth < 480;
+  const HEAD = 0.32;
+  /** The arrows of the current at a time; the longest are about as long as the arrows are apart. */
+  function arrows(time, x, y, every) {
+    if (!current) return "";
+    const frame = Math.max(latest(current.times, time), 0);
+    const [rows, columns] = [current.north.length, current.east.length];
+    const apart = Math.min(
+      Math.abs(x(current.east[1]) - x(current.east[0])),
+      Math.abs(y(current.north[1]) - y(current.north[0])),
+    );
+    const scale = (0.92 * every * apart) / Math.max(current.fastest, 1e-6);
+    const parts = [];
+    for (let i = every >> 1; i < rows; i += every) {
+      for (let j = every >> 1; j < columns; j += every) {
+        const k = (frame * rows + i) * columns + j;
+        if (current.u[k] < -30) continue;
+        const long = Math.hypot(current.u[k], current.v[k]);
+        const part = long > current.fastest ? current.fastest / long : 1;
+        const [dx, dy] = [current.v[k] * scale * part, -current.u[k] * scale * part];
+        const [tx, ty] = [x(current.east[j]) + dx / 2, y(current.north[i]) + dy / 2];
+        const wing = (side) =>
+          `${(tx - HEAD * (dx - side * 0.6 * dy)).toFixed(1)} ${(ty - HEAD * (dy + side * 0.6 * dx)).toFixed(1)}`;
+        const tip = `${tx.toFixed(1)} ${ty.toFixed(1)}`;
+        parts.push(`M${(tx - dx).toFixed(1)} ${(ty - dy).toFixed(1)}L${tip}M${wing(1)}L${tip}L${wing(-1)}`);
+      }
+    }
+    return parts.join("");
+  }
+
+  /** A broken line through places: `at(k)` returns east and north, m. */
+  function line(count, at, x, y) {
+    const parts = [];
+    let before = "";
+    for (let k = 0; k < count; k++) {
+      const [e, n] = at(k);
+      const place = `${x(e).toFixed(1)} ${y(n).toFixed(1)}`;
+      if (place !== before) parts.push(place);
+      before = place;
+    }
+    return parts.length ? `M${parts.join("L")}` : "";
+  }
+
+  /** What the map shows of a time, from the lowest to the highest. */
+  function painted(x, y) {
+    const { time } = state,
+      here = vehicle(time),
+      all = obstaclesAt(time),
+      { hidden } = state.map;
+    const small = narrow() ? 0.72 : 1,
+      pixels = Math.abs(x(1) - x(0));
+    const made = [];
+    const show = (layer, tag, name, attributes) => {
+      if (!hidden.has(layer)) made.push(report.element(tag, { class: name, ...attributes }));
+    };
+    const node = (chosen) => (k) => [waypoints[chosen[k]].place[1], waypoints[chosen[k]].place[0]];
+    const plan = (k) =>
+      line(plans[k].places.length / 3, (s) => [plans[k].places[3 * s + 1], plans[k].places[3 * s]], x, y);
+    show("current", "path", "current", { d: arrows(time, x, y, narrow() ? 2 : 1) });
+
+    const number = legAt(time),
+      order = orderAt(time),
+      rest = order ? order.nodes : [];
+    const target = number < 0 ? run.start : run.legs[number].to;
+    const coming = rest.includes(target) ? rest.slice(rest.indexOf(target)) : rest;
+    if (run.kind !== "leg" && run.simulated)
+      show("order", "path", "order", { d: line(coming.length, node(coming), x, y) });
+
+    const way = (count) => line(count, (k) => [track.east[k], track.north[k]], x, y);
+    show("track", "path", "way", { d: way(track.time.length) });
+    const { now: followed, earlier } = plansAt(time);
+    show("earlier", "path", "earlier", { d: earlier.map(plan).join("") });
+    const done = track.time.length ? way(latest(track.time, time) + 1) : "";
+    show("track", "path", "sailed", {
+      d: done ? `${done}L${x(here.east).toFixed(1)} ${y(here.north).toFixed(1)}` : "",
+    });
+    show("plan", "path", "plan", { d: followed < 0 ? "" : plan(followed) });
+
+    const disc = (layer, name, one, radius, more) =>
+      show(layer, "circle", name, {
+        cx: x(one.east).toFixed(2),
+        cy: y(one.north).toFixed(2),
+        r: (radius * pixels).toFixed(2),
+        ...more,
+      });
+    const told = (one) => ({ "data-east": one.east, "data-north": one.north });
+    for (const one of all)
+      if (one.boundary > one.radius)
+        disc("boundary", "boundary", one, one.boundary, { "data-radius": one.boundary });
+    for (const one of all) {
+      const colour = `var(--${Object.fromEntries(KINDS)[one.kind] || "quiet"})`;
+      disc("obstacles", "obstacle", one, one.radius, {
+        ...told(one),
+        style: `fill: ${colour}; stroke: ${colour}`,
+      });
+    }
+    if (run.sensing && number >= 0) disc("sensed", "sensed", here, run.sensing.range);
+    const anew = [...new Set(replanned.filter((one) => one.made <= time + 1e-6).map((one) => one.nodes[0]))];
+    const half = 7.5 * small;
+    const box = ([e, n]) => `M${x(e) - half} ${y(n) - half}h${2 * half}v${2 * half}h${-2 * half}z`;
+    show("replans", "path", "replan", { d: anew.map((_, k) => box(node(anew)(k))).join("") });
+    show("vehicle", "path", "vehicle", {
+      d: "M0 -10L6.5 8L0 4.5L-6.5 8Z",
+      ...told(here),
+      transform: `translate(${x(here.east).toFixed(2)} ${y(here.north).toFixed(2)}) rotate(${here.course.toFixed(1)}) scale(${small})`,
+    });
+    return made;
+  }
+
+  const reasons = new Map(
+    run.tasks.filter((task) => !task.done).map((task) => [task.name.replace(/^waypoint /, ""), task.why]),
+  );
+  /** Marks of the waypoints: tasks done, visited, left, start and destination. */
+  function places(colours, { unit, hidden, place: where }) {
+    const shrunk = narrow() ? 0.72 : 1;
+    const groups = [
+      [
+        "left",
+        "left",
+        { symbol: "circle-open", size: shrunk * 7, color: colours.left, line: { width: 1.6 } },
+      ],
+      [
+        "visited",
+        "passed, without a task",
+        {
+          symbol: "circle",
+          size: shrunk * 7,
+          color: colours.card,
+          line: { color: colours.text, width: 1.4 },
+        },
+      ],
+      [
+        "task",
+        "task done",
+        {
+          symbol: "circle",
+          size: shrunk * 8.5,
+          color: colours.task,
+          line: { color: colours.halo, width: 1 },
+        },
+      ],
+    ];
+    const ends = [
+      [
+        run.start,
+        "start",
+        { symbol: "circle", size: shrunk * 12, color: colours.start, line: { color: "#000000", width: 1.2 } },
+      ],
+      [
+        run.goal,
+        "destination",
+        { symbol: "star", size: shrunk * 16, color: colours.task, line: { color: "#000000", width: 1 } },
+      ],
+    ];
+    const one = (nodes, words, marker) => ({
+      type: "scatter",
+      mode: "markers",
+      meta: "waypoints",
+      name: words,
+      marker,
+      visible: !hidden.has("waypoints"),
+      hoverinfo: "text",
+      x: nodes.map((node) => waypoints[node].place[1] / unit),
+      y: nodes.map((node) => waypoints[node].place[0] / unit),
+      text: nodes.map((node) => {
+        const { name, place } = waypoints[node];
+        const why = words === "left" && reasons.get(name.replace(/\[\d+\]$/, ""));
+        return [
+          `<b>${report.literal(name)}</b>`,
+          words,
+          why && report.literal(why),
+          `depth ${report.fixed(place[2])} m`,
+          where(place[0], place[1]),
+        ]
+          .filter(Boolean)
+          .join("<br>");
+      }),
+    });
+    const inner = waypoints.map((_, node) => node).filter((node) => node !== run.start && node !== run.goal);
+    return [
+      ...groups.map(([mark, words, marker]) =>
+        one(
+          inner.filter((node) => waypoints[node].state === mark),
+          words,
+          marker,
+        ),
+      ),
+      ...ends.map(([node, words, marker]) => one([node], words, marker)),
+    ];
+  }
+
+  const stage = report.element("div", { id: "map" });
+  const now = report.element("dl", { class: "now", id: "now" });
+  const marks = [
+    ["●", run.simulated ? "task done" : "task", "task"],
+    ["○", "passed", "text"],
+    ["○", "left", "left"],
+  ].filter((_, k) => waypoints.some(({ state: mark }) => mark === ["task", "visited", "left"][k]));
+  const boxes = report.element(
+    "fieldset",
+    { class: "layers" },
+    report.element("legend", {}, "Layers"),
+    layers.map(([layer, words, shape, colour]) =>
+      report.element(
+        "label",
+        {},
+        report.element("input", {
+          type: "checkbox",
+          checked: true,
+          "data-layer": layer,
+          onchange: (event) => state.map.toggle(layer, event.target.checked),
+        }),
+        swatch(shape, colour),
+        words,
+      ),
+    ),
+    report.element(
+      "div",
+      { class: "small quiet", style: "margin-top: .4rem" },
+      "Waypoints: ",
+      marks.map(([sign, words, colour], k) => [
+        k ? ", " : "",
+        report.element("span", { style: `color: var(--${colour}); font-weight: 600` }, `${sign} `),
+        words,
+      ]),
+    ),
+    present.length > 1
+      ? report.element(
+          "div",
+          { class: "small quiet" },
+          "Obstacles: ",
+          present.map(([name, colour], k) => [
+            k ? ", " : "",
+            report.element("span", { style: `color: var(--${colour}); font-weight: 600` }, "● "),
+            name,
+          ]),
+        )
+      : null,
+  );
+  const note = report.element("p", { class: "quiet small", id: "map-note" });
+  const where = report.section(
+    "where",
+    "Map",
+    null,
+    report.element(
+      "div",
+      { class: "mapgrid" },
+      report.element("div", {}, stage, note),
+      report.element(
+        "div",
+        { class: "beside" },
+        report.element("div", {}, report.element("h3", { id: "doing" }), now),
+        boxes,
+      ),
+    ),
+  );
+
+  const ranks = { task: 1, visited: 2, left: 3 };
+  const labels = waypoints.map(({ name, place, state: mark }, node) => ({
+    text: name,
+    north: place[0],
+    east: place[1],
+    rank: node === run.start || node === run.goal ? 0 : ranks[mark],
+    colour: mark === "left" ? "quiet" : "text",
+  }));
+
+  // --- transport: the time that all figures show ---------------------------------------------------------
+
+  const length = Math.max(run.end - run.begin, 1);
+  const nice = report.ticks(0, length, 700).step;
+  const slider = report.element("input", {
+    type: "range",
+    id: "time",
+    min: 0,
+    max: Math.ceil(length),
+    step: nice >= 1 ? 1 : "any",
+    value: 0,
+    "aria-label": "Time since departure",
+    oninput: () => show(run.begin + Number(slider.value)),
+  });
+  const button = report.element(
+    "button",
+    {
+      type: "button",
+      class: "play",
+      id: "play",
+      title: "Space",
+      "aria-keyshortcuts": "Space",
+      "aria-pressed": "false",
+      onclick: () => play(!state.playing),
+    },
+    "▶ Play",
+  );
+  const clock = report.element("output", { for: "time", id: "clock" });
+  const speeds = { 60: "60 ×", 180: "180 ×", 600: "600 ×", 1800: "1800 ×" };
+  const usual = Object.keys(speeds).reduce((best, speed) =>
+    Math.abs(length / speed - 45) < Math.abs(length / best - 45) ? speed : best,
+  );
+  const speed = report.element(
+    "select",
+    { id: "speed", "aria-label": "Speed of play" },
+    Object.entries(speeds).map(([value, words]) =>
+      report.element("option", { value, selected: value === usual }, words),
+    ),
+  );
+  document
+    .getElementById("main")
+    .append(
+      report.element(
+        "div",
+        { class: "transport", role: "group", "aria-label": "Time" },
+        button,
+        slider,
+        clock,
+        speed,
+      ),
+    );
+  const jump = Math.max(1, nice);
+  slider.addEventListener("keydown", (event) => {
+    const moves = {
+      ArrowRight: jump,
+      ArrowUp: jump,
+      ArrowLeft: -jump,
+      ArrowDown: -jump,
+      PageUp: 10 * jump,
+      PageDown: -10 * jump,
+    };
+    if (!(event.key in moves)) return;
+    event.preventDefault();
+    show(state.time + moves[event.key]);
+  });
+  document.addEventListener("keydown", (event) => {
+    const busy = event.target.closest(
+      "button, select, summary, a, input:not([type='range']):not([type='radio'])",
+    );
+    if (event.key !== " " || event.ctrlKey || event.metaKey || event.altKey || (busy && busy !== button))
+      return;
+    if (busy === button) return;
+    event.preventDefault();
+    play(!state.playing);
+  });
+
+  function play(on) {
+    if (on && state.time >= run.end - 1e-6) show(run.begin);
+    state.playing = on;
+    button.textContent = on ? "❚❚ Pause" : "▶ Play";
+    button.setAttribute("aria-pressed", String(on));
+    if (!on) return;
+    let before = null;
+    const advance = (moment) => {
+      if (!state.playing) return;
+      if (before !== null) show(state.time + ((moment - before) / 1000) * Number(speed.value));
+      before = moment;
+      if (state.time >= run.end - 1e-6) play(false);
+      else requestAnimationFrame(advance);
+    };
+    requestAnimationFrame(advance);
+  }
+
+  /** Let all figures show a time. */
+  function show(time) {
+    state.time = Math.min(Math.max(time, run.begin), run.end);
+    slider.value = String(Math.round(since(state.time)));
+    slider.setAttribute("aria-valuetext", `${report.hours(since(state.time))}, ${doing(state.time)}`);
+    clock.replaceChildren(
+      `${report.clock(since(state.time))} `,
+      report.element(
+        "small",
+        {},
+        [report.utc(state.time, run.epoch) || `${report.fixed(since(state.time))} s`].join(""),
+      ),
+    );
+    if (!state.due) {
+      state.due = true;
+      requestAnimationFrame(() => {
+        state.due = false;
+        move();
+      });
+    }
+  }
+  report.show = (time) => {
+    show(time);
+    move();
+  };
+
+  function move() {
+    state.map.repaint();
+    for (const follow of state.followers) follow();
+    tell();
+  }
+
+  function tell() {
+    const here = vehicle(state.time),
+      level = current ? current.depths[Math.max(latest(current.times, state.time), 0)] : null;
+    const place = state.map.place(here.north, here.east);
+    const apart = (value) => (report.isNumber(value) ? `${report.fixed(value)} m` : null);
+    const entries = [
+      ["depth", `${report.fixed(here.depth)} m`],
+      [
+        "speed over ground",
+        legAt(state.time) >= 0 && state.time < run.legs[legAt(state.time)].end
+          ? `${report.fixed(here.speed, 2)} m/s`
+          : "on station",
+      ],
+      ["to the coast", apart(here.coast)],
+      ["to an obstacle", legAt(state.time) >= 0 ? apart(here.obstacle) : null],
+      ["above the sea bed", apart(here.bed)],
+      ["position", place || `${report.fixed(here.north)} N, ${report.fixed(here.east)} E m`],
+    ];
+    document.getElementById("doing").textContent = doing(state.time);
+    now.replaceChildren(
+      ...entries
+        .filter(([, value]) => value !== null)
+        .flatMap(([name, value]) => [report.element("dt", {}, name), report.element("dd", {}, value)]),
+    );
+    note.replaceChildren(
+      [
+        current &&
+          `Arrows: current at ${report.fixed(level)} m, the vehicle's depth; the longest are ${report.fixed(current.fastest, 2)} m/s.`,
+        run.sensing &&
+          present.length &&
+          "Boundaries allow for three standard deviations of place and size and grow from one look to the next; drawn about the true place.",
+        run.known.length && "Known obstacles are drawn as they are, whatever the vehicle's depth.",
+      ]
+        .filter(Boolean)
+        .join(" "),
+    );
+  }
+
+  // --- side view -----------------------------------------------------------------------------------------
+
+  const way = new Float64Array(track.time.length);
+  for (let k = 1; k < way.length; k++)
+    way[k] =
+      way[k - 1] +
+      Math.hypot(
+        track.north[k] - track.north[k - 1],
+        track.east[k] - track.east[k - 1],
+        track.depth[k] - track.depth[k - 1],
+      );
+  const wayAt = (time) => (way.length ? between(way, step(track.time, time)) : 0);
+  const along = (time) => (state.axis === "time" ? since(time) / 3600 : wayAt(time) / 1000);
+  state.followers = [];
+
+  const legendOf = (entries) =>
+    report.element(
+      "div",
+      { class: "choices small quiet" },
+      entries.map(([words, shape, colour]) =>
+        report.element(
+          "span",
+          { style: "display: inline-flex; gap: .35rem; align-items: center" },
+          swatch(shape, colour),
+          words,
+        ),
+      ),
+    );
+  const CLEARANCES = [
+    ["coast", "to the coast", "left"],
+    ["obstacle", "to the nearest obstacle", "earlier"],
+    ["bed", "above the sea bed", "task"],
+  ];
+  if (track.time.length) {
+    const side = report.element("div", { id: "side" });
+    const near = CLEARANCES.filter(([name]) => track[name]);
+    const choice = report.segments(
+      "axis",
+      "Horizontal axis",
+      { time: "over time", distance: "over distance" },
+      "time",
+      (value) => {
+        state.axis = value;
+        profile.draw();
+      },
+    );
+    const made = report.section(
+      "profile",
+      "Side view",
+      null,
+      legendOf(
+        [
+          ["depth of the vehicle", "line", "plan"],
+          track.bed && ["sea bed", "area", "bed"],
+          ...near.map(([, words, colour]) => [words, "line", colour]),
+        ].filter(Boolean),
+      ),
+      side,
+    );
+    made.querySelector(".head").append(choice);
+    const draw = (colours, width) => {
+      const axis =
+        state.axis === "time"
+          ? Array.from(track.time, (time) => since(time) / 3600)
+          : Array.from(way, (metres) => metres / 1000);
+      const when = Array.from(track.time, (time) => report.clock(since(time)));
+      const bed = track.bed && Array.from(track.bed, (above, k) => track.depth[k] + above);
+      const floor = Math.max(...(bed || track.depth)) * 1.06 + 1;
+      const data = [];
+      if (bed) {
+        data.push({
+          x: axis,
+          y: bed,
+          customdata: when,
+          mode: "lines",
+          name: "sea bed",
+          line: { color: colours.bed, width: 1.5 },
+          hovertemplate: "sea bed %{y:,.0f} m<extra></extra>",
+        });
+        data.push({
+          x: [axis[0], axis[axis.length - 1]],
+          y: [floor, floor],
+          mode: "lines",
+          line: { width: 0 },
+          fill: "tonexty",
+          fillcolor: report.mix(colours.bed, 0.6),
+          hoverinfo: "skip",
+        });
+      }
+      data.push({
+        x: axis,
+        y: Array.from(track.depth),
+        customdata: when,
+        mode: "lines",
+        name: "vehicle",
+        line: { color: colours.plan, width: 2.2 },
+        hovertemplate: "vehicle %{y:,.0f} m deep at %{customdata}<extra></extra>",
+      });
+      const safe = (values) => Array.from(values, (value) => Math.max(value, 0.5));
+      for (const [name, words, colour] of near) {
+        data.push({
+          x: axis,
+          y: safe(track[name]),
+          customdata: when,
+          yaxis: "y2",
+          mode: "lines",
+          name: words,
+          line: { color: colours[colour], width: 1.6 },
+          hovertemplate: `%{y:,.0f} m ${words}<extra></extra>`,
+        });
+      }
+      const shapes = [];
+      for (const { name, margin } of run.limits) {
+        const drawn = near.find(([other]) => other === name);
+        if (drawn && margin > 0)
+          shapes.push({
+            type: "line",
+            xref: "paper",
+            yref: "y2",
+            x0: 0,
+            x1: 1,
+            y0: margin,
+            y1: margin,
+            line: { color: colours[drawn[2]], width: 1.2, dash: "dash" },
+          });
+      }
+      const two = near.length > 0;
+      const title = state.axis === "time" ? "time since departure [h]" : "way [km]";
+      return {
+        data,
+        height: two ? 430 : 260,
+        layout: {
+          shapes,
+          hovermode: "x",
+          margin: { l: width < 500 ? 48 : 58, r: 14, t: 10, b: 46 },
+          xaxis: report.axis(colours, title, {
+            anchor: two ? "y2" : "y",
+            range: [along(run.begin), along(run.end)],
+          }),
+          yaxis: report.axis(colours, "depth [m]", {
+            domain: two ? [0.5, 1] : [0, 1],
+            range: [floor, Math.min(0, ...track.depth)],
+            automargin: false,
+          }),
+          ...(two && {
+            yaxis2: report.logAxis(
+              colours,
+              "clearance [m]",
+              near.flatMap(([name]) => safe(track[name])),
+              { domain: [0, 0.43], automargin: false },
+            ),
+          }),
+        },
+      };
+    };
+    const profile = report.drawn(side, "Side view: depth and clearances", draw, (host, first) => {
+      if (!first) return;
+      host.on("plotly_click", ({ points }) => show(track.time[points[0].pointIndex]));
+      state.followers.push(report.cursor(host, () => along(state.time)));
+    });
+    if (run.limits.some(({ name, margin }) => margin > 0 && near.some(([other]) => other === name))) {
+      made.append(
+        report.element(
+          "p",
+          { class: "quiet small" },
+          "Dashed: the margin that a plan keeps. Clearances on a logarithmic scale. A click shows that moment.",
+        ),
+      );
+    }
+  }
+
+  // --- order of tasks --------------------------------------------------------------------------------------
+
+  if (run.kind !== "leg" && run.orders.some((order) => order.bars.length)) {
+    const timeline = report.element("div", { id: "timeline" });
+    const made = report.section(
+      "order-of-tasks",
+      "Order of tasks",
+      run.simulated
+        ? "Each row is the order as it was planned at that moment, the lowest one what was done. Wide bars are travel, narrow ones time on station; darker is of higher priority."
+        : "Wide bars are travel, narrow ones time on station; darker is of higher priority.",
+      timeline,
+    );
+    const rows = run.orders;
+    const title = (order, k) => {
+      if (order.cause === "done") return run.simulated ? "<b>done</b>" : "<b>plan</b>";
+      return k
+        ? `R${k} at ${report.fixed(since(order.made))} s, ${CAUSES[order.cause] || report.literal(order.cause)}`
+        : "first order";
+    };
+    const draw = (colours, width) => {
+      const narrow = width < 620;
+      const most = Math.max(1, ...rows.flatMap((order) => order.bars.map((bar) => bar[5])));
+      const shade = (priority) =>
+        priority > 0
+          ? report.mix(colours.accent, 0.18 + (0.72 * priority) / most, colours.card)
+          : colours.card;
+      const bars = rows.flatMap((order, row) => order.bars.map((bar) => ({ row, bar })));
+      const one = (wide, from, size) => ({
+        type: "bar",
+        orientation: "h",
+        width: wide,
+        y: bars.map(({ row }) => row),
+        base: bars.map(({ bar }) => since(from(bar)) / 3600),
+        x: bars.map(({ bar }) => size(bar) / 3600),
+        marker: { color: bars.map(({ bar }) => shade(bar[5])), line: { color: colours.quiet, width: 0.7 } },
+        customdata: bars.map(({ bar }) => [
+          report.literal(waypoints[bar[0]].name),
+          report.literal(waypoints[bar[1]].name),
+          bar[5],
+          Math.round(bar[3]),
+          Math.round(bar[4]),
+        ]),
+        text: wide > 0.5 ? bars.map(({ bar }) => report.literal(waypoints[bar[1]].name)) : null,
+        textposition: "inside",
+        insidetextanchor: "middle",
+        textangle: 0,
+        insidetextfont: { size: 10 },
+        constraintext: "inside",
+        hovertemplate:
+          "%{customdata[0]} → %{customdata[1]}<br>priority %{customdata[2]:.3g}<br>travel %{customdata[3]:,} s, on station %{customdata[4]:,} s<extra></extra>",
+      });
+      const last =
+        Math.max(run.available, since(run.end), ...bars.map(({ bar }) => since(bar[2]) + bar[3] + bar[4])) /
+        3600;
+      return {
+        data: [
+          one(
+            0.76,
+            (bar) => bar[2],
+            (bar) => bar[3],
+          ),
+          one(
+            0.3,
+            (bar) => bar[2] + bar[3],
+            (bar) => bar[4],
+          ),
+        ],
+        height: 74 + Math.max(24, Math.min(40, 300 / rows.length)) * rows.length + 14,
+        layout: {
+          barmode: "overlay",
+          uniformtext: { mode: "hide", minsize: 10 },
+          hovermode: "closest",
+          margin: { l: narrow ? 66 : 170, r: 14, t: 24, b: 46 },
+          xaxis: report.axis(colours, "time since departure [h]", { range: [0, 1.015 * last] }),
+          yaxis: report.axis(colours, "", {
+            range: [rows.length - 0.4, -0.6],
+            tickvals: rows.map((_, k) => k),
+            ticktext: rows.map((order, k) =>
+              narrow
+                ? order.cause === "done"
+                  ? run.simulated
+                    ? "<b>done</b>"
+                    : "<b>plan</b>"
+                  : k
+                    ? `R${k} ${report.literal(order.cause)}`
+                    : "first"
+                : title(order, k),
+            ),
+            showgrid: false,
+            ticks: "",
+            automargin: false,
+            title: { text: "" },
+          }),
+          annotations: [
+            {
+              x: run.available / 3600,
+              y: 1,
+              xref: "x",
+              yref: "paper",
+              yanchor: "bottom",
+              xanchor: "right",
+              text: "time available",
+              showarrow: false,
+              font: { size: 11, color: colours.bad },
+            },
+          ],
+          shapes: [
+            {
+              type: "line",
+              xref: "x",
+              yref: "paper",
+              x0: run.available / 3600,
+              x1: run.available / 3600,
+              y0: 0,
+              y1: 1,
+              line: { color: colours.bad, width: 2 },
+            },
+          ],
+        },
+      };
+    };
+    report.drawn(timeline, "Orders of tasks over time", draw, (host, first) => {
+      if (first) state.followers.push(report.cursor(host, () => since(state.time) / 3600));
+    });
+    const late = rows.map((order, k) => ({ order, k })).filter(({ order }) => order.why);
+    if (late.length)
+      made.append(
+        report.element(
+          "details",
+          {},
+          report.element("summary", {}, "Why the order was planned anew"),
+          report.element(
+            "ul",
+            { class: "small" },
+            late.map(({ order, k }) =>
+              report.element(
+                "li",
+                {},
+                `R${k} at ${report.fixed(since(order.made))} s, ${CAUSES[order.cause] || order.cause}: ${order.why}`,
+              ),
+            ),
+          ),
+        ),
+      );
+  }
+
+  // --- tables ----------------------------------------------------------------------------------------------
+
+  const nodeName = (node) => waypoints[node].name;
+  const seconds = (name) => (leg) => report.fixed(leg[name]);
+  const causes = (leg) =>
+    Object.entries(leg.replans)
+      .map(([cause, count]) => `${count} ${CAUSES[cause] || cause}`)
+      .join(", ");
+  const margins = Object.fromEntries(run.limits.map(({ name, margin }) => [name, margin]));
+  const clearance = (name, title) =>
+    run.legs.some((leg) => report.isNumber(leg[name])) && {
+      title,
+      key: (leg) => leg[name],
+      text: (leg) => (report.isNumber(leg[name]) ? report.fixed(leg[name]) : "–"),
+      class: (leg) => (report.isNumber(leg[name]) && leg[name] < 0 ? "bad-cell" : ""),
+    };
+  if (run.legs.length) {
+    report.section(
+      "legs",
+      "Legs",
+      `Times in seconds, distances in metres: the least on the leg. ${run.simulated ? "Re-plans by their cause: a window of the leg, or a hazard ahead." : ""}`,
+      report.table(
+        `${report.counted(run.legs.length, "leg")}`,
+        [
+          {
+            title: "leg",
+            key: (leg) => run.legs.indexOf(leg),
+            text: (leg, k) =>
+              leg.begin === null
+                ? String(k + 1)
+                : report.element(
+                    "button",
+                    {
+                      type: "button",
+                      class: "link",
+                      "aria-label": `Show leg ${k + 1}`,
+                      onclick: () => {
+                        show(leg.begin);
+                        document.getElementById("where").scrollIntoView({ behavior: "smooth" });
+                      },
+                    },
+                    String(k + 1),
+                  ),
+          },
+          {
+            title: "from → to",
+            words: true,
+            key: (leg) => nodeName(leg.from),
+            text: (leg) => `${nodeName(leg.from)} → ${nodeName(leg.to)}`,
+          },
+          run.kind !== "leg" && {
+            title: "priority",
+            key: (leg) => leg.priority,
+            text: (leg) => (leg.priority ? report.figure(leg.priority, 3) : "–"),
+          },
+          { title: "expected", key: (leg) => leg.expected, text: seconds("expected") },
+          { title: "planned", key: (leg) => leg.planned, text: seconds("planned") },
+          run.simulated && { title: "sailed", key: (leg) => leg.sailed, text: seconds("sailed") },
+          run.simulated && {
+            title: "sailed − expected",
+            key: (leg) => leg.sailed - leg.expected,
+            text: (leg) =>
+              report.isNumber(leg.sailed)
+                ? `${leg.sailed >= leg.expected ? "+" : ""}${report.fixed(leg.sailed - leg.expected)}`
+                : "–",
+          },
+          { title: "task", key: (leg) => leg.task, text: seconds("task") },
+          { title: "way", key: (leg) => leg.length, text: (leg) => report.fixed(leg.length) },
+          clearance("coast", "coast"),
+          clearance("obstacle", "obstacle"),
+          clearance("bed", "bed"),
+          run.simulated && {
+            title: "re-plans",
+            words: true,
+            key: (leg) => Object.values(leg.replans).reduce((a, b) => a + b, 0),
+            text: (leg) => causes(leg) || "none",
+          },
+          {
+            title: "reached",
+            words: true,
+            key: (leg) => Number(leg.arrived),
+            text: (leg) => (leg.arrived ? "yes" : leg.begin === null ? "refused" : "no"),
+            class: (leg) => (leg.arrived ? "" : "bad-cell"),
+          },
+        ].filter(Boolean),
+        run.legs,
+        { id: "legs-table" },
+      ),
+    );
+  }
+
+  if (run.tasks.length) {
+    const [done, left] = [true, false].map((wanted) => run.tasks.filter((task) => task.done === wanted));
+    const priority = {
+      title: "priority",
+      key: (task) => task.priority,
+      text: (task) => report.figure(task.priority, 3),
+    };
+    const called = {
+      title: "task",
+      words: true,
+      class: "long",
+      key: (task) => task.name,
+      text: (task) => task.name,
+    };
+    report.section(
+      "tasks",
+      "Tasks",
+      null,
+      report.element(
+        "div",
+        { class: "pair" },
+        report.element(
+          "div",
+          {},
+          report.table(
+            `Done: ${report.counted(done.length, "task")}`,
+            [
+              called,
+              priority,
+              { title: "after", key: (task) => task.at, text: (task) => report.clock(since(task.at)) },
+              {
+                title: "on station, s",
+                key: (task) => task.duration,
+                text: (task) => report.fixed(task.duration),
+              },
+            ],
+            done,
+            { id: "done-table" },
+          ),
+        ),
+        left.length
+          ? report.element(
+              "div",
+              {},
+              report.table(
+                `Left: ${report.fixed(left.length)}`,
+                [
+                  { ...called, class: "" },
+                  priority,
+                  { title: "why", words: true, class: "long", text: (task) => task.why },
+                ],
+                left,
+                { id: "left-table" },
+              ),
+            )
+          : null,
+      ),
+    );
+  }
+
+  const cpu = figures.cpu;
+  const forecast = figures.forecast;
+  const words = { coast: "coast", obstacle: "obstacle", bed: "sea bed" };
+  const broken = plans.filter((plan) => !plan.feasible).length;
+  report.section(
+    "costs",
+    "Costs and limits",
+    null,
+    report.element(
+      "div",
+      { class: "pair" },
+      report.element(
+        "div",
+        {},
+        report.facts(
+          "Costs and planning",
+          [
+            ["cost of the mission (Eq. 15)", report.fixed(figures.cost_mission, 1)],
+            ["with re-planning time (Eq. 16)", report.fixed(figures.cost_total, 1)],
+            ...(cpu.path_s + cpu.mission_s > 0
+              ? [
+                  [
+                    "planning of paths",
+                    `${report.fixed(cpu.path_s, 2)} s, ${report.counted(figures.path_calls, "leg")}`,
+                  ],
+                  [
+                    "planning of orders",
+                    `${report.fixed(cpu.mission_s, 2)} s, of which re-plans ${report.fixed(cpu.mission_replans_s, 2)} s`,
+                  ],
+                  ["estimates of travel times", `${report.fixed(cpu.travel_times_s, 2)} s`],
+                ]
+              : []),
+            cpu.charged_s ? ["charged to the mission's clock", `${report.fixed(cpu.charged_s, 2)} s`] : null,
+            forecast
+              ? [
+                  "travel time, planned and simulated",
+                  `${report.fixed(forecast.planned_s)} s, ${report.fixed(forecast.sailed_s)} s`,
+                ]
+              : null,
+            forecast
+              ? ["forecast error of the current", `${report.fixed(forecast.current_difference, 2)} m/s (rms)`]
+              : null,
+          ].filter(Boolean),
+        ),
+      ),
+      report.element(
+        "div",
+        {},
+        report.table(
+          "Least distances on the whole way, m",
+          [
+            { title: "to", words: true, text: (row) => words[row.name] },
+            { title: "margin of plans", text: (row) => report.fixed(row.margin) },
+            {
+              title: "least",
+              text: (row) => (report.isNumber(row.least) ? report.fixed(row.least, 1) : "none near"),
+              class: (row) => (report.isNumber(row.least) && row.least < 0 ? "bad-cell" : ""),
+            },
+          ],
+          run.limits,
+        ),
+        report.element(
+          "p",
+          { class: "small quiet", style: "margin-top: .6rem" },
+          `${report.counted(figures.collisions, "collision")} on the track; ${broken ? `${report.counted(broken, "path plan")} of ${plans.length} kept not every limit, as the planner saw it` : "every path plan kept all limits, as the planner saw it"}. Margins are the planner's; the true sea may take some of them.`,
+        ),
+      ),
+    ),
+    plans.length
+      ? report.element(
+          "details",
+          {},
+          report.element("summary", {}, `Every path plan (${plans.length})`),
+          report.table(
+            "Path plans in the order of the legs",
+            [
+              { title: "leg", key: (plan) => plan.leg, text: (plan) => String(plan.leg + 1) },
+              {
+                title: "made after",
+                key: (plan) => plan.made,
+                text: (plan) => report.clock(since(plan.made)),
+              },
+              {
+                title: "cause",
+                words: true,
+                key: (plan) => plan.cause,
+                text: (plan) => CAUSES[plan.cause] || plan.cause,
+              },
+              { title: "travel time, s", key: (plan) => plan.time, text: (plan) => report.fixed(plan.time) },
+              {
+                title: "cost (Eq. 12), s",
+                key: (plan) => plan.cost,
+                text: (plan) => report.fixed(plan.cost, 1),
+              },
+              {
+                title: "violation",
+                key: (plan) => plan.violation,
+                text: (plan) => report.figure(plan.violation, 3),
+              },
+              {
+                title: "limits kept",
+                words: true,
+                key: (plan) => Number(plan.feasible),
+                text: (plan) => (plan.feasible ? "yes" : "no"),
+                class: (plan) => (plan.feasible ? "" : "bad-cell"),
+              },
+              cpu.path_s > 0 && {
+                title: "planning, s",
+                key: (plan) => plan.cpu,
+                text: (plan) => report.fixed(plan.cpu, 3),
+              },
+            ].filter(Boolean),
+            plans,
+            { id: "plans-table" },
+          ),
+        )
+      : null,
+  );
+
+  report.provenance(run.provenance);
+
+  state.map = report.map(stage, "Map of the mission", run.map, places, labels, (x, y) =>
+    state.map ? painted(x, y) : [],
+  );
+  state.map.repaint();
+  where.querySelector(".head").append(state.map.buttons());
+  show(run.begin);
+})();

@@ -1,0 +1,886 @@
+// The page of many missions: statistics, the paper's figures, and each mission by itself.
+
+(function () {
+  const study = report.data;
+  const seeds = study.seeds;
+  const cases = study.cases.map((one) => ({
+    ...one,
+    legs: {
+      mission: report.unpack(one.legs.mission),
+      expected: report.unpack(one.legs.expected),
+      sailed: report.unpack(one.legs.sailed),
+    },
+  }));
+  const swept = study.sweeps.map((sweep) => sweep.field);
+  const caseName = (one) => swept.map((field, k) => `${field} = ${one.setting[k]}`).join(", ");
+  const state = { case: 0, mission: null };
+  const now = () => cases[state.case];
+  const followers = [];
+
+  // --- figures of a mission ------------------------------------------------------------------------------
+
+  const MEASURES = [
+    ["t_mission", "mission time, s", 0],
+    ["t_residual", "time left, s", 0],
+    ["use", "use of the time, %", 1],
+    ["tasks", "tasks", 0],
+    ["total_priority", "total priority", 1],
+    ["gap", "gap to the bound, %", 1],
+    ["path_replans", "re-plans of paths", 0],
+    ["mission_replans", "re-plans of the order", 0],
+    ["cost_mission", "cost (Eq. 15)", 0],
+    ["cost_total", "total cost (Eq. 16)", 0],
+    ["collisions", "collisions", 0],
+    ["faults", "faults", 0],
+    ["coast_clearance", "to the coast, m", 0],
+    ["obstacle_clearance", "to an obstacle, m", 0],
+    ["seabed_altitude", "above the bed, m", 0],
+    ["length", "way, m", 0],
+    ["planning", "planning, s", 2],
+  ].filter(([name]) => cases.some((one) => (one.figures[name] || []).some((value) => value !== null)));
+  const DESCRIBED = [
+    ["use_of_time_percent", "use of the available time, %"],
+    ["t_residual_s", "time left at the end, s"],
+    ["tasks", "tasks done"],
+    ["total_priority", "total priority"],
+    ["priority_gap_percent", "gap to the bound on it, %"],
+    ["path_replans", "path re-plans a mission"],
+    ["mission_replans", "mission re-plans a mission"],
+    ["cost_mission", "cost of a mission (Eq. 15)"],
+    ["cost_total", "total cost with re-planning (Eq. 16)"],
+    ["t_expected_s", "expected time of a leg, s"],
+    ["t_path_s", "T_path of a leg, s"],
+    ["coast_clearance_m", "least distance to the coast, m"],
+    ["obstacle_clearance_m", "least distance to an obstacle, m"],
+    ["seabed_altitude_m", "least altitude above the bed, m"],
+    ["path_cpu_s", "path planning a mission, s"],
+    ["mission_cpu_s", "mission planning a mission, s"],
+    ["path_call_cpu_s", "time of a path planning call, s"],
+    ["mission_call_cpu_s", "time of a mission planning call, s"],
+  ];
+
+  // --- head ----------------------------------------------------------------------------------------------
+
+  const total = (name) => cases.reduce((sum, one) => sum + one.summary[name], 0);
+  const [missions, onTime] = [total("missions"), total("on_time")];
+  const rehearsal = study.rehearsal;
+  const first = cases[0].summary;
+  const mean = (name) => (cases.length === 1 && first.figures[name] ? first.figures[name].mean : null);
+  report.head({
+    title: study.name,
+    badge: `${report.fixed(onTime)} of ${report.counted(missions, "mission")} on time`,
+    good: onTime === missions,
+    line: [
+      rehearsal ? "rehearsal of a plan" : "study of simulated missions",
+      `seeds ${study.provenance.seeds}`,
+      study.description,
+    ]
+      .filter(Boolean)
+      .join(" · "),
+    tiles: [
+      [
+        "on time",
+        `${report.fixed((100 * onTime) / missions, 1)} %`,
+        cases.length === 1
+          ? `95 %: ${report.fixed(first.on_time_percent.low, 1)} to ${report.fixed(first.on_time_percent.high, 1)} %`
+          : `${report.counted(cases.length, "setting")}`,
+      ],
+      rehearsal
+        ? [
+            "all planned tasks done",
+            report.fixed(rehearsal.all_planned_tasks),
+            `on time, of ${report.counted(rehearsal.missions, "mission")}`,
+          ]
+        : null,
+      cases.length === 1
+        ? ["use of the time", `${report.fixed(mean("use_of_time_percent"), 1)} %`, "mean"]
+        : null,
+      cases.length === 1
+        ? ["total priority", report.figure(mean("total_priority")), "mean of a mission"]
+        : null,
+      cases.length === 1 ? ["tasks", report.fixed(mean("tasks"), 1), "mean of a mission"] : null,
+      cases.length === 1
+        ? [
+            "re-plans",
+            report.fixed(mean("path_replans") + mean("mission_replans"), 1),
+            "of paths and order, mean",
+          ]
+        : null,
+      ["collisions", report.fixed(total("collisions")), "found by the checker"],
+      ["faults", report.fixed(total("faults")), "found by the checker"],
+    ],
+  });
+
+  // --- choice of the setting -----------------------------------------------------------------------------
+
+  if (cases.length > 1) {
+    const list = report.element(
+      "select",
+      {
+        id: "case",
+        onchange: () => {
+          state.case = Number(list.value);
+          state.mission = null;
+          for (const follow of followers) follow();
+        },
+      },
+      cases.map((one, k) => report.element("option", { value: k }, caseName(one))),
+    );
+    sweepSection(list);
+  }
+
+  /** Mean of a figure, with its 95 % interval, over the values that a setting takes. */
+  function sweepSection(list) {
+    const names = DESCRIBED.filter(([name]) =>
+      cases.some((one) => one.summary.figures[name] && report.isNumber(one.summary.figures[name].mean)),
+    );
+    const choices = [["on_time", "missions on time, %"], ...names];
+    const host = report.element("div", { id: "sweep" });
+    const measure = report.element(
+      "select",
+      { id: "sweep-measure", onchange: () => figure.draw() },
+      choices.map(([name, words]) => report.element("option", { value: name }, words)),
+    );
+    report.section(
+      "settings",
+      "Settings compared",
+      "Means with 95 % intervals. The setting that is chosen here is shown in all that follows.",
+      report.element(
+        "div",
+        { class: "choices" },
+        report.element("label", {}, "Figure", measure),
+        report.element("label", {}, "Shown below", list),
+      ),
+      host,
+    );
+    const of = (one) => {
+      if (measure.value === "on_time")
+        return [
+          one.summary.on_time_percent.share,
+          one.summary.on_time_percent.low,
+          one.summary.on_time_percent.high,
+        ];
+      const found = one.summary.figures[measure.value] || {};
+      return [found.mean ?? null, found.low ?? null, found.high ?? null];
+    };
+    const figure = report.drawn(host, "Settings compared", (colours, width) => {
+      const inner = study.sweeps[0].values,
+        lines = new Map();
+      cases.forEach((one) => {
+        const name = swept
+          .slice(1)
+          .map((field, k) => `${field} = ${one.setting[k + 1]}`)
+          .join(", ");
+        if (!lines.has(name)) lines.set(name, []);
+        lines.get(name).push(one);
+      });
+      const numeric = inner.every(report.isNumber);
+      const hues = [
+        colours.plan,
+        colours.earlier,
+        colours.task,
+        colours.static,
+        colours.afloat,
+        colours.order,
+      ];
+      const marks = ["circle", "square", "diamond", "triangle-up", "cross", "x"];
+      return {
+        height: 340,
+        data: [...lines].map(([name, members], k) => {
+          const found = members.map(of);
+          return {
+            type: "scatter",
+            mode: "lines+markers",
+            name: report.literal(name),
+            x: members.map((one) => (numeric ? one.setting[0] : report.literal(one.setting[0]))),
+            y: found.map(([value]) => value),
+            error_y: {
+              type: "data",
+              symmetric: false,
+              array: found.map(([value, , high]) => (high ?? value) - value),
+              arrayminus: found.map(([value, low]) => value - (low ?? value)),
+              width: 5,
+              thickness: 1.4,
+            },
+            line: { color: hues[k % hues.length], width: 1.6 },
+            marker: { symbol: marks[k % marks.length], size: 9, color: hues[k % hues.length] },
+            hovertemplate: "%{y:,.4g}<extra>%{x}</extra>",
+          };
+        }),
+        layout: {
+          showlegend: lines.size > 1,
+          legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 },
+          margin: { l: 64, r: 14, t: lines.size > 1 ? 40 : 12, b: 46 },
+          xaxis: report.axis(
+            colours,
+            report.literal(swept[0]),
+            numeric ? { tickvals: inner } : { type: "category" },
+          ),
+          yaxis: report.axis(
+            colours,
+            width < 500 ? "" : choices.find(([name]) => name === measure.value)[1],
+            { automargin: true },
+          ),
+        },
+      };
+    });
+    measure.addEventListener("change", () => figure.draw());
+  }
+
+  // --- statistics ----------------------------------------------------------------------------------------
+
+  if (rehearsal) {
+    const plan = rehearsal.plan;
+    report.section(
+      "plan",
+      "The plan and what became of it",
+      `Planned: ${report.counted(plan.tasks, "task")} of total priority ${report.figure(plan.total_priority)} in ${report.hours(plan.time_s)}.`,
+      report.table(
+        `Tasks in ${report.counted(rehearsal.missions, "simulated mission")}`,
+        [
+          { title: "task", words: true, class: "long", key: (job) => job.name, text: (job) => job.name },
+          {
+            title: "planned",
+            words: true,
+            key: (job) => Number(job.planned),
+            text: (job) => (job.planned ? "yes" : "no"),
+          },
+          { title: "done in", key: (job) => job.done, text: (job) => report.fixed(job.done) },
+          {
+            title: "share, %",
+            key: (job) => job.done,
+            text: (job) => report.fixed((100 * job.done) / rehearsal.missions, 1),
+          },
+        ],
+        rehearsal.jobs,
+        { id: "jobs-table" },
+      ),
+    );
+  }
+
+  const statistics = report.element("div");
+  report.section("statistics", "Statistics", null, statistics);
+  follow(() => {
+    const { summary } = now();
+    const rows = DESCRIBED.map(([name, words]) => [words, summary.figures[name]]).filter(
+      ([, found]) => found && report.isNumber(found.mean),
+    );
+    const legs = summary.expected_against_sailed;
+    const cell = (name) => ({
+      title: { low: "from", high: "to", q05: "5 %", q95: "95 %" }[name] || name,
+      text: ([, found]) => report.figure(found[name]),
+    });
+    const words = [
+      legs.correlation !== null &&
+        `Correlation of sailed with expected times of legs ${report.fixed(legs.correlation, 4)} over ${report.counted(legs.legs, "leg")}; median relative error ${report.figure(legs.median_relative_error_percent, 3)} % (95 %: ${report.figure(legs.low, 3)} to ${report.figure(legs.high, 3)} %).`,
+      summary.failed_seeds.length &&
+        `Failed: ${summary.failed_seeds
+          .map((seed, k) => `seed ${seed} (${summary.failures[k]})`)
+          .slice(0, 20)
+          .join("; ")}${summary.failed_seeds.length > 20 ? "; …" : ""}.`,
+    ].filter(Boolean);
+    statistics.replaceChildren(
+      report.table(
+        `${cases.length > 1 ? `${caseName(now())}: ` : ""}${report.fixed(summary.on_time)} of ${report.counted(summary.missions, "mission")} on time; means with 95 % intervals, and quantiles`,
+        [
+          { title: "figure", words: true, class: "long", text: ([name]) => name },
+          cell("mean"),
+          cell("low"),
+          cell("high"),
+          cell("q05"),
+          cell("median"),
+          cell("q95"),
+        ],
+        rows,
+        { id: "statistics-table" },
+      ),
+      ...words.map((text) => report.element("p", { class: "small quiet", style: "margin-top: .6rem" }, text)),
+    );
+  });
+
+  /** Call now, and whenever another setting is chosen. */
+  function follow(action) {
+    followers.push(action);
+    action();
+  }
+  function figure(id, title, note, draw, after) {
+    const host = report.element("div", { id });
+    report.section(`${id}-section`, title, note, host);
+    const made = report.drawn(host, title, draw, after);
+    followers.push(() => made.draw());
+  }
+  const clicks = (host, begun) => {
+    if (begun)
+      host.on("plotly_click", ({ points }) => {
+        const number = points[0].customdata;
+        if (Number.isInteger(number)) choose(number, true);
+      });
+  };
+
+  // --- the paper's figures -------------------------------------------------------------------------------
+
+  const numbers = () => seeds.map((_, k) => k);
+  const size = () => Math.min(Math.max(420 / seeds.length, 3.5), 8);
+  const seedAxis = (colours, more) => {
+    const every = Math.max(1, Math.ceil(seeds.length / 20));
+    const shown = numbers().filter((k) => k % every === 0);
+    return report.axis(colours, "seed of the mission", {
+      tickvals: shown,
+      ticktext: shown.map((k) => String(seeds[k])),
+      range: [-0.8, seeds.length - 0.2],
+      showgrid: false,
+      ...more,
+    });
+  };
+
+  figure(
+    "time-use",
+    "Time of each mission (Fig. 12)",
+    "Above the time that a mission took, and the time available; below what was left. A click shows the mission.",
+    (colours) => {
+      const one = now(),
+        { figures, success } = one;
+      const group = (wanted, name, colour, symbol) => {
+        const chosen = numbers().filter((k) => success[k] === wanted);
+        return {
+          type: "scatter",
+          mode: "markers",
+          name,
+          x: chosen,
+          y: chosen.map((k) => figures.t_mission[k]),
+          customdata: chosen,
+          marker: { color: colour, size: size(), symbol },
+          text: chosen.map((k) => `seed ${seeds[k]}`),
+          hovertemplate: "%{text}<br>%{y:,.0f} s<extra></extra>",
+        };
+      };
+      return {
+        height: 440,
+        data: [
+          {
+            type: "scatter",
+            mode: "lines",
+            name: "time available",
+            x: numbers(),
+            y: figures.t_available,
+            line: { color: colours.bad, width: 2, shape: "hvh" },
+            hoverinfo: "skip",
+          },
+          group(true, "on time", colours.plan, "circle"),
+          group(false, "failed", colours.earlier, "x"),
+          {
+            type: "bar",
+            yaxis: "y2",
+            name: "time left",
+            showlegend: false,
+            x: numbers(),
+            y: figures.t_residual,
+            customdata: numbers(),
+            marker: { color: numbers().map((k) => (success[k] ? colours.plan : colours.earlier)) },
+            text: numbers().map((k) => `seed ${seeds[k]}`),
+            textposition: "none",
+            hovertemplate: "%{text}<br>%{y:,.0f} s left<extra></extra>",
+          },
+        ],
+        layout: {
+          showlegend: true,
+          legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 },
+          margin: { l: 66, r: 14, t: 34, b: 46 },
+          bargap: 0.25,
+          xaxis: seedAxis(colours, { anchor: "y2" }),
+          yaxis: report.axis(colours, "mission time [s]", { domain: [0.46, 1], automargin: false }),
+          yaxis2: report.axis(colours, "time left [s]", {
+            domain: [0, 0.38],
+            automargin: false,
+            zeroline: true,
+            zerolinecolor: colours.line,
+          }),
+        },
+      };
+    },
+    clicks,
+  );
+
+  const BOXES = 25;
+  figure(
+    "expected-times",
+    "Expected and sailed times of legs (Fig. 13)",
+    `Travel times without tasks: boxes of the legs of ${seeds.length > BOXES ? `the first ${BOXES} missions` : "each mission"}, and every leg of all missions.`,
+    (colours, width) => {
+      const { mission, expected, sailed } = now().legs;
+      const wide = width > 760;
+      const few = Array.from(mission.keys()).filter((k) => mission[k] < BOXES);
+      const box = (values, name, colour, offset) => ({
+        type: "box",
+        name,
+        x: few.map((k) => mission[k]),
+        y: few.map((k) => values[k]),
+        offsetgroup: offset,
+        marker: { color: colour, size: 3 },
+        line: { width: 1.2 },
+        fillcolor: report.mix(colour, 0.35),
+        hoverinfo: "y",
+      });
+      const all = Array.from(mission.keys());
+      const least = Math.min(...expected, ...sailed),
+        most = Math.max(...expected, ...sailed);
+      const last = Math.min(seeds.length, BOXES) - 1;
+      const shown = numbers().filter((k) => k <= last);
+      return {
+        height: wide ? 430 : 760,
+        data: [
+          box(expected, "expected", colours.plan, "a"),
+          box(sailed, "sailed", colours.afloat, "b"),
+          {
+            type: "scatter",
+            mode: "lines",
+            xaxis: "x2",
+            yaxis: "y2",
+            x: [least, most],
+            y: [least, most],
+            line: { color: colours.quiet, dash: "dash", width: 1.2 },
+            hoverinfo: "skip",
+            showlegend: false,
+          },
+          {
+            type: "scatter",
+            mode: "markers",
+            xaxis: "x2",
+            yaxis: "y2",
+            showlegend: false,
+            x: Array.from(expected),
+            y: Array.from(sailed),
+            customdata: all.map((k) => mission[k]),
+            marker: {
+              color: colours.plan,
+              size: 5,
+              opacity: Math.min(0.8, Math.max(0.2, 6 / Math.max(all.length, 1) ** 0.45)),
+            },
+            text: all.map((k) => `seed ${seeds[mission[k]]}`),
+            hovertemplate: "%{text}<br>expected %{x:,.0f} s, sailed %{y:,.0f} s<extra></extra>",
+          },
+        ],
+        layout: {
+          boxmode: "group",
+          showlegend: true,
+          legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 },
+          margin: { l: 62, r: 14, t: 34, b: 46 },
+          xaxis: report.axis(colours, "seed of the mission", {
+            domain: wide ? [0, 0.6] : [0, 1],
+            tickvals: shown,
+            ticktext: shown.map((k) => String(seeds[k])),
+            range: [-0.7, last + 0.7],
+            showgrid: false,
+          }),
+          yaxis: report.axis(colours, "travel time of a leg [s]", {
+            domain: wide ? [0, 1] : [0.58, 1],
+            automargin: false,
+          }),
+          xaxis2: report.axis(colours, "expected [s]", { domain: wide ? [0.7, 1] : [0, 1], anchor: "y2" }),
+          yaxis2: report.axis(colours, "sailed [s]", {
+            domain: wide ? [0, 1] : [0, 0.44],
+            anchor: "x2",
+            automargin: false,
+          }),
+        },
+      };
+    },
+    clicks,
+  );
+
+  figure(
+    "planning-time",
+    "Time of planning (Fig. 14)",
+    "Wall-clock seconds on a logarithmic scale: all planning of a mission, and its single path planning calls, median with 5 to 95 %.",
+    (colours) => {
+      const one = now(),
+        part = (k) => one.calls.map((row) => row[k]);
+      const [low, middle, high] = [0, 1, 2].map(part);
+      const marks = (name, y, colour, symbol, more) => ({
+        type: "scatter",
+        mode: "markers",
+        name,
+        x: numbers(),
+        y,
+        customdata: numbers(),
+        marker: { color: colour, size: size(), symbol },
+        text: numbers().map((k) => `seed ${seeds[k]}`),
+        hovertemplate: "%{text}<br>%{y:.3g} s<extra></extra>",
+        ...more,
+      });
+      return {
+        height: 360,
+        data: [
+          marks(
+            "all planning of the mission",
+            one.figures.planning.map((value) => value || null),
+            colours.earlier,
+            "square",
+          ),
+          marks("a path planning call, median", middle, colours.plan, "circle", {
+            error_y: {
+              type: "data",
+              symmetric: false,
+              array: middle.map((value, k) => high[k] - value),
+              arrayminus: middle.map((value, k) => value - low[k]),
+              color: colours.moving,
+              thickness: 1.4,
+              width: 0,
+            },
+          }),
+        ],
+        layout: {
+          showlegend: true,
+          legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 },
+          margin: { l: 62, r: 14, t: 34, b: 46 },
+          xaxis: seedAxis(colours),
+          yaxis: report.logAxis(colours, "time of planning [s]", [...one.figures.planning, ...low, ...high], {
+            automargin: false,
+          }),
+        },
+      };
+    },
+    clicks,
+  );
+
+  // --- missions ------------------------------------------------------------------------------------------
+
+  const scatter = report.element("div", { id: "scatter" });
+  const pick = (id, chosen) =>
+    report.element(
+      "select",
+      { id, onchange: () => cloud.draw() },
+      MEASURES.map(([name, words]) =>
+        report.element("option", { value: name, selected: name === chosen }, words),
+      ),
+    );
+  const [across, up] = [pick("across", "t_residual"), pick("up", "total_priority")];
+  const table = report.element("div");
+  report.section(
+    "missions",
+    "Missions",
+    "A click on a point or a seed shows the mission below.",
+    report.element(
+      "div",
+      { class: "choices" },
+      report.element("label", {}, "Across", across),
+      report.element("label", {}, "Up", up),
+    ),
+    scatter,
+    table,
+  );
+  const cloud = report.drawn(
+    scatter,
+    "Missions, one figure against another",
+    (colours) => {
+      const one = now();
+      const words = (list) => MEASURES.find(([name]) => name === list.value)[1];
+      const group = (wanted, name, colour, symbol) => {
+        const chosen = numbers().filter((k) => one.success[k] === wanted);
+        return {
+          type: "scatter",
+          mode: "markers",
+          name,
+          x: chosen.map((k) => one.figures[across.value][k]),
+          y: chosen.map((k) => one.figures[up.value][k]),
+          customdata: chosen,
+          text: chosen.map((k) => `seed ${seeds[k]}`),
+          marker: {
+            size: chosen.map((k) => (k === state.mission ? 15 : 8)),
+            color: colour,
+            symbol,
+            line: { color: colours.text, width: chosen.map((k) => (k === state.mission ? 2 : 0)) },
+          },
+          hovertemplate: "%{text}<br>%{x:,.4g}, %{y:,.4g}<extra></extra>",
+        };
+      };
+      return {
+        height: 360,
+        data: [group(true, "on time", colours.plan, "circle"), group(false, "failed", colours.earlier, "x")],
+        layout: {
+          showlegend: true,
+          legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 },
+          margin: { l: 62, r: 14, t: 34, b: 46 },
+          xaxis: report.axis(colours, words(across)),
+          yaxis: report.axis(colours, words(up), { automargin: true }),
+        },
+      };
+    },
+    clicks,
+  );
+  follow(() => {
+    const one = now();
+    table.replaceChildren(
+      report.table(
+        `${report.counted(seeds.length, "mission")}${cases.length > 1 ? `, ${caseName(one)}` : ""}`,
+        [
+          {
+            title: "seed",
+            key: (k) => seeds[k],
+            text: (k) =>
+              report.element(
+                "button",
+                {
+                  type: "button",
+                  class: "link",
+                  "data-seed": seeds[k],
+                  "aria-label": `Show the mission of seed ${seeds[k]}`,
+                  onclick: () => choose(k, true),
+                },
+                String(seeds[k]),
+              ),
+          },
+          {
+            title: "outcome",
+            words: true,
+            key: (k) => Number(one.success[k]),
+            text: (k) => (one.success[k] ? "on time" : "failed"),
+            class: (k) => (one.success[k] ? "good-cell" : "bad-cell"),
+          },
+          ...MEASURES.map(([name, words, decimals]) => ({
+            title: words,
+            key: (k) => one.figures[name][k],
+            text: (k) => report.fixed(one.figures[name][k], decimals),
+          })),
+        ],
+        numbers(),
+        { id: "missions-table" },
+      ),
+    );
+    if (cloud.made) cloud.draw();
+  });
+
+  // --- one mission ---------------------------------------------------------------------------------------
+
+  const detail = report.element("div", { id: "mission", tabindex: "-1" });
+  const part = report.section("mission-section", "One mission", null, detail);
+  let route = null;
+
+  function choose(number, scroll) {
+    state.mission = number;
+    const one = now(),
+      seed = seeds[number];
+    for (const row of table.querySelectorAll("tbody tr"))
+      row.classList.toggle("chosen", Number(row.dataset.row) === number);
+    cloud.draw();
+    const told = one.missions[number];
+    const facts = [
+      ["outcome", one.reason[number]],
+      ...MEASURES.map(([name, words, decimals]) => [
+        words,
+        report.fixed(one.figures[name][number], decimals),
+      ]),
+    ];
+    const title = report.element(
+      "h3",
+      { id: "mission-title" },
+      `Seed ${seed}${cases.length > 1 ? `, ${caseName(one)}` : ""}`,
+    );
+    const columns = report.element(
+      "div",
+      { class: "pair" },
+      report.element("div", {}, report.facts("Figures", facts)),
+      report.element("div", {}, ways(one, number, seed)),
+    );
+    detail.replaceChildren(title, columns);
+    if (told) {
+      const host = report.element("div", { class: "map", id: "route" });
+      const orders = told.orders.map((order, k) => [order, k]);
+      const list = report.element(
+        "select",
+        { id: "order", onchange: () => route.figure.draw() },
+        report.element("option", { value: "-1" }, "way sailed"),
+        orders.map(([[cause, made], k]) =>
+          report.element(
+            "option",
+            { value: k },
+            k ? `order R${k} at ${report.fixed(made)} s, ${cause}` : "first order",
+          ),
+        ),
+      );
+      const legs = report.table(
+        report.counted(told.legs.length, "leg"),
+        [
+          { title: "leg", key: (leg) => told.legs.indexOf(leg), text: (_, k) => String(k + 1) },
+          { title: "from → to", words: true, text: ([from, to]) => `${from} → ${to}` },
+          { title: "expected, s", key: (leg) => leg[2], text: (leg) => report.fixed(leg[2]) },
+          { title: "sailed, s", key: (leg) => leg[3], text: (leg) => report.fixed(leg[3]) },
+          { title: "task, s", key: (leg) => leg[4], text: (leg) => report.fixed(leg[4]) },
+          {
+            title: "priority",
+            key: (leg) => leg[5],
+            text: (leg) => (leg[5] ? report.figure(leg[5], 3) : "–"),
+          },
+          { title: "re-plans", key: (leg) => leg[6], text: (leg) => report.fixed(leg[6]) },
+          {
+            title: "reached",
+            words: true,
+            key: (leg) => leg[7],
+            text: (leg) => (leg[7] === 1 ? "yes" : "no"),
+            class: (leg) => (leg[7] === 1 ? "" : "bad-cell"),
+          },
+        ],
+        told.legs,
+        { id: "mission-legs" },
+      );
+      const made = report.table(
+        "Orders of tasks",
+        [
+          { title: "order", words: true, text: (_, k) => (k ? `R${k}` : "first") },
+          { title: "cause", words: true, text: ([cause]) => cause },
+          { title: "made at, s", text: (order) => report.fixed(order[1]) },
+          { title: "expected, s", text: (order) => report.fixed(order[2]) },
+          { title: "priority", text: (order) => report.figure(order[3], 3) },
+          { title: "waypoints", words: true, class: "long", text: (order) => order[4].join(" → ") },
+        ],
+        told.orders,
+        { id: "mission-orders" },
+      );
+      detail.append(
+        report.element(
+          "div",
+          { class: "pair", style: "margin-top: 1.1rem" },
+          report.element(
+            "div",
+            {},
+            report.element("div", { class: "choices" }, report.element("label", {}, "Shown", list)),
+            host,
+            report.element(
+              "p",
+              { class: "quiet small" },
+              "Straight lines between waypoints: a study keeps no tracks.",
+            ),
+          ),
+          report.element("div", {}, legs),
+        ),
+        made,
+      );
+      route = study.map && routeMap(host, list, told);
+    }
+    if (scroll) {
+      part.scrollIntoView({ behavior: "smooth", block: "start" });
+      detail.focus({ preventScroll: true });
+    }
+  }
+
+  /** How to come by the whole of a mission. */
+  function ways(one, number, seed) {
+    const name = `${String(state.case).padStart(4, "0")}-${String(seed).padStart(8, "0")}`;
+    const quoted = (text) => (/^[\w.,=+-]*$/.test(text) ? text : `'${text.replace(/'/g, "'\\''")}'`);
+    const settings = [
+      ...study.changes,
+      ...swept.map((field, k) => `${field}=${JSON.stringify(one.setting[k])}`),
+    ].map((text) => `--set ${quoted(text)}`);
+    const again = [
+      "auvplan mission",
+      study.scenario || "SCENARIO.yaml",
+      `--seed ${seed}`,
+      ...settings,
+      `--out out/seed-${seed}`,
+    ].join(" ");
+    return [
+      report.element("h3", {}, "The whole mission"),
+      study.runs.includes(name)
+        ? [
+            report.element(
+              "p",
+              {},
+              "It is saved in this folder. Its page, with map and track, is written by",
+            ),
+            report.element("pre", { class: "code" }, `auvplan report runs/${name}`),
+          ]
+        : null,
+      report.element(
+        "p",
+        {},
+        `${study.runs.includes(name) ? "Or sail" : "Sail"} it again, with its track, its pictures and its page${study.scenario ? "" : " (SCENARIO.yaml is the study's scenario)"}:`,
+      ),
+      report.element(
+        "pre",
+        { class: "code", id: "again" },
+        again
+          .split(" ")
+          .map((word, k) => [k ? " " : null, report.element("span", { style: "white-space: nowrap" }, word)]),
+      ),
+    ];
+  }
+
+  function routeMap(host, list, told) {
+    const places = report.unpack(told.waypoints);
+    const place = (node) => [places[3 * node], places[3 * node + 1]];
+    const count = places.length / 3;
+    const way = [
+      told.legs.length ? told.legs[0][0] : 0,
+      ...told.legs.filter((leg) => leg[7] === 1).map((leg) => leg[1]),
+    ];
+    const labels = Array.from({ length: count }, (_, node) => ({
+      text: String(node),
+      north: place(node)[0],
+      east: place(node)[1],
+      rank: way.includes(node) ? 1 : 2,
+      colour: way.includes(node) ? "text" : "quiet",
+    }));
+    return report.map(
+      host,
+      "Route of the mission",
+      study.map,
+      (colours, { unit }) => {
+        const order = Number(list.value);
+        const nodes = order < 0 ? way : told.orders[order][4];
+        const until = order < 0 ? [] : way.slice(0, Math.max(way.lastIndexOf(nodes[0]) + 1, 0));
+        const line = (chosen, name, colour, width) => ({
+          type: "scatter",
+          mode: "lines+markers",
+          name,
+          hoverinfo: "skip",
+          x: chosen.map((node) => place(node)[1] / unit),
+          y: chosen.map((node) => place(node)[0] / unit),
+          line: { color: colour, width },
+          marker: { symbol: "arrow", angleref: "previous", size: 11, color: colour },
+        });
+        const every = Array.from({ length: count }, (_, node) => node);
+        return [
+          {
+            type: "scatter",
+            mode: "markers",
+            name: "waypoints",
+            hoverinfo: "skip",
+            x: every.map((node) => place(node)[1] / unit),
+            y: every.map((node) => place(node)[0] / unit),
+            marker: {
+              symbol: "circle",
+              size: 6,
+              color: colours.card,
+              line: { color: colours.quiet, width: 1.3 },
+            },
+          },
+          line(until, "sailed before", colours.left, 2),
+          line(nodes, order < 0 ? "sailed" : "order", order < 0 ? colours.track : colours.plan, 2),
+          ...[
+            [nodes[0], colours.start, "circle"],
+            [nodes[nodes.length - 1], colours.task, "star"],
+          ].map(([node, colour, symbol]) => ({
+            type: "scatter",
+            mode: "markers",
+            hoverinfo: "skip",
+            x: [place(node)[1] / unit],
+            y: [place(node)[0] / unit],
+            marker: {
+              symbol,
+              size: symbol === "star" ? 15 : 11,
+              color: colour,
+              line: { color: "#000000", width: 1 },
+            },
+          })),
+        ];
+      },
+      labels,
+    );
+  }
+
+  /** The mission that is shown at first: the first that failed, or the first of all. */
+  follow(() => choose(Math.max(now().success.indexOf(false), 0), false));
+  report.choose = choose;
+
+  report.provenance(study.provenance);
+})();

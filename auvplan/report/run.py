@@ -1,0 +1,267 @@
+"""The page of one mission, one plan or one leg: what its scripts show."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvplan.export.sheet import sheet_of, waypoint_name
+from auvplan.records import LegRecord, MissionRun, PlanRecord
+from auvplan.report.obstacles import FAR, obstacle_data, sensing_data, to_obstacles
+from auvplan.report.packing import packed
+from auvplan.report.provenance import changed_settings
+from auvplan.report.tasks import task_data
+from auvplan.report.waters import current_data, frame, map_data
+from auvplan.schedule import Bar, lateness, planned_bars, sailed_bars
+
+Array = NDArray[np.floating]
+
+#: Records of the track in a page at most; of longer ones some are left out.
+_RECORDS = 20_000
+#: Of the records of a leg every so many hold where the obstacles were.
+_EVERY = 5
+#: Figures of the summary that the page's head and its costs show.
+_FIGURES = (
+    *("t_available", "t_mission", "t_residual", "tasks", "total_priority", "priority_bound", "revisits"),
+    *("path_calls", "path_replans", "mission_replans", "cost_mission", "cost_total", "collisions"),
+    *("cpu", "forecast"),
+)
+
+
+def run_data(run: MissionRun, summary: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what the page of a run shows.
+
+    Args:
+        run: as sailed, or a plan; one that failed on the way is fine.
+        summary: of the run, as it is saved; its "sheet" is made anew if absent.
+    """
+    told = summary.get("sheet") or sheet_of(run).plain()
+    way = _Way.of(run)
+    legs = _legs(run, way)
+    planned = [_places(plan) for leg in run.legs for plan in leg.plans]
+    points = np.concatenate([np.asarray(run.graph.positions, float), way.places, *planned])
+    low, high = frame(points, run.chart)
+    begin = (
+        float(way.times[0]) if len(way.times) else min((order.made_at for order in run.orders), default=0.0)
+    )
+    return {
+        "kind": "leg" if len(run.graph.positions) == 2 else "mission" if run.simulated else "plan",
+        "name": str(run.scenario.get("name") or "mission"),
+        "description": str(run.scenario.get("description") or ""),
+        "simulated": run.simulated,
+        "success": run.success,
+        "reason": run.reason,
+        "seed": run.seed,
+        "begin": begin,
+        "end": max([begin, run.t_mission, *way.times[-1:]]),
+        "available": run.t_available,
+        "epoch": None if run.site is None else run.site.epoch,
+        "figures": {name: summary[name] for name in _FIGURES},
+        "facts": dict(told.get("facts", {})),
+        "warnings": list(told.get("warnings", [])),
+        "map": map_data(low, high, run.chart, run.seabed, run.site),
+        "current": current_data(run, low, high, way.times, way.places[:, 2]),
+        "waypoints": _waypoints(run),
+        "start": run.start,
+        "goal": run.goal,
+        "track": _track(way),
+        "legs": legs,
+        "plans": _plans(run),
+        "known": [asdict(obstacle) for obstacle in run.obstacles],
+        "sensing": sensing_data(run),
+        "orders": _orders(run),
+        "tasks": task_data(run, told),
+        "limits": _limits(run, way),
+        "provenance": _provenance(run, summary, told),
+    }
+
+
+@dataclass(frozen=True)
+class _Way:
+    """The legs as sailed, or as planned, in a row: n records.
+
+    Attributes:
+        times: [n] s.
+        places: [n, 3] m.
+        coast: [n] m to the coast, or None without one.
+        bed: [n] m above the sea bed, or None without one.
+        obstacle: [n] m to the nearest obstacle; infinite without one.
+        parts: the records of each leg.
+    """
+
+    times: Array
+    places: Array
+    coast: Array | None
+    bed: Array | None
+    obstacle: Array
+    parts: list[slice]
+
+    @classmethod
+    def of(cls, run: MissionRun) -> "_Way":
+        times = np.concatenate([np.zeros(0), *(leg.times for leg in run.legs)])
+        places = np.concatenate([np.zeros((0, 3)), *(np.reshape(leg.positions, (-1, 3)) for leg in run.legs)])
+        near = np.concatenate([np.zeros(0), *(to_obstacles(run, leg) for leg in run.legs)])
+        coast = bed = None
+        if run.chart is not None and len(times):
+            coast = np.asarray(run.chart.distance(places[:, 0], places[:, 1]), float)
+            coast = coast if coast.min() < FAR else None
+        if run.seabed is not None and len(times):
+            bed = run.seabed.altitude(places)
+        ends = np.cumsum([0, *(len(leg.times) for leg in run.legs)])
+        return cls(times, places, coast, bed, near, [slice(*pair) for pair in pairwise(ends.tolist())])
+
+    def least(self, name: str, part: slice) -> float | None:
+        """Return the least distance of a leg; None of what is nowhere near."""
+        values = getattr(self, name)
+        least = np.inf if values is None else float(values[part].min(initial=np.inf))
+        return least if least < FAR else None
+
+    @property
+    def stride(self) -> int:
+        """Of how many records one is told."""
+        return max(1, -(-len(self.times) // _RECORDS))
+
+
+def _kept(count: int, stride: int) -> NDArray[np.int_]:
+    """Indices of every so many records, and of the last."""
+    return np.unique(np.append(np.arange(0, count, stride), count - 1)) if count else np.zeros(0, int)
+
+
+def _track(way: _Way) -> dict[str, Any]:
+    """The way with what lies beside it and below."""
+    kept = [part.start + _kept(part.stop - part.start, way.stride) for part in way.parts]
+    rows = np.concatenate([np.zeros(0, int), *kept])
+    north, east, depth = way.places[rows].T
+    found = {"time": way.times[rows], "north": north, "east": east, "depth": depth}
+    for name in ("coast", "bed", "obstacle"):
+        values = getattr(way, name)
+        if values is not None and len(rows) and np.isfinite(values).any():
+            found[name] = np.round(np.where(values < FAR, values, np.nan)[rows], 1)
+    return {name: packed(values) for name, values in found.items()}
+
+
+def _waypoints(run: MissionRun) -> list[dict[str, Any]]:
+    """Waypoints with what was done there."""
+    done = {leg.goal for leg in run.earning}
+    visited = set(run.route)
+    return [
+        {
+            "name": waypoint_name(run, node) if run.names else str(node),
+            "place": np.round(place, 2),
+            "state": "task" if node in done else "visited" if node in visited else "left",
+        }
+        for node, place in enumerate(np.asarray(run.graph.positions, float))
+    ]
+
+
+def _legs(run: MissionRun, way: _Way) -> list[dict[str, Any]]:
+    """A row of the table each, with the true obstacles of the leg."""
+    return [_leg(run, leg, way, part) for leg, part in zip(run.legs, way.parts, strict=True)]
+
+
+def _leg(run: MissionRun, leg: LegRecord, way: _Way, part: slice) -> dict[str, Any]:
+    causes = [plan.cause for plan in leg.plans if plan.cause != "leg"]
+    sailed = len(leg.times) > 0
+    return {
+        "from": leg.start,
+        "to": leg.goal,
+        "priority": leg.priority,
+        "revisit": leg.revisit,
+        "arrived": leg.arrived,
+        "begin": leg.times[0] if sailed else None,
+        "end": leg.times[-1] if sailed else None,
+        "expected": leg.t_expected - leg.t_task,
+        "planned": leg.t_planned,
+        "sailed": leg.t_path if sailed else None,
+        "task": leg.t_task,
+        "replans": {cause: causes.count(cause) for cause in dict.fromkeys(causes)},
+        "length": float(np.linalg.norm(np.diff(way.places[part], axis=0), axis=1).sum()),
+        **{name: way.least(name, part) for name in ("coast", "obstacle", "bed")},
+        "followed": _followed(leg),
+        "obstacles": obstacle_data(run, leg, _kept(len(leg.times), _EVERY * way.stride)),
+    }
+
+
+def _followed(leg: LegRecord) -> list[int]:
+    """Numbers of the plans that were followed: that of the beginning, and the last of each re-plan."""
+    if not leg.plans:
+        return []
+    later = {
+        plan.made_at: number
+        for number, plan in enumerate(leg.plans)
+        if number > leg.followed and plan.cause != "leg"
+    }
+    return [leg.followed, *later.values()]
+
+
+def _plans(run: MissionRun) -> list[dict[str, Any]]:
+    """Every path plan, in the order of the legs."""
+    return [_plan(number, leg, plan) for number, leg in enumerate(run.legs) for plan in leg.plans]
+
+
+def _places(plan: PlanRecord) -> Array:
+    """Places [S, 3] m of a plan, as single precision has them: that is how files keep them."""
+    return np.asarray(plan.positions, np.float32).astype(float)
+
+
+def _plan(number: int, leg: LegRecord, plan: PlanRecord) -> dict[str, Any]:
+    broken = np.asarray(plan.history.get("violation_best", ()), np.float32)
+    return {
+        "leg": number,
+        "made": plan.made_at,
+        "cause": plan.cause,
+        "cost": plan.cost,
+        "time": float(plan.times[-1] - plan.times[0]),
+        "feasible": plan.feasible,
+        "violation": float(broken[-1]) if len(broken) else None,
+        "cpu": plan.cpu,
+        "places": packed(np.round(_places(plan), 2)),
+        "times": packed(plan.times),
+    }
+
+
+def _orders(run: MissionRun) -> list[dict[str, Any]]:
+    """Rows of the time line: every order as planned, and the mission as sailed."""
+    rows = [
+        {
+            "cause": order.cause,
+            "why": lateness(run, order) if order.cause == "late" else "",
+            "made": order.made_at,
+            "priority": order.priority,
+            "time": order.time,
+            "cpu": order.cpu,
+            "nodes": order.nodes,
+            "bars": [_bar(bar) for bar in planned_bars(run, order)],
+        }
+        for order in (run.orders if run.simulated else [])
+    ]
+    done = {"cause": "done", "priority": run.total_priority, "time": run.t_mission, "nodes": run.route}
+    return [*rows, done | {"bars": [_bar(bar) for bar in sailed_bars(run)]}]
+
+
+def _bar(bar: Bar) -> list[float]:
+    return [bar.start, bar.goal, bar.begin, bar.travel, bar.task, bar.priority]
+
+
+def _limits(run: MissionRun, way: _Way) -> list[dict[str, Any]]:
+    """Margins of the plans, and the least distances on the whole way."""
+    safety = run.safety
+    margins = {"coast": safety.coast, "obstacle": safety.obstacles, "bed": safety.seabed}
+    return [
+        {"name": name, "margin": margin, "least": way.least(name, slice(None))}
+        for name, margin in margins.items()
+    ]
+
+
+def _provenance(run: MissionRun, summary: Mapping[str, Any], told: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what the run was made from."""
+    return {
+        "files": list(told.get("files", [])),
+        "assumed": list(told.get("assumed", [])),
+        "seed": run.seed,
+        "versions": {"auvplan": summary.get("version", "")},
+        "settings": changed_settings(run.scenario),
+    }

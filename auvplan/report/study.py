@@ -1,0 +1,159 @@
+"""The page of a study of many missions, or of a rehearsal: what its scripts show."""
+
+import json
+from collections.abc import Sequence
+from itertools import product
+from pathlib import PurePath
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from auvplan.report.packing import packed
+from auvplan.report.provenance import changed_settings
+from auvplan.report.waters import frame, map_data
+from auvplan.scenario.file import shipped_scenarios
+from auvplan.scenario.provenance import file_names
+from auvplan.study.statistics import leg_times, priority_gap, summarise, sweep_dims, use_of_time
+from auvplan.study.table import study_chart
+
+#: Missions whose legs and orders a page holds at most; of all others it holds the figures.
+_DETAILED = 1000
+#: Figures of a mission by the names of their variables.
+_FIGURES = (
+    *("t_available", "t_mission", "t_residual", "tasks", "total_priority", "priority_bound", "revisits"),
+    *("path_replans", "mission_replans", "cost_mission", "cost_total", "collisions", "faults"),
+    *("coast_clearance", "obstacle_clearance", "seabed_altitude", "length"),
+    *("path_cpu", "mission_cpu", "mission_replan_cpu", "travel_time_cpu"),
+)
+
+
+def study_data(
+    dataset: xr.Dataset, rehearsal: dict[str, Any] | None = None, runs: Sequence[str] = ()
+) -> dict[str, Any]:
+    """Return what the page of a study shows.
+
+    Args:
+        dataset: of many missions, with or without leading dimensions of settings.
+        rehearsal: figures of the plan that the missions rehearse, or None.
+        runs: names of the folders of missions that were saved whole.
+    """
+    dataset = dataset.sortby("seed")
+    dims, settings = sweep_dims(dataset), json.loads(dataset.attrs.get("scenario", "{}"))
+    sweeps = [
+        {"field": str(dataset[dim].attrs.get("field", dim)), "values": dataset[dim].values} for dim in dims
+    ]
+    indices = list(product(*(range(dataset.sizes[dim]) for dim in dims)))
+    cases = [dataset.isel(dict(zip(dims, index, strict=True))) for index in indices]
+    summary = summarise(dataset)
+    room = max(_DETAILED // len(cases), 1)
+    name, changes = _command(settings)
+    waypoints = dataset["waypoint_position"].values.reshape(-1, 3)
+    known = waypoints[np.isfinite(waypoints).all(axis=1)]
+    chart = study_chart(dataset)
+    ground = map_data(*frame(known, chart), chart, None, None) if len(known) else None
+    return {
+        "kind": "rehearsal" if rehearsal else "study",
+        "name": str(settings.get("name") or "study"),
+        "description": str(settings.get("description") or ""),
+        "sweeps": sweeps,
+        "seeds": dataset["seed"].values,
+        "runs": list(runs),
+        "scenario": name,
+        "changes": changes,
+        "map": ground,
+        "cases": [
+            {"setting": [values["values"][k] for values, k in zip(sweeps, index, strict=True)]}
+            | {"summary": found}
+            | _case(case, room)
+            for index, case, found in zip(indices, cases, summary.get("cases", [summary]), strict=True)
+        ],
+        "rehearsal": rehearsal,
+        "provenance": {
+            # A study keeps no hashes of the files; the page of one of its missions has them.
+            "files": [
+                {"field": field, "name": PurePath(name).name, "size": None, "sha256": ""}
+                for field, name in file_names(settings)
+            ],
+            "seeds": f"{int(dataset['seed'].values[0])} to {int(dataset['seed'].values[-1])}",
+            "versions": json.loads(dataset.attrs.get("versions", "{}")),
+            "settings": changed_settings(settings),
+        },
+    }
+
+
+def _case(case: xr.Dataset, room: int) -> dict[str, Any]:
+    """Return the missions of one setting: figures of all, legs and orders of the first."""
+    figures = {name: case[name].values.astype(float) for name in _FIGURES if name in case}
+    figures |= {"use": use_of_time(case), "gap": priority_gap(case)}
+    parts = [np.nan_to_num(figures[name]) for name in ("path_cpu", "mission_cpu", "travel_time_cpu")]
+    figures["planning"] = np.sum(parts, axis=0)
+    count = case.sizes["mission"]
+    return {
+        "success": case["success"].values == 1,
+        "reason": [str(reason) for reason in case["reason"].values],
+        "figures": {
+            name: [_significant(value) for value in np.asarray(values)] for name, values in figures.items()
+        },
+        "legs": _legs(case),
+        "calls": _calls(case),
+        "missions": [_mission(case.isel(mission=number)) for number in range(min(count, room))],
+    }
+
+
+def _significant(value: float) -> float | None:
+    """Return a number with six digits; None of what is infinite or unknown."""
+    return float(f"{value:.6g}") if np.isfinite(value) else None
+
+
+def _legs(case: xr.Dataset) -> dict[str, Any]:
+    """Times of all legs that were sailed to their end, without their tasks, and whose they are."""
+    expected, sailed = leg_times(case)
+    both = np.isfinite(expected) & np.isfinite(sailed)
+    return {
+        "mission": packed(np.nonzero(both)[0], "i32"),
+        "expected": packed(expected[both]),
+        "sailed": packed(sailed[both]),
+    }
+
+
+def _calls(case: xr.Dataset) -> list[list[float | None]]:
+    """5 %, median and 95 % of the time of each mission's path planning calls, s."""
+    found = []
+    for row in case["plan_cpu"].values:
+        row = row[np.isfinite(row) & (row > 0.0)]
+        quantiles = np.quantile(row, [0.05, 0.5, 0.95]) if len(row) else np.full(3, np.nan)
+        found.append([_significant(value) for value in quantiles])
+    return found
+
+
+def _mission(one: xr.Dataset) -> dict[str, Any]:
+    """Return the legs, orders and waypoints of a mission."""
+    causes = one["order_cause"]
+    meanings = str(causes.attrs.get("flag_meanings", "none")).split()
+    legs = np.flatnonzero(one["leg_from"].values >= 0)
+    columns = ("leg_from", "leg_to", "leg_t_expected", "leg_t_path", "leg_t_task", "leg_priority")
+    rows = np.stack([one[name].values[legs].astype(float) for name in columns], axis=1)
+    rows[:, 2] -= rows[:, 4]
+    whole = np.stack([one[name].values[legs] for name in ("leg_path_replans", "leg_arrived")], axis=1)
+    orders = []
+    for number, nodes in enumerate(one["order_nodes"].values):
+        if (nodes >= 0).any():
+            figures = (one[f"order_{name}"].values[number] for name in ("made_at", "time", "priority"))
+            cause = meanings[int(causes.values[number])]
+            orders.append([cause, *(_significant(float(value)) for value in figures), nodes[nodes >= 0]])
+    places = one["waypoint_position"].values
+    return {
+        "legs": [[*map(_significant, row), *more] for row, more in zip(rows, whole.tolist(), strict=True)],
+        "orders": orders,
+        "waypoints": packed(np.round(places[np.isfinite(places).all(axis=1)], 1)),
+    }
+
+
+def _command(settings: dict[str, Any]) -> tuple[str, list[str]]:
+    """Name of the scenario and what `--set` changes of it; an empty name where it is not a shipped one."""
+    shipped = shipped_scenarios().get(str(settings.get("name", "")))
+    if shipped is None:
+        return "", []
+    changed = changed_settings(settings, shipped.model_dump(mode="json"))
+    return str(shipped.name), [f"{row['field']}={json.dumps(row['value'])}" for row in changed]
