@@ -27,6 +27,7 @@ ELSEWHERE = {"docs/first-plan.md", "docs/bbo.md"}
 #: Pages that plan or simulate; the programs of each compile for some seconds.
 SLOW = {
     "README.md",
+    "docs/clock.md",
     "docs/index.md",
     "docs/how-to/cluster.md",
     "docs/how-to/departure.md",
