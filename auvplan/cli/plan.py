@@ -203,7 +203,7 @@ def rehearse(
         allowance = settings.planning.allowance
         if found["all_planned_tasks"] < 0.8 * found["missions"]:
             say(
-                f"hint: planning.allowance is {allowance:g}; with --set planning.allowance={allowance + 0.1:g} "
+                f"hint: planning.allowance is {allowance:g}; with planning.allowance={allowance + 0.1:g} "
                 "less is planned, and more of it holds"
             )
         say(f"figures: {out / REHEARSAL}; missions: {out}")
