@@ -1,4 +1,6 @@
 from . import bbo as bbo
+from . import plot as plot
+from . import study as study
 from .export import export_run as export_run
 from .io import save_run as save_run
 from .io.currents import read_current as read_current
@@ -67,6 +69,7 @@ __all__ = [
     "plan_path",
     "plan_paths",
     "plan_scenario",
+    "plot",
     "random_vortices",
     "read_current",
     "replan_path",
@@ -75,4 +78,5 @@ __all__ = [
     "run_mission",
     "run_missions",
     "save_run",
+    "study",
 ]

@@ -3,8 +3,8 @@
     python -m benchmarks.clock --missions 100 --out docs/clock_missions.md
 
 Missions of one seed differ in nothing but `planning.departures`: 1 prices every leg as if it were sailed at
-once, 24 by the time at which it is begun. Forecasts are exact and nothing is in the way: what is late is so by
-the order alone. Two seas are files of ../shared/data, the third is a harmonic tide (M2, S2, K1) made here.
+once, 24 by the time at which it is begun. Forecasts are exact and nothing is in the way: what is late is so
+by the order alone. Two seas are files of ../shared/data, the third is a harmonic tide (M2, S2, K1) made here.
 """
 
 import argparse

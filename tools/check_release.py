@@ -84,6 +84,9 @@ def check_installed(home: Path) -> None:
     run(str(binaries / "auvplan"), "mission", "--pictures", "none", "--quiet", "--out", "out", cwd=away)
     summary = json.loads((away / "out" / "summary.json").read_text(encoding="utf-8"))
     tell(summary["success"], f"mission: {summary['reason']}, {summary['tasks']} tasks")
+    run(str(binaries / "auvplan"), "report", "out", cwd=away)
+    page = (away / "out" / "report.html").stat().st_size
+    tell(page < 5_000_000, f"report: {page / 1e6:.1f} MB")
     run(str(binaries / "auvplan"), "init", "mine", cwd=away)
     run(str(binaries / "auvplan"), "validate", "mine/scenario.yaml", cwd=away)
 

@@ -200,6 +200,12 @@ def rehearse(
         print_json(found)
     elif not quiet:
         console.print(_rehearsal_table(settings.name, found))
+        allowance = settings.planning.allowance
+        if found["all_planned_tasks"] < 0.8 * found["missions"]:
+            say(
+                f"hint: planning.allowance is {allowance:g}; with planning.allowance={allowance + 0.1:g} "
+                "less is planned, and more of it holds"
+            )
         say(f"figures: {out / REHEARSAL}; missions: {out}")
         name_page(page)
 

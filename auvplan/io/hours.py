@@ -2,6 +2,7 @@
 
 import csv
 import json
+import math
 from collections.abc import Iterator
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -12,6 +13,8 @@ import xarray as xr
 from auvplan.io.ledger import TIME_TOLERANCE, Leg
 
 _DAY = 86_400.0
+#: Degrees that the sun's middle is above the horizon at its rise and set.
+_SUNRISE = -0.833
 
 
 def window_faults(dataset: xr.Dataset, legs: list[Leg]) -> Iterator[str]:
@@ -38,6 +41,11 @@ def window_faults(dataset: xr.Dataset, legs: list[Leg]) -> Iterator[str]:
         spans, whole = windows[name]
         begins = departed + float(leg.times[-1]) + leg.t_wait
         ends = begins + (leg.t_task if whole else 0.0)
+        if isinstance(spans, str):
+            heights = [_sun(dataset, moment - departed) for moment in (begins, ends)]
+            if any((height > _SUNRISE) != (spans == "daylight") for height in heights if _plain(height)):
+                yield f"{leg}: the task at {name!r} from {begins:.0f} to {ends:.0f} s is not in {spans}"
+            continue
         if not any(_within(begins, ends, *span) for span in spans):
             yield f"{leg}: the task at {name!r} from {begins:.0f} to {ends:.0f} s is in none of its windows"
 
@@ -52,8 +60,30 @@ def _within(begins: float, ends: float, opens: Any, closes: Any) -> bool:
     return (begins - start + TIME_TOLERANCE) % _DAY + (ends - begins) <= length + 2 * TIME_TOLERANCE
 
 
-def _windows_of_jobs(dataset: xr.Dataset) -> dict[str, tuple[list[tuple[Any, Any]], bool]]:
-    """Windows of each job that has some, s since the scenario's epoch, and whether all of it must fit."""
+def _plain(height: float) -> bool:
+    """Return whether the sun is clearly up or down, by a formula good to a quarter of a degree."""
+    return abs(height - _SUNRISE) > 0.5
+
+
+def _sun(dataset: xr.Dataset, seconds: float) -> float:
+    """Height of the sun at the site, degrees: low-precision formulas of the Astronomical Almanac."""
+    moment = datetime.fromisoformat(str(dataset.attrs["site_epoch"])) + timedelta(seconds=seconds)
+    days = (moment - datetime.fromisoformat("2000-01-01T12:00:00+00:00")).total_seconds() / _DAY
+    anomaly = math.radians((357.528 + 0.9856003 * days) % 360.0)
+    longitude = math.radians(
+        280.460 + 0.9856474 * days + 1.915 * math.sin(anomaly) + 0.020 * math.sin(2.0 * anomaly)
+    )
+    tilt = math.radians(23.439 - 4e-7 * days)
+    declination = math.asin(math.sin(tilt) * math.sin(longitude))
+    ascension = math.atan2(math.cos(tilt) * math.sin(longitude), math.cos(longitude))
+    sidereal = math.radians(280.46062 + 360.98564737 * days + float(dataset.attrs["site_longitude"]))
+    latitude, angle = math.radians(float(dataset.attrs["site_latitude"])), sidereal - ascension
+    up = math.sin(latitude) * math.sin(declination)
+    return math.degrees(math.asin(up + math.cos(latitude) * math.cos(declination) * math.cos(angle)))
+
+
+def _windows_of_jobs(dataset: xr.Dataset) -> dict[str, tuple[Any, bool]]:
+    """Windows of each job that has some, and whether all of it must fit: s since the epoch, or "daylight"."""
     settings = json.loads(str(dataset.attrs["scenario"]))
     name = settings.get("mission", {}).get("jobs")
     if not name:
@@ -66,13 +96,17 @@ def _windows_of_jobs(dataset: xr.Dataset) -> dict[str, tuple[list[tuple[Any, Any
     found = {}
     for number, row in enumerate(_rows(path), 1):
         told = {str(key).strip().lower(): value for key, value in row.items() if key is not None}
+        kind = str(told.get("window") or "whole").strip().lower()
+        job = str(told.get("name") or number).strip()
+        if str(told.get("windows")).strip().lower() in ("daylight", "night"):
+            found[job] = str(told["windows"]).strip().lower(), kind == "whole"
+            continue
         pairs = told.get("windows") or [(told.get("from"), told.get("to"))]
         if isinstance(pairs, str):
             pairs = [part.split("/") for part in pairs.split(",")]
         spans = [(_moment(first, epoch, False), _moment(last, epoch, True)) for first, last in pairs]
         if any(span != (-float("inf"), float("inf")) for span in spans):
-            kind = str(told.get("window") or "whole").strip().lower()
-            found[str(told.get("name") or number).strip()] = spans, kind == "whole"
+            found[job] = spans, kind == "whole"
     return found
 
 

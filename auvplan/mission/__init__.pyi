@@ -12,6 +12,7 @@ from .order import MissionStatus as MissionStatus
 from .planner import plan_mission as plan_mission
 from .planner import plan_missions as plan_missions
 from .tasks import task_graph as task_graph
+from .timetable import Timetable as Timetable
 from .trail_bound import trail_bound as trail_bound
 from .travel_times import TravelTimeConfig as TravelTimeConfig
 
@@ -22,6 +23,7 @@ __all__ = [
     "MissionOrders",
     "MissionStatus",
     "OrderCheck",
+    "Timetable",
     "TravelTimeConfig",
     "certify",
     "check_order",

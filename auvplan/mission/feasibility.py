@@ -65,6 +65,9 @@ def check_order(
         time_available: T_available, s.
         speed: |v|, m/s.
 
+    Where the graph has a timetable, legs take the time that they do by the clock, waiting included; one that
+    is never open, or whose task's windows are missed, takes infinitely long.
+
     An edge taken both ways counts as taken twice where the graph is undirected (all fields symmetric).
     """
     order = [int(node) for node in nodes]
@@ -77,6 +80,8 @@ def check_order(
     )
     edges = [tuple(sorted(leg)) if symmetric else leg for leg in legs]
     time = float(sum(_leg_time(graph, i, j, speed) for i, j in inside))
+    if graph.timetable is not None and not missing and all(known) and inside:
+        time = float(graph.itinerary(order, speed).ends[-1])
 
     ends = bool(order) and order[0] == start and order[-1] == goal
     verdicts = {

@@ -300,7 +300,7 @@ def _refused(context: SimulationContext, mission: Mission, leg: Leg, times: np.n
     """Return why the planned leg should not be sailed, or an empty string.
 
     A leg is refused when its path is not feasible, or when the time that the path takes would leave too
-    little for the shortest way from its end to the destination, although another order might still do.
+    little for the shortest way from its end to the destination, with the margin that its order was made with.
     """
     if why := refusal(leg, context.epoch):
         return why
@@ -312,7 +312,8 @@ def _refused(context: SimulationContext, mission: Mission, leg: Leg, times: np.n
     to_go = float(time_to_go(times, mission.run.goal)[leg.record.goal])
     if not np.isfinite(to_go):
         return ""  # the order counts on edges that the estimate closed, for which a path may be found yet
-    back = (1.0 + context.rules.return_margin) * to_go
+    # An order that had to do without the margin would be made again.
+    back = (1.0 + mission.last_order.return_margin) * to_go
     late = mission.now + leg.followed.travel_time + leg.record.t_task + back - mission.run.t_available
     return f"its path would leave {late:.0f} s too little for the way back" if late > 0.0 else ""
 

@@ -57,6 +57,15 @@ def test_a_window_may_ask_for_the_beginning_alone(tmp_path):
     assert not [*window_faults(dataset, [leg(1, 90.0, 0.0, 300.0)])]
 
 
+@pytest.mark.parametrize(("hour", "kind"), [(12.0, "daylight"), (3.0, "night")])
+def test_the_sun_is_where_the_window_has_it(tmp_path, hour, kind):
+    other = {"daylight": "night", "night": "daylight"}
+    for windows, faults in ((kind, 0), (other[kind], 1)):
+        dataset = run_in(tmp_path, f"name,windows\ngauge,{windows}\n")
+        dataset.attrs |= {"site_longitude": 0.0, "site_latitude": 45.0}
+        assert len([*window_faults(dataset, [leg(1, hour * 3600.0, 0.0, 60.0)])]) == faults
+
+
 def test_nobody_waits_without_a_window(tmp_path):
     dataset = run_in(tmp_path, "name,from,to\ngauge,,\n")
     (fault,) = window_faults(dataset, [leg(1, 90.0, 60.0, 300.0)])

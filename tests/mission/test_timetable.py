@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from auvplan.compiled import compilations
-from auvplan.mission import MissionConfig, MissionGraph, plan_mission, plan_missions
+from auvplan.mission import MissionConfig, MissionGraph, check_order, plan_mission, plan_missions
 from auvplan.mission.timetable import Timetable
 
 #: One size of graphs, so that all cases share their programs.
@@ -99,7 +99,7 @@ def best_priority(graph: MissionGraph, budget: float) -> float:
     return best
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=40, deadline=None, derandomize=True)
 @given(
     seed=st.integers(0, 10_000),
     closing=st.sampled_from([0.0, 0.1, 0.3]),
@@ -118,7 +118,8 @@ def test_orders_are_as_good_as_the_exhaustive_search(seed, closing, budget):
             assert time + seconds == pytest.approx(looked_up(graph, i, j, time), abs=1e-6)
             time += seconds
         assert time == pytest.approx(found.time)
-        assert time < budget
+        assert check_order(graph, found.nodes, 0, SIZE - 1, budget, 1.5)
+        assert not check_order(graph, found.nodes, 0, SIZE - 1, found.time, 1.5).in_time
 
 
 def test_without_waiting_a_task_is_reached_in_its_window_or_left():

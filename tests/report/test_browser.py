@@ -6,7 +6,10 @@ import pytest
 from auvplan.io import load_run
 from tests.report.browser import Browser, chromium
 
-pytestmark = pytest.mark.skipif(chromium() is None, reason="needs Chromium, which is not installed here")
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(chromium() is None, reason="needs Chromium, which is not installed here"),
+]
 
 #: What is painted of a moment: places of the vehicle and the obstacles, the arrows, radii of the boundaries.
 SHOWN = """(() => {

@@ -122,3 +122,10 @@ def test_planners_are_told_the_current_of_the_moment(monkeypatch):
     assert len(seen) > 2
     for now, updates in seen:
         assert updates == now // settings.current.update_interval
+
+
+def test_no_leg_is_refused_for_a_margin_that_its_order_did_without():
+    """Nothing fits with a way back twenty times as long: the order is made without, and sailed."""
+    run = ap.run_mission(planning(return_margin=20.0), key=jax.random.key(1))
+    assert run.success
+    assert "refused" not in [order.cause for order in run.orders]

@@ -1,4 +1,4 @@
-"""Time windows of jobs in files: moments, times of day, or seconds since the departure."""
+"""Time windows of jobs in files: moments, times of day, daylight, or seconds since the departure."""
 
 import re
 from collections.abc import Mapping
@@ -6,12 +6,17 @@ from datetime import date, datetime, time, timedelta
 from itertools import pairwise
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from auvplan.io.geo.error import GeoError
 from auvplan.site import Site
 
 #: s.
 _DAY = 86_400.0
+#: Degrees that the sun's middle is above the horizon at its rise and set, refraction and radius included.
+_SUNRISE = -0.833
 _TIME_OF_DAY = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2}(?:\.\d+)?))?\s*(Z|[+-]\d{2}:?\d{2})?")
+_EXTRA = "pip install 'auvplan[readers]'"
 _HOW = "write a moment such as 2026-03-01T08:00Z, a time of day such as 08:00+10:00, or seconds"
 
 
@@ -30,8 +35,8 @@ def read_windows(
     Args:
         where: the file and the row or feature, as messages name it.
         told: its cells or properties: `from` and `to`, or several `windows`, as pairs or as text,
-            "from/to, from/to"; and `window`: "whole" where all of the task must lie in a window, which is the
-            default, or "begin".
+            "from/to, from/to", or the word daylight or night; and `window`: "whole" where all of the task
+            must lie in a window, which is the default, or "begin".
         site: tells the departure that moments count from.
         duration: s, of the task.
         until: s, when missions are over; times of day are taken on all days until then.
@@ -44,6 +49,9 @@ def read_windows(
     if kind not in ("whole", "begin"):
         raise GeoError(f"{where}: window must be 'whole' or 'begin', got {kind!r}")
     spans = []
+    sun = str(told.get("windows") or "").strip().lower()
+    if sun in ("daylight", "night"):
+        spans, told = _by_sun(where, sun, site, until), {**told, "windows": None}
     for first, last in _pairs(where, told):
         begins, ends = (_end(where, name, value, site) for name, value in (("from", first), ("to", last)))
         if begins.daily or ends.daily:
@@ -126,6 +134,30 @@ def _epoch(where: str, site: Site | None) -> datetime:
     if site is None or site.epoch is None:
         raise GeoError(f"{where}: a window by the date needs site.departure; seconds count from the start")
     return site.epoch
+
+
+def _by_sun(where: str, kind: str, site: Site | None, until: float) -> list[tuple[float, float]]:
+    """Times between sunrise and sunset at the site, or the other ones, to the minute."""
+    epoch = _epoch(where, site)
+    assert site is not None
+    try:
+        from astral import Observer
+        from astral.sun import elevation
+    except ModuleNotFoundError:
+        raise GeoError(f"{where}: windows by the sun need a further package: {_EXTRA}") from None
+    place = Observer(site.latitude, site.longitude)
+    minutes = np.arange(-_DAY, until + _DAY, 60.0)
+    height = np.array([elevation(place, epoch + timedelta(seconds=float(moment))) for moment in minutes])
+    wanted = (height > _SUNRISE) == (kind == "daylight")
+    if not wanted.any():
+        raise GeoError(f"{where}: there is no {kind} at the site in the time of the mission")
+    change = np.flatnonzero(np.diff(np.concatenate([[False], wanted, [False]]).astype(int)))
+    last = len(minutes)
+    spans = [
+        (-float("inf") if i == 0 else float(minutes[i]), float("inf") if j == last else float(minutes[j - 1]))
+        for i, j in zip(change[::2].tolist(), change[1::2].tolist(), strict=True)
+    ]
+    return [(opens, closes) for opens, closes in spans if closes >= 0.0 and opens <= until]
 
 
 def _days(where: str, begins: _End, ends: _End, site: Site | None, until: float) -> list[tuple[float, float]]:

@@ -90,7 +90,7 @@ def reading(path):
     return [*axes, data["latitude"].values, data["longitude"].values], parts
 
 
-@pytest.mark.parametrize("seed", [2, 3])
+@pytest.mark.parametrize("seed", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_altered_files(tmp_path, seed):
     rng, told = np.random.default_rng(seed), {"refused": 0, "right": 0}
     path = tmp_path / "altered.nc"

@@ -70,6 +70,23 @@ def test_slips_are_told(told, message):
     assert str(refused.value).startswith("jobs.csv: row 2: ")
 
 
+def test_daylight_is_between_sunrise_and_sunset():
+    """On the equinox the sun is up for some minutes more than twelve hours, around noon by the sun."""
+    site = Site(15.0, 0.0, epoch=datetime(2026, 3, 20, tzinfo=UTC))
+    (day, _) = read_windows("a", {"windows": "daylight"}, site, 0.0, 30 * HOUR)
+    assert day[1] - day[0] == pytest.approx(12.12 * HOUR, abs=180.0)
+    assert sum(day) / 2.0 == pytest.approx(11.0 * HOUR + 8 * 60.0, abs=180.0)  # 15 degrees are an hour
+    nights = read_windows("a", {"windows": "night"}, site, 0.0, 30 * HOUR)
+    assert [night[0] for night in nights][1] == pytest.approx(day[1] + 60.0)
+
+
+def test_there_is_no_night_in_the_arctic_summer():
+    site = Site(20.0, 78.0, epoch=datetime(2026, 6, 20, tzinfo=UTC))
+    assert read_windows("a", {"windows": "daylight"}, site, 0.0, HOUR) == ((-float("inf"), float("inf")),)
+    with pytest.raises(GeoError, match="there is no night"):
+        read_windows("a", {"windows": "night"}, site, 0.0, HOUR)
+
+
 def test_dates_need_a_departure():
     with pytest.raises(GeoError, match=r"needs site\.departure"):
         read_windows("jobs.csv: row 2", {"from": "2026-03-01T01:00Z"}, Site(0.0, 0.0), 0.0, 1.0)
