@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 Array = NDArray[Any]
 
 #: s, steps of time while multipliers are sought; rounding down keeps the bound a bound.
-GRID = 20
-ROUNDS, PATIENCE = 80, 5
+GRID = 40
+ROUNDS, PATIENCE = 50, 4
 TOLERANCE = 1e-6
 MOST_LABELS = 1_500_000
 

@@ -217,7 +217,7 @@ def exact(case: Case, order: Any) -> Proof:
     )
     begin = time.perf_counter()
     priority, bound = most_priority(windows, known)
-    return Proof(priority, bound, priority == bound, time.perf_counter() - begin)
+    return Proof(float(priority), float(bound), bool(priority == bound), time.perf_counter() - begin)
 
 
 def planners() -> dict[str, MissionConfig]:
