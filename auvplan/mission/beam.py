@@ -4,6 +4,9 @@ All orders of a beam have the same number of waypoints. Their worth is what they
 the time they have taken, so that short and long ones compare. Two partial orders that end at one waypoint and
 have visited the same others differ in nothing but worth: only the better one goes on. So that a few rich
 regions of a large graph do not fill the beam, each waypoint also has only so many places in it.
+
+Where times depend on the clock a second is worth more or less by where windows are about to close: most beams
+then compare orders by what may still be gained, see `auvplan.mission.outlook`.
 """
 
 from dataclasses import dataclass
@@ -13,10 +16,18 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from auvplan.mission.outlook import Outlook, look_ahead, onward_edges, sharpened
 from auvplan.mission.problem import Problem
 
 #: A priority-to-time price that pays best lies around the yield of the whole mission; each beam tries one.
 PRICES = (1.0, 0.75, 1.25)
+
+#: Where times depend on the clock: beams led by what may be gained later, sharpened by so many steps before
+#: each, and a last one by the price alone.
+LED, STEPS = 7, 6
+
+#: What is left of the price where a beam is so led, and of a step at the next one.
+LEAST_SHARE, DECAY = 0.05, 0.97
 
 
 @partial(
@@ -47,7 +58,13 @@ class _Trace:
 
 
 def beam_search(
-    problem: Problem, gain: jax.Array, price: jax.Array, width: int, places: int, count: int
+    problem: Problem,
+    gain: jax.Array,
+    price: jax.Array,
+    width: int,
+    places: int,
+    count: int,
+    outlook: Outlook | None = None,
 ) -> tuple[jax.Array, jax.Array]:
     """Return the best orders that a beam comes upon.
 
@@ -58,6 +75,7 @@ def beam_search(
         width: W, number of partial orders that survive a step.
         places: number of partial orders, of those W, that may end at one waypoint.
         count: Q, number of orders wanted.
+        outlook: what may be gained later, by which orders are compared before the price of their time.
 
     Returns:
         ``(nodes [Q, N] int32 padded with -1, gain [Q])``, best first; minus infinity for an order that was
@@ -87,7 +105,11 @@ def beam_search(
 
         open_ = open_ & ~to_goal[beam.here]
         time = beam.time[:, None] + times
-        value = jnp.where(open_, gained - price * time, -jnp.inf).reshape(-1)
+        value = gained - price * time
+        if outlook is not None:
+            charged = (beam.visited @ outlook.charge)[:, None] + outlook.charge[onward]
+            value = value - charged + outlook.at(problem, onward, time)
+        value = jnp.where(open_, value, -jnp.inf).reshape(-1)
         mark = (beam.mark[:, None] ^ codes[onward]).reshape(-1)
         node = onward.reshape(-1)
         # Equal visits share a slot; of those that meet in a slot the best goes on, of equal ones the first.
@@ -157,7 +179,7 @@ def _follow_back(trace: _Trace, step: jax.Array, row: jax.Array, goal: jax.Array
 def seed_orders(
     problem: Problem, gain: jax.Array, known: jax.Array, width: int, places: int, count: int
 ) -> tuple[jax.Array, jax.Array]:
-    """Orders from one beam for each of `PRICES`, without repeats.
+    """Orders from one beam for each of `PRICES`, without repeats; by the clock from beams that look ahead.
 
     Args:
         problem: of N waypoints, neighbour lists of length K.
@@ -174,7 +196,24 @@ def seed_orders(
         nodes, gains = beam_search(problem, gain, price, width, places, count)
         return jnp.maximum(best, gains[0]), (nodes, gains)
 
-    _, (nodes, gains) = jax.lax.scan(search, known, jnp.asarray(PRICES))
+    def search_ahead(state: tuple[jax.Array, jax.Array], stage: tuple[jax.Array, jax.Array]) -> tuple:
+        (best, charge), (trust, steps) = state, stage
+        charge = sharpened(problem, gain, edges, charge, best, steps)
+        outlook, _ = look_ahead(problem, gain, edges, charge)
+        price = jnp.maximum(1.0 - trust, LEAST_SHARE) * jnp.maximum(best, 0.0) / problem.time_available
+        nodes, gains = beam_search(problem, gain, price, width, places, count, outlook.weighed(trust))
+        return (jnp.maximum(best, gains[0]), charge), (nodes, gains)
+
+    if problem.schedule is None:
+        _, (nodes, gains) = jax.lax.scan(search, known, jnp.asarray(PRICES))
+    else:
+        edges = onward_edges(problem)
+        stages = (
+            (jnp.arange(LED + 1) < LED).astype(gain.dtype),
+            DECAY ** jnp.arange((LED + 1) * STEPS).reshape(-1, STEPS),
+        )
+        begin = known, jnp.zeros(problem.size, gain.dtype)
+        _, (nodes, gains) = jax.lax.scan(search_ahead, begin, stages)
     nodes, gains = nodes.reshape(-1, problem.size), gains.reshape(-1)
     earlier = jnp.tril(jnp.ones((len(gains), len(gains)), bool), -1)
     same = (nodes[:, None, :] == nodes[None, :, :]).all(axis=2)

@@ -1,0 +1,414 @@
+"""Orders by the clock against proven optima, and what they cost in time: ``python -m benchmarks.windows``.
+
+Thirty graphs of 40 waypoints, every other one complete, the rest of 7-12 nearest neighbours. A task of
+priority 1-9 at each waypoint may begin in one window or in one of two, tight or wide; the vehicle may wait.
+Travel times and durations are whole seconds, windows close and the time ends half a second after one, so
+that the planner, in single precision, and OR-Tools CP-SAT, in whole seconds, have the same orders to choose
+from. CP-SAT begins at the best order planned, and so do the labels of `benchmarks.labels`, which prove the
+complete graphs too. The gap of a plan is 1 - priority / optimum, with the bound where no optimum is proved;
+a plan that was not found counts as priority zero.
+
+Timings are medians after compilation, wall time and user time of all threads; the latter says what a plan
+takes where other work has the cores. The graphs there lie in a tidal stream, a table of travel times every
+15 min.
+"""
+
+import argparse
+import os
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+from rich.table import Table
+from scipy.spatial.distance import cdist
+
+import auvplan as ap
+from auvplan.mission import MissionConfig, MissionGraph, MissionOrder, plan_mission, random_graph
+from auvplan.mission.exact import load_cp_model
+from auvplan.mission.timetable import Timetable
+from auvplan.ocean.gridded import GriddedCurrent
+from benchmarks.labels import Windows, most_priority
+from benchmarks.machine import bars, console, installed, machine, write
+
+SIZE, SPEED, EXTENT = 40, 2.5, 10_000.0
+FIRST_SEED, CASES, PLANS = 7000, 30, 3
+#: s; half a second more, as windows.
+AVAILABLE = 16_000, 22_001
+HALF_SECOND = 0.5
+#: s, and threads, of CP-SAT.
+TIME_LIMIT, WORKERS = 20.0, 2
+
+#: Share of a mission's tasks whose windows are tight, by graph in turn.
+TIGHT_SHARES = (0.25, 0.5, 0.75)
+#: Lengths of windows as shares of the time available.
+TIGHT, WIDE = (0.02, 0.08), (0.2, 0.5)
+
+#: Of the timings.
+DEPARTURES, INTERVAL = 24, 900.0
+PERIOD, STREAM = 44_714.0, (0.5, 0.3)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A mission with windows and steady travel times.
+
+    Attributes:
+        graph: N waypoints with a timetable of one departure.
+        time_available: T_available, s.
+        seed: that it was drawn with.
+    """
+
+    graph: MissionGraph
+    time_available: float
+    seed: int
+
+    @property
+    def family(self) -> str:
+        """Complete or not."""
+        return "complete" if self.seed % 2 == 0 else "7-12 nearest"
+
+
+@dataclass(frozen=True)
+class Proof:
+    """What CP-SAT says of a case: most total priority that it found, its bound, and s that it took."""
+
+    priority: float
+    bound: float
+    proved: bool
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Row:
+    """Plans of one configuration on one kind of graph; gaps are shares, times s."""
+
+    family: str
+    planner: str
+    graphs: int
+    proved: float
+    tasks: float
+    mean_gap: float
+    worst_gap: float
+    optimal: float
+    feasible: float
+    wall_seconds: float
+    user_seconds: float
+
+
+@dataclass(frozen=True)
+class Timing:
+    """First call, which compiles, and the median of later ones, s."""
+
+    what: str
+    asked: float
+    first_seconds: float
+    wall_seconds: float
+    user_seconds: float
+
+
+def case(seed: int) -> Case:
+    """A graph with a task at every waypoint but the first and the last, which are start and goal."""
+    rng = np.random.default_rng(seed)
+    positions = rng.uniform(0.0, EXTENT, (SIZE, 3)) * [1.0, 1.0, 0.01]
+    adjacency = ~np.eye(SIZE, dtype=bool)
+    if seed % 2:
+        adjacency = random_graph(rng, positions, neighbours=int(rng.integers(7, 13))).adjacency
+    available = float(rng.integers(*AVAILABLE)) + HALF_SECOND
+    tight = TIGHT_SHARES[seed % len(TIGHT_SHARES)]
+    graph, opens, closes = _tasks(rng, positions, adjacency, available, tight)
+    travel = np.where(adjacency, np.maximum(np.round(cdist(positions, positions) / SPEED), 1.0), np.inf)
+    return Case(graph.with_timetable(Timetable(np.zeros(1), travel[None], opens, closes)), available, seed)
+
+
+def _tasks(
+    rng: np.random.Generator, positions: np.ndarray, adjacency: np.ndarray, available: float, tight: float
+) -> tuple[MissionGraph, np.ndarray, np.ndarray]:
+    """A task at each waypoint but the ends, and when it may begin: opens and closes [N, N, 2] s."""
+    size = len(positions)
+    priority, duration = rng.integers(1, 10, size).astype(float), rng.integers(60, 601, size).astype(float)
+    priority[[0, -1]] = duration[[0, -1]] = 0.0
+    is_tight = rng.random((size, 1)) < tight
+    lengths = np.where(is_tight, rng.uniform(*TIGHT, (size, 2)), rng.uniform(*WIDE, (size, 2)))
+    middles = rng.uniform(0.05, 0.95, (size, 2))
+    opens = np.floor(available * (middles - 0.5 * lengths))
+    closes = np.floor(available * (middles + 0.5 * lengths)) + HALF_SECOND
+    single = rng.random(size) < 0.5
+    opens[single, 1], closes[single, 1] = np.inf, -np.inf
+    opens[[0, -1]], closes[[0, -1]] = -np.inf, np.inf
+    square = size, size
+    priority, duration = (np.broadcast_to(values, square).copy() for values in (priority, duration))
+    opens, closes = (np.broadcast_to(times, (*square, 2)).copy() for times in (opens, closes))
+    return MissionGraph(positions, adjacency, priority, duration), opens, closes
+
+
+def prove(case: Case, order: Any, time_limit: float, workers: int) -> Proof:
+    """Search for the order of most total priority in whole seconds, from a known one on.
+
+    Args:
+        case: of whole seconds.
+        order: waypoints to begin the search at; [start] for none.
+        time_limit: s.
+        workers: threads.
+    """
+    cp = load_cp_model()
+    table, duration, goal = case.graph.timetable, case.graph.duration[0].astype(int), SIZE - 1
+    assert table is not None
+    model, end = cp.CpModel(), int(case.time_available)
+    begins = []
+    for node in range(SIZE):
+        pairs = zip(table.opens[0, node], table.closes[0, node], strict=True)
+        open_ = [
+            [int(max(opens, 0.0)), int(min(closes, end))]
+            for opens, closes in pairs
+            if closes >= max(opens, 0.0) and opens <= end
+        ]
+        domain = cp.Domain.from_intervals([[0, 0]] if node == 0 else open_ or [[0, end]])
+        begins.append(model.new_int_var_from_domain(domain, f"begins {node}"))
+    legs, visited = set(pairwise(order)), set(order)
+    arcs, skipped = [(goal, 0, True)], {}
+    for i, j in np.argwhere(np.isfinite(table.travel_time[0])).tolist():
+        if i == goal or j == 0:
+            continue
+        lasts = int(duration[i] + table.travel_time[0, i, j])
+        if min(begins[i].proto.domain) + lasts > max(begins[j].proto.domain):
+            continue
+        taken = model.new_bool_var("")
+        model.add(begins[j] >= begins[i] + lasts).only_enforce_if(taken)
+        model.add_hint(taken, (i, j) in legs)
+        arcs.append((i, j, taken))
+    for node in range(1, goal):
+        skipped[node] = model.new_bool_var("")
+        model.add_hint(skipped[node], node not in visited)
+        arcs.append((node, node, skipped[node]))
+    model.add_circuit(arcs)
+    times = case.graph.itinerary(order, SPEED).begins
+    for node, begin in zip(order[1:], times, strict=True):
+        model.add_hint(begins[node], int(begin))
+    model.maximize(sum(int(case.graph.priority[0, node]) * (1 - skip) for node, skip in skipped.items()))
+    solver = cp.CpSolver()
+    solver.parameters.max_time_in_seconds = time_limit
+    solver.parameters.num_workers = workers
+    solver.parameters.random_seed = 0
+    solver.parameters.linearization_level = 2
+    status = solver.status_name(solver.solve(model))
+    found = status in ("OPTIMAL", "FEASIBLE")
+    return Proof(
+        solver.objective_value if found else 0.0,
+        float(np.floor(solver.best_objective_bound + 1e-6)),
+        status in ("OPTIMAL", "INFEASIBLE"),
+        solver.wall_time,
+    )
+
+
+def exact(case: Case, order: Any) -> Proof:
+    """Most total priority by labels; `order` is a known one."""
+    table, known = case.graph.timetable, float(case.graph.priority[0, order[1:]].sum())
+    assert table is not None
+    lasts = case.graph.duration[0][:, None] + table.travel_time[0]
+    windows = Windows.of(
+        lasts, table.opens[0], table.closes[0], case.graph.priority[0], int(case.time_available)
+    )
+    begin = time.perf_counter()
+    priority, bound = most_priority(windows, known)
+    return Proof(float(priority), float(bound), bool(priority == bound), time.perf_counter() - begin)
+
+
+def planners() -> dict[str, MissionConfig]:
+    """The configurations that are compared."""
+    return {"default": MissionConfig(), "quick": MissionConfig().quick()}
+
+
+def plan(case: Case, config: MissionConfig, key: int) -> MissionOrder:
+    """Plan from the first waypoint to the last one."""
+    return plan_mission(
+        case.graph, 0, case.graph.size - 1, case.time_available,
+        speed=SPEED, key=jax.random.key(key), config=config,
+    )  # fmt: skip
+
+
+def clock(call: Callable[[], Any]) -> tuple[float, float, Any]:
+    """Wall time and user time of all threads, s, and what the call returned."""
+    wall, user = time.perf_counter(), os.times().user
+    result = jax.block_until_ready(call())
+    return time.perf_counter() - wall, os.times().user - user, result
+
+
+def compare(count: int, limit: float, progress: Any) -> tuple[list[Row], list[dict[str, Any]]]:
+    """Rows of all planners, and what the exact searches found of each graph."""
+    cases = [case(FIRST_SEED + k) for k in range(count)]
+    for one in cases[:2]:
+        for config in planners().values():
+            plan(one, config, PLANS)
+    bar = progress.add_task("graphs", total=len(cases))
+    plans, found = {}, []
+    for one in cases:
+        for name, config in planners().items():
+            plans[one.seed, name] = [clock(partial(plan, one, config, key)) for key in range(PLANS)]
+        orders = [order for name in planners() for *_, order in plans[one.seed, name]]
+        best = max(orders, key=lambda order: order.priority if order.feasible else -1.0)
+        nodes = best.nodes.tolist() if best.feasible else [0]
+        labels = exact(one, nodes)
+        peer = prove(one, nodes, limit, WORKERS) if limit and installed("ortools") else None
+        found.append(
+            {
+                "seed": one.seed,
+                "family": one.family,
+                "labels": asdict(labels),
+                "cp_sat": peer and asdict(peer),
+                **{name: [order.priority for *_, order in plans[one.seed, name]] for name in planners()},
+            }
+        )
+        progress.advance(bar)
+    rows = []
+    for family in ("complete", "7-12 nearest", "all"):
+        members = [each for each in found if family in (each["family"], "all")]
+        for name in planners():
+            made = [(each, *run) for each in members for run in plans[each["seed"], name]]
+            gaps = np.array(
+                [
+                    1.0 - (order.priority if order.feasible else 0.0) / each["labels"]["bound"]
+                    for each, _, _, order in made
+                ]
+            )
+            rows.append(
+                Row(
+                    family,
+                    name,
+                    len(members),
+                    float(np.mean([each["labels"]["proved"] for each in members])),
+                    float(np.mean([order.tasks for *_, order in made])),
+                    float(gaps.mean()),
+                    float(gaps.max()),
+                    float((gaps < 1e-9).mean()),
+                    float(np.mean([order.feasible for *_, order in made])),
+                    statistics.median(wall for _, wall, _, _ in made),
+                    statistics.median(user for _, _, user, _ in made),
+                )
+            )
+    return rows, found
+
+
+def timings(repeats: int, progress: Any) -> list[Timing]:
+    """Travel times by departure in a tidal stream, and plans by them."""
+    departures, rows = INTERVAL * np.arange(DEPARTURES), []
+    times = np.arange(-3600.0, DEPARTURES * INTERVAL + 7200.0, 300.0)
+    swing = np.cos(2.0 * np.pi * times / PERIOD)[:, None, None, None]
+    u, v = (np.broadcast_to(strength * swing, (len(times), 1, 2, 2)) for strength in STREAM)
+    tide = GriddedCurrent.from_arrays(u, v, origin=(-5e4, -5e4), spacing=1e5, times=times)
+    sea = ap.Environment(tide, lower=np.zeros(3), upper=np.array([EXTENT, EXTENT, 100.0]))
+    vehicle = ap.Vehicle(speed=SPEED)
+    bar = progress.add_task("timings", total=4)
+
+    def measure(what: str, asked: float, call: Callable[[int], Any]) -> Any:
+        first, _, result = clock(partial(call, 0))
+        runs = [clock(partial(call, k)) for k in range(1, repeats + 1)]
+        wall, user = (statistics.median(run[k] for run in runs) for k in range(2))
+        rows.append(Timing(what, asked, first, wall, user))
+        progress.advance(bar)
+        return result
+
+    for size, seconds in ((SIZE, 0.2), (5 * SIZE, 2.0)):
+        rng = np.random.default_rng(size)
+        positions = rng.uniform(0.0, EXTENT, (size, 3)) * [1.0, 1.0, 0.01]
+        adjacency = random_graph(rng, positions).adjacency
+        graph, opens, closes = _tasks(rng, positions, adjacency, AVAILABLE[0], TIGHT_SHARES[1])
+        if size == SIZE:
+            travel = measure(
+                f"travel times, {size} waypoints, {adjacency.sum():,} edges, {DEPARTURES} departures",
+                1.0,
+                lambda _, graph=graph: graph.times_at(sea, vehicle, departures),
+            )
+            every = replace(graph, adjacency=~np.eye(size, dtype=bool))
+            measure(
+                f"the same, complete: {size * (size - 1):,} edges",
+                1.0,
+                lambda _, every=every: every.times_at(sea, vehicle, departures),
+            )
+        else:
+            travel = graph.times_at(sea, vehicle, departures)
+        timed = Case(graph.with_timetable(Timetable(departures, travel, opens, closes)), AVAILABLE[0], size)
+        measure(
+            f"plan, {size} waypoints, {DEPARTURES} departures, windows",
+            seconds,
+            lambda key, timed=timed: plan(timed, MissionConfig(), key),
+        )
+    return rows
+
+
+def tables(rows: list[Row], found: list[dict[str, Any]], timed: list[Timing]) -> list[Table]:
+    """What is printed."""
+    gaps = Table(title="Orders by the clock: gap to the best")
+    for name in ("graphs", "planner"):
+        gaps.add_column(name)
+    for name in ("proved", "tasks", "mean gap", "worst gap", "optimal", "feasible", "wall", "user"):
+        gaps.add_column(name, justify="right")
+    for row in rows:
+        gaps.add_row(
+            f"{row.family} ({row.graphs})", row.planner, f"{row.proved:.0%}", f"{row.tasks:.1f}",
+            f"{row.mean_gap:.2%}", f"{row.worst_gap:.2%}", f"{row.optimal:.0%}", f"{row.feasible:.0%}",
+            f"{1e3 * row.wall_seconds:.0f} ms", f"{1e3 * row.user_seconds:.0f} ms",
+        )  # fmt: skip
+    exact = Table(title="What proved it")
+    for name in ("graphs", "search", "proved", "better than planned", "above labels", "median time"):
+        exact.add_column(name, justify="left" if name in ("graphs", "search") else "right")
+    for family in ("complete", "7-12 nearest"):
+        members = [each for each in found if each["family"] == family]
+        for search in ("labels", "cp_sat"):
+            proofs = [(each, each[search]) for each in members if each[search]]
+            if proofs:
+                exact.add_row(
+                    f"{family} ({len(members)})",
+                    {"labels": "labels", "cp_sat": "CP-SAT"}[search],
+                    str(sum(proof["proved"] for _, proof in proofs)),
+                    str(
+                        sum(
+                            proof["priority"] > max(map(max, (each[n] for n in planners())))
+                            for each, proof in proofs
+                        )
+                    ),
+                    str(sum(proof["priority"] > each["labels"]["bound"] for each, proof in proofs)),
+                    f"{statistics.median(proof['seconds'] for _, proof in proofs):.1f} s",
+                )
+    clocked = Table(title="Timings")
+    clocked.add_column("what")
+    for name in ("asked", "first call", "wall", "user"):
+        clocked.add_column(name, justify="right")
+    for row in timed:
+        times = (row.asked, row.first_seconds, row.wall_seconds, row.user_seconds)
+        clocked.add_row(row.what, *(f"{seconds:.2f} s" for seconds in times))
+    return [*([gaps, exact] if rows else []), *([clocked] if timed else [])]
+
+
+def main() -> None:
+    """Print the tables and write the file."""
+    parser = argparse.ArgumentParser(description="Orders by the clock against proven optima.")
+    parser.add_argument(
+        "--graphs", type=int, default=CASES, help="how many of the thirty; 0 for the timings alone"
+    )
+    parser.add_argument("--limit", type=float, default=TIME_LIMIT, help="s of CP-SAT for each; 0 for none")
+    parser.add_argument("--repeats", type=int, default=5, help="timed calls; 0 for no timings")
+    parser.add_argument("--out", type=Path, help="JSON file to write")
+    options = parser.parse_args()
+    screen = console()
+    with bars(screen) as progress:
+        rows, found = compare(options.graphs, options.limit, progress) if options.graphs else ([], [])
+        timed = timings(options.repeats, progress) if options.repeats else []
+    facts = machine()
+    load = os.getloadavg()[0]
+    screen.print(f"{facts['processor']}, {facts['cores']} cores, load {load:.1f}, jax {jax.__version__}")
+    for table in tables(rows, found, timed):
+        screen.print(table)
+    if options.out:
+        content = {"limit": options.limit, "load": load, "graphs": found}
+        write(options.out, content | {"rows": [*map(asdict, rows)], "timings": [*map(asdict, timed)]})
+
+
+if __name__ == "__main__":
+    main()
