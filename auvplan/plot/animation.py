@@ -1,5 +1,6 @@
 """A run as a film: the vehicle on its chart, the plans that it follows, and what moves around it."""
 
+import errno
 import shutil
 import subprocess
 from collections.abc import Callable, Iterator
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import EllipseCollection, LineCollection
-from matplotlib.colors import to_hex, to_rgb, to_rgba
+from matplotlib.colors import to_rgb, to_rgba
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
@@ -35,6 +36,8 @@ _LAST, _FADE = 2.0, 1.2
 _DPI, _LEAST = 100, 2.5
 #: Colours of a GIF beside those named here: few make a small file, and 256 is the most.
 _COLOURS = 64
+#: Shades of 256 by which others differ from those at least.
+_NEAR = 8
 
 _TRACK, _PLAN, _ORDER = style.BLACK, style.RED, style.BLUE
 _TASK_DONE, _AHEAD, _OTHER = style.GREEN, style.SKY, "#ffffff"
@@ -186,11 +189,16 @@ class _Film:
         """Width and height, pixels."""
         return self._canvas.get_width_height()
 
-    def colours(self) -> list[str]:
-        """Colours that are not to be lost among the others."""
-        still = (style.WATER, style.COAST, style.UNCERTAIN, style.GREY, style.YELLOW, _OTHER)
-        named = (*still, *style.KIND_COLOURS.values(), _TRACK, _PLAN, _ORDER, _TASK_DONE, _AHEAD)
-        return [to_hex(colour) for colour in named]
+    @staticmethod
+    def colours() -> style.Array:
+        """Return colours [n, 3] from 0 to 1 that are not to be lost: of few pixels, or pale over water."""
+        still = (_OTHER, style.WATER, style.COAST, style.UNCERTAIN, style.GREY, style.YELLOW)
+        moving = (*style.KIND_COLOURS.values(), _TRACK, _PLAN, _ORDER, _TASK_DONE, _AHEAD)
+        pale = [(_PLAN, 0.75 - 0.15 * step) for step in range(5)]
+        pale += [(colour, _UNSEEN) for colour in style.KIND_COLOURS.values()]
+        water = np.array(to_rgb(style.WATER))
+        mixed = [share * np.array(to_rgb(colour)) + (1.0 - share) * water for colour, share in pale]
+        return np.array([*(to_rgb(colour) for colour in (*still, *moving)), *mixed])
 
     def _parts(self, places: style.Array) -> dict[str, Any]:
         """Make the moving parts."""
@@ -395,16 +403,21 @@ def _palette(film: _Film) -> Image.Image:
     """Return a picture with the palette of the film: its own colours, and those of four of its pictures."""
     shown = np.concatenate([film.at(time) for time in np.linspace(0.0, film.ends, 4)])
     common = Image.fromarray(shown).quantize(_COLOURS, method=Image.Quantize.MEDIANCUT)
-    colours = [
-        channel for name in film.colours() for channel in np.rint(255.0 * np.array(to_rgb(name))).astype(int)
-    ]
+    others = np.reshape(common.getpalette() or [], (-1, 3))[:_COLOURS]
+    own = np.rint(255.0 * film.colours()).astype(int)
+    # Pillow does not tell near ones apart: its own would be taken for those.
+    apart = np.abs(others[:, None] - own).max(axis=2).min(axis=1) > _NEAR
     palette = Image.new("P", (1, 1))
-    palette.putpalette([int(value) for value in [*colours, *(common.getpalette() or [])[: 3 * _COLOURS]]])
+    palette.putpalette(np.concatenate([own, others[apart]]).ravel().tolist())
     return palette
 
 
 def _write_mp4(frames: Iterator[Frame], film: _Film, path: Path, fps: int) -> None:
-    """Write an MP4 that every player knows, whose sides are even."""
+    """Write an MP4 that every player knows, whose sides are even.
+
+    Raises:
+        OSError: ffmpeg failed.
+    """
     wide, tall = film.size
     command = [
         "ffmpeg", "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{wide}x{tall}",
@@ -426,4 +439,4 @@ def _write_mp4(frames: Iterator[Frame], film: _Film, path: Path, fps: int) -> No
             pass  # it says why
         said = encoder.stderr.read().decode(errors="replace").strip().splitlines()
     if encoder.returncode:
-        raise OutputError(f"cannot write {path.name}: ffmpeg: {said[-1] if said else 'it failed'}")
+        raise OSError(errno.EIO, f"ffmpeg: {said[-1] if said else 'it failed'}")

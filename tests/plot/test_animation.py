@@ -108,6 +108,6 @@ def test_an_mp4_is_written_or_what_is_wrong_told(run, tmp_path, monkeypatch):
     film = animate_run(run, tmp_path / "film.mp4", seconds=0.5, fps=4, width=401)
     assert film.read_bytes()[4:8] == b"ftyp"
     monkeypatch.setattr(_Film, "size", (0, 0))
-    with pytest.raises(OutputError, match="ffmpeg"):
+    with pytest.raises(OutputError, match=r"bad\.mp4: ffmpeg: "):
         animate_run(run, tmp_path / "bad.mp4", seconds=0.5, fps=4)
     assert [path.name for path in tmp_path.iterdir()] == ["film.mp4"]
