@@ -39,6 +39,11 @@ RESULTS = (
     "currents.png",
     "obstacles.png",
     "convergence.png",
+    "currents-[0-9]*.png",
+    "obstacles-[0-9]*.png",
+    "convergence-[0-9]*.png",
+    "mission.gif",
+    "mission.mp4",
 )
 
 #: Larger summaries are no summaries.

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
-from auvplan.cli import departures, export, mission, paper, plan, report, scenario, study, tools
+from auvplan.cli import departures, export, mission, paper, pictures, plan, report, scenario, study, tools
 from auvplan.cli.shared import errors
 from auvplan.errors import AuvplanError, ScenarioWarning
 
@@ -48,7 +48,8 @@ for command in (
     departures.departures,
     export.export,
     study.montecarlo,
-    study.plot,
+    pictures.plot,
+    pictures.animate,
     report.report,
     paper.paper,
     tools.chart,

@@ -177,23 +177,3 @@ def _lasting(seconds: float) -> str:
         return f"{seconds:.0f} s"
     minutes = round(seconds / 60.0)
     return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
-
-
-def plot(
-    folder: Annotated[Path, typer.Argument(help="Folder of a study.")],
-    seed: Annotated[
-        int | None,
-        typer.Option("--seed", help="Mission whose re-plans are drawn; by default a representative one."),
-    ] = None,
-    quiet: QuietOption = False,
-) -> None:
-    """Draw the figures of a study (Figs 12 to 15, and of a sweep) into its folder."""
-    from auvplan.plot import draw_study
-    from auvplan.study import StudyError, load_study
-
-    dataset = load_study(folder)
-    if seed is not None and seed not in dataset["seed"].values:
-        raise StudyError(f"{folder}: no mission of seed {seed} in the study")
-    pictures = draw_study(dataset, folder, seed)
-    if not quiet:
-        console.print("pictures:", *(f"  {picture}" for picture in pictures), sep="\n", soft_wrap=True)

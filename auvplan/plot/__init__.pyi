@@ -1,3 +1,4 @@
+from .animation import animate_run as animate_run
 from .chart import draw_chart as draw_chart
 from .chart import plot_chart as plot_chart
 from .convergence import plot_convergence as plot_convergence
@@ -12,6 +13,7 @@ from .study import draw_study as draw_study
 from .timeline import plot_timeline as plot_timeline
 
 __all__ = [
+    "animate_run",
     "busiest_leg",
     "draw_chart",
     "draw_run",

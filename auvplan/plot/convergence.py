@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from auvplan.plot import style
-from auvplan.plot.legs import busiest_leg
+from auvplan.plot.legs import busiest_leg, leg_title
 from auvplan.records import LegRecord, MissionRun
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def plot_convergence(
 
     Args:
         run: as sailed.
-        leg: the one with most re-plans where not given.
+        leg: that of `busiest_leg` where not given.
         ax: axes of a grid, whose place the panels take; a new figure if absent.
 
     Returns:
@@ -48,7 +48,7 @@ def plot_convergence(
     lower.set_xlabel("iteration [-]")
     handles, labels = upper.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=5, fontsize=8, frameon=False)
-    figure.suptitle(f"Convergence of the path planner, leg {leg.start} → {leg.goal}", fontsize=11)
+    figure.suptitle(f"Convergence of the path planner, {leg_title(run, leg)}", fontsize=11)
     return panels
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from auvplan.ocean.currents import Current, evaluated
 from auvplan.plot import style
-from auvplan.plot.legs import busiest_leg, chosen_plans, extent_points, plan_name, sailed_until
+from auvplan.plot.legs import busiest_leg, chosen_plans, extent_points, leg_title, plan_name, sailed_until
 from auvplan.records import LegRecord, MissionRun
 
 #: Panels at most.
@@ -28,7 +28,7 @@ def plot_currents(
 
     Args:
         run: as sailed.
-        leg: the one with most re-plans where not given.
+        leg: that of `busiest_leg` where not given.
         note: a second line of the title.
         ax: axes of a grid, whose place the panels take; a new figure if absent.
 
@@ -67,9 +67,7 @@ def plot_currents(
     figure.legend(
         handles=[*_legend(), *coast], loc="outside lower center", ncols=4, fontsize=8, frameon=False
     )
-    figure.suptitle(
-        f"Paths and current, leg {leg.start} → {leg.goal}" + f"\n{note}" * bool(note), fontsize=11
-    )
+    figure.suptitle(f"Paths and current, {leg_title(run, leg)}" + f"\n{note}" * bool(note), fontsize=11)
     return np.array(grid[: len(chosen)])
 
 

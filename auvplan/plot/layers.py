@@ -28,7 +28,7 @@ def plot_layers(run: MissionRun, leg: LegRecord | None = None) -> Figure:
 
     Args:
         run: as sailed.
-        leg: the one with most re-plans where not given.
+        leg: that of `busiest_leg` where not given.
     """
     leg = leg or busiest_leg(run)
     if leg is None:

@@ -5,21 +5,70 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from auvplan.errors import AuvplanError
 from auvplan.ocean.currents import evaluated
 from auvplan.records import LegRecord, MissionRun, PlanRecord
+from auvplan.words import counted
 
 Array = NDArray[np.floating]
 
 
 def busiest_leg(run: MissionRun) -> LegRecord | None:
-    """Return the leg with most plans, then most obstacles.
+    """Return the leg that tells most: of most re-plans, then the one that passed an obstacle most closely.
 
     A sailed one where there is any. None without plans.
     """
     planned = [leg for leg in run.legs if leg.plans]
     if not planned:
         return None
-    return max(planned, key=lambda leg: (len(leg.times) > 0, len(leg.plans), len(leg.obstacle_radii)))
+    return max(planned, key=lambda leg: (len(leg.times) > 0, leg.path_replans, -clearance(leg)))
+
+
+def done_leg(run: MissionRun, number: int) -> LegRecord:
+    """Return one of the legs whose goal was reached, by its number from 1.
+
+    Raises:
+        AuvplanError: there is none of that number; one line that says which there are.
+    """
+    count = len(run.done)
+    if not 1 <= number <= count:
+        which = f"choose 1 to {count}, or all" if count else "leave it out"
+        raise AuvplanError(f"leg {number}: the run has {counted(count, 'done leg')}: {which}")
+    return run.done[number - 1]
+
+
+def clearance(leg: LegRecord) -> float:
+    """Least distance of the sailed track to a true obstacle's surface, m; infinite without obstacles."""
+    tracks = np.asarray(leg.obstacle_positions, float)
+    if not tracks.size:
+        return float("inf")
+    apart = tracks - leg.positions[:, None]
+    steps = np.diff(apart, axis=0)
+    # Between records both move straight: the nearest point of each step.
+    square = np.maximum((steps**2).sum(axis=-1), 1e-12)
+    share = np.clip(-(apart[:-1] * steps).sum(axis=-1) / square, 0.0, 1.0)
+    closest = np.concatenate([apart, apart[:-1] + share[..., None] * steps])
+    return float((np.linalg.norm(closest, axis=-1) - leg.obstacle_radii).min())
+
+
+def leg_title(run: MissionRun, leg: LegRecord) -> str:
+    """Return which leg a figure shows, and on a second line why; the first line alone where there is one."""
+    name = f"leg {leg.start} → {leg.goal}"
+    if len(run.legs) == 1:
+        return name
+    if not len(leg.times):
+        return f"{name}\nplanned and refused"
+    number = next((k for k, one in enumerate(run.done, start=1) if one is leg), None)
+    name = f"{name}, not finished" if number is None else f"leg {number} of {len(run.done)}: {name[4:]}"
+    replans, distance = counted(leg.path_replans, "re-plan"), clearance(leg)
+    passed = "" if np.isinf(distance) else f", {distance:,.0f} m clear of obstacles"
+    if leg is not busiest_leg(run):
+        return f"{name}\n{replans}{passed}"
+    sailed = [one for one in run.legs if len(one.times) and one.plans]
+    if sum(one.path_replans == leg.path_replans for one in sailed) == 1:
+        return f"{name}\nmost re-plans ({leg.path_replans}){passed}"
+    closest = passed and f"; of such legs nearest to an obstacle, {distance:,.0f} m"
+    return f"{name}\n{replans}, as many as any{closest}"
 
 
 def chosen_plans(leg: LegRecord, most: int) -> list[int]:
@@ -36,7 +85,8 @@ def plan_name(leg: LegRecord, index: int) -> str:
     """Return words for a plan: what made it necessary, and when."""
     plan = leg.plans[index]
     first = "first plan" if index == 0 else "first plan, retried"
-    causes = {"leg": first, "window": f"re-plan {index}, window", "hazard": f"re-plan {index}, hazard"}
+    number = sum(one.cause != "leg" for one in leg.plans[: index + 1])
+    causes = {"leg": first, "window": f"re-plan {number}, window", "hazard": f"re-plan {number}, hazard"}
     return f"{causes.get(plan.cause, plan.cause)}, t = {plan.made_at:,.0f} s"
 
 
@@ -54,6 +104,11 @@ def current_at(plan: PlanRecord, x: Array, y: Array, z: float) -> tuple[Array, A
     """Return the true current when a plan was made, m/s north, east, down, on arrays x, y at depth z m."""
     u, v, w = evaluated(plan.current, x, y, np.full_like(x, z), np.full_like(x, plan.made_at))
     return np.asarray(u), np.asarray(v), np.asarray(w)
+
+
+def refused_legs(run: MissionRun) -> list[LegRecord]:
+    """Legs that were planned and never sailed."""
+    return [leg for leg in run.legs if leg.plans and not len(leg.times)]
 
 
 def followed_plans(leg: LegRecord) -> list[PlanRecord]:

@@ -9,6 +9,7 @@ from matplotlib.lines import Line2D
 
 from auvplan.plot import style
 from auvplan.plot.depths import draw_depths
+from auvplan.plot.legs import refused_legs
 from auvplan.records import LegRecord, MissionRun
 from auvplan.words import hours
 
@@ -38,6 +39,7 @@ def plot_mission(run: MissionRun, *, ax: Axes | None = None) -> Axes:
         route = _draw_route(axes, sailed, unit)
         bar = axes.figure.colorbar(route, ax=axes, shrink=0.8, pad=0.02)
         bar.set_label("time [s]")
+    handles += _draw_refused(axes, run, unit)
     handles += style.draw_known(axes, run.obstacles, run.t_mission, unit)
     for node, kind, label in ((run.start, style.START, "start"), (run.goal, style.GOAL, "destination")):
         handles.append(style.draw_end(axes, waypoints[node], kind, label, unit))
@@ -48,7 +50,7 @@ def plot_mission(run: MissionRun, *, ax: Axes | None = None) -> Axes:
             Line2D([], [], ls="", marker="$ρ3$", ms=13, color=style.BLUE, label="priority of the task")
         )
     style.add_legend(axes, handles, ax)
-    style.title_map(axes, _title(run), run.site, unit)
+    style.title_map(axes, _title(run), run.site, unit, style.flat(points, unit))
     _draw_labels(axes, run, sailed, marks, unit)
     return axes
 
@@ -104,6 +106,17 @@ def _draw_route(axes: Axes, sailed: list[LegRecord], unit: style.Unit) -> LineCo
                 zorder=3.5,
             )
     return route
+
+
+def _draw_refused(axes: Axes, run: MissionRun, unit: style.Unit) -> list[Line2D]:
+    """Paths that were planned and refused, each with a cross half the way; returns legend handles."""
+    lines = [style.flat(leg.plans[-1].positions, unit) for leg in refused_legs(run)]
+    if not lines:
+        return []
+    kind: dict[str, Any] = {"color": style.REFUSED, "ls": ":", "lw": 1.2, "marker": "x", "ms": 5, "mew": 1.3}
+    for line in lines:
+        axes.plot(*line.T, markevery=[_middle(line)], zorder=1.8, **kind)
+    return [Line2D([], [], label="planned and refused", **kind)]
 
 
 def _middle(line: style.Array) -> int:

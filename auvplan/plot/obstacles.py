@@ -8,7 +8,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from auvplan.plot import style
-from auvplan.plot.legs import busiest_leg, extent_points
+from auvplan.plot.legs import busiest_leg, extent_points, leg_title
 from auvplan.records import LegRecord, MissionRun
 
 #: Height of the box beside its longer horizontal edge.
@@ -24,7 +24,7 @@ def plot_obstacles(run: MissionRun, leg: LegRecord | None = None, *, ax: Axes | 
 
     Args:
         run: as sailed.
-        leg: the one with most re-plans where not given.
+        leg: that of `busiest_leg` where not given.
         ax: three-dimensional axes to draw in; those of a new figure if absent.
 
     Returns:
@@ -75,8 +75,7 @@ def plot_obstacles(run: MissionRun, leg: LegRecord | None = None, *, ax: Axes | 
     note = f", {hidden} of {len(leg.obstacle_radii)} obstacles out of view" if hidden and len(nearest) else ""
     stretch = _HEIGHT * edge / (bottom - top)
     (axes.figure.suptitle if ax is None else axes.set_title)(
-        f"Closest points of approach, leg {leg.start} → {leg.goal}{note}\n"
-        f"vertical exaggeration {stretch:.1f}",
+        f"Closest points of approach, {leg_title(run, leg)}\nvertical exaggeration {stretch:.1f}{note}",
         fontsize=11,
     )
     return axes

@@ -1,49 +1,87 @@
 """The figures of a run."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import Any, Literal
 
 from auvplan.files import output_folder
 from auvplan.plot.convergence import plot_convergence
 from auvplan.plot.currents import plot_currents
-from auvplan.plot.legs import busiest_leg
+from auvplan.plot.legs import busiest_leg, done_leg
 from auvplan.plot.mission import plot_mission
 from auvplan.plot.obstacles import plot_obstacles
 from auvplan.plot.style import save
 from auvplan.plot.timeline import plot_timeline
-from auvplan.records import MissionRun
+from auvplan.records import LegRecord, MissionRun
 
 #: The figure of the mission as a whole.
 MAP = "mission.png"
 
-#: By the name of their file.
-FIGURES = {
-    MAP: plot_mission,
-    "timeline.png": plot_timeline,
+#: Of the whole run, by the name of their file.
+_OF_RUN: dict[str, Callable[[MissionRun], Any]] = {MAP: plot_mission, "timeline.png": plot_timeline}
+
+#: Of one leg, by the name of their file.
+_OF_LEG: dict[str, Callable[[MissionRun, LegRecord], Any]] = {
     "currents.png": plot_currents,
     "obstacles.png": plot_obstacles,
     "convergence.png": plot_convergence,
 }
 
+#: Names of all files.
+FIGURES = (*_OF_RUN, *_OF_LEG)
 
-def draw_run(run: MissionRun, folder: str | Path, names: Iterable[str] | None = None) -> list[Path]:
-    """Write the figures of a run; those of a single leg show the one with most re-plans.
 
-    Of a mission that ended before a path was planned there is the map alone.
+def draw_run(
+    run: MissionRun,
+    folder: str | Path,
+    names: Iterable[str] | None = None,
+    *,
+    leg: int | Literal["all"] | None = None,
+    progress: Callable[[float, str], None] = lambda share, words: None,
+) -> list[Path]:
+    """Write the figures of a run; those of a single leg show that of `busiest_leg`, or the one asked for.
+
+    Of a mission that ended before a path was planned there is the map alone, and of a run whose files kept
+    no histories no convergence.
 
     Args:
         run: as sailed; one that failed on the way is fine.
         folder: created if needed.
         names: of the figures, in `FIGURES`; all of them if absent.
+        leg: number of a done leg, from 1; or "all", whose figures have the number in their name.
+        progress: called with the share that is done and the name of the next file.
 
     Returns:
         The paths of the pictures.
 
     Raises:
+        AuvplanError: there is no such leg; one line that says which there are.
         OutputError: the folder or a file cannot be written; one line that names it.
     """
+    shown = _legs(run, leg)
     target = output_folder(folder)
-    wanted = FIGURES if names is None else names
-    if busiest_leg(run) is None:
+    wanted = list(FIGURES if names is None else names)
+    if not shown:
         wanted = [name for name in wanted if name == MAP]
-    return [save(FIGURES[name](run), target / name) for name in wanted]
+    drawn: list[tuple[str, Callable[[], Any]]] = []
+    for name in wanted:
+        if name in _OF_RUN:
+            drawn.append((name, lambda plot=_OF_RUN[name]: plot(run)))
+            continue
+        for ending, one in shown.items():
+            if name != "convergence.png" or all(plan.history for plan in one.plans):
+                named = name.replace(".png", f"{ending}.png")
+                drawn.append((named, lambda plot=_OF_LEG[name], one=one: plot(run, one)))
+    written = []
+    for number, (name, draw) in enumerate(drawn):
+        progress(number / len(drawn), name)
+        written.append(save(draw(), target / name))
+    return written
+
+
+def _legs(run: MissionRun, leg: int | Literal["all"] | None) -> dict[str, LegRecord]:
+    """Return the legs whose figures are drawn, by what is added to the names of these."""
+    if leg == "all":
+        return {f"-{number}": one for number, one in enumerate(run.done, start=1) if one.plans}
+    one = busiest_leg(run) if leg is None else done_leg(run, leg)
+    return {} if one is None or not one.plans else {"": one}

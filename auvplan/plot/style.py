@@ -37,6 +37,9 @@ COAST, UNCERTAIN, WATER, GREY = "#b9a77c", "#e6dcc0", "#f2f7fb", "#8c8c8c"
 #: The coast over a colour map, none of whose colours it is.
 LAND = "#f0efec"
 
+#: What was planned and given up.
+REFUSED = "#5a5a5a"
+
 #: The figures' own names for the kinds of obstacles.
 KIND_COLOURS = {"static": PURPLE, "afloat": ORANGE, "self-motivated": SKY, "known": RED}
 
@@ -167,10 +170,18 @@ def flat(places: ArrayLike, unit: Unit) -> Array:
     return np.asarray(places, float)[..., [1, 0]] / unit.metres
 
 
-def title_map(axes: Axes, title: str, site: Site | None, unit: Unit) -> None:
-    """A title, a compass, and degrees along the edges where the map is somewhere on Earth."""
+def title_map(axes: Axes, title: str, site: Site | None, unit: Unit, taken: Array | None = None) -> None:
+    """A title, a compass, and degrees along the edges where the map is somewhere on Earth.
+
+    Args:
+        axes: with their final limits.
+        title: one line.
+        site: or None.
+        unit: of the axes.
+        taken: [n, 2] places in the axes' unit that the compass keeps off.
+    """
     axes.set_title(title, fontsize=11, pad=None if site is None else 20.0)
-    draw_compass(axes, unit)
+    draw_compass(axes, unit, taken)
     if site is not None:
         draw_graticule(axes, site, unit)
 
@@ -200,19 +211,32 @@ def draw_known(
     return [Line2D([], [], label="known obstacle", **mark)] if obstacles else []
 
 
-def draw_compass(axes: Axes, unit: Unit) -> None:
-    """A scale bar and an arrow to the north in the lower left corner of a map."""
+def draw_compass(axes: Axes, unit: Unit, taken: Array | None = None) -> None:
+    """A scale bar and an arrow to the north in a corner of a map.
+
+    Args:
+        axes: with their final limits.
+        unit: of the axes.
+        taken: [n, 2] places in that unit; the corner with least of them is taken, the lower left first.
+    """
     (west, east), (south, north) = sorted(axes.get_xlim()), sorted(axes.get_ylim())
-    wide = east - west
+    wide, tall = east - west, north - south
     length = float(_round_below(0.2 * wide * unit.metres)) / unit.metres
-    x, y = west + 0.03 * wide, south + 0.03 * (north - south)
+    size = np.array([max(length, 0.04 * wide), 0.17 * tall])
+    margin = 0.03 * np.array([wide, tall])
+    first, last = np.array([west, south]) + margin, np.array([east, north]) - margin - size
+    corners = [np.array([x, y]) for y in (first[1], last[1]) for x in (first[0], last[0])]
+    if taken is not None:
+        near = 0.5 * margin
+        corners.sort(key=lambda low: np.all((taken > low - near) & (taken < low + size + near), axis=1).sum())
+    x, y = corners[0]
     axes.plot([x, x + length], [y, y], color="black", lw=3.0, zorder=9, path_effects=halo())
     metres = length * unit.metres
     text = f"{metres / 1000.0:g} km" if metres >= 1000.0 else f"{metres:g} m"
     common: dict[str, Any] = {"fontsize": 8, "zorder": 9, "path_effects": halo()}
     axes.text(x + 0.5 * length, y, text, ha="center", va="bottom", **common)
     axes.annotate(
-        "N", (x + 0.02 * wide, y + 0.13 * (north - south)), (x + 0.02 * wide, y + 0.05 * (north - south)),
+        "N", (x + 0.02 * wide, y + 0.13 * tall), (x + 0.02 * wide, y + 0.05 * tall),
         ha="center", va="bottom", arrowprops={"arrowstyle": "-|>", "color": "black"}, **common,
     )  # fmt: skip
 

@@ -10,12 +10,15 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from auvplan.plot import style
+from auvplan.plot.legs import refused_legs
 from auvplan.records import MissionRun
 from auvplan.schedule import Bar, lateness, planned_bars, sailed_bars
 from auvplan.words import hours
 
 #: Pale to dark blue: priorities.
 _PRIORITY = LinearSegmentedColormap.from_list("priority", ["#e3eef9", "#6aaed6", "#08306b"])
+#: Where a leg was refused.
+_REFUSED: dict[str, Any] = {"ls": "", "marker": "x", "ms": 5, "mew": 1.3, "color": style.REFUSED}
 #: Size of the labels on bars, points.
 _FONT = 7.0
 
@@ -51,6 +54,9 @@ def plot_timeline(run: MissionRun, *, ax: Axes | None = None) -> Axes:
     _draw(axes, rows - 1, sailed, norm, letter)
     for row, order in enumerate(orders[1:], start=1):
         axes.plot([order.made_at] * 2, [row - 0.48, row + 0.48], color=style.RED, lw=1.6, zorder=4)
+    refused = [leg.plans[-1].made_at for leg in refused_legs(run)]
+    if refused:
+        axes.plot(refused, [rows - 1.43] * len(refused), **_REFUSED, zorder=4)
     if orders:
         axes.axhline(rows - 1.5, color="black", lw=0.8)
     axes.axvline(run.t_available, color="red", lw=2.0, zorder=5)
@@ -64,7 +70,7 @@ def plot_timeline(run: MissionRun, *, ax: Axes | None = None) -> Axes:
     if isinstance(norm, BoundaryNorm):
         bar.set_ticks((norm.boundaries[1:] - 0.5).tolist())
     bar.set_label("priority of the task [-]")
-    style.add_legend(axes, _legend(run), ax, ncols=5)
+    style.add_legend(axes, _legend(run, bool(refused)), ax, ncols=5)
     what = "as planned and as sailed" if orders else "as planned"
     axes.set_title(f"Order of tasks, {what}; legs from → to waypoint", fontsize=11)
     return axes
@@ -112,7 +118,7 @@ def _sailed_name(run: MissionRun) -> str:
     return f"{what}\npriority {run.total_priority:g}, {run.t_mission:,.0f} s ({hours(run.t_mission)})"
 
 
-def _legend(run: MissionRun) -> list[Any]:
+def _legend(run: MissionRun, refused: bool) -> list[Any]:
     handles: list[Any] = [
         Patch(facecolor="#6aaed6", edgecolor="black", label="travel"),
         Patch(facecolor="#6aaed6", edgecolor="black", label="on-station time (half height)"),
@@ -120,4 +126,6 @@ def _legend(run: MissionRun) -> list[Any]:
     ]
     if len(run.orders) > 1 and run.simulated:
         handles.append(Line2D([], [], color=style.RED, lw=1.6, label="re-planned"))
+    if refused:
+        handles.append(Line2D([], [], label="a leg planned and refused", **_REFUSED))
     return handles

@@ -1,0 +1,104 @@
+"""Commands that draw results."""
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+
+from auvplan.cli.shared import QuietOption, console, progress_bar, say
+from auvplan.errors import ScenarioError
+
+
+def plot(
+    folder: Annotated[Path, typer.Argument(help="Folder of a run or a study.")],
+    leg: Annotated[
+        str | None,
+        typer.Option(
+            "--leg",
+            metavar="N|all",
+            help="Of a run: done leg to draw in pictures of one, from 1, or all; else that of most re-plans.",
+            show_default=False,
+        ),
+    ] = None,
+    seed: Annotated[
+        int | None,
+        typer.Option(
+            "--seed", help="Of a study: mission whose re-plans are drawn; by default a representative one."
+        ),
+    ] = None,
+    quiet: QuietOption = False,
+) -> None:
+    """Draw the figures of a run, or of a study (Figs 12 to 15, and of a sweep), into its folder."""
+    from auvplan.study.store import is_study
+
+    study = is_study(folder) or not (folder / "mission.nc").is_file()
+    if study and leg is not None:
+        raise ScenarioError(f"--leg {leg}: {folder} holds no single run; name the folder of a run")
+    if not study and seed is not None:
+        raise ScenarioError(f"--seed {seed}: {folder} holds a single run; leave --seed out")
+    pictures = _draw_study(folder, seed) if study else _draw_run(folder, leg, quiet)
+    if not quiet:
+        console.print("pictures:", *(f"  {picture}" for picture in pictures), sep="\n", soft_wrap=True)
+
+
+def _draw_study(folder: Path, seed: int | None) -> list[Path]:
+    from auvplan.plot import draw_study
+    from auvplan.study import StudyError, load_study
+
+    dataset = load_study(folder)
+    if seed is not None and seed not in dataset["seed"].values:
+        raise StudyError(f"{folder}: no mission of seed {seed} in the study")
+    return draw_study(dataset, folder, seed)
+
+
+def _draw_run(folder: Path, leg: str | None, quiet: bool) -> list[Path]:
+    number = _number(leg)
+    from auvplan.plot import draw_run
+
+    run = _restored(folder)
+    with progress_bar("drawing", quiet) as progress:
+        return draw_run(run, folder, leg=number, progress=progress)
+
+
+def _number(leg: str | None) -> int | Literal["all"] | None:
+    """Return the leg asked for.
+
+    Raises:
+        ScenarioError: it is neither a number nor all.
+    """
+    if leg is None or leg == "all":
+        return leg
+    try:
+        return int(leg)
+    except ValueError:
+        raise ScenarioError(f"--leg {leg!r}: give the number of a done leg, from 1, or all") from None
+
+
+def _restored(folder: Path) -> Any:
+    from auvplan.io.restore import restore_run
+
+    return restore_run(folder)
+
+
+def animate(
+    folder: Annotated[Path, typer.Argument(help="Folder of a run.")],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            help="File: .gif, or .mp4 where ffmpeg is installed; by default mission.gif in the folder.",
+            show_default=False,
+        ),
+    ] = None,
+    seconds: Annotated[float, typer.Option("--seconds", help="How long the film is, at most 120.")] = 12.0,
+    fps: Annotated[int, typer.Option("--fps", help="Pictures a second, at most 30.")] = 12,
+    quiet: QuietOption = False,
+) -> None:
+    """Write a run as a film: vehicle, plans, obstacles and tasks over time."""
+    from auvplan.plot import animate_run
+
+    run = _restored(folder)
+    with progress_bar("drawing the film", quiet) as progress:
+        film = animate_run(run, out or folder / "mission.gif", seconds=seconds, fps=fps, progress=progress)
+    if not quiet:
+        say(f"film: {film}")

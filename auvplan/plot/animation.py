@@ -1,0 +1,442 @@
+"""A run as a film: the vehicle on its chart, the plans that it follows, and what moves around it."""
+
+import errno
+import shutil
+import subprocess
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import EllipseCollection, LineCollection
+from matplotlib.colors import to_rgb, to_rgba
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, Patch
+from numpy.typing import NDArray
+from PIL import Image
+
+from auvplan.errors import AuvplanError
+from auvplan.files import OutputError, output_folder, write_atomically
+from auvplan.plot import style
+from auvplan.plot.depths import draw_depths
+from auvplan.plot.legs import followed_plans
+from auvplan.records import LegRecord, MissionRun
+from auvplan.site import at_time
+from auvplan.words import counted, hours
+
+#: Longest film and most pictures a second; formats hold no more than a hundredth of a second apart well.
+LONGEST, FASTEST = 120.0, 30
+#: Seconds of film for which the last picture stays, and in which a plan fades that is given up.
+_LAST, _FADE = 2.0, 1.2
+#: Dots per inch of the pictures; radius of the smallest disks, pixels.
+_DPI, _LEAST = 100, 2.5
+#: Colours of a GIF beside those named here: few make a small file, and 256 is the most.
+_COLOURS = 64
+#: Shades of 256 by which others differ from those at least.
+_NEAR = 8
+
+_TRACK, _PLAN, _ORDER = style.BLACK, style.RED, style.BLUE
+_TASK_DONE, _AHEAD, _OTHER = style.GREEN, style.SKY, "#ffffff"
+#: Of obstacles that the vehicle does not sense.
+_UNSEEN = 0.4
+
+Frame = NDArray[np.uint8]
+
+
+def animate_run(
+    run: MissionRun,
+    path: str | Path,
+    *,
+    seconds: float = 12.0,
+    fps: int = 12,
+    width: int = 640,
+    progress: Callable[[float, str], None] | None = None,
+) -> Path:
+    """Write a run as a film: GIF, or MP4 where ffmpeg is found.
+
+    Shown are the track so far, the plan that is followed, plans that are given up as they fade, the order of
+    tasks and those done, the sensed range, and the true obstacles of the leg, pale beyond that range.
+
+    Args:
+        run: as sailed, or a plan.
+        path: of the file, ending in .gif or .mp4; its folder is created if needed.
+        seconds: that the mission takes in the film, at most 120; the last picture stays two seconds more.
+        fps: pictures a second, at most 30.
+        width: pixels, at least 320.
+        progress: called with the share that is done and words for it.
+
+    Returns:
+        The path of the file.
+
+    Raises:
+        AuvplanError: nothing was sailed, or an argument is out of range; one line.
+        OutputError: the file cannot be written, or is an MP4 and there is no ffmpeg; one line that names it.
+    """
+    target = Path(path)
+    write = _writer(target)
+    if not 0.0 < seconds <= LONGEST:
+        raise AuvplanError(f"seconds: {seconds:g} is not above 0 and at most {LONGEST:g}")
+    if not 1 <= fps <= FASTEST:
+        raise AuvplanError(f"fps: {fps} is not from 1 to {FASTEST}")
+    if width < 320:
+        raise AuvplanError(f"width: {width} pixels are less than 320")
+    if not any(len(leg.times) for leg in run.legs):
+        raise AuvplanError("no leg was sailed: there is nothing to animate")
+    output_folder(target.parent)
+    film = _Film(run, width, run.t_mission / seconds * _FADE)
+    times = np.linspace(0.0, film.ends, max(round(seconds * fps), 2))
+
+    def frames() -> Iterator[Frame]:
+        for number, time in enumerate(times):
+            if progress is not None:
+                progress(number / len(times), "drawing the film")
+            yield film.at(time)
+
+    return write_atomically(target, lambda part: write(frames(), film, part, fps))
+
+
+def _writer(path: Path) -> Callable[[Iterator[Frame], "_Film", Path, int], None]:
+    """Return what writes files of this name."""
+    if path.suffix.lower() == ".gif":
+        return _write_gif
+    if path.suffix.lower() != ".mp4":
+        raise OutputError(f"{path}: a film is a .gif, or an .mp4 where ffmpeg is installed")
+    if shutil.which("ffmpeg") is None:
+        raise OutputError(f"{path}: MP4 needs ffmpeg, which is not found: install it, or write a .gif")
+    return _write_mp4
+
+
+@dataclass(frozen=True)
+class _Shown:
+    """A plan and how long it is followed: `line` [S, 2] in the axes' unit, from `begin` to `end`, s."""
+
+    line: style.Array
+    begin: float
+    end: float
+    kept: bool
+
+
+class _Film:
+    """One figure, whose moving parts are drawn anew over what stays."""
+
+    def __init__(self, run: MissionRun, width: int, fade: float) -> None:
+        """Draw what stays.
+
+        Args:
+            run: with a sailed leg.
+            width: of the pictures, pixels.
+            fade: s of mission time in which a plan that is given up fades.
+        """
+        self._run, self._fade = run, fade
+        self._legs = [leg for leg in run.legs if len(leg.times)]
+        self._times = np.concatenate([leg.times for leg in self._legs])
+        track = np.concatenate([leg.positions for leg in self._legs])
+        self.ends = float(max(run.t_mission, self._times[-1]))
+        self._waypoints = np.asarray(run.graph.positions, float)
+        low, high = style.frame_on_chart(np.concatenate([self._waypoints, track]), run.chart, margin=0.05)
+        self._stops = [node for node in range(len(self._waypoints)) if node not in (run.start, run.goal)]
+        self._unit = unit = style.Unit.for_extent(float((high - low).max()))
+        self._track = style.flat(track, unit)
+        self._plans = _plans(run, self._legs, unit)
+        tall, wide = high - low
+        self._figure = Figure(
+            figsize=(width / _DPI, width / _DPI * float(np.clip(0.87 * tall / wide, 0.4, 1.3)) + 1.35),
+            dpi=_DPI,
+            layout="constrained",
+        )
+        self._canvas = FigureCanvasAgg(self._figure)
+        self._axes = axes = self._figure.subplots()
+        style.map_axes(axes, low, high, unit)
+        axes.tick_params(labelsize=7)
+        axes.set_xlabel(axes.get_xlabel(), fontsize=8)
+        axes.set_ylabel(axes.get_ylabel(), fontsize=8)
+        handles: list[Any] = list(style.draw_coast(axes, run.chart, unit))[:1]
+        draw_depths(axes, run.seabed, unit)
+        places = style.flat(self._waypoints, unit)
+        style.draw_compass(axes, unit, np.concatenate([places, self._track]))
+        for node, kind, label in (
+            (run.start, style.START, "start"),
+            (run.goal, style.GOAL, "destination"),
+        ):
+            kind = kind | {"s": 0.6 * kind["s"]}
+            handles.append(style.draw_end(axes, self._waypoints[node], kind, label, unit))
+        if not run.simulated:
+            style.draw_known(axes, run.obstacles, 0.0, unit)
+        axes.set_title(self._words(0.0), fontsize=8.5, loc="left")
+        self._figure.legend(
+            handles=handles + self._legend(), loc="outside lower center", ncols=4, fontsize=7,
+            frameon=False, handlelength=1.6, columnspacing=1.2, borderpad=0.1,
+        )  # fmt: skip
+        self._canvas.draw()
+        self._figure.set_layout_engine("none")
+        self._moving = self._parts(places)
+        self._canvas.draw()
+        self._still = self._canvas.copy_from_bbox(self._figure.bbox)
+
+    def at(self, time: float) -> Frame:
+        """Return the picture of a time, s: [height, width, 3]."""
+        self._canvas.restore_region(self._still)
+        for part in self._moved(time):
+            self._axes.draw_artist(part)
+        return np.asarray(self._canvas.buffer_rgba())[..., :3].copy()
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height, pixels."""
+        return self._canvas.get_width_height()
+
+    @staticmethod
+    def colours() -> style.Array:
+        """Return colours [n, 3] from 0 to 1 that are not to be lost: of few pixels, or pale over water."""
+        still = (_OTHER, style.WATER, style.COAST, style.UNCERTAIN, style.GREY, style.YELLOW)
+        moving = (*style.KIND_COLOURS.values(), _TRACK, _PLAN, _ORDER, _TASK_DONE, _AHEAD)
+        pale = [(_PLAN, 0.75 - 0.15 * step) for step in range(5)]
+        pale += [(colour, _UNSEEN) for colour in style.KIND_COLOURS.values()]
+        water = np.array(to_rgb(style.WATER))
+        mixed = [share * np.array(to_rgb(colour)) + (1.0 - share) * water for colour, share in pale]
+        return np.array([*(to_rgb(colour) for colour in (*still, *moving)), *mixed])
+
+    def _parts(self, places: style.Array) -> dict[str, Any]:
+        """Make the moving parts."""
+        axes, run = self._axes, self._run
+        line: dict[str, Any] = {"solid_capstyle": "round", "animated": True}
+        (order,) = axes.plot([], [], color=_ORDER, lw=1.0, ls=(0, (1, 2)), alpha=0.8, zorder=4, **line)
+        (track,) = axes.plot([], [], color=_TRACK, lw=2.2, path_effects=style.halo(3.4), zorder=5, **line)
+        (plan,) = axes.plot([], [], color=_PLAN, lw=1.8, zorder=6, **line)
+        past = LineCollection([], linewidths=1.3, zorder=5, animated=True)
+        axes.add_collection(past, autolim=False)
+        dots: dict[str, Any] = {"s": 17, "edgecolors": "black", "linewidths": 0.7, "zorder": 7}
+        stops = axes.scatter(*places[self._stops].T, animated=True, **dots)
+        vehicle = axes.scatter(*places[:1].T, **(style.VEHICLE | {"s": 48, "zorder": 9, "animated": True}))
+        reach = Circle((0.0, 0.0), self._range, fill=False, ec=_PLAN, lw=1.0, ls="--", animated=True)
+        axes.add_patch(reach)
+        axes.title.set_animated(True)
+        title = axes._left_title  # type: ignore[attr-defined]
+        title.set_animated(True)
+        scale = float(axes.transData.transform((1.0, 0.0))[0] - axes.transData.transform((0.0, 0.0))[0])
+        obstacles = []
+        for leg in self._legs if run.simulated else ():
+            across = 2.0 * np.maximum(leg.obstacle_radii / self._unit.metres, _LEAST / scale)
+            disks = EllipseCollection(
+                across, across, np.zeros_like(across), units="xy", offsets=np.zeros((len(across), 2)),
+                offset_transform=axes.transData, edgecolors="none", zorder=4.5, animated=True,
+            )  # fmt: skip
+            axes.add_collection(disks, autolim=False)
+            obstacles.append(disks)
+        return {
+            "order": order, "past": past, "track": track, "plan": plan, "obstacles": obstacles,
+            "stops": stops, "reach": reach, "vehicle": vehicle, "title": title,
+        }  # fmt: skip
+
+    @property
+    def _range(self) -> float:
+        """Of the sensors, in the axes' unit; zero where it is not known or nothing is sensed."""
+        known = self._run.scenario.get("sensors", {}).get("range", 0.0) if self._run.simulated else 0.0
+        return float(known) / self._unit.metres
+
+    def _moved(self, time: float) -> list[Any]:
+        """Move the parts to where they are at a time; return those to draw, the lowest first."""
+        parts = self._moving
+        number = max(sum(leg.times[0] <= time for leg in self._legs) - 1, 0)
+        here = np.array([np.interp(time, self._times, axis) for axis in self._track.T])
+        sailed = self._track[self._times <= time]
+        parts["track"].set_data(*np.concatenate([sailed, here[None]]).T)
+        parts["vehicle"].set_offsets(here)
+        parts["title"].set_text(self._words(time))
+        ahead = self._ahead(time)
+        parts["order"].set_data(*style.flat(self._waypoints[ahead], self._unit).T)
+        parts["stops"].set_facecolors(self._states(time, ahead))
+        drawn = [parts["order"], self._past(time)]
+        if self._run.simulated:
+            drawn.append(self._obstacles(number, time, here))
+        drawn.append(parts["track"])
+        current = [plan for plan in self._plans if plan.begin <= time < plan.end]
+        if current:
+            parts["plan"].set_data(*current[-1].line.T)
+            drawn.append(parts["plan"])
+        drawn.append(parts["stops"])
+        if self._range:
+            parts["reach"].set_center(tuple(here))
+            drawn.append(parts["reach"])
+        return [*drawn, parts["vehicle"], parts["title"]]
+
+    def _past(self, time: float) -> LineCollection:
+        """Plans that were given up, the paler the longer ago."""
+        ages = [(plan, (time - plan.end) / self._fade) for plan in self._plans if not plan.kept]
+        shown = [(plan, age) for plan, age in ages if 0.0 <= age < 1.0]
+        past = self._moving["past"]
+        past.set_segments([plan.line for plan, _ in shown])
+        past.set_color([to_rgba(_PLAN, 0.75 * (1.0 - age)) for _, age in shown])
+        return past
+
+    def _obstacles(self, number: int, time: float, here: style.Array) -> EllipseCollection:
+        """True obstacles of a leg where they are."""
+        leg, disks = self._legs[number], self._moving["obstacles"][number]
+        if not len(leg.obstacle_radii):
+            return disks
+        place = float(np.interp(time, leg.times, np.arange(len(leg.times))))
+        before, share = int(place), place - int(place)
+        after = min(before + 1, len(leg.times) - 1)
+        tracks = np.asarray(leg.obstacle_positions, float)
+        at = style.flat((1.0 - share) * tracks[before] + share * tracks[after], self._unit)
+        away = np.linalg.norm(at - here, axis=1) - leg.obstacle_radii / self._unit.metres
+        strength = np.where(away <= self._range, 1.0, _UNSEEN) if self._range else np.ones(len(away))
+        colours = [style.KIND_COLOURS.get(kind, style.GREY) for kind in leg.obstacle_kinds]
+        disks.set_offsets(at)
+        disks.set_facecolor([to_rgba(colour, alpha) for colour, alpha in zip(colours, strength, strict=True)])
+        return disks
+
+    def _ahead(self, time: float) -> list[int]:
+        """Waypoints of the order of tasks from the next one on."""
+        orders = [order for order in self._run.orders if order.made_at <= time]
+        if not orders:
+            return []
+        begun = sum(orders[-1].made_at - 1e-6 <= leg.times[0] <= time for leg in self._legs)
+        arrived = bool(begun) and self._legs[-1].times[0] <= time and self._legs[-1].times[-1] <= time
+        return [] if arrived else orders[-1].nodes[begun:]
+
+    def _states(self, time: float, ahead: list[int]) -> list[str]:
+        """Return the colours of the waypoints but the ends: done, in the order of tasks, or neither."""
+        colours = [_OTHER] * len(self._waypoints)
+        for node in ahead:
+            colours[node] = _AHEAD
+        for leg in self._run.earning:
+            if _done_at(leg) <= time:
+                colours[leg.goal] = _TASK_DONE
+        return [colours[node] for node in self._stops]
+
+    def _words(self, time: float) -> str:
+        """Return the clock, what is done and what goes on, below the run's name."""
+        run = self._run
+        name = str(run.scenario.get("name") or "mission")
+        epoch = run.site.epoch if run.site else None
+        when = f"{hours(time)} of {hours(run.t_available)}"
+        clock = f"{when}, {at_time(time, epoch, since=0.0)}" if epoch else when
+        done = [leg for leg in run.earning if _done_at(leg) <= time]
+        finished = run.tasks if len(done) == len(run.earning) else len(done)
+        tasks = f"{counted(finished, 'task')} done, priority {sum(leg.priority for leg in done):.3g}"
+        title = f"{name}, {f'seed {run.seed}' if run.simulated else 'plan'}"
+        return f"{title}: {clock}\n{tasks}; {self._doing(time)}"
+
+    def _doing(self, time: float) -> str:
+        begun = [leg for leg in self._legs if leg.times[0] <= time]
+        if not begun:
+            return "at the start"
+        leg = begun[-1]
+        if time >= self.ends:
+            return "at the destination" if self._run.arrived else "ended on the way"
+        if time < leg.times[-1]:
+            way = f"{self._run.called(leg.start)} → {self._run.called(leg.goal)}"
+            replans = sum(plan.made_at <= time for plan in followed_plans(leg)[1:])
+            return f"on the way {way}" + (f", {counted(replans, 're-plan')}" if replans else "")
+        return f"task at {self._run.called(leg.goal)}" if time < _done_at(leg) else "waiting"
+
+    def _legend(self) -> list[Any]:
+        """Return what the moving parts are."""
+
+        def dot(colour: str, label: str, edge: str = "black", size: float = 5.0) -> Line2D:
+            return Line2D([], [], ls="", marker="o", ms=size, color=colour, mec=edge, label=label)
+
+        found: list[Any] = [
+            dot(_PLAN, "vehicle", "white", 7.0),
+            Line2D([], [], color=_TRACK, lw=2.2, label="sailed"),
+            Line2D([], [], color=_PLAN, lw=1.8, label="plan"),
+            dot(_AHEAD, "task ahead"),
+            dot(_TASK_DONE, "task done"),
+            Line2D([], [], color=_ORDER, lw=1.0, ls=":", label="order of tasks"),
+        ]
+        if not all(plan.kept for plan in self._plans):
+            found.insert(3, Line2D([], [], color=to_rgba(_PLAN, 0.4), lw=1.3, label="plan given up"))
+        if self._range:
+            found.append(Line2D([], [], color=_PLAN, lw=1.0, ls="--", label="sensed range"))
+        kinds = dict.fromkeys(kind for leg in self._legs for kind in leg.obstacle_kinds)
+        for kind in kinds if self._run.simulated else ():
+            colour = style.KIND_COLOURS.get(kind, style.GREY)
+            found.append(Patch(facecolor=colour, label=f"{kind} obstacle"))
+        return found
+
+
+def _plans(run: MissionRun, sailed: list[LegRecord], unit: style.Unit) -> list[_Shown]:
+    """Return all plans that were followed or refused, by time."""
+    found = []
+    for leg in run.legs:
+        if not leg.plans:
+            continue
+        if not any(leg is one for one in sailed):
+            plan = leg.plans[-1]
+            found.append(_Shown(style.flat(plan.positions, unit), plan.made_at, plan.made_at, False))
+            continue
+        plans = followed_plans(leg)
+        for plan, later in pairwise(plans):
+            found.append(_Shown(style.flat(plan.positions, unit), plan.made_at, later.made_at, False))
+        last, ends = plans[-1], float(leg.times[-1])
+        found.append(_Shown(style.flat(last.positions, unit), min(last.made_at, ends), ends, True))
+    return sorted(found, key=lambda plan: plan.begin)
+
+
+def _done_at(leg: LegRecord) -> float:
+    """When the task of a leg is done, s."""
+    return float(leg.times[-1]) + leg.t_wait + leg.t_task
+
+
+def _write_gif(frames: Iterator[Frame], film: _Film, path: Path, fps: int) -> None:
+    """Write an endless GIF with one palette for all pictures."""
+    palette = _palette(film)
+    pictures = [
+        Image.fromarray(frame).quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames
+    ]
+    # Times are hundredths of a second: rounded so that their sum is right.
+    ends = np.rint(100.0 * np.arange(len(pictures) + 1) / fps).astype(int)
+    durations = (10 * np.diff(ends)).tolist()
+    durations[-1] += round(1000.0 * _LAST)
+    pictures[0].save(
+        path, format="GIF", save_all=True, append_images=pictures[1:], duration=durations, loop=0,
+        optimize=False, disposal=1,
+    )  # fmt: skip
+
+
+def _palette(film: _Film) -> Image.Image:
+    """Return a picture with the palette of the film: its own colours, and those of four of its pictures."""
+    shown = np.concatenate([film.at(time) for time in np.linspace(0.0, film.ends, 4)])
+    common = Image.fromarray(shown).quantize(_COLOURS, method=Image.Quantize.MEDIANCUT)
+    others = np.reshape(common.getpalette() or [], (-1, 3))[:_COLOURS]
+    own = np.rint(255.0 * film.colours()).astype(int)
+    # Pillow does not tell near ones apart: its own would be taken for those.
+    apart = np.abs(others[:, None] - own).max(axis=2).min(axis=1) > _NEAR
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(np.concatenate([own, others[apart]]).ravel().tolist())
+    return palette
+
+
+def _write_mp4(frames: Iterator[Frame], film: _Film, path: Path, fps: int) -> None:
+    """Write an MP4 that every player knows, whose sides are even.
+
+    Raises:
+        OSError: ffmpeg failed.
+    """
+    wide, tall = film.size
+    command = [
+        "ffmpeg", "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{wide}x{tall}",
+        "-r", str(fps), "-i", "-", "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2:color=white", "-c:v", "libx264",
+        "-crf", "20", "-pix_fmt", "yuv420p", "-movflags", "+faststart", "-bitexact", str(path),
+    ]  # fmt: skip
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as encoder:
+        assert encoder.stdin is not None
+        assert encoder.stderr is not None
+        try:
+            frame = b""
+            for picture in frames:
+                frame = picture.tobytes()
+                encoder.stdin.write(frame)
+            for _ in range(round(_LAST * fps)):
+                encoder.stdin.write(frame)
+            encoder.stdin.close()
+        except BrokenPipeError:
+            pass  # it says why
+        said = encoder.stderr.read().decode(errors="replace").strip().splitlines()
+    if encoder.returncode:
+        raise OSError(errno.EIO, f"ffmpeg: {said[-1] if said else 'it failed'}")

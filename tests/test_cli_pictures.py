@@ -1,0 +1,65 @@
+"""`plot` and `animate` on the folder of a run."""
+
+import pytest
+
+from auvplan.io import save_run
+from auvplan.scenario.scenario import Scenario
+from tests.io.sample_run import make_run
+from tests.test_cli import call
+
+FIGURES = ["convergence.png", "currents.png", "mission.png", "obstacles.png", "timeline.png"]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    run = make_run()
+    run.scenario = Scenario().model_dump(mode="json")
+    return save_run(run, tmp_path_factory.mktemp("pictures") / "run")
+
+
+def names(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (("--leg", "4"), "leg 4: the run has 3 done legs: choose 1 to 3, or all"),
+        (("--leg", "0"), "choose 1 to 3"),
+        (("--leg", "first"), "--leg 'first': give the number of a done leg"),
+        (("--seed", "3"), "leave --seed out"),
+    ],
+)
+def test_what_the_run_does_not_have_is_refused_in_one_line(folder, capsys, monkeypatch, options, told):
+    before = names(folder)
+    code, out, err = call(capsys, monkeypatch, "plot", folder, *options, "--quiet")
+    assert (code, out) == (2, "")
+    assert told in err
+    assert err.count("\n") == 1
+    assert names(folder) == before
+
+
+def test_a_leg_is_of_a_run(tmp_path, capsys, monkeypatch):
+    code, _, err = call(capsys, monkeypatch, "plot", tmp_path, "--leg", "1")
+    assert code == 2
+    assert "no single run" in err
+
+
+def test_a_run_is_drawn_into_its_folder(folder, capsys, monkeypatch):
+    code, out, err = call(capsys, monkeypatch, "plot", folder, "--leg", "2")
+    assert code in (0, None), err
+    assert [name for name in names(folder) if name.endswith(".png")] == FIGURES
+    assert all(str(folder / name) in out for name in FIGURES)
+
+
+def test_a_run_is_animated_into_its_folder(folder, capsys, monkeypatch):
+    code, out, err = call(capsys, monkeypatch, "animate", folder, "--seconds", "0.5", "--fps", "4")
+    assert code in (0, None), err
+    assert out.strip() == f"film: {folder / 'mission.gif'}"
+    assert (folder / "mission.gif").read_bytes()[:6] == b"GIF89a"
+    for wrong, told in ((("--out", folder / "film.avi"), ".gif"), (("--fps", "99"), "fps: 99")):
+        before = names(folder)
+        code, _, err = call(capsys, monkeypatch, "animate", folder, *wrong)
+        assert code == 2
+        assert told in err
+        assert names(folder) == before
