@@ -91,6 +91,7 @@ def test_no_order_uses_the_reserve(reserve, expected):
 def refused(travel_time: float, **settings) -> str:
     """Why a leg of `travel_time` s from 0 to 1 is refused, 1,200 s away from the destination."""
     context, mission = at_waypoint([(0, 1), (1, GOAL), (0, GOAL)], available=2000.0, **settings)
+    plan_orders(context, [mission])
     plan = SimpleNamespace(travel_time=travel_time, broken=lambda: ())
     leg = SimpleNamespace(record=LegRecord(0, 1, 200.0, 100.0, 1.0), followed=plan)
     return executive._refused(context, mission, leg, mission.timed.leg_times(2.5))
