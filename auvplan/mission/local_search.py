@@ -144,11 +144,7 @@ def _change_all(
     open_ = (
         inside[:, :, None] & ~visited[rows[:, None, None], via] & (arrival[:, :, None] < problem.latest[at])
     )
-    onward_times = problem.leg_times[at]
-    if problem.schedule is not None:
-        edges = jnp.arange(via.shape[2], dtype=jnp.int32)
-        onward_times = problem.schedule.lasts(at[:, :, None], edges, arrival[:, :, None])
-        onward_times = jnp.where(jnp.isfinite(problem.leg_times[at]), onward_times, jnp.inf)
+    onward_times = problem.onward_times(at, arrival)
     then = arrival[:, :, None] + onward_times
     best = jnp.zeros(count)
     choice = (jnp.full(count, size), jnp.zeros(count, jnp.int32), jnp.zeros(count, jnp.int32))

@@ -58,13 +58,16 @@ class Edges:
         width = min(size, 1 << (longest - 1).bit_length())
         neighbours = np.argsort(~finite, axis=-1, kind="stable")[..., :width]
         used = np.take_along_axis(finite, neighbours, axis=-1)
+        schedule = None
+        if timetable is not None:
+            if duration is None:
+                raise ValueError("a timetable needs the duration of the tasks")
+            schedule = Schedule.of(timetable, duration, neighbours, used)
         return cls(
             np.where(used, neighbours, 0).astype(np.int32),
             np.where(used, np.take_along_axis(leg_times, neighbours, axis=-1), np.inf).astype(np.float32),
             np.where(used, np.take_along_axis(priority, neighbours, axis=-1), 0.0).astype(np.float32),
-            None
-            if timetable is None or duration is None
-            else Schedule.of(timetable, duration, neighbours, used),
+            schedule,
         )
 
 
@@ -127,11 +130,11 @@ class Problem:
         return self.neighbours.shape[0]
 
     def onward_times(self, here: jax.Array, time: jax.Array) -> jax.Array:
-        """Return the seconds [P, K] that the edges from waypoints `here` [P] take at times [P]."""
+        """Return the seconds [..., K] that the edges from waypoints `here` [...] take at times [...]."""
         if self.schedule is None:
             return self.leg_times[here]
         edge = jnp.arange(self.neighbours.shape[1], dtype=jnp.int32)
-        lasts = self.schedule.lasts(here[:, None], edge, time[:, None])
+        lasts = self.schedule.lasts(here[..., None], edge, time[..., None])
         return jnp.where(jnp.isfinite(self.leg_times[here]), lasts, jnp.inf)
 
 

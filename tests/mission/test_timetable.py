@@ -106,6 +106,18 @@ def best_priority(graph: MissionGraph, budget: float) -> float:
     budget=st.floats(300.0, 1700.0),
 )
 def test_orders_are_as_good_as_the_exhaustive_search(seed, closing, budget):
+    check_against_the_exhaustive_search(seed, closing, budget)
+
+
+@pytest.mark.slow
+def test_five_hundred_more_cases_are_as_good_as_the_exhaustive_search():
+    rng = np.random.default_rng(99)
+    for _ in range(500):
+        seed, closing = int(rng.integers(20_000, 90_000)), float(rng.choice([0.0, 0.1, 0.3]))
+        check_against_the_exhaustive_search(seed, closing, float(rng.uniform(300.0, 1700.0)))
+
+
+def check_against_the_exhaustive_search(seed: int, closing: float, budget: float) -> None:
     graph = clocked(seed, closing, 2)
     found = plan_mission(graph, 0, SIZE - 1, budget, speed=1.5, key=jax.random.key(seed), config=QUICK)
     best = best_priority(graph, budget)
