@@ -131,7 +131,8 @@ def check_against_the_exhaustive_search(seed: int, closing: float, budget: float
             time += seconds
         assert time == pytest.approx(found.time)
         assert check_order(graph, found.nodes, 0, SIZE - 1, budget, 1.5)
-        assert not check_order(graph, found.nodes, 0, SIZE - 1, found.time, 1.5).in_time
+        # Sums of the same legs in another order differ in the last digits.
+        assert not check_order(graph, found.nodes, 0, SIZE - 1, found.time - 1e-6, 1.5).in_time
 
 
 def test_without_waiting_a_task_is_reached_in_its_window_or_left():
