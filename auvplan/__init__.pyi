@@ -1,16 +1,20 @@
 from . import bbo as bbo
 from . import plot as plot
 from . import study as study
+from .executive import plan_scenario as plan_scenario
+from .executive import run_mission as run_mission
+from .executive import run_missions as run_missions
 from .export import export_run as export_run
 from .io import save_run as save_run
+from .io.area import load_area as load_area
 from .io.currents import read_current as read_current
 from .io.restore import restore_run as restore_run
-from .io.waters import load_waters as load_waters
 from .mission import MissionConfig as MissionConfig
 from .mission import MissionGraph as MissionGraph
-from .mission import MissionOrder as MissionOrder
+from .mission import MissionRoute as MissionRoute
 from .mission import plan_mission as plan_mission
 from .mission import plan_missions as plan_missions
+from .mission import replan_mission as replan_mission
 from .ocean import Chart as Chart
 from .ocean import Current as Current
 from .ocean import Environment as Environment
@@ -33,9 +37,6 @@ from .scenario import Scenario as Scenario
 from .scenario import load_scenario as load_scenario
 from .site import Site as Site
 from .vehicle import Vehicle as Vehicle
-from .voyage import plan_scenario as plan_scenario
-from .voyage import run_mission as run_mission
-from .voyage import run_missions as run_missions
 
 __version__: str
 
@@ -47,7 +48,7 @@ __all__ = [
     "LambVortices",
     "MissionConfig",
     "MissionGraph",
-    "MissionOrder",
+    "MissionRoute",
     "MissionRun",
     "Obstacles",
     "PathConfig",
@@ -62,8 +63,8 @@ __all__ = [
     "__version__",
     "bbo",
     "export_run",
+    "load_area",
     "load_scenario",
-    "load_waters",
     "plan_mission",
     "plan_missions",
     "plan_path",
@@ -72,6 +73,7 @@ __all__ = [
     "plot",
     "random_vortices",
     "read_current",
+    "replan_mission",
     "replan_path",
     "replan_paths",
     "restore_run",

@@ -3,7 +3,7 @@
 An entry is named by all that it depends on; for a program these are the function and the kinds of its
 arguments, the sources that programs are compiled from, the versions of Python, JAX and its compiler, the
 processor, and JAX's settings. So an entry is never out of date: it is found, or it is not. One that is
-damaged, or that JAX does not take, is left out and told to the log; nothing fails for it.
+damaged, or that JAX does not take, is left out, which is logged; nothing fails for it.
 
 The folder is ``~/.cache/auvplan``. The environment variable ``AUVPLAN_CACHE`` names another one, or says
 ``off``. Entries not used for longest are removed where all together exceed `LIMIT`.
@@ -200,8 +200,8 @@ def _processor() -> str:
         lines = Path("/proc/cpuinfo").read_text().split("\n\n")[0].splitlines()
     except OSError:
         return f"{platform.machine()} {platform.processor()}"
-    told = ("model name", "flags", "Features", "CPU part")
-    return f"{platform.machine()} {[line for line in lines if line.startswith(told)]}"
+    stated = ("model name", "flags", "Features", "CPU part")
+    return f"{platform.machine()} {[line for line in lines if line.startswith(stated)]}"
 
 
 def digest_of_sources(home: Path) -> str:

@@ -31,7 +31,7 @@ _OURS = "auvplan", "builtins", "collections", "jax", "jaxlib", "numpy"
 #: Threads that programs are loaded by before they are asked for.
 _THREADS = 2
 
-#: The occasion of planning and sailing missions; see `expecting`.
+#: The occasion of planning and executing missions; see `expecting`.
 MISSIONS = "missions"
 
 _OCCASIONS = f"{__name__}.expecting"
@@ -186,15 +186,15 @@ class Program:
     def _key(self, tree: Any, kinds: tuple, settings: tuple, precise: bool) -> str | None:
         """Return what the executable depends on, as a key.
 
-        None where that cannot be told or nothing is stored.
+        None where that cannot be found out or nothing is stored.
         """
         if not cache.enabled():
             return None
         parts = [_tree_token(tree), _token(settings), _token(sorted(self._options.items()))]
-        told = [part for part in parts if part is not None]
-        if len(told) < len(parts):
+        stated = [part for part in parts if part is not None]
+        if len(stated) < len(parts):
             return None
-        return cache.key_of(self._name, *told, repr(kinds), repr(precise))
+        return cache.key_of(self._name, *stated, repr(kinds), repr(precise))
 
     def drop(self) -> None:
         """Forget what was loaded and compiled."""

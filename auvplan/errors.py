@@ -1,13 +1,54 @@
 """Errors about user input, printed as one line by the commands."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 
 class AuvplanError(ValueError):
-    """Bad input or output; the message is one line that names what is wrong."""
+    """Bad input or output; the message is one line that names what is wrong.
+
+    Attributes:
+        field: what is at fault: a field of a scenario, dotted, such as "chart.file"; an argument of a reader,
+            such as "crs"; empty where none is known.
+        reason: the message without the field.
+    """
+
+    def __init__(self, reason: str = "", *, field: str = "") -> None:
+        super().__init__(f"{field} {reason}" if field else reason)
+        self.field, self.reason = field, reason
 
 
 class ScenarioError(AuvplanError):
     """A scenario that cannot be built; the message is one line."""
 
 
+class RuleError(ScenarioError):
+    """Fields of a scenario, each of them sound, that do not go together.
+
+    Attributes:
+        concerns: the fields that the rule looks at beside `field`.
+    """
+
+    def __init__(self, reason: str, *, field: str, concerns: tuple[str, ...] = ()) -> None:
+        super().__init__(reason, field=field)
+        self.concerns = concerns
+
+
 class ScenarioWarning(UserWarning):
     """What may not be meant in a scenario or its files, and was assumed; the message is one line."""
+
+
+@contextmanager
+def blaming(section: str, field: str) -> Iterator[None]:
+    """Put errors within down to a field of a scenario's section, or to that which the error names.
+
+    Args:
+        section: such as "chart"; empty for an argument of a reader.
+        field: such as "file".
+    """
+    try:
+        yield
+    except AuvplanError as error:
+        if "." not in error.field:
+            error.field = ".".join(filter(None, (section, error.field or field)))
+        raise

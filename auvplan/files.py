@@ -214,7 +214,9 @@ def write_dataset(dataset: "xr.Dataset", path: str | Path) -> Path:
         OutputError: the operating system refused; one line that names the file.
     """
     encoding: Any = {name: _encoding(variable) for name, variable in dataset.variables.items()}
-    return write_atomically(path, lambda part: dataset.to_netcdf(part, engine="h5netcdf", encoding=encoding))
+    # HDF5 crashes the process where the disk is full: it writes to memory.
+    content = dataset.to_netcdf(engine="h5netcdf", encoding=encoding)
+    return write_atomically(path, lambda part: part.write_bytes(content))
 
 
 def _encoding(variable: "xr.Variable") -> dict[str, Any]:

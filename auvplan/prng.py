@@ -47,6 +47,11 @@ def folded(key: jax.Array, *numbers: int) -> jax.Array:
     return _folded(key, np.asarray(numbers))
 
 
+def folded_rows(keys: jax.Array, number: int) -> jax.Array:
+    """[B] keys with a number folded into each."""
+    return stacked([folded(key, number) for key in single(keys)])
+
+
 def single(keys: jax.Array) -> list[jax.Array]:
     """Return the single ones of [B] keys."""
     data, kind = np.asarray(jax.random.key_data(keys)), jax.random.key_impl(keys)

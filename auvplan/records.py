@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.brief import Brief
-from auvplan.mission import MissionConfig, MissionGraph, MissionOrder, trail_bound, upper_bound
+from auvplan.mission import MissionConfig, MissionGraph, MissionRoute, trail_bound, upper_bound
 from auvplan.mission.jobs import jobs_done
 from auvplan.motion import Motion
 from auvplan.ocean.chart import Chart
+from auvplan.ocean.closures import Closure
 from auvplan.ocean.currents import Current
 from auvplan.ocean.known import KnownObstacle
 from auvplan.ocean.seabed import Seabed
@@ -66,7 +67,7 @@ class PlanRecord(Brief):
 
 @dataclass(repr=False)
 class LegRecord(Brief):
-    """One sailed leg between two waypoints.
+    """One executed leg between two waypoints.
 
     Attributes:
         start: index of the waypoint left.
@@ -79,10 +80,10 @@ class LegRecord(Brief):
             on the only way to the destination alone, and then without a task.
         plans: the first plan and every re-plan.
         followed: number in `plans` of the one that the leg was begun with.
-        current_difference: m/s, root mean square of the difference between the current that was told and the
+        current_difference: m/s, root mean square of the difference between the forecast current and the
             true one along the track; NaN where both change as vortices do.
         times: [n] s since the epoch; the last is the arrival.
-        positions: [n, 3] m, sailed.
+        positions: [n, 3] m, as executed.
         motion: attitude and velocities, [n] as simulated: each from its time to the next.
         obstacle_positions: [n, M, 3] m, the truth.
         obstacle_radii: [M] m, the truth.
@@ -116,7 +117,7 @@ class LegRecord(Brief):
     def _facts(self) -> dict[str, str]:
         return {
             "": f"{self.start} to {self.goal}",
-            "sailed": f"{self.t_path:,.0f} s" if self.arrived else f"{self.t_path:,.0f} s, not arrived",
+            "executed": f"{self.t_path:,.0f} s" if self.arrived else f"{self.t_path:,.0f} s, not arrived",
             "expected": f"{self.t_expected - self.t_task:,.0f} s",
             "task": f"{self.t_task:,.0f} s",
             "priority": figure(self.priority, 6),
@@ -125,7 +126,7 @@ class LegRecord(Brief):
 
     @property
     def t_path(self) -> float:
-        """Travel time sailed, s."""
+        """Travel time as executed, s."""
         return float(self.times[-1] - self.times[0]) if len(self.times) else 0.0
 
     @property
@@ -148,8 +149,8 @@ class LegRecord(Brief):
 
 
 @dataclass
-class OrderRecord:
-    """One order of tasks as the mission planner made it.
+class RouteRecord:
+    """One route as the mission planner made it.
 
     Attributes:
         made_at: s since the epoch.
@@ -158,7 +159,7 @@ class OrderRecord:
         priority: total of its tasks.
         cpu: s of wall-clock time.
         cause: "start", "late" (a leg took longer than expected), "early", or "refused" (a leg could not be
-            sailed in time).
+            executed in time).
         leg_times: s, expected of each leg with waiting and task; empty where it was not kept.
         waits: s of them that pass in waiting for the task's window; empty where it was not kept.
     """
@@ -185,9 +186,9 @@ class MissionRun(Brief):
         chart: coast, or None.
         start, goal: waypoint indices.
         t_available: s.
-        orders: the first order of tasks and every re-plan.
-        first_order: the first of `orders` as planned, with its bound; None before.
-        legs: as sailed.
+        routes: the first route and every re-plan.
+        first_route: the first of `routes` as planned, with its bound; None before.
+        legs: as executed.
         t_mission: s, travel and tasks (and planning time where it is charged).
         arrived: whether the destination was reached.
         reason: one line on how the mission ended.
@@ -199,12 +200,13 @@ class MissionRun(Brief):
         site: where and when local coordinates begin, or None.
         seabed: or None.
         names: of the waypoints; empty where they have none.
-        simulated: whether the mission was sailed in the simulator; otherwise it is a plan, and what counts as
-            sailed below is what is planned, in the forecast.
+        simulated: whether the mission was simulated; otherwise it is a plan, and what counts as
+            executed below is what is planned, in the forecast.
         obstacles: that were known beforehand, where they are at the departure.
+        closures: areas that are closed at some hours.
         departed: s from the scenario's own departure, to which files of obstacles refer, to this one's.
         assumed: what was assumed in reading the scenario's files, a line each.
-        saved_bound: `bound` of a run that comes from files, which do not keep `first_order`; None of others.
+        saved_bound: `bound` of a run that comes from files, which do not keep `first_route`; None of others.
     """
 
     scenario: dict[str, Any]
@@ -215,8 +217,8 @@ class MissionRun(Brief):
     start: int
     goal: int
     t_available: float
-    orders: list[OrderRecord] = field(default_factory=list)
-    first_order: MissionOrder | None = None
+    routes: list[RouteRecord] = field(default_factory=list)
+    first_route: MissionRoute | None = None
     legs: list[LegRecord] = field(default_factory=list)
     t_mission: float = 0.0
     arrived: bool = False
@@ -230,6 +232,7 @@ class MissionRun(Brief):
     names: list[str] = field(default_factory=list)
     simulated: bool = True
     obstacles: tuple[KnownObstacle, ...] = ()
+    closures: tuple[Closure, ...] = ()
     departed: float = 0.0
     assumed: tuple[str, ...] = ()
     saved_bound: float | None = None
@@ -244,7 +247,7 @@ class MissionRun(Brief):
             "tasks": f"{self.tasks:,}",
             "priority": figure(self.total_priority, 6),
             "re-plans": f"{sum(leg.path_replans for leg in self.legs):,} of paths, "
-            f"{max(len(self.orders) - 1, 0):,} of the mission",
+            f"{max(len(self.routes) - 1, 0):,} of the mission",
         }
 
     @property
@@ -261,6 +264,12 @@ class MissionRun(Brief):
     def t_residual(self) -> float:
         """Time left at the end, s."""
         return self.t_available - self.t_mission
+
+    @property
+    def reserve_used(self) -> float:
+        """How much of the reserve the mission took, s; all of it where time ran out."""
+        reserve = self.planning.reserve
+        return float(np.clip(reserve - self.t_residual, 0.0, reserve))
 
     @property
     def success(self) -> bool:
@@ -299,15 +308,15 @@ class MissionRun(Brief):
 
     @cached_property
     def bound(self) -> float:
-        """Bound on the total priority of the whole mission; 0.0 where there never was an order of tasks.
+        """Bound on the total priority of the whole mission; 0.0 where there never was a route.
 
-        No mission does better at the travel times that the first order was planned with, or, on the edges
+        No mission does better at the travel times that the first route was planned with, or, on the edges
         that were taken, at the times that they took where these are shorter. It follows the rule for visits;
         where a visited waypoint had to be passed, it is the sum over all tasks.
         """
-        if self.first_order is None:
+        if self.first_route is None:
             return self.saved_bound or 0.0
-        times, graph = np.array(self.first_order.edge_times), self.graph
+        times, graph = np.array(self.first_route.edge_times), self.graph
         once, stay = np.asarray(graph.waypoint_priority), np.asarray(graph.waypoint_duration)
         for leg in self.done:
             # As on a first arrival: what is done at the waypoint itself counts once in any case.
@@ -324,8 +333,8 @@ class MissionRun(Brief):
 
     @property
     def replan_compute(self) -> float:
-        """Sum of T_compute over the mission's re-plans, s of wall-clock time; the first order is none."""
-        return sum(order.cpu for order in self.orders[1:])
+        """Sum of T_compute over the mission's re-plans, s of wall-clock time; the first route is none."""
+        return sum(route.cpu for route in self.routes[1:])
 
     def cost_mission(self, phi1: float = MissionConfig.phi1, phi2: float = MissionConfig.phi2) -> float:
         """Weigh the mission as it was done: Phi_1 |T_Mission - T_available| + Phi_2 sum(1 / rho) (Eq. 15).
@@ -347,13 +356,13 @@ class MissionRun(Brief):
         """Add the computing time of the mission's re-plans to `cost_mission` (Eq. 16).
 
         Differences from the paper:
-            T_compute is the time of the new order alone: what checks whether it is due is not timed apart.
+            T_compute is the time of the new route alone: what checks whether it is due is not timed apart.
         """
         return self.cost_mission(phi1, phi2) + self.replan_compute
 
     @property
     def collisions(self) -> int:
-        """Points about a metre apart on the sailed tracks that lie inside a true obstacle or on land."""
+        """Points about a metre apart on the executed tracks that lie inside a true obstacle or on land."""
         return sum(self._hits(leg) for leg in self.legs)
 
     def _hits(self, leg: LegRecord) -> int:
@@ -376,16 +385,16 @@ class MissionRun(Brief):
         return int(hit.sum())
 
     def forecast(self) -> dict[str, float] | None:
-        """Return how the sea that was told compares with the one that was sailed in; None for vortices."""
+        """Return how the forecast compares with the true sea; None for vortices."""
         legs = [leg for leg in self.done if not math.isnan(leg.current_difference)]
         if not legs:
             return None
         squares = [leg.t_path * leg.current_difference**2 for leg in legs]
-        sailed = sum(leg.t_path for leg in legs)
+        executed = sum(leg.t_path for leg in legs)
         return {
             "planned_s": sum(leg.t_planned for leg in legs),
-            "sailed_s": sailed,
-            "current_difference": math.sqrt(sum(squares) / sailed),
+            "executed_s": executed,
+            "current_difference": math.sqrt(sum(squares) / executed),
         }
 
     def summary(self) -> dict[str, Any]:
@@ -395,6 +404,7 @@ class MissionRun(Brief):
             "t_available": self.t_available,
             "t_mission": self.t_mission,
             "t_residual": self.t_residual,
+            "reserve_used": self.reserve_used,
             "success": self.success,
             "reason": self.reason,
             "tasks": self.tasks,
@@ -403,7 +413,7 @@ class MissionRun(Brief):
             "revisits": sum(leg.revisit for leg in self.done),
             "path_calls": len(self.legs),
             "path_replans": sum(leg.path_replans for leg in self.legs),
-            "mission_replans": max(len(self.orders) - 1, 0),
+            "mission_replans": max(len(self.routes) - 1, 0),
             "cost_mission": self.cost_mission(),
             "cost_total": self.cost_total(),
             "legs": [
@@ -426,7 +436,7 @@ class MissionRun(Brief):
             ],
             "cpu": {
                 "path_s": sum(leg.cpu for leg in self.legs),
-                "mission_s": sum(order.cpu for order in self.orders),
+                "mission_s": sum(route.cpu for route in self.routes),
                 "mission_replans_s": self.replan_compute,
                 "travel_times_s": self.estimate_seconds,
                 "charged_s": self.charged_compute,

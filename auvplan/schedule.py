@@ -1,11 +1,11 @@
-"""The legs of a mission on the time line: as each order of tasks planned them, and as they were sailed."""
+"""The legs of a mission on the time line: as each route planned them, and as they were executed."""
 
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
-from auvplan.records import MissionRun, OrderRecord
+from auvplan.records import MissionRun, RouteRecord
 
 
 @dataclass(frozen=True)
@@ -26,19 +26,19 @@ class Bar:
         return self.begin + self.travel + self.wait + self.task
 
 
-def planned_bars(run: MissionRun, order: OrderRecord) -> list[Bar]:
-    """Return an order's legs by the times that were expected when it was made."""
+def planned_bars(run: MissionRun, route: RouteRecord) -> list[Bar]:
+    """Return a route's legs by the times that were expected when it was made."""
     times = np.asarray(run.graph.leg_times(float(run.vehicle.speed)))  # type: ignore[arg-type]
     travel = times - np.asarray(run.graph.duration)
-    legs = list(pairwise(order.nodes))
-    waits = dict.fromkeys(legs, 0.0) | dict(zip(legs, order.waits, strict=False))
-    for (i, j), seconds in zip(legs, order.leg_times, strict=False):
+    legs = list(pairwise(route.nodes))
+    waits = dict.fromkeys(legs, 0.0) | dict(zip(legs, route.waits, strict=False))
+    for (i, j), seconds in zip(legs, route.leg_times, strict=False):
         travel[i, j] = max(seconds - waits[i, j] - float(run.graph.duration[i, j]), 0.0)
-    # A refused leg was planned after all, and later orders reckon with what its path takes.
+    # A refused leg was planned after all, and later routes reckon with what its path takes.
     for leg in run.legs:
-        if not len(leg.times) and leg.plans and leg.plans[-1].made_at <= order.made_at:
+        if not len(leg.times) and leg.plans and leg.plans[-1].made_at <= route.made_at:
             travel[leg.start, leg.goal] = leg.plans[-1].times[-1] - leg.plans[-1].times[0]
-    bars, now = [], order.made_at
+    bars, now = [], route.made_at
     for i, j in legs:
         task = float(run.graph.duration[i, j])
         bar = Bar(i, j, now, float(travel[i, j]), task, float(run.graph.priority[i, j]), waits[i, j])
@@ -47,8 +47,8 @@ def planned_bars(run: MissionRun, order: OrderRecord) -> list[Bar]:
     return bars
 
 
-def sailed_bars(run: MissionRun) -> list[Bar]:
-    """Return the legs as sailed, or as a plan has them; refused ones are left out."""
+def executed_bars(run: MissionRun) -> list[Bar]:
+    """Return the legs as executed, or as a plan has them; refused ones are left out."""
     bars = []
     for leg in run.legs:
         if len(leg.times):
@@ -58,9 +58,9 @@ def sailed_bars(run: MissionRun) -> list[Bar]:
     return bars
 
 
-def lateness(run: MissionRun, order: OrderRecord) -> str:
-    """Return words for the leg that an order was made after; empty where it took no longer than expected."""
-    before = [leg for leg in run.done if leg.times[-1] + leg.t_task <= order.made_at + 1.0]
+def lateness(run: MissionRun, route: RouteRecord) -> str:
+    """Return words for the leg that a route was made after; empty where it took no longer than expected."""
+    before = [leg for leg in run.done if leg.times[-1] + leg.t_task <= route.made_at + 1.0]
     if not before or before[-1].t_path + before[-1].t_task <= before[-1].t_expected:
         return ""
     leg = before[-1]

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from functools import partial
 from typing import Any, Literal, TypeVar
 
 import jax
@@ -20,11 +19,7 @@ T = TypeVar("T", jax.Array, np.ndarray)
 SPEED_FLOOR = 0.05
 
 
-@partial(
-    jax.tree_util.register_dataclass,
-    data_fields=("speed", "surge_max", "sway_max", "turn_rate_max"),
-    meta_fields=(),
-)
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Vehicle:
     """A vehicle of constant thrust.

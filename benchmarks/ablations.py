@@ -1,8 +1,8 @@
 """What each part of the planner is worth to whole missions: paired studies of the Whitsunday scenario.
 
-``python -m benchmarks.ablations --out DIR [-n 100]`` sails the same missions with the default settings and
-with one of them changed, and prints the differences mission by mission with their 95 % intervals. Studies
-that are on disk already are not sailed again.
+``python -m benchmarks.ablations --out DIR [-n 100]`` simulates the same missions with the default settings,
+then with one of them changed, and prints the differences mission by mission with their 95 % intervals.
+Studies on disk are not run again.
 """
 
 import argparse
@@ -29,7 +29,7 @@ STUDIES: dict[str, dict[str, Any]] = {
     "travel times d / |v| (Eq. 13)": {"travel_times": "distance"},
     "full effort": {"effort": "full"},
     "plain search, both layers": {"effort": "plain"},
-    "orders anew after every late leg, as the paper": {"replan": "late"},
+    "routes anew after every late leg, as the paper": {"replan": "late"},
     "no windows": {"t_series": 1},
     "paths anew at every window, kept population": {"window_change": 0.0},
     "paths anew at every window, fresh population": {"window_change": 0.0, "replan_from": "fresh"},
@@ -38,7 +38,7 @@ STUDIES: dict[str, dict[str, Any]] = {
 
 
 def study(name: str, changes: dict[str, Any], count: int, out: Path) -> xr.Dataset:
-    """Sail one study, or load it."""
+    """Transit one study, or load it."""
     folder = out / name.replace(" ", "-").replace("/", "").replace("|", "").replace("--", "-")
     if (folder / DATASET).is_file():
         return load_study(folder)
@@ -69,7 +69,7 @@ def table(found: dict[str, xr.Dataset]) -> Table:
         title=f"{base.sizes['mission']} paired missions; differences to the first row, 95 % intervals"
     )
     columns = ("study", "total priority", "use of time, %", "on time", "collisions", "|T_path / t_ij - 1|")
-    for column in (*columns, "path re-plans", "orders", "planning, s"):
+    for column in (*columns, "path re-plans", "routes", "planning, s"):
         shown.add_column(column, justify="left" if column == "study" else "right")
     for name, dataset in found.items():
         row = [name]
@@ -90,7 +90,7 @@ def table(found: dict[str, xr.Dataset]) -> Table:
 
 
 def main() -> None:
-    """Sail what is missing and print the table."""
+    """Transit what is missing and print the table."""
     parser = argparse.ArgumentParser(description="Ablations of whole missions.")
     parser.add_argument("-n", type=int, default=100, help="missions of each study")
     parser.add_argument("--out", type=Path, default=Path("out/ablations"), help="folder of the studies")

@@ -1,10 +1,10 @@
-"""Orders by the clock against orders by the sea as it is when they are planned, in three tidal seas.
+"""Routes by the clock against routes by the sea as it is when they are planned, in three tidal seas.
 
     python -m benchmarks.clock --missions 100 --out docs/clock_missions.md
 
-Missions of one seed differ in nothing but `planning.departures`: 1 prices every leg as if it were sailed at
+Missions of one seed differ in nothing but `planning.departures`: 1 prices every leg as if it were executed at
 once, 24 by the time at which it is begun. Forecasts are exact and nothing is in the way: what is late is so
-by the order alone. Two seas are files of ../shared/data, the third is a harmonic tide (M2, S2, K1) made here.
+by the route alone. Two seas are files of ../shared/data, the third is a harmonic tide (M2, S2, K1) made here.
 """
 
 import argparse
@@ -26,7 +26,7 @@ from benchmarks.machine import machine
 DATA = Path(__file__).parent.parent / ".." / "shared" / "data" / "currents"
 #: Degrees an hour, m/s along the channel and phase in degrees, of the harmonic tide.
 CONSTITUENTS = {"M2": (28.984, 0.7, 40.0), "S2": (30.0, 0.25, 75.0), "K1": (15.041, 0.15, 10.0)}
-#: Seconds by which an arrival may differ, as a share of the time since the order was made.
+#: Seconds by which an arrival may differ, as a share of the time since the route was made.
 OFF = 0.05
 
 COMMON: dict[str, Any] = {
@@ -111,9 +111,9 @@ def seas(folder: Path) -> dict[str, dict[str, Any]]:
 
 
 def arrivals(run: MissionRun) -> list[float]:
-    """Of the first order as far as it was followed: how far off each arrival is, as a share of its time."""
-    order, found, now = run.orders[0], [], 0.0
-    for (i, j), seconds, leg in zip(pairwise(order.nodes), order.leg_times, run.done, strict=False):
+    """Of the first route as far as it was followed: how far off each arrival is, as a share of its time."""
+    route, found, now = run.routes[0], [], 0.0
+    for (i, j), seconds, leg in zip(pairwise(route.nodes), route.leg_times, run.done, strict=False):
         if (i, j) != (leg.start, leg.goal):
             break
         now += seconds
@@ -139,7 +139,7 @@ def compared(name: str, sections: dict[str, Any], missions: int, first: int) -> 
             f"{np.mean([run.total_priority for run in each]):.1f}",
             f"{100.0 * off.mean():.1f} %",
             f"{100.0 * (off > OFF).mean():.0f} %",
-            f"{np.mean([len(run.orders) - 1 for run in each]):.1f}",
+            f"{np.mean([len(run.routes) - 1 for run in each]):.1f}",
             f"{sum(run.success for run in each)}",
         ]
     return cells

@@ -66,8 +66,11 @@ def _schism(folder: Path) -> tuple[list[Path], dict[str, Any]]:
         dims, times, clock = variable.dimensions, data["time"][...], data["time"].units
     for k, name in enumerate(("horizontalVelX", "horizontalVelY")):
         speed = (0.3 - 0.5 * k) * (1.0 + 0.01 * height + 0.001 * np.arange(height.shape[1])[None, :, None])
-        told = {"mesh": "SCHISM_hgrid", "location": "node"}
-        fields = {name: (dims, speed.astype(np.float32), told), "time": (("time",), times, {"units": clock})}
+        stated = {"mesh": "SCHISM_hgrid", "location": "node"}
+        fields = {
+            name: (dims, speed.astype(np.float32), stated),
+            "time": (("time",), times, {"units": clock}),
+        }
         paths.append(file_models.save(folder / f"{name}.nc", fields))
     return paths, {"crs": 26910}
 

@@ -97,13 +97,13 @@ def regular_file(
     u, v, x, y, z, t = names
     dims = (t, *((z,) if levels else ()), y, x)
     fields: dict[str, tuple] = {}
-    for field, part, told in ((u, known.east, about[0]), (v, known.north, about[1])):
+    for field, part, stated in ((u, known.east, about[0]), (v, known.north, about[1])):
         values = part.reshape(shape) * factor
         if packed is None:
-            fields[field] = dims, values, told
+            fields[field] = dims, values, stated
         else:
             pack = {"scale_factor": packed, "add_offset": 0.5, "_FillValue": np.int16(-30000)}
-            fields[field] = dims, np.rint((values - 0.5) / packed).astype(np.int16), told | pack
+            fields[field] = dims, np.rint((values - 0.5) / packed).astype(np.int16), stated | pack
     if packed is not None:
         exact = [fields[f][1].astype(float) * packed + 0.5 for f in (u, v)]
         parts = [part.reshape(known.east.shape) / factor for part in exact]
@@ -232,9 +232,9 @@ def roms(folder: Path, name: str, transform: int, croco: bool = False) -> Made:
         "lat_rho": (rho, lat, {"units": "degree_north"}),
         level[0]: ((level[0],), HOURS, CLOCK),
     }
-    told: dict[str, Any] = {}
+    stated: dict[str, Any] = {}
     if croco:
-        told = {"Cs_rho": curve, "sc_r": s, "hc": critical, "VertCoordType": "NEW"}
+        stated = {"Cs_rho": curve, "sc_r": s, "hc": critical, "VertCoordType": "NEW"}
         fields["s_rho"] = ("s_rho",), s, {"standard_name": "ocean_s_coordinate_g2", "positive": "up"}
     else:
         fields |= {"s_rho": (("s_rho",), s, {}), "Cs_r": (("s_rho",), curve, {}), "hc": ((), critical, {}),
@@ -254,7 +254,7 @@ def roms(folder: Path, name: str, transform: int, croco: bool = False) -> Made:
         lon.ravel(), lat.ravel(), depth.reshape(1, levels, -1), east, north, START + 3600.0 * HOURS,
         (floor + rise).reshape(1, -1), None, halves(rows, columns),
     )  # fmt: skip
-    return [save(folder / f"{name}.nc", fields, **told)], {}, known
+    return [save(folder / f"{name}.nc", fields, **stated)], {}, known
 
 
 def mesh() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -281,7 +281,7 @@ def fvcom(folder: Path, name: str, crs: int | None = None) -> Made:
     lon, lat, triangles = mesh()
     sigma, depth = -np.array([0.1, 0.5, 0.9]), 50.0
     middle = lon[triangles].mean(axis=1), lat[triangles].mean(axis=1)
-    corners, centre, told = (lon, lat), [lon, lat], {}
+    corners, centre, stated = (lon, lat), [lon, lat], {}
     angle: Any = 0.0
     if crs is not None:
         system = Proj(f"EPSG:{crs}")
@@ -289,7 +289,7 @@ def fvcom(folder: Path, name: str, crs: int | None = None) -> Made:
         centre = [np.asarray(axis)[triangles].mean(axis=1) for axis in corners]
         middle = system(*centre, inverse=True)
         angle = -np.deg2rad(system.get_factors(*middle).meridian_convergence)
-        told = {"crs": crs}
+        stated = {"crs": crs}
     parts = flow(*middle, depth * -sigma[None, :, None], HOURS[:, None, None])
     u, v = along(*np.broadcast_arrays(*parts), angle)
     days = 58849.0 + HOURS / 24.0
@@ -317,7 +317,7 @@ def fvcom(folder: Path, name: str, crs: int | None = None) -> Made:
         fields["xc"], fields["yc"] = ((("nele",), axis, {"units": "meters"}) for axis in centre)
     known = centre_table(*middle, (lon[triangles], lat[triangles]), depths=-sigma * depth,
                          floor=np.full((1, len(middle[0])), depth))  # fmt: skip
-    return [save(folder / f"{name}.nc", fields)], told, known
+    return [save(folder / f"{name}.nc", fields)], stated, known
 
 
 def nodes_mesh(folder: Path, model: str) -> Made:

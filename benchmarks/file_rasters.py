@@ -97,10 +97,10 @@ def tiff_depth(path: Path, box: Box) -> np.ndarray:
 
 def _values(variable: Any) -> np.ndarray:
     variable.set_auto_mask(False)
-    values, told = np.asarray(variable[...], float), variable.ncattrs()
+    values, stated = np.asarray(variable[...], float), variable.ncattrs()
     for key in ("_FillValue", "missing_value"):
-        if key in told:
-            gain, offset = (float(variable.getncattr(k)) if k in told else d for k, d in _PACKING)
+        if key in stated:
+            gain, offset = (float(variable.getncattr(k)) if k in stated else d for k, d in _PACKING)
             values[values == float(variable.getncattr(key)) * gain + offset] = np.nan
     return values
 

@@ -38,7 +38,7 @@ class Table:
         depth: [1 or T, K, P] m below the surface, NaN where a column has no such level.
         east, north: [T, K, P] m/s, NaN where there is no water.
         times: [T] s since 1970.
-        floor: [1 or T, P] m below the surface; None where it is not told.
+        floor: [1 or T, P] m below the surface; None where it is not given.
         rows: [ny, nx] points of a regular grid (bilinear in degrees), or None.
         triangles: [N, 3] points between which the current is linear in metres.
         cells: shapely polygons in degrees beyond which there is land; None for everywhere within triangles.
@@ -199,12 +199,12 @@ class Raw:
         raw = np.asarray(variable[...])
         if raw.dtype.kind not in "iuf":
             raise Unreadable(f"{name} holds no numbers")
-        values, told = raw.astype(float), {key: variable.getncattr(key) for key in variable.ncattrs()}
+        values, stated = raw.astype(float), {key: variable.getncattr(key) for key in variable.ncattrs()}
         try:
             for key in ("_FillValue", "missing_value"):
-                for fill in np.ravel(told.get(key, [])):
+                for fill in np.ravel(stated.get(key, [])):
                     values[raw == fill] = np.nan
-            values = values * float(told.get("scale_factor", 1.0)) + float(told.get("add_offset", 0.0))
+            values = values * float(stated.get("scale_factor", 1.0)) + float(stated.get("add_offset", 0.0))
         except (TypeError, ValueError) as error:
             raise Unreadable(f"{name}: {error}") from None
         if dims is None:
@@ -244,8 +244,8 @@ class Raw:
 
 
 def components(raw: Raw, east: str, north: str) -> tuple[str, str]:
-    """Names of the components: by standard name where that is told, else as given."""
-    told = {
+    """Names of the components: by standard name where that is given, else as given."""
+    stated = {
         raw.attribute(name, "standard_name").lower(): name
         for name in (east, north)
         if raw.attribute(name, "standard_name")
@@ -254,10 +254,10 @@ def components(raw: Raw, east: str, north: str) -> tuple[str, str]:
              ("sea_water_x_velocity", "sea_water_y_velocity"),
              ("x_sea_water_velocity", "y_sea_water_velocity")]  # fmt: skip
     for first, second in pairs:
-        if first in told and second in told:
-            return told[first], told[second]
-    if any("velocity" not in name or "sea_water" not in name for name in told):
-        raise Unreadable(f"standard names {sorted(told)}")
+        if first in stated and second in stated:
+            return stated[first], stated[second]
+    if any("velocity" not in name or "sea_water" not in name for name in stated):
+        raise Unreadable(f"standard names {sorted(stated)}")
     return east, north
 
 

@@ -36,14 +36,14 @@ WHY = {
 REFUSED = (
     ("GRIB", "convert to NetCDF: the first line of the refusal says what it is"),
     ("u and v on a curvilinear grid with neither angle, grid_mapping nor standard names",
-     "refused: which way they point is not told"),
+     "refused: which way they point is not given"),
     ("metres of a projection that the file does not name", "refused until `current.crs` says it"),
     ("times that count from no date", "refused until `current.epoch` says it"),
     ("times that fall, depths or axes that rise and fall, grids and meshes that overlap", "refused"),
     ("components on other points than each other, but on C-grids of ROMS, NEMO, MOM6, MITgcm", "refused"),
     ("sea beds on meshes (SCHISM, FVCOM, D-Flow FM) as `bathymetry.file`", "refused; the current's own bed "
      "is used"),
-    ("z-sigma levels of D-Flow FM and other mixed levels but those whose heights are told", "refused"),
+    ("z-sigma levels of D-Flow FM and other mixed levels but those whose heights are given", "refused"),
     ("pictures without a place on Earth", "refused but as `chart.source: picture`"),
 )  # fmt: skip
 

@@ -1,9 +1,9 @@
 """Most total priority under time windows, proved by labels of dynamic programming (Righini and Salani 2009).
 
 A label is a waypoint, the set of waypoints visited and the earliest time at which the task there begins.
-What can still be gained from a waypoint on is bounded by orders that may repeat waypoints, though not turn
+What can still be gained from a waypoint on is bounded by routes that may repeat waypoints, though not turn
 straight back, each visit charged with a Lagrange multiplier of the rule that none is repeated. Labels whose
-bound does not beat the best order known are dropped; where none is left that order is the best.
+bound does not beat the best route known are dropped; where none is left that route is the best.
 
 Times are whole seconds, and no leg with its task takes less than `GRID` seconds, but for those from the
 start.
@@ -63,7 +63,7 @@ class Windows:
 
 
 class _Ways(NamedTuple):
-    """What orders that may repeat waypoints gain from each waypoint on, by the time.
+    """What routes that may repeat waypoints gain from each waypoint on, by the time.
 
     Attributes:
         best, other: [N, M + 1] the most, and the most by another next waypoint; minus infinity where none
@@ -82,7 +82,7 @@ def most_priority(windows: Windows, known: float) -> tuple[float, float]:
 
     Args:
         windows: the mission.
-        known: total priority of an order that keeps all rules.
+        known: total priority of a route that keeps all rules.
     """
     multipliers, root = _multipliers(windows, known)
     if root < known + 1.0 - TOLERANCE:
@@ -190,13 +190,13 @@ def _labels(windows: Windows, ways: _Ways, multipliers: Array, known: float) -> 
             )
         here, seen, time, gained, spare, bound = (np.concatenate(parts) for parts in zip(*rows, strict=True))
         # Of those that end at one waypoint and have visited the same the earliest goes on.
-        order = np.lexsort((time, seen, here))
-        first = np.ones(len(order), bool)
-        first[1:] = (np.diff(here[order]) != 0) | (seen[order][1:] != seen[order][:-1])
-        order = order[first]
-        order = order[bound[order] >= most + 1.0 - TOLERANCE]
+        kept = np.lexsort((time, seen, here))
+        first = np.ones(len(kept), bool)
+        first[1:] = (np.diff(here[kept]) != 0) | (seen[kept][1:] != seen[kept][:-1])
+        kept = kept[first]
+        kept = kept[bound[kept] >= most + 1.0 - TOLERANCE]
         here, seen, time, gained, spare, bound = (
-            values[order] for values in (here, seen, time, gained, spare, bound)
+            values[kept] for values in (here, seen, time, gained, spare, bound)
         )
         if len(here) > MOST_LABELS:
             return most, float(np.floor(bound.max() + TOLERANCE))

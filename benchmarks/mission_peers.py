@@ -10,11 +10,11 @@ import numpy as np
 
 from auvplan.mission import time_to_go
 from auvplan.mission.bound import common_step, edges_in_time, upper_bound
-from auvplan.mission.exact import ExactOrder, PathModel, in_ticks, solve_exact
+from auvplan.mission.exact import ExactRoute, PathModel, in_ticks, solve_exact
 from benchmarks.mission_sets import Case
 
 
-def cp_sat(case: Case, time_limit: float) -> ExactOrder:
+def cp_sat(case: Case, time_limit: float) -> ExactRoute:
     """The exact search with one thread."""
     return solve_exact(
         case.leg_times, case.graph.priority, case.start, case.goal, case.time_available, time_limit=time_limit
@@ -25,14 +25,14 @@ def reference(case: Case, time_limit: float) -> tuple[float, bool]:
     """Most total priority and whether it is proved; else, and without OR-Tools, the least upper bound."""
     bound = upper_bound(case.leg_times, case.graph.priority, case.start, case.goal, case.time_available)
     try:
-        order = cp_sat(case, time_limit)
+        route = cp_sat(case, time_limit)
     except ImportError:
         return bound, False
-    return (order.priority, True) if order.proved else (min(bound, order.bound), False)
+    return (route.priority, True) if route.proved else (min(bound, route.bound), False)
 
 
 def eq15_cost(case: Case, nodes: Any, phi1: float, phi2: float) -> float:
-    """Phi_1 |T_Mission - T_available| + Phi_2 sum(1 / rho) of an order (Eq. 15)."""
+    """Phi_1 |T_Mission - T_available| + Phi_2 sum(1 / rho) of a route (Eq. 15)."""
     times, rho = case.leg_times, case.graph.priority
     legs = [(int(i), int(j)) for i, j in pairwise(nodes)]
     unused = case.time_available - sum(times[leg] for leg in legs)
@@ -40,7 +40,7 @@ def eq15_cost(case: Case, nodes: Any, phi1: float, phi2: float) -> float:
 
 
 def cp_sat_eq15(case: Case, phi1: float, phi2: float, time_limit: float) -> tuple[list[int], float]:
-    """An order of low cost by Eq. 15, and a cost that none is below.
+    """A route of low cost by Eq. 15, and a cost that none is below.
 
     The unused time and the sum over tasks are both sums over edges, so that the aim is a longest path. The
     bound is right to a tick for each leg.
@@ -130,7 +130,7 @@ def mealpy_bbo(case: Case, seed: int, population: int = 150, iterations: int = 2
 
 @cache
 def _random_key_decoder() -> Callable[..., tuple[np.ndarray, float, float]]:
-    """Keys [N] into ``(nodes [n], time, priority)``; the order ends early where nothing is open."""
+    """Keys [N] into ``(nodes [n], time, priority)``; the route ends early where nothing is open."""
     import numba
 
     @numba.njit

@@ -14,7 +14,7 @@ from rich.progress import Progress
 from auvplan.mission import (
     MissionConfig,
     MissionGraph,
-    check_order,
+    check_route,
     plan_mission,
     plan_missions,
     time_to_go,
@@ -123,17 +123,17 @@ class Bench:
 
         def call(seed: int) -> Any:
             keys = jax.random.split(jax.random.key(seed), BATCH)
-            return plan_missions(graphs, starts, goals, budgets, speeds, keys)
+            return plan_missions(graphs, starts, goals, budgets, speed=speeds, key=keys)
 
         bar = self._progress.add_task(f"{family}, {name}", total=repeats)
         self._clock_compilation(name, cases[0].graph.size, partial(call, 999))
         gaps, kept, times = [], [], []
         for seed in range(repeats):
             begin = time.perf_counter()
-            orders = call(seed)
+            routes = call(seed)
             times.append((time.perf_counter() - begin) / BATCH)
-            for case, order in zip(batch, orders, strict=True):
-                gap, valid = self._judge(case, order.nodes)
+            for case, route in zip(batch, routes, strict=True):
+                gap, valid = self._judge(case, route.nodes)
                 gaps.append(gap)
                 kept.append(valid)
             self._progress.advance(bar)
@@ -153,9 +153,9 @@ class Bench:
         self._add(family, "upper bound", cases, gaps, [True] * len(gaps), times)
 
     def run_replanning(self, family: str, cases: list[Case], situations: int = 50) -> None:
-        """Plan again on the way; the gap is to the rest of the old order where that still fits the time.
+        """Plan again on the way; the gap is to the rest of the old route where that still fits the time.
 
-        Late vehicles that no order brings home in time, by the shortest path, count as feasible.
+        Late vehicles that no route brings home in time, by the shortest path, count as feasible.
         """
         rng = np.random.default_rng(0)
         gaps, kept, times = [], [], []
@@ -168,19 +168,19 @@ class Bench:
             graph = case.graph.without_edges(pairwise(old.nodes[: passed + 1].tolist()))
             rest = old.nodes[passed:]
             begin = time.perf_counter()
-            order = plan_mission(
+            route = plan_mission(
                 graph, int(rest[0]), case.goal, left, speed=case.speed, key=key,
-                population=old.population, known_order=rest,
+                population=old.population, known_route=rest,
             )  # fmt: skip
             if turn < 0:
                 continue
             times.append(time.perf_counter() - begin)
             fits = old.leg_times[passed:].sum() < left * (1.0 - 1e-5)
             remainder = sum(case.graph.priority[leg] for leg in pairwise(rest)) if fits else 0.0
-            gaps.append(max(0.0, 1.0 - order.priority / remainder) if remainder else 0.0)
+            gaps.append(max(0.0, 1.0 - route.priority / remainder) if remainder else 0.0)
             shortest = float(time_to_go(graph.leg_times(case.speed), case.goal)[rest[0]])
-            valid = check_order(graph, order.nodes, rest[0], case.goal, left, case.speed).valid
-            kept.append(valid or (shortest >= left and not order.feasible))
+            valid = check_route(graph, route.nodes, rest[0], case.goal, left, case.speed).valid
+            kept.append(valid or (shortest >= left and not route.feasible))
         self._add(f"{family}, on the way", "re-plan against the old rest", cases, gaps, kept, times)
 
     def run_eq15(self, family: str, cases: list[Case], time_limit: float) -> None:
@@ -224,8 +224,8 @@ class Bench:
         self._compilation[solver, size] = max(times[0] - times[1], known)
 
     def _judge(self, case: Case, nodes: Any) -> tuple[float, bool]:
-        """Gap of an order and whether it keeps all rules."""
-        valid = check_order(case.graph, nodes, case.start, case.goal, case.time_available, case.speed).valid
+        """Gap of a route and whether it keeps all rules."""
+        valid = check_route(case.graph, nodes, case.start, case.goal, case.time_available, case.speed).valid
         found = sum(case.graph.priority[leg] for leg in pairwise(map(int, nodes))) if valid else 0.0
         return 1.0 - found / self._optima[case.name][0], valid
 
@@ -250,8 +250,8 @@ class Bench:
 
 def preset(case: Case, seed: int, config: MissionConfig) -> Any:
     """Waypoints that `plan_mission` finds."""
-    order = plan_mission(
+    route = plan_mission(
         case.graph, case.start, case.goal, case.time_available, speed=case.speed,
         key=jax.random.key(seed), config=config,
     )  # fmt: skip
-    return order.nodes if order.feasible else []
+    return route.nodes if route.feasible else []

@@ -25,7 +25,7 @@ class Case:
         graph: N waypoints.
         start: index.
         goal: index.
-        time_available: T_available, s; in the orienteering sets a length, sailed at speed 1.
+        time_available: T_available, s; in the orienteering sets a length, executed at speed 1.
         speed: |v|, m/s.
         optimum: most total priority, where it is known.
         prizes: [N] prize of each waypoint, where the priorities rho_ij = (prize_i + prize_j) / 2 stand for

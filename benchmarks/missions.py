@@ -37,7 +37,7 @@ def variants() -> dict[str, ap.MissionConfig]:
         "and the rate decoder": evolution,
         "and local search": default.replace(seeds=0),
         "beam search alone": default.replace(local_rounds=0, bbo=default.bbo.replace(iterations=0)),
-        "evolution from the beam's orders": default.replace(local_rounds=0),
+        "evolution from the beam's routes": default.replace(local_rounds=0),
     }
 
 

@@ -35,7 +35,7 @@ COPIES, POINTS = 500, 40
 SECONDS, BYTES = 30, 4 << 30
 #: m/s, and share of a chart's pixels.
 SAME = 1e-4
-#: m/s, for places that are not told and taken from others, which a note says.
+#: m/s, for places that are not given and taken from others, which a note says.
 NEAR, _MEANS = 0.05, "means of their corners"
 
 #: A change: what it is, and whether the copy must read as the original ("same"), as the copy is read by other
@@ -108,16 +108,16 @@ _VALUES: dict[str, tuple[Any, ...]] = {
 def attribute(data: xr.Dataset, names: list[str], rng: Rng) -> tuple[xr.Dataset, Change]:
     """Take an attribute away, change it, or add one."""
     name = str(rng.choice(names))
-    told = data[name].attrs
-    likely = [key for key in _VALUES if key in told]
+    stated = data[name].attrs
+    likely = [key for key in _VALUES if key in stated]
     if likely and rng.random() < 0.8:
         key = str(rng.choice(likely))
     else:
         key = str(
             rng.choice(["units", "standard_name", "positive", "calendar", "scale_factor", "_FillValue"])
         )
-    if key in told and rng.random() < 0.4:
-        del told[key]
+    if key in stated and rng.random() < 0.4:
+        del stated[key]
         return data, (f"{key} of {name} taken away", "either" if key in _MAPPING else "copy", {})
     options = _VALUES[key]
     value = options[int(rng.integers(len(options)))]
@@ -127,7 +127,7 @@ def attribute(data: xr.Dataset, names: list[str], rng: Rng) -> tuple[xr.Dataset,
         value = data[name].dtype.type(value) if abs(value) < 1e4 or data[name].dtype.kind == "f" else None
         if value is None or data[name].dtype.kind not in "iuf":
             return data, ("nothing", "same", {})
-    told[key] = value
+    stated[key] = value
     return data, (f"{key} of {name} = {value}", "either" if key in _MAPPING else "copy", {})
 
 
@@ -147,9 +147,9 @@ def structure(data: xr.Dataset, variables: tuple[str, ...], rng: Rng) -> tuple[x
         data[name] = (data[name].dims, turned.values, data[name].attrs)
         return data, (f"values of {name} reversed", "copy", {})
     if kind == 2:
-        order = [str(d) for d in rng.permutation(data[name].dims)]
-        data[name] = data[name].transpose(*order)
-        return data, (f"{name} transposed to {' '.join(order)}", "copy", {})
+        route = [str(d) for d in rng.permutation(data[name].dims)]
+        data[name] = data[name].transpose(*route)
+        return data, (f"{name} transposed to {' '.join(route)}", "copy", {})
     if kind == 3:
         data = data.map(lambda part: part.transpose(*part.dims[::-1]), keep_attrs=True)
         return data, ("all variables transposed", "copy", {})
@@ -170,8 +170,8 @@ def structure(data: xr.Dataset, variables: tuple[str, ...], rng: Rng) -> tuple[x
         return xr.concat([data, data], time_dims[0], data_vars="minimal", coords="minimal", compat="override",
                          join="override"), ("times doubled", "copy", {})  # fmt: skip
     if kind == 8 and time_dims and data.sizes[time_dims[0]] > 1:
-        order = np.argsort(rng.random(data.sizes[time_dims[0]]))
-        return data.isel({time_dims[0]: order}), ("times shuffled", "copy", {})
+        shuffled = np.argsort(rng.random(data.sizes[time_dims[0]]))
+        return data.isel({time_dims[0]: shuffled}), ("times shuffled", "copy", {})
     if kind == 9:
         lon = variables[2]
         if lon in data.variables and data[lon].dtype.kind == "f" and "scale_factor" not in data[lon].attrs:
@@ -517,7 +517,7 @@ BED_VARIABLES = {
 }
 
 
-def told_of(case: Currents | Rasters, count: int, seed: int = 0) -> list[Told]:
+def stated_of(case: Currents | Rasters, count: int, seed: int = 0) -> list[Told]:
     """What became of the copies of a file; a process that dies is a failure of its copy."""
     left = list(range(seed, seed + count))
     found: list[Told] = []
@@ -549,8 +549,8 @@ def told_of(case: Currents | Rasters, count: int, seed: int = 0) -> list[Told]:
     return found
 
 
-def is_failure(told: Told) -> bool:
-    return not told.found.startswith(("refused", "right"))
+def is_failure(stated: Told) -> bool:
+    return not stated.found.startswith(("refused", "right"))
 
 
 def main() -> None:
@@ -573,13 +573,13 @@ def main() -> None:
         if options.only and options.only not in case.name:
             continue
         begin = time.perf_counter()
-        told = told_of(case, options.copies)
-        for one in told:
+        stated = stated_of(case, options.copies)
+        for one in stated:
             if is_failure(one) or options.all:
                 print(f"  {one.copy}: {one.change}: {re.sub(r'/tmp/[^ :]*/', '', one.found)}", flush=True)
-        kinds = Counter("failed" if is_failure(one) else one.found.split(":")[0] for one in told)
-        failures = [f"{one.change}: {one.found}" for one in told if is_failure(one)]
-        counts[case.name] = dict(kinds) | {"copies": len(told), "failures": failures}
+        kinds = Counter("failed" if is_failure(one) else one.found.split(":")[0] for one in stated)
+        failures = [f"{one.change}: {one.found}" for one in stated if is_failure(one)]
+        counts[case.name] = dict(kinds) | {"copies": len(stated), "failures": failures}
         print(f"{case.name}: {dict(kinds)}, {time.perf_counter() - begin:.0f} s", flush=True)
         if options.json:
             options.json.write_text(json.dumps(counts, indent=1) + "\n")

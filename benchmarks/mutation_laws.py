@@ -54,9 +54,9 @@ def search_costs(bbo: BBOConfig, seeds: int) -> NDArray[np.float64]:
 
 
 def mission_costs(bbo: BBOConfig, seeds: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Cost of Eq. 15 and total priority of the orders found, [graphs x seeds] each."""
+    """Cost of Eq. 15 and total priority of the routes found, [graphs x seeds] each."""
     config = replace(ap.MissionConfig.paper(), bbo=bbo)
-    orders = [
+    routes = [
         ap.plan_mission(
             case.graph, start=case.start, goal=case.goal, time_available=case.time_available,
             speed=case.speed, key=jax.random.key(seed), config=config,
@@ -64,7 +64,7 @@ def mission_costs(bbo: BBOConfig, seeds: int) -> tuple[NDArray[np.float64], NDAr
         for case in generated_cases(sizes=(40,))
         for seed in range(seeds)
     ]  # fmt: skip
-    return np.asarray([order.cost for order in orders]), np.asarray([order.priority for order in orders])
+    return np.asarray([route.cost for route in routes]), np.asarray([route.priority for route in routes])
 
 
 def main() -> None:

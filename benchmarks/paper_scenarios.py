@@ -15,13 +15,13 @@ import jax
 import numpy as np
 
 import auvplan as ap
+from auvplan.executive import seed_keys
+from auvplan.executive.context import Mission, SimulationContext
+from auvplan.executive.legs import set_out
+from auvplan.executive.loop import make_context, start_mission
+from auvplan.executive.path_calls import believed
 from auvplan.records import LegRecord
 from auvplan.scenario.file import validate_scenario
-from auvplan.voyage import seed_keys
-from auvplan.voyage.context import Mission, SimulationContext
-from auvplan.voyage.executive import embark, make_context
-from auvplan.voyage.legs import set_out
-from auvplan.voyage.path_calls import believed
 
 SCENARIOS = ("scenario-1", "scenario-2", "scenario-3")
 
@@ -82,8 +82,8 @@ def reading_rows(seeds: int) -> Iterator[str]:
     for name in SCENARIOS:
         context, missions = first_legs(name, seeds)
         env = believed(context, missions)
-        starts = np.stack([mission.sailing.origin for mission in missions])
-        goals = np.stack([mission.sailing.target for mission in missions])
+        starts = np.stack([mission.active_leg.origin for mission in missions])
+        goals = np.stack([mission.active_leg.target for mission in missions])
         common = {"key": seed_keys(range(seeds)), "world_per_leg": True}
         for label, config in readings().items():
             plans = ap.plan_paths(starts, goals, env, context.vehicle, config=config, **common)
@@ -99,7 +99,7 @@ def reading_rows(seeds: int) -> Iterator[str]:
 def first_legs(name: str, seeds: int) -> tuple[SimulationContext, list[Mission]]:
     """Missions on the first leg of a scenario, what lies ahead believed but no path planned."""
     context = make_context(with_planning(name, preset="paper"), ".")
-    missions = [embark(context, seed, jax.random.key(seed), seed) for seed in range(seeds)]
+    missions = [start_mission(context, seed, jax.random.key(seed), seed) for seed in range(seeds)]
     for mission in missions:
         set_out(context, mission, LegRecord(0, 1, 0.0, 0.0, 0.0))
     return context, missions

@@ -1,4 +1,4 @@
-"""When a path meets a changing current: its segments sailed one after the other, or all in sweeps.
+"""When a path meets a changing current: its segments executed one after the other, or all in sweeps.
 
 ``python -m benchmarks.path_arrivals`` plans the problems of the literature whose current changes, and finds
 each plan's travel time by both methods. It prints how far each is off the ruler, in double precision, and
@@ -49,21 +49,21 @@ class Row:
 
 
 def travel_time(track: Track, problem: PathProblem, config: ap.PathConfig, sweeps: int | None) -> jax.Array:
-    """[P] s, by so many sweeps over the whole path; None sails segment by segment, as the package does."""
+    """[P] s, by so many sweeps over the whole path; None transits segment by segment, as the package does."""
     (x, y, z), way, env = track.places, track.way, problem.environment
     middle = x[:-1] + 0.5 * way[0], y[:-1] + 0.5 * way[1], z[:-1] + 0.5 * way[2]
     gap = kinematics.norm(*way)
     vehicle, depart = problem.vehicle, jnp.asarray(problem.depart)
 
-    def sailed(time: jax.Array) -> jax.Array:
+    def executed(time: jax.Array) -> jax.Array:
         return gap / kinematics.over_ground(env.current(*middle, time), way, gap, vehicle, config)[0]
 
     if sweeps is None:
         times = kinematics.middle_times(middle, way, gap, depart, env, vehicle, config)
-        return sailed(times).sum(axis=0)
+        return executed(times).sum(axis=0)
     duration = gap / vehicle.speed
     for _ in range(sweeps):
-        duration = sailed(depart + kinematics.elapsed(duration)[:-1] + 0.5 * duration)
+        duration = executed(depart + kinematics.elapsed(duration)[:-1] + 0.5 * duration)
     return duration.sum(axis=0)
 
 

@@ -3,7 +3,7 @@
 The shifts are a sum of sines, each scaled by its wave length, in which a taut string is equally stiff in all
 directions: L-BFGS settles in few steps however fine the polyline is. Limits are penalties that grow from
 stage to stage; what they still miss is made good by asking for more, until none is missing. Lengths and times
-count in units of the problem's own, so that waters of all sizes are descended alike.
+count in units of the problem's own, so that area of all sizes are descended alike.
 """
 
 from dataclasses import dataclass

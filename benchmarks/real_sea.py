@@ -3,8 +3,8 @@
     python -m benchmarks.real_sea
 
 Reads the current files of ../shared/data and compares values at random nodes with the files' own; plans a leg
-through a fjord for each of its 24 hours; sails a mission on a real chart between the Whitsunday Islands in a
-synthetic tide over a synthetic sea bed, checks it and writes every export. Needs ../shared.
+through a fjord for each of its 24 hours; simulates a mission on a real chart between the Whitsunday Islands
+in a synthetic tide over a synthetic sea bed, checks it and writes every export. Needs ../shared.
 """
 
 import json
@@ -136,9 +136,9 @@ def islands(folder: Path) -> Iterator[str]:
             f"{report.seabed_altitude:.1f} m, least distance to the coast {report.coast_clearance:.0f} m"
         )
         if forecast:
-            planned, sailed = forecast["planned_s"], forecast["sailed_s"]
+            planned, executed = forecast["planned_s"], forecast["executed_s"]
             yield (
-                f"  planned {planned:.0f} s, sailed {sailed:.0f} s in a current that differs by "
+                f"  planned {planned:.0f} s, executed {executed:.0f} s in a current that differs by "
                 f"{forecast['current_difference']:.2f} m/s; "
                 + ", ".join(f"{file.name} {file.stat().st_size / 1e3:.0f} kB" for file in files)
             )

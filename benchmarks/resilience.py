@@ -98,12 +98,12 @@ def same(one: xr.Dataset, other: xr.Dataset) -> str:
 
 def prints(folder: Path) -> dict[str, str]:
     """A digest of each file: of its bytes, or of what it says but clock times where it tells these."""
-    return {file.name: hashlib.sha256(_told(file)).hexdigest() for file in folder.iterdir()}
+    return {file.name: hashlib.sha256(_stated(file)).hexdigest() for file in folder.iterdir()}
 
 
-def _told(file: Path) -> bytes:
+def _stated(file: Path) -> bytes:
     if file.name == SUMMARY:
-        return repr(_clockless(json.loads(file.read_bytes()))).encode()
+        return repr(clockless(json.loads(file.read_bytes()))).encode()
     if file.name == MISSION:
         with xr.open_dataset(file, engine="h5netcdf", decode_times=False) as run:
             kept = run.drop_vars([name for name in run.variables if "cpu" in str(name)]).load()
@@ -112,12 +112,13 @@ def _told(file: Path) -> bytes:
     return file.read_bytes()
 
 
-def _clockless(told: object) -> object:
-    if isinstance(told, dict):
+def clockless(stated: object) -> object:
+    """A summary without what depends on clocks."""
+    if isinstance(stated, dict):
         # Eq. 16's total cost has the computing time in it.
-        clocks = {name for name in told if name.startswith("cpu") or name == "cost_total"}
-        return {name: _clockless(value) for name, value in told.items() if name not in clocks}
-    return [_clockless(value) for value in told] if isinstance(told, list) else told
+        clocks = {name for name in stated if name.startswith("cpu") or name == "cost_total"}
+        return {name: clockless(value) for name, value in stated.items() if name not in clocks}
+    return [clockless(value) for value in stated] if isinstance(stated, list) else stated
 
 
 def held(found: dict[str, str], old: dict[str, str], new: dict[str, str]) -> str:

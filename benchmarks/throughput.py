@@ -1,6 +1,6 @@
 """Missions an hour: one after the other in one process, and as a study on all cores.
 
-``python -m benchmarks.throughput [-n 100]`` sails missions of the shipped Whitsunday scenario both ways and
+``python -m benchmarks.throughput [-n 100]`` runs missions of the shipped Whitsunday scenario both ways and
 prints seconds a mission, compilation apart, and the most memory that the study's processes held together.
 """
 
@@ -16,11 +16,11 @@ import jax
 from rich.table import Table
 
 import auvplan as ap
+from auvplan.executive import seed_keys
 from auvplan.study import Design, run_study
-from auvplan.voyage import seed_keys
 from benchmarks.machine import console
 
-#: Missions that are sailed one after the other, and seconds between two looks at the memory.
+#: Missions that are executed one after the other, and seconds between two looks at the memory.
 SINGLES, PERIOD = 20, 3.0
 
 

@@ -223,7 +223,7 @@ def rows(runs: Sequence[Run], replaced: set[str]) -> list[Row]:
 
 def table(shown: Sequence[Row]) -> Table:
     """Return the gaps as a table; the name of a family is written once."""
-    made = Table(title="Waters: gap to the reference")
+    made = Table(title="OperatingArea: gap to the reference")
     made.add_column("family")
     made.add_column("preset")
     for name in (

@@ -1,10 +1,10 @@
-"""Orders by the clock against proven optima, and what they cost in time: ``python -m benchmarks.windows``.
+"""Routes by the clock against proven optima, and what they cost in time: ``python -m benchmarks.windows``.
 
 Thirty graphs of 40 waypoints, every other one complete, the rest of 7-12 nearest neighbours. A task of
 priority 1-9 at each waypoint may begin in one window or in one of two, tight or wide; the vehicle may wait.
 Travel times and durations are whole seconds, windows close and the time ends half a second after one, so
-that the planner, in single precision, and OR-Tools CP-SAT, in whole seconds, have the same orders to choose
-from. CP-SAT begins at the best order planned, and so do the labels of `benchmarks.labels`, which prove the
+that the planner, in single precision, and OR-Tools CP-SAT, in whole seconds, have the same routes to choose
+from. CP-SAT begins at the best route planned, and so do the labels of `benchmarks.labels`, which prove the
 complete graphs too. The gap of a plan is 1 - priority / optimum, with the bound where no optimum is proved;
 a plan that was not found counts as priority zero.
 
@@ -30,7 +30,7 @@ from rich.table import Table
 from scipy.spatial.distance import cdist
 
 import auvplan as ap
-from auvplan.mission import MissionConfig, MissionGraph, MissionOrder, plan_mission, random_graph
+from auvplan.mission import MissionConfig, MissionGraph, MissionRoute, plan_mission, random_graph
 from auvplan.mission.exact import load_cp_model
 from auvplan.mission.timetable import Timetable
 from auvplan.ocean.gridded import GriddedCurrent
@@ -148,12 +148,12 @@ def _tasks(
     return MissionGraph(positions, adjacency, priority, duration), opens, closes
 
 
-def prove(case: Case, order: Any, time_limit: float, workers: int) -> Proof:
-    """Search for the order of most total priority in whole seconds, from a known one on.
+def prove(case: Case, route: Any, time_limit: float, workers: int) -> Proof:
+    """Search for the route of most total priority in whole seconds, from a known one on.
 
     Args:
         case: of whole seconds.
-        order: waypoints to begin the search at; [start] for none.
+        route: waypoints to begin the search at; [start] for none.
         time_limit: s.
         workers: threads.
     """
@@ -171,7 +171,7 @@ def prove(case: Case, order: Any, time_limit: float, workers: int) -> Proof:
         ]
         domain = cp.Domain.from_intervals([[0, 0]] if node == 0 else open_ or [[0, end]])
         begins.append(model.new_int_var_from_domain(domain, f"begins {node}"))
-    legs, visited = set(pairwise(order)), set(order)
+    legs, visited = set(pairwise(route)), set(route)
     arcs, skipped = [(goal, 0, True)], {}
     for i, j in np.argwhere(np.isfinite(table.travel_time[0])).tolist():
         if i == goal or j == 0:
@@ -188,8 +188,8 @@ def prove(case: Case, order: Any, time_limit: float, workers: int) -> Proof:
         model.add_hint(skipped[node], node not in visited)
         arcs.append((node, node, skipped[node]))
     model.add_circuit(arcs)
-    times = case.graph.itinerary(order, SPEED).begins
-    for node, begin in zip(order[1:], times, strict=True):
+    times = case.graph.itinerary(route, SPEED).begins
+    for node, begin in zip(route[1:], times, strict=True):
         model.add_hint(begins[node], int(begin))
     model.maximize(sum(int(case.graph.priority[0, node]) * (1 - skip) for node, skip in skipped.items()))
     solver = cp.CpSolver()
@@ -207,9 +207,9 @@ def prove(case: Case, order: Any, time_limit: float, workers: int) -> Proof:
     )
 
 
-def exact(case: Case, order: Any) -> Proof:
-    """Most total priority by labels; `order` is a known one."""
-    table, known = case.graph.timetable, float(case.graph.priority[0, order[1:]].sum())
+def exact(case: Case, route: Any) -> Proof:
+    """Most total priority by labels; `route` is a known one."""
+    table, known = case.graph.timetable, float(case.graph.priority[0, route[1:]].sum())
     assert table is not None
     lasts = case.graph.duration[0][:, None] + table.travel_time[0]
     windows = Windows.of(
@@ -222,10 +222,10 @@ def exact(case: Case, order: Any) -> Proof:
 
 def planners() -> dict[str, MissionConfig]:
     """The configurations that are compared."""
-    return {"default": MissionConfig(), "quick": MissionConfig().quick()}
+    return {"default": MissionConfig(), "quick": MissionConfig.quick()}
 
 
-def plan(case: Case, config: MissionConfig, key: int) -> MissionOrder:
+def plan(case: Case, config: MissionConfig, key: int) -> MissionRoute:
     """Plan from the first waypoint to the last one."""
     return plan_mission(
         case.graph, 0, case.graph.size - 1, case.time_available,
@@ -240,9 +240,9 @@ def clock(call: Callable[[], Any]) -> tuple[float, float, Any]:
     return time.perf_counter() - wall, os.times().user - user, result
 
 
-def compare(count: int, limit: float, progress: Any) -> tuple[list[Row], list[dict[str, Any]]]:
-    """Rows of all planners, and what the exact searches found of each graph."""
-    cases = [case(FIRST_SEED + k) for k in range(count)]
+def compare(count: int, first: int, limit: float, progress: Any) -> tuple[list[Row], list[dict[str, Any]]]:
+    """Rows of all planners, and what the exact searches found of each graph from a seed on."""
+    cases = [case(first + k) for k in range(count)]
     for one in cases[:2]:
         for config in planners().values():
             plan(one, config, PLANS)
@@ -251,8 +251,8 @@ def compare(count: int, limit: float, progress: Any) -> tuple[list[Row], list[di
     for one in cases:
         for name, config in planners().items():
             plans[one.seed, name] = [clock(partial(plan, one, config, key)) for key in range(PLANS)]
-        orders = [order for name in planners() for *_, order in plans[one.seed, name]]
-        best = max(orders, key=lambda order: order.priority if order.feasible else -1.0)
+        routes = [route for name in planners() for *_, route in plans[one.seed, name]]
+        best = max(routes, key=lambda route: route.priority if route.feasible else -1.0)
         nodes = best.nodes.tolist() if best.feasible else [0]
         labels = exact(one, nodes)
         peer = prove(one, nodes, limit, WORKERS) if limit and installed("ortools") else None
@@ -262,7 +262,7 @@ def compare(count: int, limit: float, progress: Any) -> tuple[list[Row], list[di
                 "family": one.family,
                 "labels": asdict(labels),
                 "cp_sat": peer and asdict(peer),
-                **{name: [order.priority for *_, order in plans[one.seed, name]] for name in planners()},
+                **{name: [route.priority for *_, route in plans[one.seed, name]] for name in planners()},
             }
         )
         progress.advance(bar)
@@ -273,8 +273,8 @@ def compare(count: int, limit: float, progress: Any) -> tuple[list[Row], list[di
             made = [(each, *run) for each in members for run in plans[each["seed"], name]]
             gaps = np.array(
                 [
-                    1.0 - (order.priority if order.feasible else 0.0) / each["labels"]["bound"]
-                    for each, _, _, order in made
+                    1.0 - (route.priority if route.feasible else 0.0) / each["labels"]["bound"]
+                    for each, _, _, route in made
                 ]
             )
             rows.append(
@@ -283,11 +283,11 @@ def compare(count: int, limit: float, progress: Any) -> tuple[list[Row], list[di
                     name,
                     len(members),
                     float(np.mean([each["labels"]["proved"] for each in members])),
-                    float(np.mean([order.tasks for *_, order in made])),
+                    float(np.mean([route.tasks for *_, route in made])),
                     float(gaps.mean()),
                     float(gaps.max()),
                     float((gaps < 1e-9).mean()),
-                    float(np.mean([order.feasible for *_, order in made])),
+                    float(np.mean([route.feasible for *_, route in made])),
                     statistics.median(wall for _, wall, _, _ in made),
                     statistics.median(user for _, _, user, _ in made),
                 )
@@ -344,7 +344,7 @@ def timings(repeats: int, progress: Any) -> list[Timing]:
 
 def tables(rows: list[Row], found: list[dict[str, Any]], timed: list[Timing]) -> list[Table]:
     """What is printed."""
-    gaps = Table(title="Orders by the clock: gap to the best")
+    gaps = Table(title="Routes by the clock: gap to the best")
     for name in ("graphs", "planner"):
         gaps.add_column(name)
     for name in ("proved", "tasks", "mean gap", "worst gap", "optimal", "feasible", "wall", "user"):
@@ -388,17 +388,19 @@ def tables(rows: list[Row], found: list[dict[str, Any]], timed: list[Timing]) ->
 
 def main() -> None:
     """Print the tables and write the file."""
-    parser = argparse.ArgumentParser(description="Orders by the clock against proven optima.")
+    parser = argparse.ArgumentParser(description="Routes by the clock against proven optima.")
     parser.add_argument(
         "--graphs", type=int, default=CASES, help="how many of the thirty; 0 for the timings alone"
     )
+    parser.add_argument("--first", type=int, default=FIRST_SEED, help="seed of the first graph")
     parser.add_argument("--limit", type=float, default=TIME_LIMIT, help="s of CP-SAT for each; 0 for none")
     parser.add_argument("--repeats", type=int, default=5, help="timed calls; 0 for no timings")
     parser.add_argument("--out", type=Path, help="JSON file to write")
     options = parser.parse_args()
     screen = console()
     with bars(screen) as progress:
-        rows, found = compare(options.graphs, options.limit, progress) if options.graphs else ([], [])
+        asked = options.graphs, options.first, options.limit, progress
+        rows, found = compare(*asked) if options.graphs else ([], [])
         timed = timings(options.repeats, progress) if options.repeats else []
     facts = machine()
     load = os.getloadavg()[0]

@@ -24,8 +24,8 @@ import jax
 import pytest
 
 from auvplan.compiled import drop_programs
-from auvplan.voyage import executive
-from tests.voyage.small import LIGHT
+from auvplan.executive import loop
+from tests.executive.small import LIGHT
 
 # What several test processes compile alike is compiled once, and kept for the next run: planners' programs by
 # the package itself, those of the tests' own functions by JAX.
@@ -44,7 +44,7 @@ gc.freeze()
 gc.set_threshold(50_000, 20, 50)
 
 # Tests count programs: none is compiled behind their back.
-executive.warm_up = lambda *_: None
+loop.warm_up = lambda *_: None
 
 SHARED = Path(__file__).resolve().parent.parent.parent / "shared"
 
@@ -85,5 +85,5 @@ def light_search():
     """Searches of the hierarchical loop become small: what is tested does not depend on their depth."""
     with pytest.MonkeyPatch.context() as patch:
         for name, light in LIGHT.items():
-            patch.setattr(executive, name, light)
+            patch.setattr(loop, name, light)
         yield

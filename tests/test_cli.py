@@ -49,7 +49,7 @@ def test_mission_check_and_files(tmp_path, capsys, monkeypatch):
     )
     assert code in (0, None), err
     assert "collisions" in out
-    assert "first order: total priority" in out
+    assert "first route: total priority" in out
     assert "mission cost (Eq. 15), total (Eq. 16)" in out
     assert "gap 0.0%" in out, "two waypoints leave no choice"
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
@@ -166,7 +166,7 @@ def test_the_chart_command_proposes_what_colours_stand_for(tmp_path, capsys, mon
     # The lines make a scenario of the same chart.
     area = {"lower": [0, 0, 0], "upper": [100, 100, 50]}
     scenario = ap.Scenario.model_validate({"chart": chart, "area": area})
-    shares = ap.load_waters(scenario, tmp_path).chart.shares()
+    shares = ap.load_area(scenario, tmp_path).chart.shares()
     assert f"coast {shares['coast']:.1%}, uncertain {shares['uncertain']:.1%}" in out
 
 
@@ -180,8 +180,8 @@ def test_the_chart_command_takes_told_colours(tmp_path, capsys, monkeypatch):
     assert "chart.colours" in err
     assert (tmp_path / "out" / "chart.png").is_file(), "the clusters are drawn where they are refused, too"
     assert "chart:" not in out
-    told = [word for kind, (colour,) in style.named.items() for word in (f"--{kind}", colour)]
-    code, out, err = call(capsys, monkeypatch, *arguments, *told)
+    stated = [word for kind, (colour,) in style.named.items() for word in (f"--{kind}", colour)]
+    code, out, err = call(capsys, monkeypatch, *arguments, *stated)
     assert code in (0, None), err
     assert yaml.safe_load(out[out.index("chart:\n") :])["chart"]["colours"] == {
         kind: list(colours) for kind, colours in style.named.items()
@@ -191,7 +191,7 @@ def test_the_chart_command_takes_told_colours(tmp_path, capsys, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("told", "words"),
+    ("stated", "words"),
     [
         (["--water", "blu"], "--water 'blu' is no colour"),
         (["--land", "#12"], "--land '#12' is no colour"),
@@ -199,9 +199,11 @@ def test_the_chart_command_takes_told_colours(tmp_path, capsys, monkeypatch):
         (["--water", "white", "--land", "#fff"], "#ffffff is given for water and for land"),
     ],
 )
-def test_colours_that_are_none(tmp_path, capsys, monkeypatch, told, words):
+def test_colours_that_are_none(tmp_path, capsys, monkeypatch, stated, words):
     Image.fromarray(paint(STYLES["grey"], 100)).save(tmp_path / "map.png")
-    code, _, err = call(capsys, monkeypatch, "chart", tmp_path / "map.png", "--out", tmp_path / "out", *told)
+    code, _, err = call(
+        capsys, monkeypatch, "chart", tmp_path / "map.png", "--out", tmp_path / "out", *stated
+    )
     assert code == 2
     assert words in err
     assert err.count("\n") == 1
@@ -267,6 +269,7 @@ def test_help_names_every_command():
         assert command in out
 
 
+@pytest.mark.slow
 def test_a_current_that_wins_exits_1_and_names_the_place(tmp_path, capsys, monkeypatch):
     strong = LEG["current"] | {"uniform": [-4.0, 0.0, 0.0]}
     code, _, err = call(

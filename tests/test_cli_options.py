@@ -1,4 +1,4 @@
-"""Options that several commands have, and what is told while and after they run."""
+"""Options that several commands have, and what is given while and after they run."""
 
 import subprocess
 import sys

@@ -18,7 +18,7 @@ from tests.plot.sample_study import make_study
 FIGURES = [
     "fig01_clusters.png", "fig08_currents.png", "fig09_obstacles.png", "fig10_windows.png",
     "fig11_convergence.png", "fig12_time_use.png", "fig13_expected_times.png", "fig14_planning_time.png",
-    "fig15_maps.png", "fig15_orders.png",
+    "fig15_maps.png", "fig15_routes.png",
 ]  # fmt: skip
 SENSORS = {"range": 150.0, "interval": 30.0, "growth": 0.1, "growth_max": 20.0}
 
@@ -35,7 +35,7 @@ def asked(monkeypatch):
         run.scenario |= {"sensors": SENSORS}
         return run
 
-    def sail_legs(preset, seeds, rate_seeds, done):
+    def execute_legs(preset, seeds, rate_seeds, done):
         asked["seeds"].append((preset, list(seeds), list(rate_seeds)))
         for _ in range(10):
             done("a leg")
@@ -54,7 +54,11 @@ def asked(monkeypatch):
         variables = {"first_cpu": ("mission", values), "window_cpu": ("mission", values)}
         return xr.Dataset(variables, {"seed": ("mission", list(seeds))})
 
-    for name, stand_in in (("sail_legs", sail_legs), ("run_study", run_study), ("call_times", call_times)):
+    for name, stand_in in (
+        ("execute_legs", execute_legs),
+        ("run_study", run_study),
+        ("call_times", call_times),
+    ):
         monkeypatch.setattr(module, name, stand_in)
     monkeypatch.setattr(module, "draw_paper", lambda legs, found, scenario, folder: [])
     return asked

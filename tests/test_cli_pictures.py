@@ -22,7 +22,7 @@ def names(folder):
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "stated"),
     [
         (("--leg", "4"), "leg 4: the run has 3 done legs: choose 1 to 3, or all"),
         (("--leg", "0"), "choose 1 to 3"),
@@ -30,11 +30,11 @@ def names(folder):
         (("--seed", "3"), "leave --seed out"),
     ],
 )
-def test_what_the_run_does_not_have_is_refused_in_one_line(folder, capsys, monkeypatch, options, told):
+def test_what_the_run_does_not_have_is_refused_in_one_line(folder, capsys, monkeypatch, options, stated):
     before = names(folder)
     code, out, err = call(capsys, monkeypatch, "plot", folder, *options, "--quiet")
     assert (code, out) == (2, "")
-    assert told in err
+    assert stated in err
     assert err.count("\n") == 1
     assert names(folder) == before
 
@@ -57,9 +57,9 @@ def test_a_run_is_animated_into_its_folder(folder, capsys, monkeypatch):
     assert code in (0, None), err
     assert out.strip() == f"film: {folder / 'mission.gif'}"
     assert (folder / "mission.gif").read_bytes()[:6] == b"GIF89a"
-    for wrong, told in ((("--out", folder / "film.avi"), ".gif"), (("--fps", "99"), "fps: 99")):
+    for wrong, stated in ((("--out", folder / "film.avi"), ".gif"), (("--fps", "99"), "fps: 99")):
         before = names(folder)
         code, _, err = call(capsys, monkeypatch, "animate", folder, *wrong)
         assert code == 2
-        assert told in err
+        assert stated in err
         assert names(folder) == before

@@ -91,7 +91,7 @@ def test_the_line_of_the_first_fault_is_told_by_other_commands(call, tmp_path):
     )
 
 
-def test_notes_are_told(call, tmp_path):
+def test_notes_are_stated(call, tmp_path):
     from tests.io.small_site import SmallSite
 
     site = SmallSite(tmp_path / "site")
@@ -99,7 +99,7 @@ def test_notes_are_told(call, tmp_path):
     code, out, _ = call("validate", site.folder / "scenario.yaml")
     assert code == 0
     assert out.splitlines()[1:] == [
-        "note: bed.nc: units are not told: metres",
+        "note: bed.nc: units are not given: metres",
         "note: the sea bed is taken at its datum: at low water there is less above it, which "
         "bathymetry.water_level would count",
     ]

@@ -1,4 +1,4 @@
-"""Programs that are kept on disk: found again, told apart, never in the way."""
+"""Programs that are kept on disk: found again, distinguished, never in the way."""
 
 import ast
 import logging
@@ -64,14 +64,14 @@ def test_it_computes_what_jit_does_before_and_after_it_is_loaded(place):
 
 
 def test_those_who_wait_are_told_of_compilations_and_of_nothing_else(place):
-    told = []
+    stated = []
     one = program()
-    with listening(lambda **counts: told.append(counts["begun"] - counts["done"])):
+    with listening(lambda **counts: stated.append(counts["begun"] - counts["done"])):
         one(np.ones(3), times=2)
         one(np.ones(3), times=2)
         program()(np.ones(3), times=2)
     one(np.ones(4), times=2)
-    assert told == [1, 0]
+    assert stated == [1, 0]
 
 
 def test_a_second_call_compiles_and_loads_nothing(place):

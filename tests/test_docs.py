@@ -1,6 +1,6 @@
 """Code blocks of the documentation: those that can run do, page by page, each in an empty folder.
 
-What stands below a comment such as `<!-- not run: takes hours -->` has to be right as far as can be told
+What stands below a comment such as `<!-- not run: takes hours -->` has to be right as far as can be given
 without running it.
 """
 

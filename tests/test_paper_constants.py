@@ -5,12 +5,12 @@ import pytest
 
 import auvplan as ap
 from auvplan import MissionConfig, PathConfig
+from auvplan.executive import mission_configs, path_config
 from auvplan.mission.decoder import HIGHEST, LOWEST
 from auvplan.ocean.classify import UNCERTAIN_MAX
 from auvplan.ocean.whitsunday import EXTENT, PIXELS, whitsunday_chart
 from auvplan.paper import Effort
 from auvplan.paper.legs import SCENARIOS, changed
-from auvplan.voyage import mission_configs, path_config
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +82,7 @@ def test_the_large_map_is_10_kilometres_wide_and_1000_metres_deep(missions):
 
 def test_the_local_map_is_350_pixels_of_10_metres_wide():
     scenario = changed("scenario-3", "paper")
-    chart = ap.load_waters(scenario).chart
+    chart = ap.load_area(scenario).chart
     assert chart is not None
     assert chart.shape == (350, 350)
     np.testing.assert_allclose(np.asarray(chart.upper) - np.asarray(chart.lower), 3500.0)

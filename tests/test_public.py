@@ -1,4 +1,4 @@
-"""The package as a person at a prompt meets it: what is where, what is told of results, clear errors."""
+"""The package as a person at a prompt meets it: what is where, what is given of results, clear errors."""
 
 import copy
 import math
@@ -11,8 +11,8 @@ import pytest
 
 import auvplan as ap
 from auvplan.errors import ScenarioError
+from auvplan.executive.loop import make_context
 from auvplan.mission import random_graph
-from auvplan.voyage.executive import make_context
 from tests.io.sample_run import make_run
 from tests.io.small_site import SmallSite
 
@@ -30,17 +30,17 @@ def test_a_scenario_remembers_where_its_files_are(site, tmp_path, monkeypatch):
     changed = scenario.model_copy(update={"name": "changed"})
     for one in (scenario, changed, copy.deepcopy(scenario), pickle.loads(pickle.dumps(scenario))):
         assert make_context(one).folder == str(site)
-        assert ap.load_waters(one).jobs
+        assert ap.load_area(one).jobs
     with pytest.raises(ValueError, match="elsewhere"):
-        ap.load_waters(scenario, "elsewhere")
+        ap.load_area(scenario, "elsewhere")
 
 
 def test_settings_without_a_file_start_from_the_working_directory(site, monkeypatch):
     settings = ap.Scenario.model_validate(ap.load_scenario(site / "scenario.yaml").model_dump())
     with pytest.raises(ValueError, match=r"(?i)no such file"):
-        ap.load_waters(settings)
+        ap.load_area(settings)
     monkeypatch.chdir(site)
-    assert ap.load_waters(settings).jobs
+    assert ap.load_area(settings).jobs
 
 
 def test_changed_settings_are_validated_as_a_file_is(site):
@@ -190,7 +190,7 @@ def test_runs_and_what_is_in_them_are_told_in_a_line():
     assert "&lt;b&gt;&amp;" in run._repr_html_()
 
 
-def test_plans_and_orders_are_told_in_a_line():
+def test_plans_and_routes_are_told_in_a_line():
     config = ap.PathConfig.quick().replace(finer=1)
     plans = ap.plan_paths([A, A], [B, B], STILL, key=KEY, config=config)
     assert "2 of 2 plans feasible" in one_line(plans)
@@ -199,8 +199,8 @@ def test_plans_and_orders_are_told_in_a_line():
     assert "open water" in repr(plans[0])
     rng = np.random.default_rng(0)
     graph = random_graph(rng, rng.uniform(0.0, 1000.0, (8, 3)), neighbours=3)
-    order = ap.plan_mission(graph, 0, 7, 1800.0, speed=2.5, key=KEY)
-    assert f"tasks {order.tasks}" in one_line(order)
-    assert "waypoints 0 > " in repr(order)
+    route = ap.plan_mission(graph, 0, 7, 1800.0, speed=2.5, key=KEY)
+    assert f"tasks {route.tasks}" in one_line(route)
+    assert "waypoints 0 > " in repr(route)
     late = ap.plan_mission(graph, 0, 7, 1.0, speed=2.5, key=KEY)
-    assert repr(late) == "<MissionOrder: not feasible (out of time)>"
+    assert repr(late) == "<MissionRoute: not feasible (out of time)>"

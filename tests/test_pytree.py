@@ -10,7 +10,7 @@ import auvplan as ap
 from auvplan.pytree import register_without_init
 
 
-@register_without_init("numbers", "scale")
+@register_without_init
 @dataclass(frozen=True)
 class Checked:
     """A class whose constructor completes and checks."""

@@ -70,28 +70,7 @@ def weights(size: int, pooled: jax.Array, dim: int) -> Weights:
     return Weights(by_rank, mean, mass, step_rate, damping, path_rate, rank_one, rank_mu)
 
 
-@partial(
-    jax.tree_util.register_dataclass,
-    data_fields=(
-        "mean",
-        "step",
-        "covariance",
-        "basis",
-        "deviation",
-        "step_path",
-        "path",
-        "pool",
-        "pool_cost",
-        "pooled",
-        "batches",
-        "updates",
-        "reference",
-        "idle",
-        "fresh",
-        "restarts",
-    ),
-    meta_fields=(),
-)
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Memory:
     """What covariance migration carries from one generation to the next.

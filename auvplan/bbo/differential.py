@@ -25,23 +25,7 @@ HISTORY = 6
 BEST = 0.11
 
 
-@partial(
-    jax.tree_util.register_dataclass,
-    data_fields=(
-        "habitats",
-        "cost",
-        "archive",
-        "archived",
-        "basis",
-        "scales",
-        "crossovers",
-        "generation",
-        "idle",
-        "fresh",
-        "restarts",
-    ),
-    meta_fields=(),
-)
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Memory:
     """What differential migration carries from one generation to the next.

@@ -23,11 +23,7 @@ CostFunction = Callable[..., jax.Array | tuple[jax.Array, jax.Array]]
 MEMORIES: dict[str, Any] = {"differential": differential, "covariance": covariance}
 
 
-@partial(
-    jax.tree_util.register_dataclass,
-    data_fields=("population", "cost", "violation", "memory"),
-    meta_fields=(),
-)
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class State:
     """A scored population, best habitat first.
@@ -46,11 +42,7 @@ class State:
     memory: Any = ()
 
 
-@partial(
-    jax.tree_util.register_dataclass,
-    data_fields=("best", "mean", "std", "violation_best", "violation_mean", "violation_std"),
-    meta_fields=(),
-)
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class History:
     """Cost and violation of the population after each iteration; index 0 is the initial population.
@@ -71,11 +63,7 @@ class History:
     violation_std: jax.Array
 
 
-@partial(
-    jax.tree_util.register_dataclass,
-    data_fields=("x", "cost", "violation", "state", "history"),
-    meta_fields=(),
-)
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Result:
     """What `minimize` found.

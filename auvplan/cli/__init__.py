@@ -11,7 +11,19 @@ from typing import Annotated, Any
 
 import typer
 
-from auvplan.cli import departures, export, mission, paper, pictures, plan, report, scenario, study, tools
+from auvplan.cli import (
+    departures,
+    execute,
+    export,
+    mission,
+    paper,
+    pictures,
+    plan,
+    report,
+    scenario,
+    study,
+    tools,
+)
 from auvplan.cli.shared import errors
 from auvplan.errors import AuvplanError, ScenarioWarning
 
@@ -46,6 +58,7 @@ for command in (
     mission.mission,
     mission.path,
     departures.departures,
+    execute.execute,
     export.export,
     study.montecarlo,
     pictures.plot,

@@ -65,13 +65,13 @@ def departures(
     """Plan the mission, or the leg of two waypoints, at many departures and say which is the best."""
     settings, folder = load(scenario, settings=changes)
     departs = departure_times(settings, folder, begin, end, step)
+    from auvplan.executive.departures import plan_departures
+    from auvplan.executive.planning import load_area_at
     from auvplan.files import DEPARTED, DEPARTURES, output_folder
-    from auvplan.voyage.departures import plan_departures
-    from auvplan.voyage.planning import load_waters_at
 
-    waters = load_waters_at(settings, departs, folder)
+    area = load_area_at(settings, departs, folder)
     if not quiet and not as_json:
-        for note in waters.notes:
+        for note in area.notes:
             say(f"note: {note}")
     output_folder(out)
     import jax
@@ -86,12 +86,12 @@ def departures(
             departs,
             key=jax.random.key(seed),
             folder=folder,
-            waters=waters,
+            area=area,
             progress=progress,
         )
     files = [
         write_departures(found, out / DEPARTURES),
-        _write_origin(settings, folder, seed, waters.notes, out / DEPARTED),
+        _write_origin(settings, folder, seed, area.notes, out / DEPARTED),
         save(plot_departures(found), out / "departures.png"),
         write_departures_report(out),
     ]
@@ -103,7 +103,7 @@ def departures(
                 "feasible": int(found.feasible.sum()),
                 "best": found.best,
                 "departures": _rows(found),
-                "notes": list(waters.notes),
+                "notes": list(area.notes),
                 "files": [str(file) for file in files],
             }
         )
@@ -157,7 +157,7 @@ def departure_seconds(option: str, text: str, settings: Any, folder: Path) -> fl
     Raises:
         ScenarioError: it cannot be understood; the line names the option.
     """
-    from auvplan.io.waters import load_waters
+    from auvplan.io.area import load_area
     from auvplan.site import as_utc
 
     seconds = _duration(text)
@@ -171,7 +171,7 @@ def departure_seconds(option: str, text: str, settings: Any, folder: Path) -> fl
             ) from None
         epoch = None if settings.site is None else settings.site.departure
         if epoch is None and settings.current.source == "file":
-            site = load_waters(settings, folder).site
+            site = load_area(settings, folder).site
             epoch = None if site is None else site.epoch
         if epoch is None:
             raise ScenarioError(
@@ -230,14 +230,14 @@ def _write_origin(settings: Any, folder: Path, seed: int, notes: Iterable[str], 
     from auvplan.scenario.provenance import source_files
 
     scenario = settings.model_dump(mode="json")
-    told = {
+    stated = {
         "scenario": scenario,
         "seed": seed,
         "versions": {"auvplan": version("auvplan")},
         "files": [asdict(file) for file in source_files(scenario, folder)],
         "notes": list(notes),
     }
-    text = json.dumps(told, indent=2) + "\n"
+    text = json.dumps(stated, indent=2) + "\n"
     return write_atomically(path, lambda part: part.write_text(text, encoding="utf-8"))
 
 

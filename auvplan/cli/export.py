@@ -1,5 +1,6 @@
 """The command that hands a plan to vehicles and geographic information systems."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -13,7 +14,8 @@ def export(
     formats: Annotated[
         list[str] | None,
         typer.Option(
-            "--format", help="qgc, geojson, kml, gpx, csv, netcdf or imc; may be given again. All if absent."
+            "--format",
+            help="qgc, geojson, kml, gpx, csv, netcdf, imc or ros; may be given again. All if absent.",
         ),
     ] = None,
     out: Annotated[
@@ -22,6 +24,13 @@ def export(
     as_simulated: Annotated[
         bool, typer.Option("--as-simulated", help="Export the paths of a simulated mission all the same.")
     ] = False,
+    fence_points: Annotated[
+        int, typer.Option("--fence-points", min=0, help="Points of fences that the autopilot holds (.plan).")
+    ] = 70,
+    slow: Annotated[
+        float,
+        typer.Option("--slow", min=0.0, help="Share of its speed over ground below which a leg is noted."),
+    ] = 0.5,
     quiet: QuietOption = False,
 ) -> None:
     """Write a plan in the files that ground stations and maps open."""
@@ -36,7 +45,7 @@ def export(
             f"{folder}: is a simulated mission, whose paths avoid obstacles that the simulator drew: "
             "`auvplan plan` makes the plan for a vehicle, --as-simulated exports this one all the same"
         )
-    itinerary = itinerary_of(run)
+    itinerary = replace(itinerary_of(run, slow=slow), fence_points=fence_points)
     notes = export_notes(itinerary, chosen)
     files = export(itinerary, out or folder, chosen)
     if not quiet:

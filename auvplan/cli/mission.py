@@ -41,10 +41,10 @@ def mission(
     as_json: JsonOption = False,
     pictures: PicturesOption = Pictures.ALL,
     certify: Annotated[
-        bool, typer.Option("--certify", help="Also say how far the first order can be from the best.")
+        bool, typer.Option("--certify", help="Also say how far the first route can be from the best.")
     ] = False,
 ) -> None:
-    """Rehearse a mission once: sail it in the simulator, past obstacles that no plan knows of, and draw it.
+    """Rehearse a mission once in the simulator, past obstacles that no plan knows of, and draw it.
 
     `auvplan plan` makes the plan for a vehicle.
     """
@@ -52,7 +52,7 @@ def mission(
         raise ScenarioError("--certify prints lines: leave out --json")
     run = _run(scenario, preset, objective, out, seed, quiet, as_json, pictures, changes)
     if certify:
-        _print_certificate(run.first_order)
+        _print_certificate(run.first_route)
     _exit_where_failed(run)
 
 
@@ -66,7 +66,7 @@ def path(
     as_json: JsonOption = False,
     pictures: PicturesOption = Pictures.ALL,
 ) -> None:
-    """Plan one leg, from the scenario's start to its goal, and sail it with re-planning windows."""
+    """Plan one leg, from the scenario's start to its goal, and simulate it with re-planning windows."""
     run = _run(scenario, preset, None, out, seed, quiet, as_json, pictures, changes, leg=True)
     _exit_where_failed(run)
 
@@ -89,15 +89,15 @@ def _run(
 
     preload(MISSIONS)
     from auvplan.files import whole_result
-    from auvplan.io.waters import load_waters
+    from auvplan.io.area import load_area
 
     with naming(source):
         scenario, folder = load(source, preset, objective, leg, changes)
-        waters = load_waters(scenario, folder)
+        area = load_area(scenario, folder)
     if not quiet:
-        for note in waters.notes:
+        for note in area.notes:
             say(f"note: {note}")
-    from auvplan.voyage import run_mission
+    from auvplan.executive import run_mission
 
     with naming(source), whole_result(out) as partial, Painter(pictures) as painter:
         Thread(target=_load_writers, daemon=True).start()
@@ -107,7 +107,7 @@ def _run(
                 scenario,
                 seed=seed,
                 folder=folder,
-                waters=waters,
+                area=area,
                 progress=lambda _, now, doing: advance(now, doing),
             )
         painter.begin(run, partial)
@@ -149,21 +149,21 @@ def _exit_where_failed(run: Any) -> None:
         raise typer.Exit(1)
 
 
-def _print_certificate(order: Any) -> None:
-    """How far an order of tasks can be from the best, by CP-SAT or else by the bound that is always there."""
+def _print_certificate(route: Any) -> None:
+    """How far a route can be from the best, by CP-SAT or else by the bound that is always there."""
     from auvplan.mission import certify
 
-    if order is None or not order.feasible:
-        console.print("no order of tasks to certify")
+    if route is None or not route.feasible:
+        console.print("no route to certify")
         return
     how = "proved by CP-SAT"
     try:
-        order = certify(order, time_limit=30.0)
+        route = certify(route, time_limit=30.0)
     except ImportError as missing:
         how = f"linear bound; for a proof: {missing}"
     console.print(
-        f"first order: total priority {order.priority:g}, none has more than {order.bound:g}: "
-        f"gap {order.gap:.1%} ({how})",
+        f"first route: total priority {route.priority:g}, none has more than {route.bound:g}: "
+        f"gap {route.gap:.1%} ({how})",
         soft_wrap=True,
     )
 
@@ -173,7 +173,8 @@ def _print_summary(summary: dict[str, Any]) -> None:
         title=f"{summary['scenario']}, seed {summary['seed']}: {summary['reason']}", show_header=False
     )
     table.add_row("mission time", f"{summary['t_mission']:.0f} s of {summary['t_available']:.0f} s")
-    table.add_row("time left", f"{summary['t_residual']:.0f} s")
+    used = f", {summary['reserve_used']:.0f} s of the reserve used" if summary["reserve_used"] else ""
+    table.add_row("time left", f"{summary['t_residual']:.0f} s{used}")
     if summary["priority_bound"]:  # one leg has no task
         table.add_row("tasks, total priority", f"{summary['tasks']}, {summary['total_priority']:g}")
         table.add_row("bound on total priority", f"{summary['priority_bound']:g}")
@@ -183,11 +184,11 @@ def _print_summary(summary: dict[str, Any]) -> None:
     table.add_row("mission cost (Eq. 15), total (Eq. 16)", costs)
     table.add_row("collisions", str(summary["collisions"]))
     if forecast := summary["forecast"]:
-        planned, sailed = forecast["planned_s"], forecast["sailed_s"]
-        table.add_row("travel time, planned and simulated", f"{planned:.0f} s, {sailed:.0f} s")
+        planned, executed = forecast["planned_s"], forecast["executed_s"]
+        table.add_row("travel time, planned and simulated", f"{planned:.0f} s, {executed:.0f} s")
         table.add_row("forecast error of the current", f"{forecast['current_difference']:.2f} m/s (rms)")
     cpu = summary["cpu"]
-    orders = f"orders {cpu['mission_s']:.2f} s, of which re-plans {cpu['mission_replans_s']:.2f} s"
-    table.add_row("planning time", f"paths {cpu['path_s']:.2f} s, {orders}")
+    routes = f"routes {cpu['mission_s']:.2f} s, of which re-plans {cpu['mission_replans_s']:.2f} s"
+    table.add_row("planning time", f"paths {cpu['path_s']:.2f} s, {routes}")
     table.add_row("compilation", f"{cpu['compile_s']:.1f} s")
     console.print(table)

@@ -68,11 +68,11 @@ def plan(
     with naming(scenario):
         settings, folder = load(scenario, preset, settings=changes)
         now = departure_seconds("--depart", depart, settings, folder)
-    from auvplan.voyage.planning import load_waters_at, plan_scenario
+    from auvplan.executive.planning import load_area_at, plan_scenario
 
     with naming(scenario), whole_result(out) as partial:
-        waters = load_waters_at(settings, [now], folder)
-        for note in () if quiet else waters.notes:
+        area = load_area_at(settings, [now], folder)
+        for note in () if quiet else area.notes:
             say(f"note: {note}")
         available = settings.mission.time_available
         with time_bar("loading the planners", available, quiet) as advance:
@@ -81,7 +81,7 @@ def plan(
                 seed=seed,
                 depart=now,
                 folder=folder,
-                waters=waters,
+                area=area,
                 progress=lambda when, doing: advance(when - now, doing),
             )
         from auvplan.export.sheet import sheet_of, write_html
@@ -118,7 +118,7 @@ def plan(
 
 
 def _pictures(run: "MissionRun", choice: Pictures) -> list[str]:
-    """Pictures of a plan: the map, and the order of tasks where there are several legs."""
+    """Pictures of a plan: the map, and the route where there are several legs."""
     if choice == Pictures.NONE or not run.legs:
         return []
     several = choice == Pictures.ALL and len(run.legs) > 1
@@ -176,12 +176,12 @@ def rehearse(
     """Plan a mission, simulate it many times, and say how often the plan holds."""
     quiet = quiet or as_json
     from auvplan.cli.study import run_with_bar
+    from auvplan.executive.planning import plan_scenario
     from auvplan.files import REHEARSAL, write_atomically
     from auvplan.report import write_study_report
     from auvplan.study import Design
     from auvplan.study.rehearsal import rehearsal_of, require_one_sea
     from auvplan.study.store import require_room
-    from auvplan.voyage.planning import plan_scenario
 
     if not (resume or force):
         require_room(out)
@@ -191,8 +191,8 @@ def rehearse(
         with time_bar("planning", settings.mission.time_available, quiet) as advance:
             planned = plan_scenario(settings, seed=seed, folder=folder, progress=advance)
         how = {"resume": resume, "force": force, "workers": workers}
-        sailed = run_with_bar(Design(settings, count, seed), out, quiet, folder=folder, **how)
-    found = rehearsal_of(planned, sailed)
+        executed = run_with_bar(Design(settings, count, seed), out, quiet, folder=folder, **how)
+    found = rehearsal_of(planned, executed)
     text = json.dumps(found, indent=2) + "\n"
     write_atomically(out / REHEARSAL, lambda part: part.write_text(text, encoding="utf-8"))
     page = write_study_report(out)

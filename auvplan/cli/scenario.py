@@ -43,11 +43,19 @@ def init(
     size: Annotated[
         float | None, typer.Option("--size", metavar="KM", help="With --at: the area's sides; 10 if absent.")
     ] = None,
+    times: Annotated[
+        bool,
+        typer.Option("--times", help="One with tides, time windows and a channel that closes instead."),
+    ] = False,
 ) -> None:
     """Write an example that runs as it is: a commented scenario, and the files that it names."""
-    from auvplan.io.example import SCENARIO, write_example
+    from auvplan.io.example import SCENARIO, write_example, write_example_of_times
 
-    if at is not None:
+    if times and (at is not None or size is not None):
+        raise ScenarioError("--times goes without --at and --size")
+    if times:
+        written = write_example_of_times(folder, force)
+    elif at is not None:
         written = _begin_at(folder, at, 10.0 if size is None else size, force)
     elif size is not None:
         raise ScenarioError("--size goes with --at alone")
@@ -156,9 +164,9 @@ def _tell(found: "Examination") -> None:
 
 def _draw(found: "Examination", path: Path) -> None:
     """Draw a scenario as far as its files could be read."""
-    if found.scenario is None or found.waters is None:
+    if found.scenario is None or found.area is None:
         typer.echo("no map: the scenario's fields are at fault")
         return
-    from auvplan.plot.waters import draw_waters
+    from auvplan.plot.area import draw_area
 
-    typer.echo(f"map: {draw_waters(found.scenario, found.waters, found.closed, path)}")
+    typer.echo(f"map: {draw_area(found.scenario, found.area, found.closed, path)}")

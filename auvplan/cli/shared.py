@@ -32,7 +32,7 @@ PicturesOption = Annotated[
     Pictures, typer.Option("--pictures", help="All of them, that of the mission alone, or none.")
 ]
 ObjectiveOption = Annotated[
-    str | None, typer.Option("--objective", help="Objective of the task order: priority or eq15.")
+    str | None, typer.Option("--objective", help="Objective of the route: priority or eq15.")
 ]
 #: Called with the share of the work that is done, None where it is not known, and words for it.
 Advance = Callable[[float | None, str], None]
@@ -168,19 +168,19 @@ class _Lines:
         self._share, self._words = share or 0.0, words
 
     def _tell(self) -> None:
-        told, when, before = "", -math.inf, 0.0
+        stated, when, before = "", -math.inf, 0.0
         while not self._ended.wait(self.APART):
             share, words, now = self._share, self._words, time.monotonic()
-            if words != told and (share - before >= self.STEP or now - when >= self.LONGEST):
+            if words != stated and (share - before >= self.STEP or now - when >= self.LONGEST):
                 errors.print(f"auvplan: {words}", soft_wrap=True, highlight=False, markup=False, emoji=False)
-                told, when, before = words, now, share
+                stated, when, before = words, now, share
 
 
 @contextmanager
 def progress_bar(title: str, quiet: bool, of: str | None = "") -> Iterator[Advance]:
     """Show how far a command has come on standard error: a bar on a terminal, else plain lines.
 
-    That programs are compiled is told once.
+    That programs are compiled is said once.
 
     Args:
         title: words until there are others.
@@ -195,7 +195,7 @@ def progress_bar(title: str, quiet: bool, of: str | None = "") -> Iterator[Advan
         return
     from auvplan.compiled import listening
 
-    shown: dict[str, Any] = {"share": None, "told": False}
+    shown: dict[str, Any] = {"share": None, "said": False}
     with _moving(title, of) as move:
 
         def advance(share: float | None, words: str) -> None:
@@ -203,8 +203,8 @@ def progress_bar(title: str, quiet: bool, of: str | None = "") -> Iterator[Advan
             move(share, words)
 
         def compiling(begun: int, done: int) -> None:
-            if not shown["told"]:
-                shown["told"] = True
+            if not shown["said"]:
+                shown["said"] = True
                 line = "compiling programs for this kind of scenario: up to a minute, once"
                 errors.print(line, highlight=False)
             if done < begun:

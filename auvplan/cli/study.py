@@ -129,7 +129,7 @@ def _table(case: dict[str, Any]) -> Table:
             interval = f"{figure(row['low'])} to {figure(row['high'])}" if known else ""
             quantiles = (figure(row[key]) for key in ("q05", "median", "q95"))
             table.add_row(words, figure(row["mean"]), interval, *quantiles)
-    legs = case["expected_against_sailed"]
+    legs = case["expected_against_executed"]
     if legs["correlation"] is not None:
         interval = f"{legs['low']:.2f} to {legs['high']:.2f}"
         median = f"{legs['median_relative_error_percent']:.2f}"

@@ -60,16 +60,16 @@ def chart(
     found = classify_file(image, colours=colours)
     notes = [f"{image}: {note}" for note in found.notes]
     try:
-        told = geo.pixel_size(image)
+        stated = geo.pixel_size(image)
     except geo.GeoError:
         if pixel_size is None:
             raise
-        told = None
-    if told is not None:
-        notes += told.notes
-        if pixel_size is not None and abs(pixel_size / told.metres - 1.0) > 0.01:
-            notes.append(f"{image} tells pixels of {told.metres:.4g} m, --pixel-size says {pixel_size:g} m")
-    size = pixel_size or (told.metres if told else 10.0)
+        stated = None
+    if stated is not None:
+        notes += stated.notes
+        if pixel_size is not None and abs(pixel_size / stated.metres - 1.0) > 0.01:
+            notes.append(f"{image} tells pixels of {stated.metres:.4g} m, --pixel-size says {pixel_size:g} m")
+    size = pixel_size or (stated.metres if stated else 10.0)
     output_folder(out)
     made = Chart.from_classified(found, size)
     picture = draw_chart(made, image, out, found)
@@ -83,7 +83,7 @@ def chart(
         say(f"picture: {picture}")
     settled(found, image)
     if not quiet:
-        say("\n".join(_yaml_lines(image, pixel_size or float(f"{size:.4g}"), told, colours, found)))
+        say("\n".join(_yaml_lines(image, pixel_size or float(f"{size:.4g}"), stated, colours, found)))
 
 
 def _colours(**given: list[str] | None) -> "ChartColours":
@@ -94,14 +94,14 @@ def _colours(**given: list[str] | None) -> "ChartColours":
     """
     from auvplan.ocean.palette import ChartColours, as_hex
 
-    told: dict[str, tuple[str, ...]] = {}
+    stated: dict[str, tuple[str, ...]] = {}
     for option, colours in given.items():
         try:
-            told[option] = tuple(as_hex(colour) for colour in colours or ())
+            stated[option] = tuple(as_hex(colour) for colour in colours or ())
         except ValueError as error:
             raise ScenarioError(f"--{option} {error}") from None
     try:
-        return ChartColours(**told)
+        return ChartColours(**stated)
     except ValueError as error:
         raise ScenarioError(f"--water, --land, --uncertain: {error}") from None
 
@@ -117,14 +117,14 @@ def _print_clusters(found: "Classified") -> None:
 
 
 def _yaml_lines(
-    image: Path, size: float, told: "PixelSize | None", colours: "ChartColours", found: "Classified"
+    image: Path, size: float, stated: "PixelSize | None", colours: "ChartColours", found: "Classified"
 ) -> list[str]:
     """Return the lines of a scenario that say the same; paths in it start from the scenario's folder."""
-    source, field = ("image", "image") if told is None else ("raster", "file")
-    needed = "" if told is None else "  # and a site"
+    source, field = ("image", "image") if stated is None else ("raster", "file")
+    needed = "" if stated is None else "  # and a site"
     lines = ["for a scenario in this folder:", "chart:", f"  source: {source}{needed}"]
     lines.append(f"  {field}: {json.dumps(str(image), ensure_ascii=False)}")
-    if told is not None and not told.crs:
+    if stated is not None and not stated.crs:
         lines.append("  # crs: EPSG:...  what the coordinates of the world file are in")
     lines += [f"  pixel_size: {size:.6g}", "  colours:"]
     for name, kind in (("water", "water"), ("land", "coast"), ("uncertain", "uncertain")):
@@ -184,7 +184,7 @@ def currents(
     """Look at an ocean model's current: what it covers, and what was assumed in reading it.
 
     With --from it is fetched from a server first, of the box, times and depths
-    asked for: velocities, and the height of the surface where it is told.
+    asked for: velocities, and the height of the surface where it is given.
     Copernicus Marine needs `copernicusmarine login` once.
     """
     from auvplan.files import write_dataset

@@ -11,6 +11,7 @@ from auvplan.export.imc import write_imc
 from auvplan.export.itinerary import ExportError, Itinerary, PlannedLeg, Track, itinerary_of_parts
 from auvplan.export.kml import write_kml
 from auvplan.export.qgroundcontrol import qgc_notes, validate_plan, write_qgc
+from auvplan.export.ros import write_ros
 from auvplan.export.runs import itinerary_of
 from auvplan.export.table import write_csv
 from auvplan.export.thin import Thinned, thin
@@ -43,6 +44,7 @@ __all__ = [
     "write_kml",
     "write_netcdf",
     "write_qgc",
+    "write_ros",
 ]
 
 
@@ -70,6 +72,7 @@ FORMATS = {
     "csv": Format("itinerary.csv", write_csv, "no times"),
     "netcdf": Format("itinerary.nc", write_netcdf, "the epoch as 2000-01-01"),
     "imc": Format("itinerary.imc.xml", write_imc),
+    "ros": Format("itinerary.cdr", write_ros, "times that count from the departure"),
 }
 
 
@@ -108,7 +111,7 @@ def export_notes(itinerary: Itinerary, formats: Iterable[str] = tuple(FORMATS)) 
     """
     names = list(formats)
     chosen = [_format(name) for name in names]
-    notes = [*itinerary.notes, itinerary.description]
+    notes = [*itinerary.notes, *itinerary.warnings, itinerary.description]
     if itinerary.site.epoch is None:
         notes += [
             f"{kind.file}: the mission has no date, so it has {kind.timeless}"

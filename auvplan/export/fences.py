@@ -95,6 +95,48 @@ def fences_around(
     return fences, notes
 
 
+def points(fence: Fence) -> int:
+    """Return the points that an autopilot stores a fence in: its corners, or one for a circle."""
+    return 1 if isinstance(fence, Circle) else len(fence.corners)
+
+
+def nearest_fences(
+    fences: Sequence[Fence], lines: Sequence[Array], most: int
+) -> tuple[tuple[Fence, ...], str]:
+    """Choose the fences that an autopilot has room for, those nearest to the route first.
+
+    Args:
+        fences: all of them.
+        lines: the route, [n, 3] m north, east, depth each.
+        most: points that the autopilot holds.
+
+    Returns:
+        ``(chosen, note)``: in their order, and what was left out; empty where nothing was.
+    """
+    if sum(map(points, fences)) <= most:
+        return tuple(fences), ""
+    paths = shapely.MultiLineString([np.asarray(line)[:, 1::-1] for line in lines])
+    away = [_away(fence, paths) for fence in fences]
+    chosen, room = set(), most
+    for k in np.argsort(away, kind="stable").tolist():
+        if points(fences[k]) <= room:
+            chosen.add(k)
+            room -= points(fences[k])
+    nearest = min(gap for k, gap in enumerate(away) if k not in chosen)
+    kept = tuple(fence for k, fence in enumerate(fences) if k in chosen)
+    return kept, (
+        f"{len(fences) - len(kept)} of {len(fences)} fences are left out, the nearest {nearest:.0f} m from "
+        f"the route: all have {sum(map(points, fences))} points, the autopilot holds {most}"
+    )
+
+
+def _away(fence: Fence, paths: BaseGeometry) -> float:
+    """Return m from a fence to the paths."""
+    if isinstance(fence, Circle):
+        return float(shapely.distance(paths, shapely.Point(fence.centre[::-1]))) - fence.radius
+    return float(shapely.distance(paths, shapely.Polygon(fence.corners[:, ::-1])))
+
+
 def _around_coast(chart: Chart, paths: BaseGeometry, area: BaseGeometry) -> tuple[list[Fence], list[str]]:
     """Fences around the land of a chart within an area."""
     land, notes = _land(chart, area), []

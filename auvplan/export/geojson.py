@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from auvplan.export.fences import Circle, Fence
 from auvplan.export.itinerary import Itinerary
 from auvplan.export.places import DEGREES, elevation, moment, waypoints
+from auvplan.export.track_limits import ground_share
 from auvplan.files import write_atomically
 from auvplan.site import Site
 
@@ -21,13 +22,14 @@ _CORNERS = 48
 
 
 def geojson(itinerary: Itinerary) -> dict[str, Any]:
-    """Return a FeatureCollection: planned legs with all samples as lines, waypoints, sailed legs, fences."""
+    """Return a FeatureCollection: planned and executed legs as lines of all samples, waypoints, fences."""
     site = itinerary.site
     features = []
     for leg in itinerary.legs:
         about = {
             "kind": "plan", "leg": leg.number, "from": leg.start_name, "to": leg.goal_name, "note": leg.note,
             "hold_s": leg.hold, "priority": leg.priority,
+            "ground_speed_share": round(ground_share(leg, itinerary.speed), 3),
         }  # fmt: skip
         features.append(_feature(_line(leg.positions, site), about | _times(leg.times, site)))
     for sequence, row in enumerate(waypoints(itinerary), 1):
@@ -38,8 +40,8 @@ def geojson(itinerary: Itinerary) -> dict[str, Any]:
         }  # fmt: skip
         place = [round(row.longitude, DEGREES), round(row.latitude, DEGREES), elevation(row.depth)]
         features.append(_feature({"type": "Point", "coordinates": place}, about))
-    for number, track in enumerate(itinerary.sailed, 1):
-        about = {"kind": "sailed", "leg": number} | _times(track.times, site)
+    for number, track in enumerate(itinerary.executed, 1):
+        about = {"kind": "executed", "leg": number} | _times(track.times, site)
         features.append(_feature(_line(track.positions, site), about))
     features += [_fence(fence, site) for fence in itinerary.fences]
     return {

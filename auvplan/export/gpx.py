@@ -1,4 +1,4 @@
-"""GPX 1.1: the plan as a route, what was sailed as a track; elevation is minus depth."""
+"""GPX 1.1: the plan as a route, what was executed as a track; elevation is minus depth."""
 
 from pathlib import Path
 from xml.etree import ElementTree
@@ -32,10 +32,10 @@ def write_gpx(itinerary: Itinerary, path: str | Path) -> Path:
         _add(point, "name", row.name)
         if row.task:
             _add(point, "desc", row.task)
-    if itinerary.sailed:
+    if itinerary.executed:
         track = _add(root, "trk")
-        _add(track, "name", f"{itinerary.name}, sailed")
-        for leg in itinerary.sailed:
+        _add(track, "name", f"{itinerary.name}, executed")
+        for leg in itinerary.executed:
             segment = _add(track, "trkseg")
             longitude, latitude = site.to_geographic(leg.positions[:, 0], leg.positions[:, 1])
             for k, time in enumerate(leg.times):

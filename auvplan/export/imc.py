@@ -52,10 +52,33 @@ def write_imc(itinerary: Itinerary, path: str | Path) -> Path:
         ExportError: a leg or task is longer than IMC's fields can tell.
         OutputError: the operating system refused; one line that names the file.
     """
-    manoeuvres = _manoeuvres(itinerary)
+    root = plan_specification(itinerary)
+    departure = itinerary.site.utc(float(itinerary.legs[0].times[0]))
+    unknown = {"src": "65535", "dst": "65535", "src_ent": "255", "dst_ent": "255"}
+    time = 0.0 if departure is None else as_utc(departure).timestamp()
+    root.attrib.update({"imcv": VERSION, "time": f"{time:.3f}"} | unknown)
+    return write_xml(root, path)
+
+
+def plan_specification(itinerary: Itinerary) -> Element:
+    """Return the message of an itinerary.
+
+    Raises:
+        ExportError: a leg or task is longer than IMC's fields can tell.
+    """
+    return _plan(itinerary.name, itinerary.description, _manoeuvres(itinerary))
+
+
+def stay_specification(itinerary: Itinerary, position: Array, name: str) -> Element:
+    """Return the message of a plan to stay at a place, [3] m, until told otherwise."""
+    return _plan(name, "stay", [("stay", _stay(itinerary, position, 0, _LONGEST))])
+
+
+def _plan(name: str, description: str, manoeuvres: list[tuple[str, Element]]) -> Element:
+    """Return a PlanSpecification of manoeuvres, one after the other."""
     names = [name for name, _ in manoeuvres]
-    root = _message("PlanSpecification", {
-        "plan_id": _identifier(itinerary.name), "description": _ascii(itinerary.description),
+    return _message("PlanSpecification", {
+        "plan_id": plan_identifier(name), "description": _ascii(description),
         "vnamespace": "", "variables": (), "start_man_id": names[0],
         "maneuvers": [
             _message("PlanManeuver", {
@@ -69,11 +92,6 @@ def write_imc(itinerary: Itinerary, path: str | Path) -> Path:
         ],
         "start_actions": (), "end_actions": (),
     })  # fmt: skip
-    departure = itinerary.site.utc(float(itinerary.legs[0].times[0]))
-    unknown = {"src": "65535", "dst": "65535", "src_ent": "255", "dst_ent": "255"}
-    time = 0.0 if departure is None else as_utc(departure).timestamp()
-    root.attrib.update({"imcv": VERSION, "time": f"{time:.3f}"} | unknown)
-    return write_xml(root, path)
 
 
 def _manoeuvres(itinerary: Itinerary) -> list[tuple[str, Element]]:
@@ -178,6 +196,6 @@ def _ascii(text: str) -> str:
     return text.encode("ascii", "replace").decode("ascii")
 
 
-def _identifier(name: str) -> str:
+def plan_identifier(name: str) -> str:
     """Letters, digits, dashes and underscores, as plan names are files and keys to many tools."""
     return re.sub(r"[^A-Za-z0-9_-]+", "_", name).strip("_") or "mission"

@@ -1,4 +1,4 @@
-"""A planned and sailed mission as plain data: what every export format is written from."""
+"""A planned and executed mission as plain data: what every export format is written from."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -27,13 +27,16 @@ END_BEHAVIOURS = {
     "loiter": "loiter about the last waypoint, at its depth",
 }
 
+#: Points of fences that autopilots hold at least: corners, and one for a circle.
+FENCE_POINTS = 70
+
 
 class ExportError(AuvplanError):
     """A mission that cannot be exported; the message is one line that names the leg or field and why."""
 
 
 class Track(NamedTuple):
-    """A sailed leg: times [n] s since the epoch, positions [n, 3] m north, east, depth, and motion [n].
+    """An executed leg: times [n] s since the epoch, positions [n, 3] m north, east, depth, and motion [n].
 
     A motion of no moments is one that is not known.
     """
@@ -148,41 +151,47 @@ class Itinerary:
         site: where and when local coordinates are.
         speed: m/s through the water.
         legs: as planned, at least one.
-        sailed: the legs as sailed; none where the mission was only planned.
+        executed: the legs as executed; none where the mission was only planned.
         fences: where not to go.
         seed: that the mission was made from.
         configuration: JSON of the settings that it was made from.
         version: of auvplan.
         notes: lines for whoever exports, such as what had to be left out.
         end: what the vehicle does at the last waypoint, see `END_BEHAVIOURS`.
+        sources: files of the forecast that it was planned in, with run and hash, a line each.
+        warnings: what a vehicle may not be able to follow, a line each.
+        fence_points: points of fences that the autopilot holds.
 
     Raises:
-        ExportError: there is no leg, or a sailed track has a wrong shape or is not finite.
+        ExportError: there is no leg, or an executed track has a wrong shape or is not finite.
     """
 
     name: str
     site: Site
     speed: float
     legs: tuple[PlannedLeg, ...]
-    sailed: tuple[Track, ...] = ()
+    executed: tuple[Track, ...] = ()
     fences: tuple[Fence, ...] = ()
     seed: int = 0
     configuration: str = "{}"
     version: str = ""
     notes: tuple[str, ...] = ()
     end: str = "surface"
+    sources: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    fence_points: int = FENCE_POINTS
 
     def __post_init__(self) -> None:
         if not self.legs:
-            raise ExportError(f"mission {self.name or 'unnamed'}: no leg was planned and sailed to its end")
+            raise ExportError(f"mission {self.name or 'unnamed'}: no leg was planned and executed to its end")
         tracks = []
-        for k, track in enumerate(self.sailed):
-            places, times = _track(f"sailed track {k}", track.positions, track.times)
+        for k, track in enumerate(self.executed):
+            places, times = _track(f"executed track {k}", track.positions, track.times)
             known = track.motion if len(track.motion) else Motion.none(len(times))
             if len(known) != len(times):
-                raise ExportError(f"sailed track {k}: motion has {len(known)} moments, times {len(times)}")
+                raise ExportError(f"executed track {k}: motion has {len(known)} moments, times {len(times)}")
             tracks.append(Track(times, places, known))
-        object.__setattr__(self, "sailed", tuple(tracks))
+        object.__setattr__(self, "executed", tuple(tracks))
 
     @property
     def description(self) -> str:
@@ -197,6 +206,7 @@ class Itinerary:
             f"{kept} of {samples} samples kept as waypoints; "
             f"travel times of legs change by {100.0 * worst:+.2f} % at most; "
             f"at the end: {END_BEHAVIOURS[self.end]}"
+            + "".join(f"; {line}" for line in (*self.warnings, *self.sources))
         )
 
 
@@ -205,7 +215,7 @@ def itinerary_of_parts(
     site: Site,
     speed: float,
     legs: Sequence[PlannedLeg],
-    sailed: Sequence[Track] = (),
+    executed: Sequence[Track] = (),
     *,
     chart: Chart | None = None,
     obstacles: Sequence[tuple[ArrayLike, float, str]] = (),
@@ -218,7 +228,7 @@ def itinerary_of_parts(
     """Return an itinerary whose fences are drawn around the coast and obstacles near its legs.
 
     Args:
-        name, site, speed, legs, sailed, seed, configuration, notes, end: as in `Itinerary`.
+        name, site, speed, legs, executed, seed, configuration, notes, end: as in `Itinerary`.
         chart: coast, or None.
         obstacles: centres [3] m, radii, m, and names of what stands still.
         version: of the auvplan that made the mission; the installed one where not given.
@@ -227,7 +237,7 @@ def itinerary_of_parts(
         ExportError: as `Itinerary`.
     """
     bare = Itinerary(
-        name, site, speed, tuple(legs), tuple(sailed), (), seed, configuration,
+        name, site, speed, tuple(legs), tuple(executed), (), seed, configuration,
         installed_version("auvplan") if version is None else version, end=end,
     )  # fmt: skip
     lines = [line for leg in bare.legs for line in (leg.positions, leg.waypoints)]

@@ -1,4 +1,4 @@
-"""KML 2.2 with Google's tracks: plan and sailed legs that can be played in time, waypoints and fences.
+"""KML 2.2 with Google's tracks: plan and executed legs that can be played in time, waypoints and fences.
 
 Altitudes are absolute, minus depth: by default they would be ignored and everything be laid on the ground.
 """
@@ -19,8 +19,8 @@ Array = NDArray[np.floating]
 
 _KML, _GX = "http://www.opengis.net/kml/2.2", "http://www.google.com/kml/ext/2.2"
 
-#: Colours, aabbggrr: plan, sailed, fences.
-_COLOURS = {"plan": "ffb8680a", "sailed": "ff2b9af2", "fence": "ff3030c0"}
+#: Colours, aabbggrr: plan, executed, fences.
+_COLOURS = {"plan": "ffb8680a", "executed": "ff2b9af2", "fence": "ff3030c0"}
 
 #: Corners of a polygon around a circle.
 _CORNERS = 48
@@ -59,9 +59,9 @@ def write_kml(itinerary: Itinerary, path: str | Path) -> Path:
         point = _add(mark, "Point")
         _add(point, "altitudeMode", "absolute")
         _add(point, "coordinates", _tuples(row.position[None], site, ","))
-    sailed = _folder(document, "sailed")
-    for number, track in enumerate(itinerary.sailed, 1):
-        _path(_placemark(sailed, f"leg {number}, sailed", "sailed"), track.positions, track.times, site)
+    executed = _folder(document, "executed")
+    for number, track in enumerate(itinerary.executed, 1):
+        _path(_placemark(executed, f"leg {number}, executed", "executed"), track.positions, track.times, site)
     fences = _folder(document, "fences")
     for number, fence in enumerate(itinerary.fences, 1):
         name = fence.name if isinstance(fence, Circle) and fence.name else f"exclusion {number}"

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from auvplan.export.fences import Circle, Fence
+from auvplan.export.fences import Circle, Fence, nearest_fences
 from auvplan.export.itinerary import ExportError, Itinerary
 from auvplan.export.places import DEGREES, Waypoint, waypoints
 from auvplan.files import write_atomically
@@ -51,12 +51,13 @@ def qgc_plan(itinerary: Itinerary) -> dict[str, Any]:
     home = [round(rows[0].latitude, DEGREES), round(rows[0].longitude, DEGREES), 0.0]
     items = [_speed(itinerary.speed)] + [_item(row, number) for number, row in enumerate(rows, 2)]
     items.append(_end(items[-1], itinerary.end))
-    fences = [_fence(fence, itinerary.site) for fence in itinerary.fences]
+    held, left_out = _held_fences(itinerary)
+    fences = [_fence(fence, itinerary.site) for fence in held]
     return {
         "fileType": "Plan",
         "version": 1,
         "groundStation": "QGroundControl",
-        "comment": itinerary.description,
+        "comment": f"{itinerary.description}; {left_out}" if left_out else itinerary.description,
         "mission": {
             "version": 2,
             "firmwareType": _ARDUPILOT,
@@ -89,7 +90,9 @@ def write_qgc(itinerary: Itinerary, path: str | Path) -> Path:
 
 def qgc_notes(itinerary: Itinerary) -> list[str]:
     """Return what whoever uploads the plan ought to know."""
-    notes = [".plan: the speed is through the water in the plan, over the ground to ArduPilot"]
+    _, left_out = _held_fences(itinerary)
+    notes = [f".plan: {left_out}"] if left_out else []
+    notes += [".plan: the speed is through the water in the plan, over the ground to ArduPilot"]
     shallow = [row.name for row in waypoints(itinerary) if abs(row.depth) <= _SURFACE]
     if shallow:
         notes.append(
@@ -99,6 +102,11 @@ def qgc_notes(itinerary: Itinerary) -> list[str]:
     if itinerary.end == "loiter":
         notes.append(".plan: ArduSub loiters on the spot, as it keeps station")
     return notes
+
+
+def _held_fences(itinerary: Itinerary) -> tuple[tuple[Fence, ...], str]:
+    """Return the fences that the autopilot has room for, and what is left out."""
+    return nearest_fences(itinerary.fences, [leg.positions for leg in itinerary.legs], itinerary.fence_points)
 
 
 def _speed(speed: float) -> dict[str, Any]:

@@ -1,15 +1,16 @@
-"""The itinerary of a mission that was planned and sailed."""
+"""The itinerary of a mission that was planned and executed."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 
 from auvplan.export.itinerary import ExportError, Itinerary, PlannedLeg, Track, itinerary_of_parts
-from auvplan.ocean.chart import Chart
+from auvplan.export.track_limits import SLOW, track_notes
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
-from auvplan.ocean.seabed import Seabed
 from auvplan.records import LegRecord, MissionRun, PlanRecord
+from auvplan.scenario.provenance import source_files
 from auvplan.site import Site
 
 
@@ -19,19 +20,21 @@ def itinerary_of(
     *,
     tolerance: float = 0.02,
     margin: float = 10.0,
+    slow: float = SLOW,
 ) -> Itinerary:
-    """Return the itinerary of a run: of each leg that was sailed to its end the path that it was begun with.
+    """Return the itinerary of a run: of each leg that was finished the path it was begun with.
 
     Each leg's path was planned when the leg was begun, in the sea as it was then: where a leg before was late
     or early, the planned times of both do not join.
 
     Args:
-        run: as sailed.
+        run: as executed.
         site: where its local coordinates are; the run's own if absent.
         tolerance, margin: of the thinning, see `thin`.
+        slow: share of the speed through the water below which a leg is noted as slow over ground.
 
     Raises:
-        ExportError: no leg was sailed to its end, or nothing tells where on Earth the run is.
+        ExportError: no leg was executed to its end, or nothing tells where on Earth the run is.
     """
     site = site or run.site
     if site is None:
@@ -47,20 +50,21 @@ def itinerary_of(
             number, leg.start, leg.goal, plan.positions, plan.times,
             names=run.names, hold=holds[number - 1], priority=leg.priority, motion=plan.motion,
         )  # fmt: skip
-        env = _environment(leg, plan, run.chart, run.seabed)
+        env = _environment(leg, plan, run)
         legs.append(whole.thinned(env, run.vehicle, tolerance, margin))
-    sailed = run.legs if run.simulated else []
+    executed = run.legs if run.simulated else []
     still = [
         ((*obstacle.position, obstacle.depth_min), obstacle.radius, obstacle.name)
         for obstacle in run.obstacles
         if not obstacle.moves
     ]
-    return itinerary_of_parts(
+    speed = float(np.asarray(run.vehicle.speed))
+    found = itinerary_of_parts(
         str(run.scenario.get("name") or "mission"),
         site,
-        float(np.asarray(run.vehicle.speed)),
+        speed,
         legs,
-        [Track(leg.times, leg.positions, leg.motion) for leg in sailed if len(leg.times) > 1],
+        [Track(leg.times, leg.positions, leg.motion) for leg in executed if len(leg.times) > 1],
         chart=run.chart,
         obstacles=still,
         notes=_notes(run),
@@ -68,6 +72,18 @@ def itinerary_of(
         configuration=json.dumps(run.scenario),
         end=run.safety.end,
     )
+    warnings = track_notes(legs, speed, float(np.asarray(run.vehicle.turn_rate_max)), slow)
+    return replace(found, sources=_sources(run), warnings=tuple(warnings))
+
+
+def _sources(run: MissionRun) -> tuple[str, ...]:
+    """Return the files of the forecast by name, run and hash, a line each."""
+    files = [file for file in source_files(run.scenario, run.folder) if file.field == "current.files"]
+    return tuple(
+        f"forecast {file.name}" + (f", {file.fetched}" if file.fetched else "")
+        + (f", SHA-256 {file.sha256[:16]}" if file.sha256 else f", {file.size} bytes")
+        for file in files
+    )  # fmt: skip
 
 
 def _notes(run: MissionRun) -> list[str]:
@@ -80,10 +96,12 @@ def _notes(run: MissionRun) -> list[str]:
         )
     if moving := [obstacle.name for obstacle in run.obstacles if obstacle.moves]:
         notes.append(f"obstacles that move have no fence: {', '.join(moving)}")
+    if closed := [closure.name for closure in run.closures]:
+        notes.append(f"areas that are closed at some hours have no fence: {', '.join(closed)}")
     return notes
 
 
-def _environment(leg: LegRecord, plan: PlanRecord, chart: Chart | None, seabed: Seabed | None) -> Environment:
+def _environment(leg: LegRecord, plan: PlanRecord, run: MissionRun) -> Environment:
     """Return the sea when a plan was made; obstacles move on as they did on the whole."""
     low, high = plan.positions.min(axis=0), plan.positions.max(axis=0)
     obstacles = None
@@ -93,4 +111,5 @@ def _environment(leg: LegRecord, plan: PlanRecord, chart: Chart | None, seabed: 
             tracks[0], leg.obstacle_radii, velocity=(tracks[-1] - tracks[0]) / max(passed, 1.0),
             observed_at=float(leg.times[0]),
         )  # fmt: skip
-    return Environment(plan.current, chart, obstacles, low, high, seabed=seabed)  # type: ignore[arg-type]
+    rasters = {"seabed": run.seabed, "closures": run.closures}
+    return Environment(plan.current, run.chart, obstacles, low, high, **rasters)  # type: ignore[arg-type]

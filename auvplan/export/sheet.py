@@ -1,7 +1,7 @@
 """The mission sheet: one page for the person who hands a plan to the vehicle."""
 
 import html
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import datetime
 from itertools import pairwise
@@ -171,7 +171,7 @@ def _brief(stops: Sequence[Stop], dated: bool) -> tuple[list[str], list[list[str
 
 
 def sheet_of(run: MissionRun) -> MissionSheet:
-    """Return the sheet of a plan or of a mission as it was sailed."""
+    """Return the sheet of a plan or of a mission as it was executed."""
     first = _stop(run, None, 0.0)
     stops = [replace(first, name=waypoint_name(run, run.start))]
     stops += [_stop(run, leg, float(leg.times[-1])) for leg in run.done]
@@ -189,6 +189,10 @@ def sheet_of(run: MissionRun) -> MissionSheet:
         "tasks": f"{run.tasks}, total priority {run.total_priority:g} of at most {run.bound:.3g}",
         "way": f"{sum(stop.length for stop in stops) / 1000.0:.1f} km",
     }
+    if run.closures:
+        facts["closed areas"] = "; ".join(
+            f"{one.name} {_spans(run, one.widened(-run.safety.closing).spans)}" for one in run.closures
+        )
     zone = str((run.scenario.get("site") or {}).get("timezone") or "")
     return MissionSheet(
         str(run.scenario.get("name") or "mission"),
@@ -228,7 +232,7 @@ def _stop(run: MissionRun, leg: LegRecord | None, arrival: float) -> Stop:
     fine, when = _finely(places, times)
     task = "" if leg is None or not leg.priority else _task_name(run, leg)
     if leg is not None and leg.missed:
-        task = "too late for its window"
+        task = "out of its window"
     return Stop(
         waypoint_name(run, node),
         task,
@@ -238,7 +242,7 @@ def _stop(run: MissionRun, leg: LegRecord | None, arrival: float) -> Stop:
         float(run.graph.positions[node][2]),
         0.0 if leg is None else float(leg.t_wait),
         0.0 if leg is None else float(leg.t_task),
-        _windows(run, node),
+        _windows(run, node, None if leg is None else leg.start),
         float(steps.sum()),
         float(steps.sum() / max(times[-1] - times[0], 1e-9)),
         float(speeds.min()) if len(speeds) else 0.0,
@@ -248,12 +252,25 @@ def _stop(run: MissionRun, leg: LegRecord | None, arrival: float) -> Stop:
     )
 
 
-def _windows(run: MissionRun, node: int) -> str:
-    """Return when the task at a waypoint may begin, in words; empty where it may at any time."""
+def _windows(run: MissionRun, node: int, start: int | None = None) -> str:
+    """Return when the task at a waypoint may begin, or the one on the way from `start` be done, in words.
+
+    Empty where it may at any time.
+    """
     table = run.graph.timetable
-    if table is None or not table.opens.shape[-1]:
+    if table is None:
         return ""
-    spans = zip(table.opens[node - 1, node], table.closes[node - 1, node], strict=True)
+    if start is not None and table.enters.shape[-1]:
+        along = zip(table.enters[start, node], table.until[start, node], strict=True)
+        if words := _spans(run, along):
+            return words
+    if not table.opens.shape[-1]:
+        return ""
+    return _spans(run, zip(table.opens[node - 1, node], table.closes[node - 1, node], strict=True))
+
+
+def _spans(run: MissionRun, spans: Iterable[tuple[float, float]]) -> str:
+    """Return intervals of time in words; empty where one of them is all time."""
     words = []
     for opens, closes in spans:
         if opens == -np.inf and closes == np.inf:
@@ -335,14 +352,14 @@ def _why(run: MissionRun, nodes: Sequence[int]) -> str:
 
     It is the time that the shortest detour to it takes, or that there is no way.
     """
-    if run.first_order is None:
-        return "no order of tasks was found"
-    times, route = np.asarray(run.first_order.edge_times, float), run.route
+    if run.first_route is None:
+        return "no route was found"
+    times, route = np.asarray(run.first_route.edge_times, float), run.route
     if all(node in route for node in nodes):
         return "its waypoints are passed, not the line between them"
     edges = np.nonzero(np.isfinite(times))
     ways = shortest_path(csr_array((times[edges], edges), shape=times.shape))
-    there, back = (sum(times[edge] for edge in pairwise(order)) for order in (nodes, nodes[::-1]))
+    there, back = (sum(times[edge] for edge in pairwise(way)) for way in (nodes, nodes[::-1]))
     first, last = nodes[0], nodes[-1]
     extra = min(
         (
@@ -353,6 +370,8 @@ def _why(run: MissionRun, nodes: Sequence[int]) -> str:
     )
     if not np.isfinite(extra):
         return "no open way leads there: the current, the coast or the sea bed closes every leg"
+    if len(nodes) > 1 and (words := _windows(run, nodes[1], nodes[0])):
+        return f"its window is {words}: no better route is in it"
     if why := _out_of_window(run, first, ways):
         return why
     left = run.t_residual

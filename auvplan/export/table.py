@@ -23,20 +23,22 @@ def write_csv(itinerary: Itinerary, path: str | Path) -> Path:
     """Write a `.csv` file.
 
     Times are empty where the site has no epoch, attitude and velocities where they are not known; notes stand
-    where legs end.
+    where legs end, and with the first waypoint what concerns all.
 
     Raises:
         OutputError: the operating system refused; one line that names the file.
     """
     notes = {leg.number: leg.note for leg in itinerary.legs}
+    about = "; ".join((*itinerary.sources, *itinerary.warnings))
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)
     for sequence, row in enumerate(waypoints(itinerary), 1):
+        note = notes[row.leg] if row.ends_leg else about if sequence == 1 else ""
         writer.writerow((
             row.leg, sequence, row.name, degrees(row.longitude), degrees(row.latitude), metres(row.depth),
             moment(itinerary.site, row.seconds) or "", metres(row.position[0]), metres(row.position[1]),
-            f"{row.hold:.1f}", f"{row.priority:g}", notes[row.leg] if row.ends_leg else "",
+            f"{row.hold:.1f}", f"{row.priority:g}", note,
             *(_known(value, 2) for value in (row.yaw, row.pitch)),
             *(_known(value, 3) for value in row.body_velocity),
         ))  # fmt: skip

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from auvplan.compiled import compiled
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.vortices import padded, rounded_up
-from auvplan.path.clearance import bed_altitude, coast_clearance, obstacle_clearance
+from auvplan.path.clearance import bed_altitude, closed_clearance, coast_clearance, obstacle_clearance
 from auvplan.path.config import PathConfig
 from auvplan.path.kinematics import Axes, inner, norm
 from auvplan.vehicle import Vehicle, along_track
@@ -25,7 +25,7 @@ STEP = 20.0
 #: Steps that one compiled call evaluates: one shape serves paths of every length.
 _TOGETHER = 8192
 
-#: s, by which times may still change when a path is said to be sailed; and passes at most.
+#: s, by which arrival times may still change when a path is said to be timed; and passes at most.
 _SETTLED, _PASSES = 0.01, 12
 
 #: By how much certified distances, m, and speeds, m/s, may seem less for the steps that a line is cut into.
@@ -68,7 +68,7 @@ def thin(
 ) -> Thinned:
     """Keep the fewest samples of a path whose straight lines take as long and keep as clear as the path does.
 
-    Both the path and what is kept of it are sailed anew in the current as it is on arrival, in steps of at
+    Both the path and what is kept of it are timed anew in the current as it is on arrival, in steps of at
     most 20 m, so that their times compare. Certified distances to the coast and to the obstacles' boundaries
     are not below the smaller of `margin` and what the path itself has, altitudes above the sea bed not below
     the smaller of its clearance and the path's; where the current lets the vehicle hold the path within its
@@ -95,7 +95,7 @@ def thin(
     start = float(np.asarray(times)[0]) if depart is None else float(depart)
     obstacles = env.obstacles.padded(rounded_up(len(env.obstacles)))
     sea = _Sea(replace(env, current=padded(env.current), obstacles=obstacles), vehicle)
-    path_times, path_room = sea.sail(places, start)
+    path_times, path_room = sea.arrivals(places, start)
     distances = np.arange(len(path_room)) < _DISTANCES
     asked = np.where(distances, margin, 0.0)
     if env.seabed is not None:
@@ -114,7 +114,7 @@ def thin(
         estimate = abs(change[chain[:-1], chain[1:]].sum())
         if not whole and estimate > 1.5 * tolerance * total:
             continue
-        arrivals, clear = sea.sail(places[chain], start)
+        arrivals, clear = sea.arrivals(places[chain], start)
         late = float((arrivals[-1] - arrivals[0]) / total - 1.0)
         if whole or (abs(late) < tolerance and (clear >= least).all()):
             return Thinned(chain, places[chain], arrivals, late, float(clear[: _DISTANCES - 1].min()))
@@ -157,11 +157,13 @@ def _room(
         speeds: what is left to the vehicle's limits, [N] m/s each.
         env: the world, obstacles resolved.
     """
-    starts, way, _, duration = segments
+    starts, way, begin, duration = segments
     share = jnp.linspace(0.0, 1.0, _LOOKS + 1)[:, None]
     x, y, z = (first + share * step for first, step in zip(starts, way, strict=True))
     parts = jnp.broadcast_to(norm(way[0], way[1]) / _LOOKS, x[1:].shape)
     coast, _ = coast_clearance(x, y, parts, jnp.broadcast_to(duration / _LOOKS, parts.shape), env, _CONFIG)
+    if env.closures:
+        coast = jnp.minimum(coast, closed_clearance(x, y, parts, begin + share * duration, env))
     altitude = bed_altitude(x, y, z, parts, env).min(axis=0)
     return jnp.stack([coast.min(axis=0), obstacle_clearance(segments, env), altitude, *speeds])
 
@@ -184,7 +186,7 @@ def _steps(
 
 @dataclass(frozen=True)
 class _Sea:
-    """What straight lines are sailed through.
+    """What straight lines lead through.
 
     Attributes:
         env: the world.
@@ -194,12 +196,12 @@ class _Sea:
     env: Environment
     vehicle: Vehicle
 
-    def sail(self, places: Array, depart: float) -> tuple[Array, Array]:
+    def arrivals(self, places: Array, depart: float) -> tuple[Array, Array]:
         """Arrival [K] s at K places in a row, joined by straight lines, and the least room [limits]."""
         first, last = places[:-1], places[1:]
         gaps = np.linalg.norm(last - first, axis=1)
         arrivals = depart + np.concatenate([[0.0], np.cumsum(gaps / float(np.asarray(self.vehicle.speed)))])
-        # Steps depend on when they are sailed, and that on those before: each pass gets more of them right.
+        # Steps depend on when they are taken, and that on those before: each pass gets more of them right.
         cut = _Cut.of(first, last)
         ends = np.interp(np.arange(len(cut.line) + 1), [*cut.offsets, len(cut.line)], arrivals)
         for _ in range(_PASSES):
@@ -215,7 +217,7 @@ class _Sea:
         Args:
             first, last: [L, 3] m, their ends.
             begin: [L] s since the epoch, when each is begun.
-            passing: [L] s that each is taken to last, which says when its steps are sailed.
+            passing: [L] s that each is taken to last, which says when its steps are taken.
         """
         cut = _Cut.of(first, last)
         duration, room = self._evaluate(cut, begin[cut.line] + cut.middle * passing[cut.line])

@@ -1,4 +1,4 @@
-"""NetCDF by the CF conventions: planned and sailed legs as trajectories in a contiguous ragged array."""
+"""NetCDF by the CF conventions: planned and executed legs as trajectories in a contiguous ragged array."""
 
 from datetime import UTC
 from pathlib import Path
@@ -17,15 +17,15 @@ from auvplan.site import as_utc
 
 
 def trajectories(itinerary: Itinerary) -> xr.Dataset:
-    """Return all samples of all legs, planned first, then sailed; `waypoint` marks what was kept."""
+    """Return all samples of all legs, planned first, then executed; `waypoint` marks what was kept."""
     planned = [Track(leg.times, leg.positions, leg.motion) for leg in itinerary.legs]
-    tracks = [*planned, *itinerary.sailed]
+    tracks = [*planned, *itinerary.executed]
     names = [f"plan, leg {leg.number}" for leg in itinerary.legs]
-    names += [f"sailed, leg {number}" for number in range(1, len(itinerary.sailed) + 1)]
+    names += [f"executed, leg {number}" for number in range(1, len(itinerary.executed) + 1)]
     places = np.concatenate([track.positions for track in tracks])
     longitude, latitude = itinerary.site.to_geographic(places[:, 0], places[:, 1])
     kept = [np.isin(np.arange(len(leg.times)), leg.kept) for leg in itinerary.legs]
-    kept += [np.zeros(len(track.times), bool) for track in itinerary.sailed]
+    kept += [np.zeros(len(track.times), bool) for track in itinerary.executed]
     flags = {"flag_values": np.asarray([0, 1], np.int8)}
     dataset = xr.Dataset({
         "trajectory": _variable(
@@ -36,8 +36,8 @@ def trajectories(itinerary: Itinerary) -> xr.Dataset:
             units="1", sample_dimension="obs",
         ),
         "kind": _variable(
-            "trajectory", np.repeat(np.asarray([0, 1], np.int8), [len(planned), len(itinerary.sailed)]),
-            "whether the leg is planned or was sailed", flag_meanings="planned sailed", **flags,
+            "trajectory", np.repeat(np.asarray([0, 1], np.int8), [len(planned), len(itinerary.executed)]),
+            "whether the leg is planned or was executed", flag_meanings="planned executed", **flags,
         ),
         "time": _variable(
             "obs", np.concatenate([track.times for track in tracks]), "time", standard_name="time",

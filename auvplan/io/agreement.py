@@ -26,7 +26,7 @@ Mask = NDArray[np.bool_]
 
 #: Places along the longer side of the area at which two sources are compared.
 _PLACES = 240
-#: A coast is told to so many cells of the coarser source.
+#: A coast is known to so many cells of the coarser source.
 _CELLS = 1.5
 #: Shares of the area, and of all land in it, from which on two sources contradict each other.
 _OF_AREA, _OF_LAND = 0.02, 0.1

@@ -19,7 +19,16 @@ from auvplan.files import MISSION, ResultError, read_mission, read_summary
 from auvplan.io.fields import site_of
 from auvplan.io.geo import GeoError, read_obstacles
 from auvplan.io.hours import window_faults
-from auvplan.io.ledger import Leg, figure_faults, graph_faults, place_faults, read_legs, require, time_faults
+from auvplan.io.ledger import (
+    Leg,
+    figure_faults,
+    graph_faults,
+    place_faults,
+    read_legs,
+    require,
+    site_faults,
+    time_faults,
+)
 from auvplan.io.sources import Source, places_of, read_sources
 from auvplan.io.tally import tally_faults
 from auvplan.io.walk import Array, Bed, Coast, Mask, Walk, events
@@ -32,6 +41,9 @@ CURRENT_MAX = 5.0
 #: Metres by which an altitude may fall short of the clearance that was asked for: far above rounding.
 ALTITUDE_TOLERANCE = 0.1
 
+#: s between the moments of a stay at which it is asked whether an area is closed.
+_STAY = 10.0
+
 _BED = {"seabed_depth": ("seabed_x", "seabed_y"), "seabed_origin": ("horizontal",), "seabed_pixel_size": ()}
 
 
@@ -41,17 +53,17 @@ class CheckReport:
 
     Attributes:
         coast_hits: separate stretches on land.
-        coast_metres: m sailed on land.
+        coast_metres: m travelled on land.
         obstacle_hits: separate stretches inside a true obstacle at the true time.
-        obstacle_metres: m sailed inside one.
+        obstacle_metres: m travelled inside one.
         seabed_hits: separate stretches below the sea bed.
-        seabed_metres: m sailed below it.
+        seabed_metres: m travelled below it.
         coast_clearance: m, least distance to a coast pixel's edge; infinite without a coast.
         obstacle_clearance: m, least distance to a true obstacle's surface, negative inside; infinite
             without obstacles.
         seabed_altitude: m, least altitude above the sea bed, negative below it; infinite where none is known.
         length: m walked.
-        legs: sailed legs.
+        legs: executed legs.
         faults: one line each.
         notes: what could not be looked at, one line each.
     """
@@ -96,7 +108,7 @@ class CheckReport:
 
 
 def check_run(folder: str | Path) -> CheckReport:
-    """Check a saved run: coast, obstacles, sea bed, times, places, edges and tasks of every sailed leg.
+    """Check a saved run: coast, obstacles, sea bed, times, places, edges and tasks of every executed leg.
 
     Args:
         folder: that `save_run` wrote.
@@ -117,19 +129,20 @@ def check_dataset(summary: dict[str, Any], dataset: xr.Dataset) -> CheckReport:
     """`check_run` on a summary and a dataset as `save_run` writes them."""
     legs = list(read_legs(dataset))
     report = CheckReport()
+    report.faults += site_faults(dataset)
     report.faults += graph_faults(dataset, legs)
     report.faults += place_faults(dataset, legs)
     report.faults += time_faults(dataset, summary, legs)
     report.faults += figure_faults(summary, dataset, legs)
     report.faults += tally_faults(summary, dataset, legs, report.notes)
-    report.faults += window_faults(dataset, legs)
+    report.faults += window_faults(dataset, legs, report.notes)
     known = _known_obstacles(dataset, report.notes)
     sources = read_sources(dataset, report.notes)
     places = places_of(dataset) if sources else None
     coast = Coast.of(dataset) if "passability" in dataset else None
     bed = Bed.of(dataset) if "seabed_depth" in dataset else None
     for leg in legs:
-        if leg.sailed:
+        if leg.executed:
             speed = float(dataset.attrs["vehicle_speed"]) + CURRENT_MAX
             walked = _walk(leg, coast, bed, known, speed, report)
             if walked is not None and places is not None:
@@ -252,8 +265,28 @@ def _look_again(
     """Book what a walk meets of land and sea bed in the scenario's files and is not booked yet."""
     for source in sources:
         blocked = source.blocked(*places, walk.positions[:, 2])
+        if source.closed is not None:
+            _look_at_hours(leg, walk, blocked, source, report)
+            continue
         _book(leg, walk, source.kind, blocked & ~booked[source.kind], f" of {source.name}", report)
         booked[source.kind] = booked[source.kind] | blocked
+
+
+def _look_at_hours(leg: Leg, walk: Walk, inside: Mask, source: Source, report: CheckReport) -> None:
+    """Tell where a leg, or what is waited and done at its ends, is in an area while it is closed."""
+    assert source.closed is not None
+    there = inside.copy()
+    there[inside] = source.closed(walk.times[inside])
+    for first, last in events(there):
+        report.faults.append(f"{leg}: in the closed area {source.name!r} {walk.between(first, last)}")
+    stays = [(bool(inside[0]), walk.times[0] - leg.t_hold, walk.times[0])]
+    stays += [(bool(inside[-1]), walk.times[-1], walk.times[-1] + leg.t_wait + leg.t_task)]
+    for within, begins, ends in stays:
+        moments = np.arange(begins, ends, _STAY)
+        if within and len(moments) and source.closed(moments).any():
+            report.faults.append(
+                f"{leg}: stays in the closed area {source.name!r} between {begins:.0f} and {ends:.0f} s"
+            )
 
 
 def _distance(obstacle: KnownObstacle, walk: Walk) -> NDArray[np.float64]:

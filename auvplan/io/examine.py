@@ -1,6 +1,5 @@
 """Validation of a scenario: all faults of its text, its fields and the files that it names."""
 
-import re
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -28,9 +27,9 @@ from auvplan.scenario.settings import (
 )
 from auvplan.scenario.yaml_lines import Document
 
-# Readers, charts and graphs load JAX and more: fields that are at fault are told without them.
+# Readers, charts and graphs load JAX and more: fields that are at fault are reported without them.
 if TYPE_CHECKING:
-    from auvplan.scenario.waters import Waters
+    from auvplan.scenario.area import OperatingArea
 
 
 @dataclass(frozen=True)
@@ -39,11 +38,11 @@ class Examination:
 
     Attributes:
         source: path or name of the scenario.
-        faults: all that is wrong, in the order of the file; empty where it can be sailed.
+        faults: all that is wrong, in the order of the file; empty where it can be executed.
         warnings: what can hardly be meant, a line each.
         notes: assumptions that were made in reading its files, a line each.
         scenario: None where its fields are at fault.
-        waters: what could be read of its files; the chart is without closed areas. None with `scenario`.
+        area: what could be read of its files; the chart is without closed areas. None with `scenario`.
         closed: the closed areas.
     """
 
@@ -52,7 +51,7 @@ class Examination:
     warnings: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     scenario: Scenario | None = None
-    waters: "Waters | None" = None
+    area: "OperatingArea | None" = None
     closed: "tuple[geo.Zone, ...]" = ()
 
     @property
@@ -80,20 +79,20 @@ def examine_scenario(source: str | Path) -> Examination:
     if scenario is None:
         found = [*faults, *missing.values(), *_job_faults(document, folder, missing)]
         return Examination(str(source), tuple(in_order(found)))
-    from auvplan.io.waters import load_waters
+    from auvplan.io.area import load_area
 
     found = _Findings(scenario, document, folder, list(missing.values()))
     with _heard() as heard:
         parts = _read_apart(scenario, found, missing)
-        waters, closed = _together(parts), _zones(scenario, parts.get("no_go"), folder)
+        area, closed = _together(parts), _zones(scenario, parts.get("no_go"), folder)
         if not found.faults:  # what contradicts itself may be why places are on land
-            found.attempt("scenario", scenario, partial(load_waters, scenario, folder))
-        found.faults += _places(scenario, waters, parts.get("no_go"), document)
+            found.attempt("scenario", scenario, partial(load_area, scenario, folder))
+        found.faults += _places(scenario, area, parts.get("no_go"), document)
         if short := unreachable(scenario):
             found.faults.append(fault_at(("mission", "time_available"), short, document))
         if not found.faults:
             found.attempt("mission", scenario.mission, lambda: _graph(scenario, folder))
-    doubtful = [fault.line(str(source)) for fault in doubts(scenario, document) if not _told(fault, found)]
+    doubtful = [fault.line(str(source)) for fault in doubts(scenario, document) if not _stated(fault, found)]
     notes = tuple(dict.fromkeys(note for part in found.read for note in part.notes))
     return Examination(
         str(source),
@@ -101,7 +100,7 @@ def examine_scenario(source: str | Path) -> Examination:
         tuple(dict.fromkeys((*doubtful, *heard))),
         (*scenario.planning.overrides, *notes),
         scenario,
-        waters,
+        area,
         closed,
     )
 
@@ -119,7 +118,7 @@ def examine_folder(folder: Path) -> Iterator[Examination]:
         try:
             yield examine_scenario(path)
         except ScenarioError as error:
-            yield Examination(str(path), (Fault("", str(error).removeprefix(f"{path}: ")),))
+            yield Examination(str(path), (Fault("", error.reason.removeprefix(f"{path}: ")),))
 
 
 @contextmanager
@@ -136,7 +135,7 @@ def _heard() -> Iterator[list[str]]:
             warnings.warn_explicit(one.message, one.category, one.filename, one.lineno)
 
 
-def _told(doubt: Fault, found: "_Findings") -> bool:
+def _stated(doubt: Fault, found: "_Findings") -> bool:
     """Return whether a fault of the same field says it already."""
     return any(fault.field == doubt.field for fault in found.faults)
 
@@ -188,70 +187,59 @@ class _Findings:
     document: Document
     folder: Path
     faults: list[Fault] = field(default_factory=list)
-    read: "list[Waters]" = field(default_factory=list)
+    read: "list[OperatingArea]" = field(default_factory=list)
 
-    def attempt(self, section: str, settings: Any, action: "Callable[[], Waters | None]") -> "Waters | None":
+    def attempt(
+        self, section: str, settings: Any, action: "Callable[[], OperatingArea | None]"
+    ) -> "OperatingArea | None":
         """Return what an action gives; None where it fails, which becomes a fault or more."""
         try:
-            waters = action()
+            area = action()
         except AuvplanError as error:
-            for line in getattr(error, "lines", (str(error),)):
-                path, reason = self._blamed(section, settings, line)
+            path = self._path(section, settings, error.field)
+            for reason in getattr(error, "lines", (error.reason,)):
                 self.faults.append(fault_at(path, reason, self.document))
             return None
-        if waters is not None:
-            self.read.append(waters)
-        return waters
+        if area is not None:
+            self.read.append(area)
+        return area
 
-    def _blamed(self, section: str, settings: Any, message: str) -> tuple[tuple[str, ...], str]:
-        """Return the field that a message of a reader is about, and the message without it."""
-        named = re.match(r"(?:scenario\.)?([a-z_]+)\.([a-z_]+):? ", message)
-        if named and named[2] in dict(getattr(self.scenario, named[1], None) or {}):
-            return (named[1], named[2]), message[named.end() :]
-        if message.startswith("area "):
-            return ("area",), message
+    def _path(self, section: str, settings: Any, field: str) -> tuple[str, ...]:
+        """Return the path of a field that an error names, or of the file of a section."""
         if section == "truth":
-            return ("current", "truth"), message
-        if message.startswith("crs: "):
-            return (section, "crs"), message.removeprefix("crs: ")
-        if " pixels of " in message and section in ("chart", "bathymetry"):
-            return (section, "pixel_size"), message
-        if message.startswith("a spacing of ") and section == "current":
-            return (section, "spacing"), message
-        values = {name: value for name, value in settings if isinstance(value, str)}
-        told = [name for name, value in values.items() if str(self.folder / value) in message]
-        if told:
-            return (section, max(told, key=lambda name: len(values[name]))), message
+            return ("current", "truth")
+        if field:
+            return tuple(field.split("."))
         main = [name for name in ("jobs", "files", "file", "image") if getattr(settings, name, None)]
-        return ((section, *main[:1]) if section in Scenario.model_fields else ()), message
+        return (section, *main[:1]) if section in Scenario.model_fields else ()
 
 
 def _read_apart(
     scenario: Scenario, found: _Findings, missing: dict[tuple[str, str], Fault]
-) -> "dict[str, Waters | None]":
-    """Return the waters of each part of a scenario as far as it can be read, one file after the other."""
-    from auvplan.io.waters import load_waters
+) -> "dict[str, OperatingArea | None]":
+    """Return the area of each part of a scenario as far as it can be read, one file after the other."""
+    from auvplan.io.area import load_area
 
-    parts: dict[str, Waters | None] = {}
+    parts: dict[str, OperatingArea | None] = {}
     for part, section, settings, alone in _apart(scenario, missing):
         if section in ("chart", "bathymetry") and settings.source == "current" and not parts.get("current"):
-            continue  # its fault is the current's, which is told
+            continue  # its fault is the current's, which is reported
         if section in ("current", "bathymetry") and "chart" in parts and parts["chart"] is None:
             alone = alone.model_copy(update={"chart": ChartSettings(source="none")})
         if section == "bathymetry" and not parts.get("current"):
             bare = {"chart": ChartSettings(source="none"), "current": CurrentSettings(vortices=0)}
             alone = alone.model_copy(update=bare)
-        parts[part] = found.attempt(section, settings, partial(load_waters, alone, found.folder))
+        parts[part] = found.attempt(section, settings, partial(load_area, alone, found.folder))
     return parts
 
 
-def _together(parts: "dict[str, Waters | None]") -> "Waters":
+def _together(parts: "dict[str, OperatingArea | None]") -> "OperatingArea":
     """Return what could be read, in one."""
-    from auvplan.scenario.waters import Waters
+    from auvplan.scenario.area import OperatingArea
 
-    got = {part: waters or Waters() for part, waters in parts.items()}
-    empty = Waters()
-    return Waters(
+    got = {part: area or OperatingArea() for part, area in parts.items()}
+    empty = OperatingArea()
+    return OperatingArea(
         chart=got.get("chart", empty).chart,
         seabed=got.get("bathymetry", empty).seabed,
         site=next((part.site for part in got.values() if part.site is not None), None),
@@ -280,7 +268,7 @@ def _apart(
             "mission": scenario.mission.model_copy(update={"jobs": None}),
         }
     )
-    told = current.model_copy(update={"truth": None})
+    stated = current.model_copy(update={"truth": None})
     gone = {name: None for name in ("uncertain", "no_go") if ("chart", name) in missing}
     plain = chart.model_copy(update={"no_go": None} | gone)
     there = not missing.keys() & {("chart", "file"), ("chart", "image")}
@@ -291,28 +279,32 @@ def _apart(
     own = ChartSettings(source="current", pixel_size=float(coarse))
     land = own if chart.source == "current" else plain if there else ChartSettings(source="none")
     if current.source == "file" and ("current", "files") not in missing:
-        yield "current", "current", told, bare.model_copy(update={"current": told, "chart": land})
+        yield "current", "current", stated, bare.model_copy(update={"current": stated, "chart": land})
     if current.truth is not None and ("current", "truth") not in missing:
-        sailed = current.model_copy(update={"files": current.truth, "truth": None})
-        yield "truth", "truth", sailed, bare.model_copy(update={"current": sailed, "chart": land})
+        executed = current.model_copy(update={"files": current.truth, "truth": None})
+        yield "truth", "truth", executed, bare.model_copy(update={"current": executed, "chart": land})
     if there and chart.source == "current":
-        yield "chart", "chart", plain, bare.model_copy(update={"chart": plain, "current": told})
+        yield "chart", "chart", plain, bare.model_copy(update={"chart": plain, "current": stated})
     if chart.no_go is not None and ("chart", "no_go") not in missing:
-        closed = ChartSettings(source="none", no_go=chart.no_go, pixel_size=chart.pixel_size)
+        hours = {"no_go": chart.no_go, "no_go_windows": chart.no_go_windows}
+        closed = ChartSettings(source="none", pixel_size=chart.pixel_size, **hours)
         yield "no_go", "chart", closed, bare.model_copy(update={"chart": closed})
     if ("bathymetry", "file") not in missing:
         # The current's files tell the lowest water.
-        tide = {} if current.source != "file" or ("current", "files") in missing else {"current": told}
+        tide = {} if current.source != "file" or ("current", "files") in missing else {"current": stated}
         only = bare.model_copy(update={"bathymetry": scenario.bathymetry, "chart": land} | tide)
         yield "bathymetry", "bathymetry", scenario.bathymetry, only
     if scenario.obstacles.file is not None and ("obstacles", "file") not in missing:
         only = bare.model_copy(update={"obstacles": scenario.obstacles})
         yield "obstacles", "obstacles", scenario.obstacles, only
     if scenario.mission.jobs is not None and ("mission", "jobs") not in missing:
-        yield "mission", "mission", scenario.mission, bare.model_copy(update={"mission": scenario.mission})
+        needed = {"mission": scenario.mission}
+        if current.source != "vortices" and ("current", "files") not in missing:
+            needed |= {"current": stated, "chart": land}  # slack water is given by the current
+        yield "mission", "mission", scenario.mission, bare.model_copy(update=needed)
 
 
-def _zones(scenario: Scenario, closed: "Waters | None", folder: Path) -> "tuple[geo.Zone, ...]":
+def _zones(scenario: Scenario, closed: "OperatingArea | None", folder: Path) -> "tuple[geo.Zone, ...]":
     """Return the closed areas, where they could be read."""
     if closed is None or closed.site is None or scenario.chart.no_go is None:
         return ()
@@ -320,28 +312,28 @@ def _zones(scenario: Scenario, closed: "Waters | None", folder: Path) -> "tuple[
 
 
 def _places(
-    scenario: Scenario, waters: "Waters", closed: "Waters | None", document: Document
+    scenario: Scenario, area: "OperatingArea", closed: "OperatingArea | None", document: Document
 ) -> Iterator[Fault]:
     """Start, goal and jobs that no vehicle can go to."""
-    from auvplan.scenario.waters import Waters
+    from auvplan.scenario.area import OperatingArea
     from auvplan.scenario.waypoints import misplaced
 
     mission = scenario.mission
 
     def wrong_with(point: Any) -> str:
         at = np.asarray(point)
-        wrong = misplaced(at, scenario, waters)
-        if not wrong and closed is not None and misplaced(at, scenario, Waters(chart=closed.chart)):
+        wrong = misplaced(at, scenario, area)
+        if not wrong and closed is not None and misplaced(at, scenario, OperatingArea(chart=closed.chart)):
             wrong = f"lies on land or in a closed area ({scenario.chart.no_go})"
         return wrong
 
     for name, point in (("start", mission.start), ("goal", mission.goal)):
         if point is not None and (wrong := wrong_with(point)):
             yield fault_at(("mission", name), f"{point} {wrong}", document)
-    if waters.jobs is None:
+    if area.jobs is None:
         return
-    places = [(job.name, job.position) for job in waters.jobs.points]
-    places += [(job.name, position) for job in waters.jobs.lines for position in job.positions]
+    places = [(job.name, job.position) for job in area.jobs.points]
+    places += [(job.name, position) for job in area.jobs.lines for position in job.positions]
     for name, position in places:
         if wrong := wrong_with(position):
             where = "({:.0f}, {:.0f}, {:.0f}) m".format(*position)
@@ -349,7 +341,7 @@ def _places(
 
 
 def _graph(scenario: Scenario, folder: Path) -> None:
-    from auvplan.io.waters import load_waters
+    from auvplan.io.area import load_area
     from auvplan.scenario.waypoints import make_graph
 
-    make_graph(scenario, load_waters(scenario, folder), np.random.default_rng(0))
+    make_graph(scenario, load_area(scenario, folder), np.random.default_rng(0))

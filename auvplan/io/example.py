@@ -3,7 +3,7 @@
 The coast is real; the tide and the sea bed are made up, and say so in their files.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from importlib.resources import files
 from pathlib import Path
 
@@ -49,6 +49,28 @@ _DEEP, _HIGH, _SHELF, _SLOPE = 55.0, 60.0, 500.0, 300.0
 Array = NDArray[np.float64]
 
 
+#: The files of the example of times.
+_TIMES = ("scenario.yaml", "jobs.csv", "no_go.geojson", "tide.yaml")
+
+
+def write_example_of_times(folder: str | Path, force: bool = False) -> list[Path]:
+    """Write a scenario with tides, time windows and an area that closes; as `write_example`."""
+    home, data = Path(folder), files("auvplan") / "data" / "tide"
+    _refuse_existing(home, _TIMES, force)
+    output_folder(home)
+    written = []
+    for name in _TIMES:
+        content = (data / name).read_bytes()
+        written.append(write_atomically(home / name, lambda part, content=content: part.write_bytes(content)))
+    return written
+
+
+def _refuse_existing(home: Path, names: Iterable[str], force: bool) -> None:
+    there = [name for name in names if (home / name).exists()]
+    if there and not force:
+        raise OutputError(f"{home / there[0]}: already exists: use --force to overwrite it")
+
+
 def write_example(folder: str | Path, force: bool = False) -> list[Path]:
     """Write a scenario that runs as it is, with every file that it names; the same wherever and whenever.
 
@@ -65,14 +87,12 @@ def write_example(folder: str | Path, force: bool = False) -> list[Path]:
     home, data = Path(folder), files("auvplan") / "data"
     made: dict[str, Callable[[], xr.Dataset]] = {"current.nc": tide, "bathymetry.nc": sea_bed}
     names = [*_COPIES.values(), *made]
-    there = [name for name in names if (home / name).exists()]
-    if there and not force:
-        raise OutputError(f"{home / there[0]}: already exists: use --force to overwrite it")
+    _refuse_existing(home, names, force)
     output_folder(home)
     written = []
     for source, name in _COPIES.items():
-        told = source == "NOTICE.md"
-        content = notice(_COAST).encode() if told else data.joinpath(*source.split("/")).read_bytes()
+        stated = source == "NOTICE.md"
+        content = notice(_COAST).encode() if stated else data.joinpath(*source.split("/")).read_bytes()
         written.append(write_atomically(home / name, lambda part, content=content: part.write_bytes(content)))
     return written + [write_dataset(make(), home / name) for name, make in made.items()]
 
@@ -122,9 +142,9 @@ def tide() -> xr.Dataset:
 def sea_bed() -> xr.Dataset:
     """Depth of a sea bed that falls off with the distance to the coast, by CF; negative on land."""
     longitude, latitude = _axis(_WEST, _EAST, 0.002), _axis(_SOUTH, _NORTH, 0.002)
-    told = {"standard_name": "sea_floor_depth_below_sea_level", "units": "m", "positive": "down"}
+    stated = {"standard_name": "sea_floor_depth_below_sea_level", "units": "m", "positive": "down"}
     depth = _floor(_offing(longitude, latitude)).astype(np.float32)
-    fields = {"depth": (("latitude", "longitude"), depth, told)}
+    fields = {"depth": (("latitude", "longitude"), depth, stated)}
     return xr.Dataset(fields, _axes(longitude, latitude), _attributes("Sea bed of the Whitsunday Islands"))
 
 

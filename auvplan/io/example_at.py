@@ -45,7 +45,7 @@ class Beginning:
     Attributes:
         paths: of the files, the scenario first.
         box: west, south, east, north of the area, degrees.
-        notes: what is to be told of it, a line each.
+        notes: what is to be noted of it, a line each.
     """
 
     paths: tuple[Path, ...]
@@ -126,11 +126,11 @@ def _places(land: Any, half: float) -> Array | None:
     north, east = np.meshgrid(axis, axis, indexing="ij")
     points = shapely.points(north, east)
     off = np.full(north.shape, np.inf) if land.is_empty else shapely.distance(land, points)
-    waters, _ = scipy.ndimage.label(off >= 2.0 * half * _OFF)
-    if not waters.any():
+    bodies, _ = scipy.ndimage.label(off >= 2.0 * half * _OFF)
+    if not bodies.any():
         return None
-    middle = np.where(waters > 0, np.hypot(north, east), np.inf)
-    own = waters == waters.flat[middle.argmin()]
+    middle = np.where(bodies > 0, np.hypot(north, east), np.inf)
+    own = bodies == bodies.flat[middle.argmin()]
     if own.sum() < 4 * (_COUNT + 2):
         return None
     there = np.stack([north[own], east[own]], axis=1)
@@ -174,9 +174,9 @@ def _place(site: Site, place: Array) -> tuple[float, float]:
 def _jobs(site: Site, places: Array) -> str:
     features = []
     for number, (place, depth) in enumerate(zip(places, _DEPTHS, strict=True), 1):
-        told = {"name": f"job {number}", "priority": 1 + number % 3, "duration": 60, "depth": depth}
+        stated = {"name": f"job {number}", "priority": 1 + number % 3, "duration": 60, "depth": depth}
         at = {"type": "Point", "coordinates": list(_place(site, place))}
-        features.append({"type": "Feature", "properties": told, "geometry": at})
+        features.append({"type": "Feature", "properties": stated, "geometry": at})
     return _collection(features)
 
 

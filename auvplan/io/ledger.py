@@ -1,7 +1,9 @@
 """Consistency checks of a saved run: legs, places, edges and times. Plain NumPy."""
 
+import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -57,12 +59,13 @@ class Leg:
     radii: Array  # [M] m
     t_hold: float = 0.0
     t_wait: float = 0.0
+    missed: bool = False
 
     def __str__(self) -> str:
         return f"leg {self.number} ({self.start} to {self.goal})"
 
     @property
-    def sailed(self) -> bool:
+    def executed(self) -> bool:
         """Whether the leg has a track."""
         return len(self.times) > 0
 
@@ -117,6 +120,7 @@ def read_legs(dataset: xr.Dataset) -> Iterator[Leg]:
     radii = np.asarray(table.get("obstacle_radius", np.zeros((len(table["row_size"]), 0))), float)
     ends, still = np.cumsum(table["row_size"]), np.zeros(len(table["row_size"]))
     holds, waits = table.get("leg_t_hold", still), table.get("leg_t_wait", still)
+    missed = table.get("leg_missed", still)
     for k, end in enumerate(ends):
         part = slice(int(end - table["row_size"][k]), int(end))
         real = np.isfinite(radii[k])
@@ -124,8 +128,28 @@ def read_legs(dataset: xr.Dataset) -> Iterator[Leg]:
             k, int(table["leg_from"][k]), int(table["leg_to"][k]),
             float(table["leg_t_path"][k]), float(table["leg_t_task"][k]), float(table["leg_priority"][k]),
             bool(table["leg_arrived"][k]), np.asarray(table["time"][part], float), place[part],
-            obstacles[part][:, real], radii[k][real], float(holds[k]), float(waits[k]),
+            obstacles[part][:, real], radii[k][real], float(holds[k]), float(waits[k]), bool(missed[k]),
         )  # fmt: skip
+
+
+def site_faults(dataset: xr.Dataset) -> Iterator[str]:
+    """Yield that a run is not where and when its scenario says."""
+    site = json.loads(str(dataset.attrs["scenario"])).get("site")
+    if not site or "site_longitude" not in dataset.attrs:
+        return
+    places = {"site_longitude": site["longitude"], "site_latitude": site["latitude"]}
+    for name, value in places.items():
+        if abs(float(dataset.attrs[name]) - value) > 1e-9:
+            yield f"{name} is {float(dataset.attrs[name]):g}, the scenario says {value:g}"
+    origin = np.asarray(dataset.attrs["site_origin"], float)
+    if "origin" in site and np.abs(origin - site["origin"]).max() > 1e-3:
+        yield f"site_origin is {origin.tolist()} m, the scenario says {site['origin']} m"
+    if site.get("departure") and "site_epoch" in dataset.attrs:
+        departs = datetime.fromisoformat(site["departure"])
+        departs += timedelta(seconds=float(dataset.attrs.get("departed", 0.0)))
+        off = (datetime.fromisoformat(str(dataset.attrs["site_epoch"])) - departs).total_seconds()
+        if abs(off) > TIME_TOLERANCE:
+            yield f"it departs {off:+.0f} s off the scenario's departure"
 
 
 def graph_faults(dataset: xr.Dataset, legs: list[Leg]) -> Iterator[str]:
@@ -142,7 +166,7 @@ def graph_faults(dataset: xr.Dataset, legs: list[Leg]) -> Iterator[str]:
         ):
             yield f"{leg}: no such edge in the graph"
             continue
-        if leg.sailed:
+        if leg.executed:
             name = frozenset(edge) if symmetric else edge
             if name in used:
                 yield f"{leg}: the edge was taken before, by {used[name]}"
@@ -153,9 +177,9 @@ def place_faults(dataset: xr.Dataset, legs: list[Leg]) -> Iterator[str]:
     """Legs that do not join up with each other or with their waypoints."""
     waypoints = dataset["waypoint_position"].values
     known = range(len(waypoints))
-    sailed = [leg for leg in legs if leg.sailed and leg.start in known and leg.goal in known]
+    executed = [leg for leg in legs if leg.executed and leg.start in known and leg.goal in known]
     here, place = int(dataset.attrs["start"]), None
-    for leg in sailed:
+    for leg in executed:
         if leg.start != here:
             yield f"{leg}: begins at waypoint {leg.start}, the vehicle is at {here}"
         if place is not None and not near(leg.positions[0], place):
@@ -165,7 +189,7 @@ def place_faults(dataset: xr.Dataset, legs: list[Leg]) -> Iterator[str]:
             yield f"{leg}: begins off waypoint {leg.start}"
         if leg.arrived and not near(leg.positions[-1], waypoints[leg.goal]):
             yield f"{leg}: ends off waypoint {leg.goal}"
-        if not leg.arrived and leg is not sailed[-1]:
+        if not leg.arrived and leg is not executed[-1]:
             yield f"{leg}: did not arrive, yet the mission went on"
         here, place = (leg.goal if leg.arrived else -1), leg.positions[-1]
     arrived, goal = bool(dataset.attrs["arrived"]), int(dataset.attrs["goal"])
@@ -177,7 +201,7 @@ def time_faults(dataset: xr.Dataset, summary: dict[str, Any], legs: list[Leg]) -
     """Times that do not add up, in the file or in the summary."""
     charged, now = float(summary["cpu"]["charged_s"]), 0.0
     spent = 0.0
-    for leg in (leg for leg in legs if leg.sailed):
+    for leg in (leg for leg in legs if leg.executed):
         taken = leg.times[-1] - leg.times[0]
         if not _same(taken, leg.t_path):
             yield f"{leg}: took {taken:.2f} s, its travel time is given as {leg.t_path:.2f} s"

@@ -1,6 +1,8 @@
-"""A saved run as it was: what was planned and sailed, for exports and pictures."""
+"""A saved run as it was: what was planned and executed, for exports and pictures."""
 
 import json
+from dataclasses import replace
+from datetime import timedelta
 from pathlib import Path
 
 import numpy as np
@@ -8,22 +10,23 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from auvplan.files import MISSION, ResultError, read_mission, read_summary
+from auvplan.io.area import load_closures, load_truth
 from auvplan.io.fields import chart_of, history_of, motion_of, seabed_of, site_of, vortices_of
 from auvplan.io.ledger import read_legs, require
-from auvplan.io.waters import load_truth
 from auvplan.mission import MissionGraph
 from auvplan.mission.timetable import Timetable
+from auvplan.ocean.closures import Closure
 from auvplan.ocean.currents import Current
 from auvplan.ocean.known import KnownObstacle
-from auvplan.records import LegRecord, MissionRun, OrderRecord, PlanRecord
+from auvplan.records import LegRecord, MissionRun, PlanRecord, RouteRecord
 from auvplan.scenario.file import validate_scenario
 from auvplan.vehicle import Vehicle
 
 
 def restore_run(folder: str | Path) -> MissionRun:
-    """A saved run with its orders, its plans, how they were searched for, and the currents they were made in.
+    """A saved run with its routes, its plans, how they were searched for, and the currents they were made in.
 
-    Files do not keep `first_order`, the first order as planned, which is None; `bound` is the one that was
+    Files do not keep `first_route`, the first route as planned, which is None; `bound` is the one that was
     saved. A file without histories leaves `PlanRecord.history` empty. Currents of an ocean
     model's files are read again from where they were.
 
@@ -60,7 +63,7 @@ def restore_run(folder: str | Path) -> MissionRun:
             int(attributes["start"]),
             int(attributes["goal"]),
             float(attributes["t_available"]),
-            orders=_orders(dataset),
+            routes=_routes(dataset),
             legs=_legs(dataset, settings, home),
             t_mission=float(attributes["t_mission"]),
             arrived=bool(attributes["arrived"]),
@@ -74,8 +77,11 @@ def restore_run(folder: str | Path) -> MissionRun:
             names=names,
             simulated=bool(attributes.get("simulated", True)),
             departed=float(attributes.get("departed", 0.0)),
-            obstacles=tuple(_obstacle(told) for told in json.loads(attributes.get("known_obstacles", "[]"))),
+            obstacles=tuple(
+                _obstacle(stated) for stated in json.loads(attributes.get("known_obstacles", "[]"))
+            ),
             assumed=tuple(json.loads(attributes.get("assumed", "[]"))),
+            closures=_closures(settings, dataset, home),
             saved_bound=float(summary.get("priority_bound", 0.0)),
         )
     except (KeyError, TypeError, json.JSONDecodeError) as error:
@@ -83,62 +89,82 @@ def restore_run(folder: str | Path) -> MissionRun:
     return run
 
 
+def _closures(settings: dict, dataset: xr.Dataset, home: str) -> tuple[Closure, ...]:
+    """Return the areas that were closed at some hours, read again from where they were."""
+    if not settings["chart"].get("no_go"):
+        return ()
+    scenario = validate_scenario(settings, "saved scenario")
+    departed = float(dataset.attrs.get("departed", 0.0))
+    site = site_of(dataset)
+    if site is not None and site.epoch is not None:
+        site = replace(site, epoch=site.epoch - timedelta(seconds=departed))
+    over = departed + float(dataset.attrs["t_available"])
+    return tuple(closure.after(departed) for closure in load_closures(scenario, site, home, over))
+
+
 def _with_windows(graph: MissionGraph, dataset: xr.Dataset, settings: dict, speed: float) -> MissionGraph:
     """Return the graph with the time windows of its tasks, if it has any."""
-    if "window_opens" not in dataset:
+    hours = {
+        name: np.broadcast_to(
+            dataset[f"window_{name}"].values, (graph.size, *dataset[f"window_{name}"].shape)
+        )
+        for name in ("opens", "closes")
+        if f"window_{name}" in dataset
+    }
+    along = ("enters", "until", "falls", "drops")
+    hours |= {name: dataset[f"edge_{name}"].values for name in along if f"edge_{name}" in dataset}
+    if not hours:
         return graph
-    opens, closes = (
-        np.broadcast_to(dataset[name].values.astype(float), (graph.size, *dataset[name].shape)).copy()
-        for name in ("window_opens", "window_closes")
-    )
     still = graph.leg_times(speed) - graph.duration
     waiting = settings["mission"].get("wait") != "none"
-    return graph.with_timetable(Timetable(np.zeros(1), still[None], opens, closes, waiting))
+    return graph.with_timetable(Timetable(np.zeros(1), still[None], **hours, waiting=waiting))
 
 
-def _obstacle(told: dict) -> KnownObstacle:
+def _obstacle(stated: dict) -> KnownObstacle:
     """Return a known obstacle from JSON."""
-    deepest = np.inf if told["depth_max"] is None else float(told["depth_max"])
-    (north, east), (u, v) = told["position"], told["velocity"]
-    return KnownObstacle(told["name"], (north, east), told["radius"], told["depth_min"], deepest, (u, v))
+    deepest = np.inf if stated["depth_max"] is None else float(stated["depth_max"])
+    (north, east), (u, v) = stated["position"], stated["velocity"]
+    return KnownObstacle(
+        stated["name"], (north, east), stated["radius"], stated["depth_min"], deepest, (u, v)
+    )
 
 
 def _limits(attributes: dict) -> list[str]:
     return [name for name in attributes if name.startswith("vehicle_")]
 
 
-def _orders(dataset: xr.Dataset) -> list[OrderRecord]:
-    """Return the orders of tasks."""
-    if "order_nodes" not in dataset:
+def _routes(dataset: xr.Dataset) -> list[RouteRecord]:
+    """Return the routes."""
+    if "route_nodes" not in dataset:
         return []
-    causes = str(dataset["order_cause"].attrs["flag_meanings"]).split()
+    causes = str(dataset["route_cause"].attrs["flag_meanings"]).split()
     return [
-        OrderRecord(
-            float(dataset["order_made_at"].values[row]),
+        RouteRecord(
+            float(dataset["route_made_at"].values[row]),
             [int(node) for node in nodes if node >= 0],
-            float(dataset["order_time"].values[row]),
-            float(dataset["order_priority"].values[row]),
-            float(dataset["order_cpu"].values[row]),
-            causes[int(dataset["order_cause"].values[row])],
-            _leg_times(dataset, row, "order_leg_time"),
-            _leg_times(dataset, row, "order_wait"),
+            float(dataset["route_time"].values[row]),
+            float(dataset["route_priority"].values[row]),
+            float(dataset["route_cpu"].values[row]),
+            causes[int(dataset["route_cause"].values[row])],
+            _leg_times(dataset, row, "route_leg_time"),
+            _leg_times(dataset, row, "route_wait"),
         )
-        for row, nodes in enumerate(dataset["order_nodes"].values)
+        for row, nodes in enumerate(dataset["route_nodes"].values)
     ]
 
 
-def _leg_times(dataset: xr.Dataset, order: int, name: str) -> list[float]:
-    """Return what an order expected of its legs, s."""
+def _leg_times(dataset: xr.Dataset, route: int, name: str) -> list[float]:
+    """Return what a route expected of its legs, s."""
     if name not in dataset:
         return []
-    times = dataset[name].values[order]
+    times = dataset[name].values[route]
     return [float(seconds) for seconds in times if np.isfinite(seconds)]
 
 
 def _legs(dataset: xr.Dataset, settings: dict, home: str) -> list[LegRecord]:
     """Return the legs with their plans."""
     model = None
-    if settings["current"]["source"] == "file" and "plan_leg" in dataset:
+    if settings["current"]["source"] in ("file", "harmonic") and "plan_leg" in dataset:
         model = load_truth(validate_scenario(settings, "saved scenario"), home)
     kinds, motion = _kinds(dataset), motion_of(dataset)
     begins = np.cumsum(dataset["row_size"].values) - dataset["row_size"].values

@@ -1,4 +1,4 @@
-"""A sailed mission as files: `summary.json` for its figures, `mission.nc` (CF trajectories) for the rest."""
+"""An executed mission as files: figures in `summary.json`, the rest in `mission.nc` (CF trajectories)."""
 
 import json
 from collections.abc import Sequence
@@ -22,6 +22,7 @@ from auvplan.io.fields import (
     vortex_variables,
 )
 from auvplan.mission import MissionGraph
+from auvplan.mission.timetable import Timetable
 from auvplan.motion import Motion
 from auvplan.ocean.known import KnownObstacle
 from auvplan.records import LegRecord, MissionRun
@@ -33,14 +34,14 @@ TIME_UNITS = "seconds since 2000-01-01 00:00:00"
 #: Names that a flag may take; others are added as they appear.
 _KINDS = ("static", "afloat", "self-motivated", "known")
 _PLAN_CAUSES = ("leg", "window", "hazard")
-_ORDER_CAUSES = ("start", "late", "early", "refused")
+_ROUTE_CAUSES = ("start", "late", "early", "refused")
 
 
 def save_run(run: MissionRun, folder: str | Path, sheet: dict[str, Any] | None = None) -> Path:
     """Write `summary.json` and `mission.nc`.
 
     Args:
-        run: as sailed.
+        run: as executed.
         folder: created if needed; files of an earlier run are replaced.
         sheet: of the mission, to go into the summary.
 
@@ -69,8 +70,8 @@ def load_run(folder: str | Path) -> xr.Dataset:
 
 def to_dataset(run: MissionRun) -> xr.Dataset:
     """Return a run as CF trajectories, one a leg, contiguous and ragged along `obs`."""
-    variables = _sailed(run) | _legs(run) | _obstacles(run.legs) | _graph(run)
-    variables |= _orders(run) | _sailed_motion(run.legs) | _plans(run.legs) | vortex_variables(run.legs)
+    variables = _executed(run) | _legs(run) | _obstacles(run.legs) | _graph(run)
+    variables |= _routes(run) | _executed_motion(run.legs) | _plans(run.legs) | vortex_variables(run.legs)
     if run.chart is not None:
         variables |= chart_variables(run.chart)
     if run.seabed is not None:
@@ -149,7 +150,7 @@ def _plain(obstacle: KnownObstacle) -> dict[str, Any]:
     return {name: None if value == np.inf else value for name, value in asdict(obstacle).items()}
 
 
-def _sailed(run: MissionRun) -> Variables:
+def _executed(run: MissionRun) -> Variables:
     """Return the trajectories, all legs in a row."""
     legs = run.legs
     time = np.concatenate([np.zeros(0), *(leg.times for leg in legs)])
@@ -171,7 +172,7 @@ def _sailed(run: MissionRun) -> Variables:
     }  # fmt: skip
 
 
-def _sailed_motion(legs: Sequence[LegRecord]) -> Variables:
+def _executed_motion(legs: Sequence[LegRecord]) -> Variables:
     """Attitude and velocities along the trajectories, as simulated."""
     return motion_variables("obs", Motion.joined([leg.motion for leg in legs]))
 
@@ -195,7 +196,7 @@ def _legs(run: MissionRun) -> Variables:
         "leg_from": column([leg.start for leg in legs], "waypoint left", dtype=np.int32),
         "leg_to": column([leg.goal for leg in legs], "waypoint headed for", dtype=np.int32),
         "leg_t_expected": column([leg.t_expected for leg in legs], "expected time, the task included", "s"),
-        "leg_t_path": column([leg.t_path for leg in legs], "travel time sailed", "s"),
+        "leg_t_path": column([leg.t_path for leg in legs], "travel time, executed", "s"),
         "leg_t_hold": column([leg.t_hold for leg in legs], "time waited for the way to open", "s"),
         "leg_t_wait": column([leg.t_wait for leg in legs], "time waited for the task's window", "s"),
         "leg_t_task": column([leg.t_task for leg in legs], "time of the task", "s"),
@@ -269,45 +270,63 @@ def _graph(run: MissionRun) -> Variables:
 
 
 def _windows(graph: MissionGraph) -> Variables:
-    """Return when tasks may begin; nothing where all may at any time."""
-    if graph.timetable is None or not graph.timetable.opens.shape[-1]:
+    """Return when tasks may be done and are worth less; nothing where all may at any time."""
+    if graph.timetable is None:
+        return {}
+    table, along = graph.timetable, {}
+    words = {
+        ("enters", "until"): "in one of which the edge is entered and its task is done",
+        ("falls", "drops"): "after each of which the task is worth so much less",
+    }
+    for (first, last), what in words.items():
+        if getattr(table, first).shape[-1]:
+            dims, unit = ("waypoint", "waypoint_to", first), "1" if last == "drops" else "s"
+            what = f"{{}} of the times since the epoch {what}"
+            along[f"edge_{first}"] = variable(dims, getattr(table, first), what.format("beginnings"), "s")
+            along[f"edge_{last}"] = variable(dims, getattr(table, last), what.format("ends"), unit)
+    return along | _windows_at(graph, table)
+
+
+def _windows_at(graph: MissionGraph, table: Timetable) -> Variables:
+    """Return when tasks at waypoints may begin."""
+    if not table.opens.shape[-1]:
         return {}
     into = np.arange(graph.size) - 1, np.arange(graph.size)  # the same for all edges into a waypoint
     words = "beginnings", "ends"
     return {
         f"window_{name}": variable(
-            ("waypoint", "window"), getattr(graph.timetable, name)[into],
+            ("waypoint", "window"), getattr(table, name)[into],
             f"{word} of the times in which the task at the waypoint may begin, since the epoch", "s",
         )
         for name, word in zip(("opens", "closes"), words, strict=True)
     }  # fmt: skip
 
 
-def _orders(run: MissionRun) -> Variables:
-    """Return the first order of tasks and every re-plan."""
-    orders = run.orders
-    if not orders:
+def _routes(run: MissionRun) -> Variables:
+    """Return the first route and every re-plan."""
+    routes = run.routes
+    if not routes:
         return {}
-    nodes = np.full((len(orders), max(len(order.nodes) for order in orders)), -1, np.int32)
+    nodes = np.full((len(routes), max(len(route.nodes) for route in routes)), -1, np.int32)
     legs, waits = np.full(nodes.shape, np.nan), np.full(nodes.shape, np.nan)
-    for row, order in enumerate(orders):
-        nodes[row, : len(order.nodes)] = order.nodes
-        legs[row, : len(order.leg_times)] = order.leg_times
-        waits[row, : len(order.waits)] = order.waits
-    codes, flags = _flags(np.asarray([order.cause for order in orders]), _ORDER_CAUSES)
+    for row, route in enumerate(routes):
+        nodes[row, : len(route.nodes)] = route.nodes
+        legs[row, : len(route.leg_times)] = route.leg_times
+        waits[row, : len(route.waits)] = route.waits
+    codes, flags = _flags(np.asarray([route.cause for route in routes]), _ROUTE_CAUSES)
     return {
-        "order_nodes": variable(("order", "stop"), nodes, "waypoints in order of visit; -1 pads"),
-        "order_leg_time": variable(
-            ("order", "stop"), legs, "time expected of the leg from each stop, waiting and task included", "s"
+        "route_nodes": variable(("route", "stop"), nodes, "waypoints in order of visit; -1 pads"),
+        "route_leg_time": variable(
+            ("route", "stop"), legs, "time expected of the leg from each stop, waiting and task included", "s"
         ),
-        "order_wait": variable(("order", "stop"), waits, "part of it that waits for the task's window", "s"),
-        "order_made_at": variable(
-            "order", [order.made_at for order in orders], "when it was made", TIME_UNITS
+        "route_wait": variable(("route", "stop"), waits, "part of it that waits for the task's window", "s"),
+        "route_made_at": variable(
+            "route", [route.made_at for route in routes], "when it was made", TIME_UNITS
         ),
-        "order_time": variable("order", [order.time for order in orders], "expected time", "s"),
-        "order_priority": variable("order", [order.priority for order in orders], "total priority", "1"),
-        "order_cpu": variable("order", [order.cpu for order in orders], "wall-clock time of planning", "s"),
-        "order_cause": variable("order", codes, "why it was made", **flags),
+        "route_time": variable("route", [route.time for route in routes], "expected time", "s"),
+        "route_priority": variable("route", [route.priority for route in routes], "total priority", "1"),
+        "route_cpu": variable("route", [route.cpu for route in routes], "wall-clock time of planning", "s"),
+        "route_cause": variable("route", codes, "why it was made", **flags),
     }
 
 

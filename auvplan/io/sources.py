@@ -8,6 +8,7 @@ import json
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from glob import glob
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ import shapely.geometry
 import xarray as xr
 from pyproj import Transformer
 
+from auvplan.io.hours import closed_at
 from auvplan.io.walk import Array, Mask
 
 #: Metres below a sea bed that is interpolated otherwise than the planner's that are no fault.
@@ -35,13 +37,16 @@ class Source:
 
     Attributes:
         name: as faults name it.
-        kind: "land" or "sea bed".
-        blocked: longitude, latitude, degrees, and depth, m, [n] each, to [n] where there is land or bed.
+        kind: "land", "sea bed" or "closed area".
+        blocked: longitude, latitude, degrees, and depth, m, [n] each, to [n] where there is land or bed, or
+            where the area is.
+        closed: times, [n] s since the departure, to [n] when it is closed; None for always.
     """
 
     name: str
     kind: str
     blocked: Callable[[Array, Array, Array], Mask]
+    closed: Callable[[Array], Mask] | None = None
 
 
 class _UnknownFileError(Exception):
@@ -72,7 +77,36 @@ def read_sources(dataset: xr.Dataset, notes: list[str]) -> tuple[Source, ...]:
         ) as error:  # the run was planned on it: whatever this view lacks is no fault of the run
             why = str(error) if isinstance(error, _UnknownFileError) else f"{type(error).__name__}: {error}"
             notes.append(f"{kind} of {label} was not looked at again: {' '.join(why.split())}")
+    try:
+        found += _closed_areas(settings, folder, dataset)
+    except FileNotFoundError:
+        pass  # reported above
+    except Exception as error:  # as above
+        why = " ".join(f"{type(error).__name__}: {error}".split())
+        notes.append(f"hours of closed areas were not looked at again: {why}")
     return tuple(found)
+
+
+def _closed_areas(settings: dict[str, Any], folder: Path, dataset: xr.Dataset) -> Iterator[Source]:
+    """Yield the areas of a scenario that are closed at some hours."""
+    chart = settings.get("chart") or {}
+    if not chart.get("no_go"):
+        return
+    for feature, hours in _zones(str(folder / Path(chart["no_go"]).expanduser()), chart):
+        if hours:
+            name = str((feature.get("properties") or {}).get("name") or chart["no_go"])
+            yield Source(name, "closed area", _inside(feature), partial(closed_at, hours, dataset))
+
+
+def _zones(path: str, chart: dict[str, Any]) -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:
+    """Yield the features of a file of closed areas, and when they are closed; nothing for always."""
+    with open(path, encoding="utf-8-sig") as file:
+        root = json.load(file)
+    common = {"windows": chart["no_go_windows"]} if chart.get("no_go_windows") else {}
+    for feature in root.get("features", [root]):
+        stated = {str(key).strip().lower(): value for key, value in (feature.get("properties") or {}).items()}
+        own = {key: stated[key] for key in ("from", "to", "windows") if stated.get(key) not in (None, "")}
+        yield feature, own or common
 
 
 def places_of(dataset: xr.Dataset) -> Callable[[Array, Array], tuple[Array, Array]]:
@@ -100,7 +134,7 @@ def _files(settings: dict[str, Any]) -> Iterator[tuple[list[str], str, Callable[
     if chart.get("source") == "polygons":
         yield [chart["file"]], "land", _polygons
     if chart.get("no_go"):
-        yield [chart["no_go"]], "land", _polygons
+        yield [chart["no_go"]], "land", lambda paths: _always_closed(paths, chart)
     if chart.get("source") == "current":
         yield files, "land", _dry
     if bed.get("source") == "file":
@@ -113,11 +147,30 @@ def _polygons(paths: list[str]) -> Callable[[Array, Array, Array], Mask]:
     Raises:
         _UnknownFileError: it is of another format.
     """
-    with open(paths[0], "rb") as raw:
+    _require_geojson(paths[0])
+    with open(paths[0], encoding="utf-8-sig") as file:
+        return _inside(json.load(file))
+
+
+def _require_geojson(path: str) -> None:
+    with open(path, "rb") as raw:
         if not raw.read(64).lstrip(b"\xef\xbb\xbf \r\n\t").startswith(b"{"):
             raise _UnknownFileError("it is no GeoJSON")
-    with open(paths[0], encoding="utf-8-sig") as file:
-        root = json.load(file)
+
+
+def _always_closed(paths: list[str], chart: dict[str, Any]) -> Callable[[Array, Array, Array], Mask]:
+    """Inside the closed areas of a GeoJSON file that tell no hours.
+
+    Raises:
+        _UnknownFileError: it is of another format.
+    """
+    _require_geojson(paths[0])
+    features = [feature for feature, hours in _zones(paths[0], chart) if not hours]
+    return _inside({"type": "FeatureCollection", "features": features})
+
+
+def _inside(root: dict[str, Any]) -> Callable[[Array, Array, Array], Mask]:
+    """Inside the polygons of GeoJSON."""
     shapes = [shapely.make_valid(shape) for shape in _shapes(root)]
     union = shapely.union_all(shapes)
     shapely.prepare(union)
@@ -294,7 +347,7 @@ def _heights(path: str, settings: dict[str, Any]) -> tuple[Array, Array, Array]:
     with open(path, "rb") as file:
         start = file.read(4)
     if start[:2] in (b"II", b"MM"):
-        north, east, values, told = _tiff(path)
+        north, east, values, stated = _tiff(path)
         name = ""
     else:
         data = _opened(path)
@@ -306,23 +359,23 @@ def _heights(path: str, settings: dict[str, Any]) -> tuple[Array, Array, Array]:
         first = str(data[grid.dims[0]].attrs.get("units", grid.dims[0])).lower()
         grid = grid if "n" in first.removeprefix("degree") or "lat" in first else grid.T
         north, east = (np.asarray(data[dim].values, float) for dim in grid.dims)
-        values, told = np.asarray(grid.values, float), {k.lower(): v for k, v in grid.attrs.items()}
-    unit = str(told.get("units", "m")).lower()
+        values, stated = np.asarray(grid.values, float), {k.lower(): v for k, v in grid.attrs.items()}
+    unit = str(stated.get("units", "m")).lower()
     if unit not in ("", "m", "metre", "metres", "meter", "meters"):
         raise _UnknownFileError(f"its unit is {unit!r}")
     values = np.where(np.abs(values) < 12_000.0, values, np.nan)
     rows, columns = np.argsort(north), np.argsort(east)
     up = (
         settings.get("positive")
-        or told.get("positive")
-        or _told_by_name(str(told.get("standard_name", name)))
+        or stated.get("positive")
+        or _stated_by_name(str(stated.get("standard_name", name)))
     )
     if up is None:
         up = "up" if np.nanmin(values) < 0.0 else "down"
     return north[rows], east[columns], (_POSITIVE[str(up)] * values)[rows][:, columns]
 
 
-def _told_by_name(name: str) -> str | None:
+def _stated_by_name(name: str) -> str | None:
     name = name.lower()
     if "depth" in name or name == "h":
         return "down"
@@ -345,10 +398,10 @@ def _tiff(path: str) -> tuple[Array, Array, Array, dict[str, Any]]:
         if file.crs is None or not file.crs.is_geographic or file.count != 1:
             raise _UnknownFileError("it is not in longitude and latitude")
         values = file.read(1, masked=True).astype(float).filled(np.nan)
-        told = {"units": file.units[0] or ""} | {k.lower(): v for k, v in file.tags(1).items()}
+        stated = {"units": file.units[0] or ""} | {k.lower(): v for k, v in file.tags(1).items()}
         east = np.array([(file.transform * (k + 0.5, 0.5))[0] for k in range(file.width)])
         north = np.array([(file.transform * (0.5, k + 0.5))[1] for k in range(file.height)])
-    return north, east, values, told
+    return north, east, values, stated
 
 
 def _linear(north: Array, east: Array, values: Array, latitude: Array, longitude: Array) -> Array:

@@ -5,8 +5,9 @@ the scenario's file of jobs where there is one, else from the graph that the see
 """
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Protocol
@@ -20,6 +21,7 @@ from scipy.sparse.csgraph import dijkstra
 from auvplan.files import MISSION, SUMMARY
 from auvplan.io.fields import site_of
 from auvplan.io.geo import GeoError, read_jobs
+from auvplan.io.hours import priority_at
 from auvplan.io.ledger import TIME_TOLERANCE, Leg, near
 from auvplan.mission.jobs import Jobs
 
@@ -66,7 +68,7 @@ def tally_faults(
     visited, refused = {int(dataset.attrs["start"])}, set()
     total, tasks = 0.0, 0
     for leg in legs:
-        if not leg.sailed:
+        if not leg.executed:
             refused |= {(leg.start, leg.goal), (leg.goal, leg.start)}
         if not leg.arrived or leg.goal not in range(len(adjacency)):
             continue
@@ -74,6 +76,8 @@ def tally_faults(
         if revisit and once and (way := _way_left(dataset, leg, visited, refused)):
             yield f"{leg}: waypoint {leg.goal} is visited twice, although {way}"
         earned = book.earn(leg, revisit)
+        if leg.missed:  # whether its window was, is looked up with the windows
+            earned = Earned(0.0, 0.0, 0)
         if abs(earned.priority - leg.priority) > _PRIORITY_TOLERANCE:
             yield f"{leg}: counts a priority of {leg.priority:g}, its tasks are worth {earned.priority:g}"
         if abs(earned.duration - leg.t_task) > TIME_TOLERANCE:
@@ -116,7 +120,9 @@ def _book(settings: dict[str, Any], dataset: xr.Dataset, once: bool, notes: list
         path = Path(str(dataset.attrs["scenario_folder"])) / Path(name).expanduser()
         depth = max(settings["area"]["lower"][2], settings["vehicle"]["depth_min"])
         try:
-            return _JobBook.of(read_jobs(path, site_of(dataset), default_depth=depth), dataset)
+            # Windows are looked up elsewhere: here any water is slack.
+            jobs = read_jobs(path, site_of(dataset), default_depth=depth, speed=lambda _, times: 0.0 * times)
+            return _JobBook.of(jobs, dataset)
         except GeoError as error:
             notes.append(f"tasks were counted from the graph in {MISSION}, not from the jobs: {error}")
     return _GraphBook.of(dataset, once)
@@ -177,9 +183,13 @@ class _JobBook:
 
     Attributes:
         left: tasks still to be done.
+        now: what a job whose priority falls is worth at a time, s since the departure; None of others.
+        whole: priorities of the jobs, by name.
     """
 
     left: list[_Task]
+    now: Callable[[str, float], float | None]
+    whole: dict[str, float]
 
     @classmethod
     def of(cls, jobs: Jobs, dataset: xr.Dataset) -> "_JobBook":
@@ -189,7 +199,15 @@ class _JobBook:
             for point in jobs.points
             if not near(np.asarray(point.position), start)  # what lies at the start is never arrived at
         ]
-        return cls([*points, *(part for line in jobs.lines for part in _parts(line))])
+        whole = {job.name: job.priority for job in (*jobs.points, *jobs.lines)}
+        parts = [part for line in jobs.lines for part in _parts(line)]
+        return cls([*points, *parts], partial(priority_at, dataset), whole)
+
+    def _worth(self, task: _Task, leg: Leg) -> float:
+        """Return the priority of a task at the time when a leg does it."""
+        begins = float(leg.times[-1]) + (leg.t_wait if len(task.ends) == 1 else 0.0)
+        now = self.now(task.job, begins)
+        return task.priority if now is None else task.priority * now / self.whole[task.job]
 
     def earn(self, leg: Leg, revisit: bool) -> Earned:
         """Return every task that lies where the leg ends, or along it."""
@@ -197,7 +215,7 @@ class _JobBook:
         self.left = [task for task in self.left if not any(task is other for other in done)]
         open_ = {task.job for task in self.left}
         complete = {task.job for task in done if task.priority > 0.0} - open_
-        return Earned(sum(t.priority for t in done), sum(t.duration for t in done), len(complete))
+        return Earned(sum(self._worth(t, leg) for t in done), sum(t.duration for t in done), len(complete))
 
 
 def _parts(line: Any) -> Iterable[_Task]:

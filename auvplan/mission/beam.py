@@ -1,16 +1,15 @@
-"""Initial orders by beam search: many partial orders grow together, the most promising survive.
+"""Initial routes by beam search: many partial routes grow together, the most promising survive.
 
-All orders of a beam have the same number of waypoints. Their worth is what they have gained less a price for
-the time they have taken, so that short and long ones compare. Two partial orders that end at one waypoint and
+All routes of a beam have the same number of waypoints. Their worth is what they have gained less a price for
+the time they have taken, so that short and long ones compare. Two partial routes that end at one waypoint and
 have visited the same others differ in nothing but worth: only the better one goes on. So that a few rich
 regions of a large graph do not fill the beam, each waypoint also has only so many places in it.
 
 Where times depend on the clock a second is worth more or less by where windows are about to close: most beams
-then compare orders by what may still be gained, see `auvplan.mission.outlook`.
+then compare routes by what may still be gained, see `auvplan.mission.outlook`.
 """
 
 from dataclasses import dataclass
-from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -30,14 +29,10 @@ LED, STEPS = 7, 6
 LEAST_SHARE, DECAY = 0.05, 0.97
 
 
-@partial(
-    jax.tree_util.register_dataclass,
-    data_fields=("here", "time", "worth", "visited", "mark", "alive"),
-    meta_fields=(),
-)
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class _Beam:
-    """Partial orders; `visited` is [W, N], `mark` a hash of the waypoints visited, the rest [W]."""
+    """Partial routes; `visited` is [W, N], `mark` a hash of the waypoints visited, the rest [W]."""
 
     here: jax.Array
     time: jax.Array
@@ -47,10 +42,10 @@ class _Beam:
     alive: jax.Array
 
 
-@partial(jax.tree_util.register_dataclass, data_fields=("parent", "node", "ended"), meta_fields=())
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class _Trace:
-    """Of each step, [N, W]: where an order came from, where it went, what ending it there is worth."""
+    """Of each step, [N, W]: where a route came from, where it went, what ending it there is worth."""
 
     parent: jax.Array
     node: jax.Array
@@ -66,19 +61,19 @@ def beam_search(
     count: int,
     outlook: Outlook | None = None,
 ) -> tuple[jax.Array, jax.Array]:
-    """Return the best orders that a beam comes upon.
+    """Return the best routes that a beam comes upon.
 
     Args:
         problem: of N waypoints, neighbour lists of length K.
         gain: [N, K] what taking an edge is worth.
-        price: what a second is worth while orders are compared; the answer is ranked by gain alone.
-        width: W, number of partial orders that survive a step.
-        places: number of partial orders, of those W, that may end at one waypoint.
-        count: Q, number of orders wanted.
-        outlook: what may be gained later, by which orders are compared before the price of their time.
+        price: what a second is worth while routes are compared; the answer is ranked by gain alone.
+        width: W, number of partial routes that survive a step.
+        places: number of partial routes, of those W, that may end at one waypoint.
+        count: Q, number of routes wanted.
+        outlook: what may be gained later, by which routes are compared before the price of their time.
 
     Returns:
-        ``(nodes [Q, N] int32 padded with -1, gain [Q])``, best first; minus infinity for an order that was
+        ``(nodes [Q, N] int32 padded with -1, gain [Q])``, best first; minus infinity for a route that was
         not found, whose row then starts at the start and means nothing.
     """
     size, edges = problem.neighbours.shape
@@ -100,6 +95,9 @@ def beam_search(
         if problem.schedule is not None:
             open_ = open_ & jnp.isfinite(times)
         gained = beam.worth[:, None] + gain[beam.here]
+        if problem.falling:
+            edge, since = jnp.arange(edges)[None], beam.time[:, None]
+            gained = gained - problem.lost(beam.here[:, None], edge, since, times)
         ends = open_ & to_goal[beam.here]
         ended = jnp.where(ends, gained, -jnp.inf).max(axis=1)
 
@@ -161,10 +159,10 @@ def beam_search(
 
 
 def _follow_back(trace: _Trace, step: jax.Array, row: jax.Array, goal: jax.Array) -> jax.Array:
-    """Orders [Q, N] that end at the goal right after place `row` [Q] of step `step` [Q]."""
+    """Routes [Q, N] that end at the goal right after place `row` [Q] of step `step` [Q]."""
     size = trace.node.shape[0]
-    orders = jnp.arange(step.shape[0])
-    nodes = jnp.full((step.shape[0], size), -1, jnp.int32).at[orders, step + 1].set(goal, mode="drop")
+    routes = jnp.arange(step.shape[0])
+    nodes = jnp.full((step.shape[0], size), -1, jnp.int32).at[routes, step + 1].set(goal, mode="drop")
 
     def back(k: jax.Array, state: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:
         nodes, row = state
@@ -176,15 +174,15 @@ def _follow_back(trace: _Trace, step: jax.Array, row: jax.Array, goal: jax.Array
     return jax.lax.fori_loop(0, size, back, (nodes, row))[0]
 
 
-def seed_orders(
+def seed_routes(
     problem: Problem, gain: jax.Array, known: jax.Array, width: int, places: int, count: int
 ) -> tuple[jax.Array, jax.Array]:
-    """Orders from one beam for each of `PRICES`, without repeats; by the clock from beams that look ahead.
+    """Routes from one beam for each of `PRICES`, without repeats; by the clock from beams that look ahead.
 
     Args:
         problem: of N waypoints, neighbour lists of length K.
         gain: [N, K] what taking an edge is worth.
-        known: total gain of an order known beforehand; it sets the scale of the first price.
+        known: total gain of a route known beforehand; it sets the scale of the first price.
         width, places, count: as in `beam_search`.
 
     Returns:

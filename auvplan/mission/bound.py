@@ -27,7 +27,7 @@ def upper_bound(
     *,
     rounds: int = 12,
 ) -> float:
-    """No order of tasks from the start to the goal in time has more total priority than this.
+    """No route from the start to the goal in time has more total priority than this.
 
     It holds for a whole mission in which no waypoint is visited twice, however often it is planned anew;
     where waypoints may be visited again, `trail_bound` does.
@@ -188,7 +188,7 @@ def checked(
 
 
 def with_return_margin(leg_times: Array, start: int, goal: int, margin: float) -> Array:
-    """Leg times under which no order is late that keeps a return margin.
+    """Leg times under which no route is late that keeps a return margin.
 
     A waypoint is entered only if the shortest way from it to the goal, lengthened by the margin, still fits:
     so the leg to the goal may be counted as that long.

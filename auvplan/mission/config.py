@@ -26,13 +26,13 @@ class MissionConfig:
         time_weight: w of "priority", what T_available is worth as a share of the largest priority, in [0, 1).
         phi1: Phi_1 of "eq15", per second; the paper gives no value.
         phi2: Phi_2 of "eq15"; the paper gives no value.
-        plant: whether the search starts with the shortest, the greediest and a known order among its
+        plant: whether the search starts with the shortest, the greediest and a known route among its
             habitats, and with the destination as everybody's last resort; otherwise all are random.
         seeds: habitats taken from a beam search before the evolution starts, see `auvplan.mission.beam`; none
             if zero.
-        beam_width: partial orders that the beam keeps; None is 512 on sparse graphs, fewer on dense ones, and
+        beam_width: partial routes that the beam keeps; None is 512 on sparse graphs, fewer on dense ones, and
             four times as many for "eq15", which rewards filling the time to the second.
-        local_rounds: changes that a memetic step makes to an order at most, see
+        local_rounds: changes that a memetic step makes to a route at most, see
             `auvplan.mission.local_search`; no memetic steps if zero.
         local_width: habitats that a memetic step starts from.
         local_period: iterations between memetic steps.
@@ -90,7 +90,7 @@ class MissionConfig:
     def paper(cls) -> Self:
         """Section 4.2 and Fig. 6: 150 random habitats, 200 iterations, mu = 0.2, lambda = 0.8, m(S) = 0.5.
 
-        One elite, nothing planted, orders decoded without a look at the time, Eq. 15. As in
+        One elite, nothing planted, routes decoded without a look at the time, Eq. 15. As in
         `PathConfig.paper`, m(S) is the probability that a habitat mutates in one of its SIVs.
         """
         bbo = BBOConfig(
@@ -107,15 +107,20 @@ class MissionConfig:
 
     @classmethod
     def plain(cls) -> Self:
-        """Return the search alone: neither orders from a beam nor local search."""
+        """Return the search alone: neither routes from a beam nor local search."""
         return cls(seeds=0, local_rounds=0)
 
-    def quick(self) -> Self:
-        """The same for a fifth of the time, as it does for an order that is planned anew from a known one."""
+    @classmethod
+    def quick(cls) -> Self:
+        """Return the default for a fifth of the time, as it does for re-planning from a known route."""
+        return cls().quicker()
+
+    def quicker(self) -> Self:
+        """Return the same settings for a fifth of the time."""
         return self.replace(bbo=self.bbo.replace(iterations=10), beam_width=256)
 
     def beam(self, size: int, degree: int) -> tuple[int, int]:
-        """Partial orders that a beam keeps, and how many of them may end at one waypoint.
+        """Partial routes that a beam keeps, and how many of them may end at one waypoint.
 
         Args:
             size: number of waypoints N.

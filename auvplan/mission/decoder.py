@@ -1,4 +1,4 @@
-"""Priority vectors into orders of waypoints (section 3.3), a whole population at once, and back.
+"""Priority vectors into routes of waypoints (section 3.3), a whole population at once, and back.
 
 A habitat holds one integer SIV in [-200, 100] for each waypoint. From the start the vehicle moves on to the
 qualifying neighbour of highest value until it is at the destination. The destination competes through its own
@@ -6,7 +6,7 @@ SIV, like any other waypoint.
 
 Three decoders:
 
-- "paper": the value of a waypoint is its SIV; the time is not looked at, and an order may come late.
+- "paper": the value of a waypoint is its SIV; the time is not looked at, and a route may come late.
 - "timely": the same, and a waypoint qualifies only if the destination can still be reached in time.
 - "rate": "timely", and the value is the SIV plus a share of the rate, priority per second, of the task on
   the way there. One more SIV, the last of the habitat, sets that share from nothing (-200) to all of it
@@ -14,7 +14,6 @@ Three decoders:
 """
 
 from dataclasses import dataclass
-from functools import partial
 from typing import Literal
 
 import chex
@@ -29,11 +28,7 @@ LOWEST, HIGHEST = -200, 100
 DecoderName = Literal["paper", "timely", "rate"]
 
 
-@partial(
-    jax.tree_util.register_dataclass,
-    data_fields=("value", "position", "current", "time", "priority", "tasks", "inverse", "step", "active"),
-    meta_fields=(),
-)
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class _Walk:
     """Loop state, [P, N] and [P].
@@ -53,24 +48,10 @@ class _Walk:
     active: jax.Array
 
 
-@partial(
-    jax.tree_util.register_dataclass,
-    data_fields=(
-        "nodes",
-        "count",
-        "time",
-        "priority",
-        "tasks",
-        "inverse_priority",
-        "remaining",
-        "late",
-        "reached",
-    ),
-    meta_fields=(),
-)
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Decoded:
-    """Orders of waypoints.
+    """Routes of waypoints.
 
     Attributes:
         nodes: [P, N] int32, padded with -1.
@@ -80,8 +61,8 @@ class Decoded:
         tasks: [P] number of edges that carry a task.
         inverse_priority: [P] sum of 1 / rho over those edges.
         remaining: [P] s, shortest time to the goal from the last waypoint; zero at the goal.
-        late: [P] s, by how much the order overruns the deadline; "paper" only, zero elsewhere.
-        reached: [P] bool, False for an order that ends in a dead end or is late.
+        late: [P] s, by how much the route overruns the deadline; "paper" only, zero elsewhere.
+        reached: [P] bool, False for a route that ends in a dead end or is late.
     """
 
     nodes: jax.Array
@@ -103,11 +84,11 @@ def siv_count(size: int, decoder: DecoderName) -> int:
 def decode(
     population: jax.Array, problem: Problem, decoder: DecoderName, rate_weight: float = 100.0
 ) -> Decoded:
-    """Turn every habitat into an order of waypoints.
+    """Turn every habitat into a sequence of waypoints.
 
     A waypoint j qualifies at i if an edge leads there, it has not been visited, and, but for "paper", the
     edge is entered before the latest time that leaves enough for the way to the goal. That way ignores which
-    waypoints have been visited, so an order can still end in a dead end. Of equal values the lowest index
+    waypoints have been visited, so a route can still end in a dead end. Of equal values the lowest index
     goes first. A traversed edge needs no removal: it leads into a waypoint that has been visited.
 
     Args:
@@ -118,7 +99,7 @@ def decode(
 
     Differences from the paper:
         "timely" and "rate" are not in it: it adds waypoints without looking at the time, and holds a late
-        order for infeasible.
+        route for infeasible.
     """
     size = problem.size
     chex.assert_shape(population, (None, siv_count(size, decoder)))
@@ -147,6 +128,8 @@ def decode(
         moves = walk.active & (best > -jnp.inf)
         there = jnp.where(moves, onward[rows, edge], here)
         rho = jnp.where(moves, problem.priority[here, edge], 0.0)
+        if problem.falling:
+            rho = rho - jnp.where(moves, problem.lost(here, edge, walk.time, times[rows, edge]), 0.0)
         task = rho > 0.0
         entered = jnp.where(moves, there, size)
         return _Walk(
@@ -201,15 +184,15 @@ def _taken(
 
 
 def encode(nodes: jax.Array, population: jax.Array, decoder: DecoderName) -> jax.Array:
-    """Write orders into habitats that decode to them.
+    """Write routes into habitats that decode to them.
 
-    SIVs fall by one from waypoint to waypoint along the order, those of the other waypoints keep their rank
+    SIVs fall by one from waypoint to waypoint along the route, those of the other waypoints keep their rank
     below, and the share of the rate is nothing: the next waypoint beats the later ones and all others. An
-    order of 300 legs or more exhausts the range of a SIV and may decode differently.
+    route of 300 legs or more exhausts the range of a SIV and may decode differently.
 
     Args:
-        nodes: [Q, N] orders, padded with -1.
-        population: [Q, D] habitats, for the SIVs of the waypoints that an order leaves out.
+        nodes: [Q, N] routes, padded with -1.
+        population: [Q, D] habitats, for the SIVs of the waypoints that a route leaves out.
         decoder: which of the three.
 
     Returns:
@@ -229,8 +212,8 @@ def encode(nodes: jax.Array, population: jax.Array, decoder: DecoderName) -> jax
     return jnp.concatenate([genes, shares], axis=1)
 
 
-def shortest_order(problem: Problem) -> jax.Array:
-    """Return the shortest way from the start to the goal as an order [N], padded with -1."""
+def shortest_route(problem: Problem) -> jax.Array:
+    """Return the shortest way from the start to the goal as a route [N], padded with -1."""
     size = problem.size
 
     def step(k: jax.Array, state: tuple[jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array]:

@@ -1,11 +1,16 @@
-"""The compiled search for an order of tasks: seeds from a beam, then biogeography-based optimisation."""
+"""The compiled search for a route: seeds from a beam, then biogeography-based optimisation."""
 
+from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
+from auvplan import prng
 from auvplan.bbo import search
+from auvplan.budget import Budget
 from auvplan.compiled import compiled
 from auvplan.mission import beam, local_search
 from auvplan.mission import decoder as decoders
@@ -39,7 +44,7 @@ def search_missions(
         visited: [B, N] bool.
         margins: [B] return margins.
         given: [B, P, D] habitats to start from, of which the first `count` are used.
-        known: [B, N] orders to start from, padded with -1; all -1 where there is none.
+        known: [B, N] routes to start from, padded with -1; all -1 where there is none.
         count: number of habitats given.
         iterations: to be made, at most those of the settings; later rows of histories are zero.
         config: static settings.
@@ -81,15 +86,62 @@ def search_missions(
     return jax.vmap(one)(keys, edges, starts, goals, budgets, visited, margins, given, known)
 
 
+def search_within(
+    budget: Budget,
+    keys: jax.Array,
+    *problem: Any,
+    count: int,
+    iterations: int,
+    config: MissionConfig,
+) -> tuple[search.Result, decoders.Decoded, jax.Array]:
+    """`search_missions` in chunks of generations, as far as a budget goes; arguments as there.
+
+    Where it is too short for a beam search, it starts without one.
+    """
+    *graph, given, known = problem
+    share, kind = budget.next_row(), (given.shape, known.shape, len(keys))
+    plain = config.replace(seeds=0)
+    seeded = config if share.allows((config, *kind)) else plain
+    begin = partial(search_missions, keys, *graph, given, known, count=count, config=seeded)
+    result, best, least = share.spend((seeded, *kind), partial(begin, iterations=np.int32(0)))
+    rows, done, later = _rows(result, slice(0, 1)), 0, config.replace(seeds=0, plant=False)
+    while done < iterations and (chunk := share.units((later, *kind), iterations - done)):
+        population = result.state.population
+        search_on = partial(
+            search_missions,
+            prng.folded_rows(keys, done + 1),
+            *graph,
+            population,
+            known,
+            count=population.shape[1],
+            iterations=np.int32(chunk),
+            config=later,
+        )
+        result, best, _ = share.spend((later, *kind), search_on, chunk + 1)
+        rows = jax.tree.map(_joined, rows, _rows(result, slice(1, chunk + 1)))
+        done += chunk
+    most = config.bbo.iterations + 1
+    still = jax.tree.map(lambda row: np.pad(row, ((0, 0), (0, most - row.shape[1])), mode="edge"), rows)
+    return replace(result, history=still), best, least
+
+
+def _rows(result: search.Result, kept: slice) -> search.History:
+    return jax.tree.map(lambda row: np.asarray(row)[:, kept], result.history)
+
+
+def _joined(first: np.ndarray, then: np.ndarray) -> np.ndarray:
+    return np.concatenate([first, then], axis=1)
+
+
 def _planted(population: jax.Array, known: jax.Array, problem: Problem, config: MissionConfig) -> jax.Array:
-    """Put the known, the shortest, the beam's and the greediest orders over the last habitats."""
+    """Put the known, the shortest, the beam's and the greediest routes over the last habitats."""
     greedy = decoders.greedy_habitat(problem, config.decoder)[None]
-    nodes = jnp.stack([known, decoders.shortest_order(problem)])
+    nodes = jnp.stack([known, decoders.shortest_route(problem)])
     usable = nodes[:, 0] >= 0
     if config.seeds:
-        order = decoders.decode(greedy, problem, config.decoder, config.rate_weight)
-        saved = jnp.where(order.reached, _idle_cost(problem, config) - _cost(order, problem, config)[0], 0.0)
-        found, gains = beam.seed_orders(
+        route = decoders.decode(greedy, problem, config.decoder, config.rate_weight)
+        saved = jnp.where(route.reached, _idle_cost(problem, config) - _cost(route, problem, config)[0], 0.0)
+        found, gains = beam.seed_routes(
             problem,
             _gain(problem, config),
             saved[0],
@@ -104,11 +156,11 @@ def _planted(population: jax.Array, known: jax.Array, problem: Problem, config: 
 
 
 def _improved(population: jax.Array, problem: Problem, config: MissionConfig) -> jax.Array:
-    """Return the best habitats after local search on their orders, [local_width, D]."""
+    """Return the best habitats after local search on their routes, [local_width, D]."""
     best = population[: config.local_width]
-    orders = decoders.decode(best, problem, config.decoder, config.rate_weight)
-    nodes = local_search.improve(orders.nodes, problem, _gain(problem, config), config.local_rounds)
-    changed = orders.reached & (nodes != orders.nodes).any(axis=1)
+    routes = decoders.decode(best, problem, config.decoder, config.rate_weight)
+    nodes = local_search.improve(routes.nodes, problem, _gain(problem, config), config.local_rounds)
+    changed = routes.reached & (nodes != routes.nodes).any(axis=1)
     return jnp.where(changed[:, None], decoders.encode(nodes, best, config.decoder), best)
 
 
@@ -117,13 +169,13 @@ def _score(population: jax.Array, problem: Problem, config: MissionConfig) -> tu
     return _cost(decoders.decode(population, problem, config.decoder, config.rate_weight), problem, config)
 
 
-def _cost(orders: decoders.Decoded, problem: Problem, config: MissionConfig) -> tuple[jax.Array, jax.Array]:
-    """Cost and violation [P] of orders."""
+def _cost(routes: decoders.Decoded, problem: Problem, config: MissionConfig) -> tuple[jax.Array, jax.Array]:
+    """Cost and violation [P] of routes."""
     if config.objective == "eq15":
-        cost = objectives.eq15(orders, problem, config.phi1, config.phi2)
+        cost = objectives.eq15(routes, problem, config.phi1, config.phi2)
     else:
-        cost = objectives.total_priority(orders, problem, config.time_weight)
-    return cost, objectives.violation(orders, problem)
+        cost = objectives.total_priority(routes, problem, config.time_weight)
+    return cost, objectives.violation(routes, problem)
 
 
 def _gain(problem: Problem, config: MissionConfig) -> jax.Array:
@@ -134,5 +186,5 @@ def _gain(problem: Problem, config: MissionConfig) -> jax.Array:
 
 
 def _idle_cost(problem: Problem, config: MissionConfig) -> jax.Array:
-    """Cost of an order that takes no time and does no task; each edge lowers it by `_gain`."""
+    """Cost of a route that takes no time and does no task; each edge lowers it by `_gain`."""
     return config.phi1 * problem.time_available if config.objective == "eq15" else jnp.zeros(())

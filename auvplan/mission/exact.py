@@ -1,4 +1,4 @@
-"""The order of tasks of most total priority, with its proof: constraint programming by OR-Tools CP-SAT."""
+"""The route of most total priority, with its proof: constraint programming by OR-Tools CP-SAT."""
 
 import math
 import time
@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from auvplan.mission import labels
 from auvplan.mission.bound import Array, IntArray, checked, common_step, edges_in_time
-from auvplan.mission.order import MissionOrder, MissionStatus
+from auvplan.mission.route import MissionRoute, MissionStatus
+from auvplan.mission.timetable import stages
 
 LEAST_TICKS = 1e7
 MOST_TICKS = 1e15
@@ -19,16 +21,16 @@ PRIORITY_UNITS = 1e6
 
 
 @dataclass(frozen=True)
-class ExactOrder:
+class ExactRoute:
     """What the exact search found and proved.
 
     Attributes:
         nodes: [n] waypoints from the start to the goal; empty where none was found.
         priority: sum of rho over the tasks taken; 0.0 where none was found.
-        bound: no order in time has more, up to rounding of the sum; 0.0 where there is none at all.
-        proved: whether the search ended with a proof that the order is of most total priority, or that there
+        bound: no route in time has more, up to rounding of the sum; 0.0 where there is none at all.
+        proved: whether the search ended with a proof that the route is of most total priority, or that there
             is none.
-        infeasible: whether it is proved that no order reaches the goal in time.
+        infeasible: whether it is proved that no route reaches the goal in time.
     """
 
     nodes: IntArray
@@ -48,23 +50,23 @@ def solve_exact(
     time_limit: float = 10.0,
     hint: Sequence[int] | NDArray[np.integer] | None = None,
     workers: int = 1,
-) -> ExactOrder:
-    """Search for the order of most total priority until it is proved or the time limit is reached.
+) -> ExactRoute:
+    """Search for the route of most total priority until it is proved or the time limit is reached.
 
     Leg times are counted in whole ticks of a millisecond, or finer for short missions, and rounded down, so
-    that what is proved of the ticks holds of the seconds. Should the order found take T or more in seconds,
+    that what is proved of the ticks holds of the seconds. Should the route found take T or more in seconds,
     a second search rounds up. Priorities are counted exactly where they have a `common_step`; else they are
     rounded up to millionths of the largest: `bound` holds, and `proved` means within N such millionths.
-    Orders of equal priority are not told apart by their times, as a second aim would slow the proof down.
+    Routes of equal priority are not distinguished by their times, as a second aim would slow the proof down.
 
     Args:
         leg_times: [N, N] s, t_ij with the task; infinite off the edges.
         priority: [N, N] rho_ij >= 0.
         start: index.
         goal: index; equal to `start` it gives the empty mission.
-        time_available: T, s; the order takes strictly less.
+        time_available: T, s; the route takes strictly less.
         time_limit: s of search; a second search gets what is left, and a tenth of it at least.
-        hint: waypoints of a known order, where the search begins; what does not fit is passed over.
+        hint: waypoints of a known route, where the search begins; what does not fit is passed over.
         workers: threads; with one the answer is the same each time unless the time limit ends the search.
 
     Raises:
@@ -78,11 +80,11 @@ def solve_exact(
     if workers < 1:
         raise ValueError(f"workers must be at least 1, got {workers}")
     if start == goal and time_available > 0.0:
-        return ExactOrder(np.array([start]), 0.0, 0.0, proved=True, infeasible=False)
+        return ExactRoute(np.array([start]), 0.0, 0.0, proved=True, infeasible=False)
     nothing = np.zeros(0, int)
     tails, heads = edges_in_time(times, start, goal, time_available)
     if not len(tails):
-        return ExactOrder(nothing, 0.0, 0.0, proved=True, infeasible=True)
+        return ExactRoute(nothing, 0.0, 0.0, proved=True, infeasible=True)
 
     legs, profit = times[tails, heads], rho[tails, heads]
     unit = common_step(profit)
@@ -103,7 +105,7 @@ def solve_exact(
         status = paths.solve(left, workers)
         if rounding is np.floor:
             if status == "INFEASIBLE":
-                return ExactOrder(nothing, 0.0, 0.0, proved=True, infeasible=True)
+                return ExactRoute(nothing, 0.0, 0.0, proved=True, infeasible=True)
             bound = min(bound, math.floor(paths.solver.best_objective_bound + 1e-6) * unit)
         if status not in ("OPTIMAL", "FEASIBLE"):
             break
@@ -114,42 +116,80 @@ def solve_exact(
             break
         route = None
     if route is None:
-        return ExactOrder(nothing, 0.0, bound, proved=False, infeasible=False)
+        return ExactRoute(nothing, 0.0, bound, proved=False, infeasible=False)
     found = float(rho[route[:-1], route[1:]].sum())
-    return ExactOrder(route, found, max(bound, found), proved=proved, infeasible=False)
+    return ExactRoute(route, found, max(bound, found), proved=proved, infeasible=False)
 
 
-def certify(order: MissionOrder, time_limit: float = 10.0) -> MissionOrder:
-    """Improve an order and prove it by `solve_exact`, as far as that comes within the time limit.
+def certify(route: MissionRoute, time_limit: float = 10.0) -> MissionRoute:
+    """Improve a route and prove it by `solve_exact`, as far as that comes within the time limit.
 
-    Its cost, population and history remain those of the search. An order with a return margin keeps its
+    Its cost, population and history remain those of the search. A route with a return margin keeps its
     waypoints, since the exact search knows the margin on the last leg only: its bound is proved.
 
     Args:
-        order: from `plan_mission`.
+        route: from `plan_mission`.
         time_limit: s.
 
     Raises:
-        ImportError: OR-Tools is not installed: `pip install 'auvplan[exact]'`.
+        ImportError: OR-Tools is not installed: `pip install 'auvplan[exact]'`; by the clock it is not needed.
     """
-    times, rho, goal = order.limiting_times, order.edge_priority, order.goal
-    start = int(order.nodes[0])
-    hint = order.nodes if order.feasible else None
-    found = solve_exact(times, rho, start, goal, order.time_available, time_limit=time_limit, hint=hint)
+    if route.timetable is not None:
+        return _certify_by_the_clock(route, time_limit)
+    times, rho, goal = route.limiting_times, route.edge_priority, route.goal
+    start = int(route.nodes[0])
+    hint = route.nodes if route.feasible else None
+    found = solve_exact(times, rho, start, goal, route.time_available, time_limit=time_limit, hint=hint)
     if start == goal or found.infeasible:
-        return order
-    bound = min(found.bound, order.bound)
-    worse = len(found.nodes) == 0 or (order.feasible and found.priority <= order.priority)
-    if worse or order.return_margin > 0.0:
-        return replace(order, proven_bound=bound)
-    legs = order.edge_times[found.nodes[:-1], found.nodes[1:]]
+        return route
+    bound = min(found.bound, route.bound)
+    worse = len(found.nodes) == 0 or (route.feasible and found.priority <= route.priority)
+    if worse or route.return_margin > 0.0:
+        return replace(route, proven_bound=bound)
+    legs = route.edge_times[found.nodes[:-1], found.nodes[1:]]
     return replace(
-        order,
+        route,
         nodes=found.nodes,
         time=float(legs.sum()),
         priority=found.priority,
         tasks=int(np.count_nonzero(rho[found.nodes[:-1], found.nodes[1:]])),
         leg_times=legs,
+        status=MissionStatus.OK,
+        proven_bound=bound,
+    )
+
+
+def _certify_by_the_clock(route: MissionRoute, time_limit: float) -> MissionRoute:
+    """`certify` by labels; where the vehicle may not wait what is proved holds for one that may."""
+    if route.nodes[0] == route.goal:
+        return route
+    known = route.priority if route.feasible else -np.inf
+    found = labels.prove(route.clocked, known, time_limit)
+    bound = route.proven_bound if found.proved else None
+    if found.proved and np.isfinite(found.bound):
+        bound = found.bound
+    elif not found.proved:
+        bound = min(found.bound, route.bound)
+    if not len(found.nodes) or route.return_margin > 0.0:
+        return replace(route, proven_bound=bound)
+    assert route.timetable is not None
+    assert route.duration is not None
+    legs = stages(route.timetable, route.duration, found.nodes.tolist())
+    edges = list(pairwise(found.nodes.tolist()))
+    worth = [
+        float(route.edge_priority[edge]) - route.timetable.lost(*edge, float(begins))
+        for edge, begins in zip(edges, legs.begins, strict=True)
+    ]
+    if not legs.ends[-1] < route.time_available or sum(worth) <= known:
+        return replace(route, proven_bound=bound)
+    return replace(
+        route,
+        nodes=found.nodes,
+        time=float(legs.ends[-1]),
+        priority=sum(worth),
+        tasks=int(np.count_nonzero(worth)),
+        leg_times=legs.ends - legs.departs,
+        waits=legs.begins - legs.arrives,
         status=MissionStatus.OK,
         proven_bound=bound,
     )
@@ -189,9 +229,9 @@ class PathModel:
         return self._cp_model.LinearExpr.weighted_sum(self._taken, np.asarray(weights, np.int64).tolist())
 
     def add_hint(self, nodes: Sequence[int] | NDArray[np.integer]) -> None:
-        """Begin the search at the order of waypoints `nodes`."""
-        order = [int(node) for node in nodes]
-        legs, visited = set(pairwise(order)), set(order)
+        """Begin the search at the route of waypoints `nodes`."""
+        route = [int(node) for node in nodes]
+        legs, visited = set(pairwise(route)), set(route)
         for edge, take in zip(self._edges, self._taken, strict=True):
             self.model.add_hint(take, edge in legs)
         for waypoint, skip in self._left_out.items():
@@ -218,10 +258,10 @@ class PathModel:
             for (i, j), take in zip(self._edges, self._taken, strict=True)
             if self.solver.boolean_value(take)
         }
-        order = [self._start]
-        while order[-1] != self._goal:
-            order.append(following[order[-1]])
-        return np.array(order)
+        route = [self._start]
+        while route[-1] != self._goal:
+            route.append(following[route[-1]])
+        return np.array(route)
 
 
 def in_ticks(leg_times: Array, time_available: float, rounding: np.ufunc) -> tuple[IntArray, int]:

@@ -10,8 +10,8 @@ from auvplan.mission.graph import MissionGraph
 
 
 @dataclass(frozen=True)
-class OrderCheck:
-    """Verdict on an order of waypoints, a bool for each rule of section 3.3.
+class RouteCheck:
+    """Verdict on a sequence of waypoints, a bool for each rule of section 3.3.
 
     Attributes:
         ends: it begins at the start and ends at the destination.
@@ -48,15 +48,15 @@ def _leg_time(graph: MissionGraph, i: int, j: int, speed: float) -> float:
     return travel + float(graph.duration[i, j])
 
 
-def check_order(
+def check_route(
     graph: MissionGraph,
     nodes: Sequence[int] | np.ndarray,
     start: int,
     goal: int,
     time_available: float,
     speed: float,
-) -> OrderCheck:
-    """Check an order of waypoints against the five rules of section 3.3.
+) -> RouteCheck:
+    """Check a sequence of waypoints against the five rules of section 3.3.
 
     Args:
         graph: one graph of N waypoints.
@@ -70,9 +70,9 @@ def check_order(
 
     An edge taken both ways counts as taken twice where the graph is undirected (all fields symmetric).
     """
-    order = [int(node) for node in nodes]
-    known = [0 <= node < graph.size for node in order]
-    legs = list(pairwise(order))
+    route = [int(node) for node in nodes]
+    known = [0 <= node < graph.size for node in route]
+    legs = list(pairwise(route))
     inside = [leg for k, leg in enumerate(legs) if known[k] and known[k + 1]]
     missing = [leg for leg in legs if leg not in inside or leg[0] == leg[1] or not graph.adjacency[leg]]
     symmetric = all(
@@ -81,27 +81,27 @@ def check_order(
     edges = [tuple(sorted(leg)) if symmetric else leg for leg in legs]
     time = float(sum(_leg_time(graph, i, j, speed) for i, j in inside))
     if graph.timetable is not None and not missing and all(known) and inside:
-        time = float(graph.itinerary(order, speed).ends[-1])
+        time = float(graph.itinerary(route, speed).ends[-1])
 
-    ends = bool(order) and order[0] == start and order[-1] == goal
+    ends = bool(route) and route[0] == start and route[-1] == goal
     verdicts = {
-        "ends": (ends, f"does not lead from {start} to {goal}: {_brief(order)}"),
+        "ends": (ends, f"does not lead from {start} to {goal}: {_brief(route)}"),
         "edges_exist": (
             not missing and all(known),
-            f"takes edges that are not in the graph: {missing or order}",
+            f"takes edges that are not in the graph: {missing or route}",
         ),
-        "nodes_once": (len(set(order)) == len(order), f"visits waypoints twice: {_repeated(order)}"),
+        "nodes_once": (len(set(route)) == len(route), f"visits waypoints twice: {_repeated(route)}"),
         "edges_once": (len(set(edges)) == len(edges), f"takes edges twice: {_repeated(edges)}"),
         "in_time": (time < time_available, f"takes {time:.1f} s, {time_available:.1f} s are available"),
     }
     kept = {rule: verdict for rule, (verdict, _) in verdicts.items()}
-    return OrderCheck(
+    return RouteCheck(
         **kept, time=time, reasons=tuple(reason for verdict, reason in verdicts.values() if not verdict)
     )
 
 
-def _brief(order: list[int]) -> str:
-    return f"it leads from {order[0]} to {order[-1]}" if order else "it is empty"
+def _brief(route: list[int]) -> str:
+    return f"it leads from {route[0]} to {route[-1]}" if route else "it is empty"
 
 
 def _repeated(items: list) -> list:

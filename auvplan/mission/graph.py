@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any, Self
 
 import jax
@@ -19,20 +18,7 @@ from auvplan.ocean.environment import Environment
 from auvplan.vehicle import Vehicle
 
 
-@partial(
-    jax.tree_util.register_dataclass,
-    data_fields=(
-        "positions",
-        "adjacency",
-        "priority",
-        "duration",
-        "travel_time",
-        "waypoint_priority",
-        "waypoint_duration",
-        "timetable",
-    ),
-    meta_fields=(),
-)
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class MissionGraph:
     """Waypoints and the edges between them; a task sits on each edge of positive priority.
@@ -232,7 +218,7 @@ class MissionGraph:
         i, j = np.nonzero(adjacency)
         count = len(departures)
         times = np.full((count, self.size, self.size), np.inf)
-        seconds, sailable = travel_times(
+        seconds, passable = travel_times(
             np.tile(self.positions[i], (count, 1)),
             np.tile(self.positions[j], (count, 1)),
             env,
@@ -240,7 +226,7 @@ class MissionGraph:
             np.repeat(np.asarray(departures, float), len(i)),
             config or TravelTimeConfig(),
         )
-        times[:, i, j] = np.where(sailable, seconds, np.inf).reshape(count, len(i))
+        times[:, i, j] = np.where(passable, seconds, np.inf).reshape(count, len(i))
         return times
 
     def with_timetable(self, timetable: Timetable) -> Self:
@@ -261,10 +247,10 @@ class MissionGraph:
         )
 
     def itinerary(self, nodes: Sequence[int] | NDArray[np.int_], speed: Any, now: float = 0.0) -> Stages:
-        """Go through an order of waypoints by the clock.
+        """Go through a sequence of waypoints by the clock.
 
         Args:
-            nodes: [n] the order; only edges of the graph.
+            nodes: [n] the route; only edges of the graph.
             speed: |v| m/s, where travel times follow from it.
             now: s, when it begins.
         """
@@ -310,7 +296,7 @@ class MissionGraph:
         stacked = positions.reshape(-1, self.size, 3)
         edges = np.nonzero(adjacency.reshape(-1, self.size, self.size))
         graph, i, j = edges
-        seconds, sailable = travel_times(
+        seconds, passable = travel_times(
             stacked[graph, i],
             stacked[graph, j],
             env,
@@ -320,8 +306,8 @@ class MissionGraph:
             graph if world_per_graph else None,
         )
         place = edges if positions.ndim == 3 else (i, j)
-        travel_time[place] = np.where(sailable, seconds, np.nan)
-        adjacency[place] = sailable
+        travel_time[place] = np.where(passable, seconds, np.nan)
+        adjacency[place] = passable
         return replace(self, adjacency=adjacency, travel_time=travel_time)
 
 
@@ -331,7 +317,7 @@ def random_graph(
     neighbours: int = 7,
     priority: tuple[int, int] = (1, 5),
     duration: tuple[float, float] = (30.0, 300.0),
-    sailable: Any = None,
+    passable: Any = None,
 ) -> MissionGraph:
     """Return an undirected graph of the nearest neighbours, made connected, with a task on every edge.
 
@@ -341,10 +327,10 @@ def random_graph(
         neighbours: each waypoint is linked to so many nearest ones.
         priority: range of rho, integers drawn uniformly, both ends included.
         duration: s, range of delta, drawn uniformly.
-        sailable: [N, N] bool, symmetric; edges are drawn only where it is True. None allows every edge.
+        passable: [N, N] bool, symmetric; edges are drawn only where it is True. None allows every edge.
 
     Raises:
-        ValueError: the sailable edges do not connect the waypoints.
+        ValueError: the passable edges do not connect the waypoints.
 
     Differences from the paper:
         It gives neither the degree of its graphs nor the ranges of rho and delta; those are chosen here.
@@ -355,8 +341,8 @@ def random_graph(
     size = len(positions)
     distance = cdist(positions, positions)
     np.fill_diagonal(distance, np.inf)
-    if sailable is not None:
-        distance[~np.asarray(sailable, bool)] = np.inf
+    if passable is not None:
+        distance[~np.asarray(passable, bool)] = np.inf
     adjacency = np.zeros((size, size), bool)
     nearest = np.argsort(distance, axis=1)[:, : min(neighbours, size - 1)]
     adjacency[np.arange(size)[:, None], nearest] = True
@@ -370,7 +356,7 @@ def random_graph(
         gap = np.where(first[:, None] & ~first[None, :], distance, np.inf)
         i, j = np.unravel_index(np.argmin(gap), gap.shape)
         if not np.isfinite(gap[i, j]):
-            raise ValueError("the sailable edges do not connect the waypoints")
+            raise ValueError("the passable edges do not connect the waypoints")
         adjacency[i, j] = adjacency[j, i] = True
 
     def symmetric(values: np.ndarray) -> np.ndarray:

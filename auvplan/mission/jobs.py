@@ -20,6 +20,12 @@ COMPLETE, NEIGHBOURS = 40, 7
 #: Name of a line's vertex.
 _VERTEX = re.compile(r"(?P<line>.*)\[(?P<number>\d+)\]", re.DOTALL)
 
+#: Name of a waypoint of a way around.
+_VIA = re.compile(r"\(via \d+\)")
+
+#: Pairs of places, the nearest first, between which ways around are looked for.
+_PAIRS = 8
+
 Position = tuple[float, float, float]
 
 
@@ -33,6 +39,7 @@ class JobPoint:
         priority: rho >= 0; a point of priority 0 and no duration is a mere waypoint.
         duration: s spent there, >= 0.
         windows: intervals in which the task may begin, s since the departure; any time where there are none.
+        falls: moments, s since the departure, after which the priority is another, lower one.
     """
 
     name: str
@@ -40,6 +47,7 @@ class JobPoint:
     priority: float = 1.0
     duration: float = 0.0
     windows: tuple[tuple[float, float], ...] = ()
+    falls: tuple[tuple[float, float], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -51,12 +59,17 @@ class JobLine:
         positions: its vertices in order, each north, east, down, m; two or more.
         priority: rho >= 0 of the whole line.
         duration: s spent on it beyond the way itself, >= 0.
+        windows: intervals in one of which each part is surveyed, s since the departure; any time where there
+            are none.
+        falls: as of a point, of the whole line.
     """
 
     name: str
     positions: tuple[Position, ...]
     priority: float = 1.0
     duration: float = 0.0
+    windows: tuple[tuple[float, float], ...] = ()
+    falls: tuple[tuple[float, float], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -83,13 +96,14 @@ def jobs_graph(
     neighbours: int | None = None,
     clear: Callable[[NDArray[np.float64]], Any] | None = None,
     whole: bool = False,
+    around: Callable[[NDArray[np.float64], NDArray[np.float64]], Any] | None = None,
 ) -> tuple[MissionGraph, list[str]]:
     """Return the operation graph of jobs: node 0 is the start, the last one the goal.
 
-    In between are the points and then the vertices of the lines, in order. A point's task is done on arrival,
-    whichever edge leads there. A survey line is a task on each edge between its consecutive vertices, in
-    either direction: priority and duration are shared among them by length, so that a line half sailed
-    earns half.
+    In between are the points, the vertices of the lines and the waypoints of ways around, in order. A point's
+    task is done on arrival, whichever edge leads there. A survey line is a task on each edge between its
+    consecutive vertices, in either direction: priority and duration are shared among them by
+    length, so that a line half surveyed earns half.
 
     Args:
         points: places to visit.
@@ -98,17 +112,19 @@ def jobs_graph(
         goal: [3] m.
         neighbours: each waypoint is joined to so many nearest ones, and more where the graph would fall
             apart; None joins all of 40 waypoints or fewer, and 7 nearest of more.
-        clear: positions [N, 3] m to [N, N] bool, which straight lines can be sailed; None lets all be.
+        clear: positions [N, 3] m to [N, N] bool, which straight lines are clear; None lets all be.
         whole: whether the ends of lines are joined to the rest as if no way led off between them, for
             missions without `ways_off_lines`.
+        around: for two places [3] m with no clear line between them, waypoints [K, 3] m of a way around, with
+            clear lines between them, or None. They join the graph where it would fall apart.
 
     Returns:
-        The graph, and the name of each node: "start", "goal", a point's name, or a line's with the number of
-        the vertex in brackets, from 1.
+        The graph, and the name of each node: "start", "goal", a point's name, a line's with the number of
+        the vertex in brackets, from 1, or "(via 1)", "(via 2)" ... of a way around.
 
     Raises:
         ValueError: a line has less than two vertices, two in one place or a part that is not clear; a job
-            that no clear line leads to; numbers that make no graph.
+            that no clear line and no way around leads to; numbers that make no graph.
     """
     names = ["start", *(point.name for point in points)]
     places = [np.asarray(start, float), *(point.position for point in points)]
@@ -127,8 +143,11 @@ def jobs_graph(
     names.append("goal")
     places.append(np.asarray(goal, float))
     positions = np.array([_position(place, name) for place, name in zip(places, names, strict=True)])
-
-    free = _sailable(positions, clear)
+    free = _passable(positions, clear)
+    if around is not None and len(via := _ways_around(positions, free, clear, around)):
+        positions = np.concatenate([positions[:-1], via, positions[-1:]])
+        names[-1:] = [*(f"(via {k})" for k in range(1, len(via) + 1)), "goal"]
+        free = _passable(positions, clear)
     for (i, j, _, _), (name, k) in zip(parts, of_part, strict=True):
         if not free[i, j]:
             raise ValueError(f"line {name!r}: the way from vertex {k} to {k + 1} is not clear")
@@ -144,24 +163,54 @@ def jobs_graph(
     return task_graph(positions, edges, parts, tasks), names
 
 
-def task_windows(
-    points: Sequence[JobPoint], size: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """Return when the tasks of a graph may begin, both ends [N, N, W] s; None where all may at any time.
+def task_hours(
+    points: Sequence[JobPoint], lines: Sequence[JobLine], size: int
+) -> dict[str, NDArray[np.float64]]:
+    """Return when the tasks of a graph may be done and are worth less, as fields of `Timetable`.
+
+    Empty where all may be done at any time and are worth the same.
 
     Args:
-        points: of the graph, as `jobs_graph` was given them.
+        points, lines: of the graph, as `jobs_graph` was given them.
         size: number of its waypoints N.
     """
-    most = max((len(point.windows) for point in points), default=0)
-    if not most:
-        return None
-    opens, closes = np.full((size, size, most), np.inf), np.full((size, size, most), -np.inf)
-    opens[..., 0], closes[..., 0] = -np.inf, np.inf
+    whole = size, size
+
+    def empty(jobs: Sequence[JobPoint | JobLine], name: str, first: float, last: float) -> list[NDArray]:
+        most = max((len(getattr(job, name)) for job in jobs), default=0)
+        return [np.full((*whole, most), value) for value in (first, last)]
+
+    opens, closes = empty(points, "windows", np.inf, -np.inf)
+    enters, until = empty(lines, "windows", np.inf, -np.inf)
+    falls, drops = empty([*points, *lines], "falls", np.inf, 0.0)
+    for free in (opens, enters):
+        free[..., :1] = -np.inf
+    for free in (closes, until):
+        free[..., :1] = np.inf
     for node, point in enumerate(points, 1):
-        for k, (first, last) in enumerate(point.windows):
-            opens[:, node, k], closes[:, node, k] = first, last
-    return opens, closes
+        for k, span in enumerate(point.windows):
+            opens[:, node, k], closes[:, node, k] = span
+        for k, fall in enumerate(_drops(point)):
+            falls[:, node, k], drops[:, node, k] = fall
+    first = 1 + len(points)
+    for line in lines:
+        for part, share in enumerate(_shares(line)):
+            edges = [first + part, first + part + 1], [first + part + 1, first + part]
+            for k, span in enumerate(line.windows):
+                enters[(*edges, k)], until[(*edges, k)] = span
+            for k, (moment, drop) in enumerate(_drops(line)):
+                falls[(*edges, k)], drops[(*edges, k)] = moment, share * drop
+        first += len(line.positions)
+    names = "opens", "closes", "enters", "until", "falls", "drops"
+    arrays = opens, closes, enters, until, falls, drops
+    found: dict[str, NDArray[np.float64]] = dict(zip(names, arrays, strict=True))
+    return found if any(part.shape[-1] for part in found.values()) else {}
+
+
+def _drops(job: JobPoint | JobLine) -> list[tuple[float, float]]:
+    """Return the moments at which a priority falls, and by how much."""
+    before = [job.priority, *(priority for _, priority in job.falls)]
+    return [(moment, last - priority) for last, (moment, priority) in zip(before, job.falls, strict=False)]
 
 
 def jobs_on_land(jobs: Jobs, chart: Chart) -> list[str]:
@@ -227,6 +276,8 @@ def jobs_of(names: Sequence[str]) -> list[NodesOfJob]:
     """Return the jobs of a graph whose nodes have the names that `jobs_graph` gives them."""
     found: dict[str, list[int]] = {}
     for node in range(1, len(names) - 1):
+        if _VIA.fullmatch(names[node]):
+            continue
         match = _VERTEX.fullmatch(names[node])
         found.setdefault(match["line"] if match else names[node], []).append(node)
     return [NodesOfJob(name, nodes) for name, nodes in found.items()]
@@ -251,7 +302,7 @@ def _position(place: Any, name: str) -> NDArray[np.float64]:
     return position
 
 
-def _sailable(positions: NDArray, clear: Callable | None) -> NDArray[np.bool_]:
+def _passable(positions: NDArray, clear: Callable | None) -> NDArray[np.bool_]:
     size = len(positions)
     if clear is None:
         return np.ones((size, size), bool)
@@ -259,6 +310,27 @@ def _sailable(positions: NDArray, clear: Callable | None) -> NDArray[np.bool_]:
     if free.shape != (size, size):
         raise ValueError(f"clear must give [N, N] = {(size, size)}, got shape {free.shape}")
     return free & free.T
+
+
+def _ways_around(
+    positions: NDArray, free: NDArray[np.bool_], clear: Callable | None, around: Callable
+) -> NDArray[np.float64]:
+    """Waypoints [K, 3] m that join the parts of the graph of clear lines `free`, as far as there are ways."""
+    via, places = np.empty((0, 3)), positions
+    while True:
+        _, label = connected_components(free, directed=False)
+        first = label == label[0]
+        ways = None
+        gap = np.where(first[:, None] & ~first[None, :], cdist(places, places), np.inf)
+        for pair in np.argsort(gap, axis=None, kind="stable")[:_PAIRS]:
+            i, j = np.unravel_index(pair, gap.shape)
+            if np.isfinite(gap[i, j]) and (ways := around(places[i], places[j])) is not None and len(ways):
+                break
+        if ways is None or not len(ways):
+            return via
+        via = np.concatenate([via, ways])
+        places = np.concatenate([positions, via])
+        free = _passable(places, clear)
 
 
 def _joined(
@@ -292,5 +364,5 @@ def _joined(
         i, j = np.unravel_index(np.argmin(gap), gap.shape)
         if not np.isfinite(gap[i, j]):
             cut_off = ", ".join(repr(names[k]) for k in np.flatnonzero(~first)[:5])
-            raise ValueError(f"no clear line leads from the start to {cut_off}")
+            raise ValueError(f"no clear line and no way around leads from the start to {cut_off}")
         adjacency[i, j] = adjacency[j, i] = True

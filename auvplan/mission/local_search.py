@@ -1,11 +1,11 @@
-"""Local search on orders of waypoints: each order takes the best of all small changes, round by round.
+"""Local search on routes of waypoints: each route takes the best of all small changes, round by round.
 
 A change cuts out up to `CUT` waypoints that follow each other and puts one other waypoint, or none, in their
 place. That covers insertion, removal and replacement.
 
 Where travel times depend on the clock a change is judged by the times of its own legs and by how much
 later the rest may begin if its legs take as long as before (forward time slack, Savelsbergh 1992); the
-changed order is then gone through, and dropped where it does not fit.
+changed route is then gone through, and dropped where it does not fit.
 """
 
 from functools import partial
@@ -20,16 +20,16 @@ CUT = 2
 
 
 def improve(nodes: jax.Array, problem: Problem, gain: jax.Array, rounds: int) -> jax.Array:
-    """Apply the best change to every order, `rounds` times.
+    """Apply the best change to every route, `rounds` times.
 
     Args:
-        nodes: [P, N] orders from the start to the goal, padded with -1.
-        problem: what they are orders of.
+        nodes: [P, N] routes from the start to the goal, padded with -1.
+        problem: what they are routes of.
         gain: [N, K] what taking an edge is worth, as in `auvplan.mission.beam`.
-        rounds: number of changes to each order at most.
+        rounds: number of changes to each route at most.
 
     Returns:
-        [P, N] orders that keep all limits and gain at least as much.
+        [P, N] routes that keep all limits and gain at least as much.
     """
     times = _table(problem, problem.leg_times, jnp.inf)
     gains = _table(problem, gain, 0.0)
@@ -39,7 +39,7 @@ def improve(nodes: jax.Array, problem: Problem, gain: jax.Array, rounds: int) ->
         number = jnp.broadcast_to(jnp.arange(width, dtype=jnp.int32), problem.neighbours.shape)
         places = _table(problem, number, width)
     step = partial(_change_all, problem=problem, times=times, gains=gains, gain=gain, places=places)
-    return jax.lax.fori_loop(0, rounds, lambda _, orders: step(orders), nodes)
+    return jax.lax.fori_loop(0, rounds, lambda _, routes: step(routes), nodes)
 
 
 def _table(problem: Problem, values: jax.Array, default: float) -> jax.Array:
@@ -66,10 +66,13 @@ def _lasts(
     return jnp.where(place < problem.neighbours.shape[1], lasts, jnp.inf)
 
 
-def _by_the_clock(problem: Problem, nodes: jax.Array, places: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """When orders [P, N] are done at each place, and by how much each arrival may be delayed, both [P, N] s.
+def _by_the_clock(
+    problem: Problem, nodes: jax.Array, places: jax.Array
+) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """When routes [P, N] are done at each place, and by how much each arrival may be delayed, both [P, N] s.
 
-    The times are infinite from the first leg on that cannot be done.
+    The times are infinite from the first leg on that cannot be done. The third answer is the priority that is
+    lost up to each place because it falls, [P, N].
     """
     schedule, width = problem.schedule, problem.neighbours.shape[1]
     assert schedule is not None
@@ -87,12 +90,24 @@ def _by_the_clock(problem: Problem, nodes: jax.Array, places: jax.Array) -> tupl
         last = jnp.where(open_, closes, -jnp.inf).max(axis=1, initial=-jnp.inf)
         last = last if closes.shape[-1] else jnp.full_like(begins, jnp.inf)
         wait, spare = jnp.where(taken, begins - arrives, 0.0), jnp.where(taken, last - begins, jnp.inf)
-        return done, (done, wait, spare)
+        if schedule.enters.shape[-1]:
+            enters, until = schedule.enters[node, edge], schedule.until[node, edge]
+            ends = arrives + schedule.duration[node, edge]
+            served = (enters <= arrives[:, None]) & (until >= ends[:, None])
+            early = jnp.where(served, enters, -jnp.inf).max(axis=1)
+            wait = wait + jnp.where(taken, jnp.maximum(early - time, 0.0), 0.0)
+            late = jnp.where(served, until, -jnp.inf).max(axis=1) - ends
+            spare = jnp.where(taken, jnp.minimum(spare, late), spare)
+        lost = jnp.zeros_like(begins)
+        if problem.falling:
+            lost = jnp.where(taken, schedule.lost(node, edge, begins), 0.0)
+        return done, (done, wait, spare, lost)
 
     zero = jnp.zeros(len(nodes), schedule.duration.dtype)
     legs = here.T, edge.T, inside.T & (width > place.T)
-    _, (done, wait, spare) = jax.lax.scan(go, zero, legs)
+    _, (done, wait, spare, lost) = jax.lax.scan(go, zero, legs)
     arrival = jnp.concatenate([zero[None], done]).T
+    lost = jnp.concatenate([zero[None], jnp.cumsum(lost, axis=0)]).T
     at = jnp.maximum(nodes, 0)
     room = jnp.where(nodes >= 0, problem.deadline - problem.way_back[at] - arrival, jnp.inf)
 
@@ -106,7 +121,7 @@ def _by_the_clock(problem: Problem, nodes: jax.Array, places: jax.Array) -> tupl
         for first, part in ((0.0, wait), (jnp.inf, spare))
     )
     _, slack = jax.lax.scan(back, jnp.full(len(nodes), jnp.inf), (room.T, waits, spares), reverse=True)
-    return arrival, slack.T
+    return arrival, slack.T, lost
 
 
 def _change_all(
@@ -117,7 +132,7 @@ def _change_all(
     gain: jax.Array,
     places: jax.Array | None = None,
 ) -> jax.Array:
-    """One best change to each order."""
+    """One best change to each route."""
     count, size = nodes.shape
     rows = jnp.arange(count)
     here, onward = jnp.maximum(nodes[:, :-1], 0), nodes[:, 1:]
@@ -138,7 +153,8 @@ def _change_all(
     slack = jnp.where(inside, due - arrival, jnp.inf)
     slack = jax.lax.cummin(slack, axis=1, reverse=True)
     if places is not None:
-        arrival, slack = _by_the_clock(problem, nodes, places)
+        arrival, slack, lost = _by_the_clock(problem, nodes, places)
+        gained = gained - lost if problem.falling else gained
 
     via = problem.neighbours[at]
     open_ = (
@@ -165,6 +181,11 @@ def _change_all(
         second = _lasts(problem, times, places, via, there[:, :, None], then)
         longer = onward_times + second - old_time[:, :, None]
         richer = gain[at] + gains[via, there[:, :, None]] - old_gain[:, :, None]
+        if problem.falling and places is not None:
+            edge = jnp.arange(via.shape[2])[None, None]
+            richer = richer - problem.lost(at[:, :, None], edge, arrival[:, :, None], onward_times)
+            onto = jnp.minimum(places[via, there[:, :, None]], via.shape[2] - 1)
+            richer = richer - problem.lost(via, onto, then, second)
         worth = jnp.where(open_ & fits[:, :, None] & (longer < room[:, :, None]), richer, -jnp.inf)
         value, index = highest(worth.reshape(count, -1))
         place, edge = index // via.shape[2], index % via.shape[2]
@@ -172,6 +193,9 @@ def _change_all(
         if cut:
             direct = _lasts(problem, times, places, at, there, arrival)
             longer, richer = direct - old_time, gains[at, there] - old_gain
+            if problem.falling and places is not None:
+                onto = jnp.minimum(places[at, there], via.shape[2] - 1)
+                richer = richer - problem.lost(at, onto, arrival, direct)
             worth = jnp.where(inside & fits & (longer < room), richer, -jnp.inf)
             best, choice = consider(best, choice, *highest(worth), cut, jnp.full(count, -1))
 
@@ -182,5 +206,10 @@ def _change_all(
     changed = jnp.where(column <= place, nodes, jnp.where((column == place + 1) & (node >= 0), node, moved))
     better = best > 1e-6
     if places is not None:
-        better &= _by_the_clock(problem, changed, places)[1][:, 0] >= 0.0
+        _, slack, lost = _by_the_clock(problem, changed, places)
+        better &= slack[:, 0] >= 0.0
+        if problem.falling:
+            i, j = jnp.maximum(changed[:, :-1], 0), jnp.maximum(changed[:, 1:], 0)
+            whole = jnp.where(changed[:, 1:] >= 0, gains[i, j], 0.0).sum(axis=1) - lost[:, -1]
+            better &= whole > gained[:, -1] + 1e-6
     return jnp.where(better[:, None], changed, nodes)

@@ -1,4 +1,4 @@
-"""Objectives of task orders (section 3.3.1, Eqs 14-15)."""
+"""Objectives of routes (section 3.3.1, Eqs 14-15)."""
 
 from typing import Literal
 
@@ -11,23 +11,23 @@ from auvplan.mission.problem import Problem
 ObjectiveName = Literal["priority", "eq15"]
 
 
-def violation(orders: Decoded, problem: Problem) -> jax.Array:
-    """Return how far from the goal orders end or how late they are there, [P] s.
+def violation(routes: Decoded, problem: Problem) -> jax.Array:
+    """Return how far from the goal routes end or how late they are there, [P] s.
 
-    The time still to go, T_available where there is no way, and what the order takes beyond T_available.
+    The time still to go, T_available where there is no way, and what the route takes beyond T_available.
     """
     no_way = jnp.maximum(problem.time_available, 1.0)
-    return jnp.where(jnp.isfinite(orders.remaining), orders.remaining, no_way) + orders.late
+    return jnp.where(jnp.isfinite(routes.remaining), routes.remaining, no_way) + routes.late
 
 
-def total_priority(orders: Decoded, problem: Problem, time_weight: float = 0.05) -> jax.Array:
+def total_priority(routes: Decoded, problem: Problem, time_weight: float = 0.05) -> jax.Array:
     """Cost [P] of the aim of section 3.3.1: most total priority, ties to the shorter mission.
 
-    cost = -sum(rho) + w rho_max T_Mission / T_available; an order that does not arrive costs N rho_max, more
+    cost = -sum(rho) + w rho_max T_Mission / T_available; a route that does not arrive costs N rho_max, more
     than any that does.
 
     Args:
-        orders: decoded population.
+        routes: decoded population.
         problem: what they were decoded on.
         time_weight: w < 1, what the whole of T_available is worth, as a share of the largest priority. A
             difference in total priority below it may be given up for a shorter mission.
@@ -36,8 +36,8 @@ def total_priority(orders: Decoded, problem: Problem, time_weight: float = 0.05)
         Eq. 15 counts the unused time and sum(1 / rho), which grows with every task taken: its minimum is
         far from the most total priority. See `eq15`.
     """
-    cost = -orders.priority + _time_price(problem, time_weight) * orders.time
-    return jnp.where(orders.reached, cost, _largest_priority(problem) * problem.size)
+    cost = -routes.priority + _time_price(problem, time_weight) * routes.time
+    return jnp.where(routes.reached, cost, _largest_priority(problem) * problem.size)
 
 
 def total_priority_gain(problem: Problem, time_weight: float = 0.05) -> jax.Array:
@@ -45,25 +45,25 @@ def total_priority_gain(problem: Problem, time_weight: float = 0.05) -> jax.Arra
     return problem.priority - _time_price(problem, time_weight) * _finite(problem.leg_times)
 
 
-def eq15(orders: Decoded, problem: Problem, phi1: float = 1.0, phi2: float = 100.0) -> jax.Array:
+def eq15(routes: Decoded, problem: Problem, phi1: float = 1.0, phi2: float = 100.0) -> jax.Array:
     """Cost [P] of Eq. 15: Phi_1 |T_Mission - T_available| + Phi_2 sum(1 / rho) over the tasks.
 
     Args:
-        orders: decoded population.
+        routes: decoded population.
         problem: what they were decoded on.
         phi1: Phi_1, per second.
         phi2: Phi_2.
 
     Differences from the paper:
-        The path cost of a leg is read as its travel time. An order that does not arrive, or is late, costs
+        The path cost of a leg is read as its travel time. A route that does not arrive, or is late, costs
         more than any that arrives in time ("a big penalty value", section 4.2). The paper gives no values
         for Phi_1 and Phi_2; the defaults are chosen here.
     """
     size = problem.size
-    cost = phi1 * jnp.abs(orders.time - problem.time_available) + phi2 * orders.inverse_priority
+    cost = phi1 * jnp.abs(routes.time - problem.time_available) + phi2 * routes.inverse_priority
     least = jnp.where(problem.priority > 0.0, problem.priority, jnp.inf).min()
     worst = 1.0 + phi1 * jnp.abs(problem.time_available) + phi2 * size / least
-    return cost + jnp.where(orders.reached, 0.0, worst)
+    return cost + jnp.where(routes.reached, 0.0, worst)
 
 
 def eq15_gain(problem: Problem, phi1: float = 1.0, phi2: float = 100.0) -> jax.Array:

@@ -1,6 +1,6 @@
 """What may still be gained from each waypoint on, by the clock.
 
-Where windows open and close no one price of a second tells what an order that ends early is worth. Orders
+Where windows open and close no one price of a second tells what a route that ends early is worth. Routes
 that may repeat waypoints are worked out backwards in time, on evenly spaced moments. So that they repeat
 few, each visit is charged with a Lagrange multiplier of the rule that none is repeated, found by
 subgradient steps (Held, Wolfe and Crowder 1974).
@@ -23,10 +23,12 @@ class Onward(NamedTuple):
     Attributes:
         moment: [M, N, K] int32, the moment after its task.
         open: [M, N, K] bool, whether it can be entered and the goal be reached then.
+        lost: [M, N, K] by how much its task's priority has fallen then; None where none falls.
     """
 
     moment: jax.Array
     open: jax.Array
+    lost: jax.Array | None
 
 
 class Outlook(NamedTuple):
@@ -66,11 +68,12 @@ def onward_edges(problem: Problem) -> Onward:
     node, edge = jnp.arange(size)[:, None], jnp.arange(width)[None]
     usable = jnp.isfinite(problem.leg_times)
 
-    def from_(number: jax.Array) -> tuple[jax.Array, jax.Array]:
+    def from_(number: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array | None]:
         time = jnp.full((size, width), number * problem.deadline / MOMENTS)
         lasts = schedule.lasts(node, edge, time)
         open_ = usable & jnp.isfinite(lasts) & (time < problem.latest)
-        return jnp.clip(_moment(problem, time + lasts), number + 1, MOMENTS), open_
+        lost = problem.lost(node, edge, time, lasts) if problem.falling else None
+        return jnp.clip(_moment(problem, time + lasts), number + 1, MOMENTS), open_, lost
 
     return Onward(*jax.vmap(from_)(jnp.arange(MOMENTS)))
 
@@ -85,12 +88,13 @@ def look_ahead(
     onward = jnp.broadcast_to(nothing, (MOMENTS + 1, problem.size)).astype(gain.dtype)
 
     def back(onward: jax.Array, row: tuple) -> tuple[jax.Array, jax.Array]:
-        number, moment, open_ = row
-        value = jnp.where(open_, reduced + onward[moment, problem.neighbours], -jnp.inf)
+        number, moment, open_, lost = row
+        gained = reduced if lost is None else reduced - lost
+        value = jnp.where(open_, gained + onward[moment, problem.neighbours], -jnp.inf)
         best, place = highest(value)
         return onward.at[number].set(jnp.where(at_goal, 0.0, best)), place
 
-    rows = jnp.arange(MOMENTS), edges.moment, edges.open
+    rows = jnp.arange(MOMENTS), edges.moment, edges.open, edges.lost
     onward, chosen = jax.lax.scan(back, onward, rows, reverse=True)
     return Outlook(charge, onward), chosen
 
@@ -103,7 +107,7 @@ def sharpened(
     Args:
         problem, gain, edges: as above.
         charge: [N] to begin with.
-        known: total gain of an order.
+        known: total gain of a route.
         steps: [R] shares of the steps of Polyak's length.
     """
     index = jnp.arange(problem.size)

@@ -1,25 +1,27 @@
-"""The mission planner: a graph and a time budget into an order of tasks (section 3.3)."""
+"""The mission planner: a graph and a time budget into a route (section 3.3)."""
 
+import time
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Literal
+from itertools import pairwise
+from typing import Any, Literal
 
 import jax
 import numpy as np
 
+from auvplan.budget import Budget
+from auvplan.deprecation import renamed_arguments
 from auvplan.mission import decoder as decoders
 from auvplan.mission.config import MissionConfig
-from auvplan.mission.evolution import search_missions
+from auvplan.mission.evolution import search_missions, search_within
 from auvplan.mission.exact import certify
 from auvplan.mission.graph import MissionGraph
-from auvplan.mission.order import MissionOrder, MissionOrders, MissionStatus
 from auvplan.mission.problem import Edges, rounding_margin
+from auvplan.mission.route import MissionRoute, MissionRoutes, MissionStatus
 from auvplan.prng import as_key
 from auvplan.rows import batch_map
-
-if TYPE_CHECKING:
-    from auvplan.vehicle import Vehicle
+from auvplan.vehicle import Vehicle
 
 #: One program serves searches of up to so many iterations.
 _ITERATIONS = 256
@@ -29,47 +31,51 @@ _ITERATIONS = 256
 _SIZES = (16, 40, 64, 80, 100, 125, 160, 200, 250, 320, 400, 500)
 
 
+@renamed_arguments(known_order="known_route")
 def plan_mission(
     graph: MissionGraph,
     start: int,
     goal: int,
     time_available: float,
-    vehicle: "Vehicle | None" = None,
+    vehicle: Vehicle | None = None,
     *,
     key: jax.Array,
     config: MissionConfig | None = None,
     population: Any = None,
     speed: float | None = None,
     visited: Any = None,
-    known_order: Sequence[int] | np.ndarray | None = None,
+    known_route: Sequence[int] | np.ndarray | None = None,
     method: Literal["search", "exact"] = "search",
     time_limit: float = 10.0,
-) -> MissionOrder:
-    """Find the order of tasks of most total priority that reaches the destination in time.
+    budget: float | None = None,
+) -> MissionRoute:
+    """Find the route of most total priority that reaches the destination in time.
 
-    The search starts from random habitats, good orders of a beam search, the shortest mission and the
+    The search starts from random habitats, good routes of a beam search, the shortest mission and the
     greediest one, so that its answer is feasible whenever a feasible mission exists (up to rounding of
     T_available in the last digits).
 
-    To re-plan on the way (section 3.3.2) call it again from the waypoint reached, with the passed edges taken
-    out (`MissionGraph.without_edges`), the time that is left, `population` of the last order, and the rest of
-    that order as `known_order`.
+    `replan_mission` plans the rest of a mission anew on the way (section 3.3.2).
 
     Args:
         graph: N waypoints.
         start: index of the waypoint where the vehicle is.
         goal: index of the destination; equal to `start` it gives the empty mission.
         time_available: T_available, s; the mission takes strictly less.
-        vehicle: its `speed` is |v| of Eq. 13, m/s.
-        key: PRNG key, consumed; the same key gives the same order.
+        vehicle: its `speed` is |v| of Eq. 13, m/s; defaults to `Vehicle()`.
+        key: PRNG key, consumed; the same key gives the same route.
         config: settings; defaults to `MissionConfig()`.
-        population: [Q, D] habitats to start from, Q at most P, best first, as `MissionOrder.population`.
+        population: [Q, D] habitats to start from, Q at most P, best first, as `MissionRoute.population`.
         speed: m/s, instead of `vehicle`.
         visited: [N] bool, waypoints not to be visited again; none by default.
-        known_order: [n] waypoints from start to goal; the answer costs no more, if it keeps all limits.
-        method: "exact" hands the order found to OR-Tools CP-SAT, which improves and proves it: `bound` of the
-            answer is what it proved. It needs the extra `auvplan[exact]` and objective "priority".
+        known_route: [n] waypoints from start to goal; the answer costs no more, if it keeps all limits.
+        method: "exact" hands the route found to OR-Tools CP-SAT, which improves and proves it: `bound` of the
+            answer is what it proved. It needs the extra `auvplan[exact]` and objective "priority". By the
+            clock labels of dynamic programming do that, without OR-Tools.
         time_limit: s, of the exact method.
+        budget: s of wall-clock time, compilation left out, after which the best route so far is returned, the
+            exact method included; the same key then gives other routes on other machines. None for all the
+            effort of the settings.
 
     Raises:
         ValueError: an argument is out of range or of the wrong shape.
@@ -81,10 +87,10 @@ def plan_mission(
         >>> from auvplan.mission import plan_mission, random_graph
         >>> rng = np.random.default_rng(0)
         >>> graph = random_graph(rng, rng.uniform(0.0, 1000.0, (8, 3)), neighbours=3)
-        >>> order = plan_mission(graph, 0, 7, 1800.0, speed=2.5, key=jax.random.key(0))
-        >>> order.feasible, bool(order.time < 1800.0)
+        >>> route = plan_mission(graph, 0, 7, 1800.0, speed=2.5, key=jax.random.key(0))
+        >>> route.feasible, bool(route.time < 1800.0)
         (True, True)
-        >>> order.priority <= order.bound
+        >>> route.priority <= route.bound
         True
 
     Differences from the paper:
@@ -96,73 +102,148 @@ def plan_mission(
         raise ValueError(f'method "exact" needs objective "priority", got {config.objective!r}')
     if np.ndim(graph.positions) != 2:
         raise ValueError("plan_mission takes one graph: give stacked graphs to plan_missions")
-    if (vehicle is None) == (speed is None):
-        raise ValueError("give either vehicle or speed")
-    orders = plan_missions(
+    begin = time.perf_counter()
+    routes = plan_missions(
         jax.tree.map(lambda field: np.asarray(field)[None], graph),
         [start],
         [goal],
         [time_available],
-        vehicle.speed if vehicle is not None else speed,
-        as_key(key)[None],
-        populations=None if population is None else np.asarray(population)[None],
+        vehicle,
+        key=as_key(key)[None],
+        speed=speed,
+        population=None if population is None else np.asarray(population)[None],
         config=config,
         visited=None if visited is None else np.asarray(visited)[None],
-        known_orders=None if known_order is None else [known_order],
+        known_routes=None if known_route is None else [known_route],
+        budget=budget,
     )
-    return certify(orders[0], time_limit) if method == "exact" else orders[0]
+    if budget is not None:
+        time_limit = min(time_limit, max(budget - (time.perf_counter() - begin), 0.01))
+    return certify(routes[0], time_limit) if method == "exact" else routes[0]
 
 
+def replan_mission(
+    route: MissionRoute,
+    graph: MissionGraph,
+    here: int,
+    time_available: float,
+    vehicle: Vehicle | None = None,
+    *,
+    key: jax.Array,
+    config: MissionConfig | None = None,
+    speed: float | None = None,
+    budget: float | None = None,
+) -> MissionRoute:
+    """Plan the rest of a mission anew from a waypoint of its route (section 3.3.2).
+
+    Edges that were passed leave the graph, and so do the tasks done. The search starts from the population of
+    the last route, and the rest of that route is among its habitats.
+
+    Args:
+        route: that was followed so far.
+        graph: that it was planned on, or the same waypoints with what is known now: other travel times, edges
+            closed.
+        here: index of the waypoint reached, on the route.
+        time_available: s that are left.
+        vehicle: as for `plan_mission`.
+        key: PRNG key, consumed; the same key gives the same route.
+        config: settings; defaults to `MissionConfig.quick()`.
+        speed: m/s, instead of `vehicle`.
+        budget: s of wall-clock time, as for `plan_mission`.
+
+    Raises:
+        ValueError: `here` is not on the route, or as `plan_mission`.
+
+    Example:
+        >>> import jax, numpy as np
+        >>> from auvplan.mission import plan_mission, random_graph, replan_mission
+        >>> rng, keys = np.random.default_rng(0), jax.random.split(jax.random.key(0))
+        >>> graph = random_graph(rng, rng.uniform(0.0, 1000.0, (8, 3)), neighbours=3)
+        >>> route = plan_mission(graph, 0, 7, 1800.0, speed=2.5, key=keys[0])
+        >>> here, left = int(route.nodes[1]), 1800.0 - float(route.leg_times[0]) - 60.0  # a minute late
+        >>> rest = replan_mission(route, graph, here, left, speed=2.5, key=keys[1])
+        >>> rest.feasible, int(rest.nodes[0]) == here
+        (True, True)
+    """
+    nodes = [int(node) for node in route.nodes]
+    if here not in nodes:
+        raise ValueError(f"here must be a waypoint of the route {nodes}, got {here}")
+    reached = nodes.index(here)
+    graph = graph.without_edges(list(pairwise(nodes[: reached + 1])))
+    for node in nodes[: reached + 1]:
+        graph = graph.without_task_at(node)
+    return plan_mission(
+        graph,
+        here,
+        route.goal,
+        time_available,
+        vehicle,
+        key=key,
+        config=config or MissionConfig.quick(),
+        population=route.population[: (config or MissionConfig.quick()).bbo.population],
+        speed=speed,
+        known_route=nodes[reached:],
+        budget=budget,
+    )
+
+
+@renamed_arguments(keys="key", populations="population", known_orders="known_routes")
 def plan_missions(
     graphs: MissionGraph,
     starts: Sequence[int] | np.ndarray,
     goals: Sequence[int] | np.ndarray,
     time_available: Any,
-    speed: Any,
-    keys: jax.Array,
-    populations: Any = None,
+    vehicle: Vehicle | None = None,
+    *,
+    key: jax.Array,
     config: MissionConfig | None = None,
+    population: Any = None,
+    speed: Any = None,
     visited: Any = None,
     return_margin: Any = 0.0,
-    known_orders: Sequence[Sequence[int] | np.ndarray | None] | None = None,
-) -> MissionOrders:
+    known_routes: Sequence[Sequence[int] | np.ndarray | None] | None = None,
+    budget: float | None = None,
+) -> MissionRoutes:
     """`plan_mission` for B missions with one compiled program, on all cores at once.
 
     Args:
         graphs: stacked along a leading axis B (`MissionGraph.stack`).
         starts, goals: [B] indices.
         time_available: [B] s, or one for all.
-        speed: [B] m/s, or one for all.
-        keys: [B] PRNG keys, consumed.
-        populations: [B, Q, D] habitats to start from, as `MissionOrders.population`.
+        vehicle: its `speed` is |v| of Eq. 13, m/s, one or [B]; defaults to `Vehicle()`.
+        key: one PRNG key, split over the missions, or B keys; a route depends on its own key alone.
         config: settings; defaults to `MissionConfig()`.
+        population: [B, Q, D] habitats to start from, as `MissionRoutes.population`.
+        speed: m/s, one or [B], instead of `vehicle`.
         visited: [B, N] bool, waypoints not to be visited again.
         return_margin: [B] or one for all; share by which the way from any waypoint to the destination is
             taken to last longer than expected. It keeps slack for bad surprises where they cannot be mended:
-            on the last legs. An order may then be reported out of time although it would just do.
-        known_orders: for each mission the waypoints of an order from its start to its goal, or None.
+            on the last legs. A route may then be reported out of time although it would just do.
+        known_routes: for each mission the waypoints of a route from its start to its goal, or None.
+        budget: s of wall-clock time for all missions together, as for `plan_mission`.
 
     Raises:
         ValueError: an argument is out of range or of the wrong shape.
     """
     config = config or MissionConfig()
-    graphs, keys = jax.tree.map(np.asarray, graphs), as_key(keys, "keys")
+    graphs, key = jax.tree.map(np.asarray, graphs), as_key(key)
     if graphs.positions.ndim != 3:
         raise ValueError(f"graphs must be stacked, positions [B, N, 3], got shape {graphs.positions.shape}")
     batch, size = graphs.positions.shape[:2]
     starts, goals = _indices("start", starts, batch, size), _indices("goal", goals, batch, size)
-    budget = _figures("time_available", time_available, batch)
-    rate = _figures("speed", speed, batch)
+    available = _figures("time_available", time_available, batch)
+    rate = _figures("speed", _speed(vehicle, speed), batch)
     if not (rate > 0.0).all():
         raise ValueError(f"speed must be positive, got {rate.min():g} m/s")
+    keys = jax.random.split(key, batch) if key.ndim == 0 else key
     if len(keys) != batch:
-        raise ValueError(f"keys must be [{batch}], one for each mission, got {len(keys)}")
+        raise ValueError(f"key must be one, or [{batch}], one for each mission, got {len(keys)}")
     closed = np.zeros((batch, size), bool) if visited is None else np.asarray(visited, bool)
     if closed.shape != (batch, size):
         raise ValueError(f"visited must be [{size}] for each of {batch} missions, got shape {closed.shape}")
     margins = _figures("return_margin", return_margin, batch)
-    given, count = _given(populations, batch, size, config)
-    known = _known(known_orders, starts, goals, size)
+    given, count = _given(population, batch, size, config)
+    known = _known(known_routes, starts, goals, size)
 
     legs, iterations, more = graphs.leg_times(rate), config.bbo.iterations, _padded(size) - size
     shared = config.replace(bbo=config.bbo.replace(iterations=max(iterations, _ITERATIONS)))
@@ -174,13 +255,17 @@ def plan_missions(
         None if graphs.timetable is None else graphs.timetable.padded(more),
         np.pad(graphs.duration, square),
     )
+    program = partial(search_missions, count=count, iterations=np.int32(iterations), config=shared)
+    if budget is not None:
+        watch = Budget(budget, batch)
+        program = partial(search_within, watch, count=count, iterations=iterations, config=shared)
     found = batch_map(
-        partial(search_missions, count=count, iterations=np.int32(iterations), config=shared),
+        program,
         keys,
         edges,
         starts,
         goals,
-        budget.astype(np.float32),
+        available.astype(np.float32),
         np.pad(closed, row),
         margins.astype(np.float32),
         np.insert(given, [size] * more, 0, axis=2),
@@ -192,7 +277,18 @@ def plan_missions(
     result = replace(result, state=replace(result.state, population=population), history=history)
     best = replace(best, nodes=best.nodes[..., :size])
     open_legs = np.where(closed[:, None, :], np.inf, legs)
-    return _collect(result, best, least, graphs, open_legs, starts, goals, budget, margins)
+    return _collect(result, best, np.asarray(least), graphs, open_legs, starts, goals, available, margins)
+
+
+def _speed(vehicle: Vehicle | None, speed: Any) -> Any:
+    """Return |v| [m/s] of a vehicle or as given."""
+    if vehicle is not None and speed is not None:
+        raise ValueError("give vehicle or speed, not both")
+    if speed is not None:
+        return speed
+    if not isinstance(vehicle, Vehicle | None):
+        raise TypeError(f"vehicle must be a Vehicle, got {type(vehicle).__name__}: give a speed as speed=")
+    return (vehicle or Vehicle()).speed
 
 
 def _padded(size: int) -> int:
@@ -210,8 +306,8 @@ def _collect(
     goals: np.ndarray,
     budget: np.ndarray,
     margins: np.ndarray,
-) -> MissionOrders:
-    """Return what a search found as orders, added up in double precision."""
+) -> MissionRoutes:
+    """Return what a search found as routes, added up in double precision."""
     batch, size = legs.shape[:2]
     reached = np.asarray(best.reached[:, 0])
     nodes = np.where(reached[:, None], best.nodes[:, 0], -1)
@@ -220,15 +316,16 @@ def _collect(
     here, there = nodes[:, :-1], nodes[:, 1:]
     taken = there >= 0
     rows = np.arange(batch)[:, None]
-    leg_times, waits = np.where(taken, legs[rows, here, there], 0.0), np.zeros((batch, size - 1))
+    leg_times, lost = np.where(taken, legs[rows, here, there], 0.0), np.zeros((batch, size - 1))
+    waits = np.zeros_like(lost)
     if graphs.timetable is not None:
-        leg_times, waits = _by_the_clock(graphs, nodes)
+        leg_times, waits, lost = _by_the_clock(graphs, nodes)
         kept = leg_times.sum(axis=1) < budget
         reached &= kept
-        nodes[~kept, 1:], leg_times[~kept], waits[~kept] = -1, 0.0, 0.0
+        nodes[~kept, 1:], leg_times[~kept], waits[~kept], lost[~kept] = -1, 0.0, 0.0, 0.0
         there, taken = nodes[:, 1:], nodes[:, 1:] >= 0
-    rho = np.where(taken, graphs.priority[rows, here, there], 0.0)
-    return MissionOrders(
+    rho = np.where(taken, graphs.priority[rows, here, there] - lost, 0.0)
+    return MissionRoutes(
         nodes=nodes,
         count=1 + taken.sum(axis=1),
         time=leg_times.sum(axis=1),
@@ -246,19 +343,23 @@ def _collect(
         edge_priority=graphs.priority,
         goals=goals,
         return_margin=margins,
+        timetable=graphs.timetable,
+        duration=None if graphs.timetable is None else graphs.duration,
     )
 
 
-def _by_the_clock(graphs: MissionGraph, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the time of each leg and the waiting in it, [B, N - 1] s, of orders padded with -1."""
-    times, waits = np.zeros((2, len(nodes), nodes.shape[1] - 1))
-    for row, order in enumerate(nodes):
+def _by_the_clock(graphs: MissionGraph, nodes: np.ndarray) -> np.ndarray:
+    """Return, of routes padded with -1, [3, B, N - 1]: s of each leg, s of waiting in it, priority lost."""
+    times, waits, lost = found = np.zeros((3, len(nodes), nodes.shape[1] - 1))
+    for row, route in enumerate(nodes):
         graph = jax.tree.map(lambda leaf, row=row: leaf[row], graphs)
-        found = graph.itinerary(order[order >= 0], 1.0)
-        count = len(found.ends)
-        times[row, :count] = found.ends - found.departs
-        waits[row, :count] = found.begins - found.arrives
-    return times, waits
+        way = graph.itinerary(route[route >= 0], 1.0)
+        count = len(way.ends)
+        times[row, :count] = way.ends - way.departs
+        waits[row, :count] = way.begins - way.arrives
+        for leg, (i, j) in enumerate(pairwise(route[route >= 0].tolist())):
+            lost[row, leg] = graph.timetable.lost(i, j, way.begins[leg])
+    return found
 
 
 def _status(reached: bool, least: float, late: bool) -> MissionStatus:
@@ -301,21 +402,21 @@ def _given(populations: Any, batch: int, size: int, config: MissionConfig) -> tu
     return padded, count
 
 
-def _known(orders: Any, starts: np.ndarray, goals: np.ndarray, size: int) -> np.ndarray:
-    """Known orders padded to [B, N] with -1."""
+def _known(routes: Any, starts: np.ndarray, goals: np.ndarray, size: int) -> np.ndarray:
+    """Known routes padded to [B, N] with -1."""
     padded = np.full((len(starts), size), -1, np.int32)
-    if orders is None:
+    if routes is None:
         return padded
-    if len(orders) != len(starts):
-        raise ValueError(f"known_orders must hold one order or None for each of {len(starts)} missions")
-    for row, order, start, goal in zip(padded, orders, starts, goals, strict=True):
-        if order is None:
+    if len(routes) != len(starts):
+        raise ValueError(f"known_routes must hold one route or None for each of {len(starts)} missions")
+    for row, route, start, goal in zip(padded, routes, starts, goals, strict=True):
+        if route is None:
             continue
-        nodes = np.asarray(order)
+        nodes = np.asarray(route)
         fits = nodes.ndim == 1 and len(np.unique(nodes)) == len(nodes) <= size
         if not fits or not np.isin(nodes, np.arange(size)).all() or tuple(nodes[[0, -1]]) != (start, goal):
             raise ValueError(
-                f"known_order must lead from {start} to {goal} and visit no waypoint twice, got {order}"
+                f"known_route must lead from {start} to {goal} and visit no waypoint twice, got {route}"
             )
         row[: len(nodes)] = nodes
     return padded

@@ -5,7 +5,6 @@ waypoints costs N K instead of N N. Rows are padded with waypoint 0 and infinite
 """
 
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import chex
@@ -16,11 +15,7 @@ import numpy as np
 from auvplan.mission.timetable import Schedule, Timetable, latest_entries
 
 
-@partial(
-    jax.tree_util.register_dataclass,
-    data_fields=("neighbours", "leg_times", "priority", "schedule"),
-    meta_fields=(),
-)
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Edges:
     """The edges of a graph as neighbour lists; graphs of one size are stacked along leading axes.
@@ -71,25 +66,7 @@ class Edges:
         )
 
 
-@partial(
-    jax.tree_util.register_dataclass,
-    data_fields=(
-        "neighbours",
-        "leg_times",
-        "priority",
-        "rate",
-        "latest",
-        "way_back",
-        "deadline",
-        "time_to_go",
-        "following",
-        "start",
-        "goal",
-        "time_available",
-        "schedule",
-    ),
-    meta_fields=(),
-)
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Problem:
     """A mission on one graph, prepared for decoding.
@@ -137,6 +114,24 @@ class Problem:
         lasts = self.schedule.lasts(here[..., None], edge, time[..., None])
         return jnp.where(jnp.isfinite(self.leg_times[here]), lasts, jnp.inf)
 
+    @property
+    def falling(self) -> bool:
+        """Whether priorities fall at some moments."""
+        return self.schedule is not None and self.schedule.drops.shape[-1] > 0
+
+    def lost(self, here: jax.Array, edge: jax.Array, time: jax.Array, lasts: jax.Array) -> jax.Array:
+        """Return by how much the priorities of tasks have fallen when they begin, any shape.
+
+        Args:
+            here: waypoints that edges lead from.
+            edge: places of edges in their lists.
+            time: s, when they are entered.
+            lasts: s from then until their tasks are done.
+        """
+        assert self.schedule is not None
+        begins = time + lasts - self.schedule.duration[here, edge]
+        return self.schedule.lost(here, edge, begins)
+
 
 def highest(values: jax.Array) -> tuple[jax.Array, jax.Array]:
     """Highest value of each row [P, M] and the first place where it stands, both [P].
@@ -162,17 +157,17 @@ def prepare(
     visited: jax.Array,
     return_margin: jax.typing.ArrayLike = 0.0,
 ) -> Problem:
-    """Work out what all orders on a graph have in common.
+    """Work out what all routes on a graph have in common.
 
     An edge from i to j must be entered so early that t_ij and the shortest time from j to the goal,
-    lengthened by the return margin, still fit. The shortest time ignores which waypoints an order has
+    lengthened by the return margin, still fit. The shortest time ignores which waypoints a route has
     visited.
 
     Args:
         edges: of one graph.
         start, goal: indices, may be traced.
         time_available: T_available, s; less the rounding error that a sum of N legs can have it is the
-            deadline of all orders.
+            deadline of all routes.
         visited: [N] bool, waypoints not to be visited again.
         return_margin: share by which the way to the goal is taken to last longer than expected.
     """

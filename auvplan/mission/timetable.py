@@ -4,11 +4,14 @@ An edge's travel time is known at evenly spaced departures and linear between th
 wait, it enters an edge later if that brings it to the end sooner: arrival functions are then first in, first
 out, and an edge that is closed for some time is entered when it opens again. Between two departures an edge
 is open where it is open at both.
+
+A task at a waypoint begins in one of its windows; one along an edge, such as a part of a survey line, lies
+in one of its own from the entry to the end. Priorities may fall at some moments: what counts is when the
+task at a waypoint begins, and when one along an edge is at its end.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any, NamedTuple, Self
 
@@ -26,11 +29,7 @@ _HALVINGS = 26
 _MOMENT = 1e-3
 
 
-@partial(
-    jax.tree_util.register_dataclass,
-    data_fields=("departures", "travel_time", "opens", "closes"),
-    meta_fields=("waiting",),
-)
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Timetable:
     """Travel times by departure and windows of tasks, for all pairs of N waypoints.
@@ -42,6 +41,10 @@ class Timetable:
         opens, closes: [..., N, N, W] s, the W intervals in which the task of an edge may begin, minus and
             plus infinity for one that is open always, plus and minus infinity for none. W is 0 where every
             task may begin at any time.
+        enters, until: [..., N, N, V] s, the V intervals in one of which an edge is entered and its task done;
+            infinite as `opens` and `closes`. V is 0 where there are none.
+        falls, drops: [..., N, N, D] s and priority: a task that begins after `falls` is worth `drops` less.
+            Infinite and 0 for none; D is 0 where no priority falls.
         waiting: whether the vehicle may wait, for a window at the task and for an edge before it.
 
     Raises:
@@ -52,7 +55,11 @@ class Timetable:
     travel_time: Any
     opens: Any = None
     closes: Any = None
-    waiting: bool = True
+    enters: Any = None
+    until: Any = None
+    falls: Any = None
+    drops: Any = None
+    waiting: bool = field(default=True, metadata={"static": True})
 
     def __post_init__(self) -> None:
         if not isinstance(self.travel_time, np.ndarray | list):
@@ -69,14 +76,18 @@ class Timetable:
         if np.isnan(travel).any() or (travel < 0.0).any():
             raise ValueError("travel_time must not be negative or NaN; infinite where an edge is closed")
         shape = (*travel.shape[:-3], *travel.shape[-2:])
-        for name in ("opens", "closes"):
+        for name in _PAIRS:
             given = getattr(self, name)
             value = np.zeros((*shape, 0)) if given is None else np.asarray(given, float)
             if value.shape[:-1] != shape:
                 raise ValueError(f"{name} must be [N, N, W] with N = {shape[-1]}, got shape {value.shape}")
             object.__setattr__(self, name, value)
-        if self.opens.shape != self.closes.shape:
-            raise ValueError(f"opens and closes must be as many, got {self.opens.shape}, {self.closes.shape}")
+        for first, last in zip(_PAIRS[::2], _PAIRS[1::2], strict=True):
+            one, other = getattr(self, first).shape, getattr(self, last).shape
+            if one != other:
+                raise ValueError(f"{first} and {last} must be as many, got {one}, {other}")
+        if not (np.isfinite(self.drops) & (self.drops >= 0.0)).all():
+            raise ValueError("drops must be finite and not negative")
         object.__setattr__(self, "travel_time", travel)
         object.__setattr__(self, "departures", departures)
 
@@ -100,7 +111,8 @@ class Timetable:
 
     def since(self, seconds: float) -> Self:
         """Return a copy whose times count from `seconds` later."""
-        times = {name: getattr(self, name) - seconds for name in ("departures", "opens", "closes")}
+        moments = ("departures", "opens", "closes", "enters", "until", "falls")
+        times = {name: getattr(self, name) - seconds for name in moments}
         return replace(self, **times)
 
     def begins(self, i: int, j: int, arrives: float) -> float:
@@ -123,16 +135,34 @@ class Timetable:
             travel_time=np.pad(self.travel_time, [*lead, *square], constant_values=np.inf),
             opens=np.pad(self.opens, windows, constant_values=np.inf),
             closes=np.pad(self.closes, windows, constant_values=-np.inf),
+            enters=np.pad(self.enters, windows, constant_values=np.inf),
+            until=np.pad(self.until, windows, constant_values=-np.inf),
+            falls=np.pad(self.falls, windows, constant_values=np.inf),
+            drops=np.pad(self.drops, windows),
         )
 
     def without_windows(self, pairs: NDArray[np.bool_]) -> Self:
-        """Return a copy in which the tasks of pairs, a mask [..., N, N], may begin at any time."""
-        opens = np.where(pairs[..., None], -np.inf, self.opens)
-        return replace(self, opens=opens, closes=np.where(pairs[..., None], np.inf, self.closes))
+        """Return a copy in which the tasks of pairs, a mask [..., N, N], may be done at any time."""
+        always = zip(_PAIRS, (-np.inf, np.inf, -np.inf, np.inf, np.inf, 0.0), strict=True)
+        at = pairs[..., None]
+        return replace(self, **{name: np.where(at, value, getattr(self, name)) for name, value in always})
+
+    def lost(self, i: int, j: int, begins: float) -> float:
+        """Return by how much the priority of the task from i to j has fallen when it begins."""
+        return float(self.drops[i, j][begins > self.falls[i, j]].sum())
+
+    def kept(self, i: int, j: int, leaves: float, ends: float) -> bool:
+        """Return whether a task along the edge from i to j lies in one of its windows, s."""
+        enters, until = self.enters[i, j], self.until[i, j]
+        return not len(enters) or bool(((leaves >= enters - _MOMENT) & (ends <= until + _MOMENT)).any())
+
+
+#: Fields of a timetable that go together.
+_PAIRS = ("opens", "closes", "enters", "until", "falls", "drops")
 
 
 class Stages(NamedTuple):
-    """The legs of an order by the clock, each [n - 1] s; infinite from the first that cannot be done.
+    """The legs of a route by the clock, each [n - 1] s; infinite from the first that cannot be done.
 
     Attributes:
         departs: when the leg before is done.
@@ -155,40 +185,51 @@ def stages(
     nodes: Sequence[int] | NDArray[np.int_],
     now: float = 0.0,
 ) -> Stages:
-    """Go through an order by the clock, in double precision.
+    """Go through a route by the clock, in double precision.
 
     Args:
         timetable: of one graph of N waypoints.
         duration: [N, N] s, of the task on each edge.
-        nodes: [n] the order.
+        nodes: [n] the route.
         now: s, when it begins.
     """
     departures, travel = timetable.departures, timetable.travel_time
     step, final = float(departures[1] - departures[0]) if len(departures) > 1 else 1.0, len(departures) - 1
+
+    def crossed(i: int, j: int, enters: float) -> tuple[float, float]:
+        """When the edge is entered at the earliest moment from `enters` that serves, and its end reached."""
+        place = max((enters - departures[0]) / step, 0.0)
+        cell = min(int(place), final)
+        share = min(place - cell, 1.0)
+        a, b = travel[cell, i, j], travel[min(cell + 1, final), i, j]
+        between = a + share * (b - a) if np.isfinite([a, b]).all() else np.inf
+        leaves, arrives = enters, enters + (a if share == 0.0 else between)
+        later = departures[cell + 1 :] + travel[cell + 1 :, i, j]
+        if timetable.waiting and len(later) and later.min() < arrives:
+            leaves, arrives = departures[cell + 1 + int(np.argmin(later))], later.min()
+        return leaves, arrives
+
     rows, time = [], float(now)
     for i, j in pairwise(int(node) for node in nodes):
         departs = leaves = arrives = time
         if np.isfinite(departs):
-            place = max((departs - departures[0]) / step, 0.0)
-            cell = min(int(place), final)
-            share = min(place - cell, 1.0)
-            a, b = travel[cell, i, j], travel[min(cell + 1, final), i, j]
-            between = a + share * (b - a) if np.isfinite([a, b]).all() else np.inf
-            arrives = departs + (a if share == 0.0 else between)
-            later = departures[cell + 1 :] + travel[cell + 1 :, i, j]
-            if timetable.waiting and len(later) and later.min() < arrives:
-                leaves, arrives = departures[cell + 1 + int(np.argmin(later))], later.min()
+            if timetable.enters.shape[-1]:
+                leaves = arrives = np.inf
+                for enters, until in zip(timetable.enters[i, j], timetable.until[i, j], strict=True):
+                    if enters > departs and not timetable.waiting:
+                        continue
+                    way = crossed(i, j, max(departs, enters))
+                    if way[1] + duration[i, j] <= until and way[1] < arrives:
+                        leaves, arrives = way
+            else:
+                leaves, arrives = crossed(i, j, departs)
         begins = timetable.begins(i, j, arrives)
         time = begins + float(duration[i, j])
         rows.append((departs, leaves, arrives, begins, time))
     return Stages(*np.asarray(rows, float).reshape(-1, 5).T)
 
 
-@partial(
-    jax.tree_util.register_dataclass,
-    data_fields=("origin", "step", "travel_time", "later", "duration", "opens", "closes"),
-    meta_fields=("waiting",),
-)
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Schedule:
     """A timetable as the compiled planner sees it, in neighbour lists of length K.
@@ -199,6 +240,8 @@ class Schedule:
         travel_time, later: [..., N, K, M] s, as in `Timetable`.
         duration: [..., N, K] s, of the task on each edge.
         opens, closes: [..., N, K, W] s.
+        enters, until: [..., N, K, V] s.
+        falls, drops: [..., N, K, D] s and priority.
         waiting: as in `Timetable`.
     """
 
@@ -209,7 +252,11 @@ class Schedule:
     duration: Any
     opens: Any
     closes: Any
-    waiting: bool = True
+    enters: Any
+    until: Any
+    falls: Any
+    drops: Any
+    waiting: bool = field(default=True, metadata={"static": True})
 
     @classmethod
     def of(
@@ -231,7 +278,10 @@ class Schedule:
 
         # What rounding may add up to on the way must not let a task begin too late.
         slack = timetable.travel_time.shape[-1] * float(np.finfo(np.float32).eps)
-        closes = np.where(np.isfinite(timetable.closes), (1.0 - slack) * timetable.closes, timetable.closes)
+
+        def earlier(moments: Array) -> Array:
+            return np.where(np.isfinite(moments), (1.0 - slack) * moments, moments)
+
         return cls(
             departures[..., 0].astype(np.float32),
             step.astype(np.float32),
@@ -239,7 +289,11 @@ class Schedule:
             planes(timetable.later, np.inf, -3),
             gathered(duration, 0.0),
             planes(timetable.opens, np.inf, -1),
-            planes(closes, -np.inf, -1),
+            planes(earlier(timetable.closes), -np.inf, -1),
+            planes(timetable.enters, np.inf, -1),
+            planes(earlier(timetable.until), -np.inf, -1),
+            planes(earlier(timetable.falls), np.inf, -1),
+            planes(timetable.drops, 0.0, -1),
             timetable.waiting,
         )
 
@@ -254,6 +308,31 @@ class Schedule:
             time: s.
             waiting: instead of the timetable's own.
         """
+        waits = self.waiting if waiting is None else waiting
+        if self.enters.shape[-1]:
+            enters, until = self.enters[node, edge], self.until[node, edge]
+            entered = jnp.maximum(time[..., None], enters)
+            ends = self._crossed(node[..., None], edge[..., None], entered)
+            missed = ends + self.duration[node, edge][..., None] > until
+            missed = missed if waits else missed | (time[..., None] < enters)
+            arrives = jnp.where(missed, jnp.inf, ends).min(axis=-1)
+        else:
+            arrives = self._crossed(node, edge, time)
+        if not self.opens.shape[-1]:
+            return arrives, arrives
+        opens, closes = self.opens[node, edge], self.closes[node, edge]
+        late = arrives[..., None] > closes
+        early = arrives[..., None] < opens
+        missed = late if waits else late | early
+        return arrives, jnp.where(missed, jnp.inf, jnp.maximum(arrives[..., None], opens)).min(axis=-1)
+
+    def lost(self, node: Any, edge: Any, begins: Any) -> Any:
+        """Return by how much priorities have fallen where tasks begin at times; arguments as in `begins`."""
+        late = begins[..., None] > self.falls[node, edge]
+        return jnp.where(late, self.drops[node, edge], 0.0).sum(axis=-1)
+
+    def _crossed(self, node: Any, edge: Any, time: Any) -> jax.Array:
+        """Return when edges that are entered at times, or later, are at their ends."""
         final = self.travel_time.shape[-1] - 1
         place = jnp.maximum((time - self.origin) / self.step, 0.0)
         cell = jnp.clip(jnp.floor(place), 0, final).astype(jnp.int32)
@@ -263,14 +342,7 @@ class Schedule:
         shut = jnp.isinf(a) | jnp.isinf(b)
         between = jnp.where(shut, jnp.inf, a + share * jnp.where(shut, 0.0, b - a))
         lasts = jnp.where(share == 0.0, a, between)
-        arrives = jnp.minimum(time + lasts, self.later[node, edge, cell])
-        if not self.opens.shape[-1]:
-            return arrives, arrives
-        opens, closes = self.opens[node, edge], self.closes[node, edge]
-        late = arrives[..., None] > closes
-        early = arrives[..., None] < opens
-        missed = late if (self.waiting if waiting is None else waiting) else late | early
-        return arrives, jnp.where(missed, jnp.inf, jnp.maximum(arrives[..., None], opens)).min(axis=-1)
+        return jnp.minimum(time + lasts, self.later[node, edge, cell])
 
     def lasts(self, node: Any, edge: Any, time: Any, waiting: bool | None = None) -> jax.Array:
         """Seconds from entering edges until their tasks are done; arguments as in `begins`."""

@@ -83,7 +83,7 @@ def travel_times(
         world: [E] index into the leading axis of the current's leaves; None for one current for all.
 
     Returns:
-        ``(seconds [E], sailable [E])``; an edge is not sailable where no path tried keeps every limit, or
+        ``(seconds [E], passable [E])``; an edge is not passable where no path tried keeps every limit, or
         where an end lies outside the box or the chart, or nearer to the sea bed than its clearance.
     """
     sea = replace(env, current=None, obstacles=None)
@@ -96,7 +96,7 @@ def travel_times(
     def estimated(
         chosen: NDArray[np.int_], together: int, detours: int, steps: int
     ) -> tuple[np.ndarray, np.ndarray]:
-        seconds, sailable = np.zeros(len(chosen)), np.zeros(len(chosen), bool)
+        seconds, passable = np.zeros(len(chosen)), np.zeros(len(chosen), bool)
         for part, real in padded_batches(len(chosen), (together,)):
             edges = chosen[part]
             current = shared
@@ -112,13 +112,13 @@ def travel_times(
                 steps=steps,
                 world_per_edge=world is not None,
             )
-            seconds[part[:real]], sailable[part[:real]] = (np.asarray(a)[:real] for a in out)
-        return seconds, sailable
+            seconds[part[:real]], passable[part[:real]] = (np.asarray(a)[:real] for a in out)
+        return seconds, passable
 
-    seconds, sailable = estimated(np.arange(len(starts)), _LINES, 0, config.steps)
-    if (blocked := np.flatnonzero(~sailable & inside)).size:
-        seconds[blocked], sailable[blocked] = estimated(blocked, _FANS, config.detours, config.detour_steps)
-    return seconds, sailable & inside
+    seconds, passable = estimated(np.arange(len(starts)), _LINES, 0, config.steps)
+    if (blocked := np.flatnonzero(~passable & inside)).size:
+        seconds[blocked], passable[blocked] = estimated(blocked, _FANS, config.detours, config.detour_steps)
+    return seconds, passable & inside
 
 
 def _inside(points: np.ndarray, env: Environment) -> NDArray[np.bool_]:
@@ -149,7 +149,8 @@ def _estimate(
     def one(
         start: jax.Array, goal: jax.Array, depart: jax.Array, current: Current, chart: Chart | None
     ) -> tuple[jax.Array, jax.Array]:
-        env = Environment(current, chart, Obstacles.none(), sea.lower, sea.upper, sea.seabed)
+        box = sea.lower, sea.upper
+        env = Environment(current, chart, Obstacles.none(), *box, sea.seabed, sea.closures)
         problem = (start, goal, depart, env, vehicle)
         cost = partial(score, config=config.path)
         lower, upper = habitats.bounds(start, goal, env, config.path)

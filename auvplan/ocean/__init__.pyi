@@ -7,6 +7,7 @@ from .environment import Environment as Environment
 from .gridded import CurrentError as CurrentError
 from .gridded import GriddedCurrent as GriddedCurrent
 from .obstacles import Obstacles as Obstacles
+from .price import Price as Price
 from .seabed import Seabed as Seabed
 from .seabed import SeabedError as SeabedError
 from .vortices import CurrentUpdate as CurrentUpdate
@@ -25,6 +26,7 @@ __all__ = [
     "GriddedCurrent",
     "LambVortices",
     "Obstacles",
+    "Price",
     "Seabed",
     "SeabedError",
     "UniformCurrent",

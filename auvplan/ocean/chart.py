@@ -6,7 +6,6 @@ from functools import partial
 from pathlib import Path
 from typing import Self
 
-import chex
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -17,10 +16,10 @@ from numpy.typing import NDArray
 
 from auvplan.compiled import compiled
 from auvplan.errors import AuvplanError, ScenarioWarning
-from auvplan.ocean.bilinear import bilinear, far_corner
 from auvplan.ocean.classify import DEFAULT_CLUSTERS, UNCERTAIN_MAX, Classified, classify_picture
 from auvplan.ocean.palette import UNTOLD, ChartColours
 from auvplan.ocean.picture import blank, colours, opened
+from auvplan.ocean.raster import Raster
 from auvplan.rows import elementwise
 
 #: Distance to a coast that is nowhere, in pixels.
@@ -38,13 +37,9 @@ class ChartError(AuvplanError):
     """A picture that is no chart; the message is one line that names it."""
 
 
-@partial(
-    jax.tree_util.register_dataclass,
-    data_fields=("passability", "signed_distance", "origin", "pixel_size"),
-    meta_fields=(),
-)
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True)
-class Chart:
+class Chart(Raster):
     """Coast, uncertain area and water on a raster indexed [north, east].
 
     Pixel (i, j) covers origin + (i, j) * pixel_size to origin + (i + 1, j + 1) * pixel_size. Make one with
@@ -148,16 +143,6 @@ class Chart:
         """Pixels north and east."""
         return self.passability.shape[-2], self.passability.shape[-1]
 
-    @property
-    def lower(self) -> jax.Array:
-        """[2] m, south-western corner."""
-        return self.origin
-
-    @property
-    def upper(self) -> jax.Array:
-        """[2] m, north-eastern corner."""
-        return far_corner(self.origin, self.pixel_size, self.shape)
-
     def distance(self, x: ArrayLike, y: ArrayLike) -> jax.Array:
         """Signed distance to the coast, m, positive in water; bilinear, differentiable.
 
@@ -178,17 +163,7 @@ class Chart:
 
     def passability_at(self, x: ArrayLike, y: ArrayLike) -> jax.Array:
         """Passability by bilinear interpolation, 0 to 1; arguments as `distance`."""
-        return self._at(self.passability, jnp.asarray(x), jnp.asarray(y))
-
-    def _at(self, raster: jax.Array, x: jax.Array, y: jax.Array) -> jax.Array:
-        chex.assert_rank(raster, 2)
-        return bilinear(raster, self.origin, self.pixel_size, *jnp.broadcast_arrays(x, y))
-
-    def contains(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
-        """Return whether positions lie on the chart, in NumPy."""
-        low, high = np.asarray(self.lower), np.asarray(self.upper)
-        x, y = np.asarray(x), np.asarray(y)
-        return (x >= low[0]) & (x <= high[0]) & (y >= low[1]) & (y <= high[1])
+        return self.interpolated(self.passability, x, y)
 
     def is_water(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.bool_]:
         """Return whether positions lie on the chart and off the coast, by the pixel they are in, in NumPy."""
@@ -229,7 +204,7 @@ def _distance(chart: Chart, x: jax.Array, y: jax.Array) -> jax.Array:
     dy = y - jnp.clip(y, low[1], high[1])
     out = dx * dx + dy * dy
     outside = jnp.where(out > 0.0, jnp.sqrt(jnp.where(out > 0.0, out, 1.0)), 0.0)
-    return chart._at(chart.signed_distance, x, y) - outside
+    return chart.interpolated(chart.signed_distance, x, y) - outside
 
 
 def _signed_distance(land: NDArray[np.bool_]) -> NDArray[np.floating]:
@@ -299,7 +274,7 @@ def _read_picture(path: str | Path, grey: bool) -> tuple[NDArray[np.uint8], NDAr
             colourless = picture.mode in _COLOURLESS or picture.mode.startswith("I;")
             if colourless and not (grey and picture.mode in _GREY):
                 raise ChartError(
-                    f"{path}: a picture without colour: water cannot be told from land, unless chart.colours "
+                    f"{path}: a picture without colour: water and land look the same, unless chart.colours "
                     "or --water and --land name the greys of both (of 256 levels)"
                 )
             return colours(picture), blank(picture)

@@ -62,7 +62,7 @@ class Classified:
     Attributes:
         passability: [h, w] float32, in the picture's own orientation: 0 coast, (0, 0.35] uncertain, 1 water.
         clusters: the largest first.
-        doubts: why the names may be wrong; none where all colours were told.
+        doubts: why the names may be wrong; none where all colours were given.
         notes: what was assumed, a line each.
         warnings: signs that the picture is no chart, or that its colours were named wrongly, a line each.
     """
@@ -112,7 +112,7 @@ def classify_picture(
     Differences from the paper:
         It names neither the number of clusters nor how the value of an uncertain pixel follows from its
         colour; both are chosen here. Its blue clusters are water; here sea tones far less blue are uncertain,
-        and colours can be told where water is not blue.
+        and colours can be given where water is not blue.
     """
     if rgb.ndim != 3 or rgb.shape[2] != 3 or rgb.dtype != np.uint8 or rgb.size == 0:
         raise ValueError(f"a picture is a non-empty [h, w, 3] uint8 array, got {rgb.dtype} {list(rgb.shape)}")

@@ -2,27 +2,22 @@
 
 A current is any pytree callable ``current(x, y, z, t) -> (u, v, w)``: arrays broadcast elementwise, metres
 and seconds in, m/s north, east and down out. An attribute ``steady`` that is True says that t does not
-matter, one ``gradual`` that it matters little within minutes: both spare planners the sailing of segments one
+matter, one ``gradual`` that it matters little within minutes: both spare planners the timing of segments one
 after the other.
 """
 
-import hashlib
-from collections.abc import Callable, Iterator
-from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial, reduce
-from inspect import signature
-from types import CodeType
 from typing import Any, Protocol, runtime_checkable
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.extend.core import Literal
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from auvplan.compiled import compiled
+from auvplan.ocean.functions import PlainFunction, check_traceable
 from auvplan.rows import elementwise
 
 Velocity = tuple[jax.Array, jax.Array, jax.Array]
@@ -40,39 +35,12 @@ class Current(Protocol):
         ...
 
 
-@partial(jax.tree_util.register_dataclass, data_fields=(), meta_fields=("function", "steady"))
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True)
-class FunctionCurrent:
-    """A plain Python function as a current; compiled code is reused for the same function object.
+class FunctionCurrent(PlainFunction):
+    """A plain Python function as a current."""
 
-    Stored programs are found again by what the function does: see `fingerprint`.
-    """
-
-    function: Callable[..., Any]
-    steady: bool = False
-
-    def fingerprint(self) -> str | None:
-        """Return what the function does, in words that are the same in every process.
-
-        None where there are none.
-
-        They are its byte code and what JAX sees of it at points and in a row of points, with the values of
-        all that it takes from around it.
-        """
-        code = getattr(self.function, "__code__", None)
-        if not isinstance(code, CodeType):
-            return None
-        words = [_code_words(code), repr(self.steady)]
-        for shape in ((), (3,)):
-            places = [jax.ShapeDtypeStruct(shape, jnp.result_type(float))] * 4
-            try:
-                seen = jax.make_jaxpr(self.function)(*places)
-            except Exception:  # the planner's own call will say what is wrong with it
-                return None
-            words.append(str(seen))
-            words += [f"{value.dtype} {value.shape} {value.tobytes().hex()}" for value in _constants(seen)]
-        told = "\n".join(words)
-        return None if " at 0x" in told else hashlib.sha256(told.encode()).hexdigest()
+    steady: bool = field(default=False, metadata={"static": True})
 
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
         """Return u, v, w [m/s] at places [m] and times [s], elementwise."""
@@ -102,58 +70,6 @@ def _components(found: Any) -> tuple[Any, Any, Any]:
     return u, v, w
 
 
-def _try(current: FunctionCurrent) -> None:
-    """Trace a function as planners will, so that one that cannot be is told where it is given.
-
-    Raises:
-        TypeError: it does not take (x, y, z, t), or JAX cannot trace it; one line that says what to do.
-        ValueError: it does not return three components that fit its arguments.
-    """
-    with suppress(ValueError):  # what has no signature is not looked at
-        try:
-            signature(current.function).bind(*"xyzt")
-        except TypeError as error:
-            raise TypeError(f"current must be callable as (x, y, z, t) -> (u, v, w): {error}") from None
-    places = [jax.ShapeDtypeStruct((), jnp.result_type(float))] * 4
-    try:
-        jax.eval_shape(current, *places)
-    except jax.errors.TracerArrayConversionError:
-        raise TypeError(
-            "the current's function hands its arguments to NumPy, which JAX cannot trace: "
-            "write it with jax.numpy, such as jnp.sin for np.sin"
-        ) from None
-    except jax.errors.TracerBoolConversionError:
-        raise TypeError(
-            "the current's function branches on its arguments, which JAX cannot trace: "
-            "write jnp.where(condition, this, that) for if"
-        ) from None
-    except jax.errors.ConcretizationTypeError:
-        raise TypeError(
-            "the current's function makes plain numbers of its arguments, which JAX cannot trace: "
-            "write it with jax.numpy, such as jnp.sin for math.sin"
-        ) from None
-
-
-def _code_words(code: CodeType) -> str:
-    """Byte code, with that of the functions defined in it."""
-    inner = [_code_words(value) if isinstance(value, CodeType) else repr(value) for value in code.co_consts]
-    return f"{code.co_code.hex()} {code.co_names} {code.co_freevars} {inner}"
-
-
-def _constants(seen: Any) -> Iterator[np.ndarray]:
-    """Yield values that a traced function, and those traced within it, take from around them."""
-    for value in getattr(seen, "consts", ()):
-        yield np.asarray(value)
-    for equation in getattr(seen, "jaxpr", seen).eqns:
-        for variable in equation.invars:
-            if isinstance(variable, Literal):
-                yield np.asarray(variable.val)
-        for setting in equation.params.values():
-            for inner in setting if isinstance(setting, tuple | list) else (setting,):
-                if hasattr(inner, "eqns") or hasattr(inner, "jaxpr"):
-                    yield from _constants(inner)
-
-
 def evaluated(
     current: Current, x: ArrayLike, y: ArrayLike, z: ArrayLike, t: ArrayLike
 ) -> tuple[NDArray[np.float64], ...]:
@@ -170,7 +86,7 @@ def _evaluated(current: Current, x: jax.Array, y: jax.Array, z: jax.Array, t: ja
     return current(x, y, z, t)
 
 
-@partial(jax.tree_util.register_dataclass, data_fields=("u", "v", "w"), meta_fields=())
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class UniformCurrent:
     """The same velocity everywhere and always, m/s north, east, down."""
@@ -186,7 +102,7 @@ class UniformCurrent:
         return zero + self.u, zero + self.v, zero + self.w
 
 
-@partial(jax.tree_util.register_dataclass, data_fields=("shared", "own"), meta_fields=())
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class SumCurrent:
     """A current that all vehicles share, and one of each vehicle's own that is added to it.
@@ -251,7 +167,7 @@ def as_current(current: object) -> Current:
                 f"current must be callable as (x, y, z, t) -> (u, v, w), got {type(current).__name__}"
             )
         function = FunctionCurrent(current)
-        _try(function)
+        check_traceable(function, "current", "(u, v, w)")
         return function
     return current  # type: ignore[return-value]
 

@@ -1,4 +1,4 @@
-"""The world that a planner is given: current, chart, obstacles, the box to stay in and the sea bed."""
+"""The world that a planner is given: current, chart, obstacles, box, sea bed, and what places cost."""
 
 from dataclasses import dataclass
 
@@ -7,13 +7,15 @@ import jax.numpy as jnp
 import numpy as np
 
 from auvplan.ocean.chart import Chart
+from auvplan.ocean.closures import Closure
 from auvplan.ocean.currents import Current, as_current
 from auvplan.ocean.obstacles import Obstacles
+from auvplan.ocean.price import Price, as_price
 from auvplan.ocean.seabed import Seabed
 from auvplan.pytree import register_without_init
 
 
-@register_without_init("current", "chart", "obstacles", "lower", "upper", "seabed")
+@register_without_init
 @dataclass(frozen=True)
 class Environment:
     """What a planner believes of the sea.
@@ -26,10 +28,13 @@ class Environment:
             the surface, as far as chart and sea bed reach where they are given.
         upper: [3] m. Equal depths make the problem planar.
         seabed: depth and the clearance to be kept above it, or None where it is out of reach.
+        closures: areas that are closed at some hours.
+        price: any `Price`, or a plain function ``(x, y, z, t) -> s/s``, not negative: what a second at a
+            place adds to the cost of a path (Eq. 12), beside the second itself; or None.
 
     Raises:
-        TypeError: `current` is not callable as one, or is a function that JAX cannot trace.
-        ValueError: the current's function does not return three components; the box is not two corners, the
+        TypeError: `current` or `price` is not callable as one, or is a function that JAX cannot trace.
+        ValueError: a function does not return what it should; the box is not two corners, the
             lower one first, or reaches beyond the sea bed.
     """
 
@@ -39,6 +44,8 @@ class Environment:
     lower: jax.Array = (-np.inf, -np.inf, 0.0)  # type: ignore[assignment]
     upper: jax.Array = (np.inf, np.inf, np.inf)  # type: ignore[assignment]
     seabed: Seabed | None = None
+    closures: tuple[Closure, ...] = ()
+    price: Price | None = None
 
     def __post_init__(self) -> None:
         if isinstance(self.lower, jax.Array):  # made from another one, perhaps while JAX traces: complete
@@ -55,6 +62,7 @@ class Environment:
                 reach = innermost(np.asarray(known, float), axis=0)
                 corner[:2] = np.where(np.isinf(corner[:2]), reach, corner[:2])
         object.__setattr__(self, "current", as_current(self.current))
+        object.__setattr__(self, "price", as_price(self.price))
         object.__setattr__(self, "obstacles", Obstacles.none() if self.obstacles is None else self.obstacles)
         object.__setattr__(self, "lower", jnp.asarray(corners[0], float))
         object.__setattr__(self, "upper", jnp.asarray(corners[1], float))

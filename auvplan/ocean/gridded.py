@@ -25,7 +25,7 @@ class CurrentError(AuvplanError):
     """A current that cannot be read or used; the message is one line that names what is wrong."""
 
 
-@register_without_init("u", "v", "w", "water", "origin", "spacing", "depths", "times", "step")
+@register_without_init
 @dataclass(frozen=True)
 class GriddedCurrent:
     """A current on a grid of even metres north and east, rising depths and rising times.

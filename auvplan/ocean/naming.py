@@ -1,7 +1,8 @@
-"""What the clusters of a chart picture stand for: told by colours that a person names, or by rules.
+"""What the clusters of a chart picture stand for: by colours that a person names, or by rules.
 
 The rules know one style: water is blue, land is not. Styles that break it (white deep water, blue land,
-greys, night palettes) cannot all be told by colour, so the proposal says where it is in doubt, and why.
+greys, night palettes) cannot all be distinguished by colour, so the proposal says where it is in doubt, and
+why.
 """
 
 from dataclasses import dataclass
@@ -41,8 +42,8 @@ _RING = 6.0  # how far from the sea pixels of land are still coast, pixels of a 
 _SANDWICHED = 0.8  # share of the coast along which the pale blue lies between land and the palest tone
 _EDGE = 500  # longest edge at which the geometry is looked at, pixels
 
-# CIELAB distance beyond which a colour told is unlike a cluster, and the share of the distance to a colour of
-# another class from which on it is not clearly nearer.
+# CIELAB distance beyond which a colour given is unlike a cluster, and the share of the distance to a colour
+# of another class from which on it is not clearly nearer.
 _UNLIKE, _UNCLEAR = 25.0, 0.7
 _NEAR = 15.0  # CIELAB distance up to which a named colour means a cluster, where not all classes are named
 
@@ -68,7 +69,7 @@ class Naming:
         kinds: [k] 0 coast, 1 uncertain, 2 water.
         doubts: why that may be wrong.
         notes: what was assumed, a line each.
-        unlike: the clusters that no colour told is clearly nearest to.
+        unlike: the clusters that no colour stated is clearly nearest to.
     """
 
     kinds: NDArray[np.uint8]
@@ -82,8 +83,7 @@ def name_clusters(lab: NDArray[np.floating]) -> NDArray[np.uint8]:
 
     The bluest cluster is water, if it is blue at all, and so are the sea tones that are not far less blue.
     Sea tones (cyan to violet hues) that are much less blue, so pale or greenish, are uncertain. Everything
-    else is coast: warm and green hues, and greys too, because a colour that says nothing must not be sailed
-    over.
+    else is coast: warm and green hues, and greys too, because nobody may go where a colour says nothing.
 
     Args:
         lab: cluster centres, [k, 3].
@@ -98,9 +98,9 @@ def name_clusters(lab: NDArray[np.floating]) -> NDArray[np.uint8]:
 
 
 def name(lab: NDArray[np.floating], labels: NDArray[np.integer], colours: ChartColours = UNTOLD) -> Naming:
-    """Name clusters by the colours a person tells, and what these leave open by the rules.
+    """Name clusters by the colours a person gives, and what these leave open by the rules.
 
-    Where water and land are both told, every cluster takes the class of the nearest colour told, in CIELAB,
+    Where water and land are both given, every cluster takes the class of the nearest colour given, in CIELAB,
     and nothing is guessed. Where one of them is missing, only clusters within 15 of a colour take its class:
     a single colour of water would otherwise make everything water. The others keep what the rules propose,
     with those of its doubts that the colours do not settle.
@@ -108,15 +108,15 @@ def name(lab: NDArray[np.floating], labels: NDArray[np.integer], colours: ChartC
     Args:
         lab: cluster centres, [k, 3].
         labels: [h, w] the cluster of each pixel, negative where there is none.
-        colours: told by a person.
+        colours: given by a person.
     """
     if not colours:
         return _propose(lab, labels)
-    told, classes = colours.listed()
-    distance = np.linalg.norm(lab[:, None] - lab_of(told), axis=-1)
+    stated, classes = colours.listed()
+    distance = np.linalg.norm(lab[:, None] - lab_of(stated), axis=-1)
     nearest = distance.argmin(axis=1)
     meant = np.ones(len(lab), bool) if colours.complete else distance.min(axis=1) <= _NEAR
-    unused = [colour for k, colour in enumerate(told) if not (nearest[meant] == k).any()]
+    unused = [colour for k, colour in enumerate(stated) if not (nearest[meant] == k).any()]
     notes = tuple(f"no cluster is near the colour {colour}" for colour in unused)
     proposed = Naming(np.zeros(len(lab), np.uint8)) if colours.complete else _propose(lab, labels)
     # Rules that see no water have nothing to measure uncertain area by.

@@ -5,7 +5,6 @@ and the time of the last look, from which the collision boundary follows.
 """
 
 from dataclasses import dataclass, replace
-from functools import partial
 
 import chex
 import jax
@@ -19,22 +18,7 @@ from auvplan.ocean.currents import Current
 CONFIDENCE = 3.0
 
 
-@partial(
-    jax.tree_util.register_dataclass,
-    data_fields=(
-        "position",
-        "velocity",
-        "drift",
-        "radius",
-        "position_std",
-        "radius_std",
-        "growth",
-        "growth_max",
-        "observed_at",
-        "active",
-    ),
-    meta_fields=(),
-)
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Obstacles:
     """M spheres, padded by inactive ones.

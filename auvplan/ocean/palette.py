@@ -54,7 +54,7 @@ class ChartColours:
         return tuple(colour for group in groups for colour in group), np.concatenate(kinds)
 
 
-#: Nothing is told of any colour.
+#: No colour is given.
 UNTOLD = ChartColours()
 
 

@@ -1,7 +1,6 @@
 """The sea bed: depth on a raster, and the least depth that is certain between two look-ups."""
 
 from dataclasses import dataclass
-from functools import partial
 from typing import Self
 
 import jax
@@ -12,15 +11,15 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from auvplan.errors import AuvplanError
-from auvplan.ocean.bilinear import bilinear, far_corner
+from auvplan.ocean.raster import Raster
 
 #: Depth of unknown pixels, m: dry land, above every vehicle.
 UNKNOWN = -10.0
 #: Pixels are divided until they are no larger, m, or there are so many of them.
 FINE, MANY = 10.0, 1_000_000
-#: The farthest that one look-up vouches for, in pixels; half of that is the next layer's, and so on to one.
+#: The farthest that one look-up covers, in pixels; half of that is the next layer's, and so on to one.
 FARTHEST = 32
-#: Look-ups that are told no length are for segments of this share of the raster's diagonal.
+#: Look-ups that are given no length are for segments of this share of the raster's diagonal.
 _SHARE = 1.0 / 64.0
 
 
@@ -28,13 +27,9 @@ class SeabedError(AuvplanError):
     """A raster that is no sea bed; the message is one line."""
 
 
-@partial(
-    jax.tree_util.register_dataclass,
-    data_fields=("depth", "shallow", "reach", "steepest", "origin", "pixel_size", "clearance"),
-    meta_fields=(),
-)
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True)
-class Seabed:
+class Seabed(Raster):
     """Depth of the sea bed on a raster indexed [north, east], bilinear between pixels' centres.
 
     Pixel (i, j) covers origin + (i, j) * pixel_size to origin + (i + 1, j + 1) * pixel_size. Make one with
@@ -47,14 +42,14 @@ class Seabed:
     corners are apart by the way from e to p, rounded up or down along both axes. The window holds every such
     step, so the least depth around e's corner is no deeper than the depth at p's; the means follow. Holding
     values beyond the outer centres moves no two corners apart. So the layer at e is no deeper than the sea
-    bed at p: a look-up vouches for a circle of radius reach[k], and two at the ends for every segment of
+    bed at p: a look-up covers a circle of radius reach[k], and two at the ends for every segment of
     level length 2 * reach[k]. Beyond the reach of the last layer the bed rises by no more than its steepest
     slope.
 
     Attributes:
         depth: [nx, ny] float32, m at pixel centres, positive down; negative above the sea.
         shallow: [layers, nx, ny] float32, m, least depth in windows of rising size.
-        reach: [layers] m, rising, how far each layer vouches.
+        reach: [layers] m, rising, how far each layer covers.
         steepest: m/m, greatest slope of the interpolated depth.
         origin: [2] m, north and east of the corner of pixel (0, 0).
         pixel_size: m.
@@ -132,16 +127,6 @@ class Seabed:
         """Pixels north and east."""
         return self.depth.shape[-2], self.depth.shape[-1]
 
-    @property
-    def lower(self) -> jax.Array:
-        """[2] m, south-western corner."""
-        return self.origin
-
-    @property
-    def upper(self) -> jax.Array:
-        """[2] m, north-eastern corner."""
-        return far_corner(self.origin, self.pixel_size, self.shape)
-
     def depth_at(self, x: ArrayLike, y: ArrayLike) -> jax.Array:
         """Depth of the sea bed, m, positive down; bilinear, differentiable.
 
@@ -152,8 +137,7 @@ class Seabed:
         Returns:
             Broadcast shape, m; beyond the raster that of its nearest point.
         """
-        x, y = jnp.broadcast_arrays(jnp.asarray(x), jnp.asarray(y))
-        return bilinear(self.depth, self.origin, self.pixel_size, x, y)
+        return self.interpolated(self.depth, x, y)
 
     def altitude(self, positions: ArrayLike) -> NDArray[np.floating]:
         """Altitude of positions [..., 3] m above the sea bed, [...] m, negative below it, in NumPy."""
@@ -183,7 +167,7 @@ class Seabed:
         layer = jnp.zeros(x.shape, jnp.int32)
         for k in range(self.reach.shape[0] - 1):
             layer = layer + (half > self.reach[k]).astype(jnp.int32)
-        found = bilinear(self.shallow, self.origin, self.pixel_size, x, y, layer)
+        found = self.interpolated(self.shallow, x, y, layer)
         return found - self.steepest * jnp.maximum(half - self.reach[-1], 0.0)
 
 

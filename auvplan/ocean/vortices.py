@@ -26,7 +26,7 @@ _LAMB_PEAK = 0.63817
 _UNROLL = 4
 
 
-@register_without_init("centers", "strength", "radius", "depths", "vertical_scale", "uniform")
+@register_without_init
 @dataclass(frozen=True)
 class LambVortices:
     """Layers of Lamb-Oseen vortices, their fields added up and interpolated linearly in depth (Eq. 1).

@@ -53,17 +53,17 @@ def _measure(plain: dict[str, Any], seeds: list[int], settings: dict[str, Any]) 
 
     for name, value in settings.items():
         jax.config.update(name, value)
+    from auvplan.executive import seed_keys
+    from auvplan.executive.legs import begin_legs
+    from auvplan.executive.loop import make_context, start_mission
+    from auvplan.executive.path_calls import plan_legs
     from auvplan.records import LegRecord
     from auvplan.scenario.file import validate_scenario
-    from auvplan.voyage import seed_keys
-    from auvplan.voyage.executive import embark, make_context
-    from auvplan.voyage.legs import begin_legs
-    from auvplan.voyage.path_calls import plan_legs
 
     context = make_context(validate_scenario(plain, "calls"), ".")
     times: list[list[float]] = [[], []]
     for key, seed in zip(seed_keys(seeds), seeds, strict=True):
-        mission = embark(context, 0, key, seed)
+        mission = start_mission(context, 0, key, seed)
         places = np.asarray(mission.graph.positions, float)
         away = np.linalg.norm(places - places[0], axis=1)
         nearest = int(np.argmin(np.where(np.asarray(mission.graph.adjacency)[0], away, np.inf)))

@@ -214,9 +214,9 @@ def _use(evidence: Evidence) -> _Finding:
 
 
 def _similar_times(evidence: Evidence) -> _Finding:
-    expected, sailed = leg_times(evidence.missions)
-    both = np.isfinite(expected) & np.isfinite(sailed)
-    correlation = float(np.corrcoef(expected[both], sailed[both])[0, 1])
+    expected, executed = leg_times(evidence.missions)
+    both = np.isfinite(expected) & np.isfinite(executed)
+    correlation = float(np.corrcoef(expected[both], executed[both])[0, 1])
     error = 100.0 * float(np.nanmedian(relative_errors(evidence.missions)))
     words = f"correlation {correlation:.3f}, median relative error {error:.1f} %, {both.sum()} legs"
     close, correlated = error <= 10.0, correlation >= 0.9
@@ -233,7 +233,7 @@ def _quick_calls(evidence: Evidence) -> _Finding:
 
 
 def planning_times(missions: xr.Dataset) -> np.ndarray:
-    """Wall-clock time of all planning of each mission: paths, orders, travel times, [missions] s."""
+    """Wall-clock time of all planning of each mission: paths, routes, travel times, [missions] s."""
     names = ("path_cpu", "mission_cpu", "travel_time_cpu")
     return np.nansum([missions[name].values.astype(float) for name in names], axis=0)
 
@@ -249,10 +249,10 @@ def _stable_calls(evidence: Evidence) -> _Finding:
     return _Finding(words, True if all(steady) else (None if any(steady) else False))
 
 
-def _first_orders(evidence: Evidence) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _first_routes(evidence: Evidence) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     missions = evidence.missions
-    legs = (missions["order_nodes"].values[:, 0] >= 0).sum(axis=-1) - 1.0
-    return legs, missions["order_priority"].values[:, 0], missions["order_time"].values[:, 0]
+    legs = (missions["route_nodes"].values[:, 0] >= 0).sum(axis=-1) - 1.0
+    return legs, missions["route_priority"].values[:, 0], missions["route_time"].values[:, 0]
 
 
 def _within(values: np.ndarray, paper: float, unit: str = "") -> tuple[str, bool]:
@@ -268,8 +268,8 @@ def _several(found: Sequence[tuple[str, bool]], names: Sequence[str]) -> _Findin
     return _Finding(words, True if all(met) else (None if any(met) else False))
 
 
-def _first_order(evidence: Evidence) -> _Finding:
-    legs, weight, time = _first_orders(evidence)
+def _first_route(evidence: Evidence) -> _Finding:
+    legs, weight, time = _first_routes(evidence)
     found = [_within(legs, 17.0), _within(weight, 47.0), _within(time, 13_976.0, " s")]
     return _several(found, ("tasks", "weight", "time"))
 
@@ -291,11 +291,11 @@ def _replans_when_late(evidence: Evidence) -> _Finding:
     # After the last leg there is nothing left to plan.
     going_on = reached & ((count < count[..., -1:]) | (missions["success"].values != 1)[..., None])
     late = (going_on & (took > missions["leg_t_expected"].values)).sum(axis=-1)
-    causes = missions["order_cause"]
+    causes = missions["route_cause"]
     code = dict(zip(causes.attrs["flag_meanings"].split(), causes.attrs["flag_values"], strict=False))["late"]
     replans = (causes.values == code).sum(axis=-1)
     failed = missions["success"].values != 1
-    words = f"{late.sum()} late legs, {replans.sum()} new orders for one; the same number in "
+    words = f"{late.sum()} late legs, {replans.sum()} new routes for one; the same number in "
     words += f"{(late == replans).sum()} of {late.size} missions, {(late == replans)[~failed].sum()} of "
     words += f"{(~failed).sum()} on time"
     return _Finding(words, _all_or_some((late == replans) | (failed & (replans < late))))
@@ -377,7 +377,7 @@ QUESTIONS = (
     _Question(
         "T_mission approaches T_available",
         "4.2, Fig. 12",
-        "missions on time use at least 95 % on average (partly: 90 %); Fig. 15's first order uses 97 %",
+        "missions on time use at least 95 % on average (partly: 90 %); Fig. 15's first route uses 97 %",
         _use,
     ),
     _Question(
@@ -401,14 +401,14 @@ QUESTIONS = (
     _Question(
         "the mission is planned anew when, and only when, a leg was late",
         "3.3.2, 4.2",
-        "no new order without a late leg; in every mission on time as many as late legs before the last one",
+        "no new route without a late leg; in every mission on time as many as late legs before the last one",
         _replans_when_late,
     ),
     _Question(
-        "first order: 17 tasks, weight 47, 13,976 s",
+        "first route: 17 tasks, weight 47, 13,976 s",
         "4.2, Fig. 15",
         "the paper's figures lie within the middle 90 % of the missions",
-        _first_order,
+        _first_route,
     ),
     _Question(
         "3 mission re-plans, 11 path calls",

@@ -10,6 +10,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from auvplan.executive import run_mission, seed_keys
 from auvplan.files import output_folder
 from auvplan.ocean.whitsunday import render, whitsunday_chart
 from auvplan.paper.claims import NO_VIOLATION, Evidence, no_violation
@@ -25,7 +26,6 @@ from auvplan.plot.timeline import plot_timeline
 from auvplan.plot.windows import plot_windows
 from auvplan.records import MissionRun
 from auvplan.scenario.scenario import Scenario
-from auvplan.voyage import run_mission, seed_keys
 
 #: Re-plans of the paper's example of a mission.
 _REPLANS = 3
@@ -54,7 +54,7 @@ def draw_paper(legs: Legs, evidence: Evidence, scenario: Scenario, folder: Path)
         "fig14_planning_time.png": lambda: plot_call_times(
             evidence.missions, evidence.calls, evidence.interval
         ),
-        "fig15_orders.png": lambda: plot_timeline(_mission(scenario, seed)),
+        "fig15_routes.png": lambda: plot_timeline(_mission(scenario, seed)),
         "fig15_maps.png": lambda: plot_replans(evidence.missions, seed),
     }
     target = output_folder(folder)

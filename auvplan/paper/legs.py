@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from auvplan.executive import run_missions, seed_keys
 from auvplan.io.check import check_dataset
 from auvplan.io.results import to_dataset
 from auvplan.ocean.currents import Current
@@ -15,7 +16,6 @@ from auvplan.plot.legs import followed_plans
 from auvplan.records import LegRecord, MissionRun, PlanRecord
 from auvplan.scenario import Scenario
 from auvplan.scenario.file import load_scenario, validate_scenario
-from auvplan.voyage import run_missions, seed_keys
 
 Array = np.ndarray
 
@@ -57,7 +57,7 @@ def changed(name: str, preset: str, **sections: dict[str, Any]) -> Scenario:
     return validate_scenario(plain, name)
 
 
-def sail_legs(
+def execute_legs(
     preset: str, seeds: Sequence[int], rate_seeds: Sequence[int], done: Callable[[str], None]
 ) -> Legs:
     """Run the three scenarios from a kept and a fresh population, and the first one by update rate.

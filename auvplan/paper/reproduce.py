@@ -9,7 +9,7 @@ from auvplan.files import output_folder, write_atomically, write_dataset
 from auvplan.paper.calls import call_times
 from auvplan.paper.claims import Claim, Evidence, as_json, as_markdown, judge
 from auvplan.paper.figures import draw_paper
-from auvplan.paper.legs import Legs, changed, legs_dataset, sail_legs
+from auvplan.paper.legs import Legs, changed, execute_legs, legs_dataset
 from auvplan.study import Design, run_study
 from auvplan.study.store import is_unfinished
 
@@ -19,7 +19,7 @@ Progress = Callable[[str, float], None]
 #: Where the missions take place.
 MISSIONS = "whitsunday"
 
-#: Calls of `done` in `sail_legs`, and shares of the whole that a preset's legs, missions and calls take.
+#: Calls of `done` in `execute_legs`, and shares of the whole that a preset's legs, missions and calls take.
 _LEG_STEPS, _LEGS, _MISSIONS, _CALLS = 10, 0.2, 0.25, 0.03
 
 
@@ -94,7 +94,7 @@ def _gather(
         steps += 1
 
     seeds = range(effort.seed, effort.seed + effort.seeds)
-    legs = sail_legs(preset, seeds, range(effort.seed, effort.seed + effort.rate_seeds), next_leg)
+    legs = execute_legs(preset, seeds, range(effort.seed, effort.seed + effort.rate_seeds), next_leg)
     figures = legs_dataset(legs)
     write_dataset(figures, folder / f"legs-{preset}.nc")
 

@@ -53,11 +53,30 @@ def coast_clearance(
     distance = distance_to_land(env.chart, x, y)
     risk = 1.0 - env.chart.passability_at(x, y)
     price = config.uncertain_price * (0.5 * (risk[1:] + risk[:-1]) * duration).sum(axis=0)
-    return _between(distance[:-1], distance[1:], gap), price
+    return between_circles(distance[:-1], distance[1:], gap), price
+
+
+def closed_clearance(
+    x: jax.Array, y: jax.Array, gap: jax.Array, times: jax.Array, env: Environment
+) -> jax.Array:
+    """Certified clearance of segments to the areas that are closed while they are passed, [S - 1, P] m.
+
+    Args:
+        x, y: [S, P] m, samples.
+        gap: [S - 1, P] m, level lengths of the segments between them.
+        times: [S, P] s since the epoch, arrival at the samples.
+        env: the world.
+    """
+    clear = jnp.full_like(gap, FAR)
+    for closure in env.closures:
+        distance = distance_to_land(closure.chart, x, y)
+        near = between_circles(distance[:-1], distance[1:], gap)
+        clear = jnp.minimum(clear, jnp.where(closure.closed(times[:-1], times[1:]), near, FAR))
+    return clear
 
 
 @jax.custom_jvp
-def _between(first: jax.Array, last: jax.Array, gap: jax.Array) -> jax.Array:
+def between_circles(first: jax.Array, last: jax.Array, gap: jax.Array) -> jax.Array:
     """Least distance to land on segments of length `gap`, from the distances at both ends; any shape, m.
 
     There is no land within either distance of its end. Where the two circles meet, at most that half of their
@@ -66,7 +85,7 @@ def _between(first: jax.Array, last: jax.Array, gap: jax.Array) -> jax.Array:
     return _between_with_slopes(first, last, gap)[0]
 
 
-@_between.defjvp
+@between_circles.defjvp
 def _between_jvp(primals: Axes, tangents: Axes) -> tuple[jax.Array, jax.Array]:
     """Keep the slopes as planes of their own: the compiler would work them out anew for every shifted use."""
     value, *slopes = _between_with_slopes(*primals)
@@ -75,7 +94,7 @@ def _between_jvp(primals: Axes, tangents: Axes) -> tuple[jax.Array, jax.Array]:
 
 
 def _between_with_slopes(first: jax.Array, last: jax.Array, gap: jax.Array) -> tuple[jax.Array, ...]:
-    """`_between`, and its slopes along its three arguments."""
+    """`between_circles`, and its slopes along its three arguments."""
     apart = 0.5 * (first + last - gap)
     share = 0.5 * ((first * first - last * last) / (gap * gap) + 1.0)  # of the segment, up to the chord
     aside = share * gap
@@ -104,7 +123,7 @@ def bed_altitude(x: jax.Array, y: jax.Array, z: jax.Array, gap: jax.Array, env: 
     """Certified altitude of segments above the sea bed, [S - 1, P] m.
 
     Each half of a segment is no deeper than its deeper end, and over a bed that the sample at its outer end
-    vouches for.
+    covers.
 
     Args:
         x, y, z: [S, P] m, samples.

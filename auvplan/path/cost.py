@@ -14,7 +14,7 @@ import numpy as np
 
 from auvplan.ocean.environment import Environment
 from auvplan.path.bspline import basis_matrix
-from auvplan.path.clearance import bed_altitude, coast_clearance, obstacle_clearance
+from auvplan.path.clearance import bed_altitude, closed_clearance, coast_clearance, obstacle_clearance
 from auvplan.path.config import GUIDE_MARGIN, PathConfig
 from auvplan.path.kinematics import TINY, Axes, elapsed, middle_times, norm, over_ground, turn_rate
 from auvplan.vehicle import Vehicle
@@ -46,23 +46,7 @@ _TOGETHER = 640
 SOFTNESS = 0.01
 
 
-@partial(
-    jax.tree_util.register_dataclass,
-    data_fields=(
-        "x",
-        "y",
-        "z",
-        "times",
-        "length",
-        "water",
-        "excess",
-        "coast",
-        "obstacles",
-        "altitude",
-        "price",
-    ),
-    meta_fields=(),
-)
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Trajectory:
     """P paths followed from end to end.
@@ -76,10 +60,11 @@ class Trajectory:
         water: u, v, w, [S - 1, P] m/s north, east, down, the current met in the middle of each segment.
         excess: a plane [S - 1, P] for each limit of `VIOLATIONS`, how far each segment breaks it; zero where
             it is kept.
-        coast: [S - 1, P] m, certified distance of each segment to the coast; 1e6 without a chart.
+        coast: [S - 1, P] m, certified distance of each segment to the coast, and to areas that are closed
+            when it is passed; 1e6 where there is neither.
         obstacles: [S - 1, P] m, the same to collision boundaries.
         altitude: [S - 1, P] m, certified altitude of each segment above the sea bed; 1e6 without one.
-        price: [P] s, charged for uncertain areas.
+        price: [P] s, charged for uncertain areas and by `Environment.price`.
     """
 
     x: jax.Array
@@ -105,7 +90,7 @@ class Trajectory:
         return jnp.minimum(self.coast, self.obstacles)
 
 
-@partial(jax.tree_util.register_dataclass, data_fields=("places", "way"), meta_fields=())
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Track:
     """P sampled paths.
@@ -177,6 +162,10 @@ def evaluate(
 
     level = norm(dx, dy)
     coast_clear, price = coast_clearance(x, y, level, duration, env, config)
+    if env.price is not None:
+        price = price + (jnp.maximum(env.price(*middle, middle_time), 0.0) * duration).sum(axis=0)
+    if env.closures:
+        coast_clear = jnp.minimum(coast_clear, closed_clearance(x, y, level, times, env))
     obstacle_clear = obstacle_clearance((starts, track.way, times[:-1], duration), env)
     altitude = bed_altitude(x, y, z, level, env)
     turning = turn_rate(dx, dy, duration)

@@ -65,7 +65,7 @@ def check_ends(starts: ArrayLike, goals: ArrayLike, env: Environment) -> None:
     """Refuse legs that no path can join.
 
     A start is where the vehicle is, and be it nearer to the sea bed than it should: the path that climbs from
-    there is told infeasible. A goal is chosen.
+    there is reported infeasible. A goal is chosen.
 
     Args:
         starts, goals: [B, 3] m.

@@ -1,7 +1,6 @@
 """How a vehicle moves along P paths of S samples: ground speed, times and turn rate on planes [S, P]."""
 
 from dataclasses import dataclass
-from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -58,7 +57,7 @@ def middle_times(
 ) -> jax.Array:
     """[S - 1, P] s since the epoch, when the middle of each segment of P paths is reached.
 
-    Segment by segment: how fast the next one is sailed depends on when. The way to its middle is taken at the
+    Segment by segment: how fast the next one is depends on when. The way to its middle is taken at the
     speed of the one before.
 
     Args:
@@ -76,7 +75,7 @@ def middle_times(
         duration = jax.lax.stop_gradient(gap) / env.current.pace[:, None]
         return depart + elapsed(duration)[:-1] + 0.5 * duration
 
-    def sail(carry: tuple[jax.Array, jax.Array], segment: tuple) -> tuple[tuple, jax.Array]:
+    def step(carry: tuple[jax.Array, jax.Array], segment: tuple) -> tuple[tuple, jax.Array]:
         time, speed = carry
         (x, y, z), way, gap = segment
         half_way = time + 0.5 * gap / speed
@@ -84,13 +83,13 @@ def middle_times(
         return (time + gap / ground, ground), half_way
 
     first = jnp.zeros_like(gap[0])
-    return jax.lax.scan(sail, (first + depart, first + vehicle.speed), (middle, way, gap))[1]
+    return jax.lax.scan(step, (first + depart, first + vehicle.speed), (middle, way, gap))[1]
 
 
-@partial(jax.tree_util.register_dataclass, data_fields=("current", "pace"), meta_fields=())
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class PacedCurrent:
-    """A gradual current, and by what pace the paths of a leg are taken to be sailed when it is looked up.
+    """A gradual current, and the pace at which paths are taken to be followed when it is looked up.
 
     Times of look-ups follow the length of a path at that pace, and derivatives stop there: slopes in control
     points count where the path leads, not that a longer one meets a later current. A search alone uses it;

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from auvplan.compiled import compiled
+from auvplan.ocean.closures import Closure
 from auvplan.ocean.currents import Current
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
@@ -19,12 +20,12 @@ from auvplan.vehicle import Vehicle
 
 @dataclass(frozen=True)
 class Outlook:
-    """The rest of a plan, sailed in another current.
+    """The rest of a plan, timed in another current.
 
     Attributes:
         time_left: s from the vehicle's place to the goal.
         planned: s, the same as it was planned.
-        broken: whether the current breaks a limit on the way.
+        broken: whether the current breaks a limit on the way, or an area is closed by then.
     """
 
     time_left: float
@@ -37,8 +38,15 @@ class Outlook:
         return abs(self.time_left - self.planned) / max(self.planned, 1.0)
 
 
-def outlook(plan: PathPlan, sample: float, current: Current, vehicle: Vehicle, config: PathConfig) -> Outlook:
-    """Sail the rest of a plan in a current; coast and obstacles are left out.
+def outlook(
+    plan: PathPlan,
+    sample: float,
+    current: Current,
+    vehicle: Vehicle,
+    config: PathConfig,
+    closures: tuple[Closure, ...] = (),
+) -> Outlook:
+    """Time the rest of a plan in a current; coast and obstacles are left out.
 
     Args:
         plan: the plan being followed.
@@ -46,8 +54,10 @@ def outlook(plan: PathPlan, sample: float, current: Current, vehicle: Vehicle, c
         current: as it is known now.
         vehicle: speed and limits.
         config: the settings that it was planned by.
+        closures: areas that are closed at some hours.
     """
-    times, excess = jax.device_get(_sailed(plan.positions, plan.times[0], current, vehicle, config=config))
+    sea = current, vehicle, closures
+    times, excess = jax.device_get(_executed(plan.positions, plan.times[0], *sea, config=config))
     count = np.arange(len(times))
     ahead = count[:-1] >= np.floor(sample)
     return Outlook(
@@ -58,11 +68,17 @@ def outlook(plan: PathPlan, sample: float, current: Current, vehicle: Vehicle, c
 
 
 @partial(compiled, static_argnames=("config",))
-def _sailed(
-    positions: jax.Array, depart: jax.Array, current: Current, vehicle: Vehicle, config: PathConfig
+def _executed(
+    positions: jax.Array,
+    depart: jax.Array,
+    current: Current,
+    vehicle: Vehicle,
+    closures: tuple[Closure, ...],
+    config: PathConfig,
 ) -> tuple[jax.Array, jax.Array]:
     """Times [S] s at the samples, and excess [V, S - 1] of each segment over each limit."""
     track = Track.through(*(positions[:, axis, None] for axis in range(3)))
-    bare = Environment(current, None, Obstacles.none(), positions.min(axis=0), positions.max(axis=0))
+    box = positions.min(axis=0), positions.max(axis=0)
+    bare = Environment(current, None, Obstacles.none(), *box, closures=closures)
     trajectory = evaluate(track, depart, bare, vehicle, config)
     return trajectory.times[:, 0], jnp.stack(trajectory.excess)[:, :, 0]

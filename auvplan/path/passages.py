@@ -74,7 +74,7 @@ _ROUNDS = 40
 #: Times that differ by less than this share do not matter to a field.
 _SETTLED = 1e-5
 
-#: Hills that passages are told apart by, at most; cells around within which each is the highest; and by what
+#: Hills that distinguish passages, at most; cells around within which each is the highest; and by what
 #: share it must exceed the lowest of these and the best time.
 _HILLS, _AROUND, _HEIGHT = 32, 3, 1e-3
 
@@ -247,9 +247,12 @@ class _Grid:
             z = jnp.minimum(z, deepest(env, x, y, 2.0 * spacing.max()))
         u, v, _ = env.current(x, y, z, when)
         risk = jnp.zeros_like(x) if env.chart is None else 1.0 - env.chart.passability_at(x, y)
-        open_water = env.chart is None and len(env.obstacles) == 0
+        price = config.uncertain_price * risk
+        if env.price is not None:
+            price = price + jnp.maximum(env.price(x, y, z, when), 0.0)
+        open_water = env.chart is None and len(env.obstacles) == 0 and not env.closures
         toll = _TOLL * jnp.sqrt(((ends[1] - ends[0]) ** 2).sum()) / vehicle.speed
-        rest = clear, risk, *(() if shallow is None else (shallow,))
+        rest = clear, price, *(() if shallow is None else (shallow,))
         timed = partial(_move_times, toll=toll, vehicle=vehicle, config=config)
         # Moves along the second index are those along the first one of a grid that is turned over.
         upright = ((x, y, u, v, *rest), None if open_water else room, low, spacing)
@@ -380,6 +383,9 @@ def _clearance(
     clear = reduce(jnp.minimum, inside) + slack
     if env.chart is not None:
         clear = jnp.minimum(clear, distance_to_land(env.chart, x, y) - config.coast_margin)
+    for closure in env.closures:
+        away = distance_to_land(closure.chart, x, y) - config.coast_margin
+        clear = jnp.minimum(clear, jnp.where(closure.closed(when, when), away, clear))
     if len(env.obstacles):
         still = jnp.zeros_like(x)  # a point is a segment of no length
         near = obstacle_clearance(((x, y, z), (still, still, still), when, still), env)
@@ -421,7 +427,7 @@ def _move_times(
     """Times [N, 9, 2, N] s of `MOVES` that end in each cell and of their opposites, and `_Grid.broken`.
 
     Args:
-        planes: [N, N]: places along both indices, m, currents along both, m/s, clearance, m, risk, and, over
+        planes: [N, N]: places along both indices, m, currents along both, m/s, clearance, m, price, and, over
             a sea bed, excess where it is too shallow.
         room: [3 N, 3 N] m, clearance at the probes; None where there is nothing to keep clear of but the box.
         low, spacing: [2] m, of the grid.
@@ -429,7 +435,7 @@ def _move_times(
         vehicle: speed and limits.
         config: static settings.
     """
-    x, y, u, v, clear, risk, *shallow = planes
+    x, y, u, v, clear, price, *shallow = planes
     cell = spacing.min()
 
     padded = [jnp.pad(plane, _REACH) for plane in (jnp.ones_like(x), *planes)]
@@ -442,7 +448,7 @@ def _move_times(
 
     def timed(_: Any, move: tuple[jax.Array, jax.Array, jax.Array]) -> tuple[Any, tuple]:
         a, b, passed_by = move
-        inside, x0, y0, u0, v0, clear0, risk0, *_ = began(a, b)
+        inside, x0, y0, u0, v0, clear0, price0, *_ = began(a, b)
         dx, dy = x - x0, y - y0
         length = jnp.sqrt(dx * dx + dy * dy + (1e-3 * cell) ** 2)
         # Mean of both ends of the move.
@@ -471,7 +477,7 @@ def _move_times(
                 config.speed_reading, vehicle.speed, sign * with_track, over_track
             )
             excess_so = excess + jnp.maximum(ground / vehicle.surge_max - 1.0, 0.0) + shortfall
-            dear = 1.0 + _PENALTY_WEIGHT * excess_so + config.uncertain_price * 0.5 * (risk + risk0)
+            dear = 1.0 + _PENALTY_WEIGHT * excess_so + 0.5 * (price + price0)
             pair.append(jnp.where(inside > 0.0, length / ground * dear + fee, jnp.inf))
         broken = jnp.where(blocked, 2.0, jnp.where(over > _SLIGHT, 1.0, 0.0))
         return None, (*pair, broken)

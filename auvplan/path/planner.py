@@ -9,6 +9,7 @@ import numpy as np
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
+from auvplan.budget import Budget
 from auvplan.ocean.environment import Environment
 from auvplan.path.config import PathConfig
 from auvplan.path.ends import as_point, check_ends, check_given, check_water
@@ -31,6 +32,7 @@ def plan_path(
     config: PathConfig | None = None,
     depart: float = 0.0,
     population: ArrayLike | None = None,
+    budget: float | None = None,
 ) -> PathPlan:
     """Plan the fastest safe path from start to goal.
 
@@ -43,6 +45,8 @@ def plan_path(
         config: settings; defaults to `PathConfig()`.
         depart: s since the epoch.
         population: [P, 3 n] m, habitats to start from, as in `PathPlan.population`.
+        budget: s of wall-clock time, compilation left out, after which the best path so far is returned; the
+            same key then gives other plans on other machines. None for all the effort of the settings.
 
     Returns:
         The best path found, feasible or not: see `PathPlan.feasible`, `.status` and `.reason`.
@@ -71,6 +75,7 @@ def plan_path(
         config=config,
         depart=depart,
         population=given,
+        budget=budget,
     )[0]
 
 
@@ -85,6 +90,7 @@ def plan_paths(
     depart: ArrayLike = 0.0,
     population: ArrayLike | None = None,
     world_per_leg: bool = False,
+    budget: float | None = None,
 ) -> PathPlans:
     """Plan B legs by the same compiled programs, as many at once as the device does best.
 
@@ -98,11 +104,13 @@ def plan_paths(
         depart: s since the epoch, one or [B].
         population: [B, P, 3 n] m, habitats to start from.
         world_per_leg: whether current and obstacles differ by leg.
+        budget: s of wall-clock time for all legs together, as for `plan_path`.
 
     Raises:
         ValueError: as `plan_path`, naming the leg; or shapes do not fit.
     """
     config, key = config or PathConfig(), as_key(key)
+    watch = None if budget is None else Budget(budget, len(np.atleast_2d(starts)))
     check_given(env, vehicle)
     start, goal = np.asarray(starts, float), np.asarray(goals, float)
     if start.ndim != 2 or start.shape[1] != 3 or start.shape != goal.shape:
@@ -124,8 +132,9 @@ def plan_paths(
     conditions = Conditions(env, vehicle or Vehicle(), config, 0 if world_per_leg else None)
     problem = {"shared": shared, "vehicle": conditions.vehicle}
     posed = Legs(start, goal, departs, world)
-    found = batch_map(partial(search_legs, **problem, config=config), keys, posed, population)
-    found, finer = plan_finely(found, keys, posed, **problem, config=config)
+    program = partial(search_legs, **problem, config=config, budget=watch)
+    found = batch_map(program, keys, posed, population)
+    found, finer = plan_finely(found, keys, posed, **problem, config=config, budget=watch)
     if not world_per_leg:
         check_water(found["water"], found["positions"], found["times"])
     return PathPlans(**found, conditions=conditions, finer=finer)
@@ -138,6 +147,7 @@ def plan_finely(
     shared: Environment,
     vehicle: Vehicle,
     config: PathConfig,
+    budget: Budget | None = None,
 ) -> tuple[dict[str, Any], dict[int, dict[str, Any]]]:
     """Polish paths with more control points and samples where those found leave something wanting.
 
@@ -149,6 +159,7 @@ def plan_finely(
         keys: [B].
         legs: B legs.
         shared, vehicle, config: as for `search_legs`.
+        budget: that this keeps to as a whole, from how long it took for one leg before.
 
     Returns:
         The fields, with better paths where there are any, seen at every `finer`-th sample; and by index of
@@ -159,7 +170,11 @@ def plan_finely(
 
     def polished(found: dict[str, Any], chosen: Any, rows: Any, again: bool) -> tuple[dict, dict]:
         program = partial(polish_finely, shared=shared, vehicle=vehicle, config=config, again=again)
-        return _improved(found, chosen, rows, program, keys, legs, config)
+        improve = partial(_improved, found, chosen, rows, program, keys, legs, config)
+        if budget is None:
+            return improve()
+        share, work = budget.rest(), ("polish", config, again, len(chosen))
+        return share.spend(work, improve) if share.allows(work) else (found, {})
 
     if config.finer > 1:
         for chosen, again in ((wanting, True), (unsettled & ~wanting, False)):

@@ -75,6 +75,8 @@ def _fact(plan: "PathPlan", limit: str, segment: int) -> str:
     else:
         least, scale = getattr(config, f"{limit}_margin"), CLEARANCE_SCALE
     name, unit = _NAMES[limit]
+    if limit == "coast" and plan.conditions.env.closures:
+        name = "clearance of the coast or of a closed area"
     value, least = _apart(least - excess * scale, least)
     return f"{name} {value} {unit} under {least}"
 

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
+from auvplan.budget import Budget
 from auvplan.compiled import compiled
 from auvplan.ocean.environment import Environment
 from auvplan.path import habitats
@@ -35,6 +36,7 @@ def replan_path(
     *,
     key: jax.Array,
     config: PathConfig | None = None,
+    budget: float | None = None,
 ) -> PathPlan:
     """Refine a path from where the vehicle is, on what it knows of the sea now.
 
@@ -46,6 +48,7 @@ def replan_path(
         vehicle: speed and limits.
         key: PRNG key, consumed.
         config: settings; the search runs for `config.window()`.
+        budget: s of wall-clock time, as for `plan_path`.
 
     Returns:
         A plan from `position` to the old goal, departing now.
@@ -61,7 +64,8 @@ def replan_path(
         TypeError: as `plan_path`.
     """
     position = as_point("position", position)
-    return replan_paths([plan], position[None], np.asarray([now]), env, vehicle, key=key, config=config)[0]
+    at = position[None], np.asarray([now])
+    return replan_paths([plan], *at, env, vehicle, key=key, config=config, budget=budget)[0]
 
 
 def replan_paths(
@@ -74,6 +78,7 @@ def replan_paths(
     key: jax.Array,
     config: PathConfig | None = None,
     world_per_leg: bool = False,
+    budget: float | None = None,
 ) -> PathPlans:
     """Re-plan B legs by the same compiled programs; arguments as `replan_path` and `plan_paths`.
 
@@ -86,7 +91,9 @@ def replan_paths(
         key: one PRNG key, or B keys.
         config: settings.
         world_per_leg: whether current and obstacles differ by leg.
+        budget: s of wall-clock time for all legs together.
     """
+    watch = None if budget is None else Budget(budget, len(plans))
     config, key = config or PathConfig(), as_key(key)
     check_given(env, vehicle)
     position = np.asarray(positions, float)
@@ -100,9 +107,9 @@ def replan_paths(
     conditions = Conditions(env, vehicle or Vehicle(), config, 0 if world_per_leg else None)
     problem = {"shared": shared, "vehicle": conditions.vehicle}
     posed = Legs(position, goals, np.asarray(now, float), world)
-    program = partial(_search_on, **problem, config=config)
+    program = partial(_search_on, **problem, config=config, budget=watch)
     found = batch_map(program, keys, populations, starts, np.asarray(reached), posed)
-    found, finer = plan_finely(found, keys, posed, **problem, config=config)
+    found, finer = plan_finely(found, keys, posed, **problem, config=config, budget=watch)
     if not world_per_leg:
         check_water(found["water"], found["positions"], found["times"])
     return PathPlans(**found, conditions=conditions, finer=finer)
@@ -123,12 +130,13 @@ def _search_on(
     shared: Environment,
     vehicle: Vehicle,
     config: PathConfig,
+    budget: Budget | None = None,
 ) -> dict[str, Any]:
     """The fields of `PathPlans` by name, searched for from populations kept of paths from other starts."""
     keeping = config.only("start_shape", "width", "depth_width")
     fresh = round(config.fresh_share * config.bbo.population)
     kept, keys = _kept(keys, populations, starts, reached, legs, shared, config=keeping, fresh=fresh)
-    return search_legs(keys, legs, kept, shared, vehicle, config, window=True)
+    return search_legs(keys, legs, kept, shared, vehicle, config, window=True, budget=budget)
 
 
 @partial(compiled, static_argnames=("config", "fresh"), wide=True, quick=True)

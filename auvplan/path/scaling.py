@@ -5,13 +5,13 @@ scales and roundings mean the same in a tank as in a strait.
 """
 
 from dataclasses import dataclass, replace
-from functools import partial
 
 import jax
 import jax.numpy as jnp
 
 from auvplan.ocean.currents import Current, Velocity, is_quasi_steady, is_steady
 from auvplan.ocean.environment import Environment
+from auvplan.ocean.price import ScaledPrice
 from auvplan.path.config import PathConfig
 from auvplan.vehicle import Vehicle
 
@@ -19,7 +19,7 @@ from auvplan.vehicle import Vehicle
 WAY = 4000.0
 
 
-@partial(jax.tree_util.register_dataclass, data_fields=("current", "factor"), meta_fields=())
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class ScaledCurrent:
     """A current whose lengths and times are `factor` times as great; its velocities stay."""
@@ -61,7 +61,17 @@ def scaled(
     lengths = "position", "radius", "position_std", "radius_std", "growth_max"
     seen = _multiplied(seen, factor, *lengths, "observed_at")
     current = ScaledCurrent(env.current, factor)
-    world = Environment(current, chart, seen, env.lower * factor, env.upper * factor, bed)
+    closures = tuple(
+        _multiplied(
+            replace(one, chart=_multiplied(one.chart, factor, "signed_distance", "origin", "pixel_size")),
+            factor,
+            "begins",
+            "ends",
+        )
+        for one in env.closures
+    )
+    price = None if env.price is None else ScaledPrice(env.price, factor)
+    world = Environment(current, chart, seen, env.lower * factor, env.upper * factor, bed, closures, price)
     slower = replace(vehicle, turn_rate_max=vehicle.turn_rate_max / factor)
     margins = {name: getattr(config, name) * factor for name in ("coast_margin", "obstacle_margin")}
     return world, slower, config.replace(**margins)

@@ -59,7 +59,7 @@ class Sensitivity:
     current: float
 
 
-@partial(jax.tree_util.register_dataclass, data_fields=("current", "factor"), meta_fields=())
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class _Scaled:
     """A current made `factor` times as strong."""
@@ -93,7 +93,8 @@ def _slopes(
     positions: jax.Array, depart: jax.Array, env: Environment, vehicle: Vehicle, config: PathConfig
 ) -> tuple[jax.Array, ...]:
     x, y, z = (positions[:, axis, None] for axis in range(3))
-    track, bare = Track.through(x, y, z), replace(env, chart=None, obstacles=Obstacles.none(), seabed=None)
+    track = Track.through(x, y, z)
+    bare = replace(env, chart=None, obstacles=Obstacles.none(), seabed=None, closures=())
 
     def travel_time(depart: jax.Array, speed: jax.Array, factor: jax.Array) -> jax.Array:
         world = replace(bare, current=_Scaled(env.current, factor))

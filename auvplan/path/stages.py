@@ -12,8 +12,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from auvplan import prng
 from auvplan.bbo import search
 from auvplan.bbo.refine import descend
+from auvplan.budget import Budget, Share
 from auvplan.compiled import compiled
 from auvplan.ocean.currents import Current, combine, is_quasi_steady, partition
 from auvplan.ocean.environment import Environment
@@ -76,10 +78,10 @@ def world_of(own: World, shared: Environment) -> Environment:
     else:
         current, obstacles = combine(shared.current, own[0]), own[1]
     resolved = obstacles.resolved(current)
-    return Environment(current, shared.chart, resolved, shared.lower, shared.upper, shared.seabed)
+    return replace(shared, current=current, obstacles=resolved)
 
 
-@partial(jax.tree_util.register_dataclass, data_fields=("start", "goal", "depart", "own"), meta_fields=())
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Legs:
     """B legs that paths are searched for.
@@ -96,11 +98,7 @@ class Legs:
     own: World
 
 
-@partial(
-    jax.tree_util.register_dataclass,
-    data_fields=("env", "vehicle", "coast_margin", "obstacle_margin", "uncertain_price"),
-    meta_fields=(),
-)
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Common:
     """What the legs of a batch share, apart from what programs are compiled for.
@@ -126,6 +124,7 @@ def search_legs(
     vehicle: Vehicle,
     config: PathConfig,
     window: bool = False,
+    budget: Budget | None = None,
 ) -> dict[str, Any]:
     """Search for the paths of B legs: the fields of `PathPlans` by name, `wanting` and `unsettled`.
 
@@ -137,6 +136,7 @@ def search_legs(
         vehicle: speed and limits.
         config: settings.
         window: whether to make the effort of one window alone (`PathConfig.window`).
+        budget: of which this takes one row's share; what does not fit into it is left out.
 
     Returns:
         Arrays with a leading axis B. `wanting` tells that the path found breaks a limit although fields find
@@ -145,6 +145,8 @@ def search_legs(
     """
     effort = config.window() if window else config
     world = _world(legs, shared, vehicle, config)
+    if budget is not None:
+        return _search_within(budget.next_row(), keys, legs, population, world, config, effort)
     found = None
     if config.passages:
         passages, _, *found = _trace(**world, config=config.only("field_cells"), count=config.passages)
@@ -178,6 +180,139 @@ def search_legs(
         unsettled = last.best < (1.0 - config.settled) * history.best[:, -1]
         history = jax.tree.map(lambda rows, end: np.concatenate([rows, end[:, None]], axis=1), history, last)
     return plans | {"history": history, "unsettled": unsettled}
+
+
+def _search_within(
+    share: Share,
+    keys: jax.Array,
+    legs: Legs,
+    population: Any,
+    world: dict[str, Any],
+    config: PathConfig,
+    effort: PathConfig,
+) -> dict[str, Any]:
+    """`search_legs` by the same programs in chunks, as far as the time goes; arguments as there."""
+    size = config.bbo.population
+    work = partial(_named, world, config)
+    share.keep_for(work("finish"), work("begin"), work("evolve"))
+    found = None
+    if config.passages:
+        found = _no_passages(legs, config)
+        if share.allows(work("trace")):
+            trace = partial(_trace, **world, config=config.only("field_cells"), count=config.passages)
+            passages, _, *known = share.spend(work("trace"), trace)
+            found = passages, *known
+    fresh = config.only("start_shape", "width", "depth_width")
+    begin = partial(_begin, keys, population, found, **world, config=fresh, size=size, count=effort.passages)
+    begun = share.spend(work("begin"), begin)
+    population, bounds = np.asarray(begun["population"]), (begun["lower"], begun["upper"], begun["pace"])
+
+    descended = partial(_descended_within, share, work("descend"), bounds=bounds, world=world, config=config)
+    if (count := effort.passages) and effort.passage_steps:
+        rows = descended(population[:, -count:], None, effort.passage_steps, config.refine_step_size)
+        population = np.concatenate([population[:, :-count], rows[0]], axis=1)
+
+    state, history = _evolved_within(share, work("evolve"), keys, population, bounds, world, config, effort)
+    before, polished = np.asarray(history.best)[:, -1], None
+    if effort.refine_steps:
+        elite = [np.asarray(plane)[:, : config.refine_count] for plane in _planes(state)]
+        step_size = config.refine_step_size / 3.0
+        polished = descended(elite[0], elite[1:], effort.refine_steps, step_size)
+    finish = partial(_finish, state, polished, None if found is None else found[2:], **world)
+    plans, last = share.spend(work("finish"), partial(finish, config=config.only()))
+    plans, last = jax.device_get((plans, last))
+    unsettled = np.zeros(len(last.best), bool)
+    if polished is not None:
+        unsettled = last.best < (1.0 - config.settled) * before
+        history = jax.tree.map(lambda rows, end: np.concatenate([rows, end[:, None]], axis=1), history, last)
+    return plans | {"history": history, "unsettled": unsettled}
+
+
+def _named(world: dict[str, Any], config: PathConfig, name: str) -> tuple:
+    """Return what the time of a piece of work depends on."""
+    return name, config, jax.tree.structure(world), len(world["legs"].start)
+
+
+def _no_passages(legs: Legs, config: PathConfig) -> tuple[np.ndarray, ...]:
+    """Return what `_trace` returns where there is no passage, as far as the search uses it."""
+    factors = np.array([factor_of(*ends) for ends in zip(legs.start, legs.goal, strict=True)])[:, None]
+    start, goal = (np.asarray(end) * factors for end in (legs.start, legs.goal))
+    part = np.linspace(0.0, 1.0, config.control_points + 2)[1:-1]
+    line = (start[:, :, None] + (goal - start)[:, :, None] * part).reshape(len(start), 1, -1)
+    shape = len(start), config.passages
+    lines = np.broadcast_to(line, (*shape, line.shape[2])).astype(np.float32)
+    none = np.zeros(len(start), np.float32)
+    return lines, np.full(shape, np.inf, np.float32), none, none + np.inf
+
+
+def _planes(state: search.State) -> tuple[jax.Array, jax.Array, jax.Array]:
+    return state.population, state.cost, state.violation
+
+
+def _evolved_within(
+    share: Share,
+    work: tuple,
+    keys: jax.Array,
+    population: np.ndarray,
+    bounds: tuple,
+    world: dict[str, Any],
+    config: PathConfig,
+    effort: PathConfig,
+) -> tuple[search.State, search.History]:
+    """States and histories of as many iterations as the time allows; none is enough for a score."""
+    most, done, parts, settings = effort.bbo.iterations, 0, [], config.only("bbo")
+    while done < most:
+        chunk = share.units(work, most - done)
+        if not chunk and parts:
+            break
+        chunk_keys = keys if not done else prng.folded_rows(keys, done)
+        evolve = partial(_evolve, chunk_keys, population, *bounds, np.int32(chunk), **world, config=settings)
+        state, history = share.spend(work, evolve, chunk + 1)
+        population, done = state.population, done + chunk
+        kept = slice(1 if parts else 0, chunk + 1)
+        parts.append(jax.tree.map(lambda rows, kept=kept: np.asarray(rows)[:, kept], history))
+        if not chunk:
+            break
+    history = jax.tree.map(lambda *rows: np.concatenate(rows, axis=1), *parts)
+    still = most - done
+    return state, jax.tree.map(lambda rows: np.pad(rows, ((0, 0), (0, still)), mode="edge"), history)
+
+
+def _descended_within(
+    share: Share,
+    work: tuple,
+    rows: np.ndarray,
+    scores: list[np.ndarray] | None,
+    steps: int,
+    step_size: float,
+    bounds: tuple,
+    world: dict[str, Any],
+    config: PathConfig,
+) -> tuple[np.ndarray, ...]:
+    """`_descended` in chunks of ever smaller steps, as far as the time allows.
+
+    Rows that none was left for are as they were, with the scores given.
+    """
+    at_once, out = config.refine_count, [np.array(rows)]
+    out += [np.array(plane) for plane in scores or [np.zeros(rows.shape[:2], np.float32)] * 2]
+    groups = [slice(begin, begin + at_once) for begin in range(0, rows.shape[1], at_once)]
+    done = 0
+    while done < steps:
+        chunk = share.units(work, steps - done)
+        for group in groups:
+            if not (chunk and share.units(work, 1)):
+                return tuple(out)
+            part = out[0][:, group]
+            real = part.shape[1]
+            padded = np.concatenate([part, np.repeat(part[:, -1:], at_once - real, axis=1)], axis=1)
+            size = 0.5 * step_size * (1.0 + np.cos(np.pi * done / steps))
+            numbers = np.int32(chunk), np.float32(size), np.float32(SOFTNESS)
+            descend = partial(_descend, padded, *bounds, *numbers, **world, config=config.only())
+            better = share.spend(work, descend, chunk + 1)
+            for plane, new in zip(out, better, strict=True):
+                plane[:, group] = np.asarray(new)[:, :real]
+        done += chunk
+    return tuple(out)
 
 
 def polish_finely(
@@ -361,16 +496,16 @@ def _keys(key: jax.Array) -> jax.Array:
 
 
 def _pace(problem: Problem, config: PathConfig) -> jax.Array | None:
-    """[S - 1] m/s over ground at which paths are taken to be sailed while they are compared.
+    """[S - 1] m/s over ground at which paths are taken to be followed while they are compared.
 
-    A gradual current is met at the pace of the straight line, which spares the search the sailing of segments
+    A gradual current is met at the pace of the straight line, which spares the search the timing of segments
     one after the other; the path that it finds is timed so. None in all other currents.
     """
     start, goal, depart, env, vehicle = problem
     if not is_quasi_steady(env.current):
         return None
     line = curves(habitats.straight_line(start, goal, config)[None], start, goal, config)
-    bare = replace(env, chart=None, obstacles=Obstacles.none(), seabed=None)
+    bare = replace(env, chart=None, obstacles=Obstacles.none(), seabed=None, closures=())
     trajectory = evaluate(line, depart, bare, vehicle, config)
     gap = norm(*line.way)[:, 0]
     return jnp.maximum(gap / jnp.diff(trajectory.times[:, 0]), _SLOWEST * vehicle.speed)

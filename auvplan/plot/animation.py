@@ -39,7 +39,7 @@ _COLOURS = 64
 #: Shades of 256 by which others differ from those at least.
 _NEAR = 8
 
-_TRACK, _PLAN, _ORDER = style.BLACK, style.RED, style.BLUE
+_TRACK, _PLAN, _ROUTE = style.BLACK, style.RED, style.BLUE
 _TASK_DONE, _AHEAD, _OTHER = style.GREEN, style.SKY, "#ffffff"
 #: Of obstacles that the vehicle does not sense.
 _UNSEEN = 0.4
@@ -58,11 +58,11 @@ def animate_run(
 ) -> Path:
     """Write a run as a film: GIF, or MP4 where ffmpeg is found.
 
-    Shown are the track so far, the plan that is followed, plans that are given up as they fade, the order of
+    Shown are the track so far, the plan that is followed, plans that are given up as they fade, the route of
     tasks and those done, the sensed range, and the true obstacles of the leg, pale beyond that range.
 
     Args:
-        run: as sailed, or a plan.
+        run: as executed, or a plan.
         path: of the file, ending in .gif or .mp4; its folder is created if needed.
         seconds: that the mission takes in the film, at most 120; the last picture stays two seconds more.
         fps: pictures a second, at most 30.
@@ -73,7 +73,7 @@ def animate_run(
         The path of the file.
 
     Raises:
-        AuvplanError: nothing was sailed, or an argument is out of range; one line.
+        AuvplanError: nothing was executed, or an argument is out of range; one line.
         OutputError: the file cannot be written, or is an MP4 and there is no ffmpeg; one line that names it.
     """
     target = Path(path)
@@ -85,7 +85,7 @@ def animate_run(
     if width < 320:
         raise AuvplanError(f"width: {width} pixels are less than 320")
     if not any(len(leg.times) for leg in run.legs):
-        raise AuvplanError("no leg was sailed: there is nothing to animate")
+        raise AuvplanError("no leg was executed: there is nothing to animate")
     output_folder(target.parent)
     film = _Film(run, width, run.t_mission / seconds * _FADE)
     times = np.linspace(0.0, film.ends, max(round(seconds * fps), 2))
@@ -127,7 +127,7 @@ class _Film:
         """Draw what stays.
 
         Args:
-            run: with a sailed leg.
+            run: with an executed leg.
             width: of the pictures, pixels.
             fade: s of mission time in which a plan that is given up fades.
         """
@@ -193,7 +193,7 @@ class _Film:
     def colours() -> style.Array:
         """Return colours [n, 3] from 0 to 1 that are not to be lost: of few pixels, or pale over water."""
         still = (_OTHER, style.WATER, style.COAST, style.UNCERTAIN, style.GREY, style.YELLOW)
-        moving = (*style.KIND_COLOURS.values(), _TRACK, _PLAN, _ORDER, _TASK_DONE, _AHEAD)
+        moving = (*style.KIND_COLOURS.values(), _TRACK, _PLAN, _ROUTE, _TASK_DONE, _AHEAD)
         pale = [(_PLAN, 0.75 - 0.15 * step) for step in range(5)]
         pale += [(colour, _UNSEEN) for colour in style.KIND_COLOURS.values()]
         water = np.array(to_rgb(style.WATER))
@@ -204,7 +204,7 @@ class _Film:
         """Make the moving parts."""
         axes, run = self._axes, self._run
         line: dict[str, Any] = {"solid_capstyle": "round", "animated": True}
-        (order,) = axes.plot([], [], color=_ORDER, lw=1.0, ls=(0, (1, 2)), alpha=0.8, zorder=4, **line)
+        (route,) = axes.plot([], [], color=_ROUTE, lw=1.0, ls=(0, (1, 2)), alpha=0.8, zorder=4, **line)
         (track,) = axes.plot([], [], color=_TRACK, lw=2.2, path_effects=style.halo(3.4), zorder=5, **line)
         (plan,) = axes.plot([], [], color=_PLAN, lw=1.8, zorder=6, **line)
         past = LineCollection([], linewidths=1.3, zorder=5, animated=True)
@@ -228,7 +228,7 @@ class _Film:
             axes.add_collection(disks, autolim=False)
             obstacles.append(disks)
         return {
-            "order": order, "past": past, "track": track, "plan": plan, "obstacles": obstacles,
+            "route": route, "past": past, "track": track, "plan": plan, "obstacles": obstacles,
             "stops": stops, "reach": reach, "vehicle": vehicle, "title": title,
         }  # fmt: skip
 
@@ -243,14 +243,14 @@ class _Film:
         parts = self._moving
         number = max(sum(leg.times[0] <= time for leg in self._legs) - 1, 0)
         here = np.array([np.interp(time, self._times, axis) for axis in self._track.T])
-        sailed = self._track[self._times <= time]
-        parts["track"].set_data(*np.concatenate([sailed, here[None]]).T)
+        executed = self._track[self._times <= time]
+        parts["track"].set_data(*np.concatenate([executed, here[None]]).T)
         parts["vehicle"].set_offsets(here)
         parts["title"].set_text(self._words(time))
         ahead = self._ahead(time)
-        parts["order"].set_data(*style.flat(self._waypoints[ahead], self._unit).T)
+        parts["route"].set_data(*style.flat(self._waypoints[ahead], self._unit).T)
         parts["stops"].set_facecolors(self._states(time, ahead))
-        drawn = [parts["order"], self._past(time)]
+        drawn = [parts["route"], self._past(time)]
         if self._run.simulated:
             drawn.append(self._obstacles(number, time, here))
         drawn.append(parts["track"])
@@ -291,16 +291,16 @@ class _Film:
         return disks
 
     def _ahead(self, time: float) -> list[int]:
-        """Waypoints of the order of tasks from the next one on."""
-        orders = [order for order in self._run.orders if order.made_at <= time]
-        if not orders:
+        """Waypoints of the route from the next one on."""
+        routes = [route for route in self._run.routes if route.made_at <= time]
+        if not routes:
             return []
-        begun = sum(orders[-1].made_at - 1e-6 <= leg.times[0] <= time for leg in self._legs)
+        begun = sum(routes[-1].made_at - 1e-6 <= leg.times[0] <= time for leg in self._legs)
         arrived = bool(begun) and self._legs[-1].times[0] <= time and self._legs[-1].times[-1] <= time
-        return [] if arrived else orders[-1].nodes[begun:]
+        return [] if arrived else routes[-1].nodes[begun:]
 
     def _states(self, time: float, ahead: list[int]) -> list[str]:
-        """Return the colours of the waypoints but the ends: done, in the order of tasks, or neither."""
+        """Return the colours of the waypoints but the ends: done, in the route, or neither."""
         colours = [_OTHER] * len(self._waypoints)
         for node in ahead:
             colours[node] = _AHEAD
@@ -343,11 +343,11 @@ class _Film:
 
         found: list[Any] = [
             dot(_PLAN, "vehicle", "white", 7.0),
-            Line2D([], [], color=_TRACK, lw=2.2, label="sailed"),
+            Line2D([], [], color=_TRACK, lw=2.2, label="executed"),
             Line2D([], [], color=_PLAN, lw=1.8, label="plan"),
             dot(_AHEAD, "task ahead"),
             dot(_TASK_DONE, "task done"),
-            Line2D([], [], color=_ORDER, lw=1.0, ls=":", label="order of tasks"),
+            Line2D([], [], color=_ROUTE, lw=1.0, ls=":", label="route"),
         ]
         if not all(plan.kept for plan in self._plans):
             found.insert(3, Line2D([], [], color=to_rgba(_PLAN, 0.4), lw=1.3, label="plan given up"))
@@ -360,13 +360,13 @@ class _Film:
         return found
 
 
-def _plans(run: MissionRun, sailed: list[LegRecord], unit: style.Unit) -> list[_Shown]:
+def _plans(run: MissionRun, executed: list[LegRecord], unit: style.Unit) -> list[_Shown]:
     """Return all plans that were followed or refused, by time."""
     found = []
     for leg in run.legs:
         if not leg.plans:
             continue
-        if not any(leg is one for one in sailed):
+        if not any(leg is one for one in executed):
             plan = leg.plans[-1]
             found.append(_Shown(style.flat(plan.positions, unit), plan.made_at, plan.made_at, False))
             continue

@@ -26,7 +26,7 @@ def plot_convergence(
     """Cost and violation of the population by iteration, all plans of a leg in a row.
 
     Args:
-        run: as sailed.
+        run: as executed.
         leg: that of `busiest_leg` where not given.
         ax: axes of a grid, whose place the panels take; a new figure if absent.
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from auvplan.ocean.currents import Current, evaluated
 from auvplan.plot import style
-from auvplan.plot.legs import busiest_leg, chosen_plans, extent_points, leg_title, plan_name, sailed_until
+from auvplan.plot.legs import busiest_leg, chosen_plans, executed_until, extent_points, leg_title, plan_name
 from auvplan.records import LegRecord, MissionRun
 
 #: Panels at most.
@@ -27,7 +27,7 @@ def plot_currents(
     """Current and paths at each re-plan of a leg: lighter is faster water.
 
     Args:
-        run: as sailed.
+        run: as executed.
         leg: that of `busiest_leg` where not given.
         note: a second line of the title.
         ax: axes of a grid, whose place the panels take; a new figure if absent.
@@ -135,7 +135,7 @@ def speed_range(fields: Sequence[Field]) -> tuple[float, float, Literal["max", "
 
 
 def _draw_paths(axes: Axes, leg: LegRecord, index: int, unit: style.Unit) -> None:
-    """The plan of one panel, those before it, and the way sailed so far."""
+    """The plan of one panel, those before it, and the way taken so far."""
 
     def line(positions: style.Array, **kind: object) -> None:
         axes.plot(positions[:, 1] / unit.metres, positions[:, 0] / unit.metres, **kind)  # type: ignore[arg-type]
@@ -143,9 +143,9 @@ def _draw_paths(axes: Axes, leg: LegRecord, index: int, unit: style.Unit) -> Non
     for plan in leg.plans[:index]:
         line(plan.positions, color=style.RED, ls="--", lw=1.3, path_effects=style.halo(2.4), zorder=3)
     plan = leg.plans[index]
-    sailed = sailed_until(leg, plan.made_at)
-    if len(sailed) > 1:
-        line(sailed, color="white", lw=1.6, path_effects=style.halo(3.0, "black"), zorder=4)
+    executed = executed_until(leg, plan.made_at)
+    if len(executed) > 1:
+        line(executed, color="white", lw=1.6, path_effects=style.halo(3.0, "black"), zorder=4)
     line(plan.positions, color="black", lw=2.4, path_effects=style.halo(4.0), zorder=5)
     ends = ((leg.plans[0].positions[0], style.START), (leg.plans[0].positions[-1], style.GOAL))
     for place, kind in ends:
@@ -164,7 +164,7 @@ def _legend() -> list[Line2D]:
     return [
         Line2D([], [], color="black", lw=2.4, label="new path"),
         Line2D([], [], color=style.RED, ls="--", lw=1.3, label="earlier paths"),
-        Line2D([], [], color="white", lw=1.6, path_effects=style.halo(3.0, "black"), label="sailed"),
+        Line2D([], [], color="white", lw=1.6, path_effects=style.halo(3.0, "black"), label="executed"),
         dot(style.START, "start", 8),
         dot(style.VEHICLE, "vehicle", 7),
         dot(style.GOAL, "target", 12),

@@ -9,8 +9,8 @@ from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from auvplan.executive.departures import Departures
 from auvplan.plot import style
-from auvplan.voyage.departures import Departures
 
 #: Departures of which each has a mark of its own.
 _FEW = 60

@@ -27,7 +27,7 @@ def plot_layers(run: MissionRun, leg: LegRecord | None = None) -> Figure:
     boundaries at each step, which grow until the vehicle sees them again.
 
     Args:
-        run: as sailed.
+        run: as executed.
         leg: that of `busiest_leg` where not given.
     """
     leg = leg or busiest_leg(run)
@@ -48,9 +48,9 @@ def plot_layers(run: MissionRun, leg: LegRecord | None = None) -> Figure:
     kinds = _draw_obstacles(axes, run, leg, [plan.made_at for plan in plans], unit, inside)
     _line(axes, plans[0].positions, unit, color=style.RED, ls="--", lw=1.5, zorder=4)
     for number in range(1, len(plans)):
-        sailed, given_up = until_next(plans, number)
+        executed, given_up = until_next(plans, number)
         _line(axes, given_up, unit, color="black", ls=":", lw=1.1, zorder=4)
-        _line(axes, sailed, unit, color="black", lw=2.8, zorder=4)
+        _line(axes, executed, unit, color="black", lw=2.8, zorder=4)
     marks = [(plans[0].positions[0], style.START), (plans[0].positions[-1], style.GOAL)]
     marks += [(plan.positions[0], style.VEHICLE) for plan in plans[1:]]
     for place, kind in marks:

@@ -16,7 +16,7 @@ Array = NDArray[np.floating]
 def busiest_leg(run: MissionRun) -> LegRecord | None:
     """Return the leg that tells most: of most re-plans, then the one that passed an obstacle most closely.
 
-    A sailed one where there is any. None without plans.
+    An executed one where there is any. None without plans.
     """
     planned = [leg for leg in run.legs if leg.plans]
     if not planned:
@@ -38,7 +38,7 @@ def done_leg(run: MissionRun, number: int) -> LegRecord:
 
 
 def clearance(leg: LegRecord) -> float:
-    """Least distance of the sailed track to a true obstacle's surface, m; infinite without obstacles."""
+    """Least distance of the executed track to a true obstacle's surface, m; infinite without obstacles."""
     tracks = np.asarray(leg.obstacle_positions, float)
     if not tracks.size:
         return float("inf")
@@ -53,7 +53,7 @@ def clearance(leg: LegRecord) -> float:
 
 def leg_title(run: MissionRun, leg: LegRecord) -> str:
     """Return which leg a figure shows, and on a second line why; the first line alone where there is one."""
-    name = f"leg {leg.start} → {leg.goal}"
+    name = f"leg {run.called(leg.start)} → {run.called(leg.goal)}"
     if len(run.legs) == 1:
         return name
     if not len(leg.times):
@@ -64,8 +64,8 @@ def leg_title(run: MissionRun, leg: LegRecord) -> str:
     passed = "" if np.isinf(distance) else f", {distance:,.0f} m clear of obstacles"
     if leg is not busiest_leg(run):
         return f"{name}\n{replans}{passed}"
-    sailed = [one for one in run.legs if len(one.times) and one.plans]
-    if sum(one.path_replans == leg.path_replans for one in sailed) == 1:
+    executed = [one for one in run.legs if len(one.times) and one.plans]
+    if sum(one.path_replans == leg.path_replans for one in executed) == 1:
         return f"{name}\nmost re-plans ({leg.path_replans}){passed}"
     closest = passed and f"; of such legs nearest to an obstacle, {distance:,.0f} m"
     return f"{name}\n{replans}, as many as any{closest}"
@@ -90,13 +90,13 @@ def plan_name(leg: LegRecord, index: int) -> str:
     return f"{causes.get(plan.cause, plan.cause)}, t = {plan.made_at:,.0f} s"
 
 
-def sailed_until(leg: LegRecord, time: float) -> Array:
-    """[n, 3] m, the sailed positions up to a time."""
+def executed_until(leg: LegRecord, time: float) -> Array:
+    """[n, 3] m, the executed positions up to a time."""
     return leg.positions[leg.times <= time] if len(leg.times) else np.zeros((0, 3))
 
 
 def extent_points(leg: LegRecord) -> Array:
-    """[n, 3] m, all positions planned or sailed on a leg."""
+    """[n, 3] m, all positions planned or executed on a leg."""
     return np.concatenate([leg.positions, *(plan.positions for plan in leg.plans)])
 
 
@@ -107,7 +107,7 @@ def current_at(plan: PlanRecord, x: Array, y: Array, z: float) -> tuple[Array, A
 
 
 def refused_legs(run: MissionRun) -> list[LegRecord]:
-    """Legs that were planned and never sailed."""
+    """Legs that were planned and never executed."""
     return [leg for leg in run.legs if leg.plans and not len(leg.times)]
 
 
@@ -120,7 +120,7 @@ def followed_plans(leg: LegRecord) -> list[PlanRecord]:
 
 
 def until_next(plans: Sequence[PlanRecord], index: int) -> tuple[Array, Array]:
-    """Split a followed plan at the next re-plan: the part sailed and the part given up, [n, 3] m each."""
+    """Split a followed plan at the next re-plan: the part executed and the part given up, [n, 3] m each."""
     positions = plans[index].positions
     if index + 1 == len(plans):
         return positions, positions[:0]

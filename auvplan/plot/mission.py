@@ -1,4 +1,4 @@
-"""The map of a mission (Figs 10, 15): coast, waypoints, the route as sailed, where tasks were re-ordered."""
+"""The map of a mission (Figs 10, 15): coast, waypoints, the track, where the route was re-planned."""
 
 from typing import Any
 
@@ -18,15 +18,15 @@ def plot_mission(run: MissionRun, *, ax: Axes | None = None) -> Axes:
     """Draw the map of a mission, east to the right and north up.
 
     Args:
-        run: as sailed; a leg of its own, open water and a mission that was never begun are fine.
+        run: as executed; a leg of its own, open water and a mission that was never begun are fine.
         ax: axes to draw in; those of a new figure if absent.
 
     Returns:
         The axes.
     """
     waypoints = np.asarray(run.graph.positions, float)
-    sailed = [leg for leg in run.legs if len(leg.times)]
-    points = np.concatenate([waypoints, *(leg.positions for leg in sailed)])
+    executed = [leg for leg in run.legs if len(leg.times)]
+    points = np.concatenate([waypoints, *(leg.positions for leg in executed)])
     low, high = style.frame_on_chart(points, run.chart, margin=0.05)
     unit = style.Unit.for_extent(float((high - low).max()))
     tall, wide = high - low
@@ -35,8 +35,8 @@ def plot_mission(run: MissionRun, *, ax: Axes | None = None) -> Axes:
     handles: list[Any] = list(style.draw_coast(axes, run.chart, unit))
     handles += draw_depths(axes, run.seabed, unit)
     handles += _draw_graph(axes, run, unit)
-    if sailed:
-        route = _draw_route(axes, sailed, unit)
+    if executed:
+        route = _draw_route(axes, executed, unit)
         bar = axes.figure.colorbar(route, ax=axes, shrink=0.8, pad=0.02)
         bar.set_label("time [s]")
     handles += _draw_refused(axes, run, unit)
@@ -45,13 +45,13 @@ def plot_mission(run: MissionRun, *, ax: Axes | None = None) -> Axes:
         handles.append(style.draw_end(axes, waypoints[node], kind, label, unit))
     marks = _replan_marks(run) if run.simulated else {}
     handles += _draw_replans(axes, run, marks, unit)
-    if any(leg.priority > 0 for leg in sailed):
+    if any(leg.priority > 0 for leg in executed):
         handles.append(
             Line2D([], [], ls="", marker="$ρ3$", ms=13, color=style.BLUE, label="priority of the task")
         )
     style.add_legend(axes, handles, ax)
     style.title_map(axes, _title(run), run.site, unit, style.flat(points, unit))
-    _draw_labels(axes, run, sailed, marks, unit)
+    _draw_labels(axes, run, executed, marks, unit)
     return axes
 
 
@@ -75,11 +75,11 @@ def _draw_graph(axes: Axes, run: MissionRun, unit: style.Unit) -> list[Any]:
     ]
 
 
-def _draw_route(axes: Axes, sailed: list[LegRecord], unit: style.Unit) -> LineCollection:
+def _draw_route(axes: Axes, executed: list[LegRecord], unit: style.Unit) -> LineCollection:
     """Draw the route, coloured by time, an arrow head on every leg."""
-    first, last = sailed[0].times[0], sailed[-1].times[-1]
+    first, last = executed[0].times[0], executed[-1].times[-1]
     pieces, times = [], []
-    for leg in sailed:
+    for leg in executed:
         line = style.flat(leg.positions, unit)
         axes.plot(*line.T, color="black", lw=3.4, zorder=2, solid_capstyle="round")
         pieces.append(np.stack([line[:-1], line[1:]], axis=1))
@@ -88,7 +88,7 @@ def _draw_route(axes: Axes, sailed: list[LegRecord], unit: style.Unit) -> LineCo
     route.set_array(np.concatenate(times))
     route.set_clim(first, max(last, first + 1.0))
     axes.add_collection(route)
-    for leg in sailed:
+    for leg in executed:
         line = style.flat(leg.positions, unit)
         middle = _middle(line)
         if middle and (line[middle] != line[middle - 1]).any():
@@ -126,11 +126,11 @@ def _middle(line: style.Array) -> int:
 
 
 def _replan_marks(run: MissionRun) -> dict[int, str]:
-    """Waypoint to the numbers of the mission re-plans made there; the first order is none."""
+    """Waypoint to the numbers of the mission re-plans made there; the first route is none."""
     marks: dict[int, list[int]] = {}
-    for number, order in enumerate(run.orders[1:], start=1):
-        if order.nodes:
-            marks.setdefault(order.nodes[0], []).append(number)
+    for number, route in enumerate(run.routes[1:], start=1):
+        if route.nodes:
+            marks.setdefault(route.nodes[0], []).append(number)
     return {node: "R" + ",".join(map(str, numbers)) for node, numbers in marks.items()}
 
 
@@ -155,11 +155,11 @@ def _draw_replans(axes: Axes, run: MissionRun, marks: dict[int, str], unit: styl
 
 
 def _draw_labels(
-    axes: Axes, run: MissionRun, sailed: list[LegRecord], marks: dict[int, str], unit: style.Unit
+    axes: Axes, run: MissionRun, executed: list[LegRecord], marks: dict[int, str], unit: style.Unit
 ) -> None:
     """Re-plans, priorities and waypoint numbers, the more important ones first."""
     places = style.flat(run.graph.positions, unit)
-    route = np.concatenate([np.zeros((0, 2)), *(style.flat(leg.positions, unit)[::6] for leg in sailed)])
+    route = np.concatenate([np.zeros((0, 2)), *(style.flat(leg.positions, unit)[::6] for leg in executed)])
     taken = np.concatenate([places, route])
     if marks:
         style.place_labels(
@@ -172,7 +172,7 @@ def _draw_labels(
             weight="bold",
             zorder=8,
         )
-    tasks = [leg for leg in sailed if leg.priority > 0]
+    tasks = [leg for leg in executed if leg.priority > 0]
     if tasks:
         lines = [style.flat(leg.positions, unit) for leg in tasks]
         middles = np.stack([line[_middle(line)] for line in lines])
@@ -180,7 +180,7 @@ def _draw_labels(
         style.place_labels(
             axes, middles, texts, taken, fontsize=8.5, color=style.BLUE, weight="bold", zorder=8
         )
-    visited = list(dict.fromkeys(node for leg in sailed for node in (leg.start, leg.goal)))
+    visited = list(dict.fromkeys(node for leg in executed for node in (leg.start, leg.goal)))
     others = [node for node in range(len(places)) if node not in visited]
     for nodes, colour in ((visited, "black"), (others, "#555555")):
         if nodes:

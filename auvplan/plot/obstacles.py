@@ -20,10 +20,10 @@ _FAR = 0.6
 
 
 def plot_obstacles(run: MissionRun, leg: LegRecord | None = None, *, ax: Axes | None = None) -> Axes:
-    """Sailed and earlier paths, and each obstacle where it was when the vehicle came nearest.
+    """Draw the track and earlier paths, and each obstacle where it was when the vehicle came nearest.
 
     Args:
-        run: as sailed.
+        run: as executed.
         leg: that of `busiest_leg` where not given.
         ax: three-dimensional axes to draw in; those of a new figure if absent.
 
@@ -59,7 +59,7 @@ def plot_obstacles(run: MissionRun, leg: LegRecord | None = None, *, ax: Axes | 
         _line(axes, tracks[near, k], unit, color=_colour(leg.obstacle_kinds[k]), lw=1.2, zorder=2)
     for plan in leg.plans[:-1]:
         _line(axes, plan.positions, unit, color=style.RED, ls="--", lw=1.2, zorder=3)
-    # A leg that was refused was never sailed: its plan is shown.
+    # A leg that was refused was never executed: its plan is shown.
     _line(
         axes,
         leg.positions if len(leg.positions) else leg.plans[-1].positions,
@@ -135,7 +135,7 @@ def _set_up(
 def _legend(leg: LegRecord, seen: list[int]) -> list[Line2D | Patch]:
     handles: list[Line2D | Patch] = [
         Line2D(
-            [], [], color="black", lw=2.6, label="sailed" if len(leg.positions) else "planned, not sailed"
+            [], [], color="black", lw=2.6, label="executed" if len(leg.positions) else "planned, not executed"
         ),
     ]
     if len(leg.plans) > 1:

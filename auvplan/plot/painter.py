@@ -100,5 +100,5 @@ def _paint(pipe: Connection) -> None:
         run, folder = pipe.recv()
         try:
             pipe.send(draw_run(run, folder, _BESIDE))
-        except Exception as error:  # told to those who asked for the pictures
+        except Exception as error:  # reported to those who asked for the pictures
             pipe.send(error)

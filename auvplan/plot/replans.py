@@ -1,4 +1,4 @@
-"""How one mission's order of tasks changed on the way, after Fig. 15."""
+"""How one mission's route changed on the way, after Fig. 15."""
 
 from collections.abc import Iterable
 from typing import Any
@@ -14,26 +14,26 @@ from auvplan.plot.sweep import set_title
 from auvplan.study.table import study_chart
 from auvplan.words import counted
 
-#: Orders that get a map.
+#: Routes that get a map.
 _MAPS = 6
 
 
 def plot_replans(dataset: xr.Dataset, seed: int | None = None) -> Figure:
-    """Maps of one mission's orders of tasks: the first and up to five re-plans (Fig. 15).
+    """Maps of one mission's routes: the first and up to five re-plans (Fig. 15).
 
     Args:
         dataset: without a sweep.
-        seed: of the mission; that with most orders among those on time where not given.
+        seed: of the mission; that with most routes among those on time where not given.
 
     Raises:
         ValueError: the study has no mission of that seed.
     """
     one = dataset.isel(mission=shown_mission(dataset, seed))
-    made = np.flatnonzero((one["order_nodes"].values >= 0).any(axis=-1))
+    made = np.flatnonzero((one["route_nodes"].values >= 0).any(axis=-1))
     places = one["waypoint_position"].values
     known = np.isfinite(places).all(axis=-1)
     if not made.size or not known.any():
-        return style.empty_figure(f"seed {int(one['seed'])}: no order of tasks was made")
+        return style.empty_figure(f"seed {int(one['seed'])}: no route was made")
     chart = study_chart(dataset)
     low, high = style.frame_of(places[known], margin=0.06)
     if chart is not None:
@@ -56,30 +56,30 @@ def plot_replans(dataset: xr.Dataset, seed: int | None = None) -> Figure:
         if beside:
             axes.set_ylabel("")
         handles = list(style.draw_coast(axes, chart, unit))
-        handles += _draw_order(axes, one, int(made[number]), done[number], unit)
-        axes.set_title(_order_name(one, int(made[number]), int(number)), fontsize=9)
+        handles += _draw_route(axes, one, int(made[number]), done[number], unit)
+        axes.set_title(_route_name(one, int(made[number]), int(number)), fontsize=9)
     for axes in grid[len(chosen) :]:
         axes.set_visible(False)
     figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=8, frameon=False)
     ending = "on time" if int(one["success"]) == 1 else "failed"
     text = f"seed {int(one['seed'])}: {counted(len(made) - 1, 'mission re-plan')}, {ending}"
-    set_title(figure, dataset, text + (f"; {len(chosen)} orders of {len(made)}" * (len(chosen) < len(made))))
+    set_title(figure, dataset, text + (f"; {len(chosen)} routes of {len(made)}" * (len(chosen) < len(made))))
     for axes, number in zip(grid, chosen, strict=False):
-        _label_order(axes, one, int(made[number]), done[number], unit)
+        _label_route(axes, one, int(made[number]), done[number], unit)
     return figure
 
 
 def shown_mission(dataset: xr.Dataset, seed: int | None = None) -> int:
-    """Index of the mission of a seed; without one, of that with most orders, one on time where there is any.
+    """Index of the mission of a seed; without one, of that with most routes, one on time where there is any.
 
     Raises:
         ValueError: the study has no mission of that seed.
     """
     seeds = dataset["seed"].values
     if seed is None:
-        orders = (dataset["order_nodes"].values >= 0).any(axis=-1).sum(axis=-1)
+        routes = (dataset["route_nodes"].values >= 0).any(axis=-1).sum(axis=-1)
         success = dataset["success"].values == 1
-        return max(range(len(seeds)), key=lambda mission: (success[mission], orders[mission]))
+        return max(range(len(seeds)), key=lambda mission: (success[mission], routes[mission]))
     found = np.flatnonzero(seeds == seed)
     if not found.size:
         raise ValueError(f"no mission of seed {seed}; the study's are {seeds.min()} to {seeds.max()}")
@@ -87,9 +87,9 @@ def shown_mission(dataset: xr.Dataset, seed: int | None = None) -> int:
 
 
 def _visited(one: xr.Dataset, made: Iterable[int]) -> list[list[int]]:
-    """For each order, the waypoints from the start to where the vehicle was when it was made."""
+    """For each route, the waypoints from the start to where the vehicle was when it was made."""
     reached = one["leg_arrived"].values == 1
-    stops = [_nodes(one, order)[0] for order in made]
+    stops = [_nodes(one, route)[0] for route in made]
     way = [stops[0], *(int(node) for node in one["leg_to"].values[reached])]
     found, legs = [], 0
     for here in stops:
@@ -98,48 +98,49 @@ def _visited(one: xr.Dataset, made: Iterable[int]) -> list[list[int]]:
     return found
 
 
-def _nodes(one: xr.Dataset, order: int) -> list[int]:
-    return [int(node) for node in one["order_nodes"].values[order] if node >= 0]
+def _nodes(one: xr.Dataset, route: int) -> list[int]:
+    return [int(node) for node in one["route_nodes"].values[route] if node >= 0]
 
 
-def _order_name(one: xr.Dataset, order: int, number: int) -> str:
-    """Return what an order was made for, when, and what it holds; `number` counts from the first order, 0."""
-    causes = one["order_cause"]
+def _route_name(one: xr.Dataset, route: int, number: int) -> str:
+    """Return what a route was made for, when, and what it holds; `number` counts from the first route, 0."""
+    causes = one["route_cause"]
     meanings = str(causes.attrs.get("flag_meanings", "")).split()
     flags = np.atleast_1d(causes.attrs.get("flag_values", [])).tolist()
-    cause = dict(zip(flags, meanings, strict=False)).get(int(causes.values[order]), "")
-    name = "first order" if number == 0 else ", ".join(filter(None, [f"re-plan R{number}", cause]))
-    legs = max(len(_nodes(one, order)) - 1, 0)
-    at, time, priority = (float(one[f"order_{key}"].values[order]) for key in ("made_at", "time", "priority"))
+    cause = dict(zip(flags, meanings, strict=False)).get(int(causes.values[route]), "")
+    name = "first route" if number == 0 else ", ".join(filter(None, [f"re-plan R{number}", cause]))
+    legs = max(len(_nodes(one, route)) - 1, 0)
+    at, time, priority = (float(one[f"route_{key}"].values[route]) for key in ("made_at", "time", "priority"))
     return (
         f"{name}, at {at:,.0f} s\n{counted(legs, 'leg')} left, priority {priority:g}, "
         f"{time:,.0f} s of {float(one['t_available']) - at:,.0f} s"
     )
 
 
-def _draw_order(axes: Axes, one: xr.Dataset, order: int, done: list[int], unit: style.Unit) -> list[Any]:
-    """Waypoints, the part sailed in grey, the order with an arrow for each leg; returns legend handles."""
+def _draw_route(axes: Axes, one: xr.Dataset, route: int, done: list[int], unit: style.Unit) -> list[Any]:
+    """Waypoints, the part executed in grey, the route with an arrow for each leg; returns legend handles."""
     flat = one["waypoint_position"].values[:, [1, 0]] / unit.metres
-    route = flat[_nodes(one, order)]
+    nodes = _nodes(one, route)
+    places = flat[nodes]
     axes.scatter(*flat.T, s=14, color="white", edgecolors="black", linewidths=0.7, zorder=3)
     axes.plot(*flat[done].T, color=style.GREY, lw=2.6, zorder=2, solid_capstyle="round")
-    steps = np.diff(route, axis=0)
+    steps = np.diff(places, axis=0)
     if len(steps):
         axes.quiver(
-            *route[:-1].T, *steps.T, angles="xy", scale_units="xy", scale=1.0, color=style.BLUE, width=0.006,
+            *places[:-1].T, *steps.T, angles="xy", scale_units="xy", scale=1.0, color=style.BLUE, width=0.006,
             headwidth=4.5, headlength=6.0, headaxislength=5.5, zorder=4,
         )  # fmt: skip
     kinds = {
         "start": (style.START, done[0], 0.7),
-        "destination": (style.GOAL, _nodes(one, order)[-1], 0.4),
-        "vehicle": (style.VEHICLE, _nodes(one, order)[0], 0.45),
+        "destination": (style.GOAL, nodes[-1], 0.4),
+        "vehicle": (style.VEHICLE, nodes[0], 0.45),
     }
     for kind, node, scale in kinds.values():
         axes.scatter(*flat[node], zorder=5, **(kind | {"s": scale * kind["s"]}))
     return [
         Line2D([], [], ls="", marker="o", ms=4, color="white", mec="black", label="waypoint"),
-        Line2D([], [], color=style.GREY, lw=2.6, label="sailed"),
-        Line2D([], [], color=style.BLUE, lw=1.8, marker=">", ms=5, label="order of tasks"),
+        Line2D([], [], color=style.GREY, lw=2.6, label="executed"),
+        Line2D([], [], color=style.BLUE, lw=1.8, marker=">", ms=5, label="route"),
         *(
             Line2D([], [], ls="", marker=kind["marker"], ms=8, color=kind["color"], mec="black", label=name)
             for name, (kind, _, _) in kinds.items()
@@ -147,10 +148,10 @@ def _draw_order(axes: Axes, one: xr.Dataset, order: int, done: list[int], unit: 
     ]
 
 
-def _label_order(axes: Axes, one: xr.Dataset, order: int, done: list[int], unit: style.Unit) -> None:
-    """Numbers of the waypoints in an order, off the lines."""
+def _label_route(axes: Axes, one: xr.Dataset, route: int, done: list[int], unit: style.Unit) -> None:
+    """Numbers of the waypoints in a route, off the lines."""
     flat = one["waypoint_position"].values[:, [1, 0]] / unit.metres
-    nodes, share = _nodes(one, order), np.linspace(0.0, 1.0, 20)[:, None, None]
+    nodes, share = _nodes(one, route), np.linspace(0.0, 1.0, 20)[:, None, None]
     lines = [(flat[way][:-1] + share * np.diff(flat[way], axis=0)).reshape(-1, 2) for way in (nodes, done)]
     taken = np.concatenate([flat[np.isfinite(flat).all(axis=-1)], *lines])
     style.place_labels(axes, flat[nodes], [str(node) for node in nodes], taken, zorder=8)

@@ -45,7 +45,7 @@ def draw_run(
     no histories no convergence.
 
     Args:
-        run: as sailed; one that failed on the way is fine.
+        run: as executed; one that failed on the way is fine.
         folder: created if needed.
         names: of the figures, in `FIGURES`; all of them if absent.
         leg: number of a done leg, from 1; or "all", whose figures have the number in their name.

@@ -1,4 +1,4 @@
-"""Pictures of a Monte Carlo study: use of time, expected times, planning time, orders (Figs 12 to 15)."""
+"""Pictures of a Monte Carlo study: use of time, expected times, planning time, routes (Figs 12 to 15)."""
 
 from collections.abc import Callable
 from functools import partial
@@ -24,7 +24,7 @@ Array = style.Array
 _BOXES = 25
 #: Failed missions that are named.
 _NAMED = 8
-_EXPECTED, _SAILED = "expected, $t_{ij}$ − $δ_{ij}$", "sailed, $T_{path}$"
+_EXPECTED, _EXECUTED = "expected, $t_{ij}$ − $δ_{ij}$", "executed, $T_{path}$"
 
 
 def draw_study(dataset: xr.Dataset, folder: str | Path, seed: int | None = None) -> list[Path]:
@@ -34,7 +34,7 @@ def draw_study(dataset: xr.Dataset, folder: str | Path, seed: int | None = None)
         dataset: of many missions, with or without leading dimensions of settings, which the attribute
             `sweep` names.
         folder: created if needed.
-        seed: of the mission whose orders are shown; that with most of them where not given.
+        seed: of the mission whose routes are shown; that with most of them where not given.
 
     Returns:
         The paths of the pictures.
@@ -102,21 +102,21 @@ def plot_time_use(dataset: xr.Dataset) -> Figure:
 
 
 def plot_expected_times(dataset: xr.Dataset) -> Figure:
-    """Travel times of legs as expected and as sailed, by mission and leg by leg (Fig. 13).
+    """Travel times of legs as expected and as executed, by mission and leg by leg (Fig. 13).
 
     Args:
         dataset: without a sweep, missions in order of seed.
     """
-    expected, sailed = leg_times(dataset)
-    both = np.isfinite(expected) & np.isfinite(sailed)
+    expected, executed = leg_times(dataset)
+    both = np.isfinite(expected) & np.isfinite(executed)
     if not both.any():
-        return style.empty_figure("no leg was sailed to its end")
+        return style.empty_figure("no leg was executed to its end")
     figure = style.new_figure(14.5, 6.0)
     left, right = figure.subplots(1, 2, width_ratios=[2.2, 1])
     count = len(both)
     shown = [mission for mission in range(min(count, _BOXES)) if both[mission].any()]
     for times, name, width, face, edge, alpha in (
-        (sailed, _SAILED, 0.84, style.YELLOW, "#8a7d00", 0.55),
+        (executed, _EXECUTED, 0.84, style.YELLOW, "#8a7d00", 0.55),
         (expected, _EXPECTED, 0.34, style.BLUE, style.BLACK, 1.0),
     ):
         left.boxplot(
@@ -134,9 +134,9 @@ def plot_expected_times(dataset: xr.Dataset) -> Figure:
     left.set_ylim(low, high + 0.1 * (high - low))
     which = f"the first {_BOXES} of {count} missions" if count > _BOXES else counted(count, "mission")
     left.set_title(f"legs of {which} in order of seed", fontsize=10)
-    _draw_scatter(right, expected[both], sailed[both], relative_errors(dataset)[both])
+    _draw_scatter(right, expected[both], executed[both], relative_errors(dataset)[both])
     _dress(left, right)
-    set_title(figure, dataset, "travel times of legs as expected and as sailed")
+    set_title(figure, dataset, "travel times of legs as expected and as executed")
     return figure
 
 
@@ -156,7 +156,7 @@ def plot_planning_time(dataset: xr.Dataset) -> Figure:
     axes.set_yscale("log")
     size = _mark_size(len(place))
     marks: dict[str, Any] = {"ls": "none", "ms": size}
-    every = "all planning of the mission: paths, orders, travel times"
+    every = "all planning of the mission: paths, routes, travel times"
     axes.plot(place, whole, marker="s", color=style.RED, label=every, **marks)
     band = "path planning calls, 5 to 95 %"
     axes.vlines(place, low, high, color=style.SKY, lw=max(0.8, 0.8 * size), label=band)
@@ -217,24 +217,25 @@ def plot_call_times(dataset: xr.Dataset, calls: xr.Dataset, interval: float) -> 
     return figure
 
 
-def _draw_scatter(axes: Axes, expected: Array, sailed: Array, errors: Array) -> None:
-    """Every leg's time sailed against the time expected, [legs] s."""
+def _draw_scatter(axes: Axes, expected: Array, executed: Array, errors: Array) -> None:
+    """Every leg's time executed against the time expected, [legs] s."""
     axes.scatter(
-        expected, sailed, s=9, color=style.BLUE, alpha=float(np.clip(6.0 / len(sailed) ** 0.45, 0.12, 0.8)),
+        expected, executed, s=9, color=style.BLUE,
+        alpha=float(np.clip(6.0 / len(executed) ** 0.45, 0.12, 0.8)),
         linewidths=0, rasterized=True,
     )  # fmt: skip
-    ends = np.array([min(expected.min(), sailed.min()), max(expected.max(), sailed.max())])
+    ends = np.array([min(expected.min(), executed.min()), max(expected.max(), executed.max())])
     axes.plot(ends, ends, color="black", lw=1.2, ls="--")
     middle, half = 0.5 * ends.sum(), 0.54 * max(float(np.ptp(ends)), 1.0)
     axes.set(xlim=(middle - half, middle + half), ylim=(middle - half, middle + half), box_aspect=1.0)
     axes.set_xlabel(f"{_EXPECTED} [s]")
-    axes.set_ylabel(f"{_SAILED} [s]")
+    axes.set_ylabel(f"{_EXECUTED} [s]")
     axes.xaxis.set_major_formatter(_seconds)
-    varied = len(sailed) > 2 and min(np.ptp(expected), np.ptp(sailed)) > 0.0
-    text = f"correlation {np.corrcoef(expected, sailed)[0, 1]:.3f}\n" if varied else ""
+    varied = len(executed) > 2 and min(np.ptp(expected), np.ptp(executed)) > 0.0
+    text = f"correlation {np.corrcoef(expected, executed)[0, 1]:.3f}\n" if varied else ""
     text += f"median relative error {100.0 * float(over_finite(errors, np.nanmedian)):.1f} %"
     axes.text(0.03, 0.97, text, transform=axes.transAxes, va="top", fontsize=9, path_effects=style.halo())
-    axes.set_title(f"{counted(len(sailed), 'leg')} of all missions", fontsize=10)
+    axes.set_title(f"{counted(len(executed), 'leg')} of all missions", fontsize=10)
 
 
 def _mission_axis(axes: Axes, dataset: xr.Dataset, most: int | None = None) -> None:

@@ -1,4 +1,4 @@
-"""Orders of tasks over time (Fig. 15): every order as planned, and the mission as sailed under them."""
+"""Routes over time (Fig. 15): every route as planned, and the mission as executed under them."""
 
 from typing import Any
 
@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 from auvplan.plot import style
 from auvplan.plot.legs import refused_legs
 from auvplan.records import MissionRun
-from auvplan.schedule import Bar, lateness, planned_bars, sailed_bars
+from auvplan.schedule import Bar, executed_bars, lateness, planned_bars
 from auvplan.words import hours
 
 #: Pale to dark blue: priorities.
@@ -24,43 +24,43 @@ _FONT = 7.0
 
 
 def plot_timeline(run: MissionRun, *, ax: Axes | None = None) -> Axes:
-    """Draw a row for each order, first at the top, as planned; the lowest row is the mission as sailed.
+    """Draw a row for each route, first at the top, as planned; the lowest row is the mission as executed.
 
     A plan is one row.
 
     Args:
-        run: as sailed, or a plan.
+        run: as executed, or a plan.
         ax: axes to draw in; those of a new figure if absent.
 
     Returns:
         The axes.
     """
-    orders = run.orders if run.simulated else []
-    rows = len(orders) + 1
+    routes = run.routes if run.simulated else []
+    rows = len(routes) + 1
     axes = style.own_axes(ax, 13.0, 1.9 + rows * float(np.clip(8.0 / rows, 0.4, 0.6)))
     # Axes of their own figure will take about 85 % of it.
     width = 0.85 * 13.0 if ax is None else ax.get_window_extent().width / style.figure_of(ax).dpi
-    planned = [planned_bars(run, order) for order in orders]
-    sailed = sailed_bars(run)
-    bars = [bar for row in [*planned, sailed] for bar in row]
+    planned = [planned_bars(run, route) for route in routes]
+    executed = executed_bars(run)
+    bars = [bar for row in [*planned, executed] for bar in row]
     last = max([run.t_available, run.t_mission, *(bar.ends for bar in bars)])
     axes.set_xlim(0.0, 1.02 * last)
     axes.set_ylim(rows - 0.35, -0.65)
     norm = _norm(run)
     # How wide a letter is on the time axis.
     letter = 0.62 * _FONT / 72.0 / width * 1.02 * last
-    for row, order in enumerate(planned):
-        _draw(axes, row, order, norm, letter)
-    _draw(axes, rows - 1, sailed, norm, letter)
-    for row, order in enumerate(orders[1:], start=1):
-        axes.plot([order.made_at] * 2, [row - 0.48, row + 0.48], color=style.RED, lw=1.6, zorder=4)
+    for row, route in enumerate(planned):
+        _draw(axes, row, route, norm, letter)
+    _draw(axes, rows - 1, executed, norm, letter)
+    for row, route in enumerate(routes[1:], start=1):
+        axes.plot([route.made_at] * 2, [row - 0.48, row + 0.48], color=style.RED, lw=1.6, zorder=4)
     refused = [leg.plans[-1].made_at for leg in refused_legs(run)]
     if refused:
         axes.plot(refused, [rows - 1.43] * len(refused), **_REFUSED, zorder=4)
-    if orders:
+    if routes:
         axes.axhline(rows - 1.5, color="black", lw=0.8)
     axes.axvline(run.t_available, color="red", lw=2.0, zorder=5)
-    axes.set_yticks(range(rows), [*(_name(run, k) for k in range(len(orders))), _sailed_name(run)])
+    axes.set_yticks(range(rows), [*(_name(run, k) for k in range(len(routes))), _executed_name(run)])
     axes.tick_params(labelsize=8)
     axes.set_xlabel("time since the mission began [s]")
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:,.0f}")
@@ -71,8 +71,8 @@ def plot_timeline(run: MissionRun, *, ax: Axes | None = None) -> Axes:
         bar.set_ticks((norm.boundaries[1:] - 0.5).tolist())
     bar.set_label("priority of the task [-]")
     style.add_legend(axes, _legend(run, bool(refused)), ax, ncols=5)
-    what = "as planned and as sailed" if orders else "as planned"
-    axes.set_title(f"Order of tasks, {what}; legs from → to waypoint", fontsize=11)
+    what = "as planned and as executed" if routes else "as planned"
+    axes.set_title(f"Route{'s' * bool(routes)}, {what}; legs from → to waypoint", fontsize=11)
     return axes
 
 
@@ -106,15 +106,15 @@ def _draw(axes: Axes, row: int, bars: list[Bar], norm: Normalize, letter: float)
 
 
 def _name(run: MissionRun, number: int) -> str:
-    order = run.orders[number]
-    title = f"re-plan R{number} at {order.made_at:,.0f} s, {order.cause}" if number else "first order"
-    if order.cause == "late" and (why := lateness(run, order)):
+    route = run.routes[number]
+    title = f"re-plan R{number} at {route.made_at:,.0f} s, {route.cause}" if number else "first route"
+    if route.cause == "late" and (why := lateness(run, route)):
         title += f":\n{why}"
-    return f"{title}\npriority {order.priority:g}, {order.time:,.0f} s"
+    return f"{title}\npriority {route.priority:g}, {route.time:,.0f} s"
 
 
-def _sailed_name(run: MissionRun) -> str:
-    what = "sailed" if run.simulated else "plan"
+def _executed_name(run: MissionRun) -> str:
+    what = "executed" if run.simulated else "plan"
     return f"{what}\npriority {run.total_priority:g}, {run.t_mission:,.0f} s ({hours(run.t_mission)})"
 
 
@@ -124,7 +124,7 @@ def _legend(run: MissionRun, refused: bool) -> list[Any]:
         Patch(facecolor="#6aaed6", edgecolor="black", label="on-station time (half height)"),
         Line2D([], [], color="red", lw=2.0, label=f"time available, {run.t_available:,.0f} s"),
     ]
-    if len(run.orders) > 1 and run.simulated:
+    if len(run.routes) > 1 and run.simulated:
         handles.append(Line2D([], [], color=style.RED, lw=1.6, label="re-planned"))
     if refused:
         handles.append(Line2D([], [], label="a leg planned and refused", **_REFUSED))

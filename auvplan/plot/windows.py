@@ -20,7 +20,7 @@ def plot_windows(run: MissionRun, leg: LegRecord | None = None) -> Figure:
     since the vehicle last saw them; the errors of measurement, which widen it further, are left out.
 
     Args:
-        run: as sailed.
+        run: as executed.
         leg: that of `busiest_leg` where not given.
     """
     leg = leg or busiest_leg(run)
@@ -39,9 +39,9 @@ def plot_windows(run: MissionRun, leg: LegRecord | None = None) -> Figure:
         if number == 0:
             _line(axes, plan.positions, unit, lw=1.4, ls="--", zorder=4)
             continue
-        sailed, given_up = until_next(plans, number)
+        executed, given_up = until_next(plans, number)
         _line(axes, given_up, unit, lw=1.2, ls=":", zorder=3)
-        _line(axes, sailed, unit, lw=2.8, zorder=5)
+        _line(axes, executed, unit, lw=2.8, zorder=5)
         axes.scatter(*(plan.positions[0, [1, 0]] / unit.metres), **(style.VEHICLE | {"zorder": 7}))
     ends = plans[0].positions[[0, -1]][:, [1, 0]] / unit.metres
     axes.scatter(*ends[0], **(style.START | {"zorder": 6}))

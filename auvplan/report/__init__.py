@@ -41,7 +41,7 @@ def write_run_report(run: MissionRun, summary: Mapping[str, Any], folder: str | 
     """Write the page of a run.
 
     Args:
-        run: as sailed, or a plan; one that failed on the way is fine.
+        run: as executed, or a plan; one that failed on the way is fine.
         summary: of the run, with its mission sheet as "sheet" where it has one.
         folder: that exists.
 

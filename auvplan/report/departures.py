@@ -12,14 +12,14 @@ from auvplan.report.provenance import changed_settings
 _NUMBERS = ("departure_s", "time_s", "tasks", "total_priority", "length_m", "clearance_m", "current_m_s")
 
 
-def departures_data(rows: list[dict[str, Any]], told: Mapping[str, Any]) -> dict[str, Any]:
+def departures_data(rows: list[dict[str, Any]], stated: Mapping[str, Any]) -> dict[str, Any]:
     """Return what the page of departures shows.
 
     Args:
         rows: a departure each, by the names of the table's columns.
-        told: scenario, seed and what else the departures were planned from.
+        stated: scenario, seed and what else the departures were planned from.
     """
-    settings = dict(told.get("scenario", {}))
+    settings = dict(stated.get("scenario", {}))
     return {
         "kind": "departures",
         "name": str(settings.get("name") or "departures"),
@@ -28,10 +28,10 @@ def departures_data(rows: list[dict[str, Any]], told: Mapping[str, Any]) -> dict
         "departures": rows,
         "available": (settings.get("mission") or {}).get("time_available"),
         "provenance": {
-            "files": list(told.get("files", [])),
-            "notes": list(told.get("notes", [])),
-            "seed": told.get("seed"),
-            "versions": dict(told.get("versions", {})),
+            "files": list(stated.get("files", [])),
+            "notes": list(stated.get("notes", [])),
+            "seed": stated.get("seed"),
+            "versions": dict(stated.get("versions", {})),
             "settings": changed_settings(settings) if settings else None,
         },
     }
@@ -52,8 +52,8 @@ def read_departures(folder: str | Path) -> tuple[list[dict[str, Any]], dict[str,
         raise ResultError(f"{path}: {reason}; `auvplan departures` writes one") from None
     if not rows:
         raise ResultError(f"{path}: no departures in it")
-    told = read_json(folder, DEPARTED) if beside.is_file() else {}
-    return rows, told
+    stated = read_json(folder, DEPARTED) if beside.is_file() else {}
+    return rows, stated
 
 
 def _row(cells: dict[str, str]) -> dict[str, Any]:

@@ -10,8 +10,8 @@ from auvplan.ocean.obstacles import CONFIDENCE
 from auvplan.records import LegRecord, MissionRun
 from auvplan.report.packing import packed
 from auvplan.scenario.settings import SensorSettings
-from auvplan.voyage.simulator import TIME_STEP
-from auvplan.voyage.world import KNOWN
+from auvplan.simulation.simulator import TIME_STEP
+from auvplan.simulation.world import KNOWN
 
 Array = NDArray[np.floating]
 
@@ -58,8 +58,8 @@ def obstacle_data(run: MissionRun, leg: LegRecord, rows: NDArray[np.int_]) -> di
 
     Args:
         run: that the leg belongs to.
-        leg: as sailed.
-        rows: [k] records of the leg at which places are told.
+        leg: as executed.
+        rows: [k] records of the leg at which places are given.
     """
     shown = _shown(leg)
     if not shown or not len(rows):

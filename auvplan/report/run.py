@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from auvplan.export.sheet import sheet_of, waypoint_name
 from auvplan.records import LegRecord, MissionRun, PlanRecord
+from auvplan.report.area import current_data, frame, map_data
 from auvplan.report.obstacles import FAR, obstacle_data, sensing_data, to_obstacles
 from auvplan.report.packing import packed
 from auvplan.report.provenance import changed_settings
 from auvplan.report.tasks import task_data
-from auvplan.report.waters import current_data, frame, map_data
-from auvplan.schedule import Bar, lateness, planned_bars, sailed_bars
+from auvplan.schedule import Bar, executed_bars, lateness, planned_bars
 
 Array = NDArray[np.floating]
 
@@ -35,17 +35,17 @@ def run_data(run: MissionRun, summary: Mapping[str, Any]) -> dict[str, Any]:
     """Return what the page of a run shows.
 
     Args:
-        run: as sailed, or a plan; one that failed on the way is fine.
+        run: as executed, or a plan; one that failed on the way is fine.
         summary: of the run, as it is saved; its "sheet" is made anew if absent.
     """
-    told = summary.get("sheet") or sheet_of(run).plain()
+    stated = summary.get("sheet") or sheet_of(run).plain()
     way = _Way.of(run)
     legs = _legs(run, way)
     planned = [_places(plan) for leg in run.legs for plan in leg.plans]
     points = np.concatenate([np.asarray(run.graph.positions, float), way.places, *planned])
     low, high = frame(points, run.chart)
     begin = (
-        float(way.times[0]) if len(way.times) else min((order.made_at for order in run.orders), default=0.0)
+        float(way.times[0]) if len(way.times) else min((route.made_at for route in run.routes), default=0.0)
     )
     return {
         "kind": "leg" if len(run.graph.positions) == 2 else "mission" if run.simulated else "plan",
@@ -60,8 +60,8 @@ def run_data(run: MissionRun, summary: Mapping[str, Any]) -> dict[str, Any]:
         "available": run.t_available,
         "epoch": None if run.site is None else run.site.epoch,
         "figures": {name: summary[name] for name in _FIGURES},
-        "facts": dict(told.get("facts", {})),
-        "warnings": list(told.get("warnings", [])),
+        "facts": dict(stated.get("facts", {})),
+        "warnings": list(stated.get("warnings", [])),
         "map": map_data(low, high, run.chart, run.seabed, run.site),
         "current": current_data(run, low, high, way.times, way.places[:, 2]),
         "waypoints": _waypoints(run),
@@ -72,16 +72,16 @@ def run_data(run: MissionRun, summary: Mapping[str, Any]) -> dict[str, Any]:
         "plans": _plans(run),
         "known": [asdict(obstacle) for obstacle in run.obstacles],
         "sensing": sensing_data(run),
-        "orders": _orders(run),
-        "tasks": task_data(run, told),
+        "routes": _routes(run),
+        "tasks": task_data(run, stated),
         "limits": _limits(run, way),
-        "provenance": _provenance(run, summary, told),
+        "provenance": _provenance(run, summary, stated),
     }
 
 
 @dataclass(frozen=True)
 class _Way:
-    """The legs as sailed, or as planned, in a row: n records.
+    """The legs as executed, or as planned, in a row: n records.
 
     Attributes:
         times: [n] s.
@@ -121,7 +121,7 @@ class _Way:
 
     @property
     def stride(self) -> int:
-        """Of how many records one is told."""
+        """Of how many records one is kept."""
         return max(1, -(-len(self.times) // _RECORDS))
 
 
@@ -164,18 +164,18 @@ def _legs(run: MissionRun, way: _Way) -> list[dict[str, Any]]:
 
 def _leg(run: MissionRun, leg: LegRecord, way: _Way, part: slice) -> dict[str, Any]:
     causes = [plan.cause for plan in leg.plans if plan.cause != "leg"]
-    sailed = len(leg.times) > 0
+    executed = len(leg.times) > 0
     return {
         "from": leg.start,
         "to": leg.goal,
         "priority": leg.priority,
         "revisit": leg.revisit,
         "arrived": leg.arrived,
-        "begin": leg.times[0] if sailed else None,
-        "end": leg.times[-1] if sailed else None,
+        "begin": leg.times[0] if executed else None,
+        "end": leg.times[-1] if executed else None,
         "expected": leg.t_expected - leg.t_task,
         "planned": leg.t_planned,
-        "sailed": leg.t_path if sailed else None,
+        "executed": leg.t_path if executed else None,
         "task": leg.t_task,
         "replans": {cause: causes.count(cause) for cause in dict.fromkeys(causes)},
         "length": float(np.linalg.norm(np.diff(way.places[part], axis=0), axis=1).sum()),
@@ -223,23 +223,23 @@ def _plan(number: int, leg: LegRecord, plan: PlanRecord) -> dict[str, Any]:
     }
 
 
-def _orders(run: MissionRun) -> list[dict[str, Any]]:
-    """Rows of the time line: every order as planned, and the mission as sailed."""
+def _routes(run: MissionRun) -> list[dict[str, Any]]:
+    """Rows of the time line: every route as planned, and the mission as executed."""
     rows = [
         {
-            "cause": order.cause,
-            "why": lateness(run, order) if order.cause == "late" else "",
-            "made": order.made_at,
-            "priority": order.priority,
-            "time": order.time,
-            "cpu": order.cpu,
-            "nodes": order.nodes,
-            "bars": [_bar(bar) for bar in planned_bars(run, order)],
+            "cause": route.cause,
+            "why": lateness(run, route) if route.cause == "late" else "",
+            "made": route.made_at,
+            "priority": route.priority,
+            "time": route.time,
+            "cpu": route.cpu,
+            "nodes": route.nodes,
+            "bars": [_bar(bar) for bar in planned_bars(run, route)],
         }
-        for order in (run.orders if run.simulated else [])
+        for route in (run.routes if run.simulated else [])
     ]
     done = {"cause": "done", "priority": run.total_priority, "time": run.t_mission, "nodes": run.route}
-    return [*rows, done | {"bars": [_bar(bar) for bar in sailed_bars(run)]}]
+    return [*rows, done | {"bars": [_bar(bar) for bar in executed_bars(run)]}]
 
 
 def _bar(bar: Bar) -> list[float]:
@@ -256,11 +256,11 @@ def _limits(run: MissionRun, way: _Way) -> list[dict[str, Any]]:
     ]
 
 
-def _provenance(run: MissionRun, summary: Mapping[str, Any], told: Mapping[str, Any]) -> dict[str, Any]:
+def _provenance(run: MissionRun, summary: Mapping[str, Any], stated: Mapping[str, Any]) -> dict[str, Any]:
     """Return what the run was made from."""
     return {
-        "files": list(told.get("files", [])),
-        "assumed": list(told.get("assumed", [])),
+        "files": list(stated.get("files", [])),
+        "assumed": list(stated.get("assumed", [])),
         "seed": run.seed,
         "versions": {"auvplan": summary.get("version", "")},
         "settings": changed_settings(run.scenario),

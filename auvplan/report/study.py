@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from auvplan.report.area import frame, map_data
 from auvplan.report.packing import packed
 from auvplan.report.provenance import changed_settings
-from auvplan.report.waters import frame, map_data
 from auvplan.scenario.file import shipped_scenarios
 from auvplan.scenario.provenance import file_names
 from auvplan.study.statistics import leg_times, priority_gap, summarise, sweep_dims, use_of_time
 from auvplan.study.table import study_chart
 
-#: Missions whose legs and orders a page holds at most; of all others it holds the figures.
+#: Missions whose legs and routes a page holds at most; of all others it holds the figures.
 _DETAILED = 1000
 #: Figures of a mission by the names of their variables.
 _FIGURES = (
@@ -83,7 +83,7 @@ def study_data(
 
 
 def _case(case: xr.Dataset, room: int) -> dict[str, Any]:
-    """Return the missions of one setting: figures of all, legs and orders of the first."""
+    """Return the missions of one setting: figures of all, legs and routes of the first."""
     figures = {name: case[name].values.astype(float) for name in _FIGURES if name in case}
     figures |= {"use": use_of_time(case), "gap": priority_gap(case)}
     parts = [np.nan_to_num(figures[name]) for name in ("path_cpu", "mission_cpu", "travel_time_cpu")]
@@ -107,13 +107,13 @@ def _significant(value: float) -> float | None:
 
 
 def _legs(case: xr.Dataset) -> dict[str, Any]:
-    """Times of all legs that were sailed to their end, without their tasks, and whose they are."""
-    expected, sailed = leg_times(case)
-    both = np.isfinite(expected) & np.isfinite(sailed)
+    """Times of all legs that were executed to their end, without their tasks, and whose they are."""
+    expected, executed = leg_times(case)
+    both = np.isfinite(expected) & np.isfinite(executed)
     return {
         "mission": packed(np.nonzero(both)[0], "i32"),
         "expected": packed(expected[both]),
-        "sailed": packed(sailed[both]),
+        "executed": packed(executed[both]),
     }
 
 
@@ -128,24 +128,24 @@ def _calls(case: xr.Dataset) -> list[list[float | None]]:
 
 
 def _mission(one: xr.Dataset) -> dict[str, Any]:
-    """Return the legs, orders and waypoints of a mission."""
-    causes = one["order_cause"]
+    """Return the legs, routes and waypoints of a mission."""
+    causes = one["route_cause"]
     meanings = str(causes.attrs.get("flag_meanings", "none")).split()
     legs = np.flatnonzero(one["leg_from"].values >= 0)
     columns = ("leg_from", "leg_to", "leg_t_expected", "leg_t_path", "leg_t_task", "leg_priority")
     rows = np.stack([one[name].values[legs].astype(float) for name in columns], axis=1)
     rows[:, 2] -= rows[:, 4]
     whole = np.stack([one[name].values[legs] for name in ("leg_path_replans", "leg_arrived")], axis=1)
-    orders = []
-    for number, nodes in enumerate(one["order_nodes"].values):
+    routes = []
+    for number, nodes in enumerate(one["route_nodes"].values):
         if (nodes >= 0).any():
-            figures = (one[f"order_{name}"].values[number] for name in ("made_at", "time", "priority"))
+            figures = (one[f"route_{name}"].values[number] for name in ("made_at", "time", "priority"))
             cause = meanings[int(causes.values[number])]
-            orders.append([cause, *(_significant(float(value)) for value in figures), nodes[nodes >= 0]])
+            routes.append([cause, *(_significant(float(value)) for value in figures), nodes[nodes >= 0]])
     places = one["waypoint_position"].values
     return {
         "legs": [[*map(_significant, row), *more] for row, more in zip(rows, whole.tolist(), strict=True)],
-        "orders": orders,
+        "routes": routes,
         "waypoints": packed(np.round(places[np.isfinite(places).all(axis=1)], 1)),
     }
 

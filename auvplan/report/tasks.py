@@ -13,23 +13,23 @@ from auvplan.records import MissionRun
 from auvplan.words import hours
 
 
-def task_data(run: MissionRun, told: Mapping[str, Any]) -> list[dict[str, Any]]:
+def task_data(run: MissionRun, stated: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return the tasks that were done, in order, and then those that were left.
 
     Args:
-        run: as sailed, or a plan.
-        told: the run's mission sheet as plain data.
+        run: as executed, or a plan.
+        stated: the run's mission sheet as plain data.
     """
     done = [
         {"name": stop["task"], "priority": stop["priority"], "done": True, "at": stop["arrival"],
          "duration": stop["hold"], "why": ""}
-        for stop in told.get("stops", [])
+        for stop in stated.get("stops", [])
         if stop["task"]
     ]  # fmt: skip
     left = [
         {"name": job["name"], "priority": job["priority"], "done": False, "at": None, "duration": None,
          "why": job["reason"]}
-        for job in told.get("left_out", [])
+        for job in stated.get("left_out", [])
     ]  # fmt: skip
     return [*done, *(left if run.names else _unvisited(run))]
 
@@ -37,7 +37,7 @@ def task_data(run: MissionRun, told: Mapping[str, Any]) -> list[dict[str, Any]]:
 def _unvisited(run: MissionRun) -> list[dict[str, Any]]:
     """Waypoints that were never visited, with the shortest detour to each at the vehicle's speed.
 
-    Tasks of waypoints without names lie on the edges between them: told is the highest priority of an edge
+    Tasks of waypoints without names lie on the edges between them: stated is the highest priority of an edge
     that leads there.
     """
     route, priority = run.route, np.asarray(run.graph.priority, float)

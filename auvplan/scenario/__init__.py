@@ -1,4 +1,4 @@
-"""Scenarios: settings, their files and validation, and the waters and waypoints that they describe."""
+"""Scenarios: settings, their files and validation, and the area and waypoints that they describe."""
 
 import lazy_loader
 

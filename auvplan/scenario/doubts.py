@@ -31,7 +31,7 @@ def doubts(scenario: Scenario, document: Document) -> list[Fault]:
     vehicle = scenario.vehicle
     if vehicle.speed > vehicle.surge_max:
         line = f"{vehicle.speed:g} m/s are more than surge_max, {vehicle.surge_max:g} m/s over ground"
-        found.append((("vehicle", "speed"), f"{line}: in still water no leg can be sailed"))
+        found.append((("vehicle", "speed"), f"{line}: in still water no leg can be executed"))
     return in_order(fault_at(path, reason, document) for path, reason in found)
 
 
@@ -65,7 +65,7 @@ def _zone(sections: dict[str, dict[str, Any]]) -> Iterator[tuple[Path, str]]:
 
 
 def _place(scenario: Scenario, sections: dict[str, dict[str, Any]]) -> Iterator[tuple[Path, str]]:
-    """A site that is not where the area or the shipped chart is, and pictures whose size is not told."""
+    """A site that is not where the area or the shipped chart is, and pictures whose size is not given."""
     if scenario.site is not None:
         site, (low, high) = scenario.site.site, scenario.box
         middle = np.add(low[:2], high[:2]) / 2.0 - site.origin
@@ -141,17 +141,21 @@ def _idle(scenario: Scenario, sections: dict[str, dict[str, Any]]) -> Iterator[t
         names = ["layers", "peak_speed", "vertical_scale", "uniform", "update_rate"]
         names += ["center_std", "radius_std", "strength_std"]
         names += ["vortices", "radius"] if current.forecast_error == 0.0 else []
+    elif current.source == "harmonic":
+        names = ["outside", "spacing", "layers", "vertical_scale", "uniform", "update_rate", "center_std"]
+        names += ["peak_speed", "radius_std", "strength_std"]
+        names += ["vortices", "radius"] if current.forecast_error == 0.0 else []
     else:
         names = ["outside", "spacing"]
     idle |= {f"current.{name}": ("current.source", current.source) for name in names}
     if scenario.mission.jobs is not None:
-        told = "mission.jobs", scenario.mission.jobs
+        stated = "mission.jobs", scenario.mission.jobs
         given = (
             "waypoints",
             "priority",
             "duration",
         )
-        idle |= {f"mission.{name}": told for name in given}
+        idle |= {f"mission.{name}": stated for name in given}
     for field, (other, value) in idle.items():
         section, name = field.split(".")
         if name in sections.get(section, {}):

@@ -1,18 +1,18 @@
 """Checks the fields of a scenario: all that is wrong with them at once, not the first of it.
 
-A faulty value is told, taken out, and the rest checked again, so that it hides no other fault. What the rest
-then lacks only because of what was taken out is not told.
+A faulty value is reported, taken out, and the rest checked again, so that it hides no other fault. What the
+rest then lacks only because of what was taken out is not reported.
 """
 
 import difflib
-import re
 from copy import deepcopy
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
+from auvplan.errors import AuvplanError, RuleError, ScenarioError
 from auvplan.scenario.faults import Fault, fault_at, in_order
-from auvplan.scenario.places import localised
+from auvplan.scenario.places import OffEarthError, localised
 from auvplan.scenario.scenario import Scenario
 from auvplan.scenario.settings import MOVED, Area, SiteSettings
 from auvplan.scenario.yaml_lines import Document, Path, short
@@ -22,10 +22,9 @@ from auvplan.site import Site
 _NOTHING = "nothing"
 #: What is said of a place that would be one the other way round.
 _SWAPPED = ": longitude and latitude seem swapped"
-#: Kinds of faults between fields: of the whole scenario, and within a section.
-_RULES = ("rule", "section rule")
-#: What the box of a mission is made of: the fields that rules mean by "the area" and "the vehicle's depths".
-_BOX = ("lower", "upper", "depth_min", "depth_max")
+
+#: Paths of the fields that a rule between fields looks at.
+Concerns = tuple[Path, ...]
 
 
 def check_fields(document: Document) -> tuple[Scenario | None, list[Fault]]:
@@ -51,11 +50,11 @@ def check_fields(document: Document) -> tuple[Scenario | None, list[Fault]]:
             line = f"cannot be understood ({type(error).__name__}: {error})"
             return None, in_order([*faults, fault_at((), line, document)])
         before = _count(plain), len(taken)
-        for path, reason, kind in found:
-            if not _follows(path, reason, kind, taken):
+        for path, reason, kind, concerns in found:
+            if not _follows(path, kind, concerns, taken):
                 hint = _swap_hint(path, reason, document.data)
-                faults.append(_told(path, reason + hint, kind, document))
-        for path, _, kind in found:
+                faults.append(_stated(path, reason + hint, kind, document))
+        for path, _, kind, _ in found:
             _take_out(plain, path, kind, taken)
         if (_count(plain), len(taken)) == before:
             return None, in_order(faults)
@@ -68,7 +67,7 @@ def _bad_places(plain: dict[str, Any]) -> dict[Path, str]:
     """
     site = plain.get("site")
     try:
-        # Without a site there are no such places; what is wrong with one that is given is told elsewhere.
+        # Without a site there are no such places; what is wrong with one that is given is reported elsewhere.
         known = None if site is None else SiteSettings.model_validate(site).site
     except Exception:
         known = Site(0.0, 0.0)
@@ -85,8 +84,8 @@ def _bad_places(plain: dict[str, Any]) -> dict[Path, str]:
     if corners and not any(path in bad for path in corners):
         try:
             localised({"area": plain["area"]}, known)
-        except ValueError as error:
-            bad[corners[0]] = str(error).removeprefix("area: ").removeprefix("area.lower ")
+        except ScenarioError as error:
+            bad[corners[0]] = error.reason
     if any(path in bad for path in corners):  # half a box by longitude and latitude is none
         bad = dict.fromkeys(corners, "") | bad
     return bad
@@ -96,15 +95,25 @@ def _place_fault(value: dict[str, Any], site: Site | None) -> str:
     """Return what is wrong with a place by longitude and latitude, or an empty string."""
     try:
         localised({"mission": {"start": value}}, site)
-    except ValueError as error:
-        hint = ""
-        if site is not None and "Earth" in str(error):
-            turned = value | {"longitude": value["latitude"], "latitude": value["longitude"]}
-            hint = "" if _place_fault(turned, None).endswith("Earth") else _SWAPPED
-        return str(error).removeprefix("mission.start").lstrip(": ") + hint
+    except OffEarthError as error:
+        turned = value | {"longitude": value["latitude"], "latitude": value["longitude"]}
+        return error.reason + (_SWAPPED if site is not None and _is_on_earth(turned) else "")
+    except ScenarioError as error:
+        return error.reason
     except Exception:
-        return "longitude, latitude and depth must be numbers"
+        return "must have numbers for longitude, latitude and depth"
     return ""
+
+
+def _is_on_earth(value: dict[str, Any]) -> bool:
+    """Return whether a place's longitude and latitude are those of a place."""
+    try:
+        localised({"mission": {"start": value}}, None)
+    except OffEarthError:
+        return False
+    except ScenarioError:
+        return True
+    return True
 
 
 def _truths(given: dict[str, Any], model: type[BaseModel] = Scenario) -> dict[Path, str]:
@@ -123,42 +132,48 @@ def _truths(given: dict[str, Any], model: type[BaseModel] = Scenario) -> dict[Pa
             found |= {(name, *path): reason for path, reason in inner.items()}
         elif bool not in (field.annotation, *get_args(field.annotation)):
             entries = value if isinstance(value, list) else [value]
-            if told := [entry for entry in entries if isinstance(entry, bool)]:
-                shown = str(told[0]).lower()
+            if stated := [entry for entry in entries if isinstance(entry, bool)]:
+                shown = str(stated[0]).lower()
                 found[(name,)] = f"must not be true or false (nor yes, no, on, off), got {shown}"
     return found
 
 
-def _merged(error: ValidationError, plain: dict[str, Any]) -> list[tuple[Path, str, str]]:
-    """Path, reason and kind of the faults that pydantic found; alternatives of one value become one."""
-    merged: dict[Path, tuple[list[str], str, str]] = {}
+def _merged(error: ValidationError, plain: dict[str, Any]) -> list[tuple[Path, str, str, Concerns]]:
+    """Path, reason, kind and fields concerned of the faults found; alternatives of one value become one."""
+    merged: dict[Path, tuple[list[str], str, str, Concerns]] = {}
     for found in error.errors(include_url=False):
-        path, reason, kind, got = _read_error(found, plain)
-        reasons, *_ = merged.setdefault(path, ([], kind, got))
+        path, reason, kind, got, concerns = _read_error(found, plain)
+        reasons, *_ = merged.setdefault(path, ([], kind, got, concerns))
         if reason not in reasons:
             reasons.append(reason)
-    return [(path, " or ".join(reasons) + got, kind) for path, (reasons, kind, got) in merged.items()]
+    return [
+        (path, " or ".join(reasons) + got, kind, concerns)
+        for path, (reasons, kind, got, concerns) in merged.items()
+    ]
 
 
-def _read_error(found: Any, plain: dict[str, Any]) -> tuple[Path, str, str, str]:
-    """Path, reason, kind and what was got, as a message shows it, of one of pydantic's errors."""
+def _read_error(found: Any, plain: dict[str, Any]) -> tuple[Path, str, str, str, Concerns]:
+    """Path, reason, kind, what was got and fields concerned of one of pydantic's errors."""
     path, kind = found["loc"], found["type"]
-    message = found["msg"].removeprefix("Value error, ")
-    if kind == "value_error" and len(path) < 2:
-        named = _of_rule(path, message)
-        return named, _without_field(message, named), _RULES[len(path)], ""
+    if kind == "value_error":
+        error = found["ctx"]["error"]
+        reason = error.reason if isinstance(error, AuvplanError) else str(error)
+        if len(path) > 1 or not isinstance(error, RuleError):
+            at = (*path, *error.field.split(".")) if isinstance(error, AuvplanError) and error.field else path
+            return _known_part(at, plain), reason, kind, "", ()
+        concerns = tuple((*path, *name.split(".")) for name in (error.field, *error.concerns))
+        return concerns[0], reason, "rule", "", concerns
     if kind == "extra_forbidden":
-        return path, unknown_key(path), kind, ""
+        return path, unknown_key(path), kind, "", ()
     if kind == "missing":
         if isinstance(path[-1], int):
-            return path[:-1], f"has too few entries: {len(_at(plain, path[:-1]))}", "value", ""
-        return path, "is missing", kind, ""
+            return path[:-1], f"has too few entries: {len(_at(plain, path[:-1]))}", "value", "", ()
+        return path, "is missing", kind, "", ()
+    message = found["msg"]
     if kind in ("model_type", "model_attributes_type"):
         message = "must be a section of fields"
-    if kind == "value_error":
-        return _known_part(path, plain), message.removeprefix("Value error, "), kind, ""
     got = "" if isinstance(found["input"], dict | list | tuple) else f", got {short(found['input'])}"
-    return _known_part(path, plain), message.replace("Input should", "must", 1), kind, got
+    return _known_part(path, plain), message.replace("Input should", "must", 1), kind, got, ()
 
 
 def unknown_key(path: Path) -> str:
@@ -192,22 +207,6 @@ def _section(model: type[BaseModel], name: str) -> type[BaseModel] | None:
     return None
 
 
-def _of_rule(location: Path, message: str) -> Path:
-    """Return the field of a rule between fields, whose message names it first."""
-    words = re.match(r"(\w+)(?:\.(\w+))?", message)
-    first, second = words.groups() if words else ("", None)
-    if not location:
-        return (first, *([second] if second else [])) if first in Scenario.model_fields else ()
-    section = _section(Scenario, str(location[0]))
-    return (*location, first) if section is not None and first in section.model_fields else location
-
-
-def _without_field(message: str, path: Path) -> str:
-    """Return a message that begins with its field, without it, where that leaves a sentence."""
-    rest = message.removeprefix(".".join(map(str, path)))
-    return rest.strip() if rest != message and rest[:1] == " " and not rest.startswith(" and ") else message
-
-
 def _swap_hint(path: Path, reason: str, data: dict[str, Any]) -> str:
     """Return what to add where longitude and latitude of the site or of a place are swapped; or nothing."""
     site = data.get("site")
@@ -237,17 +236,11 @@ def _swap_hint(path: Path, reason: str, data: dict[str, Any]) -> str:
     return ": with its longitude and latitude swapped it would lie within" if inside else ""
 
 
-def _follows(path: Path, reason: str, kind: str, taken: set[Path]) -> bool:
+def _follows(path: Path, kind: str, concerns: Concerns, taken: set[Path]) -> bool:
     """Return whether a fault may be there only because of what was taken out."""
-    words = set(re.findall(r"\w+", reason)) | {str(part) for part in path}
-    alone = set(re.findall(r"\b(\w+)\b(?!\.)", reason))
-    for section, *key in taken:
-        mentioned = not key or key[0] in words
-        if kind == _RULES[0] and section in words and (mentioned or (section in alone and key[0] in _BOX)):
-            return True
-        if kind == _RULES[1] and path[0] == section and mentioned:
-            return True
-    return kind not in _RULES and (path[:2] in taken or path[:1] in taken)
+    if kind != "rule":
+        return path[:2] in taken or path[:1] in taken
+    return any(out[: len(field)] == field[: len(out)] for out in taken for field in concerns)
 
 
 def _take_out(plain: dict[str, Any], path: Path, kind: str, taken: set[Path]) -> None:
@@ -264,7 +257,7 @@ def _take_out(plain: dict[str, Any], path: Path, kind: str, taken: set[Path]) ->
         taken.add(path[:1])
 
 
-def _told(path: Path, reason: str, kind: str, document: Document) -> Fault:
+def _stated(path: Path, reason: str, kind: str, document: Document) -> Fault:
     place = document.keys.get(path) if kind == "extra_forbidden" else None
     return fault_at(path, reason, document, place)
 

@@ -86,7 +86,7 @@ def change_scenario(
         inside[field] = value
     changed, faults = check_fields(Document(plain))
     if changed is None:
-        # What was given is told before what it leads to elsewhere.
+        # What was given is reported before what it leads to elsewhere.
         given = [(fault, name) for fault in faults for name in changes if _concerns(fault, name)]
         faults = list(dict.fromkeys([*(fault for fault, _ in given), *faults]))
         source = (sources or {}).get(given[0][1], source) if given else source

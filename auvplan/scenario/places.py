@@ -5,6 +5,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field, WithJsonSchema
 
+from auvplan.errors import ScenarioError
 from auvplan.site import Site
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -33,6 +34,10 @@ _PLACE_SCHEMA = {
 Point = Annotated[tuple[Finite, Finite, Finite], WithJsonSchema(_PLACE_SCHEMA)]
 
 
+class OffEarthError(ScenarioError):
+    """A longitude or latitude beyond those of the Earth."""
+
+
 def localised(given: dict[str, Any], site: Site | None) -> dict[str, Any]:
     """Return a scenario's plain data with places of longitude and latitude in local metres."""
     out = dict(given)
@@ -56,14 +61,17 @@ def _place(value: Any, site: Site | None, name: str) -> Any:
         return value
     known = {"longitude", "latitude", "depth"}
     if not {"longitude", "latitude"} <= value.keys() <= known:
-        raise ValueError(f"{name} must have longitude, latitude and perhaps depth, got {sorted(value)}")
+        reason = f"must have longitude, latitude and perhaps depth, got {sorted(value)}"
+        raise ScenarioError(reason, field=name)
     numbers = [value["longitude"], value["latitude"], value.get("depth", 0.0)]
     if not all(isinstance(number, int | float) and abs(number) <= 1e7 for number in numbers):
-        raise ValueError(f"{name}: longitude, latitude and depth must be numbers")
+        raise ScenarioError("must have numbers for longitude, latitude and depth", field=name)
     if not (-180.0 <= numbers[0] <= 360.0 and -90.0 <= numbers[1] <= 90.0):
-        raise ValueError(f"{name}: longitude {numbers[0]}, latitude {numbers[1]} is no place on Earth")
+        reason = f"longitude {numbers[0]}, latitude {numbers[1]} is no place on Earth"
+        raise OffEarthError(reason, field=name)
     if site is None:
-        raise ValueError(f"{name}: a place by longitude and latitude needs the section site")
+        reason = "a place by longitude and latitude needs the section site"
+        raise ScenarioError(reason, field=name)
     north, east = site.to_local(numbers[0], numbers[1])
     return (round(float(north), 2), round(float(east), 2), float(numbers[2]))
 
@@ -72,14 +80,14 @@ def _box(corners: dict[str, Any], site: Site | None) -> dict[str, Any]:
     """Return the local box around a box of longitude and latitude, whose sides are not quite straight."""
     for name in ("lower", "upper"):
         if not isinstance(corners.get(name), dict):
-            raise ValueError(
-                "area: lower and upper must both be places by longitude and latitude, or neither"
-            )
+            reason = "lower and upper must both be places by longitude and latitude, or neither"
+            raise ScenarioError(reason, field="area")
         _place(corners[name], site, f"area.{name}")
     assert site is not None
     low, high = corners["lower"], corners["upper"]
     if not (low["longitude"] < high["longitude"] and low["latitude"] < high["latitude"]):
-        raise ValueError("area.lower must be the south-western corner and area.upper the north-eastern one")
+        reason = "must be the south-western corner and area.upper the north-eastern one"
+        raise ScenarioError(reason, field="area.lower")
     share = np.linspace(0.0, 1.0, 33)
     along, ends = np.concatenate([share, share]), np.repeat([0.0, 1.0], 33)
     wide, tall = (high[key] - low[key] for key in ("longitude", "latitude"))

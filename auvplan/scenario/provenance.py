@@ -10,7 +10,7 @@ from typing import Any
 
 import h5py
 
-#: Larger files are told by name and size alone, bytes.
+#: Larger files are known by name and size alone, bytes.
 _HASHED = 500_000_000
 #: What attributes begin with that tell where a file of currents was fetched from.
 ORIGIN = "fetched_"
@@ -18,7 +18,7 @@ ORIGIN = "fetched_"
 FILE_FIELDS: dict[str, tuple[str, ...]] = {
     "chart": ("image", "file", "uncertain", "no_go"),
     "bathymetry": ("file",),
-    "current": ("files", "truth"),
+    "current": ("files", "constituents", "truth"),
     "obstacles": ("file",),
     "mission": ("jobs",),
 }

@@ -6,6 +6,7 @@ from typing import Any
 
 from pydantic import PrivateAttr, model_validator
 
+from auvplan.errors import RuleError
 from auvplan.scenario.places import localised
 from auvplan.scenario.settings import (
     Area,
@@ -23,6 +24,9 @@ from auvplan.scenario.settings import (
     VehicleSettings,
 )
 from auvplan.site import Site
+
+#: What the box of a mission is made of.
+_BOX_FIELDS = ("area.lower", "area.upper", "vehicle.depth_min", "vehicle.depth_max")
 
 
 class Scenario(Section):
@@ -79,7 +83,7 @@ class Scenario(Section):
                 ...
             auvplan.errors.ScenarioError: scenario: vehicle.sped: unknown key 'sped', did you mean 'speed'?
         """
-        # Faults are told at the edge of the package.
+        # Faults are reported at the edge of the package.
         from auvplan.scenario.file import change_scenario
 
         return change_scenario(self, changes)
@@ -97,21 +101,27 @@ class Scenario(Section):
             "chart.no_go": self.chart.no_go is not None,
             "bathymetry.source 'file'": self.bathymetry.source == "file",
             "current.source 'file'": self.current.source == "file",
+            "current.source 'harmonic'": self.current.source == "harmonic",
             "obstacles.file": self.obstacles.file is not None,
         }
         for name, needed in placed.items():
             if needed and self.site is None:
-                raise ValueError(f"{name} needs the section site: where on Earth the origin lies")
+                field, _, value = name.partition(" ")
+                reason = f"{value} needs the section site: where on Earth the origin lies".strip()
+                raise RuleError(reason, field=field, concerns=("site",))
         for name in ("chart", "bathymetry"):
             if getattr(self, name).source == "current" and self.current.source != "file":
-                raise ValueError(f"{name}.source 'current' needs current.source 'file'")
+                reason = "'current' needs current.source 'file'"
+                raise RuleError(reason, field=f"{name}.source", concerns=("current.source",))
         low, high = self.box
         if low[2] > high[2]:
-            raise ValueError("vehicle.depth_min and depth_max leave nothing of the area's depths")
+            reason = "leaves, with depth_max, nothing of the area's depths"
+            raise RuleError(reason, field="vehicle.depth_min", concerns=_BOX_FIELDS)
         for name in ("start", "goal"):
             point = getattr(self.mission, name)
             if point is not None and not all(a <= p <= b for a, p, b in zip(low, point, high, strict=True)):
-                raise ValueError(f"mission.{name} {point} lies outside the area or the vehicle's depths")
+                reason = f"{point} lies outside the area or the vehicle's depths"
+                raise RuleError(reason, field=f"mission.{name}", concerns=_BOX_FIELDS)
         return self
 
     @property

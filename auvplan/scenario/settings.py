@@ -7,6 +7,7 @@ from zoneinfo import available_timezones
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator, model_validator
 
+from auvplan.errors import RuleError
 from auvplan.ocean.palette import ChartColours, as_hex
 from auvplan.scenario.places import Finite, NotNegative, Point, Positive
 from auvplan.site import Site, as_utc
@@ -91,7 +92,7 @@ class Area(Section):
     def _ordered(self) -> "Area":
         low, high = self.lower, self.upper
         if low[0] >= high[0] or low[1] >= high[1] or low[2] > high[2]:
-            raise ValueError("lower must be below upper (depths may be equal)")
+            raise RuleError("must be below upper (depths may be equal)", field="lower", concerns=("upper",))
         return self
 
 
@@ -120,11 +121,11 @@ class ColourSettings(Section):
 
     @model_validator(mode="after")
     def _apart(self) -> "ColourSettings":
-        _ = self.told
+        _ = self.given
         return self
 
     @property
-    def told(self) -> ChartColours:
+    def given(self) -> ChartColours:
         """The colours by what they stand for."""
         return ChartColours(*(tuple(getattr(self, name)) for name in ("water", "land", "uncertain")))
 
@@ -150,10 +151,19 @@ class ChartSettings(Section):
     fringe: NotNegative = Field(default=0.0, description="m of uncertain area along the coast ('polygons')")
     colours: ColourSettings = Field(
         default=ColourSettings(),
-        description="what a picture's colours stand for ('image', 'raster'); told by rules if absent, which "
+        description="what a picture's colours stand for ('image', 'raster'); found by rules if absent, which "
         "know blue water and refuse what they are not sure of",
     )
-    no_go: str | None = Field(default=None, description="path of GeoJSON polygons that are closed")
+    no_go: str | None = Field(
+        default=None,
+        description="path of GeoJSON polygons that are closed; those with the properties from and to, or "
+        "windows, at these hours",
+    )
+    no_go_windows: str | None = Field(
+        default=None,
+        description="when polygons of no_go are closed that do not tell it themselves, 'from/to, from/to' as "
+        "windows of jobs; always if absent",
+    )
     pixel_size: Positive = Field(default=10.0, description="m")
     window: tuple[int, int, int, int] | None = Field(
         default=None, description="first row (north), first column (east), rows, columns to cut out, pixels"
@@ -162,15 +172,27 @@ class ChartSettings(Section):
     @model_validator(mode="after")
     def _files_given(self) -> "ChartSettings":
         if (self.source == "image") != (self.image is not None):
-            raise ValueError("image must be given with source 'image', and only then")
+            raise RuleError(
+                "must be given with source 'image', and only then", field="image", concerns=("source",)
+            )
         if (self.source in ("raster", "polygons")) != (self.file is not None):
-            raise ValueError("file must be given with source 'raster' or 'polygons', and only then")
-        if self.colours.told and self.source not in ("image", "raster"):
-            raise ValueError("colours goes with source 'image' or 'raster' alone")
+            raise RuleError(
+                "must be given with source 'raster' or 'polygons', and only then",
+                field="file",
+                concerns=("source",),
+            )
+        if self.colours.given and self.source not in ("image", "raster"):
+            raise RuleError(
+                "goes with source 'image' or 'raster' alone", field="colours", concerns=("source",)
+            )
         if self.uncertain is not None and self.source != "polygons":
-            raise ValueError("uncertain goes with source 'polygons' alone")
+            raise RuleError("goes with source 'polygons' alone", field="uncertain", concerns=("source",))
+        if self.no_go_windows is not None and self.no_go is None:
+            raise RuleError("goes with no_go alone", field="no_go_windows", concerns=("no_go",))
         if self.window is not None and self.source not in ("whitsunday", "image"):
-            raise ValueError("window goes with source 'whitsunday' or 'image' alone")
+            raise RuleError(
+                "goes with source 'whitsunday' or 'image' alone", field="window", concerns=("source",)
+            )
         return self
 
 
@@ -195,7 +217,9 @@ class BathymetrySettings(Section):
     @model_validator(mode="after")
     def _file_given(self) -> "BathymetrySettings":
         if (self.source == "file") != (self.file is not None):
-            raise ValueError("file must be given with source 'file', and only then")
+            raise RuleError(
+                "must be given with source 'file', and only then", field="file", concerns=("source",)
+            )
         return self
 
 
@@ -211,20 +235,26 @@ class VehicleSettings(Section):
 
 
 class CurrentSettings(Section):
-    """The true current, and what the planner is told of it.
+    """The true current, and its forecast for the planner.
 
     Layered Lamb vortices that change at every update (Eqs 1-2), or files of an ocean model.
     """
 
-    source: Literal["vortices", "file"] = Field(
-        default="vortices", description="'vortices': random Lamb vortices; 'file': an ocean model's files"
+    source: Literal["vortices", "file", "harmonic"] = Field(
+        default="vortices",
+        description="'vortices': random Lamb vortices; 'file': an ocean model's files; 'harmonic': tidal "
+        "constituents",
     )
     files: str | tuple[str, ...] | None = Field(
         default=None,
         description="path, pattern or paths of the forecast, relative to the scenario file ('file')",
     )
+    constituents: str | None = Field(
+        default=None, description="path of a YAML file of tidal constituents ('harmonic')"
+    )
     truth: str | tuple[str, ...] | None = Field(
-        default=None, description="the same of the current that is sailed in; the forecast if absent ('file')"
+        default=None,
+        description="the same of the true current; the forecast if absent ('file')",
     )
     outside: Literal["refuse", "clamp"] = Field(
         default="refuse", description="what is done where the files do not reach: 'clamp' holds the nearest"
@@ -250,26 +280,34 @@ class CurrentSettings(Section):
     strength_std: NotNegative = Field(default=0.05, description="share per update")
     forecast_error: NotNegative = Field(
         default=0.02,
-        description="relative error of what the planner is told; of files, that of random vortices which are "
+        description="relative error of the forecast; of files, that of random vortices which are "
         "added to the forecast, as a share of its largest speed (none if not given)",
     )
 
     @model_validator(mode="before")
     @classmethod
     def _check_file_form(cls, given: Any) -> Any:
-        if isinstance(given, dict) and given.get("source") == "file":
+        if isinstance(given, dict) and given.get("source") in ("file", "harmonic"):
             return {"forecast_error": 0.0} | given
         return given
 
     @model_validator(mode="after")
     def _files_given(self) -> "CurrentSettings":
         if (self.source == "file") != (self.files is not None):
-            raise ValueError("files must be given with source 'file', and only then")
+            raise RuleError(
+                "must be given with source 'file', and only then", field="files", concerns=("source",)
+            )
+        if (self.source == "harmonic") != (self.constituents is not None):
+            raise RuleError(
+                "must be given with source 'harmonic', and only then",
+                field="constituents",
+                concerns=("source",),
+            )
         for name in ("files", "truth"):
             if getattr(self, name) == ():
-                raise ValueError(f"{name} names no file")
+                raise RuleError("names no file", field=name)
         if self.truth is not None and self.source != "file":
-            raise ValueError("truth goes with source 'file' alone")
+            raise RuleError("goes with source 'file' alone", field="truth", concerns=("source",))
         return self
 
 
@@ -291,6 +329,10 @@ class SafetySettings(Section):
         default=5.0, description="m, least distance of paths to the boundaries of obstacles"
     )
     seabed: NotNegative = Field(default=5.0, description="m, least height of paths above the sea bed")
+    closing: NotNegative = Field(
+        default=60.0,
+        description="s, how long before an area closes, and after it opens, no path is in it",
+    )
     end: Literal["surface", "station", "loiter"] = Field(
         default="surface",
         description="at the destination: surface there, or keep station or loiter at its depth until told",
@@ -328,7 +370,7 @@ class SensorSettings(Section):
     velocity_std: NotNegative = Field(default=0.03, description="m/s")
     growth: NotNegative = Field(default=0.1, description="m/s, growth of the boundary since the last look")
     growth_max: NotNegative = Field(
-        default=24.0, description="m; what grows while a vehicle sails as far as its sensors reach"
+        default=24.0, description="m; what grows while a vehicle travels as far as its sensors reach"
     )
 
 
@@ -353,7 +395,7 @@ class MissionSettings(Section):
     lines: Literal["part", "whole"] = Field(
         default="part",
         description="survey lines: 'part': a part of a line earns its share; 'whole': it is begun only to be "
-        "sailed from one end to the other, and left only where nothing else is possible",
+        "surveyed from one end to the other, and left only where nothing else is possible",
     )
     wait: Literal["station", "loiter", "none"] = Field(
         default="station",
@@ -369,7 +411,7 @@ class MissionSettings(Section):
     @model_validator(mode="after")
     def _ends_given(self) -> "MissionSettings":
         if self.jobs is not None and (self.start is None or self.goal is None):
-            raise ValueError("start and goal must be given with jobs")
+            raise RuleError("must be given with jobs, as must goal", field="start", concerns=("goal", "jobs"))
         return self
 
 
@@ -390,7 +432,7 @@ class PlanningRules:
     t_series: int
     current_updates: Literal["interval", "window"]
     replan_from: Literal["kept", "fresh"]
-    orders_from: Literal["kept", "fresh"]
+    routes_from: Literal["kept", "fresh"]
     window_change: float
     reserve: float
     allowance: float
@@ -401,6 +443,7 @@ class PlanningRules:
     tolerance: float
     gain: float
     charge_compute: bool
+    budget: float | None
 
 
 #: What a preset sets where the scenario is silent: the fields of `PlanningSettings` that default to None.
@@ -415,7 +458,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "second_look": True,
         "window_change": 0.01,
         "replan": "deviation",
-        "orders_from": "fresh",
+        "routes_from": "fresh",
         "current_updates": "interval",
     },
     "paper": {
@@ -429,7 +472,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "second_look": False,
         "window_change": 0.0,
         "replan": "late",
-        "orders_from": "kept",
+        "routes_from": "kept",
         "current_updates": "window",
     },
 }
@@ -456,7 +499,7 @@ class PlanningSettings(Section):
     Differences from the paper:
         The preset "paper" keeps its rules. The default times edges in the forecast current, visits waypoints
         once, keeps time for the way back, plans paths anew where the sea has changed and the mission where
-        its order no longer fits.
+        its route no longer fits.
     """
 
     preset: Literal["default", "paper"] = Field(
@@ -464,11 +507,11 @@ class PlanningSettings(Section):
     )
     effort: Literal["quick", "full", "plain"] = Field(
         default="quick",
-        description="of the preset 'default': 'quick' plans paths and later orders in a fifth of the time of "
+        description="of the preset 'default': 'quick' plans paths and later routes in a fifth of the time of "
         "'full'; 'plain' is the search alone, without passages, beams, local search and gradients",
     )
     objective: Literal["priority", "eq15"] | None = Field(
-        default=None, description="of the order of tasks; default 'priority', paper 'eq15'"
+        default=None, description="of the route; default 'priority', paper 'eq15'"
     )
     travel_times: Literal["sea", "distance"] | None = Field(
         default=None,
@@ -498,10 +541,10 @@ class PlanningSettings(Section):
     replan_from: Literal["kept", "fresh"] = Field(
         default="kept", description="population that a path is planned anew from on the way"
     )
-    orders_from: Literal["kept", "fresh"] | None = Field(
+    routes_from: Literal["kept", "fresh"] | None = Field(
         default=None,
-        description="population that an order of tasks is planned anew from; default 'fresh' beside the rest "
-        "of the last order, paper 'kept'",
+        description="population that a route is planned anew from; default 'fresh' beside the rest "
+        "of the last route, paper 'kept'",
     )
     window_change: NotNegative | None = Field(
         default=None,
@@ -510,7 +553,7 @@ class PlanningSettings(Section):
     )
     reserve: NotNegative | None = Field(
         default=None,
-        description="s of the available time that no order is planned to use; default 60, paper 0",
+        description="s of the available time that no route is planned to use; default 60, paper 0",
     )
     allowance: NotNegative = Field(
         default=0.0,
@@ -535,17 +578,22 @@ class PlanningSettings(Section):
     replan: Literal["late", "deviation"] | None = Field(
         default=None,
         description="'late' after every leg that took longer than expected (3.3.2); 'deviation' when the "
-        "rest of the order no longer fits the time that is left, or would leave much of it; default "
+        "rest of the route no longer fits the time that is left, or would leave much of it; default "
         "'deviation', paper 'late'",
     )
     tolerance: NotNegative = Field(
-        default=30.0, description="s by which the rest of an order may overrun the reserve ('deviation')"
+        default=30.0, description="s by which the rest of a route may overrun the reserve ('deviation')"
     )
     gain: Positive = Field(
-        default=120.0, description="s left over that make a new order worth planning ('deviation')"
+        default=120.0, description="s left over that make a new route worth planning ('deviation')"
     )
     charge_compute: bool = Field(
         default=False, description="charge planning time to the mission clock (Eq. 16)"
+    )
+    budget: Positive | None = Field(
+        default=None,
+        description="s of wall-clock time that a planning call may take, compilation left out; the best plan "
+        "so far is followed then, so that a seed gives other missions on other machines; no limit if absent",
     )
 
     @property

@@ -4,20 +4,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from auvplan.errors import ScenarioError
+from auvplan.errors import ScenarioError, blaming
 from auvplan.mission.graph import MissionGraph, random_graph
-from auvplan.mission.jobs import NEIGHBOURS, Jobs, jobs_graph, task_windows
+from auvplan.mission.jobs import NEIGHBOURS, JobPoint, Jobs, jobs_graph, task_hours
 from auvplan.mission.timetable import Timetable
 from auvplan.ocean.seabed import Seabed
+from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.scenario import Scenario
-from auvplan.scenario.waters import Waters
+from auvplan.scenario.ways import WaysAround, clear_lines
 
 #: Draws of waypoints before a scenario is declared too cramped.
 _TRIES = 200
 
 
 def make_graph(
-    scenario: Scenario, waters: Waters, rng: np.random.Generator
+    scenario: Scenario, area: OperatingArea, rng: np.random.Generator
 ) -> tuple[MissionGraph, list[str]]:
     """Waypoints in the water, the edges between them whose straight line is clear, and the waypoints' names.
 
@@ -29,23 +30,24 @@ def make_graph(
             was found.
 
     Differences from the paper:
-        It draws waypoints over the whole area's waters once for all runs in section 2, and anew for every run
+        It draws waypoints over the whole area once for all runs in section 2, and anew for every run
         in 4.2: the latter is done here, and they keep a clearance to the coast. It does not say which
         waypoints have an edge; each has one to its nearest that a straight line over water reaches.
     """
     settings = scenario.mission
     for name, point in (("start", settings.start), ("goal", settings.goal)):
-        if point is not None and (fault := misplaced(np.asarray(point), scenario, waters)):
-            raise ScenarioError(f"mission.{name} {point} {fault}")
-    if waters.jobs is not None:
-        return _jobs_graph(scenario, waters, waters.jobs)
+        if point is not None and (fault := misplaced(np.asarray(point), scenario, area)):
+            raise ScenarioError(f"{point} {fault}", field=f"mission.{name}")
+    if area.jobs is not None:
+        with blaming("mission", "jobs"):
+            return _jobs_graph(scenario, area, area.jobs)
     ends = {0: settings.start, settings.waypoints - 1: settings.goal}
     for _ in range(_TRIES):
-        positions = _drawn_waypoints(scenario, waters, rng)
+        positions = _drawn_waypoints(scenario, area, rng)
         for index, point in ends.items():
             if point is not None:
                 positions[index] = point
-        sailable = lines_clear(positions, scenario, waters)
+        passable = lines_clear(positions, scenario, area)
         try:
             graph = random_graph(
                 rng,
@@ -53,7 +55,7 @@ def make_graph(
                 settings.neighbours or NEIGHBOURS,
                 settings.priority,
                 settings.duration,
-                sailable,
+                passable,
             )
         except ValueError:
             continue
@@ -66,9 +68,9 @@ def make_graph(
     )
 
 
-def _drawn_waypoints(scenario: Scenario, waters: Waters, rng: np.random.Generator) -> np.ndarray:
+def _drawn_waypoints(scenario: Scenario, area: OperatingArea, rng: np.random.Generator) -> np.ndarray:
     """[N, 3] m, off the coast and clear of the sea bed."""
-    settings, chart = scenario.mission, waters.chart
+    settings, chart = scenario.mission, area.chart
     lower, upper = (np.asarray(corner) for corner in scenario.box)
     margin = min(scenario.mission.waypoint_clearance, 0.05 * float((upper - lower)[:2].min()))
     inset = np.array([margin, margin, 0.0])
@@ -78,28 +80,32 @@ def _drawn_waypoints(scenario: Scenario, waters: Waters, rng: np.random.Generato
         free = np.ones(len(drawn), bool)
         if chart is not None:
             free &= np.asarray(chart.distance(drawn[:, 0], drawn[:, 1])) > scenario.mission.waypoint_clearance
-        if waters.seabed is not None:
-            deepest = _deepest(drawn, waters.seabed)
+        if area.seabed is not None:
+            deepest = _deepest(drawn, area.seabed)
             drawn[:, 2] = np.minimum(drawn[:, 2], deepest)
             free &= deepest >= lower[2]
+        for closure in area.closures:
+            free &= np.asarray(closure.chart.distance(drawn[:, 0], drawn[:, 1])) > scenario.safety.coast
         drawn = drawn[free]
         if not len(drawn):
-            raise ScenarioError("chart.clearance and the sea bed leave no water for waypoints")
+            reason = "and the sea bed leave no water for waypoints"
+            raise ScenarioError(reason, field="mission.waypoint_clearance")
         positions = np.concatenate([positions, drawn])[: settings.waypoints]
     return positions
 
 
-def _jobs_graph(scenario: Scenario, waters: Waters, jobs: Jobs) -> tuple[MissionGraph, list[str]]:
+def _jobs_graph(scenario: Scenario, area: OperatingArea, jobs: Jobs) -> tuple[MissionGraph, list[str]]:
     """Return the graph of the jobs of a file.
 
     Raises:
         ScenarioError: a job lies on land, outside the area or too near the sea bed, or cannot be reached.
     """
     settings, source = scenario.mission, scenario.mission.jobs
+    jobs = replace(jobs, points=tuple(_while_open(point, scenario, area) for point in jobs.points))
     places = [(point.name, point.position) for point in jobs.points]
     places += [(line.name, position) for line in jobs.lines for position in line.positions]
     for name, position in places:
-        if fault := misplaced(np.asarray(position), scenario, waters):
+        if fault := misplaced(np.asarray(position), scenario, area):
             where = "({:.0f}, {:.0f}, {:.0f}) m".format(*position)
             raise ScenarioError(f"{source}: job {name!r} at {where} {fault}")
     try:
@@ -109,30 +115,61 @@ def _jobs_graph(scenario: Scenario, waters: Waters, jobs: Jobs) -> tuple[Mission
             settings.start,
             settings.goal,
             neighbours=settings.neighbours,
-            clear=lambda positions: lines_clear(positions, scenario, waters),
+            clear=lambda positions: lines_clear(positions, scenario, area),
             whole=settings.lines == "whole",
+            around=WaysAround(scenario, area),
         )
     except ValueError as error:
         raise ScenarioError(f"{source}: {error}") from None
-    windows = task_windows(jobs.points, graph.size)
-    if windows is not None:
+    if hours := task_hours(jobs.points, jobs.lines, graph.size):
         still = graph.leg_times(scenario.vehicle.speed) - graph.duration
         waiting = settings.wait != "none"
-        graph = graph.with_timetable(Timetable(np.zeros(1), still[None], *windows, waiting))
+        graph = graph.with_timetable(Timetable(np.zeros(1), still[None], **hours, waiting=waiting))
     return graph, names
 
 
-def misplaced(position: np.ndarray, scenario: Scenario, waters: Waters) -> str:
+def _while_open(point: JobPoint, scenario: Scenario, area: OperatingArea) -> JobPoint:
+    """Return a job with windows that leave time to be out of an area before it closes.
+
+    That takes the way out at half the vehicle's speed, and the time between two departures of the arrival
+    functions, for which an edge counts as closed before it is.
+
+    Raises:
+        ScenarioError: no time is left for it.
+    """
+    north, east, _ = point.position
+    step = scenario.mission.time_available / max(scenario.planning.resolved.departures - 1, 1)
+    for closure in area.closures:
+        out = scenario.safety.coast - float(closure.chart.distance(north, east))
+        if out <= 0.0:
+            continue
+        early = point.duration + step + 2.0 * out / scenario.vehicle.speed
+        spans = point.windows or ((-np.inf, np.inf),)
+        for begins, ends in closure.spans:
+            parts = [((first, min(last, begins - early)), (max(first, ends), last)) for first, last in spans]
+            spans = tuple(
+                (first, last) for pair in parts for first, last in pair if first < last and last > 0.0
+            )
+        if not spans:
+            raise ScenarioError(
+                f"{scenario.mission.jobs}: job {point.name!r} lies in the closed area {closure.name!r}: "
+                f"its hours leave no time for it and the {early - point.duration:.0f} s to be out of it again"
+            )
+        point = replace(point, windows=spans)
+    return point
+
+
+def misplaced(position: np.ndarray, scenario: Scenario, area: OperatingArea) -> str:
     """Return what is wrong with a waypoint [3] m, or an empty string."""
     lower, upper = (np.asarray(corner) for corner in scenario.box)
     if (position[:2] < lower[:2] - 1e-6).any() or (position[:2] > upper[:2] + 1e-6).any():
         return "lies outside the area"
     if not lower[2] - 1e-6 <= position[2] <= upper[2] + 1e-6:
         return f"lies outside the depths {lower[2]:g} to {upper[2]:g} m of area and vehicle"
-    if waters.chart is not None and not bool(waters.chart.is_water(position[0], position[1])):
+    if area.chart is not None and not bool(area.chart.is_water(position[0], position[1])):
         return "lies on land"
-    if waters.seabed is not None:
-        room = float(_deepest(position[None], waters.seabed)[0]) - position[2]
+    if area.seabed is not None:
+        room = float(_deepest(position[None], area.seabed)[0]) - position[2]
         if room < 0.0:
             return f"is {-room:.1f} m too deep for the clearance of the sea bed"
     return ""
@@ -144,21 +181,10 @@ def _deepest(positions: np.ndarray, seabed: Seabed) -> np.ndarray:
     return shallowest - float(seabed.clearance) - 0.5
 
 
-def lines_clear(positions: np.ndarray, scenario: Scenario, waters: Waters) -> np.ndarray:
+def lines_clear(positions: np.ndarray, scenario: Scenario, area: OperatingArea) -> np.ndarray:
     """[N, N] bool: whether the straight line between two waypoints keeps clear of coast and shallows."""
-    size, chart = len(positions), waters.chart
+    size = len(positions)
     if size == 2:  # two waypoints are a single leg: the path planner finds the way round
         return np.ones((size, size), bool)
-    share = np.linspace(0.0, 1.0, 200)[:, None, None]
-    x = positions[:, 0, None] * (1 - share) + positions[None, :, 0] * share
-    y = positions[:, 1, None] * (1 - share) + positions[None, :, 1] * share
-    clear = np.ones((size, size), bool)
-    if chart is not None:
-        least = np.asarray(chart.distance(x, y)).min(axis=0)
-        clear &= np.minimum(least, least.T) > 0.3 * scenario.mission.waypoint_clearance
-    if waters.seabed is not None:
-        gap = np.hypot(x[1] - x[0], y[1] - y[0])
-        shallowest = np.asarray(waters.seabed.shallowest_at(x, y, gap)).min(axis=0)
-        room = shallowest - float(waters.seabed.clearance) - scenario.box[0][2]
-        clear &= np.minimum(room, room.T) > 0.0
-    return clear
+    clear = clear_lines(positions[:, None], positions[None], scenario, area)
+    return clear & clear.T

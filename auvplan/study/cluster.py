@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from auvplan.study.design import StudyError
-from auvplan.study.worker import Job, Report, sail_all
+from auvplan.study.worker import Job, Report, run_whole_job
 
 #: Missions that a worker is handed at a time; so many are lost when it dies.
 CHUNK = 16
@@ -40,7 +40,7 @@ def connected(address: str) -> Iterator[Any]:
         yield client
 
 
-def sail_on_cluster(
+def run_on_cluster(
     client: Any,
     tasks: list[tuple[int, int]],
     job: Callable[[list[tuple[int, int]]], Job],
@@ -60,7 +60,7 @@ def sail_on_cluster(
     from distributed.scheduler import KilledWorker
 
     chunks = [tasks[first : first + chunk] for first in range(0, len(tasks), chunk)]
-    futures = [client.submit(sail_all, job(part), pure=False) for part in chunks]
+    futures = [client.submit(run_whole_job, job(part), pure=False) for part in chunks]
     for future in as_completed(futures, loop=client.loop):
         try:
             reports = future.result()

@@ -28,12 +28,12 @@ def require_one_sea(scenario: Scenario) -> None:
         )
 
 
-def rehearsal_of(planned: MissionRun, sailed: xr.Dataset) -> dict[str, Any]:
+def rehearsal_of(planned: MissionRun, executed: xr.Dataset) -> dict[str, Any]:
     """Figures of how often a plan holds, ready for JSON.
 
     Args:
         planned: the plan.
-        sailed: missions of the same scenario, as `run_study` returns them.
+        executed: missions of the same scenario, as `run_study` returns them.
 
     Returns:
         What `summarise` tells of the missions; the plan's figures; how many missions did each job, and how
@@ -43,16 +43,16 @@ def rehearsal_of(planned: MissionRun, sailed: xr.Dataset) -> dict[str, Any]:
     wanted = jobs_done(names, [(leg.start, leg.goal) for leg in planned.earning]) if names else set()
     done: Counter[str] = Counter()
     complete = 0
-    for row in range(sailed.sizes["mission"]):
-        found = _done(names, sailed.isel(mission=row))
+    for row in range(executed.sizes["mission"]):
+        found = _done(names, executed.isel(mission=row))
         done.update(found)
-        complete += bool(sailed["success"].values[row] == 1 and wanted <= found)
+        complete += bool(executed["success"].values[row] == 1 and wanted <= found)
     plan = {"tasks": planned.tasks, "total_priority": planned.total_priority, "time_s": planned.t_mission}
     jobs = [
         {"name": job.name, "planned": job.name in wanted, "done": done[job.name]} for job in jobs_of(names)
     ]
     more = {"plan": plan, "all_planned_tasks": complete, "jobs": jobs}
-    return {"scenario": str(planned.scenario.get("name", ""))} | more | summarise(sailed)
+    return {"scenario": str(planned.scenario.get("name", ""))} | more | summarise(executed)
 
 
 def _done(names: list[str], mission: xr.Dataset) -> set[str]:

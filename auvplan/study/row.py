@@ -12,9 +12,9 @@ from auvplan.records import MissionRun
 
 Row = dict[str, NDArray[Any]]
 
-#: Why a path or an order was planned; their place in the list, from 1, is the code that is stored.
+#: Why a path or a route was planned; their place in the list, from 1, is the code that is stored.
 PLAN_CAUSES = ("leg", "window", "hazard")
-ORDER_CAUSES = ("start", "late", "early", "refused")
+ROUTE_CAUSES = ("start", "late", "early", "refused")
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Variable:
     meanings: tuple[str, ...] = ()
 
 
-_EACH, _LEG, _PLAN, _ORDER = (), ("leg",), ("plan",), ("order",)
+_EACH, _LEG, _PLAN, _ROUTE = (), ("leg",), ("plan",), ("route",)
 
 #: Every variable of a row, in the order in which a dataset shows them.
 VARIABLES = {
@@ -53,7 +53,7 @@ VARIABLES = {
     "revisits": Variable(_EACH, "waypoints visited again", "1", -1),
     "path_calls": Variable(_EACH, "legs planned", "1", -1),
     "path_replans": Variable(_EACH, "paths planned anew on the way", "1", -1),
-    "mission_replans": Variable(_EACH, "orders planned anew", "1", -1),
+    "mission_replans": Variable(_EACH, "routes planned anew", "1", -1),
     "cost_mission": Variable(_EACH, "cost of the mission as done (Eq. 15)", "1"),
     "cost_total": Variable(_EACH, "the same with the computing time of re-plans (Eq. 16)", "1", clock=True),
     "collisions": Variable(_EACH, "collisions found by the independent checker", "1", -1),
@@ -61,7 +61,7 @@ VARIABLES = {
     "coast_clearance": Variable(_EACH, "least distance to the coast; infinite without one", "m"),
     "obstacle_clearance": Variable(_EACH, "least distance to an obstacle; infinite without one", "m"),
     "seabed_altitude": Variable(_EACH, "least altitude above the sea bed; infinite without one", "m"),
-    "length": Variable(_EACH, "length sailed", "m"),
+    "length": Variable(_EACH, "length travelled", "m"),
     "path_cpu": Variable(_EACH, "wall-clock time of all path planning calls", "s", clock=True),
     "mission_cpu": Variable(_EACH, "wall-clock time of all mission planning calls", "s", clock=True),
     "mission_replan_cpu": Variable(
@@ -71,7 +71,7 @@ VARIABLES = {
     "leg_from": Variable(_LEG, "waypoint left", fill=-1),
     "leg_to": Variable(_LEG, "waypoint headed for", fill=-1),
     "leg_t_expected": Variable(_LEG, "t_ij, expected time, the task included", "s"),
-    "leg_t_path": Variable(_LEG, "T_path, travel time sailed", "s"),
+    "leg_t_path": Variable(_LEG, "T_path, travel time, executed", "s"),
     "leg_t_task": Variable(_LEG, "time of the task", "s"),
     "leg_priority": Variable(_LEG, "priority of the task, 0 without one", "1"),
     "leg_revisit": Variable(
@@ -85,24 +85,24 @@ VARIABLES = {
     "plan_cause": Variable(_PLAN, "why the path was planned", fill=0, meanings=PLAN_CAUSES),
     "plan_cost": Variable(_PLAN, "cost of the path (Eq. 12), its fitness", "s"),
     "plan_cpu": Variable(_PLAN, "wall-clock time of the call", "s", clock=True),
-    "order_made_at": Variable(_ORDER, "mission time when the order was made", "s"),
-    "order_time": Variable(_ORDER, "time that it was expected to take", "s"),
-    "order_priority": Variable(_ORDER, "total priority of its tasks", "1"),
-    "order_cause": Variable(_ORDER, "why the order was planned", fill=0, meanings=ORDER_CAUSES),
-    "order_cpu": Variable(_ORDER, "wall-clock time of the call", "s", clock=True),
-    "order_nodes": Variable(("order", "stop"), "waypoints in order of visit; -1 pads", fill=-1),
+    "route_made_at": Variable(_ROUTE, "mission time when the route was made", "s"),
+    "route_time": Variable(_ROUTE, "time that it was expected to take", "s"),
+    "route_priority": Variable(_ROUTE, "total priority of its tasks", "1"),
+    "route_cause": Variable(_ROUTE, "why the route was planned", fill=0, meanings=ROUTE_CAUSES),
+    "route_cpu": Variable(_ROUTE, "wall-clock time of the call", "s", clock=True),
+    "route_nodes": Variable(("route", "stop"), "waypoints in order of visit; -1 pads", fill=-1),
     "waypoint_position": Variable(("waypoint", "axis"), "place of the waypoint: north, east, down", "m"),
 }
 
 
 def row_of(run: MissionRun) -> Row:
-    """Return the figures of a mission that was sailed, by the names of `VARIABLES`.
+    """Return the figures of a mission that was executed, by the names of `VARIABLES`.
 
     The checker walks it first.
     """
     summary = run.summary()
     report = check_dataset(summary, to_dataset(run))
-    return _mission(run, summary, report) | _legs(run) | _plans(run) | _orders(run)
+    return _mission(run, summary, report) | _legs(run) | _plans(run) | _routes(run)
 
 
 def _mission(run: MissionRun, summary: dict[str, Any], report: CheckReport) -> Row:
@@ -160,16 +160,16 @@ def _plans(run: MissionRun) -> Row:
     }
 
 
-def _orders(run: MissionRun) -> Row:
-    orders = run.orders
-    nodes = np.full((len(orders), max((len(order.nodes) for order in orders), default=0)), -1, np.int32)
-    for row, order in zip(nodes, orders, strict=True):
-        row[: len(order.nodes)] = order.nodes
+def _routes(run: MissionRun) -> Row:
+    routes = run.routes
+    nodes = np.full((len(routes), max((len(route.nodes) for route in routes), default=0)), -1, np.int32)
+    for row, route in zip(nodes, routes, strict=True):
+        row[: len(route.nodes)] = route.nodes
     return {
-        "order_made_at": np.asarray([order.made_at for order in orders], float),
-        "order_time": np.asarray([order.time for order in orders], float),
-        "order_priority": np.asarray([order.priority for order in orders], float),
-        "order_cause": np.asarray([ORDER_CAUSES.index(order.cause) + 1 for order in orders], np.int32),
-        "order_cpu": np.asarray([order.cpu for order in orders], float),
-        "order_nodes": nodes,
+        "route_made_at": np.asarray([route.made_at for route in routes], float),
+        "route_time": np.asarray([route.time for route in routes], float),
+        "route_priority": np.asarray([route.priority for route in routes], float),
+        "route_cause": np.asarray([ROUTE_CAUSES.index(route.cause) + 1 for route in routes], np.int32),
+        "route_cpu": np.asarray([route.cpu for route in routes], float),
+        "route_nodes": nodes,
     }

@@ -14,14 +14,14 @@ import numpy as np
 import xarray as xr
 
 from auvplan import cores
+from auvplan.executive.loop import make_context
 from auvplan.scenario.waypoints import make_graph
-from auvplan.study.cluster import connected, sail_on_cluster
+from auvplan.study.cluster import connected, run_on_cluster
 from auvplan.study.design import Design, StudyError
 from auvplan.study.statistics import summarise
 from auvplan.study.store import RUNS, Store, load_study
 from auvplan.study.table import table
-from auvplan.study.worker import Done, Finished, Job, Report, UnderWay, sail, work
-from auvplan.voyage.executive import make_context
+from auvplan.study.worker import Done, Finished, Job, Report, UnderWay, run_job, work
 
 #: Missions done, missions in all, and the share of the work that is done.
 Progress = Callable[[int, int, float], None]
@@ -101,9 +101,9 @@ def run_study(
         OutputError: the folder cannot be written.
     """
     folder = design.scenario.folder if folder is None else folder
-    # What cannot be built or reached is told before anything is written.
+    # What cannot be built or reached is reported before anything is written.
     for case in design.cases:
-        make_graph(case, make_context(case, folder).waters, np.random.default_rng(0))
+        make_graph(case, make_context(case, folder).area, np.random.default_rng(0))
     with connected(dask) if dask is not None else nullcontext() as client:
         store = Store(out, design, resume, force)
         if resume and store.finished:
@@ -117,11 +117,11 @@ def run_study(
 
         count = min(workers or cores.count(), len(tasks))
         if client is not None:
-            sail_on_cluster(client, tasks, job, tally.take)
+            run_on_cluster(client, tasks, job, tally.take)
         elif count == 1:
-            sail(job(tasks), tally.take)
+            run_job(job(tasks), tally.take)
         elif tasks:
-            _sail_on_cores([job(tasks[k::count]) for k in range(count)], tally.take)
+            _run_on_cores([job(tasks[k::count]) for k in range(count)], tally.take)
 
     swept = any(sweep.field.split(".")[0] in ("chart", "area") for sweep in design.sweeps)
     dataset = table(design, store.rows(), None if swept else make_context(design.scenario, folder).chart)
@@ -135,7 +135,7 @@ def run_study(
     return load_study(out)
 
 
-def _sail_on_cores(jobs: list[Job], take: Callable[[Report, Any], None]) -> None:
+def _run_on_cores(jobs: list[Job], take: Callable[[Report, Any], None]) -> None:
     """A process a job, each on a core of its own."""
     with _processes(jobs) as pipes:
         while pipes:

@@ -22,7 +22,7 @@ def sweep_dims(dataset: xr.Dataset) -> list[str]:
 
 
 def leg_times(dataset: xr.Dataset) -> tuple[Array, Array]:
-    """Travel times expected, t_ij - delta_ij, and sailed, T_path, of the legs whose goal was reached.
+    """Travel times expected, t_ij - delta_ij, and executed, T_path, of the legs whose goal was reached.
 
     Returns:
         Two of [..., missions, legs] s; NaN for all other legs.
@@ -34,8 +34,8 @@ def leg_times(dataset: xr.Dataset) -> tuple[Array, Array]:
 
 def relative_errors(dataset: xr.Dataset) -> Array:
     """|T_path / (t_ij - delta_ij) - 1|, [..., missions, legs]; NaN for legs whose goal was not reached."""
-    expected, sailed = leg_times(dataset)
-    return np.abs(sailed / np.where(expected > 0.0, expected, np.nan) - 1.0)
+    expected, executed = leg_times(dataset)
+    return np.abs(executed / np.where(expected > 0.0, expected, np.nan) - 1.0)
 
 
 def over_finite(values: Array, reduce: Callable[..., Array]) -> Array:
@@ -108,11 +108,11 @@ def priority_gap(dataset: xr.Dataset) -> Array:
 
 
 def time_per_metre(dataset: xr.Dataset) -> Array:
-    """Time sailed on each leg by the leg's straight line, mean over the legs reached, s/m."""
+    """Time executed on each leg by the leg's straight line, mean over the legs reached, s/m."""
     distance = dataset["leg_distance"].values
     usable = (dataset["leg_arrived"].values == 1) & (distance > 0.0)
-    sailed = np.where(usable, dataset["leg_t_path"].values, np.nan)
-    return over_finite(sailed / np.where(usable, distance, 1.0), np.nanmean)
+    executed = np.where(usable, dataset["leg_t_path"].values, np.nan)
+    return over_finite(executed / np.where(usable, distance, 1.0), np.nanmean)
 
 
 #: Figures of a mission that the cases of a sweep are compared by, seed by seed.
@@ -123,7 +123,7 @@ _COMPARED: dict[str, Callable[[xr.Dataset], Array]] = {
     "mission_replans": lambda dataset: dataset["mission_replans"].values.astype(float),
     "cost_total": lambda dataset: dataset["cost_total"].values,
     "path_cost_per_metre_s": cost_per_metre,
-    "sailed_time_per_metre_s": time_per_metre,
+    "executed_time_per_metre_s": time_per_metre,
 }
 
 
@@ -145,8 +145,8 @@ def _case(dataset: xr.Dataset) -> dict[str, Any]:
     """Figures of the missions of one case."""
     success = dataset["success"].values == 1
     share, low, high = (float(value) for value in wilson_interval(100.0 * success))
-    expected, sailed = leg_times(dataset)
-    both = np.isfinite(expected) & np.isfinite(sailed)
+    expected, executed = leg_times(dataset)
+    both = np.isfinite(expected) & np.isfinite(executed)
     median, least, most = median_interval(relative_errors(dataset))
     seeds = dataset["seed"].values
     figures = {
@@ -165,11 +165,11 @@ def _case(dataset: xr.Dataset) -> dict[str, Any]:
         "mission_cpu_s": dataset["mission_cpu"].values,
         "mission_replan_cpu_s": dataset["mission_replan_cpu"].values,
         "t_expected_s": expected,
-        "t_path_s": sailed,
+        "t_path_s": executed,
         "path_cost_per_metre_s": cost_per_metre(dataset),
-        "sailed_time_per_metre_s": time_per_metre(dataset),
+        "executed_time_per_metre_s": time_per_metre(dataset),
         "path_call_cpu_s": dataset["plan_cpu"].values,
-        "mission_call_cpu_s": dataset["order_cpu"].values,
+        "mission_call_cpu_s": dataset["route_cpu"].values,
         "coast_clearance_m": dataset["coast_clearance"].values,
         "obstacle_clearance_m": dataset["obstacle_clearance"].values,
         "seabed_altitude_m": dataset["seabed_altitude"].values,
@@ -182,9 +182,11 @@ def _case(dataset: xr.Dataset) -> dict[str, Any]:
         "failures": [str(reason) for reason in dataset["reason"].values[~success]],
         "collisions": int(dataset["collisions"].values.sum()),
         "faults": int(dataset["faults"].values.sum()),
-        "expected_against_sailed": {
+        "expected_against_executed": {
             "legs": int(both.sum()),
-            "correlation": float(np.corrcoef(expected[both], sailed[both])[0, 1]) if both.sum() > 2 else None,
+            "correlation": float(np.corrcoef(expected[both], executed[both])[0, 1])
+            if both.sum() > 2
+            else None,
             "median_relative_error_percent": 100.0 * median if np.isfinite(median) else None,
             "low": 100.0 * least if np.isfinite(least) else None,
             "high": 100.0 * most if np.isfinite(most) else None,

@@ -15,7 +15,7 @@ from auvplan.errors import ScenarioWarning
 from auvplan.study.design import Design, by_case
 from auvplan.study.row import Row
 
-#: Seconds between two words on how far the missions under way have come.
+#: Seconds between two reports of progress.
 _INTERVAL = 0.5
 
 
@@ -62,16 +62,16 @@ class Finished:
 Report = Done | UnderWay | Finished
 
 
-def sail(job: Job, report: Callable[[Report], None]) -> None:
-    """Sail the missions of a job, and report each one as it ends."""
+def run_job(job: Job, report: Callable[[Report], None]) -> None:
+    """Transit the missions of a job, and report each one as it ends."""
+    from auvplan.executive import execute_missions, seed_keys
     from auvplan.io.results import save_run
     from auvplan.study.row import row_of
-    from auvplan.voyage import sail_missions, seed_keys
 
     design, compile_seconds = Design.of(job.design), 0.0
     watch = _Watch(report)
     for case, seeds in by_case(job.tasks).items():
-        missions = sail_missions(
+        missions = execute_missions(
             design.cases[case],
             keys=seed_keys(seeds),
             seeds=seeds,
@@ -105,10 +105,10 @@ class _Watch:
         self._clocks.pop(number, None)
 
 
-def sail_all(job: Job) -> Sequence[Report]:
-    """`sail` in one go, for workers on other machines."""
+def run_whole_job(job: Job) -> Sequence[Report]:
+    """Run a job in one go, for workers on other machines."""
     reports: list[Report] = []
-    sail(job, reports.append)
+    run_job(job, reports.append)
     return [report for report in reports if not isinstance(report, UnderWay)]
 
 
@@ -121,10 +121,10 @@ def _end_with_parent() -> None:
 
 
 def work(job: Job, core: int | None, settings: dict[str, Any], pipe: Connection) -> None:
-    """Entry point of a process on this machine: sail a job on one core and send its reports.
+    """Entry point of a process on this machine: run a job on one core and send its reports.
 
     Args:
-        job: what to sail.
+        job: what to run.
         core: to stay on, or None. A process a core, with JAX on that core alone, does more than the threads
             of one process: these hand small operations to and fro.
         settings: of `jax.config`.
@@ -133,14 +133,14 @@ def work(job: Job, core: int | None, settings: dict[str, Any], pipe: Connection)
     Thread(target=_end_with_parent, daemon=True).start()
     if core is not None and hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {core})
-    # What may not be meant in the scenario was told by the process that started this one.
+    # What may not be meant in the scenario was reported by the process that started this one.
     warnings.simplefilter("ignore", ScenarioWarning)
     import jax
 
     for name, value in settings.items():
         jax.config.update(name, value)
     try:
-        sail(job, pipe.send)
+        run_job(job, pipe.send)
     except BrokenPipeError:  # nobody listens any more
         return
     except Exception as error:

@@ -7,6 +7,8 @@ import pytest
 
 from benchmarks.labels import Windows, most_priority
 
+pytestmark = pytest.mark.slow
+
 SIZE, END = 7, 1200
 
 

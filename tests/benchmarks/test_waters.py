@@ -13,6 +13,8 @@ from benchmarks.path_problems import PIXELS, PathProblem, literature, unlimited_
 from benchmarks.path_ruler import LIMIT_TOLERANCE, World, current_at, evaluate
 from benchmarks.water_problems import FAMILIES, KINDS, TidalCurrent, scaled, water_problem
 
+pytestmark = pytest.mark.slow
+
 SIDE = 4000.0
 
 #: Most tests look at the same problems, which are drawn once.

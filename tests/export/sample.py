@@ -39,7 +39,7 @@ def make_itinerary(site: Site = SITE) -> Itinerary:
         make_leg(1, 0, 1, first, times, [0, 3, 5, 8], 45.5, 3.0, motion),
         make_leg(2, 1, 2, second, times + 845.5, [0, 8], 0.0, 0.0),
     )
-    sailed = (
+    executed = (
         Track(times[:5] + 0.25, first[:5] + np.array([3.0, -2.0, 0.5])),
         Track(times + 846.0, second - np.array([1.0, 4.0, 0.25])),
     )
@@ -49,5 +49,5 @@ def make_itinerary(site: Site = SITE) -> Itinerary:
         Circle((2000.0, 1800.0), 85.0),
     )
     return Itinerary(
-        "reef, day 2", site, 1.75, legs, sailed, fences, 42, '{"name": "reef"}', "9.8.7", ("a note",)
+        "reef, day 2", site, 1.75, legs, executed, fences, 42, '{"name": "reef"}', "9.8.7", ("a note",)
     )

@@ -35,9 +35,9 @@ def test_geojson(itinerary: Itinerary, tmp_path: Path):
     assert "crs" not in data
     assert data["description"] == itinerary.description
     kinds = {kind: [f for f in data["features"] if f["properties"]["kind"] == kind]
-             for kind in ("plan", "waypoint", "sailed", "exclusion")}  # fmt: skip
+             for kind in ("plan", "waypoint", "executed", "exclusion")}  # fmt: skip
     tracks = [Track(leg.times, leg.positions) for leg in itinerary.legs]
-    for features, expected in ((kinds["plan"], tracks), (kinds["sailed"], itinerary.sailed)):
+    for features, expected in ((kinds["plan"], tracks), (kinds["executed"], itinerary.executed)):
         for feature, track in zip(features, expected, strict=True):
             near(itinerary, joined(feature["geometry"]), track.positions)
             assert feature["properties"]["seconds"] == pytest.approx(track.times)
@@ -106,7 +106,7 @@ def test_kml(itinerary: Itinerary, tmp_path: Path):
     assert document.findtext(f"{KML}description") == itinerary.description
     folders = {folder.findtext(f"{KML}name"): folder for folder in document.findall(f"{KML}Folder")}
     tracks = [Track(leg.times, leg.positions) for leg in itinerary.legs]
-    for name, expected in (("plan", tracks), ("sailed", itinerary.sailed)):
+    for name, expected in (("plan", tracks), ("executed", itinerary.executed)):
         for mark, track in zip(folders[name].findall(f"{KML}Placemark"), expected, strict=True):
             if itinerary.site.epoch is None:
                 (line,) = mark.findall(f"{KML}LineString")
@@ -141,7 +141,7 @@ def test_gpx(itinerary: Itinerary, tmp_path: Path):
     assert [row.findtext(f"{GPX}name") for row in rows][::4] == ["harbour", "mooring <7>"]
     same_times(itinerary, [row.findtext(f"{GPX}time") or "" for row in rows], kept_seconds(itinerary))
     assert all(leg.note in (route.findtext(f"{GPX}desc") or "") for leg in itinerary.legs)
-    for segment, track in zip(root.findall(f"{GPX}trk/{GPX}trkseg"), itinerary.sailed, strict=True):
+    for segment, track in zip(root.findall(f"{GPX}trk/{GPX}trkseg"), itinerary.executed, strict=True):
         near(itinerary, [gpx_place(point) for point in segment], track.positions)
         same_times(itinerary, [point.findtext(f"{GPX}time") or "" for point in segment], track.times)
     order = ("ele", "time", "name", "desc")
@@ -186,14 +186,14 @@ def test_netcdf(itinerary: Itinerary, tmp_path: Path):
     assert data["trajectory"].attrs["cf_role"] == "trajectory_id"
     assert data["row_size"].attrs["sample_dimension"] == "obs"
     assert data["depth"].attrs["positive"] == "down"
-    tracks = [*(Track(leg.times, leg.positions) for leg in itinerary.legs), *itinerary.sailed]
+    tracks = [*(Track(leg.times, leg.positions) for leg in itinerary.legs), *itinerary.executed]
     assert data["row_size"].values.tolist() == [len(track.times) for track in tracks]
     assert data["kind"].values.tolist() == [0, 0, 1, 1]
     assert data["trajectory"].values.tolist() == [
         "plan, leg 1",
         "plan, leg 2",
-        "sailed, leg 1",
-        "sailed, leg 2",
+        "executed, leg 1",
+        "executed, leg 2",
     ]
     places = np.concatenate([track.positions for track in tracks])
     near(itinerary, np.stack([data[name].values for name in ("lon", "lat", "depth")], axis=1), places)

@@ -41,7 +41,7 @@ def test_legs_that_arrived_are_numbered_in_order(itinerary: Itinerary):
     assert [leg.start_name for leg in itinerary.legs] == ["alpha", "bravo", "waypoint 3"]
     assert [leg.hold for leg in itinerary.legs] == [60.0, 60.0, 60.0]
     assert [leg.priority for leg in itinerary.legs] == [3.0, 3.0, 3.0]
-    assert len(itinerary.sailed) == 3
+    assert len(itinerary.executed) == 3
     assert (itinerary.name, itinerary.seed, itinerary.speed) == ("sample", 7, 2.5)
     assert json.loads(itinerary.configuration)["name"] == "sample"
 
@@ -68,21 +68,21 @@ def test_fences_are_the_spit_and_known_obstacles_that_stand_still(itinerary: Iti
     assert any("simulated" in note for note in itinerary.notes)
 
 
-def test_a_run_that_sailed_nothing_cannot_be_exported():
+def test_a_run_that_executed_nothing_cannot_be_exported():
     run = make_run()
     run.legs = [refused_leg(run)]
-    with pytest.raises(ExportError, match="sample: no leg was planned and sailed"):
+    with pytest.raises(ExportError, match="sample: no leg was planned and executed"):
         itinerary_of(run, SITE)
 
 
-def test_an_unsailed_mission_is_made_of_plain_arrays():
+def test_a_mission_that_was_not_begun_is_made_of_plain_arrays():
     places = np.array([[0.0, 0.0, 5.0], [500.0, 20.0, 8.0], [900.0, 300.0, 5.0]])
     leg = PlannedLeg.of(1, 4, 2, places, [0.0, 250.0, 490.0], names=["a", "b", "c"])
     assert (leg.start_name, leg.goal_name) == ("waypoint 4", "c")
     rock = ((400.0, 900.0, 10.0), 50.0, "rock")
     made = itinerary_of_parts("m", SITE, 2.0, [leg], obstacles=[rock], version="1.2", notes=["kept"])
     assert made.fences == (Circle((400.0, 900.0), 50.0, "rock"),)
-    assert (made.version, made.notes, made.sailed) == ("1.2", ("kept",), ())
+    assert (made.version, made.notes, made.executed) == ("1.2", ("kept",), ())
     assert leg.waypoints is not places
     assert len(leg.kept) == 3
 
@@ -102,7 +102,7 @@ def test_faulty_legs_are_refused_in_one_line(positions, times, message):
         PlannedLeg.of(5, 0, 1, positions, times)
 
 
-def test_faulty_sailed_tracks_are_refused(itinerary: Itinerary):
+def test_faulty_executed_tracks_are_refused(itinerary: Itinerary):
     track = Track(np.array([0.0, np.inf]), np.zeros((2, 3)))
-    with pytest.raises(ExportError, match="sailed track 0"):
-        replace(itinerary, sailed=(track,))
+    with pytest.raises(ExportError, match="executed track 0"):
+        replace(itinerary, executed=(track,))

@@ -22,8 +22,8 @@ from tests.io.spoiling import (
     ring_of,
     scenario,
     sections,
+    stated,
     tide,
-    told,
 )
 
 BOMB = "a: &a [x, x, x, x, x]\n" + "".join(
@@ -96,7 +96,7 @@ CASES = {
     "current of other variables": (tide(lambda data: data.drop_vars(["uo", "vo"])), "tide.nc", "no current"),
     "current half of it": (tide(lambda data: data.drop_vars("vo")), "tide.nc", "uo"),
     "current missing everywhere": (tide(everywhere("uo", NAN)), "tide.nc", "land only"),
-    "current in kilogrammes": (tide(told("uo", units="kg")), "tide.nc", "uo", "kg"),
+    "current in kilogrammes": (tide(stated("uo", units="kg")), "tide.nc", "uo", "kg"),
     "current in words": (tide(lambda data: data.assign(uo=data["uo"].astype(str))), "tide.nc", "uo"),
     "current of two shapes": (
         tide(
@@ -108,7 +108,7 @@ CASES = {
     ),
     "current without times": (tide(lambda data: data.drop_vars("time")), "tide.nc", "time"),
     "current of no times": (tide(lambda data: data.isel(time=slice(0, 0))), "tide.nc", "time"),
-    "current times in words": (tide(told("time", units="hours since the war")), "tide.nc", "time"),
+    "current times in words": (tide(stated("time", units="hours since the war")), "tide.nc", "time"),
     "current backwards": (tide(moved("time", lambda t: t[::-1])), "tide.nc", "time"),
     "current of missing dates": (tide(moved("time", lambda t: t * NAN)), "tide.nc", "time"),
     "current at NaN": (
@@ -157,7 +157,7 @@ CASES = {
     "picture a bomb": (raster(png_head(60_000, 60_000), "", crs="EPSG:32755"), "chart.png", "60000 x 60000"),
     "picture of no place": (raster("picture", crs="EPSG:32755"), "chart.png"),
     "reference system unreadable": (raster("picture", "", crs="EPSG:nowhere"), "crs", "EPSG:nowhere"),
-    "pixels too small": (sections(chart={"pixel_size": 0.001}), "pixels of 0.001 m"),
+    "pixels too small": (sections(chart={"pixel_size": 0.001}), "0.001 m makes"),
     # the sea bed
     "sea bed missing": (gone("bed.nc"), "bed.nc", "No such file"),
     "sea bed a folder": (folder("bed.nc"), "bed.nc", "directory"),
@@ -165,9 +165,9 @@ CASES = {
     "sea bed half there": (cut("bed.nc", 0.5), "bed.nc"),
     "sea bed of other variables": (bed(lambda data: data.drop_vars("depth")), "bed.nc", "sea floor"),
     "sea bed of no such variable": (sections(bathymetry={"variable": "relief"}), "bed.nc", "relief", "depth"),
-    "sea bed in seconds": (bed(told("depth", units="s")), "bed.nc", "depth", "'s'"),
+    "sea bed in seconds": (bed(stated("depth", units="s")), "bed.nc", "depth", "'s'"),
     "sea bed missing everywhere": (bed(everywhere("depth", NAN)), "bed.nc", "depth", "no values"),
-    "sea bed both ways": (bed(told("depth", positive="up")), "bed.nc", "depth", "contradictory"),
+    "sea bed both ways": (bed(stated("depth", positive="up")), "bed.nc", "depth", "contradictory"),
     "sea bed against the file": (sections(bathymetry={"positive": "up"}), "bed.nc", "depth", "contradictory"),
     "sea bed upside down": (bed(everywhere("depth", -60.0)), "bed.nc", "depth", "negative"),
     "sea bed in pieces": (bed(moved("latitude", lambda y: y[[0, 2, 1, 3, 4, 5, 6]])), "bed.nc", "latitude"),

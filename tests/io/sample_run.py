@@ -8,7 +8,7 @@ from auvplan.mission.graph import MissionGraph
 from auvplan.motion import Motion
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.vortices import LambVortices
-from auvplan.records import LegRecord, MissionRun, OrderRecord, PlanRecord
+from auvplan.records import LegRecord, MissionRun, PlanRecord, RouteRecord
 from auvplan.vehicle import Vehicle
 
 SPEED = 2.5
@@ -68,7 +68,7 @@ def make_plan(start: np.ndarray, goal: np.ndarray, made_at: float, cause: str, b
 def make_leg(
     graph: MissionGraph, i: int, j: int, depart: float, obstacles: bool = True, interval: float = 3.0
 ) -> LegRecord:
-    """Sailed straight at constant speed, a record every `interval` s."""
+    """Transit straight at constant speed, a record every `interval` s."""
     start, goal = graph.positions[i], graph.positions[j]
     length = float(np.linalg.norm(goal - start))
     times = np.append(np.arange(0.0, length / SPEED - 1e-6, interval), length / SPEED)
@@ -99,25 +99,25 @@ def make_run(
     waypoints: np.ndarray = WAYPOINTS,
     interval: float = 3.0,
 ) -> MissionRun:
-    """Sail the waypoints in order, without a fault."""
+    """Transit the waypoints in order, without a fault."""
     graph, now = make_graph(waypoints), 0.0
     run = MissionRun(
         {"name": "sample", "area": {"lower": [0.0, 0.0, 0.0], "upper": [2000.0, 2000.0, 100.0]}},
         7, Vehicle(speed=SPEED), graph, make_chart() if chart else None, nodes[0], nodes[-1], 3000.0,
     )  # fmt: skip
-    run.orders.append(OrderRecord(0.0, list(nodes), 1500.0, 6.0, 0.3, "start"))
+    run.routes.append(RouteRecord(0.0, list(nodes), 1500.0, 6.0, 0.3, "start"))
     for k, (i, j) in enumerate(pairwise(nodes)):
         leg = make_leg(graph, i, j, now, obstacles, interval)
         run.legs.append(leg)
         now = float(leg.times[-1]) + leg.t_task
         if k == 0 and len(nodes) > 2:
-            run.orders.append(OrderRecord(now, list(nodes[1:]), 1100.0, 3.0, 0.3, "late"))
+            run.routes.append(RouteRecord(now, list(nodes[1:]), 1100.0, 3.0, 0.3, "late"))
     run.t_mission, run.arrived, run.reason = now, True, "destination reached in time"
     return run
 
 
 def refused_leg(run: MissionRun) -> LegRecord:
-    """A leg that was planned and never sailed."""
+    """A leg that was planned and never executed."""
     leg = LegRecord(1, 2, 400.0, 60.0, 0.0)
     leg.plans = [make_plan(WAYPOINTS[1], WAYPOINTS[2], float(run.legs[1].times[0]), "leg", 10.0)]
     leg.obstacle_radii, leg.obstacle_kinds = np.array([30.0, 20.0]), ["static", "afloat"]

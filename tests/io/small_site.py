@@ -98,8 +98,8 @@ class SmallSite:
 def bed() -> xr.Dataset:
     axes = _axes()
     shape = tuple(len(axis) for axis in axes.values())
-    told = {"standard_name": "sea_floor_depth_below_sea_level", "units": "m", "positive": "down"}
-    return xr.Dataset({"depth": (tuple(axes), np.full(shape, 60.0), told)}, _coordinates(axes))
+    stated = {"standard_name": "sea_floor_depth_below_sea_level", "units": "m", "positive": "down"}
+    return xr.Dataset({"depth": (tuple(axes), np.full(shape, 60.0), stated)}, _coordinates(axes))
 
 
 def tide() -> xr.Dataset:

@@ -34,7 +34,7 @@ def ring_of(*places):
     return [list(place) for place in (*places, places[0])]
 
 
-def told(name, **attributes):
+def stated(name, **attributes):
     """A change of a variable's attributes."""
 
     def change(data):

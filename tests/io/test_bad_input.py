@@ -5,7 +5,7 @@ import time
 import pytest
 
 from auvplan import cli
-from auvplan.voyage import executive
+from auvplan.executive import loop
 from tests.io.bad_input import CASES
 from tests.io.small_site import SmallSite
 
@@ -33,7 +33,7 @@ def test_bad_input_is_one_line_and_status_2(case, sound, tmp_path, capsys, monke
     spoil, *words = CASES[case]
     site, out = SmallSite(tmp_path / "site", sound), tmp_path / "out"
     spoil(site)
-    monkeypatch.setattr(executive, "step", planned)
+    monkeypatch.setattr(loop, "step", planned)
     # Of this process alone, whatever else the machine does: hostile files must not be worked on for long.
     begin = time.process_time()
     path = site.folder / "scenario.yaml"

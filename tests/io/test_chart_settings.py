@@ -1,11 +1,11 @@
-"""Pictures that a scenario names as its chart: told colours, and what is said of the file."""
+"""Pictures that a scenario names as its chart: stated colours, and what is said of the file."""
 
 import numpy as np
 import pytest
 from PIL import Image
 
+from auvplan.io.area import load_area
 from auvplan.io.examine import examine_scenario
-from auvplan.io.waters import load_waters
 from auvplan.ocean.chart import ChartError
 from auvplan.ocean.whitsunday import classes
 from auvplan.scenario.file import scenario_schema, validate_scenario
@@ -31,13 +31,13 @@ def picture(tmp_path):
 def test_told_colours_of_an_image(picture):
     plain = scenario(source="image", image="map.png")
     with pytest.raises(ChartError, match=r"map\.png: .*chart\.colours"):
-        load_waters(plain, picture)
-    told = scenario(source="image", image="map.png", colours=INVERTED.named)
-    chart = load_waters(told, picture).chart
+        load_area(plain, picture)
+    stated = scenario(source="image", image="map.png", colours=INVERTED.named)
+    chart = load_area(stated, picture).chart
     assert min(shares_right(np.asarray(chart.passability)[::-1], classes(300)).values()) > 0.98
     # The other way round: what is kept of one clustering does not serve for other colours.
     other = INVERTED.named | {"water": INVERTED.named["land"], "land": INVERTED.named["water"]}
-    turned = load_waters(scenario(source="image", image="map.png", colours=other), picture).chart
+    turned = load_area(scenario(source="image", image="map.png", colours=other), picture).chart
     assert (np.asarray(turned.passability)[np.asarray(chart.passability) == 1.0] == 0.0).mean() > 0.98
 
 
@@ -46,7 +46,7 @@ def test_one_colour_or_several_in_any_notation():
     several = scenario(
         source="image", image="map.png", colours={"water": ["#fff"], "land": ["tan", "#D2B48C"]}
     )
-    assert one.chart.colours.told == several.chart.colours.told
+    assert one.chart.colours.given == several.chart.colours.given
     assert validate_scenario(one.model_dump(mode="json"), "again").chart == one.chart
 
 
@@ -61,9 +61,9 @@ def test_told_colours_of_a_raster(tmp_path):
     )
     settings = {"source": "raster", "file": path.name, "pixel_size": 30}
     with pytest.raises(ChartError, match=r"map\.tif: .*chart\.colours"):
-        load_waters(scenario(SITE, **settings), tmp_path)
-    waters = load_waters(scenario(SITE, **settings, colours=INVERTED.named), tmp_path)
-    shares = waters.chart.shares()
+        load_area(scenario(SITE, **settings), tmp_path)
+    area = load_area(scenario(SITE, **settings, colours=INVERTED.named), tmp_path)
+    shares = area.chart.shares()
     assert shares["water"] > 0.3
     assert shares["coast"] > 0.1
 
@@ -74,12 +74,12 @@ def test_notes_of_a_picture_reach_whoever_validates(picture):
     framed[20:320, 20:320] = inner
     Image.fromarray(framed).save(picture / "framed.png")
     (picture / "framed.pgw").write_text("25\n0\n0\n-25\n697205\n7774095\n")
-    notes = load_waters(scenario(source="image", image="framed.png"), picture).notes
+    notes = load_area(scenario(source="image", image="framed.png"), picture).notes
     assert any("black frame" in note for note in notes)
     assert any("deep water" in note for note in notes)
-    assert any("chart.pixel_size is 10 m, the file tells 25 m" in note for note in notes)
-    told = scenario(source="image", image="framed.png", pixel_size=25)
-    assert not any("pixel_size" in note for note in load_waters(told, picture).notes)
+    assert any("chart.pixel_size is 10 m, the file says 25 m" in note for note in notes)
+    stated = scenario(source="image", image="framed.png", pixel_size=25)
+    assert not any("pixel_size" in note for note in load_area(stated, picture).notes)
 
 
 def test_doubts_are_faults_of_the_picture(picture):

@@ -394,3 +394,31 @@ def test_jobs_that_cannot_be_read_any_more_are_a_note(tmp_path):
     report = check(run)
     assert report.ok, report
     assert "tasks were counted from the graph" in report.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({}, ""),
+        ({"site_epoch": "2026-03-01T07:00:00+00:00"}, "+3600 s off the scenario's departure"),
+        ({"departed": 3600.0}, "-3600 s off the scenario's departure"),
+        ({"site_longitude": 150.0}, "site_longitude is 150, the scenario says 149"),
+        ({"site_origin": np.array([100.0, 0.0])}, "site_origin"),
+    ],
+)
+def test_a_run_is_where_and_when_its_scenario_says(changes, words):
+    run = make_run()
+    dataset = to_dataset(run)
+    site = {"longitude": 149.0, "latitude": -20.0, "origin": [0.0, 0.0], "departure": "2026-03-01T06:00:00Z"}
+    dataset.attrs["scenario"] = json.dumps(json.loads(dataset.attrs["scenario"]) | {"site": site})
+    dataset.attrs |= {
+        "site_longitude": 149.0, "site_latitude": -20.0, "site_origin": np.zeros(2),
+        "site_epoch": "2026-03-01T06:00:00+00:00",
+    } | changes  # fmt: skip
+    faults = [
+        fault
+        for fault in check_dataset(json.loads(json.dumps(run.summary())), dataset).faults
+        if "scenario" in fault
+    ]
+    assert len(faults) == bool(words)
+    assert all(words in fault for fault in faults)

@@ -144,7 +144,7 @@ def test_missing_files_and_faulty_rows_are_told_beside_bad_fields(tmp_path):
     assert [re.search(r"row (\d)", row)[1] for row in rows] == ["2", "4", "5"]
 
 
-def test_what_follows_from_a_fault_is_not_told(tmp_path):
+def test_what_follows_from_a_fault_is_not_stated(tmp_path):
     text = FILES.replace(
         "source: polygons\n  file: coast.geojson\n  no_go: closed.geojson", "source: current"
     )
@@ -167,6 +167,6 @@ def test_warnings_of_a_file_are_told_of_each_scenario_that_names_it(tmp_path):
     scaled(0.0)(site)
     text = (site.folder / "scenario.yaml").read_text()
     site.write("second.yaml", text)
-    told = [examined.warnings for examined in examine_folder(site.folder)]
-    assert len(told) == 2
-    assert all(len(lines) == 1 and "0 everywhere" in lines[0] for lines in told)
+    stated = [examined.warnings for examined in examine_folder(site.folder)]
+    assert len(stated) == 2
+    assert all(len(lines) == 1 and "0 everywhere" in lines[0] for lines in stated)

@@ -8,9 +8,9 @@ import pytest
 import xarray as xr
 
 from auvplan.files import OutputError
+from auvplan.io.area import load_area
 from auvplan.io.examine import examine_scenario
 from auvplan.io.example import SCENARIO, sea_bed, tide, write_example
-from auvplan.io.waters import load_waters
 from auvplan.scenario.file import load_scenario
 from auvplan.scenario.scenario import Scenario
 from auvplan.scenario.waypoints import make_graph
@@ -26,32 +26,32 @@ def folder(tmp_path_factory):
 def test_it_is_valid_and_its_graph_holds_every_job(folder):
     assert examine_scenario(folder / SCENARIO).lines == []
     scenario = load_scenario(folder / SCENARIO)
-    waters = load_waters(scenario, folder)
-    graph, names = make_graph(scenario, waters, np.random.default_rng(0))
-    assert waters.jobs is not None
-    assert 6 <= len(waters.jobs.points) <= 10
-    assert 1 <= len(waters.jobs.lines) <= 2
+    area = load_area(scenario, folder)
+    graph, names = make_graph(scenario, area, np.random.default_rng(0))
+    assert area.jobs is not None
+    assert 6 <= len(area.jobs.points) <= 10
+    assert 1 <= len(area.jobs.lines) <= 2
     assert (
         len(names)
         == graph.size
-        == 2 + len(waters.jobs.points) + sum(len(line.positions) for line in waters.jobs.lines)
+        == 2 + len(area.jobs.points) + sum(len(line.positions) for line in area.jobs.lines)
     )
-    assert waters.notes == ()
-    total = sum(job.priority for job in (*waters.jobs.points, *waters.jobs.lines))
+    assert area.notes == ()
+    total = sum(job.priority for job in (*area.jobs.points, *area.jobs.lines))
     assert total > 20.0
 
 
 def test_jobs_keep_clear_of_land_and_of_the_sea_bed(folder):
     scenario = load_scenario(folder / SCENARIO)
-    waters = load_waters(scenario, folder)
-    assert waters.chart is not None
-    assert waters.seabed is not None
-    assert waters.jobs is not None
-    places = [job.position for job in waters.jobs.points]
-    places += [place for job in waters.jobs.lines for place in job.positions]
+    area = load_area(scenario, folder)
+    assert area.chart is not None
+    assert area.seabed is not None
+    assert area.jobs is not None
+    places = [job.position for job in area.jobs.points]
+    places += [place for job in area.jobs.lines for place in job.positions]
     north, east, depth = np.array(places).T
-    assert np.asarray(waters.chart.distance(north, east)).min() > 200.0
-    assert (np.asarray(waters.seabed.shallowest_at(north, east)) - depth).min() > 5.0
+    assert np.asarray(area.chart.distance(north, east)).min() > 200.0
+    assert (np.asarray(area.seabed.shallowest_at(north, east)) - depth).min() > 5.0
 
 
 def test_departure_is_the_first_time_of_the_current(folder):

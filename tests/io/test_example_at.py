@@ -8,11 +8,11 @@ import shapely
 
 from auvplan.errors import ScenarioError
 from auvplan.files import OutputError
+from auvplan.io.area import load_area
 from auvplan.io.examine import examine_scenario
 from auvplan.io.example import write_example
 from auvplan.io.example_at import CAUTION, write_example_at
 from auvplan.io.geo.world import distance_to_coast, land_within
-from auvplan.io.waters import load_waters
 from auvplan.scenario.file import load_scenario
 from tests.test_cli import call
 
@@ -32,21 +32,21 @@ def test_it_is_valid_and_its_jobs_are_in_water(tmp_path, name):
     found = examine_scenario(begun.paths[0])
     assert (found.lines, found.warnings) == ([], ())
     scenario = load_scenario(begun.paths[0])
-    waters = load_waters(scenario, tmp_path / "one")
-    assert waters.jobs is not None
-    places = np.array([job.position for job in waters.jobs.points])
+    area = load_area(scenario, tmp_path / "one")
+    assert area.jobs is not None
+    places = np.array([job.position for job in area.jobs.points])
     assert len(places) == 6
     assert (np.abs(places[:, :2]) < 5000.0).all()
     ends = [scenario.mission.start, scenario.mission.goal]
     assert all(end is not None for end in ends)
-    if waters.chart is None:
+    if area.chart is None:
         assert name == "Atlantic"
         assert not (tmp_path / "one" / "coast.geojson").exists()
         assert "open water" in begun.notes[-1]
     else:
         assert begun.notes[-1] == CAUTION
-        assert np.asarray(waters.chart.distance(places[:, 0], places[:, 1])).min() > 300.0
-        assert (np.asarray(waters.chart.passability) == 0.0).any()
+        assert np.asarray(area.chart.distance(places[:, 0], places[:, 1])).min() > 300.0
+        assert (np.asarray(area.chart.passability) == 0.0).any()
     again = write_example_at(tmp_path / "two", *PLACES[name])
     for path, other in zip(begun.paths, again.paths, strict=True):
         assert path.read_bytes() == other.read_bytes()
@@ -98,9 +98,9 @@ def test_refusals_are_one_line_and_leave_nothing(tmp_path):
         ((56.4, -5.5, 500.0), "--size 500"),
         ((56.8, -4.2, 5.0), "too little water"),
     ):
-        with pytest.raises(ScenarioError, match=words) as told:
+        with pytest.raises(ScenarioError, match=words) as stated:
             write_example_at(tmp_path / "none", *place)
-        assert "\n" not in str(told.value)
+        assert "\n" not in str(stated.value)
     assert not (tmp_path / "none").exists()
     (tmp_path / "jobs.geojson").write_text("mine")
     with pytest.raises(OutputError, match=r"jobs\.geojson.*--force"):

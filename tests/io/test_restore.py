@@ -64,9 +64,9 @@ def test_routes_histories_and_figures_come_back(run, tmp_path):
     run.legs.insert(1, refused_leg(run))
     run.legs[0].plans[0].history["mean"][:3] = np.inf
     back = restore_run(save_run(run, tmp_path))
-    assert back.orders == run.orders
+    assert back.routes == run.routes
     assert back.bound == 12.0
-    assert back.first_order is None
+    assert back.first_route is None
     for leg, was in zip(back.legs, run.legs, strict=True):
         for plan, made in zip(leg.plans, was.plans, strict=True):
             assert plan.history.keys() == made.history.keys()
@@ -82,7 +82,7 @@ def test_a_file_without_histories_has_none(run, tmp_path):
             plan.history = {}
     back = restore_run(save_run(run, tmp_path))
     assert all(plan.history == {} for leg in back.legs for plan in leg.plans)
-    assert back.orders == run.orders
+    assert back.routes == run.routes
 
 
 def test_a_restored_run_is_exported_as_the_run_itself(run, tmp_path):
@@ -132,11 +132,11 @@ def test_windows_and_waiting_come_back(run, tmp_path):
     still = run.graph.leg_times(1.5) - run.graph.duration
     run.graph = run.graph.with_timetable(Timetable(np.zeros(1), still[None], opens, closes))
     run.legs[1].t_wait, run.legs[1].t_hold, run.legs[2].missed = 12.0, 3.0, True
-    run.orders[0].waits = [0.0, 12.0, 0.0]
+    run.routes[0].waits = [0.0, 12.0, 0.0]
     back = restore_run(save_run(run, tmp_path))
     np.testing.assert_array_equal(back.graph.timetable.opens, opens)
     np.testing.assert_array_equal(back.graph.timetable.closes, closes)
     assert [(leg.t_wait, leg.t_hold, leg.missed) for leg in back.legs] == [
         (leg.t_wait, leg.t_hold, leg.missed) for leg in run.legs
     ]
-    assert back.orders[0].waits == run.orders[0].waits
+    assert back.routes[0].waits == run.routes[0].waits

@@ -61,14 +61,14 @@ def test_course_attitude_and_body_velocities_come_back(saved):
     np.testing.assert_allclose(data.plan_surge, surge, rtol=1e-6)
 
 
-def test_plans_orders_and_graph_come_back(saved):
+def test_plans_routes_and_graph_come_back(saved):
     run, folder = saved
     data = load_run(folder)
     plans = [plan for leg in run.legs for plan in leg.plans]
     np.testing.assert_allclose(data.plan_position, [plan.positions for plan in plans], rtol=1e-6)
     np.testing.assert_array_equal(data.plan_time, [plan.times for plan in plans])
     assert data.plan_leg.values.tolist() == [0, 0, 1, 1, 2, 2]
-    assert data.order_nodes.values.tolist() == [[0, 1, 3, 2], [1, 3, 2, -1]]
+    assert data.route_nodes.values.tolist() == [[0, 1, 3, 2], [1, 3, 2, -1]]
     np.testing.assert_array_equal(data.adjacency.astype(bool), run.graph.adjacency)
     np.testing.assert_array_equal(data.waypoint_position, run.graph.positions)
     meanings = data.plan_cause.flag_meanings.split()
@@ -129,7 +129,7 @@ def test_refused_leg_has_no_observations(tmp_path):
 def test_little_to_save(tmp_path, legs):
     run = make_run((0, 1), chart=False, obstacles=False)
     if legs == 0:
-        run.legs, run.orders, run.arrived, run.t_mission, run.reason = [], [], False, 0.0, ""
+        run.legs, run.routes, run.arrived, run.t_mission, run.reason = [], [], False, 0.0, ""
     save_run(run, tmp_path)
     data = load_run(tmp_path)
     assert data.sizes["leg"] == legs

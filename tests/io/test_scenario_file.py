@@ -135,7 +135,7 @@ mission: {start: [20000, 1, 1]}
     assert "lies outside the area" in found["mission.start"]
 
 
-def test_what_follows_from_another_fault_is_not_told(tmp_path):
+def test_what_follows_from_another_fault_is_not_stated(tmp_path):
     """An area that is none says nothing of the start, nor a chart's source that is none of its file."""
     text = """\
 area: {lower: [0, 0, 0], upper: [100, wide, 100]}
@@ -146,7 +146,7 @@ mission: {start: [9999, 50, 5], jobs: jobs.csv, goal: here}
     assert fields == ["area.upper.1", "chart.source", "mission.goal"]
 
 
-def test_two_rules_of_one_section_are_both_told(tmp_path):
+def test_two_rules_of_one_section_are_both_stated(tmp_path):
     fields = [
         field for field, _, _ in faults_of(tmp_path, "chart: {source: none, image: a.png, uncertain: b}")
     ]
@@ -198,7 +198,7 @@ def test_scalars_that_cannot_be_are_faults_among_others(tmp_path, value, words):
     assert words in found[0][2]
 
 
-def test_keys_given_twice_are_all_told(tmp_path):
+def test_keys_given_twice_are_all_stated(tmp_path):
     found = faults_of(tmp_path, "name: a\nvehicle: {speed: 1, speed: 2}\nname: b\n")
     assert [(field, place) for field, place, _ in found] == [("vehicle.speed", (2, 21)), ("name", (3, 1))]
 

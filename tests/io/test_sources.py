@@ -116,7 +116,7 @@ def test_the_sea_bed_and_its_water_level(tmp_path, form):
         assert source.blocked(*places.T, bed + clear + 0.3).all()
 
 
-def test_what_cannot_be_looked_at_is_told(tmp_path):
+def test_what_cannot_be_looked_at_is_stated(tmp_path):
     (tmp_path / "b.nc").write_bytes(b"CDF")
     notes = []
     settings = {"source": "file", "file": "b.nc"}

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from auvplan.errors import AuvplanError, ScenarioWarning
+from auvplan.io.area import load_area
 from auvplan.io.examine import examine_scenario
-from auvplan.io.waters import load_waters
 from auvplan.scenario.file import load_scenario
 from auvplan.scenario.waypoints import make_graph
 from tests.io.small_site import SmallSite
@@ -28,7 +28,7 @@ def all_in(words, lines):
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
-def test_it_is_refused_or_told(variant, sound, tmp_path):
+def test_it_is_refused_or_stated(variant, sound, tmp_path):
     spoil, end, *words = VARIANTS[variant]
     site = SmallSite(tmp_path / "site", sound)
     spoil(site)
@@ -51,8 +51,8 @@ def test_a_mission_is_told_the_same(variant, sound, tmp_path):
     with warnings.catch_warnings(record=True) as heard:
         warnings.simplefilter("always", ScenarioWarning)
         scenario = load_scenario(site.folder / "scenario.yaml")
-        waters = load_waters(scenario, site.folder)
-    said = [str(one.message) for one in heard] + list(waters.notes)
+        area = load_area(scenario, site.folder)
+    said = [str(one.message) for one in heard] + list(area.notes)
     assert all_in(words, said), said
 
 
@@ -66,7 +66,7 @@ def test_a_mission_refuses_it_in_one_line(variant, sound, tmp_path):
 
     def graph():
         scenario = load_scenario(path)
-        make_graph(scenario, load_waters(scenario, site.folder), np.random.default_rng(0))
+        make_graph(scenario, load_area(scenario, site.folder), np.random.default_rng(0))
 
     with pytest.raises(AuvplanError) as caught:
         graph()

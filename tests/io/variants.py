@@ -11,7 +11,7 @@ import numpy as np
 from PIL import Image
 
 from tests.io.small_site import CENTRE
-from tests.io.spoiling import bed, coast, everywhere, file, jobs, moved, ring_of, sections, tide, told
+from tests.io.spoiling import bed, coast, everywhere, file, jobs, moved, ring_of, sections, stated, tide
 
 REFUSED, WARNED = "refused", "warned"
 NAN = float("nan")
@@ -693,7 +693,7 @@ VARIANTS = {
         "bed.nc",
         "no depth",
     ),
-    "sea bed of no unit": (bed(told("depth", units="")), WARNED, "bed.nc", "units are not told: metres"),
+    "sea bed of no unit": (bed(stated("depth", units="")), WARNED, "bed.nc", "units are not given: metres"),
     "sea bed of two places": (
         bed(moved("latitude", lambda y: y + 0.02)),
         REFUSED,
@@ -717,7 +717,7 @@ VARIANTS = {
     "a current of nothing": (scaled(0.0), WARNED, "tide.nc", "0 everywhere"),
     "a fill value as it is": (holes(np.s_[:, :, 3, 3], -9999.0), REFUSED, "tide.nc", "_FillValue"),
     "a forecast of last month": (
-        change(sections(current={"outside": "clamp"}), tide(told("time", units="hours since 2026-02-01"))),
+        change(sections(current={"outside": "clamp"}), tide(stated("time", units="hours since 2026-02-01"))),
         WARNED,
         "tide.nc",
         "none of it is covered",

@@ -1,4 +1,4 @@
-"""Plain NumPy twins of the mission layer, one order at a time, for the tests to compare with."""
+"""Plain NumPy twins of the mission layer, one route at a time, for the tests to compare with."""
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -40,7 +40,7 @@ def decode(
     decoder: str,
     rate_weight: float,
 ) -> list[int]:
-    """The order that one habitat stands for, following the text of section 3.3 step by step."""
+    """The route that one habitat stands for, following the text of section 3.3 step by step."""
     legs = graph.leg_times(speed).copy()
     legs[:, start] = np.inf
     open_edges = np.isfinite(legs)
@@ -48,11 +48,11 @@ def decode(
     rate = np.where(open_edges, graph.priority / np.maximum(legs, 1.0), 0.0)
     mean = rate[rate > 0].mean() if (rate > 0).any() else 1.0
     share = rate_weight * (habitat[-1] + 200) / 300 if decoder == "rate" else 0.0
-    order, time = [start], 0.0
-    while order[-1] != goal:
-        here, best, value = order[-1], None, -np.inf
+    route, time = [start], 0.0
+    while route[-1] != goal:
+        here, best, value = route[-1], None, -np.inf
         for j in range(graph.size):
-            if j in order or not graph.adjacency[here, j]:
+            if j in route or not graph.adjacency[here, j]:
                 continue
             if decoder != "paper" and time + legs[here, j] + togo[j] >= budget:
                 continue
@@ -62,12 +62,12 @@ def decode(
         if best is None:
             break
         time += legs[here, best]
-        order.append(best)
-    return order
+        route.append(best)
+    return route
 
 
 def best_priority(graph: MissionGraph, start: int, goal: int, budget: float, speed: float) -> float | None:
-    """Most total priority of any order within the budget, by depth-first search; None if there is none."""
+    """Most total priority of any route within the budget, by depth-first search; None if there is none."""
     legs = graph.leg_times(speed)
     best: list[float] = []
 

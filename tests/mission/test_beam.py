@@ -1,4 +1,4 @@
-"""Beam search for first orders."""
+"""Beam search for first routes."""
 
 import jax
 import jax.numpy as jnp
@@ -7,15 +7,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from auvplan.mission import check_order
-from auvplan.mission.beam import beam_search, seed_orders
+from auvplan.mission import check_route
+from auvplan.mission.beam import beam_search, seed_routes
 from auvplan.mission.problem import Edges, prepare
 from tests.mission.naive import best_priority, grid_graph
 
 N, SPEED = 7, 2.0
 WIDTH = 512
 search_now = jax.jit(beam_search, static_argnames=("width", "places", "count"))
-seeds_now = jax.jit(seed_orders, static_argnames=("width", "places", "count"))
+seeds_now = jax.jit(seed_routes, static_argnames=("width", "places", "count"))
 
 
 def problem(graph, budget: float):
@@ -31,20 +31,20 @@ def problem(graph, budget: float):
     directed=st.booleans(),
     budget=st.floats(300.0, 3000.0),
 )
-def test_orders_keep_all_rules(seed: int, density: float, directed: bool, budget: float) -> None:
+def test_routes_keep_all_rules(seed: int, density: float, directed: bool, budget: float) -> None:
     graph = grid_graph(seed, N, density, directed)
     given_ = problem(graph, budget)
     nodes, gains = search_now(given_, given_.priority, 0.001, width=WIDTH, places=WIDTH * 8, count=5)
-    for order, gain in zip(np.asarray(nodes), np.asarray(gains), strict=True):
+    for route, gain in zip(np.asarray(nodes), np.asarray(gains), strict=True):
         if np.isfinite(gain):
-            check = check_order(graph, order[order >= 0], 0, N - 1, budget, SPEED)
+            check = check_route(graph, route[route >= 0], 0, N - 1, budget, SPEED)
             assert check.valid, check.reasons
 
 
 @settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 10_000), density=st.sampled_from([0.3, 0.6, 1.0]), directed=st.booleans())
 def test_without_a_time_limit_a_wide_beam_is_exact(seed: int, density: float, directed: bool) -> None:
-    """With room for every partial order nothing goes but the poorer of two that have visited the same."""
+    """With room for every partial route nothing goes but the poorer of two that have visited the same."""
     graph = grid_graph(seed, N, density, directed)
     given_ = problem(graph, 1e6)
     _, gains = search_now(given_, given_.priority, 0.0, width=WIDTH, places=WIDTH * 8, count=5)

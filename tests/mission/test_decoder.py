@@ -1,4 +1,4 @@
-"""Priority vectors into orders, and what the orders cost."""
+"""Priority vectors into routes, and what the routes cost."""
 
 from itertools import pairwise
 
@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from auvplan.mission import MissionGraph, check_order, objective
-from auvplan.mission.decoder import Decoded, decode, encode, greedy_habitat, shortest_order, siv_count
+from auvplan.mission import MissionGraph, check_route, objective
+from auvplan.mission.decoder import Decoded, decode, encode, greedy_habitat, shortest_route, siv_count
 from auvplan.mission.problem import Edges, prepare
 from tests.mission.naive import decode as naive_decode
 from tests.mission.naive import grid_graph
@@ -28,16 +28,16 @@ def problem(graph: MissionGraph, start: int, goal: int, budget: float, visited=N
 
 def shortest_habitat(given_, decoder: str):
     blank = jnp.zeros((1, siv_count(given_.size, decoder)), jnp.int32)
-    return encode(shortest_order(given_)[None], blank, decoder)
+    return encode(shortest_route(given_)[None], blank, decoder)
 
 
-def check_figures(orders: Decoded, p: int, graph: MissionGraph, order: list[int]) -> None:
-    legs = list(pairwise(order))
+def check_figures(routes: Decoded, p: int, graph: MissionGraph, route: list[int]) -> None:
+    legs = list(pairwise(route))
     rho = np.array([graph.priority[leg] for leg in legs])
-    assert float(orders.time[p]) == pytest.approx(sum(graph.leg_times(SPEED)[leg] for leg in legs), rel=1e-5)
-    assert float(orders.priority[p]) == pytest.approx(rho.sum())
-    assert int(orders.tasks[p]) == np.count_nonzero(rho)
-    assert float(orders.inverse_priority[p]) == pytest.approx((1.0 / rho[rho > 0]).sum(), rel=1e-5)
+    assert float(routes.time[p]) == pytest.approx(sum(graph.leg_times(SPEED)[leg] for leg in legs), rel=1e-5)
+    assert float(routes.priority[p]) == pytest.approx(rho.sum())
+    assert int(routes.tasks[p]) == np.count_nonzero(rho)
+    assert float(routes.inverse_priority[p]) == pytest.approx((1.0 / rho[rho > 0]).sum(), rel=1e-5)
 
 
 @pytest.mark.parametrize("decoder", DECODERS)
@@ -58,27 +58,27 @@ def test_against_the_naive_decoder(
     # Few distinct values, so that ties occur.
     rng = np.random.default_rng(seed)
     population = rng.integers(-4, 3, (8, siv_count(N, decoder))) * 50
-    orders = jax.tree.map(np.asarray, decode_now(jnp.asarray(population), given_, decoder=decoder))
+    routes = jax.tree.map(np.asarray, decode_now(jnp.asarray(population), given_, decoder=decoder))
     for p, habitat in enumerate(population):
         expected = naive_decode(habitat, graph, 0, N - 1, budget, SPEED, decoder, 100.0)
-        count = int(orders.count[p])
-        assert orders.nodes[p, :count].tolist() == expected
-        assert (orders.nodes[p, count:] == -1).all()
+        count = int(routes.count[p])
+        assert routes.nodes[p, :count].tolist() == expected
+        assert (routes.nodes[p, count:] == -1).all()
         taken = sum(graph.leg_times(SPEED)[leg] for leg in pairwise(expected))
         in_time = decoder != "paper" or taken < budget * (1.0 - 1e-5)
-        assert bool(orders.reached[p]) == (expected[-1] == N - 1 and in_time)
-        assert float(orders.late[p]) == pytest.approx(0.0 if in_time else taken - budget, abs=0.1)
-        check_figures(orders, p, graph, expected)
-        if orders.reached[p]:
-            check = check_order(graph, expected, 0, N - 1, budget, SPEED)
+        assert bool(routes.reached[p]) == (expected[-1] == N - 1 and in_time)
+        assert float(routes.late[p]) == pytest.approx(0.0 if in_time else taken - budget, abs=0.1)
+        check_figures(routes, p, graph, expected)
+        if routes.reached[p]:
+            check = check_route(graph, expected, 0, N - 1, budget, SPEED)
             assert check.valid, check.reasons
-            assert orders.remaining[p] == 0.0
+            assert routes.remaining[p] == 0.0
 
 
 @pytest.mark.parametrize("decoder", DECODERS)
 @settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 10_000), density=st.sampled_from([0.2, 0.4, 1.0]), directed=st.booleans())
-def test_the_shortest_order_is_the_shortest_way(
+def test_the_shortest_route_is_the_shortest_way(
     decoder: str, seed: int, density: float, directed: bool
 ) -> None:
     graph = grid_graph(seed, N, density, directed, untasked=0.5)
@@ -88,9 +88,9 @@ def test_the_shortest_order_is_the_shortest_way(
     if not np.isfinite(shortest):
         return
     given_ = problem(graph, 0, N - 1, shortest * 10.0)
-    orders = decode_now(shortest_habitat(given_, decoder), given_, decoder=decoder)
-    assert bool(orders.reached[0])
-    assert float(orders.time[0]) == pytest.approx(shortest, rel=1e-5)
+    routes = decode_now(shortest_habitat(given_, decoder), given_, decoder=decoder)
+    assert bool(routes.reached[0])
+    assert float(routes.time[0]) == pytest.approx(shortest, rel=1e-5)
 
 
 def test_legs_that_take_no_time_make_no_cycle() -> None:
@@ -102,27 +102,27 @@ def test_legs_that_take_no_time_make_no_cycle() -> None:
 @pytest.mark.parametrize("decoder", DECODERS)
 @settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 10_000), density=st.sampled_from([0.25, 0.5, 1.0]), directed=st.booleans())
-def test_an_order_survives_encoding(decoder: str, seed: int, density: float, directed: bool) -> None:
+def test_a_route_survives_encoding(decoder: str, seed: int, density: float, directed: bool) -> None:
     graph = grid_graph(seed, N, density, directed)
     given_ = problem(graph, 0, N - 1, 3000.0)
     rng = np.random.default_rng(seed)
     population = jnp.asarray(rng.integers(-200, 101, (8, siv_count(N, decoder))))
-    orders = decode_now(population, given_, decoder=decoder)
-    written = encode(orders.nodes, population, decoder)
+    routes = decode_now(population, given_, decoder=decoder)
+    written = encode(routes.nodes, population, decoder)
     assert written.shape == population.shape
     assert int(written.min()) >= -200
     assert int(written.max()) <= 100
     again = decode_now(written, given_, decoder=decoder)
-    np.testing.assert_array_equal(again.nodes[orders.reached], orders.nodes[orders.reached])
+    np.testing.assert_array_equal(again.nodes[routes.reached], routes.nodes[routes.reached])
 
 
 def test_the_greedy_habitat_follows_the_rate() -> None:
     graph = grid_graph(1, N, 1.0, untasked=0.0)
     given_ = problem(graph, 0, N - 1, 1e5)
-    order = decode_now(greedy_habitat(given_, "rate")[None], given_, decoder="rate").nodes[0]
+    route = decode_now(greedy_habitat(given_, "rate")[None], given_, decoder="rate").nodes[0]
     rate = graph.priority[0] / graph.leg_times(SPEED)[0]
     rate[N - 1] = 0.0
-    assert int(order[1]) == int(np.argmax(rate))
+    assert int(route[1]) == int(np.argmax(rate))
 
 
 def test_visited_waypoints_are_not_entered() -> None:
@@ -143,13 +143,13 @@ def test_a_dead_end_is_not_reached() -> None:
     graph = MissionGraph(np.arange(12.0).reshape(4, 3), edges, edges * 1.0, edges * 10.0)
     given_ = problem(graph, 0, 3, 1000.0)
     population = jnp.array([[0, 0, 50, -50], [0, 0, -50, 50]])
-    orders = decode_now(population, given_, decoder="timely")
-    assert orders.reached.tolist() == [False, True]
-    assert orders.nodes[0].tolist() == [0, 1, 2, -1]
-    assert orders.remaining[0] > 0.0
-    for cost in (objective.total_priority(orders, given_), objective.eq15(orders, given_)):
+    routes = decode_now(population, given_, decoder="timely")
+    assert routes.reached.tolist() == [False, True]
+    assert routes.nodes[0].tolist() == [0, 1, 2, -1]
+    assert routes.remaining[0] > 0.0
+    for cost in (objective.total_priority(routes, given_), objective.eq15(routes, given_)):
         assert cost[0] > cost[1]
-    assert (objective.violation(orders, given_) > 0.0).tolist() == [True, False]
+    assert (objective.violation(routes, given_) > 0.0).tolist() == [True, False]
 
 
 def test_objectives_by_hand() -> None:
@@ -159,21 +159,21 @@ def test_objectives_by_hand() -> None:
     duration = np.array([[0, 10, 0], [0, 0, 20], [0, 0, 0]])
     graph = MissionGraph(positions, priority > 0, priority, duration)
     given_ = problem(graph, 0, 2, 200.0)
-    orders = decode_now(jnp.zeros((1, 3), jnp.int32), given_, decoder="timely")
-    assert float(orders.time[0]) == pytest.approx(130.0)
-    priority = objective.total_priority(orders, given_, time_weight=0.1)
+    routes = decode_now(jnp.zeros((1, 3), jnp.int32), given_, decoder="timely")
+    assert float(routes.time[0]) == pytest.approx(130.0)
+    priority = objective.total_priority(routes, given_, time_weight=0.1)
     assert float(priority[0]) == pytest.approx(-6.0 + 0.1 * 4.0 * 130.0 / 200.0)
-    eq15 = objective.eq15(orders, given_, phi1=2.0, phi2=8.0)
+    eq15 = objective.eq15(routes, given_, phi1=2.0, phi2=8.0)
     assert float(eq15[0]) == pytest.approx(2.0 * 70.0 + 8.0 * (1 / 4 + 1 / 2))
-    assert float(objective.violation(orders, given_)[0]) == 0.0
+    assert float(objective.violation(routes, given_)[0]) == 0.0
 
 
-def test_any_order_that_arrives_costs_less_than_any_that_does_not() -> None:
+def test_any_route_that_arrives_costs_less_than_any_that_does_not() -> None:
     graph = grid_graph(4, N, 0.25)
     given_ = problem(graph, 0, N - 1, 2000.0)
-    orders = decode_now(jax.random.randint(jax.random.key(1), (300, N), -200, 101), given_, decoder="timely")
-    reached = np.asarray(orders.reached)
+    routes = decode_now(jax.random.randint(jax.random.key(1), (300, N), -200, 101), given_, decoder="timely")
+    reached = np.asarray(routes.reached)
     assert reached.any()
     assert not reached.all()
-    for cost in (objective.total_priority(orders, given_), objective.eq15(orders, given_)):
+    for cost in (objective.total_priority(routes, given_), objective.eq15(routes, given_)):
         assert cost[reached].max() < cost[~reached].min()

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from auvplan.mission import check_order
+from auvplan.mission import check_route
 from auvplan.mission.bound import upper_bound
 from auvplan.mission.exact import in_ticks, solve_exact
 from tests.mission.naive import best_priority, grid_graph
@@ -37,28 +37,28 @@ def test_equals_brute_force(seed: int, scale: float | None) -> None:
     graph = type(graph)(graph.positions, graph.adjacency, rho, graph.duration)
     goal, budget = graph.size - 1, 700.0 + 150.0 * seed
     optimum = best_priority(graph, 0, goal, budget, SPEED)
-    order = solve_exact(graph.leg_times(SPEED), rho, 0, goal, budget)
-    assert order.proved
-    assert order.infeasible == (optimum is None)
+    route = solve_exact(graph.leg_times(SPEED), rho, 0, goal, budget)
+    assert route.proved
+    assert route.infeasible == (optimum is None)
     if optimum is not None:
-        assert check_order(graph, order.nodes, 0, goal, budget, SPEED)
-        assert order.priority == pytest.approx(optimum, rel=1e-5)
-        assert order.priority == pytest.approx(sum(rho[leg] for leg in pairwise(order.nodes)))
-        assert optimum * (1.0 - 1e-12) <= order.bound <= optimum * (1.0 + 1e-5)
+        assert check_route(graph, route.nodes, 0, goal, budget, SPEED)
+        assert route.priority == pytest.approx(optimum, rel=1e-5)
+        assert route.priority == pytest.approx(sum(rho[leg] for leg in pairwise(route.nodes)))
+        assert optimum * (1.0 - 1e-12) <= route.bound <= optimum * (1.0 + 1e-5)
 
 
 @pytest.mark.parametrize(
     ("budget", "nodes", "priority"),
     [(30.0, [0, 1, 3], 3.0), (30.0000001, [0, 2, 3], 8.0), (20.0, [], 0.0), (20.0005, [0, 1, 3], 3.0)],
 )
-def test_an_order_takes_strictly_less_than_the_time_available(
+def test_a_route_takes_strictly_less_than_the_time_available(
     budget: float, nodes: list[int], priority: float
 ) -> None:
-    order = solve_exact(*diamond(), 0, 3, budget)
-    assert order.nodes.tolist() == nodes
-    assert (order.priority, order.bound) == (priority, priority)
-    assert order.proved
-    assert order.infeasible == (not nodes)
+    route = solve_exact(*diamond(), 0, 3, budget)
+    assert route.nodes.tolist() == nodes
+    assert (route.priority, route.bound) == (priority, priority)
+    assert route.proved
+    assert route.infeasible == (not nodes)
 
 
 def test_no_way_and_the_empty_mission() -> None:
@@ -74,15 +74,15 @@ def test_no_way_and_the_empty_mission() -> None:
 def test_within_a_tick_the_second_search_answers() -> None:
     times, rho = diamond()
     times[0, 2] += 5e-8
-    order = solve_exact(times, rho, 0, 3, 30.0 + 2e-8)
-    assert order.nodes.tolist() == [0, 1, 3]
-    assert order.priority <= 3.0 <= order.bound <= 8.0
+    route = solve_exact(times, rho, 0, 3, 30.0 + 2e-8)
+    assert route.nodes.tolist() == [0, 1, 3]
+    assert route.priority <= 3.0 <= route.bound <= 8.0
 
 
 @pytest.mark.parametrize("hint", [[0, 1, 3], [0, 2, 3], [0, 3, 9], []])
 def test_any_hint_is_accepted(hint: list[int]) -> None:
-    order = solve_exact(*diamond(), 0, 3, 40.0, hint=hint)
-    assert (order.nodes.tolist(), order.proved) == ([0, 2, 3], True)
+    route = solve_exact(*diamond(), 0, 3, 40.0, hint=hint)
+    assert (route.nodes.tolist(), route.proved) == ([0, 2, 3], True)
 
 
 def test_the_same_answer_each_time() -> None:
@@ -136,5 +136,5 @@ def test_the_proven_optimum_of_a_task_graph() -> None:
     for i, j, length, worth, delta in case["edges"]:
         times[[i, j], [j, i]] = length / case["v"] + delta
         rho[[i, j], [j, i]] = worth
-    order = solve_exact(times, rho, case["start"], case["dest"], case["T"], time_limit=30.0)
-    assert (order.priority, order.bound, order.proved) == (case["optimum"], case["optimum"], True)
+    route = solve_exact(times, rho, case["start"], case["dest"], case["T"], time_limit=30.0)
+    assert (route.priority, route.bound, route.proved) == (case["optimum"], case["optimum"], True)

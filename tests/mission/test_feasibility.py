@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from auvplan.mission import MissionGraph, check_order
+from auvplan.mission import MissionGraph, check_route
 
 LINE = np.array([[0.0, 0, 0], [100.0, 0, 0], [200.0, 0, 0], [300.0, 0, 0]])
 EDGES = np.array([[0, 1, 1, 0], [1, 0, 1, 1], [1, 1, 0, 1], [0, 1, 1, 0]], bool)
@@ -29,7 +29,7 @@ GRAPH = MissionGraph(LINE, EDGES, EDGES * 2.0, EDGES * 10.0)
     ],
 )
 def test_each_broken_rule_is_caught(nodes: list[int], budget: float, broken: set[str]) -> None:
-    check = check_order(GRAPH, nodes, 0, 3, budget, speed=2.0)
+    check = check_route(GRAPH, nodes, 0, 3, budget, speed=2.0)
     rules = ("ends", "edges_exist", "nodes_once", "edges_once", "in_time")
     assert {rule for rule in rules if not getattr(check, rule)} == broken
     assert len(check.reasons) == len(broken)
@@ -37,16 +37,16 @@ def test_each_broken_rule_is_caught(nodes: list[int], budget: float, broken: set
 
 
 def test_time_and_reasons_tell_what_is_wrong() -> None:
-    check = check_order(GRAPH, [0, 1, 2, 3], 0, 3, 100.0, speed=2.0)
+    check = check_route(GRAPH, [0, 1, 2, 3], 0, 3, 100.0, speed=2.0)
     assert check.time == pytest.approx(3 * 50.0 + 30.0)
     assert check.reasons == ("takes 180.0 s, 100.0 s are available",)
     assert (
-        check_order(GRAPH.with_travel_time(0, 1, 500.0), [0, 1, 3], 0, 3, 1e4, 2.0).time
+        check_route(GRAPH.with_travel_time(0, 1, 500.0), [0, 1, 3], 0, 3, 1e4, 2.0).time
         == 500 + 10 + 100 + 10
     )
 
 
 def test_the_two_directions_of_a_directed_graph_are_two_edges() -> None:
     directed = MissionGraph(LINE, EDGES, np.triu(EDGES) * 2.0, EDGES * 10.0)
-    assert check_order(directed, [0, 1, 2, 1, 3], 0, 3, 1e4, 2.0).edges_once
-    assert not check_order(GRAPH, [0, 1, 2, 1, 3], 0, 3, 1e4, 2.0).edges_once
+    assert check_route(directed, [0, 1, 2, 1, 3], 0, 3, 1e4, 2.0).edges_once
+    assert not check_route(GRAPH, [0, 1, 2, 1, 3], 0, 3, 1e4, 2.0).edges_once

@@ -102,11 +102,11 @@ def test_random_graphs_are_connected_and_undirected(neighbours: int) -> None:
     assert not graph.adjacency.diagonal().any()
 
 
-def test_random_graphs_keep_to_the_sailable_edges() -> None:
+def test_random_graphs_keep_to_the_passable_edges() -> None:
     rng = np.random.default_rng(0)
     positions = rng.uniform(0.0, 100.0, (10, 3))
     ring = np.roll(np.eye(10, dtype=bool), 1, axis=1)
-    graph = random_graph(rng, positions, sailable=ring | ring.T)
+    graph = random_graph(rng, positions, passable=ring | ring.T)
     assert not (graph.adjacency & ~(ring | ring.T)).any()
     with pytest.raises(ValueError, match="do not connect"):
-        random_graph(rng, positions, sailable=np.zeros((10, 10), bool))
+        random_graph(rng, positions, passable=np.zeros((10, 10), bool))

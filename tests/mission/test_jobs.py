@@ -56,7 +56,7 @@ def test_ends_of_whole_lines_are_joined_though_their_nearest_are_on_the_line():
 
 @pytest.mark.parametrize(("budget", "worth"), [(3000.0, 11.0), (1100.0, 3.0), (1050.0, 0.0), (1000.0, None)])
 def test_what_the_best_mission_is_worth(budget, worth):
-    """All jobs, or the reef alone, which lies on the way; by every order there is."""
+    """All jobs, or the reef alone, which lies on the way; by every route there is."""
     graph, _ = jobs_graph(POINTS, [LINE], START, GOAL)
     assert best_priority(graph, 0, 6, budget, 1.0) == (None if worth is None else pytest.approx(worth))
 
@@ -131,7 +131,7 @@ def test_only_clear_lines_become_edges():
 @pytest.mark.parametrize(
     ("lines", "more", "words"),
     [
-        ([LINE], {"clear": wall(-200.0)}, "no clear line leads from the start to 'gate', "),
+        ([LINE], {"clear": wall(-200.0)}, "no clear line and no way around leads from the start to 'gate', "),
         ([DYKE], {"clear": wall(1.0)}, "line 'dyke': the way from vertex 2 to 3 is not clear"),
         ([JobLine("dot", ((1.0, 2, 3),))], {}, "line 'dot' has 1 vertices"),
         ([JobLine("dot", ((1.0, 2, 3), (1.0, 2, 3)))], {}, "line 'dot': vertices 1 and 2 are in one place"),

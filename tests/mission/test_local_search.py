@@ -1,4 +1,4 @@
-"""Local search on orders against a plain one."""
+"""Local search on routes against a plain one."""
 
 from itertools import pairwise
 
@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from auvplan.mission import MissionGraph, check_order
+from auvplan.mission import MissionGraph, check_route
 from auvplan.mission.decoder import decode
 from auvplan.mission.local_search import CUT, improve
 from auvplan.mission.problem import Edges, prepare
@@ -20,15 +20,15 @@ improve_now = jax.jit(improve, static_argnames="rounds")
 decode_now = jax.jit(decode, static_argnames="decoder")
 
 
-def random_orders(graph: MissionGraph, budget: float, margin: float, seed: int):
+def random_routes(graph: MissionGraph, budget: float, margin: float, seed: int):
     edges = Edges.of(graph.leg_times(SPEED), graph.priority)
     problem = jax.jit(prepare)(edges, 0, N - 1, budget, jnp.zeros(N, bool), margin)
     population = np.random.default_rng(seed).integers(-200, 101, (12, N))
-    orders = decode_now(jnp.asarray(population), problem, decoder="timely")
-    return problem, np.asarray(orders.nodes)[np.asarray(orders.reached)]
+    routes = decode_now(jnp.asarray(population), problem, decoder="timely")
+    return problem, np.asarray(routes.nodes)[np.asarray(routes.reached)]
 
 
-def naive_best_gain(graph: MissionGraph, order: list[int], budget: float, margin: float) -> float:
+def naive_best_gain(graph: MissionGraph, route: list[int], budget: float, margin: float) -> float:
     """What the best change gains: cut out up to `CUT` waypoints and put another, or none, in their place."""
     legs = graph.leg_times(SPEED)
     back = (1.0 + margin) * dijkstra_time_to_go(np.where(np.arange(N) == 0, np.inf, legs), N - 1)
@@ -41,14 +41,14 @@ def naive_best_gain(graph: MissionGraph, order: list[int], budget: float, margin
                 return -np.inf
         return total
 
-    others = [None, *(k for k in range(N) if k not in order)]
+    others = [None, *(k for k in range(N) if k not in route)]
     changed = [
-        [*order[: i + 1], *([] if k is None else [k]), *order[i + 1 + cut :]]
-        for i in range(len(order) - 1)
-        for cut in range(min(CUT, len(order) - 2 - i) + 1)
+        [*route[: i + 1], *([] if k is None else [k]), *route[i + 1 + cut :]]
+        for i in range(len(route) - 1)
+        for cut in range(min(CUT, len(route) - 2 - i) + 1)
         for k in others
     ]
-    return max(worth(nodes) for nodes in changed) - worth(order)
+    return max(worth(nodes) for nodes in changed) - worth(route)
 
 
 @settings(max_examples=30, deadline=None)
@@ -63,14 +63,14 @@ def test_the_best_change_is_made(
     seed: int, density: float, directed: bool, budget: float, margin: float
 ) -> None:
     graph = grid_graph(seed, N, density, directed)
-    problem, orders = random_orders(graph, budget, margin, seed)
-    if len(orders) == 0:
+    problem, routes = random_routes(graph, budget, margin, seed)
+    if len(routes) == 0:
         return
-    padded = np.resize(orders, (12, N))
+    padded = np.resize(routes, (12, N))
     after = np.asarray(improve_now(jnp.asarray(padded), problem, problem.priority, rounds=1))
     for old, new in zip(padded, after, strict=True):
         before, now = old[old >= 0].tolist(), new[new >= 0].tolist()
-        check = check_order(graph, now, 0, N - 1, budget, SPEED)
+        check = check_route(graph, now, 0, N - 1, budget, SPEED)
         assert check.valid, check.reasons
         gained = sum(graph.priority[leg] for leg in pairwise(now)) - sum(
             graph.priority[leg] for leg in pairwise(before)
@@ -80,7 +80,7 @@ def test_the_best_change_is_made(
 
 def test_many_rounds_end_where_no_change_gains() -> None:
     graph = grid_graph(4, N, 1.0)
-    problem, orders = random_orders(graph, 2500.0, 0.0, 4)
-    after = np.asarray(improve_now(jnp.asarray(orders), problem, problem.priority, rounds=30))
+    problem, routes = random_routes(graph, 2500.0, 0.0, 4)
+    after = np.asarray(improve_now(jnp.asarray(routes), problem, problem.priority, rounds=30))
     for nodes in after:
         assert naive_best_gain(graph, nodes[nodes >= 0].tolist(), 2500.0, 0.0) <= 0.0

@@ -4,7 +4,6 @@ import gzip
 import json
 from itertools import pairwise
 from pathlib import Path
-from types import SimpleNamespace
 
 import jax
 import numpy as np
@@ -12,16 +11,19 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+import auvplan as ap
+from auvplan import Vehicle
 from auvplan.bbo import BBOConfig
 from auvplan.compiled import compilations
 from auvplan.mission import (
     MissionConfig,
     MissionGraph,
     MissionStatus,
-    check_order,
+    check_route,
     plan_mission,
     plan_missions,
     random_graph,
+    replan_mission,
 )
 from tests.mission.naive import best_priority, grid_graph
 from tests.mission.naive import time_to_go as dijkstra_time_to_go
@@ -59,21 +61,21 @@ def plan(graph: MissionGraph, budget: float = 3000.0, seed: int = 0, config: Mis
 
 
 @pytest.mark.parametrize("config", CONFIGS.values(), ids=CONFIGS)
-def test_an_order_keeps_all_rules_and_adds_up(config: MissionConfig) -> None:
+def test_a_route_keeps_all_rules_and_adds_up(config: MissionConfig) -> None:
     graph = medium_graph()
-    order = plan(graph, config=config)
-    check = check_order(graph, order.nodes, 0, 14, 3000.0, SPEED)
+    route = plan(graph, config=config)
+    check = check_route(graph, route.nodes, 0, 14, 3000.0, SPEED)
     assert check.valid, check.reasons
-    assert order.feasible
-    assert order.status is MissionStatus.OK
-    assert order.time == pytest.approx(check.time)
-    assert order.leg_times.sum() == pytest.approx(order.time)
-    assert len(order.leg_times) == len(order.nodes) - 1
-    rho = [graph.priority[i, j] for i, j in pairwise(order.nodes)]
-    assert order.priority == sum(rho)
-    assert order.tasks == len(rho)
-    assert order.history.best.shape == (11,)
-    assert order.history.best[-1] == np.float32(order.cost)
+    assert route.feasible
+    assert route.status is MissionStatus.OK
+    assert route.time == pytest.approx(check.time)
+    assert route.leg_times.sum() == pytest.approx(route.time)
+    assert len(route.leg_times) == len(route.nodes) - 1
+    rho = [graph.priority[i, j] for i, j in pairwise(route.nodes)]
+    assert route.priority == sum(rho)
+    assert route.tasks == len(rho)
+    assert route.history.best.shape == (11,)
+    assert route.history.best[-1] == np.float32(route.cost)
 
 
 @pytest.mark.parametrize("config", [CONFIGS["default"], CONFIGS["plain"], CONFIGS["generational"]])
@@ -89,17 +91,17 @@ def test_feasible_whenever_a_feasible_mission_exists(
 ) -> None:
     graph = grid_graph(seed, 15, density, directed)
     shortest = dijkstra_time_to_go(graph.leg_times(SPEED), 14)[0]
-    order = plan(graph, budget=slack * shortest if np.isfinite(shortest) else 500.0, config=config)
+    route = plan(graph, budget=slack * shortest if np.isfinite(shortest) else 500.0, config=config)
     if not np.isfinite(shortest):
-        assert order.status is MissionStatus.UNREACHABLE
+        assert route.status is MissionStatus.UNREACHABLE
     elif slack > 1.0:
-        assert order.feasible
+        assert route.feasible
     else:
-        assert order.status is MissionStatus.OUT_OF_TIME
-        assert order.least_time == pytest.approx(shortest, rel=1e-5)
-    if not order.feasible:
-        assert order.nodes.tolist() == [0]
-        assert order.time == order.priority == order.tasks == 0
+        assert route.status is MissionStatus.OUT_OF_TIME
+        assert route.least_time == pytest.approx(shortest, rel=1e-5)
+    if not route.feasible:
+        assert route.nodes.tolist() == [0]
+        assert route.time == route.priority == route.tasks == 0
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -107,17 +109,17 @@ def test_the_optimum_of_small_graphs_is_found(seed: int) -> None:
     graph = grid_graph(seed, 7, 0.7)
     budget = 1500.0 + 200.0 * seed
     expected = best_priority(graph, 0, 6, budget, SPEED)
-    order = plan(graph, budget=budget, config=MissionConfig())
+    route = plan(graph, budget=budget, config=MissionConfig())
     assert expected is not None
-    assert order.priority == expected
+    assert route.priority == expected
 
 
 def test_failures_say_what_to_do() -> None:
     graph = medium_graph()
     cut = graph.without_edges([(j, 14) for j in range(14)])
-    order = plan(cut)
-    assert not order.feasible
-    assert "add edges" in order.reason
+    route = plan(cut)
+    assert not route.feasible
+    assert "add edges" in route.reason
     late = plan(graph, budget=10.0)
     assert late.status is MissionStatus.OUT_OF_TIME
     assert f"{late.least_time:.1f} s" in late.reason
@@ -126,13 +128,13 @@ def test_failures_say_what_to_do() -> None:
 
 
 def test_at_the_destination_the_mission_is_empty() -> None:
-    order = plan_mission(medium_graph(), 3, 3, 100.0, speed=SPEED, key=jax.random.key(0), config=QUICK)
-    assert order.feasible
-    assert order.nodes.tolist() == [3]
-    assert (order.time, order.priority, order.tasks, len(order.leg_times)) == (0.0, 0.0, 0, 0)
+    route = plan_mission(medium_graph(), 3, 3, 100.0, speed=SPEED, key=jax.random.key(0), config=QUICK)
+    assert route.feasible
+    assert route.nodes.tolist() == [3]
+    assert (route.time, route.priority, route.tasks, len(route.leg_times)) == (0.0, 0.0, 0, 0)
 
 
-def test_same_key_same_order() -> None:
+def test_same_key_same_route() -> None:
     graph = medium_graph(1)
     first, again, other = (plan(graph, seed=seed) for seed in (1, 1, 2))
     np.testing.assert_array_equal(first.nodes, again.nodes)
@@ -144,18 +146,20 @@ def test_a_batch_equals_its_missions_one_by_one() -> None:
     graphs = [medium_graph(seed) for seed in range(3)]
     starts, goals, budgets, speeds = [0, 3, 5], [14, 1, 5], [3000.0, 2000.0, 9.0], [2.0, 2.5, 1.5]
     keys = jax.random.split(jax.random.key(0), 3)
-    orders = plan_missions(MissionGraph.stack(graphs), starts, goals, budgets, speeds, keys, config=QUICK)
-    assert len(orders) == 3
-    for b, order in enumerate(orders):
+    routes = plan_missions(
+        MissionGraph.stack(graphs), starts, goals, budgets, speed=speeds, key=keys, config=QUICK
+    )
+    assert len(routes) == 3
+    for b, route in enumerate(routes):
         alone = plan_mission(
             graphs[b], starts[b], goals[b], budgets[b], speed=speeds[b], key=keys[b], config=QUICK
         )
-        np.testing.assert_array_equal(order.nodes, alone.nodes)
-        np.testing.assert_array_equal(order.population, alone.population)
-        np.testing.assert_allclose(order.leg_times, alone.leg_times)
-        assert order.status is alone.status
-        assert order.time == pytest.approx(alone.time)
-    assert orders.feasible.tolist() == [order.feasible for order in orders]
+        np.testing.assert_array_equal(route.nodes, alone.nodes)
+        np.testing.assert_array_equal(route.population, alone.population)
+        np.testing.assert_allclose(route.leg_times, alone.leg_times)
+        assert route.status is alone.status
+        assert route.time == pytest.approx(alone.time)
+    assert routes.feasible.tolist() == [route.feasible for route in routes]
 
 
 def test_planning_again_compiles_nothing() -> None:
@@ -165,19 +169,19 @@ def test_planning_again_compiles_nothing() -> None:
     again = graph.without_edges([tuple(first.nodes[:2])]).with_travel_time(2, 3, 99.0)
     visited = np.zeros(15, bool)
     visited[0] = True
-    order = plan_mission(
+    route = plan_mission(
         again,
         int(first.nodes[1]),
         14,
         2000.0,
-        SimpleNamespace(speed=3.0),
+        Vehicle(speed=3.0),
         key=jax.random.key(9),
         config=QUICK.replace(bbo=BBOConfig(**vars(QUICK.bbo))),
         population=first.population,
         visited=visited,
     )
-    assert order.feasible
-    assert 0 not in order.nodes
+    assert route.feasible
+    assert 0 not in route.nodes
     plan(graph, population=first.population[:5])
     assert compilations() == compiled
 
@@ -195,18 +199,18 @@ def test_a_given_population_is_used() -> None:
 def test_edges_without_tasks_are_passed_but_not_counted() -> None:
     graph = medium_graph()
     bare = MissionGraph(graph.positions, graph.adjacency, np.zeros((15, 15)), graph.duration)
-    order = plan(bare)
-    assert order.feasible
-    assert (order.tasks, order.priority) == (0, 0.0)
-    assert order.time == pytest.approx(order.least_time, rel=1e-5), "nothing to gain: the shortest way"
+    route = plan(bare)
+    assert route.feasible
+    assert (route.tasks, route.priority) == (0, 0.0)
+    assert route.time == pytest.approx(route.least_time, rel=1e-5), "nothing to gain: the shortest way"
 
 
 def test_one_way_edges_are_respected() -> None:
     size = 15
     ring = np.roll(np.eye(size, dtype=bool), 1, axis=1)
     graph = MissionGraph(np.random.default_rng(0).uniform(0, 500, (size, 3)), ring, ring * 1.0, ring * 10.0)
-    order = plan_mission(graph, 12, 3, 1e5, speed=SPEED, key=jax.random.key(0), config=QUICK)
-    assert order.nodes.tolist() == [12, 13, 14, 0, 1, 2, 3]
+    route = plan_mission(graph, 12, 3, 1e5, speed=SPEED, key=jax.random.key(0), config=QUICK)
+    assert route.nodes.tolist() == [12, 13, 14, 0, 1, 2, 3]
 
 
 @pytest.mark.parametrize(
@@ -217,7 +221,7 @@ def test_one_way_edges_are_respected() -> None:
         ({"goal": 1.5}, "goal must be an index"),
         ({"time_available": np.nan}, "time_available must be finite"),
         ({"speed": 0.0}, "speed must be positive"),
-        ({"speed": None}, "either vehicle or speed"),
+        ({"vehicle": Vehicle()}, "vehicle or speed, not both"),
         ({"population": np.zeros((3, 4), int)}, r"population must be \[Q <= 20, 16\]"),
         ({"visited": np.zeros(3, bool)}, "visited must be"),
     ],
@@ -266,33 +270,33 @@ def test_close_to_the_proven_optimum(name: str) -> None:
             adjacency[edge], priority[edge], duration[edge] = True, rho, delta
             travel[edge] = length / case["v"]
     graph = MissionGraph(np.array(case["nodes"]), adjacency, priority, duration, travel)
-    order = plan_mission(
+    route = plan_mission(
         graph, case["start"], case["dest"], case["T"], speed=case["v"], key=jax.random.key(0)
     )
-    assert check_order(graph, order.nodes, case["start"], case["dest"], case["T"], case["v"])
-    assert order.priority <= case["optimum"]
-    assert order.priority >= 0.93 * case["optimum"]
+    assert check_route(graph, route.nodes, case["start"], case["dest"], case["T"], case["v"])
+    assert route.priority <= case["optimum"]
+    assert route.priority >= 0.93 * case["optimum"]
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_the_bound_is_above_the_order(seed: int) -> None:
+def test_the_bound_is_above_the_route(seed: int) -> None:
     graph = medium_graph(seed)
-    order = plan(graph, budget=2200.0)
+    route = plan(graph, budget=2200.0)
     best = best_priority(graph, 0, 14, 2200.0, SPEED)
     assert best is not None
-    assert order.priority <= best <= order.bound
-    assert order.gap == pytest.approx(1.0 - order.priority / order.bound)
+    assert route.priority <= best <= route.bound
+    assert route.gap == pytest.approx(1.0 - route.priority / route.bound)
 
 
 def test_the_exact_method_proves_the_optimum() -> None:
     pytest.importorskip("ortools")
     graph = medium_graph(1)
     poor = QUICK.replace(seeds=0, local_rounds=0, bbo=QUICK.bbo.replace(iterations=0))
-    order = plan(graph, budget=2200.0, config=poor, method="exact")
-    assert order.priority == order.bound == best_priority(graph, 0, 14, 2200.0, SPEED)
-    assert order.gap == 0.0
-    assert check_order(graph, order.nodes, 0, 14, 2200.0, SPEED)
-    assert order.time == pytest.approx(order.leg_times.sum())
+    route = plan(graph, budget=2200.0, config=poor, method="exact")
+    assert route.priority == route.bound == best_priority(graph, 0, 14, 2200.0, SPEED)
+    assert route.gap == 0.0
+    assert check_route(graph, route.nodes, 0, 14, 2200.0, SPEED)
+    assert route.time == pytest.approx(route.leg_times.sum())
 
 
 @settings(max_examples=15, deadline=None)
@@ -308,18 +312,18 @@ def test_a_new_plan_is_no_worse_than_the_rest_of_the_old(seed: int, passed: int,
     worth = sum(graph.priority[leg] for leg in pairwise(rest))
     again = graph.without_edges(pairwise(old.nodes[: passed + 1].tolist()))
     blind = QUICK.replace(seeds=0, local_rounds=0, bbo=QUICK.bbo.replace(iterations=0))
-    order = plan_mission(
+    route = plan_mission(
         again, int(rest[0]), 14, max(left, 1.0), speed=SPEED, key=jax.random.key(seed), config=blind,
-        known_order=rest,
+        known_route=rest,
     )  # fmt: skip
     if needs < left * (1.0 - 1e-5):
-        assert order.priority >= worth
+        assert route.priority >= worth
 
 
 @pytest.mark.parametrize("known", [[0, 3], [3, 14], [0, 3, 3, 14], [0, 15, 14], [[0, 14]]])
-def test_a_known_order_must_fit(known: list) -> None:
-    with pytest.raises(ValueError, match="known_order must lead from 0 to 14"):
-        plan(medium_graph(), known_order=known)
+def test_a_known_route_must_fit(known: list) -> None:
+    with pytest.raises(ValueError, match="known_route must lead from 0 to 14"):
+        plan(medium_graph(), known_route=known)
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -327,7 +331,7 @@ def test_the_bound_holds_with_a_return_margin(seed: int) -> None:
     graphs = MissionGraph.stack([medium_graph(seed)] * 2)
     keys = jax.random.split(jax.random.key(seed), 2)
     free, careful = plan_missions(
-        graphs, [0, 0], [14, 14], 2200.0, SPEED, keys, config=QUICK, return_margin=[0.0, 0.5]
+        graphs, [0, 0], [14, 14], 2200.0, speed=SPEED, key=keys, config=QUICK, return_margin=[0.0, 0.5]
     )
     assert careful.priority <= careful.bound <= free.bound + 1e-9
     assert (careful.limiting_times >= free.edge_times).all()
@@ -345,3 +349,34 @@ def test_given_populations_are_what_the_search_starts_from():
     np.testing.assert_array_equal(kept.nodes, good.nodes)
     rows = {tuple(row) for row in np.asarray(kept.population).tolist()}
     assert rows == {tuple(row) for row in habitats.tolist()}
+
+
+def test_a_mission_is_replanned_from_a_waypoint_of_its_route() -> None:
+    graph = medium_graph()
+    first = plan(graph, budget=2200.0)
+    here = int(first.nodes[2])
+    left = 2200.0 - float(first.leg_times[:2].sum())
+    rest = replan_mission(first, graph, here, left, speed=SPEED, key=jax.random.key(7), config=QUICK)
+    gained = float(graph.priority[first.nodes[:2], first.nodes[1:3]].sum())
+    assert rest.feasible
+    assert rest.priority >= first.priority - gained - 1e-6, "the rest of the route is among the habitats"
+    assert not {tuple(leg) for leg in pairwise(first.nodes[:3])} & {
+        tuple(leg) for leg in pairwise(rest.nodes)
+    }
+    unvisited = next(node for node in range(graph.size) if node not in first.nodes)
+    with pytest.raises(ValueError, match="here must be a waypoint of the route"):
+        replan_mission(first, graph, unvisited, left, speed=SPEED, key=jax.random.key(7))
+
+
+def test_old_names_work_and_warn() -> None:
+    graph, keys = medium_graph(), jax.random.split(jax.random.key(0), 1)
+    with pytest.warns(DeprecationWarning, match="keys=.* is now key="):
+        old = plan_missions(
+            MissionGraph.stack([graph]), [0], [14], 2200.0, speed=SPEED, keys=keys, config=QUICK
+        )
+    new = plan_missions(MissionGraph.stack([graph]), [0], [14], 2200.0, speed=SPEED, key=keys, config=QUICK)
+    assert (old.nodes == new.nodes).all()
+    with pytest.warns(DeprecationWarning, match="MissionOrder is now"):
+        assert ap.MissionOrder is ap.MissionRoute
+    with pytest.raises(TypeError, match="give a speed as speed="):
+        plan_missions(MissionGraph.stack([graph]), [0], [14], 2200.0, 2.0, key=keys)

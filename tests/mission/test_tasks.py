@@ -32,10 +32,10 @@ def test_one_way_edges_and_tasks() -> None:
 
 def test_a_task_at_a_waypoint_is_done_once_whichever_way_it_is_reached() -> None:
     graph = task_graph(LINE, EDGES, [(1, 2, 5, 20)], [(2, 3, 50), (1, 1, 10)])
-    order = plan_mission(graph, 0, 3, 1000.0, speed=1.0, key=jax.random.key(0), config=QUICK)
-    assert order.nodes.tolist() == [0, 1, 2, 3]
-    assert order.priority == 1 + 5 + 3
-    assert order.time == pytest.approx(300.0 + 10 + 20 + 50)
+    route = plan_mission(graph, 0, 3, 1000.0, speed=1.0, key=jax.random.key(0), config=QUICK)
+    assert route.nodes.tolist() == [0, 1, 2, 3]
+    assert route.priority == 1 + 5 + 3
+    assert route.time == pytest.approx(300.0 + 10 + 20 + 50)
     short = plan_mission(graph, 0, 3, 355.0, speed=1.0, key=jax.random.key(0), config=QUICK)
     assert short.nodes.tolist() == [0, 2, 3]
     assert short.priority == 3.0

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from auvplan.executive.loop import what_is_left
 from auvplan.mission import MissionGraph, task_graph, trail_bound, upper_bound
-from auvplan.voyage.executive import what_is_left
 from tests.mission.naive import grid_graph
 
 SPEED = 2.0

@@ -37,8 +37,8 @@ class Style:
     @property
     def named(self) -> dict[str, tuple[str, ...]]:
         """The colours by what they stand for."""
-        told = {"water": self.water, "land": self.land, "uncertain": self.uncertain}
-        return {kind: ("#{:02x}{:02x}{:02x}".format(*colour),) for kind, colour in told.items()}
+        stated = {"water": self.water, "land": self.land, "uncertain": self.uncertain}
+        return {kind: ("#{:02x}{:02x}{:02x}".format(*colour),) for kind, colour in stated.items()}
 
 
 STYLES = {

@@ -1,4 +1,4 @@
-"""Charts of other colours: told by a person, proposed by rules, or refused; never silently wrong."""
+"""Charts of other colours: stated by a person, proposed by rules, or refused; never silently wrong."""
 
 import numpy as np
 import pytest
@@ -60,11 +60,11 @@ def test_colours_of_the_clusters_give_the_same_chart():
         name: tuple(cluster.colour for cluster in proposed.clusters if cluster.kind == kind)
         for name, kind in kinds.items()
     }
-    told = classify_picture(render(300), colours=ChartColours(**named))
-    np.testing.assert_array_equal(told.passability, proposed.passability)
+    stated = classify_picture(render(300), colours=ChartColours(**named))
+    np.testing.assert_array_equal(stated.passability, proposed.passability)
 
 
-def test_one_colour_changes_one_cluster_where_not_all_are_told():
+def test_one_colour_changes_one_cluster_where_not_all_are_stated():
     shoal = next(c for c in classify_picture(paint(BLUE)).clusters if c.kind == "uncertain")
     found = classify_picture(paint(BLUE), colours=ChartColours(water=(shoal.colour,)))
     assert (found.passability[KINDS == 1] == 1.0).mean() > 0.9
@@ -109,8 +109,8 @@ def test_charts_whose_shallows_are_bluer_than_the_deep():
 def test_white_land_and_blue_water_may_be_the_other_way_round():
     street = Style((242, 239, 233), (201, 227, 213), (170, 211, 223), grain=2.0)
     assert any("palest tone" in doubt for doubt in classify_picture(paint(street)).doubts)
-    told = classify_picture(paint(street), colours=ChartColours(**street.named))
-    assert min(shares_right(told.passability, KINDS).values()) > 0.98
+    stated = classify_picture(paint(street), colours=ChartColours(**street.named))
+    assert min(shares_right(stated.passability, KINDS).values()) > 0.98
 
 
 def test_photographs_are_warned_of(tmp_path):
@@ -138,7 +138,7 @@ def framed(inner: np.ndarray, shade: int) -> tuple[np.ndarray, tuple[slice, slic
 
 
 @pytest.mark.parametrize(("shade", "name"), [(0, "black"), (255, "white")])
-def test_margins_are_coast_and_told(shade, name):
+def test_margins_are_coast_and_stated(shade, name):
     picture, place = framed(paint(BLUE), shade)
     found = classify_picture(picture)
     assert not found.doubts

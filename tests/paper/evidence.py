@@ -57,15 +57,15 @@ def missions(count: int = 5) -> xr.Dataset:
             "leg_t_path": (("mission", "leg"), expected * np.where(late, 1.05, 0.95)),
             "leg_t_task": (("mission", "leg"), task),
             "leg_arrived": (("mission", "leg"), np.ones((count, legs_each), int)),
-            "order_nodes": (("mission", "order", "stop"), nodes),
-            "order_priority": (("mission", "order"), np.full((count, orders), 47.0)),
-            "order_time": (("mission", "order"), np.full((count, orders), 13_976.0)),
-            "order_made_at": (("mission", "order"), np.full((count, orders), 0.0)),
-            "order_cause": (("mission", "order"), np.tile([1, 2, 2, 2], (count, 1))),
+            "route_nodes": (("mission", "order", "stop"), nodes),
+            "route_priority": (("mission", "order"), np.full((count, orders), 47.0)),
+            "route_time": (("mission", "order"), np.full((count, orders), 13_976.0)),
+            "route_made_at": (("mission", "order"), np.full((count, orders), 0.0)),
+            "route_cause": (("mission", "order"), np.tile([1, 2, 2, 2], (count, 1))),
         },
         {"seed": ("mission", np.arange(count))},
     )
-    dataset["order_cause"].attrs |= {
+    dataset["route_cause"].attrs |= {
         "flag_values": np.arange(5, dtype=np.int8), "flag_meanings": "none start late early refused"
     }  # fmt: skip
     return dataset

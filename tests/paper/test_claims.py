@@ -68,13 +68,13 @@ def test_more_than_half_late_is_not_confirmed():
     assert found["every mission ends on time with time left"] == "not confirmed"
 
 
-def test_a_new_order_without_a_late_leg_contradicts_the_rule():
-    causes = missions()["order_cause"].values.copy()
+def test_a_new_route_without_a_late_leg_contradicts_the_rule():
+    causes = missions()["route_cause"].values.copy()
     causes[:, 0] = 2
-    found = {claim.claim: claim for claim in judge(changed_missions(order_cause=causes))}
+    found = {claim.claim: claim for claim in judge(changed_missions(route_cause=causes))}
     claim = found["the mission is planned anew when, and only when, a leg was late"]
     assert claim.verdict == "not confirmed"
-    assert claim.paper.startswith("15 late legs, 20 new orders")
+    assert claim.paper.startswith("15 late legs, 20 new routes")
 
 
 def test_use_of_the_time_counts_missions_on_time():

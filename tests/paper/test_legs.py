@@ -56,9 +56,9 @@ def test_followed_plans_leave_out_retries_and_what_was_planned_over():
 
 def test_a_plan_ends_where_the_next_one_replaces_it():
     plans = one_leg().plans
-    sailed, given_up = until_next(plans, 0)
-    np.testing.assert_allclose(sailed[0], plans[0].positions[0])
-    np.testing.assert_allclose(sailed[-1], plans[1].positions[0])
+    executed, given_up = until_next(plans, 0)
+    np.testing.assert_allclose(executed[0], plans[0].positions[0])
+    np.testing.assert_allclose(executed[-1], plans[1].positions[0])
     np.testing.assert_allclose(given_up[0], plans[1].positions[0])
     np.testing.assert_allclose(given_up[-1], plans[0].positions[-1])
     whole, nothing = until_next(plans, 1)

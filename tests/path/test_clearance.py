@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 import auvplan as ap
 from auvplan.path import clearance
-from benchmarks.path_walks import walks
 
 metres = st.floats(0.0, 200.0)
 
@@ -23,7 +22,7 @@ def test_no_land_is_nearer_than_certified(seed, gap, count):
     first, last = (np.linalg.norm(land - end, axis=1).min() for end in ends)
     along = np.linspace(0.0, 1.0, 201)[:, None] * ends[1]
     true = np.linalg.norm(along[:, None] - land, axis=2).min()
-    certified = float(clearance._between(*(jnp.asarray([[v]]) for v in (first, last, gap)))[0, 0])
+    certified = float(clearance.between_circles(*(jnp.asarray([[v]]) for v in (first, last, gap)))[0, 0])
     assert certified <= true + 1e-3
     # It is worth having: never below half of what is missing between the two circles.
     assert certified >= 0.5 * (first + last - gap) - 1e-3
@@ -54,14 +53,8 @@ def test_spheres_are_passed_at_their_nearest(seed):
     assert float(found[0, 0]) >= true - 0.2 * lasts - 0.5  # growth within the segment, and the grid of times
 
 
-def test_paths_called_clear_are_clear_when_walked():
-    found = walks(60)
-    assert found.paths == 60
-    assert found.collisions == 0
-
-
-between = jax.jit(clearance._between)
-between_slopes = jax.jit(jax.grad(clearance._between, argnums=(0, 1, 2)))
+between = jax.jit(clearance.between_circles)
+between_slopes = jax.jit(jax.grad(clearance.between_circles, argnums=(0, 1, 2)))
 
 
 def _slope(fun, at, step=1e-5):

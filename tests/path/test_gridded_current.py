@@ -49,7 +49,7 @@ def plan(current, seed=0, depart=0.0, config=SMALL):
     return ap.plan_path(START, GOAL, env, key=jax.random.key(seed), config=config, depart=depart)
 
 
-def sailed(current, positions, depart, speed=2.5, parts=1):
+def executed(current, positions, depart, speed=2.5, parts=1):
     """Times at positions [S, 3], one part of a segment after the other, the current met in its middle."""
     share = np.linspace(0.0, len(positions) - 1, parts * (len(positions) - 1) + 1)
     line = np.stack([np.interp(share, np.arange(len(positions)), axis) for axis in positions.T], axis=1)
@@ -72,18 +72,18 @@ def test_a_finely_sampled_field_gives_the_plan_of_the_field_itself():
     assert found.feasible
     assert found.travel_time == pytest.approx(analytic.travel_time, rel=2e-3)
     # What it promises is what the vortices give.
-    assert found.travel_time == pytest.approx(sailed(VORTICES, found.positions, 0.0)[-1], rel=1e-3)
+    assert found.travel_time == pytest.approx(executed(VORTICES, found.positions, 0.0)[-1], rel=1e-3)
     assert plan(steady, depart=50_000.0).travel_time == pytest.approx(found.travel_time, rel=2e-4)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("depart", [0.0, 7000.0, 17_500.0])
-def test_times_in_a_tide_are_those_of_sailing_it(tide, depart):
+def test_times_in_a_tide_are_those_of_stepping_through_it(tide, depart):
     found = plan(tide, depart=depart)
     assert found.feasible
     travel = found.travel_time
-    np.testing.assert_allclose(found.times, sailed(tide, found.positions, depart), atol=1e-4 * travel)
-    fine = sailed(tide, found.positions, depart, parts=20)
+    np.testing.assert_allclose(found.times, executed(tide, found.positions, depart), atol=1e-4 * travel)
+    fine = executed(tide, found.positions, depart, parts=20)
     assert travel == pytest.approx(fine[-1] - depart, rel=1e-3)
 
 
@@ -130,7 +130,7 @@ def test_a_leg_in_a_fjord_at_each_hour_of_a_day(shared):
     travel = plans.travel_time
     for hour in (0, 11, 18):
         found = plans[hour]
-        exact = sailed(field, found.positions, departs[hour], speed=1.0)
+        exact = executed(field, found.positions, departs[hour], speed=1.0)
         np.testing.assert_allclose(
             found.times - departs[hour], exact - departs[hour], atol=1e-3 * travel[hour]
         )

@@ -190,7 +190,7 @@ def test_ends_at_the_bottom_are_refused(start, goal, message):
         plan(over(120.0), start, goal)
 
 
-def test_a_start_nearer_than_the_clearance_is_told():
+def test_a_start_nearer_than_the_clearance_is_stated():
     found = plan(over(120.0), (200.0, 900.0, 116.0), config=CONFIG.replace(finer=1))
     assert found.status is ap.PathStatus.SEABED
     assert found.reason.startswith("altitude above the sea bed 4.0 m under 6.0 at km 0.0 of 2.6, at ")

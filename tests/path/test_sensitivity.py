@@ -27,7 +27,7 @@ def tide(x, y, z, t):
 
 
 def arrivals(depart, speed, factor, current):
-    """[S] s at the samples of `PATH`, its segments sailed one after the other."""
+    """[S] s at the samples of `PATH`, its segments executed one after the other."""
     times, pace = [depart], speed
     for a, b in pairwise(PATH):
         gap = np.linalg.norm(b - a)

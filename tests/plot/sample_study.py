@@ -9,8 +9,8 @@ import xarray as xr
 AVAILABLE = 14400.0
 SPEED = 2.5
 WAYPOINTS = 20
-#: Room for legs, path plans, orders and stops of an order.
-LEGS, PLANS, ORDERS, STOPS = 14, 80, 9, 14
+#: Room for legs, path plans, routes and stops of an route.
+LEGS, PLANS, ROUTES, STOPS = 14, 80, 9, 14
 
 _FLOATS = {
     "t_available": "s", "t_mission": "s", "t_residual": "s", "total_priority": "1", "path_cpu": "s",
@@ -21,7 +21,7 @@ _FLOATS = {
 _COUNTS = ("tasks", "path_calls", "path_replans", "mission_replans", "collisions", "faults")
 _LEG_FLOATS = ("leg_t_expected", "leg_t_path", "leg_t_task", "leg_priority", "leg_distance", "leg_cpu")
 _LEG_COUNTS = ("leg_from", "leg_to", "leg_path_replans")
-_ORDER_FLOATS = ("order_made_at", "order_time", "order_priority", "order_cpu")
+_ROUTE_FLOATS = ("route_made_at", "route_time", "route_priority", "route_cpu")
 
 
 def make_study(
@@ -46,11 +46,11 @@ def make_study(
     arrays = _empty(shape)
     for index in np.ndindex(shape):
         row = {name: values[(*index, ...)] for name, values in arrays.items()}
-        _sail(row, np.random.default_rng(first_seed + index[-1]), sum(index[:-1]))
+        _execute(row, np.random.default_rng(first_seed + index[-1]), sum(index[:-1]))
         if index[-1] in failed:
             _fail(row)
     dataset = xr.Dataset({name: _variable(name, values, dims) for name, values in arrays.items()})
-    dataset["order_cause"].attrs |= {
+    dataset["route_cause"].attrs |= {
         "flag_values": np.arange(5, dtype=np.int8), "flag_meanings": "none start late early refused"
     }  # fmt: skip
     dataset = dataset.assign_coords(seed=("mission", np.arange(first_seed, first_seed + missions)))
@@ -67,9 +67,9 @@ def make_study(
 
 
 def without_legs(study: xr.Dataset) -> xr.Dataset:
-    """The same study, but no leg was sailed, no path planned and no order made."""
+    """The same study, but no leg was executed, no path planned and no route made."""
     empty = _empty(study["t_mission"].shape)
-    kept = [name for name in empty if name.startswith(("leg", "plan", "order"))]
+    kept = [name for name in empty if name.startswith(("leg", "plan", "route"))]
     changed = {name: study[name].copy(data=empty[name]) for name in kept}
     return study.assign(changed)
 
@@ -90,68 +90,68 @@ def _empty(shape: tuple[int, ...]) -> dict[str, np.ndarray]:
         "plan_cost": full((PLANS,), np.nan),
         "plan_leg": full((PLANS,), -1, np.int32),
         "plan_cause": full((PLANS,), 0, np.int8),
-        **{name: full((ORDERS,), np.nan) for name in _ORDER_FLOATS},
-        "order_cause": full((ORDERS,), 0, np.int8),
-        "order_nodes": full((ORDERS, STOPS), -1, np.int32),
+        **{name: full((ROUTES,), np.nan) for name in _ROUTE_FLOATS},
+        "route_cause": full((ROUTES,), 0, np.int8),
+        "route_nodes": full((ROUTES, STOPS), -1, np.int32),
         "waypoint_position": full((WAYPOINTS, 3), 0.0),
     }
 
 
 def _variable(name: str, values: np.ndarray, dims: list[str]) -> xr.Variable:
-    inner = {"order_nodes": ["order", "stop"], "waypoint_position": ["waypoint", "axis"]}
+    inner = {"route_nodes": ["route", "stop"], "waypoint_position": ["waypoint", "axis"]}
     prefix = name.split("_")[0]
-    trail = inner.get(name, [prefix] if prefix in ("leg", "plan", "order") else [])
+    trail = inner.get(name, [prefix] if prefix in ("leg", "plan", "route") else [])
     units = {"units": _FLOATS[name]} if name in _FLOATS else {}
     return xr.Variable([*dims, "mission", *trail], values, units)
 
 
-def _sail(row: dict[str, np.ndarray], rng: np.random.Generator, harm: int) -> None:
+def _execute(row: dict[str, np.ndarray], rng: np.random.Generator, harm: int) -> None:
     """Fill one mission's arrays; `harm` makes paths longer and re-plans more frequent."""
     places = rng.uniform([300, 300, 5], [7800, 9700, 90], (WAYPOINTS, 3))
     row["waypoint_position"][:] = places
     rest = [0, *rng.permutation(np.arange(1, WAYPOINTS - 1))[:7].tolist(), WAYPOINTS - 1]
-    now, plans, orders = 0.0, 0, 0
+    now, plans, routes = 0.0, 0, 0
     tasks = rng.uniform(30, 300, WAYPOINTS)
     weights = rng.integers(1, 6, WAYPOINTS)
     cause = 1
     for leg in range(8):
         if cause:
-            row["order_nodes"][orders, : len(rest)] = rest
+            row["route_nodes"][routes, : len(rest)] = rest
             gaps = [np.linalg.norm(places[i] - places[j]) / SPEED + tasks[j] for i, j in pairwise(rest)]
-            row["order_made_at"][orders], row["order_time"][orders] = now, sum(gaps)
-            row["order_priority"][orders] = weights[rest[1:]].sum()
-            row["order_cpu"][orders], row["order_cause"][orders] = rng.uniform(0.2, 0.4), cause
-            orders += 1
+            row["route_made_at"][routes], row["route_time"][routes] = now, sum(gaps)
+            row["route_priority"][routes] = weights[rest[1:]].sum()
+            row["route_cpu"][routes], row["route_cause"][routes] = rng.uniform(0.2, 0.4), cause
+            routes += 1
         i, j = rest[0], rest[1]
         distance = float(np.linalg.norm(places[i] - places[j]))
         expected = distance / SPEED
-        sailed = expected * rng.normal(1.02 + 0.03 * harm, 0.05)
+        executed = expected * rng.normal(1.02 + 0.03 * harm, 0.05)
         replans = int(rng.poisson(0.6 + 0.5 * harm))
         for k in range(replans + 1):
             row["plan_cpu"][plans], row["plan_cost"][plans] = (
                 rng.lognormal(-1.6, 0.5),
-                sailed * 1.01 / (k + 1),
+                executed * 1.01 / (k + 1),
             )
             row["plan_leg"][plans], row["plan_cause"][plans] = leg, 1 + min(k, 1)
             plans += 1
-        values = (expected + tasks[j], sailed, tasks[j], weights[j], distance, 0.2 * (replans + 1))
+        values = (expected + tasks[j], executed, tasks[j], weights[j], distance, 0.2 * (replans + 1))
         for name, value in zip(_LEG_FLOATS, values, strict=True):
             row[name][leg] = value
         for name, value in zip((*_LEG_COUNTS, "leg_arrived"), (i, j, replans, 1), strict=True):
             row[name][leg] = value
-        now += float(sailed + tasks[j])
+        now += float(executed + tasks[j])
         rest = rest[1:]
-        cause = 2 if sailed > 1.06 * expected else 0
-        if cause and len(rest) > 3 and orders < ORDERS:
+        cause = 2 if executed > 1.06 * expected else 0
+        if cause and len(rest) > 3 and routes < ROUTES:
             middle = rest[1:-1]
             rest = [rest[0], *rng.permutation(middle)[: len(middle) - 1].tolist(), rest[-1]]
-        cause = cause if orders < ORDERS else 0
+        cause = cause if routes < ROUTES else 0
         if len(rest) < 2:
             break
-    _total(row, rng, plans, orders)
+    _total(row, rng, plans, routes)
 
 
-def _total(row: dict[str, np.ndarray], rng: np.random.Generator, plans: int, orders: int) -> None:
+def _total(row: dict[str, np.ndarray], rng: np.random.Generator, plans: int, routes: int) -> None:
     """The figures of a mission; the time used is a little less than the time available."""
     used = min(AVAILABLE - rng.gamma(2.0, 150.0), AVAILABLE - 1.0)
     done = row["leg_arrived"] == 1
@@ -159,12 +159,12 @@ def _total(row: dict[str, np.ndarray], rng: np.random.Generator, plans: int, ord
         "t_available": AVAILABLE, "t_mission": used, "t_residual": AVAILABLE - used, "tasks": done.sum(),
         "total_priority": row["leg_priority"][done].sum(), "path_calls": done.sum(),
         "priority_bound": 1.0 + 1.25 * row["leg_priority"][done].sum(),
-        "path_replans": plans - done.sum(), "mission_replans": orders - 1, "collisions": 0,
-        "path_cpu": np.nansum(row["plan_cpu"]), "mission_cpu": np.nansum(row["order_cpu"]),
-        "mission_replan_cpu": np.nansum(row["order_cpu"][1:]),
+        "path_replans": plans - done.sum(), "mission_replans": routes - 1, "collisions": 0,
+        "path_cpu": np.nansum(row["plan_cpu"]), "mission_cpu": np.nansum(row["route_cpu"]),
+        "mission_replan_cpu": np.nansum(row["route_cpu"][1:]),
         "cost_mission": AVAILABLE - used + (100.0 / row["leg_priority"][done]).sum(),
         "cost_total": AVAILABLE - used + (100.0 / row["leg_priority"][done]).sum()
-        + np.nansum(row["order_cpu"][1:]),
+        + np.nansum(row["route_cpu"][1:]),
         "travel_time_cpu": rng.uniform(0.5, 1.0), "faults": 0, "coast_clearance": np.inf,
         "obstacle_clearance": rng.uniform(1.0, 30.0),
         "seabed_altitude": rng.uniform(5.0, 40.0),

@@ -70,12 +70,12 @@ def test_parts_are_where_the_mission_is(run):
 
 def test_a_leg_in_open_water_and_a_plan(tmp_path):
     run = make_run((0, 1), chart=False, obstacles=False)
-    run.simulated, run.orders = False, []
+    run.simulated, run.routes = False, []
     assert animate_run(run, tmp_path / "plan.gif", seconds=0.5, fps=4, width=400).stat().st_size > 5000
 
 
 @pytest.mark.parametrize(
-    ("name", "settings", "told"),
+    ("name", "settings", "stated"),
     [
         ("film.avi", {}, "a film is a .gif"),
         ("film.gif", {"seconds": 0.0}, "seconds"),
@@ -84,13 +84,13 @@ def test_a_leg_in_open_water_and_a_plan(tmp_path):
         ("film.gif", {"width": 10}, "width"),
     ],
 )
-def test_what_cannot_be_is_refused(run, tmp_path, name, settings, told):
-    with pytest.raises(AuvplanError, match=told):
+def test_what_cannot_be_is_refused(run, tmp_path, name, settings, stated):
+    with pytest.raises(AuvplanError, match=stated):
         animate_run(run, tmp_path / "none" / name, **settings)
     assert not list(tmp_path.iterdir())
 
 
-def test_nothing_sailed_is_told(tmp_path):
+def test_nothing_executed_is_stated(tmp_path):
     run = make_run()
     run.legs = [refused_leg(run)]
     with pytest.raises(AuvplanError, match="nothing to animate"):
@@ -104,7 +104,7 @@ def test_without_ffmpeg_a_film_is_a_gif(run, tmp_path, monkeypatch):
 
 
 @pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="ffmpeg is not installed")
-def test_an_mp4_is_written_or_what_is_wrong_told(run, tmp_path, monkeypatch):
+def test_an_mp4_is_written_or_what_is_wrong_stated(run, tmp_path, monkeypatch):
     film = animate_run(run, tmp_path / "film.mp4", seconds=0.5, fps=4, width=401)
     assert film.read_bytes()[4:8] == b"ftyp"
     monkeypatch.setattr(_Film, "size", (0, 0))

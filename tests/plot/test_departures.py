@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from matplotlib.dates import num2date
 
+from auvplan.executive import Departures
 from auvplan.plot import plot_departures
 from auvplan.plot.style import figure_of, save
 from auvplan.site import Site
-from auvplan.voyage import Departures
 
 EPOCH = datetime(2026, 3, 1, 21, tzinfo=UTC)
 

@@ -66,7 +66,7 @@ def test_only_a_refused_leg(tmp_path):
 
 def test_mission_that_never_began(tmp_path):
     run = make_run()
-    run.legs, run.orders = [], []
+    run.legs, run.routes = [], []
     assert [path.name for path in draw_run(run, tmp_path)] == ["mission.png"]
     assert "no path" in plot_currents(run)[0].texts[0].get_text()
 
@@ -100,7 +100,7 @@ def test_axes_have_labels_with_units(plot):
     assert all("[" in label and "]" in label for label in labels), labels
 
 
-def test_route_is_where_it_was_sailed():
+def test_route_is_where_it_was_executed():
     run = make_run()
     axes = data_axes(plot_mission(run))[0]
     lines = [line.get_xydata() for line in axes.lines if len(line.get_xydata()) == len(run.legs[0].times)]
@@ -112,11 +112,11 @@ def test_large_areas_are_in_kilometres():
     assert data_axes(figure)[0].get_xlabel() == "east [km]"
 
 
-def test_timeline_has_a_row_for_each_order_and_one_as_sailed():
+def test_timeline_has_a_row_for_each_route_and_one_as_executed():
     run = make_run()
     axes = data_axes(plot_timeline(run))[0]
     rows = [label.get_text().splitlines()[0] for label in axes.get_yticklabels()]
-    assert rows == ["first order", f"re-plan R1 at {run.orders[1].made_at:,.0f} s, late", "sailed"]
+    assert rows == ["first route", f"re-plan R1 at {run.routes[1].made_at:,.0f} s, late", "executed"]
     assert any(line.get_xdata()[0] == run.t_available for line in axes.lines)
 
 
@@ -196,7 +196,7 @@ def test_panels_take_the_place_of_the_axes_that_are_given(plot):
         plot(make_run(), ax=Figure().add_axes((0, 0, 1, 1)))
 
 
-def test_a_run_without_histories_is_told():
+def test_a_run_without_histories_is_stated():
     run = make_run()
     run.legs[0].plans[0].history = {}
     with pytest.raises(ValueError, match="no histories"):

@@ -34,7 +34,7 @@ def test_most_replans_count_first_then_the_nearest_obstacle():
     assert leg_title(run, run.legs[0]).splitlines()[1].startswith("1 re-plan, ")
 
 
-def test_a_refused_leg_is_not_shown_for_a_sailed_one():
+def test_a_refused_leg_is_not_shown_for_a_executed_one():
     run = make_run()
     refused = refused_leg(run)
     refused.plans = refused.plans + make_run().legs[0].plans * 3

@@ -130,6 +130,6 @@ def test_a_new_order_says_when_it_was_made_and_which_leg_was_late():
     run = make_run()
     run.legs[0].t_expected = run.legs[0].t_path + run.legs[0].t_task - 25.0
     names = [text.get_text() for text in plot_timeline(run).get_yticklabels()]
-    assert f"at {run.orders[1].made_at:,.0f} s, late" in names[1]
+    assert f"at {run.routes[1].made_at:,.0f} s, late" in names[1]
     took, expected = run.legs[0].t_path + run.legs[0].t_task, run.legs[0].t_expected
     assert f"0→1 took {took:,.0f} s, not {expected:,.0f} s" in names[1]

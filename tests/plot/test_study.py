@@ -65,7 +65,7 @@ def with_nothing_but_nan(study):
         make_study(30, failed=range(30), chart=False),
         make_study(1, {"planning.objective": ["only"]}),
         without_legs(make_study(3, RATES)),
-        without_legs(make_study(3)).isel(leg=slice(0), plan=slice(0), order=slice(0)),
+        without_legs(make_study(3)).isel(leg=slice(0), plan=slice(0), route=slice(0)),
         without_legs(make_study(3, RATES)).isel(leg=slice(0), plan=slice(0)),
         with_nothing_but_nan(make_study(3, RATES, chart=False)),
         make_study(1, RATES | OBJECTIVES),
@@ -139,22 +139,22 @@ def test_expected_times(count):
     assert ("first 25 of 40" in left.get_title()) == (count == 40)
     reached = study["leg_arrived"].values == 1
     expected = (study["leg_t_expected"] - study["leg_t_task"]).values[reached]
-    sailed = study["leg_t_path"].values[reached]
+    executed = study["leg_t_path"].values[reached]
     # The failed mission left its last leg unfinished.
     assert reached[2].sum() < np.isfinite(study["leg_t_path"].values[2]).sum()
-    np.testing.assert_allclose(right.collections[0].get_offsets(), np.stack([expected, sailed], axis=1))
+    np.testing.assert_allclose(right.collections[0].get_offsets(), np.stack([expected, executed], axis=1))
     text = right.texts[0].get_text()
-    assert f"correlation {np.corrcoef(expected, sailed)[0, 1]:.3f}" in text
-    assert f"median relative error {100 * np.median(np.abs(sailed / expected - 1)):.1f} %" in text
+    assert f"correlation {np.corrcoef(expected, executed)[0, 1]:.3f}" in text
+    assert f"median relative error {100 * np.median(np.abs(executed / expected - 1)):.1f} %" in text
     assert right.get_xlim() == right.get_ylim()
 
 
-def test_boxes_are_wide_and_transparent_for_the_time_sailed():
+def test_boxes_are_wide_and_transparent_for_the_time_executed():
     study = make_study(3, failed=())
     left = panels(figures.plot_expected_times(study))[0]
     wide, compact = left.patches[:3], left.patches[3:]
-    expected, sailed = leg_times(study)
-    for boxes, times, alpha in ((wide, sailed, 0.55), (compact, expected, 1.0)):
+    expected, executed = leg_times(study)
+    for boxes, times, alpha in ((wide, executed, 0.55), (compact, expected, 1.0)):
         for k, box in enumerate(boxes):
             quartiles = np.nanquantile(times[k], [0.25, 0.75])
             corners = box.get_path().vertices[:-1]
@@ -169,7 +169,7 @@ def test_planning_time():
     assert axes.get_yscale() == "log"
     calls = line_of(axes, "one path planning call, median").get_ydata()
     np.testing.assert_allclose(calls, np.nanmedian(study["plan_cpu"].values, axis=1))
-    whole = line_of(axes, "all planning of the mission: paths, orders, travel times").get_ydata()
+    whole = line_of(axes, "all planning of the mission: paths, routes, travel times").get_ydata()
     np.testing.assert_allclose(whole, study["path_cpu"] + study["mission_cpu"] + study["travel_time_cpu"])
     ends = np.stack([path.vertices[:, 1] for path in axes.collections[0].get_paths()])
     np.testing.assert_allclose(ends.T, np.nanquantile(study["plan_cpu"].values, [0.05, 0.95], axis=1))
@@ -177,9 +177,9 @@ def test_planning_time():
 
 def test_the_mission_shown_is_one_on_time():
     study = make_study(20, failed=())
-    orders = (study["order_nodes"].values >= 0).any(axis=-1).sum(axis=-1)
+    routes = (study["route_nodes"].values >= 0).any(axis=-1).sum(axis=-1)
     best = shown_mission(study)
-    assert orders[best] == orders.max()
+    assert routes[best] == routes.max()
     failed = study.copy(deep=True)
     failed["success"][best] = 0
     assert shown_mission(failed) != best
@@ -187,7 +187,7 @@ def test_the_mission_shown_is_one_on_time():
     assert shown_mission(study, seed=11) == 11
 
 
-def test_maps_of_the_orders():
+def test_maps_of_the_routes():
     study = make_study(30)
     mission = shown_mission(study)
     figure = figures.plot_replans(study)
@@ -197,44 +197,44 @@ def test_maps_of_the_orders():
     assert len(panels(figure)) == min(count, 6)
     assert f"seed {mission}: {count - 1} mission re-plans, on time" in figure.get_suptitle()
     for number, axes in enumerate(panels(figure)):
-        nodes = one["order_nodes"].values[number]
+        nodes = one["route_nodes"].values[number]
         nodes = nodes[nodes >= 0]
         places = one["waypoint_position"].values[nodes][:, [1, 0]] / 1000.0
         arrows: Any = next(item for item in axes.collections if isinstance(item, Quiver))
         np.testing.assert_allclose(arrows.get_offsets(), places[:-1])
         np.testing.assert_allclose(np.stack([arrows.U, arrows.V], axis=1), np.diff(places, axis=0))
-        # What was sailed before leads from the start to where the order begins.
-        sailed = axes.lines[0].get_xydata()
+        # What was executed before leads from the start to where the route begins.
+        executed = axes.lines[0].get_xydata()
         start = one["waypoint_position"].values[0, [1, 0]] / 1000.0
-        np.testing.assert_allclose(sailed[[0, -1]], [start, places[0]])
-        assert (len(sailed) > 1) == (number > 0)
+        np.testing.assert_allclose(executed[[0, -1]], [start, places[0]])
+        assert (len(executed) > 1) == (number > 0)
         title = axes.get_title()
-        assert title.startswith("first order" if number == 0 else f"re-plan R{number}, late")
-        assert f"at {float(one['order_made_at'][number]):,.0f} s" in title
-        assert f"priority {float(one['order_priority'][number]):g}" in title
+        assert title.startswith("first route" if number == 0 else f"re-plan R{number}, late")
+        assert f"at {float(one['route_made_at'][number]):,.0f} s" in title
+        assert f"priority {float(one['route_priority'][number]):g}" in title
         legs = len(nodes) - 1
         assert f"{legs} leg{'s' * (legs != 1)} left" in title
         assert sorted(text.get_text() for text in axes.texts) == sorted(map(str, nodes))
 
 
-def test_maps_of_many_orders_show_the_first_and_the_last():
+def test_maps_of_many_routes_show_the_first_and_the_last():
     study = make_study(1, failed=())
-    orders = [name for name in study if "order" in study[name].dims]
-    many = study.drop_vars(orders).assign({name: study[name].isel(order=[0] * 12) for name in orders})
-    many["order_made_at"][0] = np.arange(12.0)
+    routes = [name for name in study if "route" in study[name].dims]
+    many = study.drop_vars(routes).assign({name: study[name].isel(route=[0] * 12) for name in routes})
+    many["route_made_at"][0] = np.arange(12.0)
     titles = [axes.get_title().splitlines()[0] for axes in panels(figures.plot_replans(many))]
     assert len(titles) == 6
-    assert titles[0] == "first order, at 0 s"
+    assert titles[0] == "first route, at 0 s"
     assert titles[-1].startswith("re-plan R11")
 
 
-def test_a_leg_sailed_twice_to_one_waypoint():
+def test_a_leg_executed_twice_to_one_waypoint():
     study = make_study(1, failed=())
     study["leg_arrived"][0] = -1
     study["leg_arrived"][0, :4], study["leg_to"][0, :4] = 1, [3, 5, 3, 6]
-    study["order_nodes"][0] = -1
+    study["route_nodes"][0] = -1
     for row, nodes in enumerate(([0, 3, 5, 19], [5, 3, 19], [3, 6, 19], [6, 19])):
-        study["order_nodes"][0, row, : len(nodes)] = nodes
+        study["route_nodes"][0, row, : len(nodes)] = nodes
     lines = [axes.lines[0].get_xydata() for axes in panels(figures.plot_replans(study))]
     assert [len(line) for line in lines] == [1, 3, 4, 5]
 
@@ -300,7 +300,7 @@ def test_sweep_shows_means_and_intervals():
     assert all(panel.get_ylabel().endswith("]") for panel in axes)
 
 
-def test_values_out_of_order_make_one_line():
+def test_values_out_of_route_make_one_line():
     axes = panels(plot_sweep(make_study(3, {"current.update_rate": [0.2, 0.0, 0.1]})))[1]
     np.testing.assert_allclose(axes.containers[0].lines[0].get_xdata(), [0.0, 0.1, 0.2])
 
@@ -347,7 +347,7 @@ def test_paired_differences_with_a_second_setting():
 def test_path_cost_is_of_the_first_plan_of_each_leg():
     study = make_study(4, RATES)
     cost = MEASURES[4].of(study)
-    # In the sample a first plan costs 1.01 of the time sailed, and later plans less.
+    # In the sample a first plan costs 1.01 of the time executed, and later plans less.
     reached = study["leg_arrived"].values == 1
     rate = np.where(reached, 1.01 * study["leg_t_path"] / study["leg_distance"], np.nan)
     np.testing.assert_allclose(cost, np.nanmean(rate, axis=-1))

@@ -25,7 +25,7 @@ class Browser:
     """One page of a browser.
 
     Attributes:
-        events: what the browser told unasked, oldest first: method and parameters.
+        events: what the browser stated unasked, oldest first: method and parameters.
     """
 
     def __init__(self, folder: Path):
@@ -73,13 +73,13 @@ class Browser:
             message["sessionId"] = self._session
         os.write(self._out, json.dumps(message).encode() + b"\0")
         while True:
-            told = self._next()
-            if told.get("id") == self._count:
-                if "error" in told:
-                    raise RuntimeError(f"{method}: {told['error']}")
-                return told["result"]
-            if "method" in told:
-                self.events.append((told["method"], told.get("params", {})))
+            stated = self._next()
+            if stated.get("id") == self._count:
+                if "error" in stated:
+                    raise RuntimeError(f"{method}: {stated['error']}")
+                return stated["result"]
+            if "method" in stated:
+                self.events.append((stated["method"], stated.get("params", {})))
 
     def _next(self) -> dict[str, Any]:
         while b"\0" not in self._rest:
@@ -111,10 +111,10 @@ class Browser:
 
     def run(self, code: str) -> Any:
         """Return the value of an expression on the page; of a promise what it comes to."""
-        told = self.call("Runtime.evaluate", expression=code, awaitPromise=True, returnByValue=True)
-        if "exceptionDetails" in told:
-            raise RuntimeError(told["exceptionDetails"].get("exception", {}).get("description", told))
-        return told["result"].get("value")
+        stated = self.call("Runtime.evaluate", expression=code, awaitPromise=True, returnByValue=True)
+        if "exceptionDetails" in stated:
+            raise RuntimeError(stated["exceptionDetails"].get("exception", {}).get("description", stated))
+        return stated["result"].get("value")
 
     def frames(self, count: int = 3) -> None:
         """Wait for the page to be drawn so many times."""
@@ -133,28 +133,30 @@ class Browser:
     def complaints(self) -> list[str]:
         """What the page has said on the console, thrown or been refused."""
         found = []
-        for method, told in self.events:
-            if method == "Runtime.consoleAPICalled" and told["type"] in ("error", "warning", "assert"):
-                found.append(" ".join(str(part.get("value", part)) for part in told["args"]))
+        for method, stated in self.events:
+            if method == "Runtime.consoleAPICalled" and stated["type"] in ("error", "warning", "assert"):
+                found.append(" ".join(str(part.get("value", part)) for part in stated["args"]))
             elif method == "Runtime.exceptionThrown":
-                found.append(str(told["exceptionDetails"]))
-            elif method == "Log.entryAdded" and told["entry"]["level"] in ("error", "warning"):
-                found.append(told["entry"]["text"])
+                found.append(str(stated["exceptionDetails"]))
+            elif method == "Log.entryAdded" and stated["entry"]["level"] in ("error", "warning"):
+                found.append(stated["entry"]["text"])
         return found
 
     def requests(self) -> list[str]:
         """Addresses that the page has asked for, but for its own file and what lies within it."""
         asked = [
-            told["request"]["url"] for method, told in self.events if method == "Network.requestWillBeSent"
+            stated["request"]["url"]
+            for method, stated in self.events
+            if method == "Network.requestWillBeSent"
         ]
         return [url for url in asked[1:] if not url.startswith(("data:", "blob:"))]
 
     def picture(self, path: Path, whole: bool = True) -> None:
         """Write a picture of the page."""
-        told = self.call("Page.captureScreenshot", captureBeyondViewport=whole)
-        path.write_bytes(base64.b64decode(told["data"]))
+        stated = self.call("Page.captureScreenshot", captureBeyondViewport=whole)
+        path.write_bytes(base64.b64decode(stated["data"]))
 
     def pdf(self, path: Path) -> None:
         """Print the page."""
-        told = self.call("Page.printToPDF", printBackground=True, preferCSSPageSize=True)
-        path.write_bytes(base64.b64decode(told["data"]))
+        stated = self.call("Page.printToPDF", printBackground=True, preferCSSPageSize=True)
+        path.write_bytes(base64.b64decode(stated["data"]))

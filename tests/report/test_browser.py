@@ -97,7 +97,7 @@ def test_keys_play_and_step_and_layers_are_switched(browser, run_page):
     assert browser.run("document.getElementById('time').getAttribute('aria-valuetext')").startswith("0 h")
     for layer, mark in (
         ("plan", ".painted .plan"),
-        ("track", ".painted .sailed"),
+        ("track", ".painted .executed"),
         ("current", ".painted .current"),
     ):
         assert count(browser, mark) == 1
@@ -130,8 +130,8 @@ def test_a_mission_of_a_study_opens(browser, study_page):
     browser.run("document.querySelector('[data-seed=\"4\"]').click()")
     browser.frames()
     assert browser.run("document.getElementById('mission-title').textContent").startswith("Seed 4")
-    told = browser.run("report.data.cases[1].missions[1].legs.length")
-    assert count(browser, "#mission-legs tbody tr") == told > 0
+    stated = browser.run("report.data.cases[1].missions[1].legs.length")
+    assert count(browser, "#mission-legs tbody tr") == stated > 0
     words = browser.run("document.getElementById('mission').textContent")
     assert "auvplan report runs/0001-00000004" in words
     assert browser.run("document.getElementById('again').textContent").startswith(

@@ -13,12 +13,12 @@ from PIL import Image
 from auvplan.export.sheet import waypoint_name
 from auvplan.files import REPORT, RESULTS, ResultError
 from auvplan.report import write_report, write_run_report
+from auvplan.report.area import current_data, map_data
 from auvplan.report.obstacles import obstacle_data
 from auvplan.report.packing import packed, plain, script_json
 from auvplan.report.page import _asset
 from auvplan.report.run import run_data
 from auvplan.report.study import study_data
-from auvplan.report.waters import current_data, map_data
 from auvplan.scenario.scenario import Scenario
 from tests.io.sample_run import make_run, refused_leg
 from tests.plot.sample_study import make_study, without_legs
@@ -47,7 +47,7 @@ def test_a_run_is_in_its_page(run, run_page):
     data = data_of(run_page)
     assert len(data["legs"]) == len(run.legs)
     assert [leg["to"] for leg in data["legs"]] == [leg.goal for leg in run.legs]
-    assert [leg["sailed"] for leg in data["legs"]] == pytest.approx([leg.t_path for leg in run.legs])
+    assert [leg["executed"] for leg in data["legs"]] == pytest.approx([leg.t_path for leg in run.legs])
     assert len(data["plans"]) == sum(len(leg.plans) for leg in run.legs)
     track = {
         name: unpacked(data["track"][name]) for name in ("time", "north", "east", "depth", "bed", "coast")
@@ -62,8 +62,8 @@ def test_a_run_is_in_its_page(run, run_page):
     coast = np.asarray(run.chart.distance(places[:, 0], places[:, 1]))
     np.testing.assert_allclose(track["coast"], coast, atol=0.06)
     assert data["tasks"][0]["done"]
-    assert [order["cause"] for order in data["orders"]] == ["start", "late", "done"]
-    assert len(data["orders"][-1]["bars"]) == len(run.legs)
+    assert [route["cause"] for route in data["routes"]] == ["start", "late", "done"]
+    assert len(data["routes"][-1]["bars"]) == len(run.legs)
 
 
 def test_arrows_are_the_current_of_the_plan_at_the_vehicles_depth(run, run_page):
@@ -146,16 +146,16 @@ def test_a_run_that_begins_anew_replaces_the_page():
     assert REPORT in RESULTS
 
 
-@pytest.mark.parametrize("change", ["refused", "unsailed", "no legs", "open leg", "plan"])
+@pytest.mark.parametrize("change", ["refused", "not begun", "no legs", "open leg", "plan"])
 def test_runs_of_all_kinds_have_pages(tmp_path, change):
     run = make_run((0, 1), chart=False, obstacles=False) if change == "open leg" else make_run()
     run.scenario = Scenario().model_dump(mode="json")
     if change == "refused":
         run.legs.insert(1, refused_leg(run))
-    elif change == "unsailed":
+    elif change == "not begun":
         run.legs = [refused_leg(run)]
     elif change == "no legs":
-        run.legs, run.orders = [], []
+        run.legs, run.routes = [], []
     elif change == "plan":
         run.simulated = False
     page = write_report(save(run, tmp_path))
@@ -187,7 +187,7 @@ def test_a_study_is_in_its_page(study_page):
         assert len(case["missions"]) == 8
         legs = case["missions"][0]["legs"]
         assert [leg[1] for leg in legs] == [node for node in study["leg_to"].values[k, 0] if node >= 0]
-        assert len(unpacked(case["legs"]["sailed"])) == int((study["leg_arrived"].values[k] == 1).sum())
+        assert len(unpacked(case["legs"]["executed"])) == int((study["leg_arrived"].values[k] == 1).sum())
 
 
 def test_a_large_study_holds_details_of_some_and_figures_of_all(monkeypatch):
@@ -213,8 +213,8 @@ def test_departures_have_a_page(tmp_path):
     assert data["departures"][0]["total_priority"] == 7
     assert data["departures"][1]["time_s"] is None
     assert data["provenance"]["settings"] is None
-    told = {"scenario": Scenario(name="tide").model_dump(mode="json"), "seed": 4}
-    (tmp_path / "departures.json").write_text(json.dumps(told))
+    stated = {"scenario": Scenario(name="tide").model_dump(mode="json"), "seed": 4}
+    (tmp_path / "departures.json").write_text(json.dumps(stated))
     data = data_of(write_report(tmp_path))
     assert (data["name"], data["provenance"]["seed"]) == ("tide", 4)
 

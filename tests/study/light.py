@@ -1,12 +1,12 @@
 """Small studies with light searches: in worker processes, on a cluster, as a command that can be killed.
 
-`python -m tests.study.light OUT COUNT [--resume] [--workers N] [--hold N]` sails in calm water. With
+`python -m tests.study.light OUT COUNT [--resume] [--workers N] [--hold N]` runs in calm water. With
 `--hold N` the study stands still as soon as N missions are done and waits to be killed; in worker processes,
 each does so after N missions of its own. Where one stands still, a file in the folder that `HOLDS` names says
 so.
 
-A mission that was sailed once in a session of tests is not sailed again in the process of the study: `sail`
-takes it from disk. Worker processes sail all of theirs.
+A mission that was executed once in a session of tests is not executed again in the process of the study:
+`run_job` takes it from disk. Worker processes run all of theirs.
 """
 
 import argparse
@@ -27,11 +27,11 @@ import numpy as np
 import xarray as xr
 
 from auvplan.errors import ScenarioError
+from auvplan.executive import loop
 from auvplan.scenario import Scenario
 from auvplan.study import Design, load_study, run_study, runner, without_clocks, worker
 from auvplan.study.worker import Done, Finished, Job, Report, UnderWay
-from auvplan.voyage import executive
-from tests.voyage.small import LIGHT, SMALL, scenario
+from tests.executive.small import LIGHT, SMALL, scenario
 
 #: Seconds until a test gives up on a process.
 PATIENCE = 300.0
@@ -39,16 +39,16 @@ PATIENCE = 300.0
 #: Name in the environment of the folder in which processes that stand still say so.
 HOLDS = "AUVPLAN_TEST_HOLDS"
 
-#: Name in the environment of the folder that holds the missions that were sailed.
-SAILED = "AUVPLAN_TEST_SAILED"
+#: Name in the environment of the folder that holds the missions that were executed.
+EXECUTED = "AUVPLAN_TEST_EXECUTED"
 
-_really_sail = worker.sail
+_really_run = worker.run_job
 
 
 def lighten() -> None:
-    """Make searches of this process light for good, and sail no mission twice."""
-    vars(executive).update(LIGHT)
-    runner.sail = worker.sail = sail
+    """Make searches of this process light for good, and run no mission twice."""
+    vars(loop).update(LIGHT)
+    runner.run_job = worker.run_job = run_job
 
 
 def small(**sections) -> Scenario:
@@ -68,19 +68,19 @@ def calm(count: int) -> Design:
 def mission(dataset: xr.Dataset, seed: int) -> xr.Dataset:
     """One mission of a dataset, as a dataset without padding, clocks and what tells of other missions."""
     one = without_clocks(dataset).isel(mission=np.flatnonzero(dataset["seed"] == seed)).drop_attrs(deep=False)
-    orders = one["order_nodes"].values[0] >= 0
+    routes = one["route_nodes"].values[0] >= 0
     return one.isel(
         leg=slice(int((one["leg_from"] >= 0).sum())),
         plan=slice(int((one["plan_leg"] >= 0).sum())),
-        order=slice(int(orders.any(axis=1).sum())),
-        stop=slice(int(orders.any(axis=0).sum())),
+        route=slice(int(routes.any(axis=1).sum())),
+        stop=slice(int(routes.any(axis=0).sum())),
     )
 
 
-def sail(job: Job, report: Callable[[Report], None], anew: bool = False) -> None:
-    """Stand in for `worker.sail`: take missions that were sailed before from disk, unless asked for anew."""
+def run_job(job: Job, report: Callable[[Report], None], anew: bool = False) -> None:
+    """Stand in for `worker.run_job`: take missions that are on disk, unless asked for anew."""
     report(UnderWay(0.0))
-    folder, cases, left = Path(os.environ[SAILED]), Design.of(job.design).cases, []
+    folder, cases, left = Path(os.environ[EXECUTED]), Design.of(job.design).cases, []
     folder.mkdir(exist_ok=True)
 
     def piece(case: int, seed: int) -> Path:
@@ -93,27 +93,27 @@ def sail(job: Job, report: Callable[[Report], None], anew: bool = False) -> None
         else:
             left.append((case, seed))
 
-    def keep(told: Report) -> None:
-        if isinstance(told, Done):
+    def keep(stated: Report) -> None:
+        if isinstance(stated, Done):
             half = folder / str(os.getpid())
-            half.write_bytes(pickle.dumps(told.row))
-            half.rename(piece(told.case, told.seed))
-        report(told)
+            half.write_bytes(pickle.dumps(stated.row))
+            half.rename(piece(stated.case, stated.seed))
+        report(stated)
 
     if left:
-        _really_sail(replace(job, tasks=tuple(left)), keep)
+        _really_run(replace(job, tasks=tuple(left)), keep)
     else:
         report(Finished(0.0))
 
 
 def cache_settings(tmp_path_factory) -> dict[str, str]:
-    """Environment of processes that share what they compile and sail, in this session of tests."""
+    """Environment of processes that share what they compile and run, in this session of tests."""
     base = tmp_path_factory.getbasetemp()
     base = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
     return {
         "JAX_COMPILATION_CACHE_DIR": str(base / "jax"),
         "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
-        SAILED: str(base / "sailed"),
+        EXECUTED: str(base / "executed"),
     }
 
 
@@ -125,7 +125,7 @@ def begin(tmp_path_factory, out: Path, count: int, *options: str, **settings: st
 
 
 def unbroken(tmp_path_factory, count: int) -> xr.Dataset:
-    """A calm study in one go, sailed once in a session of tests."""
+    """A calm study in one go, executed once in a session of tests."""
     out = tmp_path_factory.getbasetemp() / f"unbroken{count}"
     if not out.is_dir():
         assert begin(tmp_path_factory, out, count).wait(PATIENCE) == 0
@@ -153,9 +153,9 @@ class Holding:
 
 
 def work(job, core, settings, pipe: Connection, missions: int = sys.maxsize) -> None:
-    """A worker process with light searches; every mission is sailed."""
+    """A worker process with light searches; every mission is executed."""
     lighten()
-    worker.sail = partial(sail, anew=True)
+    worker.run_job = partial(run_job, anew=True)
     worker.work(job, core, settings, Holding(pipe, missions))
 
 
@@ -172,23 +172,23 @@ def work_and_die_speaking(job, core, settings, pipe: Connection) -> None:
 
 def work_and_fail(job, core, settings, pipe: Connection) -> None:
     """A worker process whose missions cannot be built."""
-    worker.sail = sail_and_fail
+    worker.run_job = transit_and_fail
     worker.work(job, core, settings, pipe)
 
 
-def sail_all(job):
-    """What a cluster's worker does, with light searches; every mission is sailed."""
+def run_whole_job(job):
+    """What a cluster's worker does, with light searches; every mission is executed."""
     lighten()
-    worker.sail = _really_sail
-    return worker.sail_all(job)
+    worker.run_job = _really_run
+    return worker.run_whole_job(job)
 
 
-def sail_and_die(job):
+def transit_and_die(job):
     """What a cluster's worker does that is killed."""
     os._exit(1)
 
 
-def sail_and_fail(job, report=None):
+def transit_and_fail(job, report=None):
     """What a worker does whose missions cannot be built."""
     raise ScenarioError("mission.start (0.0, 0.0, 0.0) lies on land")
 

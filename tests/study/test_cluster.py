@@ -32,9 +32,9 @@ def workers(tmp_path_factory):
 
 
 @pytest.fixture(autouse=True)
-def light_sail_all(monkeypatch):
+def light_job(monkeypatch):
     """Workers search lightly."""
-    monkeypatch.setattr(cluster, "sail_all", light.sail_all)
+    monkeypatch.setattr(cluster, "run_whole_job", light.run_whole_job)
 
 
 @pytest.mark.slow
@@ -42,7 +42,7 @@ def test_a_study_whose_worker_is_killed_ends_like_a_local_one(
     workers, tmp_path_factory, tmp_path, monkeypatch
 ):
     whole, killed = unbroken(tmp_path_factory, COUNT), []
-    monkeypatch.setattr(runner, "sail_on_cluster", partial(cluster.sail_on_cluster, chunk=1))
+    monkeypatch.setattr(runner, "run_on_cluster", partial(cluster.run_on_cluster, chunk=1))
     with distributed.Client(workers.scheduler_address, set_as_default=False) as client:
         pids = list(client.run(os.getpid).values())
     assert len(set(pids)) == 2
@@ -61,18 +61,18 @@ def test_a_study_whose_worker_is_killed_ends_like_a_local_one(
 
 def test_an_error_in_a_worker_reaches_the_caller(workers, tmp_path, monkeypatch):
     """The scheduler is found through its file."""
-    monkeypatch.setattr(cluster, "sail_all", light.sail_and_fail)
+    monkeypatch.setattr(cluster, "run_whole_job", light.transit_and_fail)
     (tmp_path / "scheduler.json").write_text(json.dumps({"address": workers.scheduler_address}))
     with pytest.raises(ScenarioError, match="lies on land"):
         run_study(calm(2), tmp_path / "out", dask=str(tmp_path / "scheduler.json"))
 
 
-def test_missions_that_kill_every_worker_are_told(workers, tmp_path, monkeypatch):
-    monkeypatch.setattr(cluster, "sail_all", light.sail_and_die)
+def test_missions_that_kill_every_worker_are_stated(workers, tmp_path, monkeypatch):
+    monkeypatch.setattr(cluster, "run_whole_job", light.transit_and_die)
     monkeypatch.setattr(workers.scheduler, "allowed_failures", 0)
-    with pytest.raises(StudyError, match="--resume") as told:
+    with pytest.raises(StudyError, match="--resume") as stated:
         run_study(calm(1), tmp_path, dask=workers.scheduler_address)
-    assert len(str(told.value).splitlines()) == 1
+    assert len(str(stated.value).splitlines()) == 1
 
 
 @pytest.mark.parametrize("address", ["nowhere://127.0.0.1:1", "no-scheduler.json"])
@@ -80,9 +80,9 @@ def test_a_scheduler_that_cannot_be_reached_is_told_and_nothing_written(tmp_path
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(cluster, "PATIENCE", "1s")
     (tmp_path / "no-scheduler.json").write_text("no file of a scheduler")
-    with pytest.raises(StudyError, match=f"Dask scheduler {address} cannot be reached") as told:
+    with pytest.raises(StudyError, match=f"Dask scheduler {address} cannot be reached") as stated:
         run_study(calm(1), tmp_path / "out", dask=address)
-    assert len(str(told.value).splitlines()) == 1
+    assert len(str(stated.value).splitlines()) == 1
     assert not (tmp_path / "out").exists()
 
 

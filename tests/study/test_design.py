@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from auvplan.errors import ScenarioError
 from auvplan.study import Design, StudyError, Sweep
 from auvplan.study.design import by_case
-from tests.voyage.small import SMALL, scenario
+from tests.executive.small import SMALL, scenario
 
 RATES = Sweep("current.update_rate", (0.0, 0.5, 1.0))
 REPLAN = Sweep("planning.replan", ("late", "deviation"))
@@ -154,7 +154,7 @@ def test_a_value_that_does_not_fit_is_told_with_its_field(field, values):
     assert len(str(refused.value).splitlines()) == 1
 
 
-def test_values_that_do_not_fit_together_are_told():
+def test_values_that_do_not_fit_together_are_stated():
     outside = Sweep("mission.start", ([1, 2, 3], [9000, 2, 3]))
     with pytest.raises(ScenarioError, match=r"mission\.start: .* outside the area"):
         _ = Design(scenario(), 1, sweeps=(outside,)).cases

@@ -7,6 +7,7 @@ import xarray as xr
 
 import auvplan as ap
 from auvplan.errors import ScenarioError
+from auvplan.executive import plan_scenario
 from auvplan.files import write_dataset
 from auvplan.mission.jobs import JobPoint, Jobs
 from auvplan.scenario import Scenario
@@ -14,8 +15,7 @@ from auvplan.study import Design
 from auvplan.study.rehearsal import rehearsal_of, require_one_sea
 from auvplan.study.row import row_of
 from auvplan.study.table import table
-from auvplan.voyage import plan_scenario
-from tests.voyage.tide import CHANNEL, channel, tidal_waters
+from tests.executive.tide import CHANNEL, channel, tidal_area
 
 pytestmark = pytest.mark.usefixtures("light_search")
 
@@ -25,18 +25,19 @@ SHORT = channel(mission=CHANNEL["mission"] | {"time_available": 620})
 
 @pytest.fixture(scope="module")
 def rehearsed(light_search):
-    """A plan with a stream, one mission in that stream and one against it, and what is told of them."""
+    """A plan with a stream, one mission in that stream and one against it, and what is given of them."""
     jobs = Jobs(
         (JobPoint("near", (300.0, 20.0, 5.0), 1.0, 90.0), JobPoint("far", (700.0, 20.0, 5.0), 2.0, 90.0))
     )
-    waters = replace(tidal_waters(0.6, 0.0), jobs=jobs)
-    against = replace(waters, truth=tidal_waters(-0.6, 0.0).truth)
-    plan = plan_scenario(SHORT, waters=waters)
-    runs = [ap.run_mission(SHORT, seed=k, waters=sea) for k, sea in enumerate((waters, against))]
-    sailed = table(Design(SHORT, 2), [row_of(run) for run in runs], None)
-    return plan, runs, rehearsal_of(plan, sailed)
+    area = replace(tidal_area(0.6, 0.0), jobs=jobs)
+    against = replace(area, truth=tidal_area(-0.6, 0.0).truth)
+    plan = plan_scenario(SHORT, area=area)
+    runs = [ap.run_mission(SHORT, seed=k, area=sea) for k, sea in enumerate((area, against))]
+    executed = table(Design(SHORT, 2), [row_of(run) for run in runs], None)
+    return plan, runs, rehearsal_of(plan, executed)
 
 
+@pytest.mark.slow
 def test_a_plan_holds_where_the_sea_is_as_forecast_and_not_against_it(rehearsed):
     plan, runs, found = rehearsed
     assert plan.tasks == found["plan"]["tasks"] == 2
@@ -60,8 +61,8 @@ def test_shares_and_margins_are_those_of_the_missions(rehearsed):
 def test_reasons_are_whole_in_a_file(rehearsed, tmp_path):
     runs = sorted(rehearsed[1], key=lambda run: len(run.reason))
     assert len(runs[0].reason) < len(runs[1].reason)
-    sailed = table(Design(SHORT, 2), [row_of(run) for run in runs], None)
-    with xr.open_dataset(write_dataset(sailed, tmp_path / "missions.nc"), engine="h5netcdf") as again:
+    executed = table(Design(SHORT, 2), [row_of(run) for run in runs], None)
+    with xr.open_dataset(write_dataset(executed, tmp_path / "missions.nc"), engine="h5netcdf") as again:
         assert again["reason"].values.tolist() == [run.reason for run in runs]
 
 

@@ -92,7 +92,7 @@ def assert_gone(workers):
 @needs_proc
 @pytest.mark.slow
 def test_a_study_killed_three_times_ends_like_one_never_killed(begin, holds, tmp_path_factory, tmp_path):
-    """Killed before a mission is done, when some are, and while two processes sail the rest."""
+    """Killed before a mission is done, when some are, and while two processes run the rest."""
     whole, rng = light.unbroken(tmp_path_factory, COUNT), np.random.default_rng(7)
 
     process = begin("--hold", "0")

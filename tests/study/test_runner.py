@@ -21,7 +21,7 @@ from auvplan.study.row import VARIABLES
 from tests.study import light
 from tests.study.light import mission, small
 
-pytestmark = pytest.mark.usefixtures("light_search", "sailed")
+pytestmark = pytest.mark.usefixtures("light_search", "executed")
 
 run_here = partial(run_study, workers=1)
 
@@ -52,26 +52,26 @@ def assert_same(first, second):
 
 
 @pytest.fixture(scope="module")
-def sailed(tmp_path_factory):
-    """Missions that were sailed once are taken from disk: most of what is tested happens after that."""
+def executed(tmp_path_factory):
+    """Missions that were executed once are taken from disk: most of what is tested happens after that."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv(light.SAILED, light.cache_settings(tmp_path_factory)[light.SAILED])
-        patch.setattr(runner_module, "sail", light.sail)
+        patch.setenv(light.EXECUTED, light.cache_settings(tmp_path_factory)[light.EXECUTED])
+        patch.setattr(runner_module, "run_job", light.run_job)
         yield
 
 
 @pytest.fixture(scope="module")
-def seven(light_search, sailed, tmp_path_factory):
-    """A study of seven missions: its folder, its dataset, and what its progress was told."""
-    out, told = tmp_path_factory.mktemp("seven") / "new" / "folder", []
+def seven(light_search, executed, tmp_path_factory):
+    """A study of seven missions: its folder, its dataset, and what its progress was given."""
+    out, stated = tmp_path_factory.mktemp("seven") / "new" / "folder", []
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(runner_module, "sail", partial(light.sail, anew=True))
-        dataset = run_here(Design(small(), 7), out, progress=lambda *words: told.append(words))
-    return out, dataset, told
+        patch.setattr(runner_module, "run_job", partial(light.run_job, anew=True))
+        dataset = run_here(Design(small(), 7), out, progress=lambda *words: stated.append(words))
+    return out, dataset, stated
 
 
 @pytest.fixture(scope="module")
-def three(light_search, sailed, tmp_path_factory):
+def three(light_search, executed, tmp_path_factory):
     """A study of three missions: its folder and its dataset."""
     out = tmp_path_factory.mktemp("three")
     return out, run_here(Design(small(), 3), out)
@@ -137,10 +137,10 @@ def test_figures_of_a_mission_fit_together(seven):
     again = (dataset["plan_cause"] > 1).sum("plan")
     np.testing.assert_array_equal(dataset["path_replans"], again)
     np.testing.assert_array_equal(dataset["leg_path_replans"].where(lambda x: x >= 0).sum("leg"), again)
-    np.testing.assert_array_equal(dataset["mission_replans"], (dataset["order_cause"] > 1).sum("order"))
+    np.testing.assert_array_equal(dataset["mission_replans"], (dataset["route_cause"] > 1).sum("route"))
     np.testing.assert_allclose(dataset["path_cpu"], dataset["leg_cpu"].sum("leg"))
     np.testing.assert_allclose(dataset["path_cpu"], dataset["plan_cpu"].sum("plan"))
-    np.testing.assert_allclose(dataset["mission_cpu"], dataset["order_cpu"].sum("order"))
+    np.testing.assert_allclose(dataset["mission_cpu"], dataset["route_cpu"].sum("route"))
     assert (dataset["coast_clearance"] == np.inf).all(), "there is no coast"
     assert (dataset["collisions"] == 0).all()
     assert (dataset["faults"] == 0).all()
@@ -148,12 +148,12 @@ def test_figures_of_a_mission_fit_together(seven):
 
 
 @pytest.mark.parametrize(
-    ("dim", "there"), [("leg", "leg_from"), ("plan", "plan_leg"), ("order", "order_nodes")]
+    ("dim", "there"), [("leg", "leg_from"), ("plan", "plan_leg"), ("route", "route_nodes")]
 )
 def test_what_a_mission_lacks_is_padded(seven, dim, there):
     _, dataset, _ = seven
     found = dataset[there].values >= 0
-    found = found.any(axis=-1) if dim == "order" else found
+    found = found.any(axis=-1) if dim == "route" else found
     assert found.any(axis=0).all(), "padded to the longest and no further"
     assert not found.all()
     assert (np.diff(found.astype(int), axis=1) <= 0).all(), "padding comes last"
@@ -170,7 +170,7 @@ def test_what_a_mission_lacks_is_padded(seven, dim, there):
             assert (filled > fill).all(), name
 
 
-def test_figures_are_those_of_the_missions_sailed_directly(three):
+def test_figures_are_those_of_the_missions_executed_directly(three):
     _, dataset = three
     seeds = [0, 1, 2]
     runs = ap.run_missions(small(), keys=jax.vmap(jax.random.key)(np.arange(3)), seeds=seeds)
@@ -190,23 +190,23 @@ def test_figures_are_those_of_the_missions_sailed_directly(three):
             "leg_arrived": [leg.arrived for leg in run.legs],
             "plan_cost": [plan.cost for leg in run.legs for plan in leg.plans],
             "plan_leg": [k for k, leg in enumerate(run.legs) for _ in leg.plans],
-            "order_made_at": [order.made_at for order in run.orders],
-            "order_time": [order.time for order in run.orders],
-            "order_priority": [order.priority for order in run.orders],
+            "route_made_at": [route.made_at for route in run.routes],
+            "route_time": [route.time for route in run.routes],
+            "route_priority": [route.priority for route in run.routes],
             "waypoint_position": run.graph.positions,
         }.items():
             np.testing.assert_array_equal(one[name], values, name)
-        meanings = np.array(one["order_cause"].attrs["flag_meanings"].split())
-        assert meanings[one["order_cause"]].tolist() == [order.cause for order in run.orders]
+        meanings = np.array(one["route_cause"].attrs["flag_meanings"].split())
+        assert meanings[one["route_cause"]].tolist() == [route.cause for route in run.routes]
         meanings = np.array(one["plan_cause"].attrs["flag_meanings"].split())
         causes = [plan.cause for leg in run.legs for plan in leg.plans]
         assert meanings[one["plan_cause"]].tolist() == causes
-        for row, order in zip(one["order_nodes"].values, run.orders, strict=True):
-            assert row[row >= 0].tolist() == list(order.nodes)
+        for row, route in zip(one["route_nodes"].values, run.routes, strict=True):
+            assert row[row >= 0].tolist() == list(route.nodes)
 
 
 def test_a_mission_is_the_same_to_the_last_bit_in_batches_of_1_3_and_7(seven, tmp_path, monkeypatch):
-    monkeypatch.setattr(runner_module, "sail", partial(light.sail, anew=True))
+    monkeypatch.setattr(runner_module, "run_job", partial(light.run_job, anew=True))
     batches = [seven[1]]
     batches += [run_here(Design(small(), n, seed), tmp_path / str(n)) for n, seed in ((1, 3), (3, 2))]
     first, *others = (mission(batch, 3) for batch in batches)
@@ -217,7 +217,7 @@ def test_a_mission_is_the_same_to_the_last_bit_in_batches_of_1_3_and_7(seven, tm
 
 def test_a_sweep_adds_dimensions_and_its_cases_are_the_single_studies(tmp_path):
     sweeps = (Sweep.parse("planning.replan=late,deviation"), Sweep.parse("current.update_rate=0,1"))
-    # By edges: where no waypoint may be visited again, small missions have one order left for either rule.
+    # By edges: where no waypoint may be visited again, small missions have one route left for either rule.
     base = small(planning={"visits": "edges"})
     dataset = run_here(Design(base, 2, seed=5, sweeps=sweeps), tmp_path / "swept")
     xr.testing.assert_identical(dataset, load_study(tmp_path / "swept"))
@@ -266,9 +266,9 @@ def test_values_of_a_sweep_are_a_coordinate(tmp_path, text, values):
 
 
 def test_progress_ends_with_everything_done(seven):
-    _, _, told = seven
-    done, totals, shares = zip(*told, strict=True)
-    assert told[-1] == (7, 7, 1.0)
+    _, _, stated = seven
+    done, totals, shares = zip(*stated, strict=True)
+    assert stated[-1] == (7, 7, 1.0)
     assert set(totals) == {7}
     assert list(done) == sorted(done)
     assert set(done) >= set(range(1, 8))
@@ -287,7 +287,7 @@ def test_whole_results_are_saved_when_asked_for(three, tmp_path):
         assert load_run(folder).attrs["title"].endswith(f"seed {seed}")
 
 
-def test_missions_that_end_before_they_sail_are_rows_too(tmp_path):
+def test_missions_that_end_before_they_begin_are_rows_too(tmp_path):
     hasty = small(mission={"time_available": 60})
     dataset = run_here(Design(hasty, 2), tmp_path)
     xr.testing.assert_identical(load_study(tmp_path), dataset)
@@ -314,17 +314,17 @@ def test_an_unfinished_study_is_not_begun_anew_unasked(tmp_path):
     assert [name for name in pieces(tmp_path) if not name.startswith(".")] == before
 
 
-def test_a_resumed_study_sails_what_is_missing_and_ends_the_same(three, tmp_path):
-    design, told = Design(small(), 3), []
+def test_a_resumed_study_runs_what_is_missing_and_ends_the_same(three, tmp_path):
+    design, stated = Design(small(), 3), []
     break_off(design, tmp_path, after=1)
     assert len(pieces(tmp_path)) == 1
     (tmp_path / "missions" / ".0000-00000002-0123456789ab.npz").write_bytes(b"half")
-    dataset = run_here(design, tmp_path, resume=True, progress=lambda *words: told.append(words))
+    dataset = run_here(design, tmp_path, resume=True, progress=lambda *words: stated.append(words))
     assert_same(dataset, three[1])
     assert names(tmp_path) == RESULTS
     assert read_summary(tmp_path)["clock"]["missions"] == 2
-    assert told[0][:2] in ((1, 3), (2, 3))
-    assert told[-1] == (3, 3, 1.0)
+    assert stated[0][:2] in ((1, 3), (2, 3))
+    assert stated[-1] == (3, 3, 1.0)
 
 
 def test_a_study_broken_off_over_its_results_is_resumed(three, tmp_path, monkeypatch):
@@ -337,7 +337,7 @@ def test_a_study_broken_off_over_its_results_is_resumed(three, tmp_path, monkeyp
             with pytest.raises(KeyboardInterrupt):
                 run_here(design, out)
         with monkeypatch.context() as patch:
-            patch.setattr(runner_module, "sail", stop_here)
+            patch.setattr(runner_module, "run_job", stop_here)
             assert_same(run_here(design, out, resume=True), three[1])
         assert names(out) == RESULTS
 
@@ -355,10 +355,10 @@ def test_a_study_broken_off_while_its_folder_was_made_can_be_begun(three, tmp_pa
     assert_same(run_here(design, tmp_path), three[1])
 
 
-def test_a_finished_study_is_resumed_without_sailing(three, tmp_path, monkeypatch):
+def test_a_finished_study_is_resumed_without_running(three, tmp_path, monkeypatch):
     out, dataset = three
     written = {name: (out / name).read_bytes() for name in RESULTS}
-    monkeypatch.setattr(runner_module, "sail", stop_here)
+    monkeypatch.setattr(runner_module, "run_job", stop_here)
     xr.testing.assert_identical(run_here(Design(small(), 3), out, resume=True), dataset)
     assert {name: (out / name).read_bytes() for name in names(out)} == written
 
@@ -389,6 +389,7 @@ def test_missions_left_beside_finished_results_go_when_it_is_resumed(tmp_path):
     assert names(tmp_path) == RESULTS
 
 
+@pytest.mark.slow
 def test_a_finished_study_makes_way_for_another_one_by_force_alone(tmp_path):
     first = run_here(Design(small(), 2), tmp_path, save_runs=True)
     with pytest.raises(StudyError, match=r"finished study of 2 missions: .*--resume.*--force") as refused:
@@ -425,7 +426,7 @@ def test_a_sweep_that_is_no_longer_asked_for_is_another_study(tmp_path):
         run_here(Design(small(), 1), tmp_path, resume=True)
 
 
-def test_the_order_of_sweeps_makes_another_study(tmp_path):
+def test_the_route_of_sweeps_makes_another_study(tmp_path):
     """The dataset's dimensions and the numbers of its cases follow it."""
     sweeps = (Sweep("planning.replan", ("late", "deviation")), Sweep("current.update_rate", (0, 1)))
     break_off(Design(small(), 1, sweeps=sweeps), tmp_path, after=2)
@@ -451,13 +452,13 @@ def test_a_damaged_mission_is_named(three, tmp_path, kept):
     piece = tmp_path / "missions" / "0000-00000001.npz"
     whole = piece.read_bytes()
     piece.write_bytes(whole[: int(kept * len(whole))])
-    with pytest.raises(ResultError, match=r"0000-00000001\.npz: not a readable mission .*--resume") as told:
+    with pytest.raises(ResultError, match=r"0000-00000001\.npz: not a readable mission .*--resume") as stated:
         run_here(design, tmp_path, resume=True)
-    assert len(str(told.value).splitlines()) == 1
+    assert len(str(stated.value).splitlines()) == 1
     piece.unlink()
     assert_same(run_here(design, tmp_path, resume=True), three[1])
     # A file that stayed open would warn only now, and fail this test.
-    del told
+    del stated
     gc.collect()
 
 
@@ -490,9 +491,9 @@ def test_a_worker_that_dies_is_told_and_the_study_can_be_resumed(three, tmp_path
     design = Design(small(), 3)
     break_off(design, tmp_path, after=1)
     monkeypatch.setattr(runner_module, "work", work)
-    with pytest.raises(StudyError, match=r"a worker process died.*--resume") as told:
+    with pytest.raises(StudyError, match=r"a worker process died.*--resume") as stated:
         run_study(design, tmp_path, workers=2, resume=True)
-    assert len(str(told.value).splitlines()) == 1
+    assert len(str(stated.value).splitlines()) == 1
     assert len(pieces(tmp_path)) == 1
     assert_same(run_here(design, tmp_path, resume=True), three[1])
 

@@ -103,14 +103,14 @@ def test_reduction_of_finite_values_without_any():
 
 def test_leg_times_are_those_of_legs_that_were_finished():
     study = make_study(4)
-    expected, sailed = leg_times(study)
+    expected, executed = leg_times(study)
     reached = study["leg_arrived"].values == 1
     assert 0 < reached[2].sum() < np.isfinite(study["leg_t_path"].values[2]).sum(), "the last was not"
-    np.testing.assert_array_equal(np.isfinite(sailed), reached)
-    np.testing.assert_array_equal(sailed[reached], study["leg_t_path"].values[reached])
+    np.testing.assert_array_equal(np.isfinite(executed), reached)
+    np.testing.assert_array_equal(executed[reached], study["leg_t_path"].values[reached])
     whole = study["leg_t_expected"].values - study["leg_t_task"].values
     np.testing.assert_array_equal(expected[reached], whole[reached])
-    np.testing.assert_allclose(relative_errors(study)[reached], np.abs(sailed / expected - 1)[reached])
+    np.testing.assert_allclose(relative_errors(study)[reached], np.abs(executed / expected - 1)[reached])
 
 
 def test_a_leg_expected_in_no_time_has_no_relative_error():
@@ -134,11 +134,11 @@ def test_summary_tells_the_numbers_of_the_study(failed):
     wilson = stats.binomtest(5 - len(failed), 5).proportion_ci(method="wilson")
     assert share["share"] == pytest.approx(20.0 * (5 - len(failed)))
     assert [share["low"], share["high"]] == pytest.approx([100 * wilson.low, 100 * wilson.high], abs=1e-4)
-    expected, sailed = (times[np.isfinite(times)] for times in leg_times(study))
-    legs = summary["expected_against_sailed"]
+    expected, executed = (times[np.isfinite(times)] for times in leg_times(study))
+    legs = summary["expected_against_executed"]
     assert legs["legs"] == len(expected)
-    assert legs["correlation"] == pytest.approx(np.corrcoef(expected, sailed)[0, 1])
-    errors = 100 * np.abs(sailed / expected - 1)
+    assert legs["correlation"] == pytest.approx(np.corrcoef(expected, executed)[0, 1])
+    errors = 100 * np.abs(executed / expected - 1)
     assert legs["median_relative_error_percent"] == pytest.approx(np.median(errors))
     assert legs["low"] < np.median(errors) < legs["high"]
 
@@ -146,7 +146,7 @@ def test_summary_tells_the_numbers_of_the_study(failed):
 def test_figures_of_a_summary_are_the_means_and_quantiles_of_missions_legs_and_calls():
     study = make_study(30)
     figures = strict(summarise(study))["figures"]
-    expected, sailed = leg_times(study)
+    expected, executed = leg_times(study)
     values = {
         "use_of_time_percent": use_of_time(study),
         "t_residual_s": study["t_residual"].values,
@@ -161,9 +161,9 @@ def test_figures_of_a_summary_are_the_means_and_quantiles_of_missions_legs_and_c
         "mission_cpu_s": study["mission_cpu"].values,
         "mission_replan_cpu_s": study["mission_replan_cpu"].values,
         "t_expected_s": expected,
-        "t_path_s": sailed,
+        "t_path_s": executed,
         "path_call_cpu_s": study["plan_cpu"].values,
-        "mission_call_cpu_s": study["order_cpu"].values,
+        "mission_call_cpu_s": study["route_cpu"].values,
         "obstacle_clearance_m": study["obstacle_clearance"].values,
         "seabed_altitude_m": study["seabed_altitude"].values,
     }

@@ -29,9 +29,9 @@ def to_cf(ocean: OceanData) -> xr.Dataset:
 
     Returns:
         `uo`, `vo` and, where the source has it, `wo` [time, level, points] m/s, NaN where there is no water;
-        `deptho` [points] m where the bed is told; `zos` [time, points] m, the surface above the datum, where
-        it is told. Levels are `depth` [level] m, or `zcor` [time, level, points] m above the datum where they
-        follow the bed.
+        `deptho` [points] m where the bed is given; `zos` [time, points] m, the surface above the datum, where
+        it is given. Levels are `depth` [level] m, or `zcor` [time, level, points] m above the datum
+        where they follow the bed.
 
     Raises:
         CurrentError: values cannot be read, or are too many.
@@ -58,36 +58,36 @@ def to_cf(ocean: OceanData) -> xr.Dataset:
         )
         return chosen.reshape(*values.shape[:-1], *shape)
 
-    told: dict[str, Any] = {}
+    stated: dict[str, Any] = {}
     for name, values in (("uo", block.east), ("vo", block.north), ("wo", block.up)):
         if values is not None and (name != "wo" or values.shape[1] == levels):
             attributes = {"standard_name": _NAMES[name], "units": "m s-1"} | _located(geometry)
-            told[name] = ("time", "level", *names), placed(values).astype(np.float32), attributes
+            stated[name] = ("time", "level", *names), placed(values).astype(np.float32), attributes
     rise = points.rise(frames, window)
     if points.rise_name() is not None:
         about = {"standard_name": "sea_surface_height_above_geoid", "units": "m"}
-        told["zos"] = ("time", *names), placed(rise).astype(np.float32), about | _located(geometry)
+        stated["zos"] = ("time", *names), placed(rise).astype(np.float32), about | _located(geometry)
     floor = points.floor(window)
     if floor is not None and block.floor is not None and ocean.levels is None:
         rise = block.floor - floor
     if floor is not None:
         about = {"standard_name": "sea_floor_depth_below_geoid", "units": "m"}
-        told["deptho"] = names, placed(floor), about | _located(geometry)
+        stated["deptho"] = names, placed(floor), about | _located(geometry)
     coordinates = _places(geometry) | {
         "time": ("time", ocean.times, {"standard_name": "time", "units": "seconds since 1970-01-01 00:00:00"})
     }
     if ocean.levels is None:
         surface = np.broadcast_to(rise[:, None], (len(ocean.times), levels, rise.shape[-1]))
         height = surface - np.where(np.isfinite(block.depths), block.depths, np.nan)
-        told["zcor"] = ("time", "level", *names), placed(height), {"units": "m", "positive": "up"}
+        stated["zcor"] = ("time", "level", *names), placed(height), {"units": "m", "positive": "up"}
     else:
         about = {"standard_name": "depth", "units": "m", "positive": "down", "axis": "Z"}
         coordinates["depth"] = "level", ocean.levels, about
     notes = "; ".join(ocean.notes)
     attributes = {"Conventions": "CF-1.11 UGRID-1.0", "source": ocean.series.label, "comment": notes}
-    told_by = ocean.series.attributes
-    attributes |= {name: text(told_by, name) for name in told_by if str(name).startswith(ORIGIN)}
-    return xr.Dataset(told, coordinates, attributes)
+    stated_by = ocean.series.attributes
+    attributes |= {name: text(stated_by, name) for name in stated_by if str(name).startswith(ORIGIN)}
+    return xr.Dataset(stated, coordinates, attributes)
 
 
 def _axes(geometry: Any) -> list[tuple[str, int]]:

@@ -150,13 +150,13 @@ class Regular:
 
 @dataclass(frozen=True)
 class Curvilinear:
-    """Points in rows and columns that lie as they please.
+    """Curvilinear grid: points in rows and columns anywhere.
 
     Attributes:
         dims: of rows and columns.
         longitude, latitude: [ny, nx] degrees.
         kind: "curvilinear", or "roms" where velocities are on the cells' edges.
-        crs: the projection whose axes the rows and columns follow, where one is told.
+        crs: the projection whose axes the rows and columns follow, where one is given.
     """
 
     dims: tuple[str, ...]

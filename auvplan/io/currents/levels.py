@@ -42,7 +42,7 @@ def find_levels(points: Points, name: str, dim: str | None, notes: list[str]) ->
     """Return the levels of a velocity component.
 
     Args:
-        points: where it is told.
+        points: where it is given.
         name: of the component.
         dim: of its levels; None where it has none.
         notes: get what has to be assumed.
@@ -55,13 +55,13 @@ def find_levels(points: Points, name: str, dim: str | None, notes: list[str]) ->
     file = points.series.files[0]
     for heights in _HEIGHTS:
         if heights in file.variables and dim in file.variables[heights].dims:
-            return _told(points, heights, dim)
+            return _stated(points, heights, dim)
     found = s_levels(points.series, dim, notes)
     if found is not None:
         return _following(points, name, dim, found, notes)
     for sigma, variable in file.variables.items():
-        told = standard_name(file, sigma).startswith("ocean_sigma") or sigma in _SIGMAS
-        if told and dim in variable.dims and (variable.ndim == 1 or points.has(sigma)):
+        stated = standard_name(file, sigma).startswith("ocean_sigma") or sigma in _SIGMAS
+        if stated and dim in variable.dims and (variable.ndim == 1 or points.has(sigma)):
             return _sigma(points, name, sigma, dim, notes)
     return _fixed(points, _axis(points, name, dim), dim, notes)
 
@@ -145,7 +145,7 @@ def _following(
     if points.floor_name() is None:
         raise points.series.fail(f"{name} has levels that follow the sea bed, but h is missing")
     if points.rise_name() is None:
-        notes.append("the surface's height zeta is not told: taken as 0")
+        notes.append("the surface's height zeta is not given: taken as 0")
 
     def read(frames: slice, window: Window) -> tuple[Array, Array | None]:
         floor, rise = points.floor(window), points.rise(frames, window)
@@ -168,7 +168,7 @@ def _following(
 
 
 def _sigma(points: Points, name: str, sigma: str, dim: str, notes: list[str]) -> Levels:
-    """Shares of the water's depth, the same everywhere or told for each point; FVCOM, SELFE, POM."""
+    """Shares of the water's depth, the same everywhere or given for each point; FVCOM, SELFE, POM."""
     series = points.series
     if series.dims(sigma) == (dim,):
         shares = np.abs(series.files[0].coordinate(sigma))
@@ -177,11 +177,11 @@ def _sigma(points: Points, name: str, sigma: str, dim: str, notes: list[str]) ->
             points, name, dim, lambda floor, rise: shares[None, :, None] * (floor + rise)[:, None], notes
         )
     if not points.has(sigma):
-        raise series.fail(f"levels {sigma} are not told where {name} is")
+        raise series.fail(f"levels {sigma} are not given where {name} is")
     if points.floor_name() is None:
         raise series.fail(f"{name} has levels that follow the sea bed, but h is missing")
     if points.rise_name() is None:
-        notes.append("the surface's height zeta is not told: taken as 0")
+        notes.append("the surface's height zeta is not given: taken as 0")
     column = np.abs(series.files[0].coordinate(sigma))
     _check_shares(series.fail, sigma, column)
     column = np.moveaxis(column, series.dims(sigma).index(dim), 0)
@@ -201,7 +201,7 @@ def _check_shares(fail: Callable[[str], CurrentError], sigma: str, shares: Array
         raise fail(f"levels {sigma} are no shares of the depth: they reach {shares.max():g}")
 
 
-def _told(points: Points, heights: str, dim: str) -> Levels:
+def _stated(points: Points, heights: str, dim: str) -> Levels:
     """Heights above the datum for each time, level and point; missing below the sea bed."""
     metres = points.metres(heights)
     last = points.series.variables[heights].sizes[dim] - 1

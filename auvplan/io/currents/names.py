@@ -90,7 +90,7 @@ def find_current(file: File) -> Names:
 
 
 def _on_network(file: File, name: str) -> bool:
-    """Return whether a variable is told on a network of lines, such as the 1D part of D-Flow's rivers."""
+    """Return whether a variable is given on a network of lines, such as the 1D part of D-Flow's rivers."""
     mesh = file.variables.get(text(file.variables[name].attrs, "mesh"))
     return mesh is not None and text(mesh.attrs, "topology_dimension") == "1"
 
@@ -100,8 +100,8 @@ def _by_name(file: File) -> Names:
         if east in file.variables and north in file.variables:
             names = [standard_name(file, name) for name in (east, north)]
             if re.search("northward|_y_|^y_", names[0]) or re.search("eastward|_x_|^x_", names[1]):
-                told = " and ".join(name or "none" for name in names)
-                raise CurrentError(f"{file.path}: {east} and {north} have standard names {told}: in doubt")
+                stated = " and ".join(name or "none" for name in names)
+                raise CurrentError(f"{file.path}: {east} and {north} have standard names {stated}: in doubt")
             # u and v are also winds, ice and waves.
             if all(not name or "sea_water" in name for name in names):
                 return Names(east, north, None, "east" not in east)
@@ -181,9 +181,9 @@ def _projected(file: File, of: str, axis: str) -> str | None:
     for name, variable in file.variables.items():
         if variable.ndim not in (1, 2) or not set(variable.dims) <= dims:
             continue
-        told = standard_name(file, name) in standard[axis]
-        if (told or name.lower() in (axis, f"{axis}c")) and np.any(file.coordinate(name, missing=True)):
-            found.append((not told, name))
+        stated = standard_name(file, name) in standard[axis]
+        if (stated or name.lower() in (axis, f"{axis}c")) and np.any(file.coordinate(name, missing=True)):
+            found.append((not stated, name))
     return min(found)[1] if found else None
 
 

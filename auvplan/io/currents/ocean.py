@@ -33,7 +33,7 @@ Triple = tuple[Array, Array, Array | None]
 
 @dataclass(frozen=True)
 class OceanData:
-    """Currents of the sea as a model told them; nothing but the axes is read until it is asked for.
+    """Currents of the sea as a model has them; nothing but the axes is read until it is asked for.
 
     Make one with `open_ocean`; it is also a context manager that closes the files.
 

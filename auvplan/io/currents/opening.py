@@ -182,7 +182,7 @@ def _dataset(path: str, engine: str) -> xr.Dataset:
 
 
 def _engines(path: str) -> list[str]:
-    """Xarray's engines that may open a file, the most likely one first, told by its first bytes."""
+    """Xarray's engines that may open a file, the most likely one first, by its first bytes."""
     place = Path(path)
     if place.is_dir():
         if not any((place / name).is_file() for name in _ZARR_FILES):

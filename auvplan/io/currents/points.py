@@ -1,4 +1,4 @@
-"""Reading variables at the points where the current is told."""
+"""Reading variables at the points where the current is given."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -25,7 +25,7 @@ _WETTING = (
 
 @dataclass(frozen=True)
 class Points:
-    """The points of a series where its current is told.
+    """The points of a series where its current is given.
 
     Attributes:
         series: the files.
@@ -36,7 +36,7 @@ class Points:
     geometry: Geometry
 
     def has(self, name: str) -> bool:
-        """Return whether a variable is told at the points, or at the corners of their cells."""
+        """Return whether a variable is given at the points, or at the corners of their cells."""
         dims = set(self.series.dims(name))
         return set(self.geometry.dims) <= dims or (self._corners is not None and self._corners in dims)
 
@@ -49,7 +49,7 @@ class Points:
     def read(self, name: str, frames: slice, window: Window, extra: tuple[str, ...] = ()) -> Array:
         """Return values [T, *extra, P] at a window's points; T is 1 where the variable knows no time.
 
-        What is told at nodes is the mean of a cell's corners where the points are cells.
+        What is given at nodes is the mean of a cell's corners where the points are cells.
 
         Raises:
             CurrentError: the variable has other dimensions, or cannot be read.
@@ -88,7 +88,7 @@ class Points:
         return next((name for name in names if name is not None), None)
 
     def floor(self, window: Window) -> Array | None:
-        """Depth [P] m of the sea bed below the datum; NaN on land, None where it is not told."""
+        """Depth [P] m of the sea bed below the datum; NaN on land, None where it is not given."""
         name = self.floor_name()
         if name is None:
             return None
@@ -109,14 +109,14 @@ class Points:
         return (plain + named + [None])[0]
 
     def rise(self, frames: slice, window: Window) -> Array:
-        """Height [T, P] m of the surface above the datum; 0 where it is not told."""
+        """Height [T, P] m of the surface above the datum; 0 where it is not given."""
         name = self.rise_name()
         if name is None:
             return np.zeros((1, window.points))
         return np.nan_to_num(self.read(name, frames, window) * self.metres(name))
 
     def lowest(self, frames: slice, window: Window) -> Array | None:
-        """Return the least height [P] m of the surface above the datum at some times, None if not told."""
+        """Return the least height [P] m of the surface above the datum at some times, None if not given."""
         if self.rise_name() is None:
             return None
         low = self.rise(frames, window).min(axis=0)

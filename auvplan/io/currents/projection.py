@@ -25,7 +25,7 @@ def as_crs(given: Any) -> CRS:
     try:
         return CRS.from_user_input(given)
     except Exception:
-        raise CurrentError(f"crs: {given!r} is no coordinate reference system") from None
+        raise CurrentError(f"{given!r} is no coordinate reference system", field="crs") from None
 
 
 def in_degrees(file: File, places: tuple[str, str]) -> tuple[Array, Array, CRS | None]:
@@ -76,12 +76,12 @@ def in_degrees(file: File, places: tuple[str, str]) -> tuple[Array, Array, CRS |
 
 
 def find_crs(file: File, names: tuple[str, ...]) -> CRS | None:
-    """Return the reference system that variables are in: their grid mapping's, else the only one, else told.
+    """Return the reference system of variables: their grid mapping's, else the only one, else the argument's.
 
     Raises:
-        CurrentError: the file's own contradicts what was told of it, or makes no sense.
+        CurrentError: the file's own contradicts the argument, or makes no sense.
     """
-    told = None if file.crs is None else as_crs(file.crs)
+    stated = None if file.crs is None else as_crs(file.crs)
     mappings = [text(file.variables[name].attrs, "grid_mapping").split(":")[0] for name in names]
     listed = [name for name in mappings if name in file.variables]
     others = [
@@ -93,10 +93,10 @@ def find_crs(file: File, names: tuple[str, ...]) -> CRS | None:
         own = _of_mapping(file.variables[name].attrs)
         if own is None:
             continue
-        if told is not None and not own.equals(told, ignore_axis_order=True):
-            raise CurrentError(f"{file.path}: {name} is {own.name}, not {told.name} as current.crs says")
+        if stated is not None and not own.equals(stated, ignore_axis_order=True):
+            raise CurrentError(f"{file.path}: {name} is {own.name}, not {stated.name} as current.crs says")
         return own
-    return told
+    return stated
 
 
 def axes_angle(crs: CRS, longitude: Array, latitude: Array) -> Array:
@@ -152,7 +152,7 @@ def _of_mapping(attributes: Any) -> CRS | None:
     for words in filter(None, tries):
         try:
             found = CRS.from_user_input(words)
-        except Exception:  # a mapping is often told twice, once badly
+        except Exception:  # a mapping is often given twice, once badly
             continue
         if found.is_projected or found.is_derived:
             return found

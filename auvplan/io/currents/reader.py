@@ -288,7 +288,8 @@ def _nodes(
     # A share of a spacing that rounding adds is no reason for one more node.
     counts = [max(2, int(np.ceil(length / step - 1e-6)) + 1) for length in extent]
     if max(counts) > MAX_NODES:
-        raise CurrentError(f"a spacing of {step:g} m makes {max(counts)} nodes a side, more than {MAX_NODES}")
+        makes = f"{step:g} m makes {max(counts)} nodes a side, more than {MAX_NODES}"
+        raise CurrentError(makes, field="spacing")
     nodes = (np.linspace(low[0], high[0], counts[0]), np.linspace(low[1], high[1], counts[1]))
     return nodes, (float(extent[0] / (counts[0] - 1)), float(extent[1] / (counts[1] - 1)))
 
@@ -352,7 +353,7 @@ def _gridded(
     # The field's mask is one for all components.
     lacking = np.isnan(up) & np.isfinite(east)
     if lacking.any():
-        notes.append("where the level current is told and the vertical one is not, that is taken as 0")
+        notes.append("where the level current is given and the vertical one is not, that is taken as 0")
     return (north, east, np.where(lacking, 0.0, -up)), floor, lowest
 
 

@@ -61,7 +61,7 @@ def s_levels(series: Series, dim: str, notes: list[str]) -> Callable[[Array, Arr
     if s is None:
         steps = np.arange(count) / (count - 1) if between else (np.arange(count) + 0.5) / count
         s = steps - 1.0
-        notes.append(f"the s-levels along {dim} are not told: taken as evenly spaced")
+        notes.append(f"the s-levels along {dim} are not given: taken as evenly spaced")
     curve, critical = _parameter(series, curves, count), _parameter(series, ("hc",), 1)
     if curve is None or critical is None:
         raise series.fail(f"levels along {dim} need {curves[0] if curve is None else 'hc'}, which is missing")
@@ -72,11 +72,11 @@ def s_levels(series: Series, dim: str, notes: list[str]) -> Callable[[Array, Arr
 
 
 def _transform(series: Series, own: str, notes: list[str]) -> int:
-    told = _parameter(series, ("Vtransform",), 1)
-    if told is not None:
-        if told[0] not in (1.0, 2.0):
-            raise series.fail(f"Vtransform is {told[0]:g}, neither 1 nor 2")
-        return int(told[0])
+    stated = _parameter(series, ("Vtransform",), 1)
+    if stated is not None:
+        if stated[0] not in (1.0, 2.0):
+            raise series.fail(f"Vtransform is {stated[0]:g}, neither 1 nor 2")
+        return int(stated[0])
     if own in ("ocean_s_coordinate_g1", "ocean_s_coordinate_g2"):
         return int(own[-1])
     if str(series.attributes.get("VertCoordType", "")).strip() in ("NEW", "SM09"):

@@ -116,13 +116,13 @@ def in_order(files: Sequence[File], name: str, coordinates: Sequence[str]) -> Se
 
 
 def _merged(known: list, notes: list[str]) -> tuple[Array, NDArray[np.int64]]:
-    """Times of all files in a row, what is told twice taken from the earlier file."""
+    """Times of all files in a row, what is given twice taken from the earlier file."""
     times: list[float] = []
     frames: list[tuple[int, int]] = []
     dropped = 0
     for number, (file, _, seconds) in enumerate(known):
-        told = set(times)
-        new = [index for index, second in enumerate(seconds) if second not in told]
+        stated = set(times)
+        new = [index for index, second in enumerate(seconds) if second not in stated]
         if times and new and seconds[new[0]] < times[-1]:
             raise CurrentError(
                 f"{file.path}: its times overlap those of {known[number - 1][0].path}, "
@@ -135,7 +135,7 @@ def _merged(known: list, notes: list[str]) -> tuple[Array, NDArray[np.int64]]:
             frames.append((number, index))
         dropped += len(seconds)
     if dropped > len(times):
-        notes.append(f"{dropped - len(times)} times are told twice; the first is used")
+        notes.append(f"{dropped - len(times)} times are given twice; the first is used")
     return np.asarray(times), np.asarray(frames, np.int64)
 
 
@@ -152,7 +152,7 @@ def _same_grid(first: File, other: File, name: str, coordinates: Sequence[str], 
     if first.variables[name].dims != other.variables[name].dims:
         raise CurrentError(f"{where}: {name} has other dimensions")
     levels = {dim for dim in first.variables[name].dims[:-1] if dim != time_dim}
-    axes = [axis for axis, told in first.variables.items() if told.ndim == 1 and told.dims[0] in levels]
+    axes = [axis for axis, stated in first.variables.items() if stated.ndim == 1 and stated.dims[0] in levels]
     fixed = [
         *coordinates,
         *(axis for axis in (*axes, *_FIXED) if axis not in coordinates and _is_fixed(first, axis, time_dim)),

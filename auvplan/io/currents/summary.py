@@ -43,7 +43,7 @@ def summary_of(ocean: OceanData) -> dict[str, Any]:
         "sea_floor": points.floor_name(),
         "surface_height": points.rise_name(),
     }
-    return found | {name: value or "not told" for name, value in names.items()}
+    return found | {name: value or "not given" for name, value in names.items()}
 
 
 def _span(values: Any) -> str:

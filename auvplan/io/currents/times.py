@@ -73,7 +73,7 @@ def decode_times(file: File, name: str) -> tuple[NDArray[np.float64], list[str]]
     if exact is None:
         exact = _written_out(file, variable.dims)
     if exact is None and "since" not in units:
-        units = _since_told(file, name, units, notes)
+        units = _since_stated(file, name, units, notes)
     if exact is not None:
         seconds = exact
     else:
@@ -171,11 +171,11 @@ def _by_fields(file: File, name: str, date: Any, calendar: str) -> float:
         raise CurrentError(f"{file.path}: {name}: {day} of the calendar {calendar} is no UTC date") from None
 
 
-def _since_told(file: File, name: str, units: str, notes: list[str]) -> str:
-    """Return units of times that count from the moment that was told of the file.
+def _since_stated(file: File, name: str, units: str, notes: list[str]) -> str:
+    """Return units of times that count from the moment given for the file.
 
     Raises:
-        CurrentError: none was told, or the units are no time.
+        CurrentError: none was given, or the units are no time.
     """
     if file.epoch is None:
         raise CurrentError(

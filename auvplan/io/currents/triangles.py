@@ -118,7 +118,7 @@ class Triangles:
 
         Values in cells are linear between the cells' middles; at the rim, where there is no triangle of
         middles, a cell's own value holds. Where no cell is, there is land: the weights are 0. Beyond the
-        convex hull of the grid the places are also told as not covered.
+        convex hull of the grid the places count as not covered too.
         """
         middle, apart = bounds(longitude, latitude)
         near = _near(self, self.triangles, middle, apart)
@@ -181,7 +181,7 @@ def find_triangles(
     Args:
         file: opened.
         name: of a velocity component.
-        places: longitude and latitude of its values; None where they are not told.
+        places: longitude and latitude of its values; None where they are not given.
         notes: get what has to be assumed.
 
     Raises:
@@ -195,7 +195,7 @@ def find_triangles(
         if named is not None:
             longitude, latitude, crs = in_degrees(file, named)
             return Triangles((cells.cell_dim,), longitude, latitude, cells, True, crs)
-        notes.append("the places of the cells' middles are not told: taken as the means of their corners")
+        notes.append("the places of the cells' middles are not given: taken as the means of their corners")
         everything = np.arange(len(cells.corners))
         # As directions, longitudes on both sides of the date line have a middle.
         turned = np.exp(1j * np.deg2rad(cells.longitude))

@@ -72,7 +72,7 @@ class Velocity:
     """The current of a series.
 
     Attributes:
-        points: where it is told.
+        points: where it is given.
         east, north: components, along axes of their own where there is a `turn`.
         up: vertical velocity, or None.
         both: the dimension that tells the components of one variable apart, or None.
@@ -123,7 +123,7 @@ class Velocity:
         return Block(east, north, depths, floor, up, depths_up)
 
     def _values(self, part: Component, frames: slice, window: Window, which: int) -> Array:
-        """[T, K, P] m/s of a component that is told at the points."""
+        """[T, K, P] m/s of a component that is given at the points."""
         if self.both is not None and part is not self.up:
             chosen = {**window.picks, self.both: np.asarray([which])}
             values = self._read(part, frames, chosen, (*part.extra, self.both, *part.dims))
@@ -210,7 +210,7 @@ def _component(
     edge: int | None,
     levels: Levels | None = None,
 ) -> Component:
-    """Return a component, told at the points or, along axis `edge` of them, on the edges between them.
+    """Return a component, given at the points or, along axis `edge` of them, on the edges between them.
 
     Its levels must be the other component's, where that is given.
     """
@@ -276,7 +276,7 @@ def _turn(
         return None
     angle = None if staggered else _along_projection(points, notes)
     if angle is None and (staggered or "_x_" in standard or standard.startswith("x_")):
-        notes.append("angle is not told: the rows of the grid are followed by the places of its points")
+        notes.append("angle is not given: the rows of the grid are followed by the places of its points")
         angle = _along_rows(points, staggered)
     if angle is not None:
         return lambda window: angle[np.ix_(*(_indices(window, dim) for dim in grid.dims))].ravel()
@@ -313,9 +313,9 @@ def _x_axis(points: Points) -> tuple[bool, bool]:
     """Return whether x runs along a grid's first dimension, not its second, and whether it falls there."""
     file = points.series.files[0]
     for name, variable in file.variables.items():
-        told = standard_name(file, name) in ("projection_x_coordinate", "grid_longitude")
+        stated = standard_name(file, name) in ("projection_x_coordinate", "grid_longitude")
         fits = variable.ndim == 1 and str(variable.dims[0]) in points.geometry.dims and variable.size > 1
-        if fits and (told or text(variable.attrs, "axis") == "X"):
+        if fits and (stated or text(variable.attrs, "axis") == "X"):
             x = file.coordinate(name)
             return str(variable.dims[0]) == points.geometry.dims[0], bool(x[-1] < x[0])
     return False, False
@@ -351,13 +351,13 @@ def _radians(points: Points, name: str, notes: list[str]) -> float:
 
 
 def _upward(points: Points, notes: list[str]) -> Component | None:
-    """Return the vertical velocity, where it is told at the same points."""
+    """Return the vertical velocity, where it is given at the same points."""
     series = points.series
     name = find_upward(series.files[0])
     if name is None:
         return None
     dims = series.dims(name)
     if not set(points.geometry.dims) <= set(dims) or len(dims) > len(points.geometry.dims) + 1:
-        notes.append(f"{name} is not told where the level components are: left out")
+        notes.append(f"{name} is not given where the level components are: left out")
         return None
     return _component(points, name, None, notes, None)

@@ -87,7 +87,7 @@ def _guarded(request: Request) -> Iterator[None]:
 
 
 def _refused(request: Request, error: Exception) -> ForecastError:
-    """Return the line for what the client raised; its exceptions are told by their names."""
+    """Return the line for what the client raised; its exceptions are known by their names."""
     kind, said = type(error).__name__, " ".join(str(error).split())[:200]
     if "Credentials" in kind or "UsernameOrPassword" in kind:
         return request.fail(

@@ -40,7 +40,7 @@ class Cut:
         picks: indices by dimension, in the order in which they are to follow each other; dimensions that are
             not named are taken whole.
         seam: the longitudes, where the part reaches over the seam of a grid round the globe; or None.
-        notes: what is to be told of it.
+        notes: what is to be noted of it.
     """
 
     names: tuple[str, ...]
@@ -97,8 +97,8 @@ def reference_time(file: File) -> str:
         if standard_name(file, name) == _RUN and file.variables[name].ndim < 2:
             seconds, _ = decode_times(file, name)
             return stamp(seconds.max())
-    told = (text(file.attributes, name) for name in _RUN_ATTRIBUTES)
-    return next((value for value in told if value), "")
+    stated = (text(file.attributes, name) for name in _RUN_ATTRIBUTES)
+    return next((value for value in stated if value), "")
 
 
 def _places(ocean: OceanData, grid: Regular | Curvilinear, request: Request) -> dict[str, Indices]:
@@ -182,22 +182,22 @@ def _levels(ocean: OceanData, request: Request, notes: list[str]) -> Indices:
 def _names(file: File, ocean: OceanData, dims: set[str]) -> tuple[str, ...]:
     """Velocities, the height of the surface, and what tells where and when they are."""
     points, velocity = ocean.velocity.points, ocean.velocity
-    told = [velocity.east.name, velocity.north.name]
+    stated = [velocity.east.name, velocity.north.name]
     up = velocity.up
     if up is not None and (up.levels.dim in dims or ocean.levels is None):
-        told.append(up.name)
-    told += [name for name in (points.rise_name(), points.floor_name()) if name is not None]
+        stated.append(up.name)
+    stated += [name for name in (points.rise_name(), points.floor_name()) if name is not None]
     staggered = ocean.kind == "roms"
-    told += find_places(file, velocity.east.name, staggered)
+    stated += find_places(file, velocity.east.name, staggered)
     time_dims = tuple(str(dim) for dim in file.variables[velocity.east.name].dims)
-    told.append(find_time(file, time_dims))
-    hints = _hints(file, told)
+    stated.append(find_time(file, time_dims))
+    hints = _hints(file, stated)
     for name, variable in file.variables.items():
         grid = name in _GRID or standard_name(file, name) in ("sea_binary_mask", _RUN)
         axis = name in dims or (variable.ndim == 1 and variable.dims[0] == velocity.east.levels.dim)
         if grid or axis or name in hints:
-            told.append(name)
-    return tuple(dict.fromkeys(name for name in told if name in file.variables))
+            stated.append(name)
+    return tuple(dict.fromkeys(name for name in stated if name in file.variables))
 
 
 def _hints(file: File, names: Sequence[str]) -> set[str]:

@@ -54,9 +54,9 @@ def open_erddap(request: Request, timeout: float) -> Remote:
         with answering(request, timeout):
             return xr.open_dataset(content, decode_cf=False, engine=_engine(content)).load()
 
-    told = get(f"{server}/info/{dataset}/index.json")
+    stated = get(f"{server}/info/{dataset}/index.json")
     with answering(request, timeout):
-        dims, variables, attributes = _head(json.loads(told))
+        dims, variables, attributes = _head(json.loads(stated))
     axes = cut({name: (slice(0, size),) for name, size in dims.items()})
     head: dict[str, xr.Variable] = {str(name): axes.variables[name] for name in dims}
     for name, (kind, along) in variables.items():
@@ -79,12 +79,12 @@ def _engine(content: bytes) -> str:
     return "h5netcdf" if content.startswith(b"\x89HDF") else "scipy"
 
 
-def _head(told: Any) -> tuple[dict[str, int], dict[str, tuple[str, tuple[str, ...]]], dict[str, dict]]:
+def _head(stated: Any) -> tuple[dict[str, int], dict[str, tuple[str, tuple[str, ...]]], dict[str, dict]]:
     """Sizes by dimension, type and dimensions by variable, and attributes by variable, of an info page."""
     dims: dict[str, int] = {}
     variables: dict[str, tuple[str, tuple[str, ...]]] = {}
     attributes: dict[str, dict] = {}
-    for kind, name, attribute, type_, value in told["table"]["rows"]:
+    for kind, name, attribute, type_, value in stated["table"]["rows"]:
         if kind == "dimension":
             count = _COUNT.search(value)
             if count is None:

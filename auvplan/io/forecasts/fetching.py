@@ -86,14 +86,14 @@ def origin_of(request: Request, head: File) -> dict[str, str]:
     server, dataset = "Copernicus Marine", request.dataset
     if request.server != "copernicus":
         server, _, dataset = request.dataset.rpartition("/")
-    told = {
+    stated = {
         "server": server,
         "dataset": dataset,
         "run": reference_time(head),
         "request": request.text,
         "request_sha256": request.sha256,
     }
-    return {f"{ORIGIN}{name}": value for name, value in told.items() if value}
+    return {f"{ORIGIN}{name}": value for name, value in stated.items() if value}
 
 
 def _fetched(

@@ -4,6 +4,7 @@ from .charts import Zone as Zone
 from .charts import chart_and_notes as chart_and_notes
 from .charts import chart_from_polygons as chart_from_polygons
 from .charts import chart_from_raster as chart_from_raster
+from .charts import closures_of as closures_of
 from .charts import read_zones as read_zones
 from .charts import with_no_go as with_no_go
 from .error import GeoError as GeoError
@@ -21,6 +22,7 @@ __all__ = [
     "chart_and_notes",
     "chart_from_polygons",
     "chart_from_raster",
+    "closures_of",
     "pixel_size",
     "read_bathymetry",
     "read_jobs",

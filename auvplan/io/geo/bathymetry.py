@@ -79,7 +79,7 @@ def read_bathymetry(
 ) -> Bathymetry:
     """Read the sea floor under a local rectangle; bilinear in the file's own coordinates.
 
-    Which way values count is told by the attributes `positive` and `standard_name`, else by `positive`, else
+    Which way values count is given by the attributes `positive` and `standard_name`, else by `positive`, else
     by the variable's name (elevation, z: up; h, depth: down). Where nothing tells it, values of both signs,
     or negative ones alone, in the area and 64 rows of the whole file are heights, with a note; else it is
     asked for. Units are m, km, cm or ft. A pixel is NaN where one of the values that bear on it is missing.
@@ -119,7 +119,7 @@ def read_bathymetry(
             values = field.load(*window)
             if not np.isfinite(values).any():
                 raise GeoError(f"{path}: {field.name or 'the band'} has no values in the area")
-            sense, told = _sense(path, field, values, positive)
+            sense, stated = _sense(path, field, values, positive)
         factor, notes = _factor(path, field)
         values, missing = _without_sentinels(values * factor)
         notes += missing
@@ -136,7 +136,7 @@ def read_bathymetry(
         notes += (f"{unknown} of {depth.size} pixels have no depth: NaN",)
     if not (depth > 0.0).any():
         notes += ("no pixel lies below the sea surface",)
-    return Bathymetry(depth, grid.lower, grid.pixel_size, (*field.notes, *told, *notes))
+    return Bathymetry(depth, grid.lower, grid.pixel_size, (*field.notes, *stated, *notes))
 
 
 @contextmanager
@@ -150,13 +150,13 @@ def _opened(path: Path, variable: str | None, site: Site, grid: LocalGrid, crs: 
     raster = read_raster(path, crs, indices=True)
     if raster.values.ndim != 2:
         raise GeoError(f"{path}: three bands are colours, not depths")
-    told = raster.attributes
-    name = told.get("netcdf_varname") or told.get("description") or ""
+    stated = raster.attributes
+    name = stated.get("netcdf_varname") or stated.get("description") or ""
     if variable is not None and variable != name:
         raise GeoError(f"{path}: a GeoTIFF has no variable {variable!r}")
-    attributes = {key: told[key] for key in ("standard_name", "positive") if key in told}
-    attributes["units"] = told.get("unittype") or told.get("units") or ""
-    gain, offset = (float(told.get(key, default)) for key, default in (("scale", 1.0), ("offset", 0.0)))
+    attributes = {key: stated[key] for key in ("standard_name", "positive") if key in stated}
+    attributes["units"] = stated.get("unittype") or stated.get("units") or ""
+    gain, offset = (float(stated.get(key, default)) for key, default in (("scale", 1.0), ("offset", 0.0)))
 
     def load(first: int, last: int, left: int, right: int) -> Array:
         columns = np.arange(left, right + 1) % raster.values.shape[1]
@@ -201,7 +201,7 @@ def _factor(path: Path, field: Field) -> tuple[float, tuple[str, ...]]:
     """Return metres in the file's unit."""
     unit = str(field.attributes.get("units", "")).strip()
     if not unit:
-        return 1.0, ("units are not told: metres",)
+        return 1.0, ("units are not given: metres",)
     factor = _UNITS.get(unit.lower().rstrip("."))
     if factor is None:
         raise GeoError(f"{path}: {field.name or 'the band'} is in {unit!r}, not in m, km, cm or ft")
@@ -224,23 +224,23 @@ def _without_sentinels(values: Array) -> tuple[Array, tuple[str, ...]]:
 def _sense(path: Path, field: Field, values: Array, positive: str | None) -> tuple[float, tuple[str, ...]]:
     """Return the factor that makes values positive down, and what was taken for granted."""
     what = f"{path}: {field.name or 'the band'}"
-    told = {}
+    stated = {}
     attribute = str(field.attributes.get("positive", "")).strip().lower()
     if attribute in ("up", "down"):
-        told["its attribute positive"] = attribute
+        stated["its attribute positive"] = attribute
     standard = str(field.attributes.get("standard_name", ""))
     if sense := sense_of_standard_name(standard):
-        told[f"its standard_name {standard}"] = sense
+        stated[f"its standard_name {standard}"] = sense
     if positive is not None:
-        told["the argument positive"] = positive
-    if len(set(told.values())) > 1:
-        listed = ", ".join(f"{source} says {sense}" for source, sense in told.items())
+        stated["the argument positive"] = positive
+    if len(set(stated.values())) > 1:
+        listed = ", ".join(f"{source} says {sense}" for source, sense in stated.items())
         raise GeoError(f"{what} has a contradictory sign convention: {listed}")
     name = field.name.lower()
-    if not told and (name in (*UP, *DOWN) or name.startswith(SPELT_OUT)):
-        told["its name"] = "up" if name in UP else "down"
-    if told:
-        source, sense = next(iter(told.items()))
+    if not stated and (name in (*UP, *DOWN) or name.startswith(SPELT_OUT)):
+        stated["its name"] = "up" if name in UP else "down"
+    if stated:
+        source, sense = next(iter(stated.items()))
         if sense == "down" and positive is None and (values[np.isfinite(values)] < 0.0).all():
             raise GeoError(
                 f'{what} is positive down by {source}, but all its values are negative: say positive="up"'

@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,21 +13,25 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon, Polygon
 
-from auvplan.errors import ScenarioWarning
+from auvplan.errors import ScenarioWarning, blaming
 from auvplan.io.geo.error import GeoError, as_chart, reading
 from auvplan.io.geo.geojson import read_polygons
 from auvplan.io.geo.grid import LocalGrid, Nodes, local_grid, refuse_beyond, steps
 from auvplan.io.geo.raster import Raster, read_raster
 from auvplan.io.geo.sampling import nearest
 from auvplan.io.geo.shapes import around, near, to_local, touched
+from auvplan.io.geo.windows import read_spans
 from auvplan.ocean.chart import Chart, ChartError, settled
 from auvplan.ocean.classify import UNCERTAIN_MAX, classify_picture
+from auvplan.ocean.closures import Closure
 from auvplan.ocean.palette import UNTOLD, ChartColours
 from auvplan.scenario.swapped import swapped_hint
 from auvplan.site import Site
 
 # A picture's corner pixels may stick out by so many pixels: half of one is the picture's own edge.
 _SLACK = 1.0
+#: Properties that tell when an area is closed.
+_HOURS = ("from", "to", "windows")
 
 
 @dataclass(frozen=True)
@@ -37,10 +41,14 @@ class Zone:
     Attributes:
         name: as in the file, or its number there.
         polygon: shapely Polygon or MultiPolygon in local (north, east), m.
+        where: the file and the feature, as messages name it.
+        hours: when it is closed, as the file tells it by `from`, `to` and `windows`; empty for always.
     """
 
     name: str
     polygon: Any
+    where: str = ""
+    hours: Mapping[str, Any] = field(default_factory=dict)
 
 
 def chart_and_notes(
@@ -137,7 +145,8 @@ def chart_from_polygons(
             _warn_beyond(path, "land", shapes, site, grid)
         doubtful = touched(land.buffer(fringe), grid) if fringe > 0.0 else np.zeros(grid.shape, bool)
         if uncertain is not None:
-            reefs = [polygon for _, polygon in read_polygons(uncertain, area)]
+            with blaming("", "uncertain"):
+                reefs = [polygon for _, polygon in read_polygons(uncertain, area)]
             shoals = near(reefs, site, grid, pixel_size)
             if shapely.is_empty(shoals):
                 _warn_beyond(uncertain, "uncertain area", reefs, site, grid)
@@ -187,6 +196,8 @@ def with_no_go(
 def read_zones(path: str | Path, site: Site, *, lower: Any = None, upper: Any = None) -> list[Zone]:
     """Closed areas from GeoJSON: Polygon or MultiPolygon, named by their property `name`.
 
+    One that is closed at some hours only tells them by `from` and `to`, or by `windows`, as jobs do.
+
     Args:
         path: of the file.
         site: where local coordinates count from.
@@ -207,9 +218,58 @@ def read_zones(path: str | Path, site: Site, *, lower: Any = None, upper: Any = 
             if shapely.is_empty(near(shapes, site, grid, 0.0)):
                 _warn_beyond(path, "closed area", shapes, site, grid)
         return [
-            Zone(str(feature.properties.get("name", feature.number)), to_local(polygon, site))
+            Zone(
+                str(feature.properties.get("name", feature.number)),
+                to_local(polygon, site),
+                feature.where,
+                {
+                    name: stated
+                    for name, stated in feature.properties.items()
+                    if name in _HOURS and stated != ""
+                },
+            )
             for feature, polygon in found
         ]
+
+
+def closures_of(
+    zones: Iterable[Zone],
+    site: Site,
+    *,
+    lower: Any,
+    upper: Any,
+    pixel_size: float,
+    margin: float,
+    until: float,
+) -> tuple[Closure, ...]:
+    """Return the areas that are closed at some hours, those of the same hours as one.
+
+    Args:
+        zones: those without hours are left out.
+        site: tells the departure that moments count from.
+        lower: south-western corner (north, east), m, of the area of paths.
+        upper: its north-eastern corner, m.
+        pixel_size: of the charts on which they are coast, m.
+        margin: s, by which they are closed earlier and longer.
+        until: s, when missions are over.
+
+    Raises:
+        GeoError: one line that names the file, the feature and the time that is at fault.
+        ChartError: as `with_no_go`.
+    """
+    found: dict[tuple[tuple[float, float], ...], list[Zone]] = {}
+    for zone in zones:
+        spans = read_spans(zone.where, zone.hours, site, until) if zone.hours else []
+        within = [(first, last) for first, last in spans if last > -margin and first < until + margin]
+        if within:
+            found.setdefault(tuple(within), []).append(zone)
+    closures = []
+    for spans, closed in found.items():
+        chart = with_no_go(None, closed, lower=lower, upper=upper, pixel_size=pixel_size)
+        begins, ends = np.asarray(spans, np.float32).T
+        name = ", ".join(zone.name for zone in closed)
+        closures.append(Closure(chart, begins, ends, name).widened(margin))
+    return tuple(closures)
 
 
 def _warn_beyond(path: str | Path, what: str, shapes: list[Any], site: Site, grid: LocalGrid) -> None:
@@ -238,7 +298,7 @@ def _passability(
         try:
             found = settled(classify_picture(values, blank, colours=colours), path)
         except ChartError as error:
-            raise GeoError(str(error)) from None
+            raise GeoError(error.reason, field=error.field) from None
         return found.passability, tuple(f"{path}: {note}" for note in found.notes)
     if classes is None:
         raise GeoError(
@@ -296,4 +356,12 @@ def _closed_area(given: Any, number: int) -> Polygon | MultiPolygon:
     return shape
 
 
-__all__ = ["ChartError", "Zone", "chart_from_polygons", "chart_from_raster", "read_zones", "with_no_go"]
+__all__ = [
+    "ChartError",
+    "Zone",
+    "chart_from_polygons",
+    "chart_from_raster",
+    "closures_of",
+    "read_zones",
+    "with_no_go",
+]

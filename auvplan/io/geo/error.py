@@ -17,9 +17,9 @@ class GeoError(AuvplanError):
         lines: all that was found wrong, a line each; the message is the first, and how many more there are.
     """
 
-    def __init__(self, first: str, *others: str) -> None:
+    def __init__(self, first: str, *others: str, field: str = "") -> None:
         more = f" (and {len(others)} more: auvplan validate lists all)" if others else ""
-        super().__init__(first + more)
+        super().__init__(first + more, field=field)
         self.lines = (first, *others)
 
 
@@ -88,7 +88,7 @@ def as_chart() -> Iterator[None]:
     try:
         yield
     except GeoError as error:
-        raise ChartError(str(error)) from None
+        raise ChartError(error.reason, field=error.field) from None
 
 
 def reason(error: Exception) -> str:

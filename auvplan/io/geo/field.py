@@ -56,7 +56,7 @@ class Field:
         load: first and last row, first and last column to [rows, columns] float64 in the file's own sense and
             units, NaN where there is no value. Columns beyond the last one count on from the first if the
             nodes are cyclic.
-        notes: what is to be told of it.
+        notes: what is to be noted of it.
     """
 
     name: str
@@ -127,11 +127,11 @@ def _chosen(path: Path, dataset: xr.Dataset, wanted: str | None) -> tuple[xr.Dat
         and variable.dtype.kind in "iuf"
         and _axis_kind(dataset, name) is None
     ]
-    told = [array for array in flat if sense_of_standard_name(str(array.attrs.get("standard_name", "")))]
+    stated = [array for array in flat if sense_of_standard_name(str(array.attrs.get("standard_name", "")))]
     names = {str(array.name).lower(): array for array in flat[::-1]}
     spelt_out = tuple(name for name in names if name.startswith(SPELT_OUT))
     known = [names[name] for name in (*UP, *DOWN, *spelt_out, *UNTOLD) if name in names]
-    for found in (told, known):
+    for found in (stated, known):
         if found:
             others = [str(array.name) for array in found[1:]]
             more = (f"{found[0].name} was taken, not {_listed(others)}",) if others else ()
@@ -201,7 +201,7 @@ def _regular_columns(what: str, x: Array) -> tuple[Array, int]:
         raise GeoError(f"{what}: longitude has values that are not finite")
     x = np.unwrap(x, period=360.0)
     if x.size > 2 and abs(x[-1] - x[0]) > 360.0 - 1e-6:
-        x = x[:-1]  # the meridian of the seam is told twice
+        x = x[:-1]  # the meridian of the seam is given twice
     _check_axis(f"{what}: longitude", x)
     if np.abs(x).max() > 720.0 or abs(x[-1] - x[0]) > 360.0:
         raise GeoError(f"{what}: longitude runs from {x[0]:g} to {x[-1]:g}, which are no degrees")

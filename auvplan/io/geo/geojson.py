@@ -296,8 +296,8 @@ def _fault(said: str) -> str:
         "Self-intersection": "the polygon crosses itself",
         "Ring Self-intersection": "a ring touches itself",
     }
-    told = words.get(what.strip(), f"no valid polygon: {what.strip().lower()}")
-    return f"{told} at ({', '.join(place.rstrip(']').split())})" if place else told
+    stated = words.get(what.strip(), f"no valid polygon: {what.strip().lower()}")
+    return f"{stated} at ({', '.join(place.rstrip(']').split())})" if place else stated
 
 
 def _is_number(value: Any) -> bool:

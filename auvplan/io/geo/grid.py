@@ -75,7 +75,8 @@ def local_grid(lower: Any, upper: Any, pixel_size: float | None) -> LocalGrid:
     north, east = (int(np.ceil((b - a) / pixel_size - 1e-6)) for a, b in zip(low, high, strict=True))
     north, east = max(north, 1), max(east, 1)
     if north * east > MAX_PIXELS:
-        raise GeoError(f"{north} x {east} pixels of {pixel_size:g} m are more than {MAX_PIXELS}")
+        makes = f"{pixel_size:g} m makes {north} x {east} pixels, more than {MAX_PIXELS}"
+        raise GeoError(makes, field="pixel_size")
     return LocalGrid(low, high, float(pixel_size), (north, east))  # type: ignore[arg-type]
 
 

@@ -50,14 +50,14 @@ def check_headings(where: str, given: Iterable[str], known: Mapping[str, str]) -
         known: names that mean something, each to what it tells.
 
     Returns:
-        By name, what to warn of: it is another word for something that is not told, or asks for what jobs do
+        By name, what to warn of: it is another word for something that is not given, or asks for what jobs do
         not have; it is left unread.
 
     Raises:
         GeoError: a name differs from a known one by a slip of the pen, an abbreviation or a unit.
     """
     names = list(dict.fromkeys(given))
-    told = {known[name] for name in names if name in known}
+    stated = {known[name] for name in names if name in known}
     slips = [
         f"{where}: {name!r} means nothing here: {meant!r} does{_in_words(known[meant])}"
         for name in names
@@ -73,7 +73,7 @@ def check_headings(where: str, given: Iterable[str], known: Mapping[str, str]) -
         )
         if name in known:
             continue
-        if meant and meant not in told:
+        if meant and meant not in stated:
             doubts[name] = f"{where}: {name!r} is left unread: is {meant!r} meant{_in_words(meant)}?"
         elif plain in _UNHEEDED.split():
             what = "jobs have a place, priority, duration, name and time windows alone"

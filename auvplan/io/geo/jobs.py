@@ -4,7 +4,7 @@ import csv
 import io
 import warnings
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ from auvplan.io.geo.error import Faults, GeoError, read_text, reading
 from auvplan.io.geo.geojson import Feature, check_place, is_place, positions, read_features
 from auvplan.io.geo.headings import check_headings
 from auvplan.io.geo.places import READERS, read_places
-from auvplan.io.geo.windows import read_windows
+from auvplan.io.geo.windows import read_falls, read_windows
 from auvplan.mission.jobs import JobLine, JobPoint, Jobs, Position
 from auvplan.site import Site
 from auvplan.words import counted
@@ -36,11 +36,19 @@ _HEADINGS = {
     "duration": "duration",
     "name": "name",
     "line": "line",
-    **{name: name for name in ("from", "to", "windows", "window")},
+    **{name: name for name in ("from", "to", "windows", "window", "priority_after")},
 }
 _PROPERTIES = {
-    name: name for name in ("depth", "priority", "duration", "name", "from", "to", "windows", "window")
+    name: name
+    for name in (
+        *("depth", "priority", "duration", "name", "from", "to", "windows", "window"),
+        "priority_after",
+    )
 }
+#: What tells when a job may be done and is worth less; a survey line tells it in any of its rows.
+_HOURS = ("from", "to", "windows", "window", "priority_after")
+#: Speed of the current, m/s, at a place [3] m and times [n] s.
+Speed = Callable[[Position, np.ndarray], np.ndarray]
 #: By how much a depth and an elevation may differ and still say the same, m.
 _SAME = 1e-3
 #: Numbers without a unit that name a place so near the site, m, in degrees are degrees.
@@ -48,7 +56,12 @@ _NEAR = 200_000.0
 
 
 def read_jobs(
-    path: str | Path, site: Site | None, *, default_depth: float = 0.0, until: float = 86_400.0
+    path: str | Path,
+    site: Site | None,
+    *,
+    default_depth: float = 0.0,
+    until: float = 86_400.0,
+    speed: Speed | None = None,
 ) -> Jobs:
     """Read points to visit and lines to survey.
 
@@ -62,13 +75,16 @@ def read_jobs(
     waypoints with their hold time, and the transects of a survey as one line. Headings and properties are
     read in either case; other ones are left, see `check_headings`. A name that is missing is the job's number
     in the file; priority is 1 and duration 0 s by default, which the notes tell of formats for places. A task
-    may have a time window, `from` and `to`, or several `windows`: see `read_windows`.
+    may have a time window, `from` and `to`, or several `windows`: see `read_windows`. `priority_after` says
+    at which moments the priority falls, and to what: see `read_falls`.
 
     Args:
         path: .csv, .txt or .tsv for CSV, .gpx, .kml, .kmz, .plan, else GeoJSON.
         site: where local coordinates count from; None where the file has local metres.
         default_depth: m, of places for which the file tells none.
         until: s since the departure, when missions are over at the latest.
+        speed: m/s, of the current at a place [3] m and times [n] s, for windows of slack water; None where
+            no current is forecast.
 
     Returns:
         The jobs, in the order of the file; positions are local north, east, down, m.
@@ -85,9 +101,9 @@ def read_jobs(
     path = Path(path)
     with reading(path):
         if path.suffix.lower() in (".csv", ".txt", ".tsv"):
-            jobs = _table(path, site, default_depth, until)
+            jobs = _table(path, site, default_depth, until, speed)
         else:
-            jobs = _features(path, site, default_depth, until)
+            jobs = _features(path, site, default_depth, until, speed)
         counts = Counter(job.name for job in (*jobs.points, *jobs.lines))
         twice = [
             f"{path}: {'two' if count == 2 else count} jobs are named {name!r}"
@@ -99,7 +115,7 @@ def read_jobs(
         return jobs
 
 
-def _features(path: Path, site: Site | None, default_depth: float, until: float) -> Jobs:
+def _features(path: Path, site: Site | None, default_depth: float, until: float, speed: Speed | None) -> Jobs:
     foreign = path.suffix.lower() in READERS
     if site is None:
         kind = path.suffix.lower() if foreign else "GeoJSON"
@@ -112,14 +128,14 @@ def _features(path: Path, site: Site | None, default_depth: float, until: float)
     else:
         features = read_features(path, ("Point", "MultiPoint", "LineString"))
     doubts: dict[str, str] = {}
-    slips: dict[str, str] = {}  # what is the same in many features is told of the first
+    slips: dict[str, str] = {}  # what is the same in many features is reported for the first
     for feature in features:
         try:
             doubts = check_headings(feature.where, feature.properties, _PROPERTIES) | doubts
         except GeoError as error:
             slips = {line.removeprefix(feature.where): line for line in error.lines} | slips
         with faults.kept():
-            found += _jobs_of(feature, site, default_depth, until)
+            found += _jobs_of(feature, site, default_depth, until, speed)
     _warn_all(doubts.values())
     faults.lines += slips.values()
     faults.refuse(len(features))
@@ -139,7 +155,7 @@ def _defaults(path: Path, features: list[Feature], default_depth: float) -> list
             lacking = [one for one in lacking if not _has_elevation(one)]
         if lacking:
             share = f"{len(lacking)} of {counted(len(features), 'job')}"
-            notes.append(f"{path}: {name} is not told by {share}: taken as {words}")
+            notes.append(f"{path}: {name} is not given by {share}: taken as {words}")
     return notes
 
 
@@ -153,24 +169,41 @@ def _warn_all(lines: Iterable[str]) -> None:
         warnings.warn(line, ScenarioWarning, stacklevel=2)
 
 
-def _jobs_of(feature: Feature, site: Site, default_depth: float, until: float) -> list[JobPoint | JobLine]:
-    where, told = feature.where, feature.properties
-    depth = _number(where, told, "depth", None)
-    priority, duration = _number(where, told, "priority", 1.0), _number(where, told, "duration", 0.0)
-    name = str(told.get("name", "")).strip() or str(feature.number)
+def _jobs_of(
+    feature: Feature, site: Site, default_depth: float, until: float, speed: Speed | None
+) -> list[JobPoint | JobLine]:
+    where, stated = feature.where, feature.properties
+    depth = _number(where, stated, "depth", None)
+    priority, duration = _number(where, stated, "priority", 1.0), _number(where, stated, "duration", 0.0)
+    name = str(stated.get("name", "")).strip() or str(feature.number)
     places = _places(feature, site, depth, default_depth)
-    windows = read_windows(where, told, site, duration, until)
+    falls = read_falls(where, stated, site, priority)
     if feature.kind == "LineString":
-        if windows:
-            raise GeoError(f"{where}: a survey line has no time windows: give them to points")
-        return [_line(where, name, places, priority, duration)]
-    if feature.kind == "Point":
-        return [JobPoint(name, places[0], priority, duration, windows)]
-    return [JobPoint(f"{name} {k}", place, priority, duration, windows) for k, place in enumerate(places, 1)]
+        windows = read_windows(where, stated, site, None, until, _fastest(speed, places))
+        return [_line(where, name, places, priority, duration, windows, falls)]
+    names = [name] if feature.kind == "Point" else [f"{name} {k}" for k in range(1, len(places) + 1)]
+    return [
+        JobPoint(
+            one,
+            place,
+            priority,
+            duration,
+            read_windows(where, stated, site, duration, until, _fastest(speed, [place])),
+            falls,
+        )
+        for one, place in zip(names, places, strict=True)
+    ]
+
+
+def _fastest(speed: Speed | None, places: Sequence[Position]) -> Callable[[np.ndarray], np.ndarray] | None:
+    """Return the current's speed at times, the greatest of those at some places."""
+    if speed is None:
+        return None
+    return lambda times: np.max([speed(place, times) for place in places], axis=0)
 
 
 def _places(feature: Feature, site: Site, depth: float | None, default_depth: float) -> list[Position]:
-    """Local positions of a feature, whose depth may be told by its property or by its elevations."""
+    """Local positions of a feature, whose depth may be given by its property or by its elevations."""
     coordinates = [feature.coordinates] if feature.kind == "Point" else feature.coordinates
     at = positions(feature.where, coordinates, 2 if feature.kind == "LineString" else 1)
     north, east = site.to_local(at[:, 0], at[:, 1])
@@ -194,12 +227,13 @@ def _depth(where: str, depth: float | None, elevation: float, default_depth: flo
     return max(0.0, -elevation) if depth is None else depth
 
 
-def _table(path: Path, site: Site | None, default_depth: float, until: float) -> Jobs:
+def _table(path: Path, site: Site | None, default_depth: float, until: float, speed: Speed | None) -> Jobs:
     given, rows, faults = _rows(path)
     _check_reading(path, given, rows, site)
     points: list[JobPoint] = []
     vertices: dict[str, list[Position]] = {}
     shared: dict[str, dict[str, float | None]] = {}
+    hours: dict[str, dict[str, str]] = {}
     broken: set[str] = set()
     last = ""
     for where, row in rows:
@@ -208,19 +242,22 @@ def _table(path: Path, site: Site | None, default_depth: float, until: float) ->
         broken.add(line)  # until all of the row is read
         with faults.kept():
             place = *_place(where, row, site), _number(where, row, "depth", default_depth)
-            told = {name: _number(where, row, name, None) for name in ("priority", "duration")}
-            windows = read_windows(where, row, site, told["duration"] or 0.0, until)
-            if line and windows:
-                raise GeoError(f"{where}: a survey line has no time windows: give them to points")
+            stated = {name: _number(where, row, name, None) for name in ("priority", "duration")}
             if not line:
-                priority = 1.0 if told["priority"] is None else told["priority"]
+                priority, duration = (
+                    1.0 if stated["priority"] is None else stated["priority"],
+                    stated["duration"] or 0.0,
+                )
+                windows = read_windows(where, row, site, duration, until, _fastest(speed, [place]))
                 name = row.get("name") or str(len(points) + len(vertices) + 1)
-                points.append(JobPoint(name, place, priority, told["duration"] or 0.0, windows))
+                falls = read_falls(where, row, site, priority)
+                points.append(JobPoint(name, place, priority, duration, windows, falls))
             elif line in vertices and line != before:
                 raise GeoError(f"{where}: line {line!r} goes on after other rows")
             else:
                 vertices.setdefault(line, []).append(place)
-                _agree(where, line, shared.setdefault(line, dict.fromkeys(told)), told)
+                _agree(where, line, shared.setdefault(line, dict.fromkeys(stated)), stated)
+                _agree_on_hours(where, line, hours.setdefault(line, {}), row)
             broken.discard(line)
     lines = []
     for name, places in vertices.items():
@@ -228,7 +265,10 @@ def _table(path: Path, site: Site | None, default_depth: float, until: float) ->
         priority = 1.0 if priority is None else priority
         with faults.kept():
             if name not in broken:
-                lines.append(_line(f"{path}: line {name!r}", name, places, priority, duration or 0.0))
+                where, stated = f"{path}: line {name!r}", hours[name]
+                windows = read_windows(where, stated, site, None, until, _fastest(speed, places))
+                falls = read_falls(where, stated, site, priority)
+                lines.append(_line(where, name, places, priority, duration or 0.0, windows, falls))
     faults.refuse(len(rows))
     return Jobs(tuple(points), tuple(lines))
 
@@ -249,7 +289,7 @@ def _check_reading(
         try:
             places.append((float(row["north"]), float(row["east"])))
         except (KeyError, ValueError):
-            return  # degrees as such, or a fault that is told of its row
+            return  # degrees as such, or a fault that is reported for its row
     if site is None or not places:
         return
     names = [name for kind in ("north", "east") for name in given if _HEADINGS.get(name) == kind]
@@ -322,8 +362,8 @@ def _place(where: str, row: dict[str, str], site: Site | None) -> tuple[float, f
     return north, east
 
 
-def _agree(where: str, line: str, known: dict[str, float | None], told: dict[str, float | None]) -> None:
-    for name, value in told.items():
+def _agree(where: str, line: str, known: dict[str, float | None], stated: dict[str, float | None]) -> None:
+    for name, value in stated.items():
         if value is None:
             continue
         if known[name] is not None and known[name] != value:
@@ -333,18 +373,34 @@ def _agree(where: str, line: str, known: dict[str, float | None], told: dict[str
         known[name] = value
 
 
-def _line(where: str, name: str, places: list[Position], priority: float, duration: float) -> JobLine:
+def _agree_on_hours(where: str, line: str, known: dict[str, str], row: dict[str, str]) -> None:
+    for name in _HOURS:
+        if name in row and known.setdefault(name, row[name]) != row[name]:
+            raise GeoError(
+                f"{where}: line {line!r} has {name} {known[name]} in an earlier row, {row[name]} in this"
+            )
+
+
+def _line(
+    where: str,
+    name: str,
+    places: list[Position],
+    priority: float,
+    duration: float,
+    windows: tuple[tuple[float, float], ...],
+    falls: tuple[tuple[float, float], ...],
+) -> JobLine:
     if len(places) < 2:
         raise GeoError(f"{where}: a survey line needs at least two positions, got {len(places)}")
     for k, (a, b) in enumerate(pairwise(places), 1):
         if a == b:
             raise GeoError(f"{where}: positions {k} and {k + 1} are the same place")
-    return JobLine(name, tuple(places), priority, duration)
+    return JobLine(name, tuple(places), priority, duration, windows, falls)
 
 
-def _number(where: str, told: dict[str, Any], name: str, default: Any, least: float = 0.0) -> Any:
+def _number(where: str, stated: dict[str, Any], name: str, default: Any, least: float = 0.0) -> Any:
     """Return a finite number >= `least`, or the default where there is none."""
-    value = told.get(name)
+    value = stated.get(name)
     if value is None or value == "":
         return default
     try:

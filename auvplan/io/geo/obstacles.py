@@ -63,7 +63,7 @@ def read_obstacles(path: str | Path, site: Site) -> tuple[KnownObstacle, ...]:
 
 def _obstacle(feature: Feature, site: Site) -> KnownObstacle:
     try:
-        told = _Properties.model_validate(feature.properties)
+        stated = _Properties.model_validate(feature.properties)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         name = ".".join(map(str, first["loc"]))
@@ -80,13 +80,13 @@ def _obstacle(feature: Feature, site: Site) -> KnownObstacle:
     north, east = (float(axis) for axis in site.to_local(place[0], place[1]))
     if not np.isfinite((north, east)).all():
         raise GeoError(f"{feature.where}: has no place in the site's local metres")
-    bearing = np.deg2rad(told.course or 0.0)
-    velocity = (told.speed * float(np.cos(bearing)), told.speed * float(np.sin(bearing)))
+    bearing = np.deg2rad(stated.course or 0.0)
+    velocity = (stated.speed * float(np.cos(bearing)), stated.speed * float(np.sin(bearing)))
     return KnownObstacle(
-        told.name or f"obstacle {feature.number}",
+        stated.name or f"obstacle {feature.number}",
         (north, east),
-        told.radius,
-        told.depth_min,
-        np.inf if told.depth_max is None else told.depth_max,
-        velocity if told.speed > 0.0 else (0.0, 0.0),
+        stated.radius,
+        stated.depth_min,
+        np.inf if stated.depth_max is None else stated.depth_max,
+        velocity if stated.speed > 0.0 else (0.0, 0.0),
     )

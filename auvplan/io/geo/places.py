@@ -66,8 +66,8 @@ def _kml(path: Path, faults: Faults, notes: list[str]) -> Iterator[Feature]:
         raise GeoError(f"{path}: has no placemarks")
     flat = 0
     for number, mark in enumerate(marks, 1):
-        told = {"name": text_of(mark, "name")} | _extended(mark)
-        where = f"{path}: placemark {number}{_quoted(told['name'])}"
+        stated = {"name": text_of(mark, "name")} | _extended(mark)
+        where = f"{path}: placemark {number}{_quoted(stated['name'])}"
         with faults.kept():
             shapes = list(_shapes(where, mark))
             if not shapes:
@@ -76,9 +76,9 @@ def _kml(path: Path, faults: Faults, notes: list[str]) -> Iterator[Feature]:
                 places, ignored = _coordinates(where, shape)
                 flat += ignored
                 own = (
-                    told
-                    if len(shapes) == 1 or not told["name"]
-                    else told | {"name": f"{told['name']} {count}"}
+                    stated
+                    if len(shapes) == 1 or not stated["name"]
+                    else stated | {"name": f"{stated['name']} {count}"}
                 )
                 if plain(shape) == "Point":
                     yield Feature(where, number, "Point", places[0], own)

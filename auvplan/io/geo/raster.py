@@ -74,7 +74,7 @@ def read_raster(path: str | Path, crs: Any = None, *, indices: bool = False) -> 
 
     GeoTIFF by its own keys; PNG, JPEG and TIFF by a world file beside it (.pgw, .jgw, .tfw, .wld), whose
     coordinates are those of `crs` or of a .prj file. A world file gives the centre of the first pixel.
-    See-through pixels become white, and are told.
+    See-through pixels become white, which is noted.
 
     Args:
         path: of the file.
@@ -87,7 +87,7 @@ def read_raster(path: str | Path, crs: Any = None, *, indices: bool = False) -> 
     """
     path = Path(path)
     with reading(path):
-        wanted = None if crs is None else as_crs(crs, "crs")
+        wanted = None if crs is None else as_crs(crs)
         with path.open("rb") as file:
             start = file.read(4)
         if is_tiff(start):
@@ -192,7 +192,7 @@ def _measured(path: Path, affine: Affine, crs: CRS | None, rows: int, columns: i
     return PixelSize(size, known, tuple(notes))
 
 
-def as_crs(given: Any, what: str) -> CRS:
+def as_crs(given: Any) -> CRS:
     """Return a coordinate reference system of whatever pyproj understands.
 
     Raises:
@@ -201,7 +201,8 @@ def as_crs(given: Any, what: str) -> CRS:
     try:
         return CRS.from_user_input(given)
     except Exception as error:
-        raise GeoError(f"{what}: {given!r} is no coordinate reference system ({reason(error)})") from None
+        why = f"{given!r} is no coordinate reference system ({reason(error)})"
+        raise GeoError(why, field="crs") from None
 
 
 def _picture(path: Path, indices: bool) -> tuple[NDArray, NDArray[np.bool_] | None]:

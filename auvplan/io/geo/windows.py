@@ -1,7 +1,7 @@
 """Time windows of jobs in files: moments, times of day, daylight, or seconds since the departure."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from datetime import date, datetime, time, timedelta
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -16,6 +16,9 @@ _DAY = 86_400.0
 #: Degrees that the sun's middle is above the horizon at its rise and set, refraction and radius included.
 _SUNRISE = -0.833
 _TIME_OF_DAY = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2}(?:\.\d+)?))?\s*(Z|[+-]\d{2}:?\d{2})?")
+_SLACK = re.compile(r"slack\s*<\s*(.*?)(?:\s*m/s)?")
+#: s.
+_MINUTE = 60.0
 _EXTRA = "pip install 'auvplan[readers]'"
 _HOW = "write a moment such as 2026-03-01T08:00Z, a time of day such as 08:00+10:00, or seconds"
 
@@ -27,32 +30,26 @@ class _End(NamedTuple):
     daily: time | None = None
 
 
-def read_windows(
-    where: str, told: Mapping[str, Any], site: Site | None, duration: float, until: float
-) -> tuple[tuple[float, float], ...]:
-    """Return the intervals in which a task may begin, s since the departure, in order; empty for any time.
+def read_spans(
+    where: str, stated: Mapping[str, Any], site: Site | None, until: float
+) -> list[tuple[float, float]]:
+    """Return intervals of time, s since the departure, in order; empty where none is given.
 
     Args:
         where: the file and the row or feature, as messages name it.
-        told: its cells or properties: `from` and `to`, or several `windows`, as pairs or as text,
-            "from/to, from/to", or the word daylight or night; and `window`: "whole" where all of the task
-            must lie in a window, which is the default, or "begin".
+        stated: its cells or properties: `from` and `to`, or several `windows`, as pairs or as text,
+            "from/to, from/to", or the word daylight or night.
         site: tells the departure that moments count from.
-        duration: s, of the task.
         until: s, when missions are over; times of day are taken on all days until then.
 
     Raises:
-        GeoError: a time cannot be read or has no zone, a window ends before it begins or is too short for the
-            task, two overlap, or all lie outside the time of the mission.
+        GeoError: a time cannot be read or has no zone, an interval ends before it begins, or two overlap.
     """
-    kind = str(told.get("window") or "whole").strip().lower()
-    if kind not in ("whole", "begin"):
-        raise GeoError(f"{where}: window must be 'whole' or 'begin', got {kind!r}")
     spans = []
-    sun = str(told.get("windows") or "").strip().lower()
+    sun = str(stated.get("windows") or "").strip().lower()
     if sun in ("daylight", "night"):
-        spans, told = _by_sun(where, sun, site, until), {**told, "windows": None}
-    for first, last in _pairs(where, told):
+        spans, stated = _by_sun(where, sun, site, until), {**stated, "windows": None}
+    for first, last in _pairs(where, stated):
         begins, ends = (_end(where, name, value, site) for name, value in (("from", first), ("to", last)))
         if begins.daily or ends.daily:
             spans += _days(where, begins, ends, site, until)
@@ -66,7 +63,92 @@ def read_windows(
     for (_, closes), (opens, _) in pairwise(spans):
         if opens < closes:
             raise GeoError(f"{where}: two windows overlap: make them one")
-    if kind == "whole" and spans:
+    return spans
+
+
+def read_falls(
+    where: str, stated: Mapping[str, Any], site: Site | None, priority: float
+) -> tuple[tuple[float, float], ...]:
+    """Return moments, s since the departure, and the priority that a job has after each.
+
+    Args:
+        where: the file and the row or feature, as messages name it.
+        stated: its cells or properties: `priority_after`, as pairs [moment, priority] or as text,
+            "moment/priority, moment/priority".
+        site: tells the departure that moments count from.
+        priority: before the first of them.
+
+    Raises:
+        GeoError: a moment or a priority cannot be read, moments do not rise or priorities do not fall.
+    """
+    how = "write moment/priority, such as 2026-03-01T08:00Z/2"
+    given = stated.get("priority_after")
+    if given in (None, "", []):
+        return ()
+    if isinstance(given, str):
+        given = [part.split("/") for part in given.split(",") if part.strip()]
+    elif isinstance(given, list) and not any(isinstance(part, list) for part in given):
+        given = [given]
+    if not isinstance(given, list) or not all(isinstance(one, list) and len(one) == 2 for one in given):
+        raise GeoError(
+            f"{where}: priority_after {str(stated['priority_after'])[:60]!r} cannot be read: {how}"
+        )
+    falls: list[tuple[float, float]] = []
+    for moment, worth in given:
+        end = _end(where, "priority_after", moment, site)
+        if end.seconds is None:
+            raise GeoError(f"{where}: priority_after needs a moment or seconds, got {str(moment)!r}: {how}")
+        try:
+            value = float("nan") if isinstance(worth, bool) else float(worth)
+        except (TypeError, ValueError):
+            value = float("nan")
+        last = falls[-1] if falls else (-float("inf"), priority)
+        if not 0.0 <= value <= last[1]:
+            raise GeoError(
+                f"{where}: priority_after falls from {last[1]:g} to {str(worth)!r}: {how}, and not above it"
+            )
+        if not end.seconds > last[0]:
+            raise GeoError(f"{where}: priority_after has {str(moment).strip()} after a later moment")
+        falls.append((end.seconds, value))
+    return tuple(falls)
+
+
+def read_windows(
+    where: str,
+    stated: Mapping[str, Any],
+    site: Site | None,
+    duration: float | None,
+    until: float,
+    speed: Callable[[np.ndarray], np.ndarray] | None = None,
+) -> tuple[tuple[float, float], ...]:
+    """Return the intervals in which a task may begin, s since the departure, in order; empty for any time.
+
+    Args:
+        where: the file and the row or feature, as messages name it.
+        stated: as for `read_spans`; `windows` may be "slack < speed" too. And `window`: "whole" where all
+            of the task must lie in a window, which is the default, or "begin".
+        site: tells the departure that moments count from.
+        duration: s, of the task at a point; None for a survey line, whose windows stay as they are.
+        until: s, when missions are over; times of day are taken on all days until then.
+        speed: m/s, of the current at the place at times [n] s, for slack water; None where no current is
+            forecast.
+
+    Raises:
+        GeoError: as `read_spans`; slack water never is, or no current is forecast; a window is too short for
+            the task, or all lie outside the time of the mission.
+    """
+    kind = str(stated.get("window") or "whole").strip().lower()
+    if kind not in ("whole", "begin"):
+        raise GeoError(f"{where}: window must be 'whole' or 'begin', got {kind!r}")
+    if duration is None and kind == "begin":
+        raise GeoError(
+            f"{where}: each part of a survey line lies in a window as a whole: leave out window: begin"
+        )
+    if match := _SLACK.fullmatch(str(stated.get("windows") or "").strip().lower()):
+        spans = _by_current(where, match[1], speed, until)
+    else:
+        spans = read_spans(where, stated, site, until)
+    if kind == "whole" and spans and duration is not None:
         longest = max(closes - opens for opens, closes in spans)
         if longest < duration:
             raise GeoError(
@@ -79,9 +161,36 @@ def read_windows(
     return tuple(spans)
 
 
-def _pairs(where: str, told: Mapping[str, Any]) -> list[tuple[Any, Any]]:
+def _by_current(
+    where: str, stated: str, speed: Callable[[np.ndarray], np.ndarray] | None, until: float
+) -> list[tuple[float, float]]:
+    """Times at which the current is slower than a limit, to the minute."""
+    try:
+        limit = float(stated)
+    except ValueError:
+        limit = float("nan")
+    if not limit > 0.0:
+        raise GeoError(f"{where}: slack water is given in m/s, such as slack < 0.2, got {stated!r}")
+    if speed is None:
+        raise GeoError(
+            f"{where}: slack water needs a current that is forecast: current.source 'file' or 'harmonic'"
+        )
+    moments = np.arange(0.0, until + _MINUTE, _MINUTE)
+    found = np.asarray(speed(moments), float)
+    slack = found < limit
+    if not slack.any():
+        raise GeoError(
+            f"{where}: the current is never below {limit:g} m/s there in the time of the mission: "
+            f"{found.min():.2f} m/s is the least"
+        )
+    change = np.flatnonzero(np.diff(np.concatenate([[False], slack, [False]]).astype(int)))
+    ends = zip(change[::2].tolist(), (change[1::2] - 1).tolist(), strict=True)
+    return [(float(moments[first]), float(moments[last])) for first, last in ends if last > first]
+
+
+def _pairs(where: str, stated: Mapping[str, Any]) -> list[tuple[Any, Any]]:
     """Beginnings and ends as the file has them."""
-    several, ends = told.get("windows"), (told.get("from"), told.get("to"))
+    several, ends = stated.get("windows"), (stated.get("from"), stated.get("to"))
     if several in (None, "", []):
         return [] if all(_is_open(end) for end in ends) else [ends]
     if not all(_is_open(end) for end in ends):
@@ -91,7 +200,7 @@ def _pairs(where: str, told: Mapping[str, Any]) -> list[tuple[Any, Any]]:
     if not isinstance(several, list) or not all(
         isinstance(pair, list) and len(pair) == 2 for pair in several
     ):
-        raise GeoError(f"{where}: windows must be pairs [from, to], got {str(told['windows'])[:60]!r}")
+        raise GeoError(f"{where}: windows must be pairs [from, to], got {str(stated['windows'])[:60]!r}")
     return [(first, last) for first, last in several]
 
 

@@ -8,7 +8,7 @@
       report.unpack(run.track[name]),
     ]),
   );
-  const sailed = run.simulated ? "sailed" : "planned";
+  const executed = run.simulated ? "executed" : "planned";
   const waypoints = run.waypoints;
   const obstacles = run.legs.map(({ obstacles: told }) => ({
     ...told,
@@ -31,7 +31,7 @@
     leg: "at departure",
     window: "window",
     hazard: "hazard",
-    start: "first order",
+    start: "first route",
     late: "late",
     early: "early",
     refused: "leg refused",
@@ -84,7 +84,7 @@
   }
 
   const begins = run.legs.map((leg) => leg.begin);
-  /** Number of the leg that is sailed at a time, or was last; -1 before the first. */
+  /** Number of the leg that is executed at a time, or was last; -1 before the first. */
   function legAt(time) {
     let found = -1;
     begins.forEach((begin, k) => {
@@ -119,8 +119,8 @@
     return { now, earlier };
   }
 
-  function orderAt(time) {
-    const made = run.orders.filter((order) => order.made !== undefined && order.made <= time + 1e-6);
+  function routeAt(time) {
+    const made = run.routes.filter((route) => route.made !== undefined && route.made <= time + 1e-6);
     return made.length ? made[made.length - 1] : null;
   }
 
@@ -212,7 +212,7 @@
             report.fixed(figures.path_replans + figures.mission_replans),
             run.kind === "leg"
               ? "of the path"
-              : `${figures.path_replans} of paths, ${figures.mission_replans} of the order`,
+              : `${figures.path_replans} of paths, ${figures.mission_replans} of the route`,
           ]
         : null,
       run.simulated
@@ -237,7 +237,7 @@
   const present = KINDS.filter(([name]) =>
     name === "known" ? run.known.length : run.legs.some((leg) => leg.obstacles.kinds.includes(name)),
   );
-  const replanned = run.orders.filter((order) => order.made !== undefined).slice(1);
+  const replanned = run.routes.filter((route) => route.made !== undefined).slice(1);
 
   function swatch(shape, colour) {
     const parts = {
@@ -275,14 +275,14 @@
     run.map.chart && ["chart", run.map.chart.uncertain ? "coast, uncertain area" : "coast", "area", "coast"],
     run.map.depths && ["depths", "depth of the sea bed, m", "thin", "depth"],
     current && ["current", "current", "arrow", "current"],
-    run.kind !== "leg" && run.orders.length > 1 && ["order", "order of tasks, to come", "dot", "order"],
+    run.kind !== "leg" && run.routes.length > 1 && ["route", "route, to come", "dot", "route"],
     ["plan", "plan that is followed", "line", "plan"],
     run.simulated && plans.length && ["earlier", "earlier plans", "dash", "earlier"],
     ["track", run.simulated ? "track" : "whole way", "line", "track"],
     present.length && ["obstacles", "obstacles", "disc", present[0][1]],
     run.simulated && present.length && ["boundary", "their uncertainty boundaries", "halo", "quiet"],
     run.sensing && present.length && ["sensed", "sensed range", "ring", "sense"],
-    replanned.length && ["replans", "order planned anew", "square", "earlier"],
+    replanned.length && ["replans", "route planned anew", "square", "earlier"],
     ["waypoints", "waypoints", "disc", "task"],
     ["names", "names", "text", "text"],
   ].filter(Boolean);
@@ -349,19 +349,19 @@
     show("current", "path", "current", { d: arrows(time, x, y, narrow() ? 2 : 1) });
 
     const number = legAt(time),
-      order = orderAt(time),
-      rest = order ? order.nodes : [];
+      route = routeAt(time),
+      rest = route ? route.nodes : [];
     const target = number < 0 ? run.start : run.legs[number].to;
     const coming = rest.includes(target) ? rest.slice(rest.indexOf(target)) : rest;
     if (run.kind !== "leg" && run.simulated)
-      show("order", "path", "order", { d: line(coming.length, node(coming), x, y) });
+      show("route", "path", "route", { d: line(coming.length, node(coming), x, y) });
 
     const way = (count) => line(count, (k) => [track.east[k], track.north[k]], x, y);
     show("track", "path", "way", { d: way(track.time.length) });
     const { now: followed, earlier } = plansAt(time);
     show("earlier", "path", "earlier", { d: earlier.map(plan).join("") });
     const done = track.time.length ? way(latest(track.time, time) + 1) : "";
-    show("track", "path", "sailed", {
+    show("track", "path", "executed", {
       d: done ? `${done}L${x(here.east).toFixed(1)} ${y(here.north).toFixed(1)}` : "",
     });
     show("plan", "path", "plan", { d: followed < 0 ? "" : plan(followed) });
@@ -888,33 +888,33 @@
     }
   }
 
-  // --- order of tasks --------------------------------------------------------------------------------------
+  // --- route --------------------------------------------------------------------------------------
 
-  if (run.kind !== "leg" && run.orders.some((order) => order.bars.length)) {
+  if (run.kind !== "leg" && run.routes.some((route) => route.bars.length)) {
     const timeline = report.element("div", { id: "timeline" });
     const made = report.section(
-      "order-of-tasks",
-      "Order of tasks",
+      "routes",
+      "Route",
       run.simulated
-        ? "Each row is the order as it was planned at that moment, the lowest one what was done. Wide bars are travel, narrow ones time on station; darker is of higher priority."
+        ? "Each row is the route as it was planned at that moment, the lowest one what was done. Wide bars are travel, narrow ones time on station; darker is of higher priority."
         : "Wide bars are travel, narrow ones time on station; darker is of higher priority.",
       timeline,
     );
-    const rows = run.orders;
-    const title = (order, k) => {
-      if (order.cause === "done") return run.simulated ? "<b>done</b>" : "<b>plan</b>";
+    const rows = run.routes;
+    const title = (route, k) => {
+      if (route.cause === "done") return run.simulated ? "<b>done</b>" : "<b>plan</b>";
       return k
-        ? `R${k} at ${report.fixed(since(order.made))} s, ${CAUSES[order.cause] || report.literal(order.cause)}`
-        : "first order";
+        ? `R${k} at ${report.fixed(since(route.made))} s, ${CAUSES[route.cause] || report.literal(route.cause)}`
+        : "first route";
     };
     const draw = (colours, width) => {
       const narrow = width < 620;
-      const most = Math.max(1, ...rows.flatMap((order) => order.bars.map((bar) => bar[5])));
+      const most = Math.max(1, ...rows.flatMap((route) => route.bars.map((bar) => bar[5])));
       const shade = (priority) =>
         priority > 0
           ? report.mix(colours.accent, 0.18 + (0.72 * priority) / most, colours.card)
           : colours.card;
-      const bars = rows.flatMap((order, row) => order.bars.map((bar) => ({ row, bar })));
+      const bars = rows.flatMap((route, row) => route.bars.map((bar) => ({ row, bar })));
       const one = (wide, from, size) => ({
         type: "bar",
         orientation: "h",
@@ -965,16 +965,16 @@
           yaxis: report.axis(colours, "", {
             range: [rows.length - 0.4, -0.6],
             tickvals: rows.map((_, k) => k),
-            ticktext: rows.map((order, k) =>
+            ticktext: rows.map((route, k) =>
               narrow
-                ? order.cause === "done"
+                ? route.cause === "done"
                   ? run.simulated
                     ? "<b>done</b>"
                     : "<b>plan</b>"
                   : k
-                    ? `R${k} ${report.literal(order.cause)}`
+                    ? `R${k} ${report.literal(route.cause)}`
                     : "first"
-                : title(order, k),
+                : title(route, k),
             ),
             showgrid: false,
             ticks: "",
@@ -1009,24 +1009,24 @@
         },
       };
     };
-    report.drawn(timeline, "Orders of tasks over time", draw, (host, first) => {
+    report.drawn(timeline, "Routes over time", draw, (host, first) => {
       if (first) state.followers.push(report.cursor(host, () => since(state.time) / 3600));
     });
-    const late = rows.map((order, k) => ({ order, k })).filter(({ order }) => order.why);
+    const late = rows.map((route, k) => ({ route, k })).filter(({ route }) => route.why);
     if (late.length)
       made.append(
         report.element(
           "details",
           {},
-          report.element("summary", {}, "Why the order was planned anew"),
+          report.element("summary", {}, "Why the route was planned anew"),
           report.element(
             "ul",
             { class: "small" },
-            late.map(({ order, k }) =>
+            late.map(({ route, k }) =>
               report.element(
                 "li",
                 {},
-                `R${k} at ${report.fixed(since(order.made))} s, ${CAUSES[order.cause] || order.cause}: ${order.why}`,
+                `R${k} at ${report.fixed(since(route.made))} s, ${CAUSES[route.cause] || route.cause}: ${route.why}`,
               ),
             ),
           ),
@@ -1091,13 +1091,13 @@
           },
           { title: "expected", key: (leg) => leg.expected, text: seconds("expected") },
           { title: "planned", key: (leg) => leg.planned, text: seconds("planned") },
-          run.simulated && { title: "sailed", key: (leg) => leg.sailed, text: seconds("sailed") },
+          run.simulated && { title: "executed", key: (leg) => leg.executed, text: seconds("executed") },
           run.simulated && {
-            title: "sailed − expected",
-            key: (leg) => leg.sailed - leg.expected,
+            title: "executed − expected",
+            key: (leg) => leg.executed - leg.expected,
             text: (leg) =>
-              report.isNumber(leg.sailed)
-                ? `${leg.sailed >= leg.expected ? "+" : ""}${report.fixed(leg.sailed - leg.expected)}`
+              report.isNumber(leg.executed)
+                ? `${leg.executed >= leg.expected ? "+" : ""}${report.fixed(leg.executed - leg.expected)}`
                 : "–",
           },
           { title: "task", key: (leg) => leg.task, text: seconds("task") },
@@ -1211,7 +1211,7 @@
                     `${report.fixed(cpu.path_s, 2)} s, ${report.counted(figures.path_calls, "leg")}`,
                   ],
                   [
-                    "planning of orders",
+                    "planning of routes",
                     `${report.fixed(cpu.mission_s, 2)} s, of which re-plans ${report.fixed(cpu.mission_replans_s, 2)} s`,
                   ],
                   ["estimates of travel times", `${report.fixed(cpu.travel_times_s, 2)} s`],
@@ -1221,7 +1221,7 @@
             forecast
               ? [
                   "travel time, planned and simulated",
-                  `${report.fixed(forecast.planned_s)} s, ${report.fixed(forecast.sailed_s)} s`,
+                  `${report.fixed(forecast.planned_s)} s, ${report.fixed(forecast.executed_s)} s`,
                 ]
               : null,
             forecast

@@ -8,7 +8,7 @@
     legs: {
       mission: report.unpack(one.legs.mission),
       expected: report.unpack(one.legs.expected),
-      sailed: report.unpack(one.legs.sailed),
+      executed: report.unpack(one.legs.executed),
     },
   }));
   const swept = study.sweeps.map((sweep) => sweep.field);
@@ -27,7 +27,7 @@
     ["total_priority", "total priority", 1],
     ["gap", "gap to the bound, %", 1],
     ["path_replans", "re-plans of paths", 0],
-    ["mission_replans", "re-plans of the order", 0],
+    ["mission_replans", "re-plans of the route", 0],
     ["cost_mission", "cost (Eq. 15)", 0],
     ["cost_total", "total cost (Eq. 16)", 0],
     ["collisions", "collisions", 0],
@@ -103,7 +103,7 @@
         ? [
             "re-plans",
             report.fixed(mean("path_replans") + mean("mission_replans"), 1),
-            "of paths and order, mean",
+            "of paths and route, mean",
           ]
         : null,
       ["collisions", report.fixed(total("collisions")), "found by the checker"],
@@ -181,7 +181,7 @@
         colours.task,
         colours.static,
         colours.afloat,
-        colours.order,
+        colours.route,
       ];
       const marks = ["circle", "square", "diamond", "triangle-up", "cross", "x"];
       return {
@@ -265,14 +265,14 @@
     const rows = DESCRIBED.map(([name, words]) => [words, summary.figures[name]]).filter(
       ([, found]) => found && report.isNumber(found.mean),
     );
-    const legs = summary.expected_against_sailed;
+    const legs = summary.expected_against_executed;
     const cell = (name) => ({
       title: { low: "from", high: "to", q05: "5 %", q95: "95 %" }[name] || name,
       text: ([, found]) => report.figure(found[name]),
     });
     const words = [
       legs.correlation !== null &&
-        `Correlation of sailed with expected times of legs ${report.fixed(legs.correlation, 4)} over ${report.counted(legs.legs, "leg")}; median relative error ${report.figure(legs.median_relative_error_percent, 3)} % (95 %: ${report.figure(legs.low, 3)} to ${report.figure(legs.high, 3)} %).`,
+        `Correlation of executed with expected times of legs ${report.fixed(legs.correlation, 4)} over ${report.counted(legs.legs, "leg")}; median relative error ${report.figure(legs.median_relative_error_percent, 3)} % (95 %: ${report.figure(legs.low, 3)} to ${report.figure(legs.high, 3)} %).`,
       summary.failed_seeds.length &&
         `Failed: ${summary.failed_seeds
           .map((seed, k) => `seed ${seed} (${summary.failures[k]})`)
@@ -404,10 +404,10 @@
   const BOXES = 25;
   figure(
     "expected-times",
-    "Expected and sailed times of legs (Fig. 13)",
+    "Expected and executed times of legs (Fig. 13)",
     `Travel times without tasks: boxes of the legs of ${seeds.length > BOXES ? `the first ${BOXES} missions` : "each mission"}, and every leg of all missions.`,
     (colours, width) => {
-      const { mission, expected, sailed } = now().legs;
+      const { mission, expected, executed } = now().legs;
       const wide = width > 760;
       const few = Array.from(mission.keys()).filter((k) => mission[k] < BOXES);
       const box = (values, name, colour, offset) => ({
@@ -422,15 +422,15 @@
         hoverinfo: "y",
       });
       const all = Array.from(mission.keys());
-      const least = Math.min(...expected, ...sailed),
-        most = Math.max(...expected, ...sailed);
+      const least = Math.min(...expected, ...executed),
+        most = Math.max(...expected, ...executed);
       const last = Math.min(seeds.length, BOXES) - 1;
       const shown = numbers().filter((k) => k <= last);
       return {
         height: wide ? 430 : 760,
         data: [
           box(expected, "expected", colours.plan, "a"),
-          box(sailed, "sailed", colours.afloat, "b"),
+          box(executed, "executed", colours.afloat, "b"),
           {
             type: "scatter",
             mode: "lines",
@@ -449,7 +449,7 @@
             yaxis: "y2",
             showlegend: false,
             x: Array.from(expected),
-            y: Array.from(sailed),
+            y: Array.from(executed),
             customdata: all.map((k) => mission[k]),
             marker: {
               color: colours.plan,
@@ -457,7 +457,7 @@
               opacity: Math.min(0.8, Math.max(0.2, 6 / Math.max(all.length, 1) ** 0.45)),
             },
             text: all.map((k) => `seed ${seeds[mission[k]]}`),
-            hovertemplate: "%{text}<br>expected %{x:,.0f} s, sailed %{y:,.0f} s<extra></extra>",
+            hovertemplate: "%{text}<br>expected %{x:,.0f} s, executed %{y:,.0f} s<extra></extra>",
           },
         ],
         layout: {
@@ -477,7 +477,7 @@
             automargin: false,
           }),
           xaxis2: report.axis(colours, "expected [s]", { domain: wide ? [0.7, 1] : [0, 1], anchor: "y2" }),
-          yaxis2: report.axis(colours, "sailed [s]", {
+          yaxis2: report.axis(colours, "executed [s]", {
             domain: wide ? [0, 1] : [0, 0.44],
             anchor: "x2",
             automargin: false,
@@ -685,16 +685,16 @@
     detail.replaceChildren(title, columns);
     if (told) {
       const host = report.element("div", { class: "map", id: "route" });
-      const orders = told.orders.map((order, k) => [order, k]);
+      const routes = told.routes.map((route, k) => [route, k]);
       const list = report.element(
         "select",
-        { id: "order", onchange: () => route.figure.draw() },
-        report.element("option", { value: "-1" }, "way sailed"),
-        orders.map(([[cause, made], k]) =>
+        { id: "route-made", onchange: () => route.figure.draw() },
+        report.element("option", { value: "-1" }, "way taken"),
+        routes.map(([[cause, made], k]) =>
           report.element(
             "option",
             { value: k },
-            k ? `order R${k} at ${report.fixed(made)} s, ${cause}` : "first order",
+            k ? `route R${k} at ${report.fixed(made)} s, ${cause}` : "first route",
           ),
         ),
       );
@@ -704,7 +704,7 @@
           { title: "leg", key: (leg) => told.legs.indexOf(leg), text: (_, k) => String(k + 1) },
           { title: "from → to", words: true, text: ([from, to]) => `${from} → ${to}` },
           { title: "expected, s", key: (leg) => leg[2], text: (leg) => report.fixed(leg[2]) },
-          { title: "sailed, s", key: (leg) => leg[3], text: (leg) => report.fixed(leg[3]) },
+          { title: "executed, s", key: (leg) => leg[3], text: (leg) => report.fixed(leg[3]) },
           { title: "task, s", key: (leg) => leg[4], text: (leg) => report.fixed(leg[4]) },
           {
             title: "priority",
@@ -724,17 +724,17 @@
         { id: "mission-legs" },
       );
       const made = report.table(
-        "Orders of tasks",
+        "Routes",
         [
-          { title: "order", words: true, text: (_, k) => (k ? `R${k}` : "first") },
+          { title: "route", words: true, text: (_, k) => (k ? `R${k}` : "first") },
           { title: "cause", words: true, text: ([cause]) => cause },
-          { title: "made at, s", text: (order) => report.fixed(order[1]) },
-          { title: "expected, s", text: (order) => report.fixed(order[2]) },
-          { title: "priority", text: (order) => report.figure(order[3], 3) },
-          { title: "waypoints", words: true, class: "long", text: (order) => order[4].join(" → ") },
+          { title: "made at, s", text: (route) => report.fixed(route[1]) },
+          { title: "expected, s", text: (route) => report.fixed(route[2]) },
+          { title: "priority", text: (route) => report.figure(route[3], 3) },
+          { title: "waypoints", words: true, class: "long", text: (route) => route[4].join(" → ") },
         ],
-        told.orders,
-        { id: "mission-orders" },
+        told.routes,
+        { id: "mission-routes" },
       );
       detail.append(
         report.element(
@@ -793,7 +793,7 @@
       report.element(
         "p",
         {},
-        `${study.runs.includes(name) ? "Or sail" : "Sail"} it again, with its track, its pictures and its page${study.scenario ? "" : " (SCENARIO.yaml is the study's scenario)"}:`,
+        `${study.runs.includes(name) ? "Or simulate" : "Simulate"} it again, with its track, its pictures and its page${study.scenario ? "" : " (SCENARIO.yaml is the study's scenario)"}:`,
       ),
       report.element(
         "pre",
@@ -825,9 +825,9 @@
       "Route of the mission",
       study.map,
       (colours, { unit }) => {
-        const order = Number(list.value);
-        const nodes = order < 0 ? way : told.orders[order][4];
-        const until = order < 0 ? [] : way.slice(0, Math.max(way.lastIndexOf(nodes[0]) + 1, 0));
+        const route = Number(list.value);
+        const nodes = route < 0 ? way : told.routes[route][4];
+        const until = route < 0 ? [] : way.slice(0, Math.max(way.lastIndexOf(nodes[0]) + 1, 0));
         const line = (chosen, name, colour, width) => ({
           type: "scatter",
           mode: "lines+markers",
@@ -854,8 +854,8 @@
               line: { color: colours.quiet, width: 1.3 },
             },
           },
-          line(until, "sailed before", colours.left, 2),
-          line(nodes, order < 0 ? "sailed" : "order", order < 0 ? colours.track : colours.plan, 2),
+          line(until, "executed before", colours.left, 2),
+          line(nodes, route < 0 ? "executed" : "route", route < 0 ? colours.track : colours.plan, 2),
           ...[
             [nodes[0], colours.start, "circle"],
             [nodes[nodes.length - 1], colours.task, "star"],

@@ -64,9 +64,11 @@ def reading(path):
     """Points by (time, depth, latitude, longitude) and the current there, by xarray; None for no sense."""
     with xr.open_dataset(path, engine="netcdf4", decode_times=False) as file:
         data = file.load()
-    told = {data[n].attrs.get("standard_name"): n for n in ("vo", "uo") if data[n].attrs.get("standard_name")}
-    east = told.get("eastward_sea_water_velocity", "uo")
-    north = told.get("northward_sea_water_velocity", "vo")
+    stated = {
+        data[n].attrs.get("standard_name"): n for n in ("vo", "uo") if data[n].attrs.get("standard_name")
+    }
+    east = stated.get("eastward_sea_water_velocity", "uo")
+    north = stated.get("northward_sea_water_velocity", "vo")
     if east == north:
         return None
     dims = [data[name].dims[0] for name in ("time", "depth", "latitude", "longitude")]
@@ -92,7 +94,7 @@ def reading(path):
 
 @pytest.mark.parametrize("seed", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_altered_files(tmp_path, seed):
-    rng, told = np.random.default_rng(seed), {"refused": 0, "right": 0}
+    rng, stated = np.random.default_rng(seed), {"refused": 0, "right": 0}
     path = tmp_path / "altered.nc"
     for _ in range(12):
         data, done = altered(rng)
@@ -112,7 +114,7 @@ def test_altered_files(tmp_path, seed):
                 second, depth, latitude, longitude = (axis[k] for axis, k in zip(axes, index, strict=True))
                 e, n, _ = ocean.at(longitude, latitude, depth, second)
                 wet = np.isfinite(east[tuple(index)]) & np.isfinite(north[tuple(index)])
-                # Of a time that is told twice the first counts.
+                # Of a time that is given twice the first counts.
                 same = np.array(
                     [int(np.flatnonzero(axes[0] == s)[0]) == k for s, k in zip(second, index[0], strict=True)]
                 )
@@ -121,10 +123,10 @@ def test_altered_files(tmp_path, seed):
                     np.testing.assert_allclose(
                         values[chosen], expected[tuple(index)][chosen], atol=1e-5, err_msg=str(done)
                     )
-                told["right"] += 1
+                stated["right"] += 1
         except CurrentError as error:
             line = str(error)
             assert "altered.nc" in line, (done, line)
             assert "\n" not in line
-            told["refused"] += 1
-    assert min(told.values()) > 1, told
+            stated["refused"] += 1
+    assert min(stated.values()) > 1, stated

@@ -15,7 +15,7 @@ DEPTH, TIMES = np.array([0.0, 10.0, 30.0]), np.array([0.0, 1.0])
 SPEED = {"units": "m/s"}
 
 
-def told(lon, lat, which):
+def stated(lon, lat, which):
     """One component [T, K, ...] of `flow` at places."""
     shape = (-1, *(1,) * (1 + np.ndim(lon)))
     hours, depths = TIMES.reshape(shape), DEPTH.reshape((1, -1, *(1,) * np.ndim(lon)))
@@ -48,8 +48,8 @@ def test_mom6(tmp_path, symmetric):
     along = [SPEED | {"standard_name": f"sea_water_{axis}_velocity"} for axis in "xy"]
     data = xr.Dataset(
         {
-            "uo": (("time", "depth", "yh", "xq"), told(*east, 0), along[0]),
-            "vo": (("time", "depth", "yq", "xh"), told(*north, 1), along[1]),
+            "uo": (("time", "depth", "yh", "xq"), stated(*east, 0), along[0]),
+            "vo": (("time", "depth", "yq", "xh"), stated(*north, 1), along[1]),
         },
         axes()
         | {"xh": ("xh", EAST, degrees["x"]), "yh": ("yh", NORTH, degrees["y"])}
@@ -65,8 +65,8 @@ def test_mitgcm(tmp_path):
     east, north = (*np.meshgrid(EAST - STEP / 2, NORTH),), (*np.meshgrid(EAST, NORTH - STEP / 2),)
     data = xr.Dataset(
         {
-            "UVEL": (("time", "depth", "YC", "XG"), told(*east, 0), SPEED),
-            "VVEL": (("time", "depth", "YG", "XC"), told(*north, 1), SPEED),
+            "UVEL": (("time", "depth", "YC", "XG"), stated(*east, 0), SPEED),
+            "VVEL": (("time", "depth", "YG", "XC"), stated(*north, 1), SPEED),
         },
         axes()
         | {"XC": ("XC", EAST, {"units": "degrees_east"}), "YC": ("YC", NORTH, {"units": "degrees_north"})}
@@ -88,7 +88,7 @@ def nemo(folder, angle=0.5):
     places["v"] = [axis + half for axis, half in zip((lon, lat), columns, strict=True)]
     paths = []
     for name, kind, sign in (("vozocrtx", "u", 1.0), ("vomecrty", "v", -1.0)):
-        parts = [told(*places[kind], which) for which in (0, 1)]
+        parts = [stated(*places[kind], which) for which in (0, 1)]
         along = parts[0] * np.cos(angle) + parts[1] * np.sin(angle)
         across = parts[1] * np.cos(angle) - parts[0] * np.sin(angle)
         depth = f"depth{kind}"

@@ -160,7 +160,7 @@ def test_curvilinear_components_along_the_grid_are_turned(tmp_path, names, stand
             open_ocean(lost)
         return
     with open_ocean(lost) as ocean:
-        assert any("angle is not told" in note for note in ocean.notes)
+        assert any("angle is not given" in note for note in ocean.notes)
         found = ocean.at(lon[2:5, 3:7], lat[2:5, 3:7], 0.0, START)
         np.testing.assert_allclose(found[:2], flow(lon[2:5, 3:7], lat[2:5, 3:7]), atol=2e-3)
 
@@ -169,10 +169,10 @@ def test_roms_without_an_angle_follows_the_rows_of_its_grid(tmp_path):
     data = roms()
     lon, lat = data["lon_rho"].values[2:6, 2:9] + 1e-4, data["lat_rho"].values[2:6, 2:9] + 1e-4
     with (
-        open_ocean(write(data, tmp_path / "told.nc")) as told,
+        open_ocean(write(data, tmp_path / "stated.nc")) as stated,
         open_ocean(write(data.drop_vars("angle"), tmp_path / "untold.nc")) as untold,
     ):
-        pair = [np.stack(ocean.at(lon, lat, 3.0, START)[:2]) for ocean in (told, untold)]
+        pair = [np.stack(ocean.at(lon, lat, 3.0, START)[:2]) for ocean in (stated, untold)]
     np.testing.assert_allclose(pair[1], pair[0], atol=3e-3 * np.abs(pair[0]).max())
 
 
@@ -288,8 +288,8 @@ def test_selfe_sigma_levels(tmp_path):
 
 def test_zeros_below_the_bed_are_a_mask(tmp_path):
     data = regular(depth=[0.0, 10.0, 30.0, 60.0])
-    told = {"standard_name": "sea_floor_depth_below_geoid", "units": "m"}
-    data["deptho"] = (("latitude", "longitude"), np.full((6, 8), 25.0), told)
+    stated = {"standard_name": "sea_floor_depth_below_geoid", "units": "m"}
+    data["deptho"] = (("latitude", "longitude"), np.full((6, 8), 25.0), stated)
     for name in ("uo", "vo"):
         data[name][:, 2:] = 0.0
     with open_ocean(write(data, tmp_path / "zero.nc")) as ocean:
@@ -384,11 +384,11 @@ def test_a_mask_of_land_alone_was_never_written(tmp_path):
     expected = write(data, tmp_path / "whole.nc")
     places = data["lon_rho"].values[2:6, 2:9], data["lat_rho"].values[2:6, 2:9], 3.0, START
     with (
-        open_ocean(expected) as told,
+        open_ocean(expected) as stated,
         open_ocean(write(data.assign(mask_rho=0.0 * data["mask_rho"]), tmp_path / "zero.nc")) as unset,
     ):
         assert "mask_rho says land everywhere: left out" in unset.notes
-        np.testing.assert_array_equal(unset.at(*places), told.at(*places))
+        np.testing.assert_array_equal(unset.at(*places), stated.at(*places))
 
 
 @pytest.mark.parametrize("name", ["lon_rho", "lat_rho"])

@@ -131,8 +131,8 @@ def test_parameters_of_roms_that_can_be_assumed(tmp_path):
     path = write(roms(transform=1).drop_vars(["Vtransform", "zeta", "s_rho"]), tmp_path / "roms.nc")
     with open_ocean(path) as ocean:
         assert "Vtransform is missing: taken as 1" in ocean.notes
-        assert "the surface's height zeta is not told: taken as 0" in ocean.notes
-        assert "the s-levels along s_rho are not told: taken as evenly spaced" in ocean.notes
+        assert "the surface's height zeta is not given: taken as 0" in ocean.notes
+        assert "the s-levels along s_rho are not given: taken as evenly spaced" in ocean.notes
 
 
 @pytest.mark.parametrize(

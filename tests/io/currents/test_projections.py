@@ -24,7 +24,7 @@ def from_east(crs, lon, lat):
 
 
 def grid(crs, x, y, mapping, **options):
-    """An even current told along a projection's axes, with no longitude or latitude in the file."""
+    """An even current stated along a projection's axes, with no longitude or latitude in the file."""
     back = Transformer.from_crs(crs, "EPSG:4326", always_xy=True)
     lon, lat = back.transform(*np.meshgrid(x, y))
     angle = from_east(crs, lon, lat)
@@ -49,22 +49,22 @@ def expect(ocean, lon, lat, atol=2e-5):
     np.testing.assert_allclose(found[1], NORTH, atol=atol)
 
 
-@pytest.mark.parametrize("told", ["wkt", "epsg", "cf", "setting"])
-def test_metres_of_a_projection_alone(tmp_path, told):
+@pytest.mark.parametrize("stated", ["wkt", "epsg", "cf", "setting"])
+def test_metres_of_a_projection_alone(tmp_path, stated):
     crs = CRS.from_epsg(32633)
     mapping = {
         "wkt": {"crs_wkt": crs.to_wkt()},
         "epsg": {"grid_mapping_name": "unknown", "epsg": np.int32(32633)},
         "cf": {key: value for key, value in crs.to_cf().items() if key != "crs_wkt"},
         "setting": {},
-    }[told]
+    }[stated]
     x, y = 300_000.0 + 500.0 * np.arange(8), 6_600_000.0 + 500.0 * np.arange(7)
     names = {"names": ("projection_x_coordinate", "projection_y_coordinate"), "units": "m"}
     data, lon, lat = grid(crs, x, y, mapping, **names)
     path = write(data, tmp_path / "utm.nc")
-    with open_ocean(path, crs=32633 if told == "setting" else None) as ocean:
+    with open_ocean(path, crs=32633 if stated == "setting" else None) as ocean:
         expect(ocean, lon, lat)
-    if told == "setting":
+    if stated == "setting":
         with pytest.raises(CurrentError, match=r"that the file does not name: say current\.crs"):
             open_ocean(path)
     else:
@@ -94,7 +94,7 @@ def test_a_turned_pole(tmp_path):
 
 
 def polar_grid(change):
-    """A polar stereographic grid with longitude and latitude too, changed; x and y are told as axes."""
+    """A polar stereographic grid with longitude and latitude too, changed; x and y are given as axes."""
     crs = CRS.from_user_input("+proj=stere +lat_0=90 +lat_ts=60 +lon_0=58 +a=6371000 +b=6371000")
     mapping = {key: value for key, value in crs.to_cf().items() if key != "crs_wkt"}
     x, y = 1e6 + 4e3 * np.arange(8), -1.2e6 + 4e3 * np.arange(7)

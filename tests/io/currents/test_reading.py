@@ -37,7 +37,7 @@ def test_files_split_over_time(tmp_path):
         write(data.isel(time=part), tmp_path / f"part{number}.nc")
     ocean = check(tmp_path / "part*.nc", hour=2.2)
     np.testing.assert_allclose(ocean.times, START + 3600.0 * np.array([0.0, 1.0, 3.0, 4.0, 6.0]))
-    assert "1 times are told twice; the first is used" in ocean.notes
+    assert "1 times are given twice; the first is used" in ocean.notes
     check([tmp_path / "part2.nc", tmp_path / "part0.nc"], hour=5.2)
     whole = read_current(write(data, tmp_path / "whole.nc"), SITE, times=(5000.0, 20000.0), **BOX)
     parts = read_current(str(tmp_path / "part*.nc"), SITE, times=(5000.0, 20000.0), **BOX)

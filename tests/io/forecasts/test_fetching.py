@@ -185,7 +185,7 @@ def test_where_it_is_from_stays_with_the_file(server, tmp_path):
         f"from thredds:{server.address}/dodsC/a box {BOX} "
         "time 2020-01-01T00:10:00Z,2020-01-01T00:50:00Z depth 0,5"
     )
-    told = {
+    stated = {
         "server": f"{server.address}/dodsC",
         "dataset": "a",
         "run": "2019-12-31T18:00:00Z",
@@ -194,12 +194,12 @@ def test_where_it_is_from_stays_with_the_file(server, tmp_path):
     }
     assert {
         key.removeprefix("fetched_"): value for key, value in found.attrs.items() if "fetched" in key
-    } == told
+    } == stated
     with open_ocean(tmp_path / "f.nc") as ocean:
         write_dataset(to_cf(ocean), tmp_path / "cf.nc")
     for name in ("f.nc", "cf.nc"):
         (file,) = source_files({"current": {"files": name}}, tmp_path)
-        assert file.origin == told
+        assert file.origin == stated
         assert file.fetched == f"a from {server.address}/dodsC, run of 2019-12-31T18:00:00Z"
     again = fetch_current(request, tmp_path / "again.nc").path
     assert again.read_bytes() == (tmp_path / "f.nc").read_bytes(), "the same request, the same file"
@@ -229,9 +229,9 @@ ASKED = {
 def test_what_cannot_be_fetched_is_one_line(server, tmp_path, case):
     words, other = ASKED[case]
     options = {"source": dap(server), "box": BOX, "time": TIME, "depth": "0,5"} | other
-    with pytest.raises(ForecastError, match=words) as told:
+    with pytest.raises(ForecastError, match=words) as stated:
         fetch_current(Request.of(**options), tmp_path / "f.nc")
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(stated.value)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -249,10 +249,10 @@ def test_what_cannot_be_fetched_is_one_line(server, tmp_path, case):
 )
 def test_what_servers_do_wrong_is_one_line_and_no_file(server, tmp_path, of, part, ill, words):
     server.ill[part] = ill
-    with pytest.raises(ForecastError, match=words) as told:
+    with pytest.raises(ForecastError, match=words) as stated:
         fetch(of(server), tmp_path / "f.nc", timeout=0.2)
-    assert server.address in str(told.value)
-    assert "\n" not in str(told.value)
+    assert server.address in str(stated.value)
+    assert "\n" not in str(stated.value)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -341,9 +341,9 @@ def test_copernicus_by_its_client(client, tmp_path):
 )
 def test_what_copernicus_refuses_is_one_line(client, tmp_path, options, words):
     client(**options)
-    with pytest.raises(ForecastError, match=words) as told:
+    with pytest.raises(ForecastError, match=words) as stated:
         fetch("copernicus:cmems_mod", tmp_path / "f.nc")
-    assert "\n" not in str(told.value)
+    assert "\n" not in str(stated.value)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -363,8 +363,8 @@ def test_the_command(server, tmp_path, capsys, monkeypatch):
     options = ["--from", griddap(server), "--box", BOX, "--time", TIME, "--out", path]
     code, out, _ = call(capsys, monkeypatch, "currents", *options, "--json")
     assert code == 0
-    told = json.loads(out)
-    assert (told["times"], told["points"]) == (2, "5 x 5")
+    stated = json.loads(out)
+    assert (stated["times"], stated["points"]) == (2, "5 x 5")
     code, out, _ = call(capsys, monkeypatch, "currents", *options)
     assert code == 0
     assert f"written: {path}" in out

@@ -21,9 +21,9 @@ def write_grid(path, name="elevation", *, sign=-1.0, attributes=None, values=Non
     lat, lon = axes.get("lat", LATITUDE), axes.get("lon", LONGITUDE)
     near = (np.asarray(lon) + 180.0 + 5.66) % 360.0 - 180.0 - 5.66
     grid = sign * sea_floor(near[None, :], np.asarray(lat)[:, None]) if values is None else values
-    told = {"units": "m"} if attributes is None else attributes
+    stated = {"units": "m"} if attributes is None else attributes
     dataset = xr.Dataset(
-        {name: (("lat", "lon"), grid, told)},
+        {name: (("lat", "lon"), grid, stated)},
         {
             "lat": ("lat", lat, {"units": "degrees_north"}),
             "lon": ("lon", lon, {"units": "degrees_east"}),

@@ -220,6 +220,6 @@ def test_one_variable_of_several(tmp_path):
     first = read_bathymetry(tmp_path / "c.nc", SITE, **AREA)
     deep = read_bathymetry(tmp_path / "c.nc", SITE, variable="deep", positive="up", **AREA)
     np.testing.assert_allclose(deep.depth, 2 * first.depth, rtol=1e-5)
-    assert deep.notes == ("units are not told: metres",)
+    assert deep.notes == ("units are not given: metres",)
     with pytest.raises(GeoError, match=r"no variable 'floor'; it has elevation, tid, deep, lat, lon"):
         read_bathymetry(tmp_path / "c.nc", SITE, variable="floor", **AREA)

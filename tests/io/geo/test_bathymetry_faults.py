@@ -1,4 +1,4 @@
-"""Sea floors that are refused, or told about."""
+"""Sea floors that are refused, or stated about."""
 
 import numpy as np
 import pytest
@@ -66,7 +66,7 @@ def test_negative_values_alone_are_heights(tmp_path):
     assert (found.depth == 30.0).all()
     assert found.notes == (
         "bathymetry was taken as positive up: its values are negative",
-        "units are not told: metres",
+        "units are not given: metres",
     )
 
 
@@ -96,7 +96,7 @@ LAND = np.full((14, 9), 30.0)
 
 
 @pytest.mark.parametrize(
-    ("name", "told", "values", "arguments", "words"),
+    ("name", "stated", "values", "arguments", "words"),
     [
         ("h", {"units": "m"}, -LAND, {}, r'h is positive down by its name, but all .* say positive="up"'),
         ("z", {"units": "m", "positive": "down"}, -LAND, {}, "positive down by its attribute"),
@@ -107,19 +107,19 @@ LAND = np.full((14, 9), 30.0)
         ("z", {"units": "m"}, LAND * np.nan, {}, "z has no values in the area"),
         ("z", {"units": "m"}, LAND, {"positive": "north"}, 'positive must be "up" or "down"'),
         ("salt", {"units": "m"}, LAND, {"variable": "lat"}, "lat has dimensions lat, not two"),
-        ("z", {"units": "m"}, LAND, {"pixel_size": 0.01}, "are more than"),
+        ("z", {"units": "m"}, LAND, {"pixel_size": 0.01}, "pixels, more than"),
         ("z", {"units": "m"}, LAND, {"pixel_size": -1.0}, "pixel_size must be positive"),
         ("z", {"units": "m"}, LAND, {"pixel_size": 0.0}, "pixel_size must be positive"),
     ],
 )  # fmt: skip
-def test_grids_that_are_refused(tmp_path, name, told, values, arguments, words):
-    path = write_grid(tmp_path / "b.nc", name, attributes=told, values=values)
+def test_grids_that_are_refused(tmp_path, name, stated, values, arguments, words):
+    path = write_grid(tmp_path / "b.nc", name, attributes=stated, values=values)
     with pytest.raises(GeoError, match=words) as caught:
         read_bathymetry(path, SITE, **arguments, **AREA)
     assert "\n" not in str(caught.value)
 
 
-def test_land_is_negative_and_told(tmp_path):
+def test_land_is_negative_and_stated(tmp_path):
     found = read_bathymetry(write_grid(tmp_path / "b.nc", values=LAND), SITE, **AREA)
     assert (found.depth == -30.0).all()
     assert found.notes == ("no pixel lies below the sea surface",)

@@ -91,7 +91,7 @@ def test_small_land_is_not_lost_between_coarse_pixels(tmp_path):
         ((1e6, 1e6), (1.001e6, 1.001e6), "beyond the picture by .* in the north"),
         ((210.0, 0.0), (-210.0, 300.0), "south-west"),
         ((0.0, float("nan")), (1.0, 1.0), "finite"),
-        ((-1e5, -1e5), (1e5, 1e5), "pixels of 10 m are more than"),
+        ((-1e5, -1e5), (1e5, 1e5), "pixel_size 10 m makes .* pixels, more than"),
     ],
 )
 def test_rectangles_that_the_picture_does_not_cover(tmp_path, lower, upper, words):
@@ -148,13 +148,13 @@ def test_a_picture_in_doubt_is_refused_once_named(tmp_path):
     with pytest.raises(ChartError) as caught:
         chart_from_raster(path, SITE, **area)
     assert str(caught.value).count(str(path)) == 1
-    told = ChartColours(water=("#b97d37",), land=("#293b6d",))
-    chart = chart_from_raster(path, SITE, colours=told, **area)
+    stated = ChartColours(water=("#b97d37",), land=("#293b6d",))
+    chart = chart_from_raster(path, SITE, colours=stated, **area)
     assert chart.is_water(-200.0, -290.0)
     assert not chart.is_water(0.0, 0.0)
 
 
-def test_what_is_no_data_is_coast_and_told(tmp_path):
+def test_what_is_no_data_is_coast_and_stated(tmp_path):
     colours = np.full((40, 60, 3), WATER, np.uint8)
     colours[:, :20] = 0
     path = write_geotiff(

@@ -13,8 +13,8 @@ SITE = Site(148.96, -20.34)
 
 def written(tmp_path, *properties, kind="Point", place=(148.97, -20.34)):
     features = [
-        {"type": "Feature", "properties": told, "geometry": {"type": kind, "coordinates": list(place)}}
-        for told in properties
+        {"type": "Feature", "properties": stated, "geometry": {"type": kind, "coordinates": list(place)}}
+        for stated in properties
     ]
     path = tmp_path / "obstacles.geojson"
     path.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
@@ -40,7 +40,7 @@ def test_course_and_speed_are_a_velocity_north_and_east(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("told", "words"),
+    ("stated", "words"),
     [
         ({}, "radius is missing"),
         ({"radius": -1}, "radius must be greater than 0"),
@@ -51,8 +51,8 @@ def test_course_and_speed_are_a_velocity_north_and_east(tmp_path):
         ({"radius": 10, "depth_min": 9, "depth_max": 3}, "depth_max 3 m lies above depth_min 9 m"),
     ],
 )
-def test_a_fault_is_one_line_with_file_and_feature(tmp_path, told, words):
-    path = written(tmp_path, {"radius": 5}, told)
+def test_a_fault_is_one_line_with_file_and_feature(tmp_path, stated, words):
+    path = written(tmp_path, {"radius": 5}, stated)
     with pytest.raises(GeoError, match="feature 2") as error:
         read_obstacles(path, SITE)
     assert str(path) in str(error.value)

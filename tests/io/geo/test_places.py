@@ -42,9 +42,9 @@ def test_gpx_waypoints_as_gpxpy_writes_them(tmp_path):
     ]
     close([job.position for job in jobs.points], [(148.9415, -20.344, 12.5), (148.94, -20.313, 3.0)])
     assert jobs.notes == (
-        f"{path}: priority is not told by 2 of 2 jobs: taken as 1",
-        f"{path}: duration is not told by 2 of 2 jobs: taken as 0 s",
-        f"{path}: depth is not told by 1 of 2 jobs: taken as 3 m",
+        f"{path}: priority is not given by 2 of 2 jobs: taken as 1",
+        f"{path}: duration is not given by 2 of 2 jobs: taken as 0 s",
+        f"{path}: depth is not given by 1 of 2 jobs: taken as 3 m",
     )
     made.routes = [gpxpy.gpx.GPXRoute("r")]
     path.write_text(made.to_xml(version="1.0"))
@@ -56,11 +56,11 @@ def placemarks(*marks):
     """A document of placemarks (name, geometry, extended data, altitude mode), as fastkml writes it."""
     features = []
     for name, shape, data, mode in marks:
-        told = [fastkml.Data(name=key, value=str(value)) for key, value in data.items()]
+        stated = [fastkml.Data(name=key, value=str(value)) for key, value in data.items()]
         geometry = fastkml.geometry.create_kml_geometry(shape, altitude_mode=mode)
         features.append(
             fastkml.Placemark(
-                name=name, kml_geometry=geometry, extended_data=fastkml.ExtendedData(elements=told)
+                name=name, kml_geometry=geometry, extended_data=fastkml.ExtendedData(elements=stated)
             )
         )
     document = fastkml.Document(features=[fastkml.Folder(features=features)])
@@ -91,17 +91,17 @@ def test_kml_placemarks_as_fastkml_writes_them(tmp_path, name):
     else:
         path.write_text(placemarks(*MARKS))
     jobs = read_jobs(path, SITE, default_depth=2.0)
-    told = [(job.name, job.priority, job.duration) for job in (*jobs.points, *jobs.lines)]
-    assert told == [("wreck", 5, 300), ("buoy", 1, 0), ("plain", 1, 0), ("sound", 4, 0)]
+    stated = [(job.name, job.priority, job.duration) for job in (*jobs.points, *jobs.lines)]
+    assert stated == [("wreck", 5, 300), ("buoy", 1, 0), ("plain", 1, 0), ("sound", 4, 0)]
     close(
         [job.position for job in jobs.points],
         [(148.989, -20.366, 22), (148.95, -20.35, 8), (148.94, -20.33, 2)],
     )
     close(jobs.lines[0].positions, [(148.945, -20.327, 12), (148.937, -20.323, 14)])
     assert [note.partition(": ")[2] for note in jobs.notes] == [
-        "priority is not told by 2 of 4 jobs: taken as 1",
-        "duration is not told by 3 of 4 jobs: taken as 0 s",
-        "depth is not told by 1 of 4 jobs: taken as 2 m",
+        "priority is not given by 2 of 4 jobs: taken as 1",
+        "duration is not given by 3 of 4 jobs: taken as 0 s",
+        "depth is not given by 1 of 4 jobs: taken as 2 m",
     ]
 
 
@@ -247,10 +247,10 @@ def test_faults_are_one_line(tmp_path, case):
     name, text, words = FAULTS[case]
     path = tmp_path / name
     path.write_text(text)
-    with pytest.raises(GeoError, match=words) as told:
+    with pytest.raises(GeoError, match=words) as stated:
         read_jobs(path, SITE)
-    assert str(told.value).startswith(f"{path}: ")
-    assert "\n" not in str(told.value)
+    assert str(stated.value).startswith(f"{path}: ")
+    assert "\n" not in str(stated.value)
 
 
 @pytest.mark.parametrize(
@@ -268,9 +268,9 @@ def test_faults_are_one_line(tmp_path, case):
 )
 def test_faults_of_plans_name_the_item(tmp_path, wrong, words):
     path = plan(tmp_path / "a.plan", wrong, item(hold="long"))
-    with pytest.raises(GeoError, match=words) as told:
+    with pytest.raises(GeoError, match=words) as stated:
         read_jobs(path, SITE)
-    assert told.value.lines[1] == f"{path}: item 2: duration must be a finite number, got 'long'"
+    assert stated.value.lines[1] == f"{path}: item 2: duration must be a finite number, got 'long'"
 
 
 def test_altitudes_that_kml_lays_on_the_ground(tmp_path):
@@ -293,7 +293,7 @@ def test_a_scenario_tells_what_was_assumed(tmp_path):
     found = examine_scenario(site.folder / "scenario.yaml")
     assert found.lines == []
     assert [note for note in found.notes if "jobs.plan" in note] == [
-        f"{site.folder / 'jobs.plan'}: priority is not told by 1 of 1 job: taken as 1"
+        f"{site.folder / 'jobs.plan'}: priority is not given by 1 of 1 job: taken as 1"
     ]
     plan(site.folder / "jobs.plan", item(place=(-20.345, 148.97, 5.0)), item(frame=10))
     lines = examine_scenario(site.folder / "scenario.yaml").lines

@@ -70,11 +70,11 @@ def test_land_with_a_hole_a_fringe_and_reefs(tmp_path):
 @pytest.mark.parametrize(
     "wrap", ["FeatureCollection", "Feature", "bare", "GeometryCollection", "MultiPolygon", "turn"]
 )
-def test_the_same_land_however_it_is_told(tmp_path, wrap):
+def test_the_same_land_however_it_is_stated(tmp_path, wrap):
     corners = ring((100, 200), (100, 700), (600, 200))
     path = tmp_path / "land.json"
     alone = {"type": "Polygon", "coordinates": [corners]}
-    told = {
+    stated = {
         "FeatureCollection": {"type": "FeatureCollection", "features": [feature("Polygon", [corners])]},
         "Feature": feature("Polygon", [corners]),
         "bare": alone,
@@ -82,7 +82,7 @@ def test_the_same_land_however_it_is_told(tmp_path, wrap):
         "MultiPolygon": {"type": "MultiPolygon", "coordinates": [[corners]]},
         "turn": {"type": "Polygon", "coordinates": [[[x + 0.0, y] for x, y in corners]]},
     }[wrap]
-    path.write_text("\ufeff" + json.dumps(told), encoding="utf-8")
+    path.write_text("\ufeff" + json.dumps(stated), encoding="utf-8")
     chart = chart_from_polygons(path, SITE, **AREA)
     twin = with_no_go(None, [Polygon([(100, 200), (100, 700), (600, 200)])], **AREA)
     assert (kinds(chart) != kinds(twin)).mean() < 0.005

@@ -298,7 +298,7 @@ def test_pixels_of_a_geotiff_are_measured_on_the_ellipsoid(tmp_path):
     assert pixel_size(utm).metres == pytest.approx(300.0, rel=1e-3)
 
 
-def test_pixels_that_are_no_squares_are_told(tmp_path):
+def test_pixels_that_are_no_squares_are_stated(tmp_path):
     path = write_geotiff(tmp_path / "d.tif", COLOURS, corner=(10.0, 60.0), scale=(0.001, 0.001))
     size = pixel_size(path)
     assert size.metres == pytest.approx(111.4 * np.sqrt(0.5), rel=0.01)
@@ -331,7 +331,7 @@ def test_pixels_of_a_world_file(tmp_path, name, world):
         pixel_size(tmp_path / name)
 
 
-def test_pixels_without_data_are_told(tmp_path):
+def test_pixels_without_data_are_stated(tmp_path):
     colours = np.array(COLOURS)
     colours[2:4] = 0
     path = write_geotiff(tmp_path / "n.tif", colours, nodata="0")

@@ -3,22 +3,23 @@
 import json
 from datetime import UTC, datetime
 
+import numpy as np
 import pytest
 
 from auvplan.io.geo import GeoError, read_jobs
-from auvplan.io.geo.windows import read_windows
+from auvplan.io.geo.windows import read_falls, read_windows
 from auvplan.site import Site
 
 SITE = Site(148.96, -20.34, epoch=datetime(2026, 3, 1, tzinfo=UTC))
 HOUR = 3600.0
 
 
-def windows(duration=0.0, until=6 * HOUR, **told):
-    return read_windows("jobs.csv: row 2", told, SITE, duration, until)
+def windows(duration=0.0, until=6 * HOUR, speed=None, **stated):
+    return read_windows("jobs.csv: row 2", stated, SITE, duration, until, speed)
 
 
 @pytest.mark.parametrize(
-    ("told", "expected"),
+    ("stated", "expected"),
     [
         ({}, ()),
         ({"from": "", "to": ".."}, ()),
@@ -31,14 +32,14 @@ def windows(duration=0.0, until=6 * HOUR, **told):
         ({"windows": [[3000, 4200], [None, 600]]}, ((-float("inf"), 600.0), (3000.0, 4200.0))),
     ],
 )
-def test_windows_are_read(told, expected):
-    assert windows(**told) == expected
+def test_windows_are_read(stated, expected):
+    assert windows(**stated) == expected
 
 
 def test_the_whole_task_lies_in_the_window_unless_its_beginning_does():
-    told = {"windows": [[0, 100], [1000, 2000]]}
-    assert windows(300.0, **told) == ((1000.0, 1700.0),)
-    assert windows(300.0, **told, window="begin") == ((0.0, 100.0), (1000.0, 2000.0))
+    stated = {"windows": [[0, 100], [1000, 2000]]}
+    assert windows(300.0, **stated) == ((1000.0, 1700.0),)
+    assert windows(300.0, **stated, window="begin") == ((0.0, 100.0), (1000.0, 2000.0))
 
 
 def test_times_of_day_hold_on_every_day():
@@ -47,7 +48,7 @@ def test_times_of_day_hold_on_every_day():
 
 
 @pytest.mark.parametrize(
-    ("told", "message"),
+    ("stated", "message"),
     [
         ({"from": 1800, "to": 600}, "from 1800 to 600 ends before it begins"),
         ({"from": "2026-03-01T01:00"}, "has no time zone: write 2026-03-01T01:00Z"),
@@ -64,9 +65,9 @@ def test_times_of_day_hold_on_every_day():
         ({"from": 0, "window": "half"}, "must be 'whole' or 'begin'"),
     ],
 )
-def test_slips_are_told(told, message):
+def test_slips_are_stated(stated, message):
     with pytest.raises(GeoError, match=message) as refused:
-        windows(300.0, **told)
+        windows(300.0, **stated)
     assert str(refused.value).startswith("jobs.csv: row 2: ")
 
 
@@ -104,8 +105,64 @@ def test_both_formats_tell_the_same(tmp_path):
     assert one.windows == two.windows == ((HOUR, 2 * HOUR - 60.0),)
 
 
-def test_lines_have_no_windows(tmp_path):
+def test_windows_of_a_line_stand_in_any_of_its_rows(tmp_path):
     table = tmp_path / "jobs.csv"
-    table.write_text("line,lon,lat,from\na,148.95,-20.33,60\na,148.96,-20.33,\n")
-    with pytest.raises(GeoError, match="a survey line has no time windows"):
+    table.write_text("line,lon,lat,from,to\na,148.95,-20.33,60,\na,148.96,-20.33,,\na,148.97,-20.33,60,900\n")
+    (line,) = read_jobs(table, SITE).lines
+    assert line.windows == ((60.0, 900.0),)
+    table.write_text("line,lon,lat,from,to\na,148.95,-20.33,60,\na,148.96,-20.33,90,\n")
+    with pytest.raises(GeoError, match="line 'a' has from 60 in an earlier row, 90 in this"):
         read_jobs(table, SITE)
+    table.write_text("line,lon,lat,from,window\na,148.95,-20.33,60,begin\na,148.96,-20.33,,\n")
+    with pytest.raises(GeoError, match="leave out window: begin"):
+        read_jobs(table, SITE)
+
+
+def test_slack_water_is_when_the_current_is_slower_there(tmp_path):
+    table = tmp_path / "jobs.csv"
+    table.write_text("name,north,east,windows\na,100,0,slack < 0.5\nb,900,0,slack<0.5 m/s\n")
+
+    def speed(place, times):
+        return np.abs(np.cos(np.pi * times / HOUR)) * place[0] / 500.0
+
+    near, far = read_jobs(table, SITE, until=HOUR, speed=speed).points
+    assert near.windows == ((0.0, HOUR),)
+    half = HOUR / np.pi * np.arccos(0.5 / 1.8)
+    assert far.windows[0] == pytest.approx((half, HOUR - half), abs=60.0)
+    with pytest.raises(GeoError, match=r"needs a current that is forecast"):
+        read_jobs(table, SITE)
+    table.write_text("name,north,east,windows\na,100,0,slack < fast\n")
+    with pytest.raises(
+        GeoError, match=r"row 2: slack water is given in m/s, such as slack < 0\.2, got 'fast'"
+    ):
+        read_jobs(table, SITE, speed=speed)
+    with pytest.raises(GeoError, match=r"never below 0\.1 m/s there in the time of the mission: 0\.30 m/s"):
+        windows(speed=lambda times: 0.3 + 0.0 * times, windows="slack < 0.1")
+
+
+@pytest.mark.parametrize(
+    ("stated", "expected"),
+    [
+        ({}, ()),
+        ({"priority_after": "600/2"}, ((600.0, 2.0),)),
+        ({"priority_after": [600, 2]}, ((600.0, 2.0),)),
+        ({"priority_after": "2026-03-01T01:00Z/2, 7200/0.5"}, ((HOUR, 2.0), (2 * HOUR, 0.5))),
+    ],
+)
+def test_priorities_fall_at_moments(stated, expected):
+    assert read_falls("a", stated, SITE, 3.0) == expected
+
+
+@pytest.mark.parametrize(
+    ("stated", "message"),
+    [
+        ("600", "cannot be read: write moment/priority"),
+        ("600/5", "falls from 3 to '5'"),
+        ("600/2, 300/1", "has 300 after a later moment"),
+        ("08:00Z/1", "needs a moment or seconds"),
+        ("600/low", "falls from 3 to 'low'"),
+    ],
+)
+def test_slips_in_falling_priorities_are_stated(stated, message):
+    with pytest.raises(GeoError, match=message):
+        read_falls("a", {"priority_after": stated}, SITE, 3.0)

@@ -1,0 +1,163 @@
+"""The command that executes a mission on a vehicle."""
+
+import math
+import sys
+from dataclasses import fields, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from auvplan.cli.shared import (
+    JsonOption,
+    OutOption,
+    QuietOption,
+    ScenarioArgument,
+    SeedOption,
+    SetOption,
+    errors,
+    load,
+    naming,
+    print_json,
+    say,
+)
+from auvplan.errors import AuvplanError, ScenarioError
+from auvplan.words import counted
+
+if TYPE_CHECKING:
+    from auvplan.link import ExecutionRecord, Limits
+    from auvplan.link.execution import Tell
+    from auvplan.link.record import Event
+
+#: s between now and the scenario's departure that are worth a warning: its forecast is of another time.
+_APART = 600.0
+
+
+def execute(
+    scenario: ScenarioArgument = "whitsunday",
+    link: Annotated[
+        str,
+        typer.Option(
+            "--link",
+            help="The vehicle: sim, mavlink:ADDRESS as pymavlink takes it, such as "
+            "mavlink:udpin:0.0.0.0:14550, or imc:HOST:PORT.",
+        ),
+    ] = "sim",
+    out: OutOption = Path("out/execute"),
+    seed: SeedOption = 0,
+    scale: Annotated[
+        float | None,
+        typer.Option(
+            "--scale",
+            help="Seconds of the vehicle's time in one of the clock's, for simulated vehicles. "
+            "1 if absent; for sim as fast as it goes.",
+        ),
+    ] = None,
+    notices: Annotated[
+        Path | None,
+        typer.Option("--notices", help="File of JSON lines that tell of obstacles and currents as it grows."),
+    ] = None,
+    limit: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--limit", metavar="NAME=VALUE", help="Another limit, such as silence=30. See the page."
+        ),
+    ] = None,
+    changes: SetOption = None,
+    quiet: QuietOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Plan a mission and execute it on a vehicle: upload, follow, plan the rest anew, end safely."""
+    quiet = quiet or as_json
+    from auvplan.link.opening import SIMULATOR, check_address
+
+    limits = _limits(limit or [])
+    check_address(link)
+    if scale is not None and not (math.isfinite(scale) and scale > 0.0):
+        raise AuvplanError(f"--scale: must be positive, got {scale:g}")
+    from auvplan.compiled import MISSIONS, preload
+
+    preload(MISSIONS)
+    from auvplan.files import output_folder
+
+    output_folder(out)
+    from auvplan.executive import load_area_at
+    from auvplan.link import execute, open_link
+    from auvplan.link.notices import NoNotices, NoticeFile
+    from auvplan.link.rolling import RollingPlan
+    from auvplan.link.simulated import SimulatedVehicle
+
+    with naming(scenario):
+        settings, folder = load(scenario, settings=changes)
+        if link != SIMULATOR and settings.site is None:
+            raise ScenarioError("site: is missing: a vehicle is given longitude and latitude")
+        area = load_area_at(settings, [0.0], folder)
+        plan = RollingPlan(settings, seed, folder, area)
+        heard = NoNotices() if notices is None else NoticeFile(notices, plan.site)
+        if link == SIMULATOR:
+            vehicle = SimulatedVehicle(settings, seed, folder, area, scale)
+        else:
+            vehicle = open_link(link, plan.site, limits, scale or 1.0)
+    if not quiet:
+        for note in area.notes:
+            say(f"note: {note}")
+        if link != SIMULATOR and scale is None:
+            _warn_of_the_date(plan.site.epoch)
+    record = execute(plan, vehicle, limits=limits, notices=heard, tell=_tell(quiet))
+    file = record.save(out)
+    if as_json:
+        print_json(record.summary())
+    elif not quiet:
+        _say_verdict(record, file)
+    if not record.success:
+        errors.print(
+            f"auvplan: mission failed: {record.reason}; {record.safe}", soft_wrap=True, highlight=False
+        )
+        raise typer.Exit(1)
+
+
+def _limits(texts: list[str]) -> "Limits":
+    """Return limits with those of `--limit` in place of their own.
+
+    Raises:
+        AuvplanError: one is unknown or no number; one line.
+    """
+    from auvplan.link import Limits
+
+    kinds = {field.name: type(field.default) for field in fields(Limits)}
+    given = {}
+    for text in texts:
+        name, mark, value = text.partition("=")
+        if not mark or name not in kinds:
+            raise AuvplanError(f"--limit {text!r}: give it as NAME=VALUE with a name of {', '.join(kinds)}")
+        try:
+            given[name] = kinds[name](value)
+        except ValueError:
+            raise AuvplanError(f"--limit {text!r}: {value!r} is no number") from None
+    return replace(Limits(), **given)
+
+
+def _warn_of_the_date(epoch: datetime | None) -> None:
+    """Say that the forecast is for another time than now, if it is."""
+    if epoch is not None and abs((datetime.now(UTC) - epoch).total_seconds()) > _APART:
+        say(f"note: the plan is for a departure at {epoch:%Y-%m-%d %H:%M} UTC, and the vehicle leaves now")
+
+
+def _tell(quiet: bool) -> "Tell":
+    """Return what shows events as they happen."""
+
+    def tell(event: "Event") -> None:
+        if not quiet and event.kind != "end":
+            say(f"{event.time:9.0f} s  {event.text}")
+            sys.stdout.flush()
+
+    return tell
+
+
+def _say_verdict(record: "ExecutionRecord", file: Path) -> None:
+    say(
+        f"{record.reason}; {record.safe}; {record.t_mission:.0f} s of {record.t_available:.0f} s, "
+        f"{counted(len(record.tasks), 'task')}, total priority {record.total_priority:g}"
+    )
+    say(f"record in {file}")

@@ -1,0 +1,293 @@
+"""Missions under way together: what they share, how far each one is, and the leg that it is on."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from datetime import datetime
+from functools import cached_property
+
+import jax
+import numpy as np
+from numpy.typing import NDArray
+
+from auvplan import prng
+from auvplan.executive.belief import ObstacleBelief
+from auvplan.executive.clock import Clock
+from auvplan.mission import MissionConfig, MissionGraph, MissionRoute
+from auvplan.ocean.chart import Chart
+from auvplan.ocean.currents import Current
+from auvplan.ocean.environment import Environment
+from auvplan.ocean.known import Spheres, spheres
+from auvplan.ocean.obstacles import Obstacles
+from auvplan.path import PathConfig, PathPlan
+from auvplan.records import LegRecord, MissionRun
+from auvplan.scenario.area import OperatingArea
+from auvplan.scenario.scenario import Scenario
+from auvplan.scenario.settings import PlanningRules
+from auvplan.simulation.faults import Fault, Faults, Obstacle
+from auvplan.simulation.sea import Sea
+from auvplan.simulation.world import TrueObstacles
+from auvplan.site import at_time
+from auvplan.vehicle import Vehicle
+
+Array = NDArray[np.floating]
+
+
+@dataclass
+class SimulationContext:
+    """What missions in one sea area share.
+
+    Attributes:
+        scenario: settings.
+        path_config: of the path planner.
+        route_configs: of the mission planner, for the first route and for later ones.
+        vehicle: speed and limits.
+        area: what is known of the sea area.
+        folder: that relative paths in the scenario start from.
+        clock: that planning calls are timed by.
+        simulated: whether missions meet what no plan knows of; otherwise they go as planned, in the forecast.
+        faults: injected into each mission, by its number; empty for none.
+    """
+
+    scenario: Scenario
+    path_config: PathConfig
+    route_configs: tuple[MissionConfig, MissionConfig]
+    vehicle: Vehicle
+    area: OperatingArea
+    folder: str = "."
+    clock: Clock = field(default_factory=Clock)
+    simulated: bool = True
+    faults: Sequence[Sequence[Fault]] = ()
+
+    @cached_property
+    def rules(self) -> PlanningRules:
+        """How missions are planned, with the preset's values for what the scenario leaves open."""
+        return self.scenario.planning.resolved
+
+    @property
+    def surprises(self) -> int:
+        """Obstacles on each leg that no plan knows of."""
+        return self.scenario.simulation.obstacles.total if self.simulated else 0
+
+    def faults_of(self, number: int) -> Faults:
+        """Return the faults of one mission; all have as many places for obstacles."""
+        if not self.faults:
+            return Faults()
+        counts = (sum(isinstance(fault, Obstacle) for fault in given) for given in self.faults)
+        return Faults(self.faults[number], max(counts))
+
+    @property
+    def by_clock(self) -> bool:
+        """Whether edges are timed by their departure: where the sea is forecast to change, or areas close."""
+        rules, forecast = self.rules, self.area.forecast
+        changes = (forecast is not None and not forecast.steady) or bool(self.area.closures)
+        return rules.travel_times == "sea" and rules.departures > 1 and changes
+
+    @property
+    def chart(self) -> Chart | None:
+        """Coast and uncertain areas, or None."""
+        return self.area.chart
+
+    @property
+    def epoch(self) -> datetime | None:
+        """The moment that times count from, or None."""
+        return None if self.area.site is None else self.area.site.epoch
+
+    def moment(self, now: float) -> str:
+        """Return a time, s since the epoch, in words."""
+        return at_time(now, self.epoch)
+
+    @property
+    def box(self) -> tuple[Array, Array]:
+        """Corners of the box that vehicles stay in, [3] m each."""
+        lower, upper = self.scenario.box
+        return np.asarray(lower), np.asarray(upper)
+
+    def environment(self, current: Current, obstacles: Obstacles | None = None) -> Environment:
+        """Return the world as planners know it."""
+        lower, upper = (jax.device_put(corner.astype(float)) for corner in self.box)
+        known = Obstacles.none() if obstacles is None else obstacles
+        area = self.area
+        return Environment(current, self.chart, known, lower, upper, area.seabed, area.closures)
+
+    def known_obstacles(self, now: float) -> Spheres:
+        """Spheres that cover what is known beforehand, where it is at a time, s."""
+        lower, upper = self.scenario.box
+        return spheres(self.area.obstacles, (lower[2], upper[2]), now)
+
+    @property
+    def speed(self) -> float:
+        """|v|, m/s."""
+        return float(self.vehicle.speed)  # type: ignore[arg-type]
+
+
+@dataclass
+class Leg:
+    """The leg that a vehicle is on, between two waypoints.
+
+    Attributes:
+        record: what is kept of it.
+        origin, target: [3] m, the waypoints.
+        truth: its obstacles, and `moves` [M, 3] m/s their velocities over ground.
+        belief: of the obstacles.
+        plan: that is followed; `marks` [S] m are distances along it.
+        track: [S, 3] m that is followed, and `arc` m how far: the plan's, or that of an escape.
+        moving: whether it follows the track; otherwise it keeps station.
+        escaping: whether the track gives way to an obstacle.
+        windows: s, times at which the path is planned anew.
+        stopped: why it was given up, or empty.
+        stretches: times [n] s, positions [n, 3] m and obstacles [n, M, 3] m as executed, with velocity over
+            ground and current [n, 3] m/s of the steps before; the first stretch is the start, without a step.
+    """
+
+    record: LegRecord
+    origin: Array
+    target: Array
+    truth: TrueObstacles
+    moves: Array
+    belief: ObstacleBelief
+    plan: PathPlan | None = None
+    marks: Array = field(default_factory=lambda: np.zeros(0))
+    track: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    arc: float = 0.0
+    moving: bool = True
+    escaping: bool = False
+    windows: list[float] = field(default_factory=list)
+    stopped: str = ""
+    stretches: list[tuple[Array, Array, Array, Array, Array]] = field(default_factory=list)
+
+    @property
+    def position(self) -> Array:
+        """[3] m, where the vehicle is."""
+        return self.stretches[-1][1][-1] if self.stretches else self.origin
+
+    @property
+    def speed_made(self) -> float:
+        """Median of the speed through the water under way, m/s; NaN where it never was."""
+        ground, water = (np.concatenate([part[k] for part in self.stretches]) for k in (3, 4))
+        moving = np.linalg.norm(ground, axis=1) > 0.0
+        return float(np.median(np.linalg.norm(ground - water, axis=1)[moving])) if moving.any() else np.nan
+
+    @property
+    def followed(self) -> PathPlan:
+        """The plan being followed; there is one from the leg's beginning on."""
+        assert self.plan is not None
+        return self.plan
+
+    def follow(self, plan: PathPlan) -> None:
+        """Follow a plan from its beginning."""
+        gaps = np.linalg.norm(np.diff(plan.positions, axis=0), axis=1)
+        self.plan, self.marks = plan, np.concatenate([[0.0], np.cumsum(gaps)])
+        self.track, self.arc = plan.positions, 0.0
+        self.moving, self.escaping = True, False
+
+    @property
+    def under_way(self) -> bool:
+        """Whether the leg is neither finished nor stopped."""
+        return not self.record.arrived and not self.stopped
+
+
+@dataclass
+class Mission:
+    """One mission under way: its clock and sources of chance, where it stands, what it follows.
+
+    Attributes:
+        number: its place among the missions asked for.
+        run: the record.
+        sea: the true current.
+        key: of the planners.
+        rng: of obstacles and sensors.
+        graph: waypoints that may still be visited and the tasks that are left.
+        timed: the same with the travel times expected now, and without edges that the sea closes.
+        now: s since the epoch.
+        here: waypoint reached.
+        leg: that it is on, or None at a waypoint.
+        route: of tasks that is followed, and `step` the place in it.
+        slack: s that the route left of the available time, less the reserve, when it was made.
+        cause: why a new route is due, or empty.
+        learnt: s, travel times of edges (i, j) whose planned path was refused for its time.
+        departures: [M] s since the epoch, and `travel_time` [M, N, N] s of all edges then, where the sea is
+            forecast to change; None before they are timed.
+        refusals: of legs in a row.
+        obstruction: the last leg that was refused and why, or empty.
+        no_route: why the last call of the mission planner found no route, or empty.
+        visited: waypoints that were reached or left.
+        barred: edges (i, j) whose path was refused for a broken limit.
+        path_calls: planning calls so far, which number the keys.
+        pace: share of its speed through the water that the vehicle made on the last leg.
+        faults: injected.
+        ended: whether it is over.
+    """
+
+    number: int
+    run: MissionRun
+    sea: Sea
+    key: jax.Array
+    rng: np.random.Generator
+    graph: MissionGraph
+    timed: MissionGraph
+    now: float = 0.0
+    here: int = 0
+    leg: Leg | None = None
+    route: MissionRoute | None = None
+    step: int = 0
+    slack: float = 0.0
+    cause: str = "start"
+    learnt: dict[tuple[int, int], float] = field(default_factory=dict)
+    departures: Array | None = None
+    travel_time: Array | None = None
+    refusals: int = 0
+    obstruction: str = ""
+    no_route: str = ""
+    visited: set[int] = field(default_factory=set)
+    barred: set[tuple[int, int]] = field(default_factory=set)
+    path_calls: int = 0
+    pace: float = 1.0
+    faults: Faults = field(default_factory=Faults)
+    ended: bool = False
+
+    @property
+    def rest(self) -> list[int]:
+        """Waypoints of the route from the one reached to the destination; empty without a route."""
+        return [] if self.route is None else [int(node) for node in self.route.nodes[self.step :]]
+
+    @property
+    def last_route(self) -> MissionRoute:
+        """The route that is followed; there is one from the first on."""
+        assert self.route is not None
+        return self.route
+
+    @property
+    def active_leg(self) -> Leg:
+        """The leg that it is on."""
+        assert self.leg is not None
+        return self.leg
+
+    @property
+    def doing(self) -> str:
+        """What it does now, in a few words."""
+        if self.leg is None:
+            return f"at {self.run.called(self.here)}" if self.run.names else f"at waypoint {self.here}"
+        return f"leg {self.run.called(self.leg.record.start)} to {self.run.called(self.leg.record.goal)}"
+
+    def path_key(self) -> jax.Array:
+        """Return a fresh key for the next path planning call."""
+        self.path_calls += 1
+        return prng.folded(self.key, self.path_calls)
+
+    def route_key(self) -> jax.Array:
+        """Return a key for the next route."""
+        return prng.folded(self.key, 0, len(self.run.routes))
+
+    def charge(self, seconds: float) -> None:
+        """Let the mission's clock pass planning time (Eq. 16)."""
+        self.now += seconds
+        self.run.charged_compute += seconds
+
+    def end(self, reason: str) -> None:
+        """Book the end; an empty reason means that the destination was reached."""
+        run = self.run
+        self.ended = True
+        run.t_mission = self.now
+        run.arrived = self.here == run.goal and not reason
+        late = run.t_mission >= run.t_available
+        run.reason = reason or "destination reached" + (" too late" if late else " in time")

@@ -1,0 +1,235 @@
+"""When to leave: one mission or one leg planned at many departures, each in the sea as it is then."""
+
+from collections.abc import Callable, Sequence
+from copy import copy
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from auvplan import prng
+from auvplan.brief import Brief
+from auvplan.errors import ScenarioError
+from auvplan.executive.closures import why_no_route
+from auvplan.executive.context import Mission, SimulationContext
+from auvplan.executive.loop import start_mission as start_mission
+from auvplan.executive.planning import (
+    complete,
+    leaving,
+    load_area_at,
+    moment_name,
+    planning_context,
+    require_known,
+)
+from auvplan.ocean.obstacles import Obstacles
+from auvplan.path import PathPlan, PathPlans, plan_paths
+from auvplan.scenario.area import OperatingArea
+from auvplan.scenario.scenario import Scenario
+from auvplan.simulation.sea import Sea, stacked
+from auvplan.simulation.simulator import over_ground
+from auvplan.site import Site
+from auvplan.words import counted, figure
+
+Array = NDArray[np.float64]
+
+#: Called with how many departures are seen to, of how many, and what is done.
+Progress = Callable[[int, int, str], None]
+
+#: Places along a leg at which the current's strength is looked up.
+_PLACES = 33
+
+
+@dataclass(frozen=True, repr=False)
+class Departures(Brief):
+    """D departures of one mission or leg.
+
+    Attributes:
+        departs: [D] s since the scenario's epoch.
+        feasible: [D] bool, whether the destination is reached in time and every limit kept.
+        time: [D] s, expected of the mission, or travel time of the leg; NaN where it is not feasible.
+        tasks: [D] tasks of the route; 0 of a leg.
+        priority: [D] their total priority; 0 of a leg.
+        current: [D] m/s, at the departure: mean level speed at the waypoints or along the leg.
+        reasons: D lines on what stands against it; empty where it is feasible.
+        routes: waypoints in the order of visit of each, None where it is not feasible; None of a leg.
+        plans: D path plans of a leg; None of a mission.
+        site: where and when local coordinates begin, or None.
+        names: of the waypoints; empty where they have none.
+    """
+
+    departs: Array
+    feasible: NDArray[np.bool_]
+    time: Array
+    tasks: NDArray[np.int_]
+    priority: Array
+    current: Array
+    reasons: tuple[str, ...]
+    routes: tuple[list[int] | None, ...] | None = None
+    plans: PathPlans | None = None
+    site: Site | None = None
+    names: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.departs)
+
+    def _facts(self) -> dict[str, str]:
+        count = f"{self.feasible.sum():,} of {counted(len(self), 'departure')} feasible"
+        if (best := self.best) is None:
+            return {"": count}
+        return {
+            "": count,
+            "best": self.moment(best),
+            "time": f"{self.time[best]:,.0f} s",
+            **({} if self.routes is None else {"priority": figure(float(self.priority[best]), 6)}),
+        }
+
+    @property
+    def best(self) -> int | None:
+        """The feasible departure of most total priority, then least time, then the earliest; None without."""
+        rank = np.lexsort((self.departs, self.time, -self.priority, ~self.feasible))
+        return int(rank[0]) if self.feasible.any() else None
+
+    def moment(self, k: int) -> str:
+        """Departure k for people: UTC to the minute, or hours after the scenario's."""
+        return moment_name(self.site, float(self.departs[k]))
+
+
+def plan_departures(
+    scenario: Scenario,
+    departs: ArrayLike,
+    *,
+    key: jax.Array,
+    folder: str | Path | None = None,
+    area: OperatingArea | None = None,
+    progress: Progress | None = None,
+) -> Departures:
+    """Plan a mission, or the leg where the scenario has two waypoints, for each of D departures.
+
+    Waypoints, tasks and chance are the same at every departure; the sea differs. A mission is planned as
+    `plan_scenario` plans it, in the current as it is forecast for the way; so is a leg.
+
+    Args:
+        scenario: settings.
+        departs: [D] s since the scenario's epoch; negative ones need currents from files.
+        key: PRNG key of waypoints, sea and planners, as for `run_mission`.
+        folder: that relative paths in the scenario start from; that of its file if absent.
+        area: what the scenario's files tell, as `load_area_at` reads it; read here if absent.
+        progress: called as departures are seen to.
+
+    Raises:
+        ScenarioError, ChartError, GeoError, CurrentError: the scenario cannot be built, or its current is not
+            known from the first departure until the last one's time available is over.
+    """
+    moments, key = np.asarray(departs, float), prng.as_key(key)
+    if moments.ndim != 1 or not len(moments) or not np.isfinite(moments).all():
+        raise ScenarioError(f"departs must be [D] finite seconds, D at least 1, got shape {moments.shape}")
+    if area is None:
+        area = load_area_at(scenario, moments, folder)
+    require_known(scenario, area, moments)
+    if scenario.mission.waypoints == 2 and area.jobs is None:
+        context = planning_context(scenario, folder, area)
+        return _plan_legs(context, leaving(context, key, moments), progress)
+    contexts = [planning_context(scenario, folder, area, float(depart)) for depart in moments]
+    missions = [leaving(context, key, [now])[0] for context, now in zip(contexts, moments, strict=True)]
+    return _plan_missions(contexts, missions, progress)
+
+
+def _circumstances(missions: Sequence[Mission]) -> dict[str, Any]:
+    """Fields of `Departures` that no planning goes into, by name."""
+    run, places = missions[0].run, np.asarray(missions[0].graph.positions)
+    if len(places) == 2:
+        places = np.linspace(places[0], places[1], _PLACES)
+    still, adrift = np.zeros_like(places), np.ones(len(places))
+    speeds = []
+    for mission in missions:
+        forecast = copy(mission.sea).forecast()
+        water = over_ground(forecast, places, still, adrift, now=mission.now)
+        speeds.append(float(np.hypot(water[:, 0], water[:, 1]).mean()))
+    return {
+        "departs": np.asarray([mission.now for mission in missions]),
+        "current": np.asarray(speeds),
+        "site": run.site,
+        "names": tuple(run.names),
+    }
+
+
+def _plan_legs(context: SimulationContext, missions: list[Mission], progress: Progress | None) -> Departures:
+    """One call of the path planner for all departures."""
+    count, run = len(missions), missions[0].run
+    if progress:
+        progress(0, count, "planning paths")
+    common = _circumstances(missions)
+    known = [(context.known_obstacles(mission.now), mission.now) for mission in missions]
+    obstacles = jax.tree.map(
+        lambda *leaves: np.stack(leaves),
+        *(
+            Obstacles.create(one.position, one.radius, velocity=one.velocity, observed_at=now)
+            for one, now in known
+        ),
+    )
+    start, goal = (np.tile(run.graph.positions[end], (count, 1)) for end in (run.start, run.goal))
+    plans = plan_paths(
+        start,
+        goal,
+        context.environment(stacked([mission.sea.forecast() for mission in missions]), obstacles),
+        context.vehicle,
+        key=prng.stacked([mission.path_key() for mission in missions]),
+        config=context.path_config,
+        depart=common["departs"],
+        world_per_leg=True,
+    )
+    reasons = tuple(_fault(plan, context.scenario.mission.time_available, run.site) for plan in plans)
+    feasible = np.asarray([not reason for reason in reasons])
+    return Departures(
+        feasible=feasible,
+        time=np.where(feasible, plans.travel_time, np.nan),
+        tasks=np.zeros(count, int),
+        priority=np.zeros(count),
+        reasons=reasons,
+        plans=plans,
+        **common,
+    )
+
+
+def _fault(plan: PathPlan, available: float, site: Site | None) -> str:
+    """Return the limit that a leg breaks most, where and when; or an empty string."""
+    if not plan.feasible:
+        return plan.explain(plan.broken()[0], site and site.epoch)
+    late = plan.travel_time >= available
+    return f"the leg takes {plan.travel_time:.0f} s, {available:.0f} s are available" if late else ""
+
+
+def _plan_missions(
+    contexts: list[SimulationContext], missions: list[Mission], progress: Progress | None
+) -> Departures:
+    """Whole missions, each as `plan_scenario` plans it: side by side they would differ in the last digits."""
+    common = _circumstances(missions)
+    # Copies get what the plans got.
+    seas = [copy(mission.sea) for mission in missions]
+    for number, (context, mission) in enumerate(zip(contexts, missions, strict=True)):
+        if progress:
+            progress(number, len(missions), "planning missions")
+        complete(context, mission)
+    runs = [mission.run for mission in missions]
+    return Departures(
+        feasible=np.asarray([run.success for run in runs]),
+        time=np.asarray([run.t_mission if run.success else np.nan for run in runs]) - common["departs"],
+        tasks=np.asarray([run.tasks if run.success else 0 for run in runs]),
+        priority=np.asarray([run.total_priority if run.success else 0.0 for run in runs]),
+        reasons=tuple(
+            "" if mission.run.success else _why(context, mission, sea)
+            for context, mission, sea in zip(contexts, missions, seas, strict=True)
+        ),
+        routes=tuple(run.route if run.success else None for run in runs),
+        **common,
+    )
+
+
+def _why(context: SimulationContext, mission: Mission, sea: Sea) -> str:
+    """Return why a mission fails: the leg that the sea closes where none was begun, or how the plan ended."""
+    if mission.run.legs:
+        return mission.run.reason
+    return why_no_route(context, mission, mission.timed, sea.forecast())

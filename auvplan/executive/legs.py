@@ -1,0 +1,284 @@
+"""Plans and executes the legs of B missions, re-planning paths on the way (section 3.2.2)."""
+
+from collections.abc import Iterator, Sequence
+from datetime import datetime
+
+import jax
+import numpy as np
+from numpy.typing import NDArray
+
+from auvplan.executive.belief import ObstacleBelief
+from auvplan.executive.context import Leg, Mission, SimulationContext
+from auvplan.executive.evasion import escape_track
+from auvplan.executive.path_calls import plan_legs
+from auvplan.motion import Motion
+from auvplan.path.outlook import outlook
+from auvplan.records import LegRecord
+from auvplan.rows import padded_batches
+from auvplan.simulation.faults import HeldUp, PlannerOut, SensorOut, absent, appear
+from auvplan.simulation.sea import stacked
+from auvplan.simulation.simulator import TIME_STEP, WIDTH, Transit, over_ground, padded_rows, transit
+from auvplan.simulation.world import TrueObstacles, draw_obstacles
+
+Array = NDArray[np.floating]
+
+#: Seconds ahead within which a believed collision makes the vehicle re-plan at once.
+HORIZON = 180.0
+
+#: A path that takes this many times as long as its leg was expected to is planned again.
+DETOUR = 1.2
+
+#: Within this distance of its goal, m, a vehicle goes on without re-planning.
+CLOSE = 40.0
+
+
+def begin_legs(context: SimulationContext, missions: list[Mission], records: Sequence[LegRecord]) -> None:
+    """Set the obstacles of each mission's leg, believe them roughly, and plan all first paths in one call."""
+    for mission, record in zip(missions, records, strict=True):
+        set_out(context, mission, record)
+    plan_legs(context, missions, ["leg"] * len(missions), cold=True)
+    again = [mission for mission in missions if refusal(mission.active_leg)]
+    if again:
+        plan_legs(context, again, ["leg"] * len(again), cold=True)
+    for mission in missions:
+        mission.active_leg.record.followed = len(mission.active_leg.record.plans) - 1
+    if context.rules.second_look and context.simulated:
+        _replan_optimistically(context, [mission for mission in missions if _detours(mission.active_leg)])
+    parts = context.path_config.t_series
+    for mission in missions:
+        share = mission.active_leg.followed.travel_time / parts
+        mission.active_leg.windows = [mission.now + share * (k + 1) for k in range(parts - 1)]
+
+
+def set_out(context: SimulationContext, mission: Mission, record: LegRecord) -> None:
+    """Put a mission on a leg: draw its true obstacles and what is believed of them; no path yet."""
+    mission.sea.advance(mission.now)
+    origin, target = (np.asarray(mission.graph.positions[k]) for k in (record.start, record.goal))
+    truth = TrueObstacles.known(context.known_obstacles(mission.now))
+    if context.simulated:
+        truth = draw_obstacles(context.scenario, origin, target, mission.rng) + truth
+        truth += absent(mission.faults.places)
+    record.obstacle_radii, record.obstacle_kinds = truth.radius, truth.kinds
+    moves = over_ground(mission.sea.field, *truth.motion, now=mission.now)
+    belief = ObstacleBelief(truth, moves, mission.now, context.scenario.sensors, mission.rng)
+    mission.leg = Leg(record, origin, target, truth, moves, belief)
+
+
+def _detours(leg: Leg) -> bool:
+    """Return whether the planned path takes much longer than was expected of the leg."""
+    return leg.followed.travel_time > DETOUR * (leg.record.t_expected - leg.record.t_task)
+
+
+def _replan_optimistically(context: SimulationContext, missions: list[Mission]) -> None:
+    """Look for a shorter path past obstacles as they will be seen from near, in boundaries that do not grow.
+
+    On a way around an island for the sake of an obstacle that is far away, a vehicle gives up the time that
+    a second look could save: what is in the way when it comes into sensor range is planned around then.
+    """
+    if not missions:
+        return
+    before = [mission.active_leg.followed for mission in missions]
+    plan_legs(context, missions, ["leg"] * len(missions), cold=True, growing=False)
+    for mission, plan in zip(missions, before, strict=True):
+        leg = mission.active_leg
+        if refusal(leg) or leg.followed.travel_time > plan.travel_time:
+            leg.follow(plan)
+        else:
+            leg.record.followed = len(leg.record.plans) - 1
+
+
+def refusal(leg: Leg, epoch: datetime | None = None) -> str:
+    """Return why a leg must not be begun, or an empty string; times of day count from the epoch.
+
+    Obstacles that are not certain do not stand against it: they move, and are known better from near.
+    """
+    broken = [limit for limit in leg.followed.broken() if limit != "obstacle" or leg.belief.certain]
+    return leg.followed.explain(broken[0], epoch) if broken else ""
+
+
+def advance(context: SimulationContext, missions: list[Mission]) -> None:
+    """One stretch of every mission's leg: look, re-plan where it is due, and advance to the next look."""
+    for mission in missions:
+        _let_appear(mission)
+    _react(context, missions)
+    steps = max(1, round(context.scenario.sensors.interval / TIME_STEP))
+    for batch, real in _batches(missions):
+        legs = [mission.active_leg for mission in batch]
+        for mission in batch[:real]:
+            mission.sea.advance(mission.now)
+        fields = [mission.sea.field for mission in batch]
+        rows = [[padded_rows(part) for part in leg.truth.motion] for leg in legs[:real]]
+        motions = zip(*rows, *rows[:1] * (len(legs) - real), strict=True)
+        out: Transit = jax.device_get(
+            transit(
+                np.stack([leg.track for leg in legs]),
+                np.asarray([leg.arc for leg in legs]),
+                np.asarray([_is_moving(mission) for mission in batch]),
+                np.asarray([mission.now for mission in batch]),
+                stacked(fields),
+                tuple(np.stack(part) for part in motions),
+                context.vehicle,
+                np.asarray([mission.faults.speed(mission.now) for mission in batch]),
+                steps=steps,
+            )
+        )
+        for row, mission in enumerate(batch[:real]):
+            _take(context, mission, jax.tree.map(lambda a, row=row: a[row], out))
+    for mission in missions:
+        if mission.active_leg.under_way and mission.now >= context.scenario.mission.time_available:
+            mission.active_leg.stopped = "time ran out"
+
+
+def go_as_planned(context: SimulationContext, missions: list[Mission]) -> None:
+    """Go every mission's leg to its end along its path, in the time that is planned for it."""
+    for mission in missions:
+        leg, plan = mission.active_leg, mission.active_leg.followed
+        times, places = np.asarray(plan.times, float), np.asarray(plan.positions, float)
+        since = (times - mission.now)[:, None, None]
+        obstacles = leg.truth.position + since * leg.truth.velocity
+        ground = np.diff(places, axis=0) / np.diff(times)[:, None]
+        leg.stretches.append((times, places, obstacles, ground, np.asarray(plan.water, float)))
+        leg.arc, leg.record.arrived = float(leg.marks[-1]), True
+        mission.now = float(times[-1])
+
+
+def _batches(missions: list[Mission]) -> Iterator[tuple[list[Mission], int]]:
+    """Batches of one size, padded by their first mission, and how many of each are real."""
+    for index, real in padded_batches(len(missions), (WIDTH,)):
+        yield [missions[k] for k in index], real
+
+
+def _take(context: SimulationContext, mission: Mission, out: Transit) -> None:
+    """Book one vehicle's stretch."""
+    leg, times, moving = mission.active_leg, np.asarray(out.times, float), _is_moving(mission)
+    # Time stands still after the arrival: keep the steps that moved it.
+    fresh = np.diff(times, prepend=mission.now) > 0
+    if not leg.stretches:
+        start = np.asarray([mission.now]), leg.origin[None], leg.truth.position[None]
+        leg.stretches.append((*start, np.zeros((0, 3)), np.zeros((0, 3))))
+    present = len(leg.truth.radius)
+    positions, obstacles, ground, water = (
+        np.asarray(part, float)[fresh]
+        for part in (out.positions, out.obstacles[:, :present], out.ground, out.water)
+    )
+    leg.stretches.append((times[fresh], positions, obstacles, ground, water))
+    leg.truth.position = np.asarray(out.obstacles[-1, :present], float)
+    leg.moves = np.asarray(out.moves[:present], float)
+    leg.arc = float(out.arc)
+    mission.now = float(times[-1])
+    # The end of an escape is not the goal.
+    leg.record.arrived = bool(out.arrived) and not leg.escaping
+    if out.shortfall > 0 and moving:
+        place = f"km {leg.arc / 1000.0:.1f} of {leg.marks[-1] / 1000.0:.1f}"
+        leg.stopped = f"the current beat the vehicle at {place}, {context.moment(mission.now)}"
+
+
+def finish(leg: Leg) -> None:
+    """Write what was executed into the leg's record."""
+    parts = [np.concatenate(part) for part in zip(*leg.stretches, strict=True)]
+    leg.record.times, leg.record.positions, leg.record.obstacle_positions, ground, water = parts
+    # The velocity of a step holds from its first record on; the arrival keeps that of the last step.
+    if len(ground):
+        ground, water = (np.concatenate([part, part[-1:]]) for part in (ground, water))
+        leg.record.motion = Motion.through_water(ground, water)
+    else:
+        leg.record.motion = Motion.none(len(leg.record.times))
+
+
+def _react(context: SimulationContext, missions: list[Mission]) -> None:
+    """Look, and re-plan where a window asks for it or where the belief sees a collision ahead."""
+    due: list[tuple[Mission, str]] = []
+    for mission in missions:
+        leg = mission.active_leg
+        if leg.stretches:
+            blind = mission.faults.left(SensorOut, mission.now) > 0.0
+            leg.belief.look(leg.position, leg.truth, leg.moves, mission.now, blind)
+        if np.linalg.norm(leg.target - leg.position) < CLOSE and leg.moving and not leg.escaping:
+            continue
+        window = bool(leg.windows) and mission.now >= leg.windows[0]
+        if window:
+            leg.windows = [t for t in leg.windows if t > mission.now]
+            mission.sea.begin_window()
+        if _hazard(mission) or not leg.moving or leg.escaping:
+            due.append((mission, "hazard"))
+        elif window and not _holds(context, mission):
+            due.append((mission, "window"))
+    # Without a plan a vehicle goes on with the one that it has, or gives way.
+    without = [mission for mission, _ in due if mission.faults.left(PlannerOut, mission.now)]
+    due = [(mission, cause) for mission, cause in due if mission not in without]
+    if due:
+        cold = context.rules.replan_from == "fresh"
+        plan_legs(context, [mission for mission, _ in due], [cause for _, cause in due], cold)
+    # What a warm plan cannot clear, a cold one may; what neither can, the vehicle waits for.
+    stuck = [mission for mission, _ in due if _hazard(mission)]
+    if stuck:
+        plan_legs(context, stuck, ["hazard"] * len(stuck), cold=True)
+    for mission in stuck + without:
+        if _hazard(mission) or not mission.active_leg.moving or mission.active_leg.escaping:
+            _give_way(context, mission)
+
+
+def _let_appear(mission: Mission) -> None:
+    """Let the obstacles appear that are due."""
+    leg = mission.active_leg
+    if not leg.stretches:
+        return
+    for fault in mission.faults.appearing(mission.now):
+        ahead, behind = (np.clip(leg.arc + way, 0.0, leg.marks[-1]) for way in (5.0, -5.0))
+        ends = [np.interp([behind, ahead], leg.marks, axis) for axis in leg.followed.positions.T]
+        traces = [part[2] for part in leg.stretches]
+        appear(fault, leg.truth, traces, leg.position, np.diff(ends, axis=1)[:, 0])
+        leg.record.obstacle_radii = leg.truth.radius
+        leg.moves = over_ground(mission.sea.field, *leg.truth.motion, now=mission.now)
+
+
+def _is_moving(mission: Mission) -> bool:
+    """Return whether the vehicle follows its track; otherwise it keeps station."""
+    return mission.active_leg.moving and not mission.faults.left(HeldUp, mission.now)
+
+
+def _holds(context: SimulationContext, mission: Mission) -> bool:
+    """Return whether the followed plan still does what it was planned to do, by the forecast of now."""
+    scenario, leg = context.scenario, mission.active_leg
+    least = context.rules.window_change
+    if least == 0.0 or _detours(leg):
+        return False
+    sample = float(np.interp(leg.arc, leg.marks, np.arange(len(leg.marks))))
+    forecast, closures = mission.sea.forecast(), context.area.closures
+    rest = outlook(leg.followed, sample, forecast, context.vehicle, context.path_config, closures)
+    # What is further away comes into sensor range before the vehicle is there.
+    near = max(HORIZON, scenario.sensors.range / context.speed)
+    return rest.change < least and not rest.broken and not _hazard(mission, near)
+
+
+def _hazard(mission: Mission, horizon: float = HORIZON) -> bool:
+    """Return whether the belief sees the followed plan inside a collision boundary within so many seconds."""
+    leg, now = mission.active_leg, mission.now
+    plan = leg.followed
+    arc = 0.0 if leg.escaping else leg.arc
+    # The sea may have made the vehicle late: what counts is the time left on the plan from where it is.
+    times = now + plan.times - np.interp(arc, leg.marks, plan.times)
+    ahead = (leg.marks >= arc - 1.0) & (times <= now + horizon)
+    if not ahead.any():
+        return False
+    return bool(leg.belief.clearance(plan.positions[ahead], times[ahead]).min() < 0.0)
+
+
+def _give_way(context: SimulationContext, mission: Mission) -> None:
+    """Keep station, or escape where something comes too near."""
+    leg, (lower, upper) = mission.active_leg, context.box
+    track = escape_track(
+        leg.position,
+        mission.now,
+        context.scenario.sensors.interval,
+        leg.belief,
+        context.chart,
+        context.area.seabed,
+        context.speed,
+        lower,
+        upper,
+        context.path_config.samples,
+    )
+    leg.moving, leg.escaping = track is not None, track is not None
+    if track is not None:
+        leg.track, leg.arc = track, 0.0

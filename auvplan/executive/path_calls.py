@@ -1,0 +1,87 @@
+"""Batched calls of the path planner on what the vehicles believe, timed and booked."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import jax
+import numpy as np
+
+from auvplan import prng
+from auvplan.executive.belief import as_obstacles
+from auvplan.executive.context import Mission, SimulationContext
+from auvplan.ocean.environment import Environment
+from auvplan.path import PathPlan, PathPlans, plan_paths, replan_paths
+from auvplan.records import PlanRecord
+from auvplan.simulation.sea import stacked
+
+
+def plan_legs(
+    context: SimulationContext,
+    missions: list[Mission],
+    causes: Sequence[str],
+    cold: bool = False,
+    growing: bool = True,
+) -> None:
+    """Plan paths from where the vehicles are, and follow them.
+
+    Args:
+        context: what the missions share.
+        missions: B missions on a leg that needs a path.
+        causes: [B], "leg", "window" or "hazard", for the record.
+        cold: search afresh; otherwise from the kept population.
+        growing: whether the boundaries of obstacles grow until they are seen again.
+    """
+    keys = prng.stacked([mission.path_key() for mission in missions])
+    env = believed(context, missions)
+    if not growing:
+        env = replace(env, obstacles=replace(env.obstacles, growth=np.zeros_like(env.obstacles.growth)))
+    plans, seconds = context.clock.time(partial(_call, context, missions, env, keys, cold))
+    for mission, plan, cause in zip(missions, plans, causes, strict=True):
+        _follow(mission, plan, cause, seconds / len(missions))
+
+
+def believed(context: SimulationContext, missions: list[Mission]) -> Environment:
+    """Return the world as the vehicles know it now; current and obstacles have a leading axis."""
+    obstacles = as_obstacles([mission.active_leg.belief for mission in missions], context.scenario.sensors)
+    return context.environment(stacked([mission.sea.forecast() for mission in missions]), obstacles)
+
+
+def _call(
+    context: SimulationContext, missions: list[Mission], env: Environment, keys: jax.Array, cold: bool
+) -> PathPlans:
+    """Return the planning call."""
+    legs = [mission.active_leg for mission in missions]
+    now = np.asarray([mission.now for mission in missions])
+    places = np.stack([np.clip(leg.position, *context.box) for leg in legs])
+    common: dict[str, Any] = {"key": keys, "config": context.path_config, "world_per_leg": True}
+    common["budget"] = context.rules.budget
+    if cold:
+        goals = np.stack([leg.target for leg in legs])
+        return plan_paths(places, goals, env, context.vehicle, depart=now, **common)
+    return replan_paths([leg.followed for leg in legs], places, now, env, context.vehicle, **common)
+
+
+def _follow(mission: Mission, plan: PathPlan, cause: str, seconds: float) -> None:
+    """Take a new plan and book it."""
+    history = {
+        name: np.asarray(getattr(plan.history, name))
+        for name in ("best", "mean", "std", "violation_best", "violation_mean", "violation_std")
+    }
+    leg = mission.active_leg
+    leg.record.plans.append(
+        PlanRecord(
+            mission.now,
+            plan.positions,
+            plan.times,
+            float(plan.cost),
+            plan.feasible,
+            cause,
+            seconds,
+            history,
+            mission.sea.field,
+            plan.motion,
+        )
+    )
+    leg.follow(plan)

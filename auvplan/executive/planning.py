@@ -1,0 +1,234 @@
+"""Plans whole missions: the route and its paths in the forecast and past known obstacles, nothing simulated.
+
+A plan is what the hierarchical loop of Fig. 7 does where all goes as expected: legs take the time that is
+planned for them, and each is planned in the sea as it is forecast for the time when it is begun.
+"""
+
+from collections.abc import Callable
+from copy import copy
+from dataclasses import replace
+from datetime import timedelta
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from auvplan.compiled import MISSIONS, expecting
+from auvplan.deprecation import renamed_arguments
+from auvplan.errors import ScenarioError
+from auvplan.executive.clock import Untimed
+from auvplan.executive.context import Mission, SimulationContext
+from auvplan.executive.loop import make_context, seed_keys, start_mission, step
+from auvplan.ocean.gridded import GriddedCurrent
+from auvplan.ocean.tides import HarmonicCurrent
+from auvplan.records import MissionRun
+from auvplan.scenario.area import OperatingArea
+from auvplan.scenario.scenario import Scenario
+from auvplan.site import Site
+
+#: Currents whose times count from an epoch.
+_DATED = GriddedCurrent, HarmonicCurrent
+
+#: Called with (time s, what is planned) as a plan grows.
+Progress = Callable[[float, str], None]
+
+
+@renamed_arguments(waters="area")
+def plan_scenario(
+    scenario: Scenario,
+    *,
+    key: jax.Array | None = None,
+    seed: int = 0,
+    depart: float = 0.0,
+    folder: str | Path | None = None,
+    area: OperatingArea | None = None,
+    progress: Progress | None = None,
+) -> MissionRun:
+    """Plan a mission: the route, and a path along every leg.
+
+    Nothing is simulated: the sea is as forecast and obstacles are those of `obstacles.file`. The same call
+    gives the same plan to the last bit.
+
+    Args:
+        scenario: settings.
+        key: PRNG key of the planners, and of what the scenario leaves to chance; that of `seed` if absent.
+        seed: the same as a number.
+        depart: s since the scenario's epoch.
+        folder: that relative paths in the scenario start from; that of its file if absent.
+        area: what the scenario's files tell, as `load_area_at` reads it; read here if absent.
+        progress: called with (time s, what is planned).
+
+    Returns:
+        The plan: legs with their paths, planned times in place of executed ones, and `simulated` False. See
+        `MissionRun.success` and `.reason` for one that fails.
+
+    Raises:
+        ScenarioError, ChartError, GeoError, CurrentError: the scenario cannot be built, or its current is not
+            known from the departure until the time available is over.
+    """
+    if area is None:
+        area = load_area_at(scenario, [depart], folder)
+    context = planning_context(scenario, folder, area, depart)
+    keyed = seed_keys([seed])[0] if key is None else key
+    (mission,) = leaving(context, keyed, [depart], seed)
+    with expecting(MISSIONS):
+        complete(context, mission, progress)
+    return _from_departure(mission.run, depart)
+
+
+def load_area_at(scenario: Scenario, departs: ArrayLike, folder: str | Path | None = None) -> OperatingArea:
+    """`load_area` for missions that leave at other times: currents are read for all of them, not one.
+
+    Args:
+        scenario: settings.
+        departs: [D] s since the scenario's epoch, which stays the epoch of what is read.
+        folder: that relative paths in the scenario start from; that of its file if absent.
+
+    Raises:
+        ScenarioError, ChartError, GeoError, CurrentError: as `load_area`.
+    """
+    from auvplan.io.area import load_area, load_closures, load_jobs
+
+    moments, site = np.asarray(departs, float), scenario.site
+    first, last = float(moments.min()), float(moments.max()) + scenario.mission.time_available
+    if scenario.current.source != "file" or site is None or site.departure is None:
+        area = load_area(scenario, folder, until=last)
+        require_known(scenario, area, moments)
+        return area
+    # What lies between the scenario's own departure and the first of these need not be covered.
+    leaving = site.model_copy(update={"departure": site.departure + timedelta(seconds=first)})
+    area = load_area(scenario.model_copy(update={"site": leaving}), folder, until=last - first)
+    assert isinstance(area.forecast, GriddedCurrent)
+    assert isinstance(area.truth, GriddedCurrent)
+    home = scenario.folder if folder is None else folder
+    forecast = replace(area.forecast, times=area.forecast.times + first)
+    return replace(
+        area,
+        site=site.site,
+        jobs=load_jobs(scenario, site.site, home, last, forecast),
+        closures=load_closures(scenario, site.site, home, last),
+        forecast=forecast,
+        truth=replace(area.truth, times=area.truth.times + first),
+    )
+
+
+def planning_context(
+    scenario: Scenario, folder: str | Path | None, area: OperatingArea, depart: float | None = None
+) -> SimulationContext:
+    """Return what plans count on, nothing simulated or timed.
+
+    Of the sea no more than one from `depart` meets.
+    """
+    if area.forecast is not None and depart is not None:
+        forecast = area.forecast.window(depart, depart + scenario.mission.time_available)
+        area = replace(area, forecast=forecast, truth=forecast)
+    # Planning is done before the departure: it costs the mission no time.
+    planning = scenario.planning.model_copy(update={"charge_compute": False})
+    context = make_context(scenario.model_copy(update={"planning": planning}), folder, area)
+    context.simulated, context.clock = False, Untimed()
+    return context
+
+
+def leaving(context: SimulationContext, key: jax.Array, departs: ArrayLike, seed: int = 0) -> list[Mission]:
+    """One mission a departure: the same but for the time and the sea as it is then."""
+    departs = np.asarray(departs, float)
+    model = start_mission(context, 0, key, seed)
+    missions = {}
+    for number in np.argsort(departs, kind="stable").tolist():
+        now = float(departs[number])
+        model.sea.advance(now)
+        run = replace(model.run, t_available=now + model.run.t_available, routes=[], legs=[])
+        own = {
+            "run": run,
+            "sea": copy(model.sea),
+            "now": now,
+            "learnt": {},
+            "visited": set(),
+            "barred": set(),
+        }
+        missions[number] = replace(model, number=number, **own)
+        missions[number].sea.hold()
+    return [missions[number] for number in range(len(departs))]
+
+
+def complete(context: SimulationContext, mission: Mission, progress: Progress | None = None) -> None:
+    """Plan a mission to its end."""
+    while not mission.ended:
+        step(context, [mission])
+        if progress:
+            progress(mission.now, mission.doing)
+
+
+def _from_departure(run: MissionRun, depart: float) -> MissionRun:
+    """Return the plan with times that count from its departure, `depart` s after the scenario's epoch."""
+    if depart == 0.0:
+        return run
+    shifted: dict[int, Any] = {}
+
+    def later(current: Any) -> Any:
+        if id(current) not in shifted:
+            shifted[id(current)] = jax.tree.map(
+                lambda part: _shifted(part, depart), current, is_leaf=lambda part: isinstance(part, _DATED)
+            )
+        return shifted[id(current)]
+
+    for leg in run.legs:
+        leg.times = leg.times - depart
+        leg.plans = [
+            replace(
+                plan, made_at=plan.made_at - depart, times=plan.times - depart, current=later(plan.current)
+            )
+            for plan in leg.plans
+        ]
+    for route in run.routes:
+        route.made_at -= depart
+    if run.graph.timetable is not None:
+        run.graph = replace(run.graph, timetable=run.graph.timetable.since(depart))
+    run.t_mission -= depart
+    run.t_available -= depart
+    if run.site is not None and run.site.epoch is not None:
+        moment = run.site.epoch + timedelta(seconds=depart)
+        run.site = replace(run.site, epoch=moment)
+        run.scenario["site"]["departure"] = moment.isoformat()
+    run.closures = tuple(closure.after(depart) for closure in run.closures)
+    run.obstacles, run.departed = tuple(obstacle.after(depart) for obstacle in run.obstacles), depart
+    return run
+
+
+def _shifted(part: Any, depart: float) -> Any:
+    """Return a current by times that count from a departure, s; others as they are."""
+    if isinstance(part, HarmonicCurrent):
+        return part.after(depart)
+    return replace(part, times=part.times - depart) if isinstance(part, GriddedCurrent) else part
+
+
+def moment_name(site: Site | None, seconds: float) -> str:
+    """Return a local time for people: UTC to the minute, or hours where there is no date."""
+    moment = None if site is None else site.utc(round(seconds / 60.0) * 60.0)
+    return f"{seconds / 3600.0:+.2f} h" if moment is None else f"{moment:%Y-%m-%d %H:%M} UTC"
+
+
+def require_known(scenario: Scenario, area: OperatingArea, departs: NDArray[np.float64]) -> None:
+    """Refuse departures at which the current is not known.
+
+    Raises:
+        ScenarioError: one line that names the times.
+    """
+    first, last = departs.min(), departs.max() + scenario.mission.time_available
+    field, name = area.forecast, partial(moment_name, area.site)
+    if field is None:
+        if first < 0.0:
+            raise ScenarioError(
+                f"departure {name(first)} lies before the scenario's, with which its vortices begin"
+            )
+    elif isinstance(field, GriddedCurrent) and not field.steady and scenario.current.outside == "refuse":
+        begin, end = float(field.times[0]), float(field.times[-1])
+        slack = 1e-6 * max(abs(begin), abs(end))  # times are kept in single precision
+        if first < begin - slack or last > end + slack:
+            raise ScenarioError(
+                f"departures and the time available reach from {name(first)} to {name(last)}, "
+                f"the current's data from {name(begin)} to {name(end)}"
+            )

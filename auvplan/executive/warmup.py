@@ -1,0 +1,52 @@
+"""Compiles what missions will need while the first of them is begun."""
+
+import logging
+from collections.abc import Callable
+from dataclasses import replace
+from threading import Thread
+
+from auvplan import cache, cores
+from auvplan.compiled import compiling_ahead
+from auvplan.executive.clock import Clock
+from auvplan.executive.context import Mission, SimulationContext
+from auvplan.executive.legs import advance, begin_legs
+from auvplan.executive.path_calls import plan_legs
+from auvplan.records import LegRecord
+
+log = logging.getLogger(__name__)
+
+#: Scenarios, JSON.
+_warmed_up: set[str] = set()
+
+
+def warm_up(context: SimulationContext, start_mission: Callable[[], Mission]) -> None:
+    """Let a mission that nobody waits for begin a leg, in a thread of its own, where a core is free for that.
+
+    Args:
+        context: what it shares with the missions to come. A scenario is begun so once, in one process.
+        start_mission: makes the mission.
+    """
+    if cores.count() == 1 or not cache.enabled():
+        return
+    scenario = context.scenario.model_dump_json()
+    if scenario in _warmed_up:
+        return
+    _warmed_up.add(scenario)
+    mark = cache.key_of(__name__, scenario, repr(context.simulated))
+    if cache.holds(__name__, mark):  # what this would compile is on disk
+        return
+    cache.store(__name__, mark, True)
+    Thread(target=_begin_a_leg, args=(replace(context, clock=Clock()), start_mission), daemon=True).start()
+
+
+def _begin_a_leg(context: SimulationContext, start_mission: Callable[[], Mission]) -> None:
+    try:
+        mission = start_mission()
+        start = mission.here
+        goal = int(mission.graph.adjacency[start].argmax())
+        with compiling_ahead():
+            begin_legs(context, [mission], [LegRecord(start, goal, 0.0, 0.0, 0.0)])
+            plan_legs(context, [mission], ["window"])
+            advance(context, [mission])
+    except Exception as error:  # what is wrong shows where it matters
+        log.info("programs are not compiled side by side: %s", error)

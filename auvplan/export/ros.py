@@ -1,0 +1,79 @@
+"""A geographic_msgs/GeoPath of ROS 2 as CDR bytes, as its middleware and bags carry messages.
+
+Altitude is minus depth; the attitude is the course to the next waypoint, level, in ROS's frame of east, north
+and up.
+"""
+
+import math
+import struct
+from pathlib import Path
+
+import numpy as np
+
+from auvplan.export.itinerary import Itinerary
+from auvplan.export.places import Waypoint, elevation, waypoints
+from auvplan.files import write_atomically
+from auvplan.site import as_utc
+
+#: Name of the message's type.
+TYPE = "geographic_msgs/msg/GeoPath"
+
+#: Plain CDR, little-endian.
+_ENCAPSULATION = bytes((0, 1, 0, 0))
+
+#: Frame of latitude, longitude and height on the WGS 84 ellipsoid.
+_FRAME = "wgs84"
+
+
+def geo_path(itinerary: Itinerary) -> bytes:
+    """Return the waypoints with times of arrival, since 1970 or, without a date, since the epoch."""
+    rows, cdr = waypoints(itinerary), _Cdr()
+    _header(cdr, itinerary, float(itinerary.legs[0].times[0]))
+    cdr.number("I", len(rows))
+    for row, course in zip(rows, _courses(rows), strict=True):
+        _header(cdr, itinerary, row.seconds)
+        for value in (row.latitude, row.longitude, elevation(row.depth)):
+            cdr.number("d", value)
+        angle = 0.5 * (0.5 * math.pi - course)
+        for value in (0.0, 0.0, math.sin(angle), math.cos(angle)):
+            cdr.number("d", value)
+    return _ENCAPSULATION + bytes(cdr.data)
+
+
+def write_ros(itinerary: Itinerary, path: str | Path) -> Path:
+    """Write a `.cdr` file of one message.
+
+    Raises:
+        OutputError: the operating system refused; one line that names the file.
+    """
+    return write_atomically(path, lambda part: part.write_bytes(geo_path(itinerary)))
+
+
+def _courses(rows: list[Waypoint]) -> list[float]:
+    """Rad from north towards east, to the next waypoint; at the last, the course there."""
+    ways = np.diff(np.asarray([row.position for row in rows]), axis=0)
+    found = np.arctan2(ways[:, 1], ways[:, 0]).tolist()
+    return [*found, found[-1] if found else 0.0]
+
+
+def _header(cdr: "_Cdr", itinerary: Itinerary, seconds: float) -> None:
+    then = itinerary.site.utc(seconds)
+    nanoseconds = round((seconds if then is None else as_utc(then).timestamp()) * 1e6) * 1000
+    cdr.number("i", nanoseconds // 10**9)
+    cdr.number("I", nanoseconds % 10**9)
+    cdr.text(_FRAME)
+
+
+class _Cdr:
+    """Values one after the other, each at a multiple of its size."""
+
+    def __init__(self) -> None:
+        self.data = bytearray()
+
+    def number(self, kind: str, value: float) -> None:
+        self.data += bytes(-len(self.data) % struct.calcsize(kind)) + struct.pack(f"<{kind}", value)
+
+    def text(self, value: str) -> None:
+        content = value.encode() + b"\0"
+        self.number("I", len(content))
+        self.data += content

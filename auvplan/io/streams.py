@@ -1,0 +1,157 @@
+"""The checker's own view of a current at places and times: files by xarray, tides by utide."""
+
+import json
+from datetime import datetime, timedelta
+from glob import glob
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+import yaml
+from pyproj import Transformer
+
+from auvplan.io.ledger import Array
+
+_NAMES = {
+    "east": ("eastward_sea_water_velocity", "sea_water_x_velocity", "uo", "u", "water_u", "u_eastward"),
+    "north": ("northward_sea_water_velocity", "sea_water_y_velocity", "vo", "v", "water_v", "v_northward"),
+}
+
+
+class UnknownCurrentError(Exception):
+    """A current that this view cannot look at; the message says why."""
+
+
+def speeds_at(dataset: xr.Dataset, places: Array, moments: Array) -> Array:
+    """Return the speed of the forecast current, m/s, at times, [n].
+
+    Args:
+        dataset: `mission.nc`, whose scenario names the current.
+        places: [1 or n, 3] m north, east, depth.
+        moments: [n] s since the departure.
+
+    Raises:
+        UnknownCurrentError: it is of a kind that this view does not know.
+    """
+    settings = json.loads(str(dataset.attrs["scenario"]))["current"]
+    folder = Path(str(dataset.attrs["scenario_folder"]))
+    if "site_longitude" not in dataset.attrs or "site_epoch" not in dataset.attrs:
+        raise UnknownCurrentError("the run has no site or date")
+    epoch = datetime.fromisoformat(str(dataset.attrs["site_epoch"]))
+    when = np.array(
+        [np.datetime64((epoch + timedelta(seconds=float(t))).replace(tzinfo=None)) for t in moments]
+    )
+    attributes, places = dataset.attrs, np.broadcast_to(places, (len(moments), 3))
+    frame = (
+        f"+proj=aeqd +lon_0={attributes['site_longitude']} +lat_0={attributes['site_latitude']} +datum=WGS84"
+    )
+    origin = np.asarray(attributes["site_origin"], float)
+    back = Transformer.from_crs(frame, "EPSG:4326", always_xy=True)
+    longitude, latitude = back.transform(places[:, 1] - origin[1], places[:, 0] - origin[0])
+    if settings.get("source") == "harmonic":
+        return _of_tide(
+            folder / settings["constituents"],
+            attributes,
+            np.asarray(longitude),
+            np.asarray(latitude),
+            places,
+            when,
+        )
+    if settings.get("source") != "file":
+        raise UnknownCurrentError(f"a current of source {settings.get('source')!r}")
+    files = settings["files"]
+    paths = [str(folder / Path(name).expanduser()) for name in ([files] if isinstance(files, str) else files)]
+    names = [name for path in paths for name in (sorted(glob(path)) or [path])]
+    if len(names) != 1:
+        raise UnknownCurrentError("a current of several files")
+    return _of_file(names[0], np.asarray(longitude), np.asarray(latitude), places[:, 2], when)
+
+
+def _of_tide(
+    path: Path, attributes: Any, longitude: Array, latitude: Array, places: Array, when: Any
+) -> Array:
+    """Speeds of tidal constituents, as utide reconstructs them at each place."""
+    from utide import reconstruct
+    from utide._ut_constants import ut_constants
+    from utide.utilities import Bunch
+
+    stated = yaml.safe_load(path.read_text(encoding="utf-8-sig"))
+    here = {"longitude": float(attributes["site_longitude"]), "latitude": float(attributes["site_latitude"])}
+    sites = stated.get("places") or [stated | here]
+    names, frequency = list(ut_constants.const.name), ut_constants.const.freq
+    away, velocities = [], []
+    for one in sites:
+        ellipses = {name: _ellipse(value) for name, value in one["constituents"].items()}
+        lind = np.array([names.index(name) for name in ellipses])
+        major, minor, turn, lag = np.array(list(ellipses.values())).T
+        options = dict.fromkeys(("nodsatlint", "nodsatnone", "gwchlint", "gwchnone"), False)
+        options |= {"twodim": True, "notrend": True, "nodiagn": True, "prefilt": []}
+        start = np.datetime64("2000-01-01")
+        days = (np.asarray(when) - start) / np.timedelta64(1, "D")
+        aux = Bunch(
+            opt=Bunch(options),
+            reftime=float(days.mean()),
+            frq=frequency[lind],
+            lind=lind,
+            lat=one["latitude"],
+        )
+        mean = one.get("mean", [0.0, 0.0])
+        coef = Bunch(name=list(ellipses), Lsmaj=major, Lsmin=minor, theta=turn, g=lag, aux=aux)
+        coef.umean, coef.vmean = mean
+        ordinal = datetime(2000, 1, 1).toordinal()
+        aux.reftime += ordinal
+        found = reconstruct(days + ordinal, coef, epoch="python", verbose=False)
+        velocities.append(np.asarray(found.u) + 1j * np.asarray(found.v))
+        east = (longitude - one["longitude"]) * np.cos(np.radians(one["latitude"]))
+        away.append(np.hypot(east, latitude - one["latitude"]) * 111_200.0)
+    weights = 1.0 / (np.array(away) ** 2 + 1.0)
+    share = np.interp(places[:, 2], stated.get("depths", [0.0]), stated.get("shares", [1.0]))
+    return np.abs((weights * np.array(velocities)).sum(axis=0) / weights.sum(axis=0)) * share
+
+
+def _ellipse(stated: dict[str, Any]) -> tuple[float, ...]:
+    """Semi-major and semi-minor axes, m/s, inclination and phase, degrees, of a constituent."""
+    if "ellipse" in stated:
+        return tuple(stated["ellipse"])
+    u, v = (size * np.exp(-1j * np.radians(lag)) for size, lag in (stated["u"], stated["v"]))
+    forth, back = 0.5 * (u + 1j * v), 0.5 * (u - 1j * v).conjugate()
+    turn, lag = (np.angle(forth) + np.angle(back)) / 2.0, (np.angle(back) - np.angle(forth)) / 2.0
+    return abs(forth) + abs(back), abs(forth) - abs(back), np.degrees(turn), np.degrees(lag) % 360.0
+
+
+def _of_file(path: str, longitude: Array, latitude: Array, depth: Array, when: Any) -> Array:
+    """Speeds in a file on a grid of longitude and latitude, linear between its nodes."""
+    with open(path, "rb") as file:
+        engine = "scipy" if file.read(3) == b"CDF" else "h5netcdf"
+    with xr.open_dataset(path, engine=engine) as data:
+        parts = []
+        for names in _NAMES.values():
+            found = [
+                n for n, v in data.data_vars.items() if n in names or v.attrs.get("standard_name") in names
+            ]
+            if not found:
+                raise UnknownCurrentError("the names of its current are not known")
+            values = data[found[0]]
+            at: dict[Any, Any] = {}
+            for dim in values.dims:
+                word = str(dim).lower()
+                if word.startswith("lat"):
+                    at[dim] = latitude
+                elif word.startswith("lon"):
+                    axis = values[dim].values
+                    at[dim] = axis[0] + (longitude - axis[0]) % 360.0
+                elif "time" in word:
+                    at[dim] = when
+                elif values.sizes[dim] == 1:
+                    values = values.isel({dim: 0})
+                else:
+                    at[dim] = np.clip(depth, values[dim].values.min(), values[dim].values.max())
+            if any(dim not in values.indexes for dim in at):
+                raise UnknownCurrentError("its grid has no axes of longitude and latitude")
+            points = {dim: xr.DataArray(axis, dims="point") for dim, axis in at.items()}
+            parts.append(np.asarray(values.interp(points).values, float))
+    speeds = np.hypot(*parts)
+    if not np.isfinite(speeds).all():
+        raise UnknownCurrentError("it has no value there")
+    return speeds

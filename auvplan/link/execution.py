@@ -1,0 +1,595 @@
+"""Executes a mission on one vehicle: upload, follow, plan the rest anew, end safely.
+
+The loop sees the vehicle through a `VehicleLink` alone. Whatever happens it comes to a verdict: every wait
+has a limit, and every limit ends in another try or in a safe end.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvplan.export.itinerary import ExportError, PlannedLeg
+from auvplan.link.limits import Limits
+from auvplan.link.notices import CurrentNotice, NoNotices, Notices, ObstacleNotice
+from auvplan.link.record import Event, ExecutionRecord
+from auvplan.link.rolling import Prospect, RollingPlan
+from auvplan.link.vehicle import LinkError, Report, State, Upload, VehicleLink
+from auvplan.ocean.known import KnownObstacle
+from auvplan.records import LegRecord
+from auvplan.words import counted
+
+Array = NDArray[np.floating]
+
+#: Called with every event.
+Tell = Callable[[Event], None]
+
+#: m from the place of a task within which the vehicle is taken to be at it.
+_AT_TASK = 15.0
+
+#: s ahead within which the track is looked at for known obstacles.
+_AHEAD = 180.0
+
+#: m; a vehicle that is no deeper is at the surface.
+_SURFACE = 2.0
+
+#: s of mission time between two tries of something that failed.
+_PAUSE = 60.0
+
+
+class _SafeEnd(Exception):
+    """The mission cannot go on; the message says why."""
+
+
+@dataclass
+class _Progress:
+    """How the vehicle gets on with an upload.
+
+    Attributes:
+        upload: that it executes.
+        done: steps that are completed.
+        ahead: the step that the vehicle is on its way to, at least `done`.
+        place: [3] m and `since` s, where and since when it has not moved.
+        astray: s since when it is off its track, or infinite.
+    """
+
+    upload: Upload
+    done: int = 0
+    ahead: int = 0
+    place: Array | None = None
+    since: float = 0.0
+    astray: float = math.inf
+
+
+@dataclass(frozen=True)
+class _Next:
+    """A plan that waits to be handed over.
+
+    Attributes:
+        upload: of it.
+        prospect: that it is from.
+        kept: legs that it has in common with the plan before; they must not be over when it is handed over.
+        cause: why it was made.
+    """
+
+    upload: Upload
+    prospect: Prospect
+    kept: int
+    cause: str
+
+
+def execute(
+    plan: RollingPlan,
+    link: VehicleLink,
+    *,
+    limits: Limits | None = None,
+    notices: Notices | None = None,
+    tell: Tell | None = None,
+) -> ExecutionRecord:
+    """Plan a mission, execute it on a vehicle, and say how it ended.
+
+    Args:
+        plan: of the mission, which is planned here.
+        link: to the vehicle; it is closed at the end.
+        limits: of times and tries.
+        notices: of obstacles and currents, reported from outside.
+        tell: called with what happens.
+
+    Returns:
+        The record, whatever happened.
+    """
+    return _Executor(plan, link, limits or Limits(), notices or NoNotices(), tell or (lambda _: None)).run()
+
+
+class _Executor:
+    def __init__(
+        self, plan: RollingPlan, link: VehicleLink, limits: Limits, notices: Notices, tell: Tell
+    ) -> None:
+        self._plan, self._link, self._limits, self._notices, self._tell = plan, link, limits, notices, tell
+        run = plan.run
+        self._record = ExecutionRecord(run.scenario, run.folder, run.seed, link.name, run.t_available)
+        self._route = [run.start]
+        self._count = 0  # legs that are done
+        self._new: _Next | None = None
+        self._due = ""  # why the rest is to be planned anew
+        self._settled = -1  # legs that were done when the rest was last planned anew for its times
+        self._started = False
+        self._holding = False  # because of a hazard; a new plan is needed to go on
+        self._tries = 0  # answers in a row to what did not go away
+        self._failed = -math.inf  # s, when something failed that is tried again later
+        self._ahead = -math.inf  # s, when the track ahead was last looked at
+        self._cost = 0.0  # s of mission time that planning anew takes
+        self._silent = False
+
+    def run(self) -> ExecutionRecord:
+        """Execute the mission."""
+        record = self._record
+        try:
+            self._depart()
+            self._follow()
+        except _SafeEnd as end:
+            self._end_safely(str(end))
+        except (LinkError, ExportError) as error:
+            self._end_safely(str(error))
+        except KeyboardInterrupt:
+            goes_on = f"the vehicle goes on with upload {self._progress.upload.number}"
+            raise KeyboardInterrupt(f"interrupted; {goes_on}" if self._started else "") from None
+        finally:
+            self._link.close()
+        record.t_mission = record.t_mission or self._now
+        record.planned = [self._leg_name(leg) for leg in self._plan.legs] if self._started else []
+        record.route = [self._plan.run.called(node) for node in self._route]
+        self._say("end", f"{record.reason}; {record.safe}")
+        return record
+
+    @property
+    def _now(self) -> float:
+        return self._link.now
+
+    def _say(self, kind: str, text: str) -> None:
+        event = Event(round(self._now, 1), kind, text)
+        self._record.events.append(event)
+        self._tell(event)
+
+    def _leg_name(self, leg: LegRecord) -> str:
+        run = self._plan.run
+        return f"{run.called(leg.start)} - {run.called(leg.goal)}"
+
+    def _depart(self) -> None:
+        """Plan, find the vehicle, upload, start.
+
+        Raises:
+            _SafeEnd: there is no plan.
+            Lost, Refused: the vehicle is not there, or does not take the plan.
+            ExportError: the plan cannot be handed to a vehicle.
+        """
+        if not self._plan.plan():
+            raise _SafeEnd(f"no plan: {self._plan.reason}")
+        self._plan.make_ready()
+        plan = self._plan.followed
+        whole = Upload(self._plan.itinerary(plan, 0))
+        legs, available = counted(len(plan.legs), "leg"), self._record.t_available
+        self._say("plan", f"planned: {legs}, {plan.ends:.0f} s of {available:.0f} s")
+        self._link.connect()
+        self._say("connected", f"connected to {self._link.name}")
+        self._progress = _Progress(whole)
+        self._hand_over(_Next(whole, plan, 0, "start"))
+
+    def _hand_over(self, new: _Next) -> None:
+        """Upload and start; what the vehicle has completed of it is not done again.
+
+        Raises:
+            Lost, Refused: the vehicle may have this plan or the one before.
+        """
+        before = self._progress
+        fresh = new.upload if before.upload is new.upload else new.upload.without(self._passed(new.upload))
+        known = before.ahead
+        for note in self._link.upload(fresh):
+            self._say("note", note)
+        if self._started:
+            self._book(self._link.wait(0.0))
+        more = min(before.ahead - known, len(fresh.steps) - 1)
+        self._started = True
+        self._link.start(more)
+        self._plan.followed, self._progress = new.prospect, _Progress(fresh, more, more, since=self._now)
+        self._new, self._due, self._holding, self._ahead = None, "", False, -math.inf
+        steps = [[*map(float, step.position.round(3)), step.hold] for step in fresh.steps]
+        number, when = new.upload.number, round(self._now, 1)
+        self._record.uploads.append({"number": number, "cause": new.cause, "time": when, "steps": steps})
+        self._say("upload", f"upload {number} ({new.cause}): {counted(len(fresh.steps), 'waypoint')}")
+
+    def _passed(self, upload: Upload) -> int:
+        """Return the steps at the beginning of an upload that the vehicle has completed already."""
+        progress = self._progress
+        done = {(step.leg, *step.position) for step in progress.upload.steps[: progress.ahead]}
+        count = 0
+        while count < len(upload.steps) and (upload.steps[count].leg, *upload.steps[count].position) in done:
+            count += 1
+        return count
+
+    def _follow(self) -> None:
+        """Look at the vehicle until it is at the destination."""
+        while self._count < len(self._plan.legs):
+            report = self._link.wait(self._limits.look)
+            self._book(report)
+            if self._count >= len(self._plan.legs):
+                break
+            self._hear()
+            if not self._reached(report):
+                continue
+            self._check_state(report)
+            if self._holding:
+                self._go_on_past()
+                continue
+            self._check_moves(report)
+            self._check_track(report)
+            self._check_ahead(report)
+            self._check_time(report)
+            self._plan_rest()
+            self._send()
+        self._arrive()
+
+    def _book(self, report: Report) -> None:
+        """Book where the vehicle is, and the steps that it has completed."""
+        progress = self._progress
+        if report.position is not None:
+            north, east, depth = (round(float(part), 2) for part in report.position)
+            row = round(self._now, 1), north, east, depth
+            if not self._record.track or self._record.track[-1][1:] != row[1:]:
+                self._record.track.append(row)
+        steps = progress.upload.steps
+        for step in steps[progress.done : report.done]:
+            progress.done += 1
+            progress.since, self._tries = self._now, 0
+            if step.ends_leg:
+                self._end_leg(step.leg)
+        progress.ahead = max(progress.ahead, min(progress.done, len(steps) - 1))
+        if self._link.by_legs and report.position is not None:
+            self._pass_corners(progress, report.position)
+
+    def _pass_corners(self, progress: _Progress, place: Array) -> None:
+        """See which corner of its leg the vehicle has passed where it does not say so itself."""
+        steps = progress.upload.steps
+        while progress.ahead + 1 < len(steps) and not steps[progress.ahead].ends_leg:
+            step, after = steps[progress.ahead], steps[progress.ahead + 1]
+            if _distance(place, after.left, after.position) > _distance(place, step.left, step.position):
+                return
+            progress.ahead += 1
+
+    def _end_leg(self, number: int) -> None:
+        """Book legs up to one of a number, from 1."""
+        for leg in self._plan.legs[self._count : number]:
+            self._route.append(leg.goal)
+            if leg.priority > 0.0:
+                self._record.tasks.append(self._leg_name(leg))
+                self._record.total_priority += leg.priority
+            task = ", task done" if leg.priority > 0.0 else ""
+            planned = float(leg.times[-1]) + leg.t_wait + leg.t_task
+            off = f"{self._now - planned:+.0f} s off the plan"
+            run = self._plan.run
+            place = run.called(leg.goal) if run.names else f"waypoint {leg.goal}"
+            self._say("leg", f"reached {place}{task}, {off}")
+        self._count = max(self._count, number)
+
+    def _hear(self) -> None:
+        """Take in what is reported from outside."""
+        for notice in self._notices.read():
+            if isinstance(notice, str):
+                self._say("note", notice)
+            elif isinstance(notice, ObstacleNotice):
+                now = self._now
+                obstacle = notice.obstacle
+                north, east = (p - v * now for p, v in zip(obstacle.position, obstacle.velocity, strict=True))
+                self._plan.add_obstacle(replace(obstacle, position=(north, east)))
+                self._say("reported", f"obstacle {obstacle.name}, radius {obstacle.radius:.0f} m")
+                self._ahead = -math.inf
+                self._check_legs(obstacle)
+            elif isinstance(notice, CurrentNotice):
+                place = self._place() if notice.position is None else notice.position
+                if place is None:
+                    self._say("note", "a current was reported before the vehicle's place is known: left out")
+                    continue
+                offset = self._plan.correct_current(notice.velocity, place, self._now)
+                words = ", ".join(f"{part:+.2f}" for part in offset)
+                self._say("reported", f"current: the forecast is moved by {words} m/s north, east, down")
+                self._due, self._new = "current", None
+
+    def _place(self) -> Array | None:
+        return self._link.wait(0.0).position
+
+    def _check_legs(self, obstacle: KnownObstacle) -> None:
+        """See whether a reported obstacle is in the way of the legs after the present one."""
+        for leg in self._plan.legs[self._count + 1 :]:
+            if self._plan.clearance(leg.positions, leg.times) < self._plan.margin:
+                self._due, self._new = "hazard", None
+                self._say("hazard", f"{obstacle.name} is in the way of leg {self._leg_name(leg)}")
+                return
+
+    def _reached(self, report: Report) -> bool:
+        """Return whether the vehicle is heard of; without a link it goes on with its plan.
+
+        Raises:
+            _SafeEnd: it is overdue.
+        """
+        if report.heard <= self._limits.silence:
+            if self._silent:
+                self._silent, self._progress.since, self._progress.astray = False, self._now, math.inf
+                self._say("heard", "the link is there again")
+            return True
+        if not self._silent:
+            self._silent = True
+            number, end = self._progress.upload.number, self._progress.upload.itinerary.end
+            self._say(
+                "lost", f"nothing heard for {report.heard:.0f} s: the vehicle goes on with upload {number}, "
+                f"whose last item is to {end}",
+            )  # fmt: skip
+        if self._now > self._record.t_available + self._limits.overdue:
+            raise _SafeEnd("the link is lost and the vehicle overdue")
+        return False
+
+    def _check_state(self, report: Report) -> None:
+        """Give up where the vehicle itself did.
+
+        Raises:
+            _SafeEnd: it is in a state of fault, or surfaces.
+        """
+        if report.state in (State.FAULT, State.SURFACING):
+            words = f": {report.message}" if report.message else ""
+            raise _SafeEnd(f"the vehicle is {report.state.value}{words}")
+
+    def _at_task(self, report: Report) -> bool:
+        """Return whether the vehicle is at the place of a task that is not done."""
+        progress = self._progress
+        if report.position is None or progress.done >= len(progress.upload.steps):
+            return False
+        step = progress.upload.steps[progress.ahead]
+        return step.hold > 0.0 and bool(np.linalg.norm(step.position - report.position) < _AT_TASK)
+
+    def _check_moves(self, report: Report) -> None:
+        """Start a vehicle again that has stopped.
+
+        Raises:
+            _SafeEnd: it stops again and again.
+        """
+        progress, now, place = self._progress, self._now, report.position
+        if place is not None and (
+            progress.place is None or np.linalg.norm(place - progress.place) > self._limits.moved
+        ):
+            progress.place, progress.since = place, now
+            return
+        allowed = self._limits.stall
+        if self._at_task(report):
+            allowed += progress.upload.steps[progress.ahead].hold
+        if now - progress.since <= allowed:
+            return
+        where = f"{report.state.value}, {report.message}" if report.message else report.state.value
+        self._try("stopped", f"no way made for {now - progress.since:.0f} s ({where}): started again")
+        progress.since = now
+        self._asked(lambda: self._link.start(progress.ahead))
+
+    def _try(self, kind: str, text: str) -> None:
+        """Count an answer to what went wrong.
+
+        Raises:
+            _SafeEnd: there were too many in a row.
+        """
+        self._tries += 1
+        if self._tries > self._limits.tries:
+            raise _SafeEnd(f"{text.split(':')[0]}, after {self._limits.tries} tries")
+        self._say(kind, text)
+
+    def _asked(self, call: Callable[[], None]) -> bool:
+        """Ask the vehicle for something; return whether it does it. What fails is tried again later."""
+        try:
+            call()
+        except LinkError as error:
+            self._say("failed", str(error))
+            self._failed = self._now
+            return False
+        return True
+
+    def _check_track(self, report: Report) -> None:
+        """Hold a vehicle that has left its track, and plan from where it is."""
+        progress, place = self._progress, report.position
+        if place is None or progress.done >= len(progress.upload.steps):
+            return
+        step = progress.upload.steps[progress.ahead]
+        off = _distance(place, step.left, step.position)
+        if off <= self._limits.corridor or (self._count == 0 and progress.done == 0):
+            progress.astray = math.inf
+        elif progress.astray == math.inf:
+            progress.astray = self._now
+        elif self._now - progress.astray > self._limits.astray:
+            self._hold("drift", f"{off:.0f} m off its track")
+
+    def _check_ahead(self, report: Report) -> None:
+        """Hold a vehicle whose track leads through an obstacle within the next minutes."""
+        progress, now = self._progress, self._now
+        due = now - self._ahead >= self._limits.astray and report.position is not None
+        if not due or progress.done >= len(progress.upload.steps) or self._at_task(report):
+            return
+        self._ahead = now
+        assert report.position is not None
+        speed = progress.upload.itinerary.speed
+        places, left = [report.position], _AHEAD * speed
+        number = progress.upload.steps[progress.ahead].leg
+        for step in progress.upload.steps[progress.ahead :]:
+            gap = float(np.linalg.norm(step.position - places[-1]))
+            if step.leg != number or left <= 0.0:
+                break
+            places.append(places[-1] + min(1.0, left / max(gap, 1e-6)) * (step.position - places[-1]))
+            left -= gap
+        track = np.concatenate([np.linspace(a, b, 12) for a, b in pairwise(places)] or [np.asarray(places)])
+        passed = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(track, axis=0), axis=1))])
+        if self._plan.clearance(track, now + passed / speed) < 0.5 * self._plan.margin:
+            self._hold("hazard", "an obstacle is in the way of the present leg")
+
+    def _hold(self, kind: str, why: str) -> None:
+        """Hold the vehicle where it is, until there is a plan from there.
+
+        Raises:
+            _SafeEnd: that was so too often.
+        """
+        if self._now - self._failed < _PAUSE:
+            return
+        self._try(kind, f"{why}: the vehicle is held, and the way from there planned anew")
+        if self._asked(self._link.hold):
+            self._holding, self._new, self._due = True, None, kind
+            self._failed = -math.inf
+            self._go_on_past()
+
+    def _go_on_past(self) -> None:
+        """Plan from where the vehicle holds, and go on.
+
+        Raises:
+            _SafeEnd: no plan leads on, try after try.
+        """
+        if self._now - self._failed < _PAUSE:
+            return
+        place, cause = self._place(), self._due
+        if place is None:
+            return
+        if self._new is None:
+            found = self._plan.from_position(self._count, place, self._now)
+            if found is None:
+                self._failed = self._now
+                self._try("no plan", f"no plan from here: {self._plan.reason}; the vehicle holds")
+                return
+            upload = Upload(self._plan.itinerary(found, self._count), self._progress.upload.number + 1)
+            self._new = _Next(upload, found, self._count, cause)
+        new = self._new
+        if not self._asked(lambda: self._hand_over(new)):
+            self._try("failed", "the plan past it was not taken: sent again")
+
+    def _check_time(self, report: Report) -> None:
+        """See whether the vehicle is so far off its plan that the rest is planned anew."""
+        late = self._late(report)
+        if late is None or self._due or self._new is not None or self._settled == self._count:
+            return
+        if abs(late) > max(self._limits.late, self._plan.tolerance):
+            self._due, self._settled = "late" if late > 0.0 else "early", self._count
+
+    def _late(self, report: Report) -> float | None:
+        """Return s that the vehicle is behind its plan on this leg; None where that cannot be said."""
+        progress = self._progress
+        if report.position is None or progress.done >= len(progress.upload.steps) or self._at_task(report):
+            return None
+        step = progress.upload.steps[progress.ahead]
+        way = step.position - step.left
+        length = float(way @ way)
+        share = float(np.clip((report.position - step.left) @ way / length, 0.0, 1.0)) if length else 1.0
+        return self._now - (step.left_at + share * (step.time - step.left_at))
+
+    def _plan_rest(self) -> None:
+        """Plan anew what comes after the leg that the vehicle will be on by then."""
+        if not self._due or self._new is not None or self._now - self._failed < _PAUSE:
+            return
+        legs, late = self._plan.legs, self._late(self._link.wait(0.0)) or 0.0
+        kept = self._count + 1
+        while kept < len(legs) and _after(legs[kept - 1], late) < self._now + self._cost:
+            kept += 1
+        if kept >= len(legs):
+            self._due = ""
+            return
+        cause, begin = self._due, self._now
+        found = self._plan.from_leg(kept, _after(legs[kept - 1], late))
+        if found is None:
+            self._due = ""
+            self._say("no plan", f"no better plan ({cause}): {self._plan.reason}; it goes on as uploaded")
+            return
+        present = self._progress.upload.without(self._progress.ahead)
+        staying = [_shifted(leg, late) for leg in present.itinerary.legs if leg.number <= kept]
+        rest = self._plan.itinerary(found, kept)
+        first = present.steps[0]
+        upload = Upload(
+            replace(rest, legs=(*staying, *rest.legs)),
+            self._progress.upload.number + 1,
+            (first.left, first.left_at + late),
+        )
+        self._new = _Next(upload, found, kept, cause)
+        self._cost = self._now - begin
+        anew = counted(len(found.legs) - kept, "leg")
+        self._say("replan", f"{cause}, {late:+.0f} s: {anew} anew, planned end {found.ends:.0f} s")
+
+    def _send(self) -> None:
+        """Send what was planned, where that takes or doubles no task."""
+        if self._new is None or self._now - self._failed < _PAUSE:
+            return
+        report, progress, new = self._link.wait(0.0), self._progress, self._new
+        self._book(report)
+        if self._count >= new.kept:
+            self._new, self._due = None, new.cause
+            self._say("replan", "the new plan came too late for its first leg")
+            return
+        if report.position is None or progress.done >= len(progress.upload.steps):
+            return
+        step = progress.upload.steps[progress.ahead]
+        left = float(np.linalg.norm(step.position - report.position)) / progress.upload.itinerary.speed
+        if step.hold > 0.0 and left < 10.0 + 3.0 * self._limits.reply * self._link.rate:
+            return
+        if not self._asked(lambda: self._hand_over(new)):
+            self._try("failed", "the new plan was not taken: sent again")
+
+    def _arrive(self) -> None:
+        """Watch the end behaviour, and give the verdict."""
+        record, end = self._record, self._progress.upload.itinerary.end
+        arrived = self._now
+        record.t_mission, record.success = arrived, arrived < record.t_available
+        record.reason = "destination reached" + (" in time" if record.success else " too late")
+        record.safe = f"the vehicle was not seen to {end} yet"
+        while self._now - arrived < self._limits.ending:
+            report = self._link.wait(self._limits.look)
+            self._book(report)
+            up = report.position is not None and report.position[2] < _SURFACE
+            if report.state is State.FINISHED or up or end != "surface":
+                record.safe = "at the surface" if end == "surface" else f"at the end: {end}"
+                return
+
+    def _end_safely(self, why: str) -> None:
+        """Have the vehicle surface, and see that it does."""
+        record = self._record
+        record.reason = why
+        if not self._started:
+            record.safe = "the vehicle was not started"
+            return
+        for attempt in range(self._limits.tries):
+            try:
+                self._link.abort()
+                break
+            except LinkError as error:
+                self._say("failed", str(error))
+                if attempt + 1 < self._limits.tries:
+                    self._link.wait(_PAUSE)
+        else:
+            upload = self._progress.upload
+            record.safe = (
+                f"told to surface, not answered; upload {upload.number} ends with {upload.itinerary.end}"
+            )
+            return
+        record.safe, begin = "told to surface", self._now
+        while self._now - begin < self._limits.ending:
+            report = self._link.wait(self._limits.look)
+            if report.position is not None and report.position[2] < _SURFACE:
+                record.safe = "at the surface"
+                return
+
+
+def _after(leg: LegRecord, late: float) -> float:
+    """Return s, when a leg and its task are done by a vehicle that is late."""
+    return float(leg.times[-1]) + late + max(leg.t_wait - max(late, 0.0), 0.0) + leg.t_task
+
+
+def _shifted(leg: PlannedLeg, seconds: float) -> PlannedLeg:
+    """Return a leg that is gone later."""
+    return replace(leg, times=leg.times + seconds, kept_times=leg.kept_times + seconds)
+
+
+def _distance(place: Array, first: Array, last: Array) -> float:
+    """Return m from a place to the straight line between two others."""
+    way = last - first
+    length = float(way @ way)
+    share = float(np.clip((place - first) @ way / length, 0.0, 1.0)) if length else 0.0
+    return float(np.linalg.norm(place - first - share * way))

@@ -1,0 +1,74 @@
+"""What links over the air have in common: a thread takes in what comes, and says that somebody is here."""
+
+import math
+import threading
+import time
+from abc import ABC, abstractmethod
+
+from auvplan.link.limits import Limits
+from auvplan.link.vehicle import Report
+from auvplan.site import Site
+
+#: s between two heartbeats.
+_BEAT = 1.0
+
+
+class ListeningLink(ABC):
+    """A vehicle that is listened to in a thread, from `_start_listening` until `close`."""
+
+    def __init__(self, site: Site, limits: Limits | None, scale: float) -> None:
+        """Begin before mission time does.
+
+        Args:
+            site: that local coordinates count from.
+            limits: of replies and tries.
+            scale: s of the vehicle's time in one of wall-clock time, for vehicles that are simulated.
+        """
+        self._site, self._limits, self.rate = site, limits or Limits(), scale
+        self._begin = math.nan  # s, when mission time began
+        self._closed = threading.Event()
+        self._thread = threading.Thread(target=self._listen, daemon=True)
+
+    def _start_listening(self) -> None:
+        self._thread.start()
+
+    @property
+    def now(self) -> float:
+        """Return s of mission time."""
+        return 0.0 if math.isnan(self._begin) else (time.monotonic() - self._begin) * self.rate
+
+    def wait(self, seconds: float) -> Report:
+        """Let so many s of mission time pass, and return the newest report."""
+        if seconds > 0.0:
+            time.sleep(seconds / self.rate)
+        return self._report()
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._closed.set()
+        self._thread.join(timeout=2.0)
+        self._disconnect()
+
+    def _listen(self) -> None:
+        beat = -math.inf
+        while not self._closed.is_set():
+            if time.monotonic() - beat >= _BEAT:
+                beat = time.monotonic()
+                self._say_hello()
+            self._receive()
+
+    @abstractmethod
+    def _say_hello(self) -> None:
+        """Send a heartbeat."""
+
+    @abstractmethod
+    def _receive(self) -> None:
+        """Wait for a tenth of a second for a message, and take it in."""
+
+    @abstractmethod
+    def _report(self) -> Report:
+        """Return the newest that is known."""
+
+    @abstractmethod
+    def _disconnect(self) -> None:
+        """Let go of what the connection goes through."""

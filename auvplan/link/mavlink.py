@@ -1,0 +1,565 @@
+"""A vehicle that speaks MAVLink: ArduSub, PX4, or whatever follows the common message set.
+
+Plans go there by the mission protocol (MISSION_COUNT, MISSION_REQUEST_INT, MISSION_ITEM_INT, MISSION_ACK), as
+the items of its `.plan` file, with the fence; what is there is read back and compared.
+"""
+
+import math
+import os
+import queue
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvplan.export.qgroundcontrol import qgc_plan
+from auvplan.link.limits import Limits
+from auvplan.link.listening import ListeningLink
+from auvplan.link.vehicle import LinkError, Lost, Refused, Report, State, Upload
+from auvplan.site import Site
+
+Array = NDArray[np.floating]
+
+#: Mission types: waypoints and fences.
+MISSION, FENCE = 0, 1
+
+#: Names of MAV_MISSION_RESULT and MAV_RESULT, by number.
+_ACKS = (
+    "accepted", "error", "unsupported frame", "unsupported", "no space", "invalid", "invalid param 1",
+    "invalid param 2", "invalid param 3", "invalid param 4", "invalid x", "invalid y", "invalid z",
+    "invalid sequence", "denied", "cancelled",
+)  # fmt: skip
+_RESULTS = (
+    "accepted", "temporarily rejected", "denied", "unsupported", "failed", "in progress", "cancelled",
+)  # fmt: skip
+
+#: MISSION_ACK that another try may mend: error, invalid sequence, cancelled.
+_AGAIN = (1, 13, 15)
+
+#: Replies' times that are waited after the last item.
+_LAST = 3
+
+#: MAV_MISSION_OPERATION_CANCELLED.
+_CANCELLED = 15
+
+#: Messages that answer an offer of items, a request for them, and a command.
+_OFFERED = ("MISSION_REQUEST_INT", "MISSION_REQUEST", "MISSION_ACK")
+_READ = ("MISSION_COUNT", "MISSION_ITEM_INT")
+_COMMANDED = ("COMMAND_ACK",)
+
+#: MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION and MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION.
+_CORNER, _CIRCLE = 5002, 5004
+
+#: MAV_FRAME_GLOBAL, of fences.
+_GLOBAL = 0
+
+#: MAV_AUTOPILOT_ARDUPILOTMEGA and MAV_AUTOPILOT_PX4.
+_ARDUPILOT, _PX4 = 3, 12
+
+#: MAV_CMD_COMPONENT_ARM_DISARM, _DO_SET_MODE, _MISSION_START, _DO_PAUSE_CONTINUE and _NAV_LAND.
+_ARM, _SET_MODE, _START, _PAUSE, _LAND = 400, 176, 300, 193, 21
+
+#: MAV_MODE_FLAG_CUSTOM_MODE_ENABLED.
+_CUSTOM = 1
+
+#: States by MISSION_CURRENT.mission_state.
+_STATES = {3: State.EXECUTING, 4: State.HOLDING, 5: State.FINISHED}
+
+#: MAV_STATE_CRITICAL, _EMERGENCY, _POWEROFF and _FLIGHT_TERMINATION.
+_FAULTS = (5, 6, 7, 8)
+
+
+@dataclass(frozen=True)
+class Item:
+    """An item of a mission or a fence, as it is on the wire.
+
+    Attributes:
+        frame, command: by MAVLink's numbers.
+        params: four numbers, single precision; NaN for what is left to the vehicle.
+        x, y: 1e-7 degrees, latitude and longitude.
+        z: m.
+    """
+
+    frame: int
+    command: int
+    params: tuple[float, ...]
+    x: int
+    y: int
+    z: float
+
+    def same(self, other: "Item") -> bool:
+        """Return whether another item says the same; what is left to the vehicle may have any value."""
+        numbers = zip((*self.params, self.z), (*other.params, other.z), strict=True)
+        return (self.frame, self.command, self.x, self.y) == (
+            other.frame,
+            other.command,
+            other.x,
+            other.y,
+        ) and all(math.isnan(a) or abs(a - b) <= 1e-3 + 1e-6 * abs(a) for a, b in numbers)
+
+
+def mission_items(upload: Upload, home: bool = False) -> list[Item]:
+    """Return the items of an upload's `.plan` file.
+
+    Args:
+        upload: whose itinerary is written.
+        home: whether the planned home comes first, as ArduPilot wants it.
+    """
+    mission = qgc_plan(upload.itinerary)["mission"]
+    items = []
+    for item in mission["items"]:
+        *params, latitude, longitude, height = item["params"]
+        values = tuple(math.nan if part is None else float(part) for part in params)
+        items.append(
+            Item(item["frame"], item["command"], values, *_scaled((latitude, longitude)), float(height))
+        )
+    if home:
+        latitude, longitude, height = mission["plannedHomePosition"]
+        place = round(latitude * 1e7), round(longitude * 1e7), height
+        items.insert(0, Item(_GLOBAL, 16, (0.0, 0.0, 0.0, 0.0), *place))
+    return items
+
+
+def fence_items(upload: Upload) -> list[Item]:
+    """Return the fence of an upload's `.plan` file, corners and circles."""
+    fence = qgc_plan(upload.itinerary)["geoFence"]
+    items = [
+        Item(_GLOBAL, _CORNER, (float(len(area["polygon"])), 0.0, 0.0, 0.0), *_scaled(corner), 0.0)
+        for area in fence["polygons"]
+        for corner in area["polygon"]
+    ]
+    for area in fence["circles"]:
+        circle = area["circle"]
+        radius = float(np.float32(circle["radius"]))
+        items.append(Item(_GLOBAL, _CIRCLE, (radius, 0.0, 0.0, 0.0), *_scaled(circle["center"]), 0.0))
+    return items
+
+
+def _scaled(place: Sequence[float]) -> tuple[int, int]:
+    return round(place[0] * 1e7), round(place[1] * 1e7)
+
+
+@dataclass
+class _Heard:
+    """What the vehicle has said."""
+
+    at: float = -math.inf
+    autopilot: int = 0
+    mode: int = 0
+    armed: bool = False
+    fault: bool = False
+    position: Array | None = None
+    speed: float = math.nan
+    current: int = -1
+    reached: int = -1
+    progress: State = State.UNKNOWN
+    words: str = ""
+    answers: "queue.Queue[Any]" = field(default_factory=queue.Queue)
+
+
+class MavlinkVehicle(ListeningLink):
+    """A vehicle behind a MAVLink connection of pymavlink."""
+
+    by_legs = False
+
+    def __init__(self, address: str, site: Site, limits: Limits | None = None, scale: float = 1.0) -> None:
+        """Open the connection; the vehicle is looked for by `connect`.
+
+        Args:
+            address: as pymavlink takes it, such as udpin:0.0.0.0:14550, tcp:HOST:PORT or /dev/ttyUSB0.
+            site: that local coordinates count from.
+            limits: of replies and tries.
+            scale: s of the vehicle's time in one of wall-clock time, for vehicles that are simulated.
+
+        Raises:
+            LinkError: the connection cannot be opened.
+            ImportError: pymavlink is not installed.
+        """
+        # Types of missions are an extension of MAVLink 2, which pymavlink speaks if this is set.
+        os.environ.setdefault("MAVLINK20", "1")
+        mavutil: Any = import_module("pymavlink.mavutil")
+
+        super().__init__(site, limits, scale)
+        self.name = f"the MAVLink vehicle at {address}"
+        try:
+            self._port = mavutil.mavlink_connection(
+                address, source_system=255, source_component=190, dialect="ardupilotmega"
+            )
+        except (OSError, ValueError) as error:
+            raise LinkError(f"{address}: {error}") from None
+        self._sending = threading.Lock()
+        self._heard = _Heard()
+        self._target = 0, 0
+        self._items: list[Item] = []
+        self._first = 0  # item of the first step
+        self._steps = 0
+        self._fresh: tuple[int, int] | None = None  # first item and steps of an upload that is not started
+        self._done, self._settled = 0, -math.inf
+        self._fence: list[Item] = []
+        self._expected: tuple[str, ...] = ()
+        self._start_listening()
+
+    def _say_hello(self) -> None:
+        # A ground station: MAV_TYPE_GCS, MAV_AUTOPILOT_INVALID, MAV_STATE_ACTIVE.
+        self._send(lambda mav: mav.heartbeat_send(6, 8, 0, 0, 4))
+
+    def _receive(self) -> None:
+        try:
+            message = self._port.recv_match(blocking=True, timeout=0.1)
+        except OSError:
+            self._closed.wait(0.1)
+            return
+        if message is not None:
+            self._take(message)
+
+    def _send(self, call: Callable[[Any], None]) -> None:
+        """Send a message; what cannot be sent is as lost as what does not arrive."""
+        with self._sending:
+            try:
+                call(self._port.mav)  # which pymavlink replaces when it hears another version
+            except OSError:
+                return
+
+    def _take(self, message: Any) -> None:
+        kind, heard = message.get_type(), self._heard
+        source = message.get_srcSystem(), message.get_srcComponent()
+        if kind == "HEARTBEAT" and message.type != 6 and source[1] == 1 and self._target in ((0, 0), source):
+            self._target = source
+            heard.autopilot, heard.mode = message.autopilot, message.custom_mode
+            heard.armed, heard.fault = bool(message.base_mode & 128), message.system_status in _FAULTS
+        if source != self._target:
+            return
+        heard.at = time.monotonic()
+        if kind == "GLOBAL_POSITION_INT":
+            north, east = self._site.to_local(message.lon * 1e-7, message.lat * 1e-7)
+            heard.position = np.asarray([float(north), float(east), -message.relative_alt * 1e-3])
+            heard.speed = 0.01 * math.hypot(message.vx, message.vy, message.vz)
+        elif kind == "MISSION_CURRENT":
+            heard.current = message.seq
+            heard.progress = _STATES.get(getattr(message, "mission_state", 0), State.UNKNOWN)
+            self._advance(message.seq - 1)
+            if heard.progress is State.FINISHED:
+                self._advance(len(self._items) - 1)
+        elif kind == "MISSION_ITEM_REACHED":
+            heard.reached = message.seq
+            self._advance(message.seq)
+        elif kind == "STATUSTEXT":
+            heard.words = message.text
+        elif kind.startswith("MISSION_") or kind == "COMMAND_ACK":
+            if kind in self._expected:
+                heard.answers.put(message)
+            elif kind in ("MISSION_COUNT", "MISSION_REQUEST", "MISSION_REQUEST_INT"):
+                # A doubled message made the vehicle begin a transfer that nobody waits for.
+                self._send(
+                    lambda mav: mav.mission_ack_send(
+                        *self._target, _CANCELLED, getattr(message, "mission_type", 0)
+                    )
+                )
+
+    def _advance(self, item: int) -> None:
+        """Take note that an item is completed; what is said just after an upload may be of the one before."""
+        if self._fresh is None and time.monotonic() >= self._settled:
+            self._done = max(self._done, min(item - self._first + 1, self._steps))
+
+    def connect(self) -> None:
+        """Wait for the vehicle's heartbeat and position.
+
+        Raises:
+            Lost: there is none.
+        """
+        end = time.monotonic() + self._limits.connect
+        while time.monotonic() < end:
+            if self._target != (0, 0) and self._heard.position is not None:
+                return
+            time.sleep(0.02)
+        what = "no heartbeat" if self._target == (0, 0) else "no GLOBAL_POSITION_INT"
+        raise Lost(f"{self.name}: {what} within {self._limits.connect:.0f} s")
+
+    @property
+    def _ardupilot(self) -> bool:
+        return self._heard.autopilot == _ARDUPILOT
+
+    def upload(self, plan: Upload) -> list[str]:
+        """Hand over items and fence, and read both back.
+
+        Raises:
+            Lost, Refused: the vehicle does not hold the plan.
+        """
+        notes = []
+        items = mission_items(plan, home=self._ardupilot)
+        first = 2 if self._ardupilot else 1  # after home, if any, and the speed
+        self._fresh = first, len(plan.steps)
+        fence = fence_items(plan)
+        if self._ardupilot and not math.isnan(self._begin):
+            self.hold()  # it goes on by the number of its item, which is another one in the new plan
+        if fence and fence != self._fence:
+            try:
+                self._place(fence, FENCE, "fence")
+                self._fence = fence
+            except Refused as error:
+                notes.append(f"{error}: the vehicle goes without a fence")
+        self._place(items, MISSION, "plan")
+        self._items, self._settled = items, time.monotonic() + self._limits.outdated
+        return notes
+
+    def _place(self, items: list[Item], kind: int, what: str) -> None:
+        """Upload items until they are read back as they are.
+
+        Raises:
+            Lost, Refused: that does not come about.
+        """
+        problem: LinkError = Lost(f"{self.name}: no answer to the {what}")
+        for _ in range(self._limits.uploads):
+            try:
+                self._offer(items, kind, what)
+            except Lost as error:
+                problem = error  # the answer may have been lost alone
+            try:
+                held = self._download(kind)
+            finally:
+                self._expect(())
+            if held is None:
+                continue
+            skip = 1 if kind == MISSION and self._ardupilot else 0  # the vehicle's home is its own
+            pairs = list(zip(items, held, strict=False))[skip:]
+            if len(held) == len(items) and all(a.same(b) for a, b in pairs):
+                return
+            problem = Lost(f"{self.name}: holds {len(held)} of {len(items)} items of the {what}, or others")
+        raise problem
+
+    def _offer(self, items: list[Item], kind: int, what: str) -> None:
+        """Answer the vehicle's requests for items until it acknowledges.
+
+        Raises:
+            Lost, Refused: it does not.
+        """
+        self._expect(_OFFERED)
+        wanted, tries = -1, 0
+        while tries < self._limits.attempts:
+            if wanted < 0:
+                self._send(lambda mav: mav.mission_count_send(*self._target, len(items), kind))
+            message = self._answer(
+                lambda m: (
+                    m.get_type() in ("MISSION_REQUEST_INT", "MISSION_REQUEST", "MISSION_ACK")
+                    and getattr(m, "mission_type", 0) == kind
+                )
+            )
+            if message is None:
+                tries += 1
+                if wanted == len(items) - 1 and tries >= _LAST:
+                    return  # the acknowledgement may be lost: reading back will tell
+            elif message.get_type() == "MISSION_ACK":
+                if message.type == 0 and wanted == len(items) - 1:
+                    return
+                if message.type in _AGAIN:
+                    raise Lost(f"{self.name}: the {what} broke off: {_name(_ACKS, message.type)}")
+                if message.type != 0:
+                    raise Refused(f"{self.name} refuses the {what}: {_name(_ACKS, message.type)}")
+            elif 0 <= message.seq < len(items):
+                tries = 0 if message.seq > wanted else tries + 1
+                wanted = message.seq
+                # Sent once a request: an item that comes unasked starts the vehicle's own waiting anew.
+                self._send_item(items[wanted], wanted, kind)
+        raise Lost(f"{self.name}: half of the {what} was taken, then no answer")
+
+    def _send_item(self, item: Item, number: int, kind: int) -> None:
+        self._send(
+            lambda mav: mav.mission_item_int_send(
+                *self._target,
+                number,
+                item.frame,
+                item.command,
+                0,
+                1,
+                *item.params,
+                item.x,
+                item.y,
+                item.z,
+                kind,
+            )
+        )
+
+    def _download(self, kind: int) -> list[Item] | None:
+        """Return the items that the vehicle holds; None where it does not say."""
+        self._expect(_READ)
+
+        def count(message: Any) -> bool:
+            return message.get_type() == "MISSION_COUNT" and getattr(message, "mission_type", 0) == kind
+
+        found = self._asked_for(lambda mav: mav.mission_request_list_send(*self._target, kind), count)
+        if found is None:
+            return None
+        items: list[Item] = []
+        begun = 1
+        while len(items) < found.count:
+            number = len(items)
+
+            def wanted(message: Any, number: int = number) -> bool:
+                is_item = message.get_type() == "MISSION_ITEM_INT" and message.seq == number
+                return count(message) or (is_item and getattr(message, "mission_type", 0) == kind)
+
+            item = self._asked_for(
+                lambda mav, number=number: mav.mission_request_int_send(*self._target, number, kind), wanted
+            )
+            if item is None or begun > self._limits.attempts:
+                return None
+            if count(item):  # a doubled request made the vehicle begin again
+                items, begun = [], begun + 1
+                continue
+            params = float(item.param1), float(item.param2), float(item.param3), float(item.param4)
+            items.append(Item(item.frame, item.command, params, item.x, item.y, float(item.z)))
+        self._send(lambda mav: mav.mission_ack_send(*self._target, 0, kind))
+        return items
+
+    def _asked_for(self, ask: Callable[[Any], None], fits: Callable[[Any], bool]) -> Any:
+        """Ask until a fitting answer comes; None where none does."""
+        for _ in range(self._limits.attempts):
+            self._send(ask)
+            if (message := self._answer(fits)) is not None:
+                return message
+        return None
+
+    def _expect(self, kinds: tuple[str, ...]) -> None:
+        """Keep messages of these kinds from now on, and forget what was kept before."""
+        self._expected = kinds
+        answers = self._heard.answers
+        while not answers.empty():
+            answers.get_nowait()
+
+    def _answer(self, fits: Callable[[Any], bool]) -> Any:
+        """Return the next fitting message within the time of a reply, or None."""
+        end = time.monotonic() + self._limits.reply
+        while (left := end - time.monotonic()) > 0.0:
+            try:
+                message = self._heard.answers.get(timeout=left)
+            except queue.Empty:
+                return None
+            if fits(message):
+                return message
+        return None
+
+    def _command(self, command: int, *params: float, done: Callable[[], bool] = lambda: False) -> None:
+        """Give a command until it is acknowledged, or until the vehicle is seen to have done it.
+
+        Raises:
+            Lost, Refused: neither is so.
+        """
+        values = [*params, *[0.0] * (7 - len(params))]
+        self._expect(_COMMANDED)
+
+        def acknowledges(message: Any) -> bool:
+            return message.get_type() == "COMMAND_ACK" and message.command == command
+
+        for attempt in range(self._limits.attempts):
+            self._send(lambda mav, n=attempt: mav.command_long_send(*self._target, command, n, *values))
+            answer = self._answer(acknowledges)
+            if answer is not None and answer.result in (0, 5):
+                return
+            if done():
+                return
+            if answer is not None and answer.result != 1:
+                raise Refused(f"{self.name} refuses command {command}: {_name(_RESULTS, answer.result)}")
+        raise Lost(f"{self.name}: no answer to command {command}")
+
+    def _mode(self, ardusub: int, px4: tuple[int, int]) -> None:
+        """Set a mode of ArduSub or of PX4."""
+        if self._ardupilot:
+            self._command(_SET_MODE, _CUSTOM, ardusub, done=lambda: self._heard.mode == ardusub)
+        else:
+            wanted = px4[0] << 16 | px4[1] << 24
+            self._command(_SET_MODE, _CUSTOM, *px4, done=lambda: self._heard.mode == wanted)
+
+    def start(self, step: int = 0) -> None:
+        """Arm, execute from a step on.
+
+        Raises:
+            Lost, Refused: the vehicle does not say that it does.
+        """
+        first, steps = self._fresh or (self._first, self._steps)
+        if not self._heard.armed:
+            self._command(_ARM, 1, done=lambda: self._heard.armed)
+        under_way = self._heard.progress is State.EXECUTING
+        if under_way and not self._ardupilot and time.monotonic() >= self._settled:
+            # It began the new plan by itself, and may have come some way.
+            step = min(max(step, self._heard.current - first), steps)
+        self._heard.progress = State.UNKNOWN
+        self._set_current(first + step if step else 0)
+        if self._ardupilot or self._heard.autopilot == _PX4:
+            self._mode(3, (4, 4))
+        else:
+            self._command(_START, 0, 0, done=lambda: self._heard.progress is State.EXECUTING)
+        self._first, self._steps, self._done = first, steps, step
+        self._fresh = None
+        if math.isnan(self._begin):
+            self._begin = time.monotonic()
+
+    def _set_current(self, item: int) -> None:
+        """Set the item that is executed next.
+
+        Raises:
+            Lost: the vehicle does not say that it is.
+        """
+        for _ in range(self._limits.attempts):
+            self._heard.current = -1
+            self._send(lambda mav: mav.mission_set_current_send(*self._target, item))
+            end = time.monotonic() + self._limits.reply
+            while time.monotonic() < end:
+                if self._heard.current >= item:
+                    return
+                time.sleep(0.005)
+        raise Lost(f"{self.name}: no answer to item {item} as the next")
+
+    def hold(self) -> None:
+        """Stay where it is.
+
+        Raises:
+            Lost, Refused: the vehicle does not say that it does.
+        """
+        if self._ardupilot or self._heard.autopilot == _PX4:
+            self._mode(16, (4, 3))
+        else:
+            self._command(_PAUSE, 0, done=lambda: self._heard.progress is State.HOLDING)
+
+    def abort(self) -> None:
+        """Surface.
+
+        Raises:
+            Lost, Refused: the vehicle does not say that it does.
+        """
+        if self._ardupilot:
+            self._mode(9, (4, 6))
+        else:
+            self._command(_LAND)
+
+    def _report(self) -> Report:
+        heard = self._heard
+        return Report(
+            time.monotonic() - heard.at,
+            heard.position,
+            heard.speed,
+            self._state(),
+            self._done,
+            heard.words,
+        )
+
+    def _state(self) -> State:
+        heard = self._heard
+        if heard.fault:
+            return State.FAULT
+        if heard.progress is not State.UNKNOWN:
+            return heard.progress
+        if self._ardupilot:
+            return {3: State.EXECUTING, 16: State.HOLDING, 9: State.SURFACING}.get(heard.mode, State.UNKNOWN)
+        return State.UNKNOWN
+
+    def _disconnect(self) -> None:
+        self._port.close()
+
+
+def _name(names: Sequence[str], number: int) -> str:
+    return names[number] if 0 <= number < len(names) else f"number {number}"

@@ -1,0 +1,166 @@
+"""What is reported from outside while a mission is under way: obstacles and currents, as lines of a file.
+
+Each line is a JSON object. Other programs append to the file; it is read on as it grows.
+"""
+
+import json
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvplan.errors import AuvplanError
+from auvplan.ocean.known import KnownObstacle
+from auvplan.site import Site
+
+Array = NDArray[np.floating]
+
+
+@dataclass(frozen=True)
+class ObstacleNotice:
+    """An obstacle where it is now.
+
+    Attributes:
+        obstacle: its position is that of the moment when it is reported.
+    """
+
+    obstacle: KnownObstacle
+
+
+@dataclass(frozen=True)
+class CurrentNotice:
+    """A current that was measured.
+
+    Attributes:
+        velocity: [3] m/s north, east, down.
+        position: [3] m, where; None for where the vehicle is.
+    """
+
+    velocity: Array
+    position: Array | None = None
+
+
+Notice = ObstacleNotice | CurrentNotice
+
+
+class Notices(Protocol):
+    """A source of notices."""
+
+    def read(self) -> Iterator[Notice | str]:
+        """Yield what is new; text where a notice cannot be understood."""
+        ...
+
+
+class NoNotices:
+    """Nobody tells anything."""
+
+    def read(self) -> Iterator[Notice | str]:
+        """Yield nothing."""
+        yield from ()
+
+
+class NoticeFile:
+    """Notices from a file of JSON lines.
+
+    `{"obstacle": "ferry", "longitude": 148.97, "latitude": -20.35, "radius": 80, "course": 90, "speed": 3}`,
+    or `{"current": [0.4, -0.1, 0], "longitude": 148.97, "latitude": -20.35, "depth": 10}`; `north` and
+    `east`, metres, may stand for longitude and latitude; a current without a place is that at the vehicle.
+    """
+
+    def __init__(self, path: str | Path, site: Site) -> None:
+        """Read from the file's beginning.
+
+        Raises:
+            AuvplanError: the file cannot be read; one line.
+        """
+        self._path, self._site, self._place, self._line = Path(path), site, 0, 0
+        try:
+            self._path.open("rb").close()
+        except OSError as error:
+            raise AuvplanError(
+                f"{path}: {error.strerror or error}: create it empty, lines may follow"
+            ) from None
+
+    def read(self) -> Iterator[Notice | str]:
+        """Yield what whole lines were added, as notices or as text that says what is wrong."""
+        try:
+            with self._path.open("rb") as file:
+                file.seek(self._place)
+                text = file.read()
+        except OSError as error:
+            yield f"{self._path}: {error.strerror or error}"
+            return
+        whole = text[: text.rfind(b"\n") + 1]
+        self._place += len(whole)
+        for line in whole.splitlines():
+            self._line += 1
+            if not line.strip():
+                continue
+            try:
+                yield self._notice(json.loads(line))
+            except (ValueError, TypeError, KeyError) as error:
+                yield f"{self._path}, line {self._line}: {' '.join(str(error).split())}; not taken in"
+
+    def _notice(self, found: Any) -> Notice:
+        if not isinstance(found, dict) or ("obstacle" in found) == ("current" in found):
+            raise ValueError("must be an object with either 'obstacle' or 'current'")
+        if "current" in found:
+            velocity = found["current"]
+            if not isinstance(velocity, list) or len(velocity) not in (2, 3):
+                raise ValueError("current: must be [north, east] or [north, east, down] in m/s")
+            parts = [_number({"current": part}, "current", (-10.0, 10.0)) for part in velocity]
+            place = self._position(found)
+            depth = _number(found, "depth", (0.0, 12_000.0), 0.0)
+            return CurrentNotice(
+                np.asarray([*parts, 0.0][:3]), None if place is None else np.asarray([*place, depth])
+            )
+        place = self._position(found)
+        if place is None:
+            raise ValueError("obstacle: needs longitude and latitude, or north and east")
+        course, speed = (
+            math.radians(_number(found, "course", (-360.0, 360.0), 0.0)),
+            _number(found, "speed", (0.0, 50.0), 0.0),
+        )
+        return ObstacleNotice(
+            KnownObstacle(
+                str(found["obstacle"]) or "obstacle",
+                place,
+                _number(found, "radius", (0.1, 100_000.0)),
+                _number(found, "depth_min", (0.0, 12_000.0), 0.0),
+                _number(found, "depth_max", (0.0, 12_000.0), math.inf),
+                (speed * math.cos(course), speed * math.sin(course)),
+            )
+        )
+
+    def _position(self, found: dict[str, Any]) -> tuple[float, float] | None:
+        """Return north and east, m, or None without a place."""
+        if "longitude" in found or "latitude" in found:
+            longitude = _number(found, "longitude", (-180.0, 360.0))
+            latitude = _number(found, "latitude", (-90.0, 90.0))
+            north, east = self._site.to_local(longitude, latitude)
+            return float(north), float(east)
+        if "north" in found or "east" in found:
+            return _number(found, "north", (-1e7, 1e7)), _number(found, "east", (-1e7, 1e7))
+        return None
+
+
+def _number(
+    found: dict[str, Any], name: str, span: tuple[float, float], default: float | None = None
+) -> float:
+    """Return a number within limits.
+
+    Raises:
+        ValueError: it is missing, no number or outside.
+    """
+    value = found.get(name, default)
+    if value is None:
+        raise ValueError(f"{name}: is missing")
+    if isinstance(value, bool) or not isinstance(value, int | float) or math.isnan(value):
+        raise ValueError(f"{name}: must be a number, got {value!r}")
+    if value != default and not span[0] <= value <= span[1]:
+        raise ValueError(f"{name}: must be from {span[0]:g} to {span[1]:g}, got {value:g}")
+    return float(value)

@@ -1,0 +1,308 @@
+"""The plan of a mission that is under way: what is left of it is planned anew by the mission's own planners.
+
+Before every leg the state of the planners is kept. A new plan begins from the state before the first leg that
+may still change, with what has been learnt since.
+"""
+
+from copy import copy
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvplan.compiled import MISSIONS, expecting
+from auvplan.executive.context import Mission
+from auvplan.executive.legs import finish, go_as_planned, refusal, set_out
+from auvplan.executive.loop import seed_keys, step
+from auvplan.executive.path_calls import plan_legs
+from auvplan.executive.planning import leaving, load_area_at, planning_context
+from auvplan.export.itinerary import Itinerary
+from auvplan.export.runs import itinerary_of
+from auvplan.ocean.currents import Current
+from auvplan.ocean.known import KnownObstacle
+from auvplan.ocean.perturbed import perturbed
+from auvplan.records import LegRecord, MissionRun
+from auvplan.scenario.area import OperatingArea
+from auvplan.scenario.scenario import Scenario
+from auvplan.site import Site
+
+Array = NDArray[np.floating]
+
+#: m, usual radius of a reported obstacle: programs for as many spheres as cover it are compiled ahead.
+_TYPICAL = 50.0
+
+
+class CorrectedSea:
+    """A forecast, and what it is off by as far as is known; nothing of it is simulated.
+
+    Attributes:
+        field: the current from now on.
+    """
+
+    def __init__(self, forecast: Current, offset: Array | None = None) -> None:
+        """Start with a forecast that is off by `offset`, [3] m/s north, east, down; 0 if absent."""
+        self._forecast = forecast
+        self.offset = np.zeros(3) if offset is None else np.asarray(offset, float)
+        self.field: Current = perturbed(forecast, offset=self.offset) if self.offset.any() else forecast
+
+    def corrected(self, offset: Array) -> "CorrectedSea":
+        """Return the same forecast, off by `offset` [3] m/s."""
+        return CorrectedSea(self._forecast, offset)
+
+    def forecast_at(self, position: Array, now: float) -> Array:
+        """Return the forecast itself, [3] m/s, at [3] m and a time, s."""
+        found = self._forecast(*(np.asarray(part, np.float32) for part in (*position, now)))  # type: ignore[arg-type]
+        return np.asarray([float(part) for part in found])
+
+    def advance(self, now: float) -> None:
+        """Do nothing: a report holds until the next one."""
+
+    def begin_window(self) -> None:
+        """Do nothing, as `advance`."""
+
+    def hold(self) -> None:
+        """Do nothing, as `advance`."""
+
+    def forecast(self) -> Current:
+        """Return the corrected forecast."""
+        return self.field
+
+
+@dataclass(frozen=True)
+class _Planned:
+    """A leg as planned, and the planners' state before it."""
+
+    record: LegRecord
+    before: Mission
+
+
+@dataclass(frozen=True)
+class Prospect:
+    """A plan to the mission's end, which may be followed.
+
+    Attributes:
+        planned: legs in order, executed ones first.
+        after: the planners' state at the end.
+    """
+
+    planned: tuple[_Planned, ...]
+    after: Mission
+
+    @property
+    def legs(self) -> list[LegRecord]:
+        """Legs in order."""
+        return [leg.record for leg in self.planned]
+
+    @property
+    def ends(self) -> float:
+        """Planned end of the mission, s."""
+        return self.after.now
+
+
+class RollingPlan:
+    """A mission planned to its end, and from any of its legs on planned anew.
+
+    Attributes:
+        followed: the plan that is executed, from the first call of `plan` on.
+        reason: how the last planning ended, in words.
+    """
+
+    followed: Prospect
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        seed: int,
+        folder: str | Path | None = None,
+        area: OperatingArea | None = None,
+    ) -> None:
+        """Read the scenario's files and make ready; nothing is planned yet.
+
+        Raises:
+            ScenarioError, ChartError, GeoError, CurrentError: the scenario cannot be built.
+        """
+        known = load_area_at(scenario, [0.0], folder) if area is None else area
+        self._context = planning_context(scenario, folder, known, 0.0)
+        (self._first,) = leaving(self._context, seed_keys([seed])[0], [0.0], seed)
+        self._first.sea = CorrectedSea(self._first.sea.forecast())
+        self.reason = ""
+
+    @property
+    def site(self) -> Site:
+        """Where and when the mission is; at 0 degrees where the scenario does not say."""
+        return self._context.area.site or Site(0.0, 0.0)
+
+    @property
+    def run(self) -> MissionRun:
+        """What the mission is planned with: graph, chart, vehicle, time available."""
+        return self._first.run
+
+    @property
+    def tolerance(self) -> float:
+        """Seconds by which the rest may overrun before it is planned anew, as the scenario has it."""
+        return self._context.rules.tolerance
+
+    @property
+    def legs(self) -> list[LegRecord]:
+        """Legs that are followed, in order."""
+        return self.followed.legs
+
+    def plan(self) -> bool:
+        """Plan the whole mission and follow the plan; return whether it reaches the destination in time."""
+        found = self._complete(_fork(self._first), ())
+        if found is not None:
+            self.followed = found
+        return found is not None
+
+    def make_ready(self) -> None:
+        """Compile what a path past a reported obstacle needs, before the vehicle is under way."""
+        context, area = self._context, self._context.area
+        self.add_obstacle(KnownObstacle("far away", (1e6, 1e6), _TYPICAL))
+        try:
+            state, record = _fork(self._state(0)), replace(self.legs[0], plans=[])
+            if self._set_out_from(state, record, np.asarray(self.legs[0].positions[0], float)):
+                go_as_planned(self._context, [state])
+                finish(state.active_leg)
+                itinerary_of(replace(state.run, legs=[record]), self.site)
+        finally:
+            context.area = area
+
+    def from_leg(self, count: int, now: float) -> Prospect | None:
+        """Plan all after the first `count` legs anew, which end at `now`; None where there is no plan."""
+        state = _fork(self._state(count))
+        state.now, state.cause = now, "late"
+        return self._complete(state, self.followed.planned[:count])
+
+    def from_position(self, count: int, position: Array, now: float) -> Prospect | None:
+        """Plan the rest of the leg after the first `count` from a position, and all after it.
+
+        Where no path leads from there to the leg's goal, the way back to its start is tried, and the rest of
+        the mission from there without this leg.
+
+        Args:
+            count: legs that are done.
+            position: [3] m, where the vehicle is.
+            now: s.
+
+        Returns:
+            The plan, or None.
+        """
+        old = self.legs[count]
+        state = _fork(self._state(count))
+        state.now, state.cause = now, ""
+        record = replace(
+            old,
+            plans=[],
+            followed=0,
+            times=np.zeros(0),
+            positions=np.zeros((0, 3)),
+            arrived=False,
+            t_hold=0.0,
+        )
+        if self._set_out_from(state, record, position):
+            state.run.legs.append(record)
+            with expecting(MISSIONS):
+                step(self._context, [state])
+            return self._complete(
+                state, (*self.followed.planned[:count], _Planned(record, self._state(count)))
+            )
+        return self._back_to_start(count, position, now)
+
+    def _back_to_start(self, count: int, position: Array, now: float) -> Prospect | None:
+        """Return to the waypoint that the leg after the first `count` left, and plan without this leg."""
+        old = self.legs[count]
+        state = _fork(self._state(count))
+        state.now = now
+        record = LegRecord(old.start, old.start, 0.0, 0.0, 0.0, revisit=True)
+        if not self._set_out_from(state, record, position):
+            self.reason = "no path leads on from where the vehicle is, nor back"
+            return None
+        go_as_planned(self._context, [state])
+        finish(state.active_leg)
+        state.leg = None
+        state.run.legs.append(record)
+        state.barred |= {(old.start, old.goal), (old.goal, old.start)}
+        state.graph = state.graph.without_edges([(old.start, old.goal)])
+        state.cause = "refused"
+        return self._complete(state, (*self.followed.planned[:count], _Planned(record, self._state(count))))
+
+    def _set_out_from(self, state: Mission, record: LegRecord, position: Array) -> bool:
+        """Plan a leg's path from a position instead of its start; return whether it may be gone."""
+        set_out(self._context, state, record)
+        leg, nothing = state.active_leg, np.zeros((0, 3))
+        here = np.asarray([state.now]), position[None], leg.truth.position[None]
+        leg.stretches.append((*here, nothing, nothing))
+        for _ in range(2):
+            plan_legs(self._context, [state], ["hazard"], cold=True)
+            if not refusal(leg):
+                break
+        leg.stretches.clear()
+        record.followed = len(record.plans) - 1
+        return not refusal(leg)
+
+    def add_obstacle(self, obstacle: KnownObstacle) -> None:
+        """Count on one more obstacle in all that is planned from now on; its position is for time 0 s."""
+        area = self._context.area
+        self._context.area = replace(area, obstacles=(*area.obstacles, obstacle))
+
+    def correct_current(self, measured: Array, position: Array, now: float) -> Array:
+        """Move the forecast by what it is off a measured current [3] m/s at [3] m; return the offset."""
+        sea = self._first.sea
+        assert isinstance(sea, CorrectedSea)
+        offset = measured - sea.forecast_at(position, now)
+        for state in (self._first, self.followed.after, *(leg.before for leg in self.followed.planned)):
+            assert isinstance(state.sea, CorrectedSea)
+            state.sea = state.sea.corrected(offset)
+            state.travel_time = None
+        return offset
+
+    def itinerary(self, prospect: Prospect, count: int) -> Itinerary:
+        """Return the itinerary of all after the first `count` legs, numbered as in the whole mission."""
+        run = replace(prospect.after.run, legs=prospect.legs[count:], obstacles=self._context.area.obstacles)
+        found = itinerary_of(run, self.site)
+        legs = tuple(replace(leg, number=leg.number + count) for leg in found.legs)
+        return replace(found, legs=legs)
+
+    def clearance(self, positions: Array, times: Array) -> float:
+        """Return m, least distance of timed positions [n, 3] m, [n] s to the known obstacles' spheres."""
+        least = np.inf
+        for place, time in zip(positions, times, strict=True):
+            found = self._context.known_obstacles(float(time))
+            if len(found.radius):
+                gaps = np.linalg.norm(found.position - place, axis=1) - found.radius
+                least = min(least, float(gaps.min()))
+        return least
+
+    @property
+    def margin(self) -> float:
+        """M that paths keep off obstacles."""
+        return self._context.scenario.safety.obstacles
+
+    def _state(self, count: int) -> Mission:
+        """Return the planners' state after the first `count` legs."""
+        planned = self.followed.planned
+        return planned[count].before if count < len(planned) else self.followed.after
+
+    def _complete(self, state: Mission, kept: tuple[_Planned, ...]) -> Prospect | None:
+        """Plan to the end; None where the destination is not reached in time."""
+        legs = list(kept)
+        with expecting(MISSIONS):
+            while not state.ended:
+                before, known = _fork(state), len(state.run.legs)
+                step(self._context, [state])
+                legs += [_Planned(record, before) for record in state.run.legs[known:] if record.arrived]
+        self.reason = state.run.reason
+        return Prospect(tuple(legs), state) if state.run.success else None
+
+
+def _fork(state: Mission) -> Mission:
+    """Return a state that goes on by itself."""
+    return replace(
+        state,
+        run=replace(state.run, routes=list(state.run.routes), legs=list(state.run.legs)),
+        sea=copy(state.sea),
+        learnt=dict(state.learnt),
+        visited=set(state.visited),
+        barred=set(state.barred),
+    )

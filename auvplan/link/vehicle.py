@@ -1,0 +1,223 @@
+"""What the executor asks of a vehicle, whoever made it and however it is reached."""
+
+import math
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from auvplan.export.itinerary import Itinerary
+from auvplan.export.places import waypoints
+
+Array = NDArray[np.floating]
+
+
+class LinkError(Exception):
+    """A vehicle that cannot be reached or does not do as it is asked; the message is one line."""
+
+
+class Lost(LinkError):
+    """The vehicle does not answer within the limits."""
+
+
+class Refused(LinkError):
+    """The vehicle answers that it will not."""
+
+
+class State(Enum):
+    """What a vehicle says that it does."""
+
+    UNKNOWN = "unknown"
+    IDLE = "idle"
+    EXECUTING = "executing its plan"
+    HOLDING = "holding its place"
+    FINISHED = "at the end of its plan"
+    SURFACING = "surfacing"
+    FAULT = "in a state of fault"
+
+
+@dataclass(frozen=True)
+class Report:
+    """The newest that is known of a vehicle.
+
+    Attributes:
+        heard: s of wall-clock time since anything was last heard of it; infinite before.
+        position: [3] m north, east, depth, or None before it is known.
+        speed: m/s over ground; NaN where not known.
+        state: what it says that it does.
+        done: steps of the last upload that are completed, their holds included.
+        message: its own last words, or empty.
+    """
+
+    heard: float = math.inf
+    position: Array | None = None
+    speed: float = math.nan
+    state: State = State.UNKNOWN
+    done: int = 0
+    message: str = ""
+
+
+@dataclass(frozen=True)
+class Step:
+    """A place that the vehicle goes to, and what it does there.
+
+    Attributes:
+        leg: number of the leg that ends there or passes it, from 1.
+        position: [3] m north, east, depth.
+        hold: s that it stays.
+        ends_leg: whether the leg, and with it its task, is done after it.
+        time: s since the epoch, planned arrival.
+        name: of the waypoint.
+        left: [3] m, where the straight line to it begins; its own place where it is the first.
+        left_at: s since the epoch, when that is left.
+    """
+
+    leg: int
+    position: Array
+    hold: float
+    ends_leg: bool
+    time: float
+    name: str
+    left: Array
+    left_at: float
+
+
+@dataclass(frozen=True)
+class Upload:
+    """What is handed to a vehicle at once: a whole itinerary, of which it may begin at a later step.
+
+    Attributes:
+        itinerary: as it goes into vehicle files.
+        number: of the upload in its mission, from 1.
+        origin: [3] m, where the straight line to the first step begins, and s since the epoch when that is
+            left; None for the first step itself.
+        steps: its waypoints in order; the end behaviour is carried out at the last.
+    """
+
+    itinerary: Itinerary
+    number: int = 1
+    origin: tuple[Array, float] | None = None
+    steps: tuple[Step, ...] = field(init=False, default=())
+
+    def __post_init__(self) -> None:
+        rows, steps = waypoints(self.itinerary), []
+        for leg in self.itinerary.legs:
+            own = [row for row in rows if row.leg == leg.number]
+            begin = len(leg.kept) - len(own)
+            for k, row in enumerate(own, begin):
+                before = max(k - 1, 0)
+                place, left = np.asarray(row.position, float), np.asarray(leg.waypoints[before], float)
+                begun = left, float(leg.kept_times[before])
+                if not steps and self.origin is not None:
+                    begun = self.origin
+                steps.append(Step(leg.number, place, row.hold, row.ends_leg, row.seconds, row.name, *begun))
+        object.__setattr__(self, "steps", tuple(steps))
+
+    @property
+    def name(self) -> str:
+        """Return what the vehicle knows the plan by."""
+        return f"{self.itinerary.name} {self.number}"
+
+    def without(self, done: int) -> "Upload":
+        """Return what is left once so many steps are completed; at least one step is left.
+
+        A leg that is under way keeps the waypoints ahead.
+        """
+        done = min(done, len(self.steps) - 1)
+        if done <= 0:
+            return self
+        first = self.steps[done]
+        legs = [leg for leg in self.itinerary.legs if leg.number > first.leg]
+        (current,) = (leg for leg in self.itinerary.legs if leg.number == first.leg)
+        ahead = sum(step.leg == first.leg for step in self.steps[done:])
+        kept = current.kept[-ahead:]
+        begin = int(kept[0])
+        current = replace(
+            current,
+            start_name=first.name,
+            positions=current.positions[begin:],
+            times=current.times[begin:],
+            kept=kept - begin,
+            kept_times=current.kept_times[-ahead:],
+            motion=current.motion[begin:],
+        )
+        origin = first.left, first.left_at
+        return Upload(replace(self.itinerary, legs=(current, *legs)), self.number, origin)
+
+
+class VehicleLink(Protocol):
+    """A vehicle under way: uploads go there, reports come back.
+
+    Calls return within limits or raise; none waits for ever. Positions are local metres of the itinerary's
+    site.
+    """
+
+    @property
+    def name(self) -> str:
+        """Return what the vehicle is called in messages to people."""
+        ...
+
+    @property
+    def by_legs(self) -> bool:
+        """Return whether the vehicle tells of whole legs and tasks that are completed, not of each step."""
+        ...
+
+    @property
+    def now(self) -> float:
+        """Return s of mission time."""
+        ...
+
+    @property
+    def rate(self) -> float:
+        """Return s of mission time in one of wall-clock time; 0 where time stands still between waits."""
+        ...
+
+    def connect(self) -> None:
+        """Find the vehicle.
+
+        Raises:
+            Lost: nobody answers.
+        """
+
+    def upload(self, plan: Upload) -> list[str]:
+        """Hand over a plan, whole, and read it back where the vehicle lets that be done.
+
+        Until the next `start`, reports count the steps of the plan before.
+
+        Returns:
+            Lines for people: what the vehicle did not take and can do without.
+
+        Raises:
+            Lost, Refused: the plan is not there; the one before is, or none.
+        """
+        ...
+
+    def start(self, step: int = 0) -> None:
+        """Execute the last upload from a step on; mission time begins with the first start.
+
+        Raises:
+            Lost, Refused: the vehicle does not say that it does.
+        """
+
+    def hold(self) -> None:
+        """Stay where it is, until the next start.
+
+        Raises:
+            Lost, Refused: the vehicle does not say that it does.
+        """
+
+    def abort(self) -> None:
+        """Give the plan up and surface.
+
+        Raises:
+            Lost, Refused: the vehicle does not say that it does.
+        """
+
+    def wait(self, seconds: float) -> Report:
+        """Let so many s of mission time pass, and return the newest report."""
+        ...
+
+    def close(self) -> None:
+        """Let go of the vehicle; it goes on with what it does."""

@@ -1,0 +1,206 @@
+"""What the mission planner returns."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import Enum
+from functools import cached_property
+
+import jax
+import numpy as np
+from numpy.typing import NDArray
+
+from auvplan.bbo import History
+from auvplan.brief import Brief, between, shortened
+from auvplan.mission.bound import Array, IntArray, upper_bound, with_return_margin
+from auvplan.mission.labels import Clocked, least_within_reach
+from auvplan.mission.timetable import Timetable
+from auvplan.words import counted, figure
+
+
+class MissionStatus(Enum):
+    """How a mission search ended; the text says what to do."""
+
+    OK = "feasible mission found"
+    UNREACHABLE = "no way through the graph leads to the destination: add edges or choose another destination"
+    OUT_OF_TIME = (
+        "the destination cannot be reached in the time available: "
+        "allow more time, go faster or choose a nearer destination"
+    )
+    NOT_FOUND = "no mission was found: raise bbo.population or bbo.iterations"
+
+
+@dataclass(frozen=True, repr=False)
+class MissionRoute(Brief):
+    """An ordered list of tasks.
+
+    Attributes:
+        nodes: [n] waypoints from the start to the destination; the start alone where there is no mission.
+        time: T_Mission, s, travel and tasks (Eq. 14).
+        priority: sum of rho over the tasks taken.
+        tasks: number of edges taken that carry a task.
+        cost: of the objective.
+        leg_times: [n - 1] s, expected t_ij of each leg, travel, waiting and task (Eq. 13).
+        waits: [n - 1] s of them that pass between the arrival and the opening of the task's window.
+        status: OK, or why there is no mission.
+        least_time: s, shortest time to the destination; infinite where there is no way.
+        time_available: T_available, s.
+        population: [P, D] habitats, best first, to plan again from.
+        history: cost and violation by iteration.
+        edge_times: [N, N] s, t_ij of all edges that were open to the mission; infinite elsewhere.
+        edge_priority: [N, N] rho_ij.
+        goal: index of the destination.
+        return_margin: share by which the way back was taken to last longer than expected.
+        proven_bound: bound on the total priority that an exact search proved; None without one.
+        timetable: by which it was planned, and `duration` [N, N] s of tasks; None where nothing depends on
+            the clock. Edge times are the least then.
+    """
+
+    nodes: IntArray
+    time: float
+    priority: float
+    tasks: int
+    cost: float
+    leg_times: Array
+    waits: Array
+    status: MissionStatus
+    least_time: float
+    time_available: float
+    population: IntArray
+    history: History
+    edge_times: Array
+    edge_priority: Array
+    goal: int
+    return_margin: float = 0.0
+    proven_bound: float | None = None
+    timetable: Timetable | None = None
+    duration: Array | None = None
+
+    @property
+    def feasible(self) -> bool:
+        """Whether the route leads to the destination in time."""
+        return self.status is MissionStatus.OK
+
+    def _facts(self) -> dict[str, str]:
+        if not self.feasible:
+            return {"": f"not feasible ({self.status.name.lower().replace('_', ' ')})"}
+        return {
+            "": "feasible",
+            "tasks": f"{self.tasks:,}",
+            "priority": figure(self.priority, 6),
+            "time": f"{self.time:,.0f} of {self.time_available:,.0f} s",
+            "waypoints": shortened([str(int(node)) for node in self.nodes]),
+        }
+
+    @cached_property
+    def bound(self) -> float:
+        """No route from here has more total priority; worked out on first use, see `upper_bound`."""
+        if self.proven_bound is not None:
+            return self.proven_bound
+        return upper_bound(
+            self.limiting_times, self.edge_priority, int(self.nodes[0]), self.goal, self.time_available
+        )
+
+    @property
+    def limiting_times(self) -> Array:
+        """[N, N] s, `edge_times` with the return margin on the last leg: no route that keeps it is late.
+
+        By the clock each edge takes its least time within reach.
+        """
+        start = int(self.nodes[0])
+        times = self.edge_times if self.timetable is None else least_within_reach(self.clocked)
+        return with_return_margin(times, start, self.goal, self.return_margin)
+
+    @property
+    def clocked(self) -> Clocked:
+        """The mission by the clock, for one that has a timetable."""
+        assert self.timetable is not None
+        assert self.duration is not None
+        open_, start = np.isfinite(self.edge_times), int(self.nodes[0])
+        ends = start, self.goal, self.time_available
+        return Clocked(self.timetable, self.duration, self.edge_priority, open_, *ends)
+
+    @property
+    def gap(self) -> float:
+        """(bound - priority) / bound: at most this share of the attainable priority is missed."""
+        return max(0.0, 1.0 - self.priority / self.bound) if self.bound > 0.0 else 0.0
+
+    @property
+    def reason(self) -> str:
+        """One line: how the search ended, with the figures that matter."""
+        if self.status is MissionStatus.OUT_OF_TIME:
+            needs = (
+                f"the shortest way takes {self.least_time:.1f} s, {self.time_available:.1f} s are available"
+            )
+            return f"{self.status.value} ({needs})"
+        return self.status.value
+
+
+@dataclass(frozen=True, repr=False)
+class MissionRoutes(Brief):
+    """B routes from one compiled call; `routes[b]` is a `MissionRoute`.
+
+    Attributes are as in `MissionRoute`, with a leading axis B; `nodes` is [B, N], padded with -1, `leg_times`
+    and `waits` [B, N - 1], padded with zeros, `count` [B] the number of waypoints of each route, `goals` [B].
+    """
+
+    nodes: IntArray
+    count: IntArray
+    time: Array
+    priority: Array
+    tasks: IntArray
+    cost: Array
+    leg_times: Array
+    waits: Array
+    status: tuple[MissionStatus, ...]
+    least_time: Array
+    time_available: Array
+    population: IntArray
+    history: History
+    edge_times: Array
+    edge_priority: Array
+    goals: IntArray
+    return_margin: Array
+    timetable: Timetable | None = None
+    duration: Array | None = None
+
+    def __len__(self) -> int:
+        return len(self.status)
+
+    def __iter__(self) -> Iterator[MissionRoute]:
+        return (self[b] for b in range(len(self)))
+
+    @property
+    def feasible(self) -> NDArray[np.bool_]:
+        """[B]."""
+        return np.array([status is MissionStatus.OK for status in self.status], bool)
+
+    def _facts(self) -> dict[str, str]:
+        return {
+            "": f"{self.feasible.sum():,} of {counted(len(self), 'route')} feasible",
+            "tasks": between(self.tasks),
+            "priority": between(self.priority),
+            "time": f"{between(self.time)} s",
+        }
+
+    def __getitem__(self, b: int) -> MissionRoute:
+        count = int(self.count[b])
+        return MissionRoute(
+            nodes=self.nodes[b, :count],
+            time=float(self.time[b]),
+            priority=float(self.priority[b]),
+            tasks=int(self.tasks[b]),
+            cost=float(self.cost[b]),
+            leg_times=self.leg_times[b, : count - 1],
+            waits=self.waits[b, : count - 1],
+            status=self.status[b],
+            least_time=float(self.least_time[b]),
+            time_available=float(self.time_available[b]),
+            population=self.population[b],
+            history=jax.tree.map(lambda rows: rows[b], self.history),
+            edge_times=self.edge_times[b],
+            edge_priority=self.edge_priority[b],
+            goal=int(self.goals[b]),
+            return_margin=float(self.return_margin[b]),
+            timetable=jax.tree.map(lambda rows: rows[b], self.timetable),
+            duration=None if self.duration is None else self.duration[b],
+        )

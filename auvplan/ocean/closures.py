@@ -1,0 +1,46 @@
+"""Areas that are closed at some hours."""
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from auvplan.ocean.chart import Chart
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Closure:
+    """Areas in which no path may be at some hours.
+
+    Attributes:
+        chart: on which they alone are coast.
+        begins, ends: [W] s since the epoch, when they are closed; infinite where one is open.
+        name: for people.
+    """
+
+    chart: Chart
+    begins: Any
+    ends: Any
+    name: str = field(default="", metadata={"static": True})
+
+    def closed(self, first: Any, last: Any) -> jax.Array:
+        """Return whether they are closed at any moment between two times, s, of one shape."""
+        first, last = (jnp.asarray(moment)[..., None] for moment in (first, last))
+        return ((last > self.begins) & (first < self.ends)).any(axis=-1)
+
+    def after(self, seconds: float) -> "Closure":
+        """Return the same for an epoch that is later by so many seconds."""
+        return replace(self, begins=self.begins - seconds, ends=self.ends - seconds)
+
+    def widened(self, seconds: float) -> "Closure":
+        """Return the same, closed so many seconds earlier and longer."""
+        return replace(self, begins=self.begins - seconds, ends=self.ends + seconds)
+
+    @property
+    def spans(self) -> list[tuple[float, float]]:
+        """When they are closed, s since the epoch, for use on the host."""
+        begins, ends = (np.asarray(moments, float).tolist() for moments in (self.begins, self.ends))
+        return list(zip(begins, ends, strict=True))

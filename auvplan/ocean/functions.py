@@ -1,0 +1,111 @@
+"""Plain Python functions of place and time as pytrees."""
+
+import hashlib
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from inspect import signature
+from types import CodeType
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.extend.core import Literal
+
+
+@dataclass(frozen=True)
+class PlainFunction:
+    """A function (x, y, z, t) of places [m] and times [s]; compiled code is reused for the same object.
+
+    Stored programs are found again by what the function does: see `fingerprint`.
+    """
+
+    function: Callable[..., Any] = field(metadata={"static": True})
+
+    def fingerprint(self) -> str | None:
+        """Return what the function does, in words that are the same in every process.
+
+        None where there are none.
+
+        They are its byte code and what JAX sees of it at points and in a row of points, with the values of
+        all that it takes from around it.
+        """
+        code = getattr(self.function, "__code__", None)
+        if not isinstance(code, CodeType):
+            return None
+        words = [
+            _code_words(code),
+            repr({name: value for name, value in vars(self).items() if name != "function"}),
+        ]
+        for shape in ((), (3,)):
+            places = [jax.ShapeDtypeStruct(shape, jnp.result_type(float))] * 4
+            try:
+                seen = jax.make_jaxpr(self.function)(*places)
+            except Exception:  # the planner's own call will say what is wrong with it
+                return None
+            words.append(str(seen))
+            words += [f"{value.dtype} {value.shape} {value.tobytes().hex()}" for value in _constants(seen)]
+        stated = "\n".join(words)
+        return None if " at 0x" in stated else hashlib.sha256(stated.encode()).hexdigest()
+
+    def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Any:
+        """Return what the function returns."""
+        return self.function(x, y, z, t)
+
+
+def check_traceable(given: PlainFunction, name: str, returns: str) -> None:
+    """Trace a function as planners will, so that one that cannot be is refused where it is given.
+
+    Args:
+        given: the function as a pytree.
+        name: what it is, such as "current".
+        returns: what it returns, such as "(u, v, w)".
+
+    Raises:
+        TypeError: it does not take (x, y, z, t), or JAX cannot trace it; one line that says what to do.
+        ValueError: what it returns does not fit its arguments.
+    """
+    with suppress(ValueError):  # what has no signature is not looked at
+        try:
+            signature(given.function).bind(*"xyzt")
+        except TypeError as error:
+            raise TypeError(f"{name} must be callable as (x, y, z, t) -> {returns}: {error}") from None
+    places = [jax.ShapeDtypeStruct((), jnp.result_type(float))] * 4
+    try:
+        jax.eval_shape(given, *places)
+    except jax.errors.TracerArrayConversionError:
+        raise TypeError(
+            f"the {name}'s function hands its arguments to NumPy, which JAX cannot trace: "
+            "write it with jax.numpy, such as jnp.sin for np.sin"
+        ) from None
+    except jax.errors.TracerBoolConversionError:
+        raise TypeError(
+            f"the {name}'s function branches on its arguments, which JAX cannot trace: "
+            "write jnp.where(condition, this, that) for if"
+        ) from None
+    except jax.errors.ConcretizationTypeError:
+        raise TypeError(
+            f"the {name}'s function makes plain numbers of its arguments, which JAX cannot trace: "
+            "write it with jax.numpy, such as jnp.sin for math.sin"
+        ) from None
+
+
+def _code_words(code: CodeType) -> str:
+    """Byte code, with that of the functions defined in it."""
+    inner = [_code_words(value) if isinstance(value, CodeType) else repr(value) for value in code.co_consts]
+    return f"{code.co_code.hex()} {code.co_names} {code.co_freevars} {inner}"
+
+
+def _constants(seen: Any) -> Iterator[np.ndarray]:
+    """Yield values that a traced function, and those traced within it, take from around them."""
+    for value in getattr(seen, "consts", ()):
+        yield np.asarray(value)
+    for equation in getattr(seen, "jaxpr", seen).eqns:
+        for variable in equation.invars:
+            if isinstance(variable, Literal):
+                yield np.asarray(variable.val)
+        for setting in equation.params.values():
+            for inner in setting if isinstance(setting, tuple | list) else (setting,):
+                if hasattr(inner, "eqns") or hasattr(inner, "jaxpr"):
+                    yield from _constants(inner)

@@ -1,0 +1,186 @@
+"""What lies under a map: the frame, coast and uncertain area as pictures, the sea bed, currents over time."""
+
+import base64
+import io
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from auvplan.ocean.chart import Chart
+from auvplan.ocean.currents import evaluated
+from auvplan.ocean.seabed import Seabed
+from auvplan.records import MissionRun, PlanRecord
+from auvplan.report.packing import packed
+from auvplan.site import Site
+
+Array = NDArray[np.floating]
+
+#: Coast and uncertain area on light and on dark pages; water is transparent.
+_COLOURS = {"light": ("#c9b98f", "#eae1c6"), "dark": ("#5a5038", "#37342a")}
+#: Pixels of a chart's picture, and points of a sea bed, along the longer edge at most.
+_PIXELS, _POINTS = 1600, 160
+#: Arrows along the longer edge of the map, and moments at which they are looked up.
+_ARROWS, _MOMENTS = 22, 60
+#: Stands for a current that is nowhere, such as on land; units of `_STEP`.
+_NONE = -32768
+#: m/s, steps in which currents are stored.
+_STEP = 0.001
+#: The shorter edge of a map is at least such a share of the longer one.
+_SLENDER = 0.55
+
+
+def frame(points: Array, chart: Chart | None = None, margin: float = 0.07) -> tuple[Array, Array]:
+    """Lower and upper corner, (north, east) m, of a map around points [n, >= 2] m.
+
+    Args:
+        points: north and east first.
+        chart: that the map does not reach beyond, or None.
+        margin: share of the longer edge left free on each side.
+    """
+    low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
+    longest = max(float((high - low).max()), 200.0)
+    half = np.maximum(0.5 * (high - low), 0.5 * _SLENDER * longest) + margin * longest
+    middle = 0.5 * (low + high)
+    low, high = middle - half, middle + half
+    if chart is not None:
+        inner = np.maximum(low, np.asarray(chart.lower)), np.minimum(high, np.asarray(chart.upper))
+        if (inner[1] - inner[0] > 0.0).all():
+            low, high = inner
+    return low, high
+
+
+def map_data(
+    low: Array, high: Array, chart: Chart | None, seabed: Seabed | None, site: Site | None
+) -> dict[str, Any]:
+    """Return what a map shows under everything else.
+
+    Args:
+        low, high: [2] m, its corners.
+        chart, seabed: or None.
+        site: or None; with one, the corners' longitude and latitude are given.
+    """
+    return {
+        "low": low,
+        "high": high,
+        "chart": None if chart is None else _picture(chart, low, high),
+        "depths": None if seabed is None else _depths(seabed, low, high),
+        "corners": None if site is None else _corners(site, low, high),
+    }
+
+
+def _picture(chart: Chart, low: Array, high: Array) -> dict[str, Any] | None:
+    """Coast and uncertain area within a frame as PNG, for light and dark pages; None where all is water."""
+    raster, size = np.asarray(chart.passability), float(chart.pixel_size)
+    corner = np.asarray(chart.lower, float)
+    begin = np.clip(np.floor((low - corner) / size).astype(int), 0, raster.shape)
+    end = np.clip(np.ceil((high - corner) / size).astype(int), 0, raster.shape)
+    part = raster[begin[0] : end[0], begin[1] : end[1]]
+    if not part.size:
+        return None
+    step = max(1, -(-max(part.shape) // _PIXELS))
+    short = [-length % step for length in part.shape]
+    part = np.pad(part, [(0, more) for more in short], mode="edge")
+    blocks = part.reshape(part.shape[0] // step, step, part.shape[1] // step, step).min(axis=(1, 3))
+    kinds = np.where(blocks == 0.0, 1, np.where(blocks < 1.0, 2, 0)).astype(np.uint8)
+    if not kinds.any():
+        return None
+    far = begin + np.asarray(blocks.shape) * step
+    return {
+        "low": corner + begin * size,
+        "high": corner + far * size,
+        "uncertain": bool((kinds == 2).any()),
+        **{theme: _png(kinds[::-1], colours) for theme, colours in _COLOURS.items()},
+    }
+
+
+def _png(kinds: NDArray[np.uint8], colours: Sequence[str]) -> str:
+    """Classes 0 (transparent), 1, 2, north up, as a data URI."""
+    picture = Image.fromarray(kinds)
+    picture.putpalette(bytes.fromhex("000000" + "".join(colour[1:] for colour in colours)))
+    file = io.BytesIO()
+    picture.save(file, "PNG", bits=2, transparency=0, compress_level=6)
+    return "data:image/png;base64," + base64.b64encode(file.getvalue()).decode("ascii")
+
+
+def _depths(seabed: Seabed, low: Array, high: Array) -> dict[str, Any]:
+    """Depths of the sea bed at points within a frame, as far as the raster reaches."""
+    low, high = np.maximum(low, np.asarray(seabed.lower)), np.minimum(high, np.asarray(seabed.upper))
+    north, east = _grid(low, high, _POINTS)
+    x, y = np.meshgrid(north, east, indexing="ij")
+    # The altitude of the surface above the bed is its depth.
+    depth = seabed.altitude(np.stack([x, y, np.zeros_like(x)], axis=-1))
+    return {"north": packed(north), "east": packed(east), "depth": packed(np.round(depth, 1))}
+
+
+def _grid(low: Array, high: Array, most: int) -> tuple[Array, Array]:
+    """Points [n] north and [m] east in squares, `most` along the longer edge."""
+    step = float((high - low).max()) / most
+    counts = [max(2, round(float(edge) / step)) for edge in high - low]
+    north, east = (
+        low[k] + (np.arange(count) + 0.5) * (high[k] - low[k]) / count for k, count in enumerate(counts)
+    )
+    return north, east
+
+
+def _corners(site: Site, low: Array, high: Array) -> list[list[float]]:
+    """Longitude and latitude of the south-west, south-east, north-west and north-east corner, degrees."""
+    north, east = np.asarray([low[0], low[0], high[0], high[0]]), np.tile([low[1], high[1]], 2)
+    return np.stack(site.to_geographic(north, east), axis=1).tolist()
+
+
+def current_data(
+    run: MissionRun, low: Array, high: Array, times: Array, depths: Array
+) -> dict[str, Any] | None:
+    """Return the true current in a frame over time, at the depth at which the vehicle is then.
+
+    At each moment it is the current of the latest plan; None where no path was planned.
+
+    Args:
+        run: with its plans.
+        low, high: [2] m, corners of the frame.
+        times: [n] s, of the track.
+        depths: [n] m, of the track at these times.
+    """
+    plans = sorted((plan for leg in run.legs for plan in leg.plans), key=lambda plan: plan.made_at)
+    if not plans:
+        return None
+    first, last = plans[0].made_at, max(float(times[-1]) if len(times) else 0.0, plans[-1].made_at)
+    made = [plan.made_at for plan in plans]
+    step = max(1, -(-len(made) // _MOMENTS))
+    moments = np.unique(np.round([*np.linspace(first, last, _MOMENTS), *made[::step]], 3))
+    north, east = _grid(low, high, _ARROWS)
+    x, y = np.meshgrid(north, east, indexing="ij")
+    levels = (
+        np.interp(moments, times, depths) if len(times) else np.full(len(moments), plans[0].positions[0, 2])
+    )
+    latest = np.searchsorted(made, moments + 1e-3, side="right") - 1
+    u, v = (np.zeros((len(moments), *x.shape)) for _ in range(2))
+    for number in np.unique(latest):
+        here = np.flatnonzero(latest == number)
+        u[here], v[here] = _looked_up(plans[number], x, y, levels[here], moments[here])
+    speed = np.hypot(u, v)
+    known = np.isfinite(speed)
+    if run.chart is not None:
+        known &= np.asarray(run.chart.is_water(x.ravel(), y.ravel())).reshape(x.shape)
+    if not known.any():
+        return None
+    return {
+        "times": moments,
+        "depths": levels,
+        "north": north,
+        "east": east,
+        "u": packed(np.where(known, u, _NONE * _STEP), "i16", _STEP),
+        "v": packed(np.where(known, v, _NONE * _STEP), "i16", _STEP),
+        "fastest": float(np.quantile(speed[known], 0.99)),
+    }
+
+
+def _looked_up(plan: PlanRecord, x: Array, y: Array, depths: Array, times: Array) -> tuple[Array, Array]:
+    """Current of a plan, m/s north and east, [k, n, m], on a grid at k depths and times."""
+    shape = (len(times), *x.shape)
+    z, t = (np.broadcast_to(values[:, None, None], shape) for values in (depths, times))
+    u, v, _ = evaluated(plan.current, np.broadcast_to(x, shape), np.broadcast_to(y, shape), z, t)
+    return u, v

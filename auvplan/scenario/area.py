@@ -1,0 +1,39 @@
+"""The area of a scenario: what all its missions share, before chance adds the rest."""
+
+from dataclasses import dataclass
+
+from auvplan.mission.jobs import Jobs
+from auvplan.ocean.chart import Chart
+from auvplan.ocean.closures import Closure
+from auvplan.ocean.gridded import GriddedCurrent
+from auvplan.ocean.known import KnownObstacle
+from auvplan.ocean.seabed import Seabed
+from auvplan.ocean.tides import HarmonicCurrent
+from auvplan.site import Site
+
+
+@dataclass(frozen=True)
+class OperatingArea:
+    """What is known of a sea area.
+
+    Attributes:
+        chart: coast and uncertain areas, or None for open water.
+        seabed: or None where it is out of reach.
+        site: where and when, or None for local metres alone.
+        forecast: the current as planners know it, from files or of tides; None where it is vortices.
+        truth: the true current, from files.
+        jobs: from a file; None where waypoints are drawn.
+        obstacles: that are known before the mission.
+        closures: areas that are closed at some hours.
+        notes: assumptions that were made in reading the files, a line each.
+    """
+
+    chart: Chart | None = None
+    seabed: Seabed | None = None
+    site: Site | None = None
+    forecast: GriddedCurrent | HarmonicCurrent | None = None
+    truth: GriddedCurrent | HarmonicCurrent | None = None
+    jobs: Jobs | None = None
+    obstacles: tuple[KnownObstacle, ...] = ()
+    closures: tuple[Closure, ...] = ()
+    notes: tuple[str, ...] = ()

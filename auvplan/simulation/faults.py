@@ -1,0 +1,224 @@
+"""What goes wrong under way, injected on purpose to see how missions end; a list for each mission.
+
+A fault strikes the truth, or what is forecast or measured of it; planners and executive do not know that it
+was injected. Nothing compiles anew for it: faults change values, not shapes. `Obstacle` takes one of the
+places that every leg then keeps for it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import jax
+import numpy as np
+from numpy.typing import NDArray
+
+from auvplan.ocean.currents import Current
+from auvplan.ocean.perturbed import perturbed
+from auvplan.simulation.sea import Sea
+from auvplan.simulation.world import KINDS, TrueObstacles
+
+Array = NDArray[np.floating]
+
+#: Depth, m, at which obstacles wait that have not appeared yet.
+_FAR_BELOW = 1e6
+
+
+@dataclass(frozen=True)
+class CurrentStep:
+    """The true current gains a uniform one.
+
+    Attributes:
+        at: s since the epoch.
+        change: m/s north and east.
+        known: whether forecasts from then on have it as well.
+    """
+
+    at: float
+    change: tuple[float, float]
+    known: bool = True
+
+
+@dataclass(frozen=True)
+class WrongForecast:
+    """From a time `at`, s since the epoch, on the forecast is `factor` times as strong as the current."""
+
+    at: float
+    factor: float
+
+
+@dataclass(frozen=True)
+class Obstacle:
+    """An obstacle appears before a vehicle under way, and drifts with the current from then on.
+
+    Attributes:
+        at: s since the epoch; where the vehicle is at a waypoint then, as soon as it is under way again.
+        ahead, aside: m along the track that is followed and to starboard of it, from vehicle to centre.
+        radius: m.
+        velocity: m/s north and east, its own.
+    """
+
+    at: float
+    ahead: float
+    aside: float = 0.0
+    radius: float = 30.0
+    velocity: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class SensorOut:
+    """From a time `at`, s since the epoch, on no obstacle is seen for so many `seconds`."""
+
+    at: float
+    seconds: float
+
+
+@dataclass(frozen=True)
+class HeldUp:
+    """From a time `at`, s since the epoch, on the vehicle keeps station for so many `seconds`."""
+
+    at: float
+    seconds: float
+
+
+@dataclass(frozen=True)
+class PlannerOut:
+    """From a time `at`, s since the epoch, on the path planner answers nothing for so many `seconds`."""
+
+    at: float
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Slower:
+    """From a time `at`, s since the epoch, on the vehicle makes `factor` of its speed through the water."""
+
+    at: float
+    factor: float
+
+
+Fault = CurrentStep | WrongForecast | Obstacle | SensorOut | HeldUp | PlannerOut | Slower
+
+F = TypeVar("F", bound=Fault)
+
+
+class Faults:
+    """The faults of one mission, in effect by its own clock.
+
+    Attributes:
+        given: all of them; more may be appended under way.
+        places: obstacles that a leg keeps places for.
+    """
+
+    def __init__(self, given: Sequence[Fault] = (), places: int = 0):
+        """Begin with faults that are known beforehand, and so many places for obstacles on each leg."""
+        self.given = list(given)
+        self.places = places
+        self._appeared = 0
+
+    def __bool__(self) -> bool:
+        return bool(self.given) or self.places > 0
+
+    def struck(self, kind: type[F], now: float) -> list[F]:
+        """Return the faults of a kind that began until now."""
+        return [fault for fault in self.given if isinstance(fault, kind) and fault.at <= now]
+
+    def speed(self, now: float) -> float:
+        """Return the share of its speed through the water that the vehicle makes."""
+        return float(np.prod([fault.factor for fault in self.struck(Slower, now)]))
+
+    def left(self, kind: type[SensorOut] | type[HeldUp] | type[PlannerOut], now: float) -> float:
+        """Return for how many more s a fault of a kind that passes is in effect; 0 where none is."""
+        return max([0.0, *(fault.at + fault.seconds - now for fault in self.struck(kind, now))])
+
+    def truth(self, current: Current, now: float) -> Current:
+        """Return the true current with all steps until now."""
+        return self._changed(current, 1.0, [step.change for step in self.struck(CurrentStep, now)])
+
+    def forecast(self, current: Current, now: float) -> Current:
+        """Return the forecast with the steps that are known, and its wrong strength."""
+        factor = float(np.prod([fault.factor for fault in self.struck(WrongForecast, now)]))
+        return self._changed(
+            current, factor, [step.change for step in self.struck(CurrentStep, now) if step.known]
+        )
+
+    def _changed(self, current: Current, factor: float, changes: list[tuple[float, float]]) -> Current:
+        if factor == 1.0 and not changes:
+            return current
+        step = np.append(np.sum(changes, axis=0) if changes else np.zeros(2), 0.0)
+        return jax.device_get(perturbed(current, factor, step))
+
+    def appearing(self, now: float) -> list[Obstacle]:
+        """Return the obstacles that are due, each once."""
+        due = sorted(self.struck(Obstacle, now), key=lambda fault: fault.at)[self._appeared :]
+        self._appeared += len(due)
+        return due
+
+
+class FaultySea:
+    """A sea whose current and forecasts have faults."""
+
+    def __init__(self, sea: Sea, faults: Faults):
+        """Wrap a sea; the faults strike by the times that it is advanced to."""
+        self._sea, self._faults, self._now = sea, faults, 0.0
+        self._known: tuple[Current, int, Current] | None = None
+
+    @property
+    def field(self) -> Current:
+        """The true current from now on."""
+        inner, steps = self._sea.field, len(self._faults.struck(CurrentStep, self._now))
+        # It is asked for often, and seldom another one.
+        if self._known is None or self._known[0] is not inner or self._known[1] != steps:
+            self._known = inner, steps, self._faults.truth(inner, self._now)
+        return self._known[2]
+
+    def advance(self, now: float) -> None:
+        """Let time pass up to `now`, s."""
+        self._now = now
+        self._sea.advance(now)
+
+    def begin_window(self) -> None:
+        """Take note that a window of a leg begins (3.2.2)."""
+        self._sea.begin_window()
+
+    def hold(self) -> None:
+        """Change no more: plans know of nothing else."""
+        self._sea.hold()
+
+    def forecast(self) -> Current:
+        """Return the current as planners know it now."""
+        return self._faults.forecast(self._sea.forecast(), self._now)
+
+
+def absent(count: int) -> TrueObstacles:
+    """Obstacles that have not appeared yet."""
+    place = np.tile([0.0, 0.0, _FAR_BELOW], (count, 1))
+    return TrueObstacles(place, np.zeros((count, 3)), np.ones(count), np.ones(count), [KINDS[2]] * count)
+
+
+def appear(
+    fault: Obstacle, truth: TrueObstacles, traces: list[Array], position: Array, tangent: Array
+) -> bool:
+    """Let an obstacle take a free place among those of a leg; return whether there was one.
+
+    Args:
+        fault: which.
+        truth: of the leg; changed in place.
+        traces: [n, M, 3] m, where its obstacles were so far. This one was far below its place, so that
+            between two records nothing meets it on its way.
+        position: [3] m, of the vehicle.
+        tangent: [3], along its track.
+    """
+    free = np.flatnonzero(truth.position[:, 2] > 0.5 * _FAR_BELOW)
+    if not len(free):
+        return False
+    level = tangent[:2] / max(float(np.linalg.norm(tangent[:2])), 1e-9)
+    starboard = np.array([-level[1], level[0]])
+    place = np.append(position[:2] + fault.ahead * level + fault.aside * starboard, position[2])
+    row = free[0]
+    for trace in traces:
+        trace[:, row] = (*place[:2], _FAR_BELOW)
+    if traces:
+        traces[-1][-1, row] = place
+    truth.position[row], truth.velocity[row], truth.radius[row] = place, (*fault.velocity, 0.0), fault.radius
+    return True

@@ -1,0 +1,151 @@
+"""The truth: obstacles move, and vehicles follow their tracks through a true current.
+
+All B missions advance together; arrays carry a leading axis B, and a mission that has ended stands still.
+"""
+
+from dataclasses import dataclass
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+from numpy.typing import NDArray
+
+from auvplan.compiled import compiled
+from auvplan.ocean.currents import Current, combine, partition
+from auvplan.ocean.vortices import rounded_up
+from auvplan.vehicle import Vehicle, along_track
+
+#: Seconds between two recorded positions.
+TIME_STEP = 3.0
+
+#: Missions that are simulated in one call. Fewer are padded to it: a mission's result then comes from the
+#: same program whatever runs beside it, to the last bit.
+WIDTH = 32
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Transit:
+    """A stretch of simulation, n recorded steps.
+
+    Attributes:
+        positions: [B, n, 3] m.
+        times: [B, n] s.
+        obstacles: [B, n, M, 3] m, true positions at those times.
+        ground: [B, n, 3] m/s, velocity over ground of the vehicle during each step.
+        water: [B, n, 3] m/s, the true current at the beginning of each step, that it is in.
+        moves: [B, M, 3] m/s, true velocities of the obstacles over ground at the end.
+        arc: [B] m covered along the track.
+        arrived: [B] bool, the end of the track was reached; time stands still from there on.
+        shortfall: [B], largest share of |v| by which the current beat the vehicle.
+    """
+
+    positions: jax.Array
+    times: jax.Array
+    obstacles: jax.Array
+    ground: jax.Array
+    water: jax.Array
+    moves: jax.Array
+    arc: jax.Array
+    arrived: jax.Array
+    shortfall: jax.Array
+
+
+@partial(compiled, static_argnames=("steps",))
+def transit(
+    track: jax.Array,
+    arc: jax.Array,
+    moving: jax.Array,
+    now: jax.Array,
+    current: Current,
+    obstacles: tuple[jax.Array, jax.Array, jax.Array],
+    vehicle: Vehicle,
+    share: jax.Array | None = None,
+    *,
+    steps: int,
+) -> Transit:
+    """Follow given tracks in the true current for `steps` time steps.
+
+    The vehicle crabs to hold its track; where the current beats it, it makes the least progress that travel
+    times reckon with, and `Transit.shortfall` tells.
+
+    Args:
+        track: [B, S, 3] m.
+        arc: [B] m already executed along the track.
+        moving: [B] bool; False keeps station while time passes.
+        now: [B] s.
+        current: the truth; the leaves of what is each one's own have a leading axis B.
+        obstacles: true position [B, M, 3] m, own velocity [B, M, 3] m/s, drift [B, M].
+        vehicle: speed and limits.
+        share: [B], that each makes of the vehicle's speed; all of it if absent.
+        steps: number of steps of `TIME_STEP`.
+    """
+    shared, each = partition(current)
+
+    def one(track, arc, moving, now, share, own, position, velocity, drift) -> Transit:
+        current = combine(shared, own)
+        speed = vehicle.speed if share is None else share * vehicle.speed
+        gaps = jnp.sqrt((jnp.diff(track, axis=0) ** 2).sum(axis=1))
+        marks = jnp.concatenate([jnp.zeros(1), jnp.cumsum(gaps)])
+        total = marks[-1]
+
+        def step(carry, _):
+            arc, now, position, arrived, worst = carry
+            here = _along(track, marks, arc)
+            ahead = _along(track, marks, jnp.minimum(arc + 5.0, total))
+            behind = _along(track, marks, jnp.maximum(arc - 5.0, 0.0))
+            tangent = (ahead - behind) / jnp.maximum(jnp.linalg.norm(ahead - behind), 1e-6)
+            water = jnp.stack(current(here[0], here[1], here[2], now))
+            along = tangent @ water
+            across = jnp.sqrt(jnp.maximum(water @ water - along**2, 0.0))
+            ground, shortfall = along_track("track", speed, along, across)
+            left = total - arc
+            arrives = moving & (ground * TIME_STEP >= left)
+            elapsed = jnp.where(arrived, 0.0, jnp.where(arrives, left / ground, TIME_STEP))
+            arc = jnp.where(arrives, total, arc + jnp.where(moving, ground * elapsed, 0.0))
+            position = position + _over_ground(current, position, velocity, drift, now) * elapsed
+            carry = (arc, now + elapsed, position, arrived | arrives, jnp.maximum(worst, shortfall))
+            over_ground = jnp.where(moving, ground, 0.0) * tangent
+            return carry, (_along(track, marks, arc), now + elapsed, position, over_ground, water)
+
+        begin = (arc, now, position, jnp.array(False), jnp.array(0.0))
+        (arc, now, position, arrived, worst), (positions, times, trace, ground, water) = jax.lax.scan(
+            step, begin, length=steps
+        )
+        moves = _over_ground(current, position, velocity, drift, now)
+        return Transit(positions, times, trace, ground, water, moves, arc, arrived, worst)
+
+    return jax.vmap(one)(track, arc, moving, now, share, each, *obstacles)
+
+
+def _over_ground(
+    current: Current, position: jax.Array, velocity: jax.Array, drift: jax.Array, now: jax.Array
+) -> jax.Array:
+    """Velocity of obstacles over ground, [M, 3] m/s: their own plus the current's where it carries them."""
+    swept = jnp.stack(current(position[:, 0], position[:, 1], position[:, 2], now), axis=1)
+    return velocity + drift[:, None] * swept
+
+
+_compiled_over_ground = compiled(_over_ground)
+
+
+def over_ground(current: Current, *motion: ArrayLike, now: float) -> NDArray[np.float64]:
+    """Velocity over ground, [M, 3] m/s, of obstacles of position, own velocity [M, 3] and drift [M]."""
+    count = len(motion[0])  # type: ignore[arg-type]
+    found = _compiled_over_ground(current, *(padded_rows(part) for part in motion), now)
+    return np.asarray(found, float)[:count]
+
+
+def padded_rows(values: ArrayLike) -> NDArray[np.float64]:
+    """Figures [M, ...] of obstacles, followed by zeros up to a number that one program serves."""
+    figures = np.asarray(values, float)
+    padded = np.zeros((rounded_up(len(figures)), *figures.shape[1:]))
+    padded[: len(figures)] = figures
+    return padded
+
+
+def _along(track: jax.Array, marks: jax.Array, arc: jax.Array) -> jax.Array:
+    """Position [3] at a distance along a track."""
+    return jnp.stack([jnp.interp(arc, marks, track[:, axis]) for axis in range(3)])

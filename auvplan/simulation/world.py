@@ -1,0 +1,150 @@
+"""Builds the truth of a mission from a scenario and a seed: chart, current, obstacles, vehicle."""
+
+from dataclasses import dataclass, replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from numpy.typing import NDArray
+
+from auvplan.ocean.known import Spheres
+from auvplan.ocean.vortices import CurrentUpdate, LambVortices, random_vortices
+from auvplan.scenario.area import OperatingArea
+from auvplan.scenario.scenario import Scenario
+from auvplan.simulation.sea import ModelSea, Sea, VortexSea
+from auvplan.vehicle import Vehicle
+
+KINDS = ("static", "afloat", "self-motivated")
+#: Kind of the obstacles that are known before the mission.
+KNOWN = "known"
+
+
+@dataclass
+class TrueObstacles:
+    """True obstacles of one leg.
+
+    Attributes:
+        position: [M, 3] m, now.
+        velocity: [M, 3] m/s, own velocity through the water.
+        drift: [M], 1 where the current carries the obstacle.
+        radius: [M] m.
+        kinds: [M] names of `KINDS`, or `KNOWN`.
+    """
+
+    position: NDArray[np.floating]
+    velocity: NDArray[np.floating]
+    drift: NDArray[np.floating]
+    radius: NDArray[np.floating]
+    kinds: list[str]
+
+    @classmethod
+    def known(cls, found: Spheres) -> "TrueObstacles":
+        """Obstacles of which all is known."""
+        count = len(found.radius)
+        return cls(found.position, found.velocity, np.zeros(count), found.radius, [KNOWN] * count)
+
+    def __add__(self, other: "TrueObstacles") -> "TrueObstacles":
+        return TrueObstacles(
+            np.concatenate([self.position, other.position]),
+            np.concatenate([self.velocity, other.velocity]),
+            np.concatenate([self.drift, other.drift]),
+            np.concatenate([self.radius, other.radius]),
+            self.kinds + other.kinds,
+        )
+
+    @property
+    def motion(self) -> tuple[NDArray[np.floating], NDArray[np.floating], NDArray[np.floating]]:
+        """Position, own velocity and drift, which say how they move."""
+        return self.position, self.velocity, self.drift
+
+
+def make_vehicle(scenario: Scenario) -> Vehicle:
+    """Return the scenario's vehicle."""
+    return Vehicle(**scenario.vehicle.model_dump(exclude={"depth_min", "depth_max"}))
+
+
+def make_sea(
+    scenario: Scenario, area: OperatingArea, field_key: jax.Array, sea_key: jax.Array, simulated: bool = True
+) -> Sea:
+    """Return the true current of a mission and its forecasts.
+
+    The forecast for both where none is simulated.
+    """
+    settings = scenario.current
+    if area.truth is None or area.forecast is None:
+        field, update = make_current(scenario, field_key), current_update(scenario)
+        by_window = scenario.planning.resolved.current_updates == "window"
+        interval = None if by_window else settings.update_interval
+        return VortexSea(sea_key, field, update, interval, settings.forecast_error if simulated else 0.0)
+    if not simulated:
+        return ModelSea(area.forecast, area.forecast)
+    if settings.forecast_error == 0.0:
+        return ModelSea(area.truth, area.forecast)
+    low, high = (np.asarray(corner) for corner in scenario.box)
+    error = random_vortices(
+        field_key,
+        low,
+        high,
+        count=settings.vortices,
+        radius=settings.radius,
+        peak_speed=settings.forecast_error * area.forecast.fastest,
+    )
+    return ModelSea(area.truth, area.forecast, error)
+
+
+def make_current(scenario: Scenario, key: jax.Array) -> LambVortices:
+    """Return the true current at the start."""
+    settings, area = scenario.current, scenario.area
+    if settings.vortices == 0:
+        empty = jnp.zeros((1, 0))
+        return LambVortices(jnp.zeros((1, 0, 2)), empty, empty, jnp.zeros(1), 0.0, _uniform(scenario))
+    field = random_vortices(
+        key,
+        np.asarray(area.lower),
+        np.asarray(area.upper),
+        count=settings.vortices,
+        layers=settings.layers if area.upper[2] > area.lower[2] else 1,
+        radius=settings.radius,
+        peak_speed=settings.peak_speed,
+        vertical_scale=settings.vertical_scale,
+    )
+    return replace(field, uniform=_uniform(scenario))
+
+
+def _uniform(scenario: Scenario) -> jax.Array:
+    return jax.device_put(np.asarray(scenario.current.uniform, float))
+
+
+def current_update(scenario: Scenario) -> CurrentUpdate:
+    """Return the steps of Eq. 2."""
+    settings = scenario.current
+    return CurrentUpdate(
+        settings.update_rate, settings.center_std, settings.radius_std, settings.strength_std
+    )
+
+
+def draw_obstacles(
+    scenario: Scenario, start: np.ndarray, goal: np.ndarray, rng: np.random.Generator
+) -> TrueObstacles:
+    """True obstacles of one leg, on the line between its waypoints and scattered by sigma^2 = Theta_r.
+
+    They keep off the two waypoints, where the vehicle has to be. On a leg too short for that there are none
+    near: the obstacle is moved far away, so that all legs share one shape.
+
+    Differences from the paper:
+        Its N(0, sigma^2) bounded to the two waypoints is read as a scatter about the middle 70 % of the line
+        between them. Numbers, sizes and speeds of obstacles are chosen here.
+    """
+    settings = scenario.simulation.obstacles
+    count = settings.total
+    radius = rng.uniform(*settings.radius, count)
+    share = rng.uniform(0.15, 0.85, count)[:, None]
+    position = start + (goal - start) * share + rng.normal(size=(count, 3)) * np.sqrt(radius)[:, None]
+    room = np.minimum(np.linalg.norm(position - start, axis=1), np.linalg.norm(position - goal, axis=1))
+    position[room < radius + 150.0] += 1e6
+    kinds = [KINDS[0]] * settings.static + [KINDS[1]] * settings.afloat + [KINDS[2]] * settings.self_motivated
+    heading = rng.uniform(0.0, 2.0 * np.pi, count)
+    own = settings.speed * np.asarray([kind == KINDS[2] for kind in kinds], float)
+    velocity = np.stack([own * np.cos(heading), own * np.sin(heading), np.zeros(count)], axis=1)
+    drift = np.asarray([kind != KINDS[0] for kind in kinds], float)
+    return TrueObstacles(position, velocity, drift, radius, kinds)

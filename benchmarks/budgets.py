@@ -1,0 +1,144 @@
+"""How well planning calls keep a budget of wall-clock time, on a quiet machine and beside a busy process.
+
+``python -m benchmarks.budgets [-n 40] [--quick] [--out FILE.json]`` plans paths, also anew on the way, and
+routes with budgets, after calls that compile what is needed, and prints how far the calls went beyond them:
+first as the machine is, then beside as many processes that do nothing but count as there are cores. What is
+planned within a budget is compared with what the same call finds without one.
+"""
+
+import argparse
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+from rich.table import Table
+
+import auvplan as ap
+from auvplan import cores
+from auvplan.mission import random_graph
+from benchmarks.machine import console, write
+from benchmarks.path_problems import path_problems
+
+#: s.
+BUDGETS = (0.05, 0.1, 0.2, 0.5, 1.0)
+
+Call = Callable[[int, float | None], Any]
+
+
+def calls() -> dict[str, tuple[Call, Callable[[Any], float]]]:
+    """Planning calls by name, of a number and a budget, and what tells how bad an answer is."""
+    problems = [problem for problem in path_problems() if problem.family == "open water"]
+    key = jax.random.key(0)
+    rng = np.random.default_rng(0)
+    graphs = [random_graph(rng, rng.uniform(0.0, 8000.0, (40, 3)) * (1, 1, 0.01)) for _ in range(4)]
+    quick = ap.PathConfig.quick()
+    plans: dict[int, ap.PathPlan] = {}
+
+    def posed(number: int) -> tuple:
+        problem = problems[number % len(problems)]
+        return problem.start, problem.goal, problem.environment, problem.vehicle
+
+    def path(number: int, budget: float | None) -> ap.PathPlan:
+        return ap.plan_path(*posed(number), key=jax.random.fold_in(key, number), budget=budget)
+
+    def four(number: int, budget: float | None) -> ap.PathPlans:
+        start, goal, env, vehicle = posed(number)
+        starts, goals = np.tile(start, (4, 1)), np.tile(goal, (4, 1))
+        return ap.plan_paths(starts, goals, env, vehicle, key=key, config=quick, budget=budget)
+
+    def anew(number: int, budget: float | None) -> ap.PathPlan:
+        start, goal, env, vehicle = posed(number)
+        which = number % len(problems)
+        if which not in plans:
+            plans[which] = ap.plan_path(start, goal, env, vehicle, key=key, config=quick)
+        plan = plans[which]
+        middle = len(plan.times) // 3
+        at = plan.positions[middle], float(plan.times[middle])
+        return ap.replan_path(plan, *at, env, vehicle, key=key, config=quick, budget=budget)
+
+    def route(number: int, budget: float | None) -> ap.MissionRoute:
+        graph = graphs[number % len(graphs)]
+        return ap.plan_mission(graph, 0, 39, 14400.0, speed=2.5, key=key, budget=budget)
+
+    def cost(plan: Any) -> float:
+        return float(np.mean(plan.cost))
+
+    return {
+        "plan_path": (path, cost),
+        "plan_paths, 4 legs": (four, cost),
+        "replan_path": (anew, cost),
+        "plan_mission, 40 waypoints": (route, lambda route: -float(route.priority)),
+    }
+
+
+@contextmanager
+def busy() -> Iterator[None]:
+    """Processes that keep all cores busy."""
+    others = [subprocess.Popen([sys.executable, "-c", "while True: pass"]) for _ in range(cores.count())]
+    try:
+        yield
+    finally:
+        for other in others:
+            other.kill()
+            other.wait()
+
+
+def timed(call: Call, worth: Callable[[Any], float], budget: float, count: int) -> dict[str, Any]:
+    """Overruns of calls with a budget, as shares of it, and how much worse they are than without one."""
+    over, worse = [], []
+    for number in range(count):
+        begin = time.perf_counter()
+        found = worth(call(number, budget))
+        over.append((time.perf_counter() - begin) / budget - 1.0)
+        best = worth(call(number, None))
+        worse.append((found - best) / abs(best))
+    return {
+        "median": float(np.median(over)),
+        "p95": float(np.quantile(over, 0.95)),
+        "worst": max(over),
+        "beyond a tenth": int(np.sum(np.array(over) > 0.1)),
+        "calls": count,
+        "worse by": float(np.median(worse)),
+    }
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description="Planning calls within budgets of time.")
+    parser.add_argument("-n", type=int, default=40, help="calls of each kind")
+    parser.add_argument("--quick", action="store_true", help="two budgets alone")
+    parser.add_argument("--out", type=Path, help="JSON file to write")
+    options = parser.parse_args()
+    screen, rows = console(), []
+    table = Table(
+        *("call", "machine", "budget, s", "overrun: median", "95 %", "worst", "beyond a tenth", "worse by"),
+        title="wall-clock time of planning calls against their budgets",
+    )
+    for name, (call, worth) in calls().items():
+        for number in range(2 if options.quick else 4):  # compiles, and learns how long things take
+            for budget in (None, 30.0, 0.1, 0.1):
+                call(number, budget)
+        for machine in ("as it is", "busy"):
+            for budget in BUDGETS[1:4:2] if options.quick else BUDGETS:
+                if machine == "busy":
+                    with busy():
+                        row = timed(call, worth, budget, options.n)
+                else:
+                    row = timed(call, worth, budget, options.n)
+                rows.append({"call": name, "machine": machine, "budget": budget} | row)
+                figures = [f"{row[part]:+.1%}" for part in ("median", "p95", "worst")]
+                beyond = f"{row['beyond a tenth']} of {row['calls']}"
+                table.add_row(name, machine, f"{budget:g}", *figures, beyond, f"{row['worse by']:+.2%}")
+    screen.print(table)
+    if options.out:
+        write(options.out, {"budgets": rows})
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,194 @@
+"""Commands that are killed at random moments, and commands whose disk is full: what do they leave behind?
+
+``python -m benchmarks.crashes [--kills 30] [--disks 12] [--out FILE.json]`` runs the commands mission,
+montecarlo, export and report on a small sea. Each is killed by SIGKILL so often, at moments drawn from all of
+its run; its folder then holds a whole result, one that ``--resume`` completes, or none. Each is also run on
+small file systems of random sizes (a tmpfs where one can be mounted, else a limit on the size of files): it
+has to end with status 2 and one line, and leave no broken file. Any other outcome is listed, and ends this
+with status 1.
+"""
+
+import argparse
+import json
+import random
+import resource
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from xml.etree import ElementTree
+
+from rich.table import Table
+
+from auvplan.files import MISSION, SUMMARY, read_dataset
+from auvplan.study.store import DATASET, is_unfinished
+from benchmarks import small_sea
+from benchmarks.machine import console, write
+
+COMMANDS = "mission", "montecarlo", "export", "report"
+
+#: Outcomes that are as they should be.
+GOOD = ("whole", "resumed", "none", "one line, status 2", "room enough")
+
+
+def command(name: str, scenario: Path, result: Path, out: Path) -> list[str]:
+    """A command that writes to a folder; `result` is that of an earlier mission."""
+    words = {
+        "mission": ["mission", str(scenario), "--pictures", "none", "--out", str(out)],
+        "montecarlo": ["montecarlo", str(scenario), "-n", "3", "--workers", "1", "--out", str(out)],
+        "export": ["export", str(result), "--as-simulated", "--out", str(out)],
+        "report": ["report", str(out)],
+    }
+    return [sys.executable, "-m", "auvplan.cli", *words[name], "--quiet"]
+
+
+def broken(folder: Path) -> str:
+    """The first file of a folder, hidden ones apart, that is not a whole one of its kind; or empty."""
+    for file in sorted(folder.rglob("*")):
+        if not file.is_file() or any(part.startswith(".") for part in file.relative_to(folder).parts):
+            continue
+        try:
+            if file.suffix in (".json", ".plan", ".geojson"):
+                json.loads(file.read_text(encoding="utf-8"))
+            elif file.suffix == ".nc":
+                read_dataset(file.parent, file.name)
+            elif file.suffix in (".kml", ".gpx"):
+                ElementTree.parse(file)
+            elif file.suffix == ".html" and not file.read_text(encoding="utf-8").rstrip().endswith("</html>"):
+                return f"{file.name}: cut short"
+            elif file.stat().st_size == 0:
+                return f"{file.name}: empty"
+        except Exception as error:  # whatever is wrong with it
+            return f"{file.name}: {' '.join(str(error).split())[:120]}"
+    return ""
+
+
+def _whole(name: str, out: Path, before: set[str]) -> bool:
+    """Whether a command's result is there."""
+    names = {file.name for file in out.iterdir()} if out.is_dir() else set()
+    if name == "mission":
+        return {SUMMARY, MISSION} <= names
+    if name == "montecarlo":
+        return {SUMMARY, DATASET} <= names
+    return bool(names - before)
+
+
+def _prepare(name: str, result: Path, out: Path) -> set[str]:
+    """A folder as the command finds it; names of the files in it."""
+    shutil.rmtree(out, ignore_errors=True)
+    if name == "report":
+        shutil.copytree(result, out)
+    return {file.name for file in out.iterdir()} if out.is_dir() else set()
+
+
+def killed(name: str, scenario: Path, result: Path, folder: Path, kills: int) -> list[str]:
+    """Outcomes of a command that is killed so many times."""
+    chance, out, found = random.Random(name), folder / f"{name}-out", []
+    words = command(name, scenario, result, out)
+    _prepare(name, result, out)
+    begin = time.perf_counter()
+    subprocess.run(words, check=False, capture_output=True)
+    seconds = time.perf_counter() - begin
+    for _ in range(kills):
+        before = _prepare(name, result, out)
+        process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        time.sleep(seconds * chance.uniform(0.3, 1.02))
+        process.kill()
+        process.wait()
+        if fault := broken(out):
+            found.append(f"broken: {fault}")
+        elif name == "montecarlo" and is_unfinished(out):
+            again = subprocess.run([*words, "--resume"], capture_output=True, text=True)
+            good = again.returncode in (0, 1) and _whole(name, out, before) and not broken(out)
+            found.append("resumed" if good else f"not resumed: {again.stderr.strip()[:120]}")
+        else:
+            found.append("whole" if _whole(name, out, before) else "none")
+    return found
+
+
+@contextmanager
+def small_disk(folder: Path, room: int) -> Iterator[bool]:
+    """A file system of so many bytes; False where none can be mounted."""
+    folder.mkdir(parents=True, exist_ok=True)
+    mount = ["mount", "-t", "tmpfs", "-o", f"size={room}", "tmpfs", str(folder)]
+    mounted = subprocess.run(mount, capture_output=True).returncode == 0
+    try:
+        yield mounted
+    finally:
+        if mounted:
+            subprocess.run(["umount", str(folder)], check=True)
+
+
+def without_room(name: str, scenario: Path, result: Path, folder: Path, disks: int) -> list[str]:
+    """Outcomes of a command on small disks, of sizes up to what it needs."""
+    chance, found = random.Random(name), []
+    disk = folder / "disk"
+    whole = _prepare(name, result, folder / f"{name}-size")
+    subprocess.run(command(name, scenario, result, folder / f"{name}-size"), capture_output=True, check=False)
+    used = sum(file.stat().st_size for file in (folder / f"{name}-size").rglob("*") if file.is_file())
+    least = sum(file.stat().st_size for file in result.iterdir()) + 8192 if whole else 8192
+    for number in range(disks):
+        room = int(least + (number + chance.random()) / disks * 1.2 * max(used - least, 16384))
+        with small_disk(disk, room) as mounted:
+            before = _prepare(name, result, disk / "out")
+            limit = (
+                None if mounted else lambda size=room: resource.setrlimit(resource.RLIMIT_FSIZE, (size,) * 2)
+            )
+            words = command(name, scenario, result, disk / "out")
+            ended = subprocess.run(words, capture_output=True, text=True, preexec_fn=limit)
+            lines = ended.stderr.strip().splitlines()
+            fault = broken(disk / "out")
+            if fault:
+                found.append(f"broken: {fault}")
+            elif ended.returncode in (0, 1) and _whole(name, disk / "out", before):
+                found.append("room enough")
+            elif ended.returncode == 2 and len(lines) == 1:
+                found.append("one line, status 2")
+            else:
+                last = lines[-1][:120] if lines else ""
+                found.append(f"status {ended.returncode}, {len(lines)} lines: {last}")
+        shutil.rmtree(disk, ignore_errors=True)
+    return found
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description="Kills and full disks.")
+    parser.add_argument("--kills", type=int, default=30, help="of each command")
+    parser.add_argument("--disks", type=int, default=12, help="sizes of disks for each command")
+    parser.add_argument("--out", type=Path, help="JSON file to write")
+    options = parser.parse_args()
+    rows: list[dict[str, object]] = []
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        scenario, result = small_sea.write(folder / "scenario"), folder / "result"
+        subprocess.run(command("mission", scenario, result, result), capture_output=True, check=False)
+        for kind, outcomes, count in (
+            ("killed", killed, options.kills),
+            ("disk full", without_room, options.disks),
+        ):
+            for word in COMMANDS:
+                counts = Counter(outcomes(word, scenario, result, folder, count))
+                rows.append({"command": word, "kind": kind, "outcomes": dict(counts)})
+                console().print(f"{word}, {kind}: {dict(counts)}")
+    table = Table("command", "what", "times", "outcomes", title="commands that were broken off")
+    wrong = 0
+    for row in rows:
+        counts = row["outcomes"]
+        assert isinstance(counts, dict)
+        wrong += sum(times for outcome, times in counts.items() if outcome not in GOOD)
+        said = ", ".join(f"{outcome} {times}" for outcome, times in counts.items())
+        table.add_row(str(row["command"]), str(row["kind"]), str(sum(counts.values())), said)
+    console().print(table)
+    if options.out:
+        write(options.out, {"crashes": rows})
+    sys.exit(1 if wrong else 0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,143 @@
+"""Missions in which something goes wrong on purpose: does each end safely, and say why it ended as it did?
+
+``python -m benchmarks.faults [-n 200] [--out FILE.json]`` simulates missions of the shipped Whitsunday
+scenario, a share of them with each kind of fault of `auvplan.simulation.faults` and a share with several
+kinds at random, and prints for each kind how many were on time, why the others failed, and the collisions
+that a manoeuvre could have avoided when they were sensed, and those that none could. It ends with status 1
+where a collision was avoidable or a mission ended without a reason.
+"""
+
+import argparse
+import sys
+from collections import Counter
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from rich.table import Table
+
+import auvplan as ap
+from auvplan.executive import execute_missions
+from auvplan.executive.collisions import Collision, collisions
+from auvplan.simulation.faults import (
+    CurrentStep,
+    Fault,
+    HeldUp,
+    Obstacle,
+    PlannerOut,
+    SensorOut,
+    Slower,
+    WrongForecast,
+)
+from benchmarks.machine import bars, console, write
+
+Draw = Callable[[np.random.Generator, float], Fault]
+
+
+def _step(rng: np.random.Generator, at: float, known: bool) -> Fault:
+    direction, speed = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.2, 1.0)
+    return CurrentStep(at, (speed * np.cos(direction), speed * np.sin(direction)), known)
+
+
+def _obstacle(rng: np.random.Generator, at: float, gap: tuple[float, float]) -> Fault:
+    """An obstacle so many metres ahead, its centre up to 20 m to a side, that moves at up to 0.5 m/s."""
+    radius, aside = rng.uniform(20.0, 60.0), rng.uniform(-20.0, 20.0)
+    ahead = np.sqrt((radius + rng.uniform(*gap)) ** 2 - aside**2)
+    heading, speed = rng.uniform(0.0, 2.0 * np.pi), rng.uniform(0.0, 0.5)
+    velocity = speed * np.cos(heading), speed * np.sin(heading)
+    return Obstacle(at, float(ahead), float(aside), float(radius), velocity)
+
+
+#: A fault of each kind at a time, s.
+KINDS: dict[str, Draw] = {
+    "current steps, forecast": lambda rng, at: _step(rng, at, known=True),
+    "current steps, unknown": lambda rng, at: _step(rng, at, known=False),
+    "forecast wrong by a factor": lambda rng, at: WrongForecast(
+        at, float(rng.choice([0.0, 0.5, 1.5, 2.0, -1.0]))
+    ),
+    "obstacle 50 to 300 m ahead": lambda rng, at: _obstacle(rng, at, (50.0, 300.0)),
+    "obstacle within 5 m": lambda rng, at: _obstacle(rng, at, (0.5, 5.0)),
+    "sensor out": lambda rng, at: SensorOut(at, rng.uniform(60.0, 1800.0)),
+    "held up": lambda rng, at: HeldUp(at, rng.uniform(60.0, 1800.0)),
+    "planner out": lambda rng, at: PlannerOut(at, rng.uniform(30.0, 600.0)),
+    "vehicle slower": lambda rng, at: Slower(at, rng.uniform(0.6, 0.95)),
+}
+
+#: What the last share of missions has: two to six faults of any kind.
+MIXED = "several of these"
+
+
+def draw(kind: str, rng: np.random.Generator, time_available: float) -> list[Fault]:
+    """Draw the faults of a mission, by the time they strike: one to three of a kind, or several of any."""
+    several = kind == MIXED
+    count = rng.integers(2, 7) if several else rng.integers(1, 4)
+    names = rng.choice(list(KINDS), count) if several else [kind] * count
+    times = np.sort(rng.uniform(0.0, 0.9 * time_available, count))
+    return [KINDS[str(name)](rng, float(at)) for name, at in zip(names, times, strict=True)]
+
+
+def simulate(
+    scenario: ap.Scenario, count: int
+) -> list[tuple[str, list[Fault], ap.MissionRun, list[Collision]]]:
+    """Simulate missions of seeds 0, 1, ...; return kind, faults, record and collisions of each."""
+    names = [*KINDS, MIXED]
+    kinds = [names[seed % len(names)] for seed in range(count)]
+    available = scenario.mission.time_available
+    faults = [draw(kind, np.random.default_rng([7, seed]), available) for seed, kind in enumerate(kinds)]
+    found = []
+    with bars(console()) as progress:
+        for number, run in progress.track(
+            execute_missions(scenario, seeds=range(count), faults=faults), total=count, description="missions"
+        ):
+            found.append((kinds[number], faults[number], run, collisions(run, faults[number])))
+    return sorted(found, key=lambda row: row[2].seed)
+
+
+def _cause(reason: str) -> str:
+    """What missions that fail alike have in common: the reason without its places and figures."""
+    for words in ("no route", "beat the vehicle", "time ran out", "too late", "cannot be executed"):
+        if words in reason:
+            return words
+    return reason or "NO REASON"
+
+
+def main() -> None:
+    """Print the table, and what is wrong."""
+    parser = argparse.ArgumentParser(description="Missions with injected faults.")
+    parser.add_argument("-n", type=int, default=200, help="missions")
+    parser.add_argument("--out", type=Path, help="JSON file to write")
+    options = parser.parse_args()
+    screen = console()
+    found = simulate(ap.load_scenario("whitsunday"), options.n)
+    table = Table(
+        "fault", "missions", "on time", "failed", "avoidable", "unavoidable", title="injected faults"
+    )
+    rows, wrong = [], []
+    for name in [*KINDS, MIXED, "all"]:
+        chosen = [row for row in found if name in (row[0], "all")]
+        failed = Counter(_cause(run.reason) for _, _, run, _ in chosen if not run.success)
+        hits = [hit for *_, hits in chosen for hit in hits]
+        row = {
+            "fault": name,
+            "missions": len(chosen),
+            "on time": sum(run.success for _, _, run, _ in chosen),
+            "failed": dict(failed),
+            "avoidable": sum(hit.avoidable for hit in hits),
+            "unavoidable": sum(not hit.avoidable for hit in hits),
+        }
+        rows.append(row)
+        causes = ", ".join(f"{words} {times}" for words, times in failed.most_common())
+        table.add_row(*(causes if key == "failed" else str(value) for key, value in row.items()))
+    for _, given, run, hits in found:
+        wrong += [f"seed {run.seed}: {hit}; {given}" for hit in hits if hit.avoidable]
+        wrong += [] if run.reason else [f"seed {run.seed}: ended without a reason; {given}"]
+    screen.print(table)
+    for line in wrong:
+        screen.print(line, soft_wrap=True)
+    if options.out:
+        write(options.out, {"faults": rows, "wrong": wrong})
+    sys.exit(1 if wrong else 0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,184 @@
+"""Executes missions on other people's vehicle code over a link that loses packets.
+
+`python -m benchmarks.links`: twenty missions by MAVSDK's autopilot side and twenty by a peer of imcpy's
+messages, each behind a proxy that loses 5 % of the packets, doubles 5 % and delays 10 %. The vehicles are
+slower or faster than planned; in every third mission an obstacle is reported from outside, in every third a
+current. Counted are verdicts, uploads that are what was planned, item by item, and tasks by the vehicles' own
+books.
+"""
+
+import argparse
+import json
+import os
+import random
+import sys
+import time
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from auvplan.io.area import load_area
+from auvplan.link import Limits, execute, open_link
+from auvplan.link.notices import CurrentNotice, ObstacleNotice
+from auvplan.link.rolling import RollingPlan
+from auvplan.ocean.known import KnownObstacle
+from auvplan.scenario.scenario import Scenario
+from tests.link.held import held_as_planned
+from tests.link.peers import Body, ImcPeer, MavsdkPeer
+from tests.link.proxy import Faults, FaultyProxy, free_port
+
+SCENARIO = {
+    "name": "link",
+    "site": {"longitude": 148.96, "latitude": -20.34},
+    "area": {"lower": [0, 0, 0], "upper": [2500, 2500, 50]},
+    "chart": {"source": "none"},
+    "current": {"vortices": 3, "layers": 1, "radius": [300, 600], "peak_speed": 0.6},
+    "mission": {"waypoints": 8, "neighbours": 4, "time_available": 3000},
+    "planning": {"effort": "quick"},
+}
+
+#: Known beforehand, and so in the fence.
+WRECK = KnownObstacle("wreck", (1300.0, 1200.0), 60.0)
+
+#: Replies are waited for a shorter time than on real links: loopback is quick, and mission time is scaled.
+LIMITS = Limits(reply=0.3, attempts=20, uploads=8, silence=3.0, outdated=0.2, late=60.0)
+
+
+class Reports:
+    """One notice, at a time of the mission."""
+
+    def __init__(self, link, plan: RollingPlan, seed: int) -> None:
+        self._link, self._plan, self._kind, self._stated = link, plan, seed % 3, False
+        self._when = 300.0 + 40.0 * seed
+
+    def read(self):
+        if self._stated or self._kind == 0 or self._link.now < self._when:
+            return
+        self._stated = True
+        if self._kind == 1:
+            ahead = [leg for leg in self._plan.legs if leg.times[0] > self._link.now] or self._plan.legs[-1:]
+            north, east, _ = ahead[0].positions[len(ahead[0].positions) // 2]
+            yield ObstacleNotice(KnownObstacle("reported", (float(north), float(east)), 40.0))
+        else:
+            yield CurrentNotice(np.array([0.25, -0.15, 0.0]))
+
+
+def start_of(plan: RollingPlan, pace: float = 1.0) -> Body:
+    """A body at the mission's start."""
+    north, east, depth = (float(part) for part in np.asarray(plan.run.graph.positions[plan.run.start]))
+    longitude, latitude = plan.site.to_geographic(north, east)
+    return Body(float(latitude), float(longitude), depth, pace)
+
+
+def joined(kind: str, plan: RollingPlan, body: Body, scale: float, faults: Faults, seed: int, limits=LIMITS):
+    """A link, the peer at its other end and the proxy between them."""
+    if kind == "mavlink":
+        port = free_port()
+        link = open_link(f"mavlink:udpin:127.0.0.1:{port}", plan.site, limits, scale)
+        proxy = FaultyProxy(port, faults, seed)
+        return link, MavsdkPeer(proxy.port, body, scale), proxy
+    peer = ImcPeer(body, scale)
+    proxy = FaultyProxy(peer.port, faults, seed)
+    return open_link(f"imc:127.0.0.1:{proxy.port}", plan.site, limits, scale), peer, proxy
+
+
+def books(record, plan: RollingPlan, peer) -> tuple[int, int]:
+    """Tasks that the record has and the vehicle's own books lack, and those that it did more than once."""
+    site, places = plan.site, []
+    for task in peer.tasks:
+        north, east = site.to_local(task.longitude, task.latitude)
+        places.append((float(north), float(east), task.depth))
+    lost, matched = 0, [0] * len(places)
+    for name in record.tasks:
+        (leg,) = (
+            leg for leg in plan.legs if f"{plan.run.called(leg.start)} - {plan.run.called(leg.goal)}" == name
+        )
+        goal = np.asarray(plan.run.graph.positions[leg.goal], float)
+        near = [k for k, place in enumerate(places) if np.linalg.norm(goal - place) < 10.0]
+        lost += not near
+        for k in near[:1]:
+            matched[k] += 1
+    return lost, len(places) - sum(matched)
+
+
+def mission(kind: str, seed: int, scale: float, faults: Faults, tell) -> dict:
+    """Execute one mission and count."""
+    scenario = Scenario.model_validate(SCENARIO)
+    area = replace(load_area(scenario, "."), obstacles=(WRECK,))
+    plan = RollingPlan(scenario, seed, area=area)
+    body = start_of(plan, random.Random(seed).uniform(0.85, 1.1))
+    link, peer, proxy = joined(kind, plan, body, scale, faults, seed)
+    checked, send = [], link.upload
+
+    def upload(wanted):
+        notes = send(wanted)
+        checked.append(held_as_planned(kind, peer, wanted))
+        return notes
+
+    link.upload = upload  # type: ignore[method-assign]
+    begin = time.perf_counter()
+    try:
+        record = execute(plan, link, limits=LIMITS, notices=Reports(link, plan, seed), tell=tell)
+    finally:
+        peer.close()
+        proxy.close()
+    lost, doubled = books(record, plan, peer)
+    return {
+        "kind": kind, "seed": seed, "success": record.success, "reason": record.reason, "safe": record.safe,
+        "uploads": len(checked), "as_planned": sum(checked), "tasks": len(record.tasks), "lost": lost,
+        "doubled": doubled, "counts": dict(Counter(event.kind for event in record.events)),
+        "packets": proxy.counts, "wall_s": round(time.perf_counter() - begin, 1),
+    }  # fmt: skip
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("-n", type=int, default=20, help="missions a kind")
+    parser.add_argument("--kind", choices=["mavlink", "imc"], action="append")
+    parser.add_argument("--first", type=int, default=0, help="first seed")
+    parser.add_argument(
+        "--scale", type=float, default=50.0, help="s of mission time in one of wall-clock time"
+    )
+    parser.add_argument("--loss", type=float, default=0.05)
+    parser.add_argument("--out", type=Path, default=None, help="file of JSON lines")
+    parser.add_argument("--verbose", action="store_true")
+    given = parser.parse_args()
+    rows = []
+    for kind in given.kind or ["mavlink", "imc"]:
+        for seed in range(given.first, given.first + given.n):
+            row = mission(kind, seed, given.scale, Faults(lost=given.loss), _show if given.verbose else _hide)
+            rows.append(row)
+            print(json.dumps(row), flush=True)
+            if given.out:
+                with given.out.open("a", encoding="utf-8") as file:
+                    file.write(json.dumps(row) + "\n")
+    for kind in given.kind or ["mavlink", "imc"]:
+        _print_totals(kind, [row for row in rows if row["kind"] == kind])
+    sys.stdout.flush()
+    os._exit(0)  # MAVSDK's threads outlive its objects
+
+
+def _print_totals(kind: str, rows: list[dict]) -> None:
+    names = ("success", "uploads", "as_planned", "tasks", "lost", "doubled")
+    total = {name: sum(row[name] for row in rows) for name in names}
+    packets = {name: sum(row["packets"][name] for row in rows) for name in rows[0]["packets"]}
+    verdicts = sum(bool(row["reason"]) for row in rows)
+    print(
+        f"{kind}: {len(rows)} missions, {verdicts} verdicts, {total['success']} at the destination in time; "
+        f"{total['as_planned']} of {total['uploads']} uploads as planned; "
+        f"{total['tasks']} tasks, {total['lost']} lost, {total['doubled']} doubled; packets {packets}"
+    )
+
+
+def _show(event) -> None:
+    print(f"  {event.time:8.1f} {event.kind}: {event.text}", flush=True)
+
+
+def _hide(event) -> None:
+    pass
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,91 @@
+"""Thousands of missions in one process: does memory stay flat, and is nothing compiled twice or left open?
+
+``python -m benchmarks.long_run [-n 2000] [--out FILE.json]`` simulates missions of a small sea, saves every
+twentieth to disk and reads it again, and prints memory, programs and open files as the run goes on. The first
+tenth is warm-up. It ends with status 1 where a program was compiled after that, a file was left open, or
+memory grew by more than a tenth.
+"""
+
+import argparse
+import gc
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from rich.table import Table
+
+import auvplan as ap
+from auvplan.compiled import compilations
+from auvplan.executive import execute_missions
+from benchmarks import small_sea
+from benchmarks.machine import console, write
+
+#: Missions between two rows, and between two that are saved.
+EVERY, SAVED = 50, 20
+TOGETHER = 8
+
+
+def memory() -> float:
+    """Resident memory of this process, MiB."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
+
+
+def open_files() -> int:
+    """Open files of this process, the one that this takes to look left out."""
+    return len(os.listdir("/proc/self/fd")) - 1
+
+
+def watched(count: int) -> list[dict[str, float]]:
+    """Simulate so many missions; return what was seen every so often."""
+    scenario, rows, done, late = small_sea.scenario(), [], 0, 0
+    screen = console()
+    with tempfile.TemporaryDirectory() as name:
+        for _, run in execute_missions(scenario, seeds=range(count), together=TOGETHER):
+            done += 1
+            late += not run.success
+            if done % SAVED == 0:
+                ap.save_run(run, name)
+                ap.restore_run(name)
+            if done % EVERY == 0 or done == count:
+                gc.collect()
+                row = {
+                    "missions": done,
+                    "memory": memory(),
+                    "programs": compilations(),
+                    "files": open_files(),
+                }
+                rows.append(row | {"failed": late})
+                screen.print(", ".join(f"{key} {value:.0f}" for key, value in rows[-1].items()))
+    return rows
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description="Very many missions in one process.")
+    parser.add_argument("-n", type=int, default=2000)
+    parser.add_argument("--out", type=Path, help="JSON file to write")
+    options = parser.parse_args()
+    rows = watched(options.n)
+    warm = next(row for row in rows if row["missions"] >= options.n / 10)
+    last, screen = rows[-1], console()
+    table = Table("", "after warm-up", "at the end", title=f"{last['missions']} missions in one process")
+    for name, words in (
+        ("missions", "missions"), ("memory", "memory, MiB"), ("programs", "programs compiled"),
+        ("files", "files open"), ("failed", "missions failed"),
+    ):  # fmt: skip
+        table.add_row(words, f"{warm[name]:.0f}", f"{last[name]:.0f}")
+    screen.print(table)
+    later = [row for row in rows if row["missions"] >= warm["missions"]]
+    slope = np.polyfit([row["missions"] for row in later], [row["memory"] for row in later], 1)[0]
+    screen.print(f"memory grows by {1000.0 * slope:.1f} MiB per 1,000 missions after warm-up")
+    if options.out:
+        write(options.out, {"long_run": rows})
+    grew = last["memory"] > 1.1 * warm["memory"]
+    sys.exit(1 if grew or last["programs"] > warm["programs"] or last["files"] > warm["files"] else 0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,50 @@
+"""A small mission in open water and a light search, for tests of the hierarchical loop."""
+
+from auvplan.executive import mission_configs, path_config
+from auvplan.mission import MissionConfig
+from auvplan.path import PathConfig
+from auvplan.scenario.scenario import Scenario
+
+SMALL = {
+    "name": "small",
+    "area": {"lower": [0, 0, 0], "upper": [4000, 4000, 50]},
+    "chart": {"source": "none"},
+    "current": {"vortices": 3, "layers": 1, "radius": [300, 600], "peak_speed": 0.8, "update_interval": 300},
+    "simulation": {"obstacles": {"static": 1, "afloat": 1, "self_motivated": 1}},
+    "mission": {"waypoints": 8, "neighbours": 4, "time_available": 5000},
+    "planning": {"t_series": 3},
+}
+
+
+def scenario(**sections) -> Scenario:
+    """The small mission with whole sections replaced."""
+    return Scenario.model_validate(SMALL | sections)
+
+
+def planning(**settings) -> Scenario:
+    """The small mission with some planning settings changed."""
+    return scenario(planning=SMALL["planning"] | settings)
+
+
+def light_config(settings: Scenario) -> PathConfig:
+    """Settings of a small path search: what is tested with it does not depend on the search's depth."""
+    config = path_config(settings)
+    bbo = config.bbo.replace(population=24, iterations=24)
+    return config.replace(bbo=bbo, samples=64, refine_steps=0, passage_steps=0, control_points=6)
+
+
+def light_routes(settings: Scenario) -> tuple[MissionConfig, MissionConfig]:
+    """Settings of a small search for routes, likewise."""
+    first, later = (
+        config.replace(
+            bbo=config.bbo.replace(population=24, iterations=24),
+            seeds=min(config.seeds, 10),
+            beam_width=config.beam_width and min(config.beam_width, 64),
+        )
+        for config in mission_configs(settings)
+    )
+    return first, later
+
+
+#: What stands in for the settings of the loop's searches, by its name there.
+LIGHT = {"path_config": light_config, "mission_configs": light_routes}

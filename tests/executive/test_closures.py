@@ -1,0 +1,171 @@
+"""Areas closed at some hours: routes wait for them, paths pass them round, the checker looks again."""
+
+import json
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import auvplan as ap
+from auvplan.errors import ScenarioError
+from auvplan.executive import plan_scenario
+from auvplan.export import itinerary_of
+from auvplan.export.sheet import sheet_of
+from auvplan.io.area import load_closures
+from auvplan.io.check import check_dataset
+from auvplan.io.geo import GeoError
+from auvplan.io.results import to_dataset
+from auvplan.mission.jobs import JobPoint, Jobs
+from auvplan.ocean.chart import Chart
+from auvplan.ocean.closures import Closure
+from auvplan.path import PathConfig
+from auvplan.site import Site
+from tests.executive.tide import CHANNEL, EPOCH, channel, tidal_area
+
+pytestmark = pytest.mark.usefixtures("light_search")
+
+#: The whole width of the channel, from 400 to 600 m north.
+NORTH = 400.0, 600.0
+OPENS = 1200.0
+PLANNING = {"effort": "plain", "departures": 16}
+
+
+def band(folder, hours, east=(-80.0, 80.0)):
+    """Write a band across the channel as a closed area, and return the name of the file."""
+    site = Site(5.0, 60.0, EPOCH)
+    corners = [(NORTH[k], east[m]) for k, m in ((0, 0), (0, 1), (1, 1), (1, 0), (0, 0))]
+    ring = [[float(part) for part in site.to_geographic(*corner)] for corner in corners]
+    area = {"type": "Polygon", "coordinates": [ring]}
+    feature = {"type": "Feature", "properties": {"name": "narrows", **hours}, "geometry": area}
+    (folder / "no_go.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": [feature]}))
+    return "no_go.geojson"
+
+
+def settings_with(name, planning=None, **sections):
+    chart = {"source": "none", "no_go": name, "pixel_size": 5.0}
+    return channel(chart=chart, planning=PLANNING | (planning or {}), **sections)
+
+
+def planned(folder, hours, jobs=None, planning=None):
+    name = band(folder, hours)
+    mission = CHANNEL["mission"] | ({"jobs": "jobs.csv"} if jobs else {})
+    settings = settings_with(name, planning, mission=mission)
+    area = replace(
+        tidal_area(0.0, 0.0),
+        jobs=jobs,
+        closures=load_closures(settings, tidal_area(0.0, 0.0).site, folder),
+    )
+    return plan_scenario(settings, area=area, folder=folder)
+
+
+@pytest.fixture(scope="module")
+def plan(light_search, tmp_path_factory):
+    """A plan that has to wait for the band to open."""
+    return planned(tmp_path_factory.mktemp("closed"), {"to": "2026-03-01T06:20Z"})
+
+
+def inside(run):
+    """Times at which the vehicle is in the band."""
+    times = np.concatenate([leg.times for leg in run.done])
+    north = np.concatenate([leg.positions[:, 0] for leg in run.done])
+    return times[(north > NORTH[0]) & (north < NORTH[1])]
+
+
+@pytest.mark.slow
+def test_a_plan_waits_until_the_area_opens(plan):
+    assert plan.success
+    assert inside(plan).min() > OPENS
+    assert sum(leg.t_hold for leg in plan.done) > 300.0
+    report = check_dataset(plan.summary(), to_dataset(plan))
+    assert report.faults == []
+    assert report.notes == []
+
+
+@pytest.mark.slow
+def test_the_sheet_and_exports_tell_the_hours(plan):
+    assert "narrows" in sheet_of(plan).facts["closed areas"]
+    assert "06:20" in sheet_of(plan).facts["closed areas"]
+    assert any("closed at some hours have no fence: narrows" in note for note in itinerary_of(plan).notes)
+
+
+@pytest.mark.slow
+def test_the_checker_sees_a_vehicle_in_an_area_that_is_closed(plan):
+    """The same track, two quarters of an hour earlier."""
+    dataset = to_dataset(plan)
+    dataset = dataset.assign_coords(time=dataset["time"].copy(data=dataset["time"].values - 1000.0))
+    faults = check_dataset(plan.summary(), dataset).faults
+    assert any("in the closed area 'narrows'" in fault for fault in faults)
+
+
+def test_a_path_goes_round_an_area_while_it_is_closed_and_through_it_before():
+    water = np.ones((100, 100), bool)
+    water[40:60, 35:65] = False
+    chart = Chart.from_mask(water, 20.0, (0.0, -1000.0))
+    config = PathConfig.quick()
+    lengths = []
+    for begins, ends in ((0.0, 1e4), (1500.0, 1e4)):
+        closure = Closure(chart, jnp.asarray([begins]), jnp.asarray([ends]))
+        env = ap.Environment(None, lower=(0, -1000, 0), upper=(2000, 1000, 20), closures=(closure,))
+        found = ap.plan_path(
+            (100, 0, 5), (1900, 0, 5), env, ap.Vehicle(speed=2.5), key=jax.random.key(0), config=config
+        )
+        assert found.feasible
+        lengths.append(found.length)
+        within = (np.abs(found.positions[:, 0] - 1000.0) < 200.0) & (np.abs(found.positions[:, 1]) < 300.0)
+        assert not (within & (found.times > begins) & (found.times < ends)).any()
+    assert lengths[0] > 1.03 * lengths[1]
+    assert lengths[1] == pytest.approx(1800.0, rel=0.01)
+
+
+@pytest.mark.slow
+def test_a_simulated_mission_keeps_out(tmp_path):
+    name = band(tmp_path, {"from": 100, "to": 1500})
+    settings = settings_with(name)
+    sea = tidal_area(0.3, 0.0)
+    area = replace(sea, closures=load_closures(settings, sea.site, tmp_path))
+    run = ap.run_mission(settings, seed=0, area=area, folder=tmp_path)
+    assert run.success
+    assert inside(run).min() > 1500.0
+    assert check_dataset(run.summary(), to_dataset(run)).faults == []
+
+
+@pytest.mark.slow
+def test_a_job_in_the_area_is_done_while_it_is_open(tmp_path):
+    jobs = Jobs((JobPoint("buoy", (500.0, 0.0, 5.0), 3.0, 60.0),))
+    (tmp_path / "jobs.csv").write_text("name,north,east,depth,priority,duration\nbuoy,500,0,5,3,60\n")
+    run = planned(tmp_path, {"windows": "0/900, 2400/.."}, jobs)
+    assert run.success
+    assert run.total_priority == 3.0
+    assert inside(run).min() > 900.0
+    assert check_dataset(run.summary(), to_dataset(run)).faults == []
+
+
+def test_a_job_in_an_area_that_never_opens_is_stated(tmp_path):
+    jobs = Jobs((JobPoint("buoy", (500.0, 0.0, 5.0), 3.0, 60.0),))
+    with pytest.raises(ScenarioError, match=r"job 'buoy' lies in the closed area 'narrows': its hours"):
+        planned(tmp_path, {"from": -100}, jobs)
+
+
+@pytest.mark.parametrize(
+    ("hours", "words"),
+    [
+        ({"from": 900, "to": 300}, "feature 1: the window from 900 to 300 ends before it begins"),
+        ({"from": "2026-03-01T06:00"}, "has no time zone"),
+        ({"windows": "0/600, 500/900"}, "two windows overlap"),
+    ],
+)
+def test_slips_in_hours_are_stated(tmp_path, hours, words):
+    settings = settings_with(band(tmp_path, hours))
+    with pytest.raises(GeoError, match=words):
+        load_closures(settings, Site(5.0, 60.0, EPOCH), tmp_path)
+
+
+def test_hours_of_the_scenario_hold_where_the_file_has_none(tmp_path):
+    name = band(tmp_path, {})
+    chart = {"source": "none", "no_go": name, "no_go_windows": "06:10Z/06:20Z", "pixel_size": 5.0}
+    (closure,) = load_closures(channel(chart=chart), Site(5.0, 60.0, EPOCH), tmp_path)
+    assert closure.spans == [(540.0, 1260.0)]
+    with pytest.raises(ValueError, match="no_go_windows goes with no_go alone"):
+        channel(chart={"source": "none", "no_go_windows": "06:10Z/06:20Z"})

@@ -1,0 +1,291 @@
+"""When to leave: closed forms of tidal streams, batches against single departures, the command."""
+
+import csv
+from datetime import timedelta
+
+import jax
+import numpy as np
+import pytest
+import yaml
+from scipy.optimize import brentq
+
+from auvplan import cli
+from auvplan.cli.departures import departure_times
+from auvplan.errors import ScenarioError
+from auvplan.executive import load_area_at, plan_departures, plan_scenario, route_calls
+from auvplan.executive.route_calls import effort
+from auvplan.io.area import load_area
+from auvplan.mission.travel_times import TravelTimeConfig
+from auvplan.ocean.gridded import CurrentError
+from auvplan.scenario.scenario import Scenario
+from tests.executive.small import SMALL, planning, scenario
+from tests.executive.tide import CHANNEL, EPOCH, PERIOD, channel, stream, tidal_area
+from tests.io.currents.samples import LAT, LON, regular, write
+
+pytestmark = pytest.mark.usefixtures("light_search")
+
+HOUR = 3600.0
+KEY = jax.random.key(3)
+HOURS = np.arange(13) * HOUR
+
+#: Without beams and local search, which take long to compile.
+PLAIN = planning(effort="plain")
+
+
+@pytest.fixture(scope="module")
+def across(light_search):
+    """A leg to the north across a stream of up to 2 m/s."""
+    return plan_departures(channel(), HOURS, key=KEY, area=tidal_area(0.0, 2.0))
+
+
+def test_a_leg_is_closed_at_just_the_hours_of_a_stream_that_is_too_strong(across):
+    strong = np.empty(len(HOURS), bool)
+    for k, depart in enumerate(HOURS):
+        east = np.abs(stream(np.linspace(depart, depart + 430.0, 50), 0.0, 2.0)[1]).max()
+        assert abs(east - 1.5) > 0.04, "too near to the limit to be given"
+        strong[k] = east > 1.5
+    assert 0 < strong.sum() < len(HOURS)
+    np.testing.assert_array_equal(across.feasible, ~strong)
+    assert np.isnan(across.time[strong]).all()
+    assert np.isfinite(across.time[~strong]).all()
+
+
+def test_reasons_name_the_cross_current_the_place_and_the_time(across):
+    for feasible, reason, depart in zip(across.feasible, across.reasons, HOURS, strict=True):
+        if feasible:
+            assert reason == ""
+            continue
+        assert reason.startswith("cross-current")
+        assert "over 1.5" in reason
+        assert "km" in reason
+        then = {EPOCH + timedelta(seconds=depart + 60.0 * k) for k in range(20)}
+        assert any(f"{moment:%H:%M} UTC" in reason for moment in then)
+
+
+def test_the_best_departure_is_the_fastest_feasible_one(across):
+    assert across.best == np.nanargmin(across.time)
+    assert across.moment(across.best) == "2026-03-01 09:00 UTC"
+    np.testing.assert_allclose(across.current, np.abs(stream(HOURS, 0.0, 2.0)[1]), atol=1e-3)
+
+
+def test_travel_times_with_and_against_a_stream_are_those_of_the_closed_form():
+    found = plan_departures(channel(), HOURS, key=KEY, area=tidal_area(1.2, 0.0))
+    rate = 2.0 * np.pi / PERIOD
+
+    def executed(seconds, depart):
+        """Metres over ground: the integral of 2.5 + 1.2 cos(rate t)."""
+        return 2.5 * seconds + 1.2 / rate * (np.sin(rate * (depart + seconds)) - np.sin(rate * depart))
+
+    exact = [brentq(lambda s, d=depart: executed(s, d) - 1000.0, 1.0, 2000.0) for depart in HOURS]
+    assert found.feasible.all()
+    assert np.ptp(exact) > 400.0
+    np.testing.assert_allclose(found.time, exact, rtol=4e-3)
+
+
+def test_legs_in_a_batch_are_those_planned_one_by_one(across):
+    for k in (2, 7):
+        alone = plan_departures(channel(), HOURS[k : k + 1], key=KEY, area=tidal_area(0.0, 2.0))
+        np.testing.assert_array_equal(alone.time, across.time[k : k + 1])
+        assert alone.reasons == across.reasons[k : k + 1]
+        np.testing.assert_array_equal(alone.plans.positions[0], across.plans.positions[k])
+
+
+def test_departures_keep_the_route_in_which_they_are_given(across):
+    mixed = [5, 3, 9]
+    found = plan_departures(channel(), HOURS[mixed], key=KEY, area=tidal_area(0.0, 2.0))
+    np.testing.assert_array_equal(found.departs, HOURS[mixed])
+    np.testing.assert_array_equal(found.time, across.time[mixed])
+
+
+def test_a_leg_that_takes_all_the_time_is_refused():
+    short = channel(mission=CHANNEL["mission"] | {"time_available": 405})
+    found = plan_departures(short, HOURS[[2, 3]], key=KEY, area=tidal_area(0.0, 2.0))
+    assert found.feasible.tolist() == [False, True]
+    assert "405 s are available" in found.reasons[0]
+
+
+@pytest.fixture(scope="module")
+def missions(light_search):
+    """The small mission at three departures between which its vortices move."""
+    return plan_departures(PLAIN, [0.0, 5 * HOUR, HOUR], key=KEY)
+
+
+def test_missions_are_those_that_are_planned_one_by_one(missions):
+    assert missions.feasible.all()
+    for k, depart in enumerate(missions.departs):
+        run = plan_scenario(PLAIN, key=KEY, depart=depart)
+        assert run.route == missions.routes[k]
+        assert run.t_mission == missions.time[k]
+        assert run.total_priority == missions.priority[k]
+        assert run.tasks == missions.tasks[k]
+
+
+def test_the_sea_differs_by_departure_and_planning_costs_no_time(missions):
+    assert len(set(missions.time)) == 3
+    assert len(set(missions.current)) == 3
+    charged = plan_departures(planning(effort="plain", charge_compute=True), [HOUR], key=KEY)
+    np.testing.assert_array_equal(charged.time, missions.time[2:])
+    rank = [(-priority, time) for priority, time in zip(missions.priority, missions.time, strict=True)]
+    assert missions.best == rank.index(min(rank))
+    assert missions.moment(2) == "+1.00 h"
+
+
+def altered(**sections):
+    """The plain small mission with some settings of sections changed."""
+    given = SMALL | {"planning": SMALL["planning"] | {"effort": "plain"}}
+    return Scenario.model_validate(given | {name: given[name] | new for name, new in sections.items()})
+
+
+def test_a_mission_whose_legs_the_sea_closes_names_leg_limit_place_and_time(monkeypatch):
+    def without_gradients(config):
+        return TravelTimeConfig(path=effort(config).path, detours=4, detour_steps=0)
+
+    monkeypatch.setattr(route_calls, "effort", without_gradients)
+    strong = altered(current={"uniform": [0.0, 3.2, 0.0]})
+    found = plan_departures(strong, [0.0, HOUR], key=KEY)
+    assert not found.feasible.any()
+    assert found.best is None
+    assert found.routes == (None, None)
+    for depart, reason in zip(found.departs, found.reasons, strict=True):
+        assert reason.startswith("leg 0 to ")
+        assert "cannot be executed" in reason
+        assert any(limit in reason for limit in ("cross-current", "ground speed", "beats the vehicle"))
+        assert "km" in reason
+        seconds = float(reason.split(" s: ")[0].split()[-1].replace(",", ""))
+        assert seconds >= depart
+
+
+def test_too_little_time_is_told_in_figures():
+    found = plan_departures(altered(mission={"time_available": 60}), [0.0], key=KEY)
+    assert "60 s are available" in found.reasons[0]
+
+
+def test_departures_that_cannot_be():
+    with pytest.raises(ScenarioError, match="vortices begin"):
+        plan_departures(scenario(), [-HOUR], key=KEY)
+    with pytest.raises(ScenarioError, match="2026-03-01 22:00 UTC"):
+        plan_departures(channel(), [15.5 * HOUR], key=KEY, area=tidal_area(0.0, 1.0))
+    with pytest.raises(ScenarioError, match="departs"):
+        plan_departures(scenario(), [], key=KEY)
+
+
+@pytest.fixture
+def dated(tmp_path):
+    """A leg in the current of a file that lasts from 0 to 3 h, leaving at 1 h; the mapping and its folder."""
+    write(regular(), tmp_path / "sea.nc")
+    return {
+        "name": "dated",
+        "site": {"longitude": LON + 0.035, "latitude": LAT + 0.025, "departure": "2020-01-01T01:00:00Z"},
+        "area": {"lower": [-600, -600, 0], "upper": [600, 600, 20]},
+        "chart": {"source": "none"},
+        "current": {"source": "file", "files": "sea.nc"},
+        "mission": {"waypoints": 2, "start": [-400, -300, 5], "goal": [500, 300, 5], "time_available": 1800},
+        "planning": {"effort": "plain"},
+    }, tmp_path
+
+
+def test_currents_are_read_for_all_departures_and_count_from_the_scenarios_own(dated):
+    settings, folder = Scenario.model_validate(dated[0]), dated[1]
+    usual = load_area(settings, folder)
+    early = load_area_at(settings, [-0.9 * HOUR, 1.4 * HOUR], folder)
+    assert early.site == usual.site
+    assert float(early.forecast.times[0]) <= -0.9 * HOUR
+    assert float(early.forecast.times[-1]) >= 1.4 * HOUR + 1800.0
+    for seconds in (0.0, 700.0, 1800.0):
+        np.testing.assert_allclose(
+            early.forecast(30.0, -50.0, 4.0, seconds), usual.forecast(30.0, -50.0, 4.0, seconds), atol=1e-5
+        )
+    for departs in ([-1.1 * HOUR], [1.6 * HOUR]):
+        with pytest.raises(CurrentError, match=r"sea\.nc"):
+            load_area_at(settings, departs, folder)
+
+
+def test_departures_of_a_scenario_that_begins_with_its_file(dated):
+    undated = {"longitude": LON + 0.035, "latitude": LAT + 0.025}
+    settings = Scenario.model_validate(dated[0] | {"site": undated})
+    times = departure_times(settings, dated[1], "2020-01-01T02:00+01:00", "2.5", "30min")
+    np.testing.assert_allclose(times, np.arange(2, 6) * 1800.0)
+    assert float(load_area_at(settings, times, dated[1]).forecast.times[-1]) >= 3.0 * HOUR - 1.0
+    with pytest.raises(ScenarioError, match="2019-12-31 23:00 UTC"):
+        load_area_at(settings, [-HOUR, 0.0], dated[1])
+
+
+@pytest.mark.parametrize(
+    ("begin", "end", "step", "hours"),
+    [
+        ("0", "2", "1h", [0, 1, 2]),
+        ("+3h", "4", "1800s", [3, 3.5, 4]),
+        ("2026-03-01T08:00", "2026-03-01T11:30+02:00", "0.75", [2, 2.75, 3.5]),
+        ("90min", "1.6", "1h", [1.5]),
+    ],
+)
+def test_times_in_all_spellings(tmp_path, begin, end, step, hours):
+    np.testing.assert_allclose(departure_times(channel(), tmp_path, begin, end, step), np.array(hours) * HOUR)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("soon", "12", "1h"), "--from 'soon' is neither"),
+        (("0", "2026-13-01", "1h"), "--to '2026-13-01' is neither"),
+        (("3", "+2h", "1h"), "--from '3' must not be later than --to '+2h'"),
+        (("0", "12", "0s"), "--step '0s' must be a duration above 0"),
+        (("0", "12", "-1h"), "--step '-1h' must be"),
+        (("0", "12", "often"), "--step 'often' must be"),
+        (("0", "12", "1s"), "--step '1s' makes 43201 departures, more than 500"),
+        (("-1", "12", "1h"), "--from '-1' lies before the scenario's departure"),
+        (("nan", "12", "1h"), "--from 'nan'"),
+        (("0", "inf", "1h"), "--to 'inf' lies more than a year"),
+        (("0", "9999-12-31", "1h"), "--to '9999-12-31' lies more than a year"),
+        (("0001-01-01T00:00+14:00", "12", "1h"), "--from '0001-01-01T00:00+14:00'"),
+    ],
+)
+def test_bad_options_are_named(tmp_path, options, words):
+    with pytest.raises(ScenarioError) as error:
+        departure_times(channel(), tmp_path, *options)
+    assert words in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_dates_need_a_dated_scenario(tmp_path):
+    with pytest.raises(ScenarioError, match=r"--to '2026-03-01': the scenario has no date.*site\.departure"):
+        departure_times(scenario(), tmp_path, "0", "2026-03-01", "1h")
+
+
+def call(capsys, monkeypatch, settings, folder, *options):
+    """Exit status, standard output and standard error of the command."""
+    path = folder / "dated.yaml"
+    path.write_text(yaml.safe_dump(settings))
+    arguments = ["departures", str(path), "--out", str(folder / "out"), *options]
+    monkeypatch.setattr("sys.argv", ["auvplan", *arguments])
+    with pytest.raises(SystemExit) as stop:
+        cli.main()
+    out, err = capsys.readouterr()
+    return stop.value.code, out, err
+
+
+@pytest.mark.filterwarnings("ignore:.*still water:auvplan.errors.ScenarioWarning")
+def test_the_command_from_a_file_of_currents(dated, capsys, monkeypatch):
+    settings, folder = dated
+    options = ("--from", "2020-01-01T00:30", "--to", "+1.4h", "--step", "45min", "--seed", "1")
+    code, out, err = call(capsys, monkeypatch, settings, folder, *options)
+    assert code in (0, None), err
+    assert out.count("best") == 1
+    with (folder / "out" / "departures.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["departure_utc"][11:16] for row in rows] == ["00:30", "01:15", "02:00"]
+    assert all(row["feasible"] == "true" for row in rows)
+    assert all(row["departure_utc"].replace("T", " ")[:16] in out for row in rows)
+    best = [row for row in rows if row["best"] == "true"]
+    assert [float(row["time_s"]) for row in best] == [min(float(row["time_s"]) for row in rows)]
+    assert (folder / "out" / "departures.png").stat().st_size > 10_000
+    names = ["departures.csv", "departures.json", "departures.png", "report.html"]
+    assert sorted(path.name for path in (folder / "out").iterdir()) == names
+
+    settings["mission"] |= {"time_available": 60}
+    code, out, err = call(capsys, monkeypatch, settings, folder, *options, "--quiet")
+    assert code == 1
+    assert out == ""
+    assert "no departure is feasible" in err
+    assert "60 s are available" in err
+    assert "Traceback" not in err

@@ -1,0 +1,207 @@
+"""Plans without a simulation: exact repetition, known obstacles, departures, what reaches a vehicle."""
+
+import json
+from dataclasses import replace
+
+import jax
+import numpy as np
+import pytest
+
+import auvplan as ap
+from auvplan.executive import plan_departures, plan_scenario
+from auvplan.executive.loop import seed_keys
+from auvplan.export import itinerary_of
+from auvplan.export.sheet import sheet_of
+from auvplan.io.check import check_dataset
+from auvplan.io.restore import restore_run
+from auvplan.io.results import save_run, to_dataset
+from auvplan.mission.jobs import JobLine, JobPoint, Jobs
+from auvplan.ocean.known import KnownObstacle
+from auvplan.scenario.area import OperatingArea
+from tests.executive.small import scenario
+from tests.executive.tide import CHANNEL, channel, tidal_area
+
+pytestmark = pytest.mark.usefixtures("light_search")
+
+HOUR = 3600.0
+#: In the middle of the channel, and one that meets the vehicle there; both 20 m wide.
+ROCK = KnownObstacle("rock", (500.0, 0.0), 20.0)
+FERRY = KnownObstacle("ferry", (900.0, 0.0), 20.0, 0.0, 12.0, (-1.0, 0.0))
+
+
+def past(*obstacles):
+    """A leg through the channel past known obstacles."""
+    area = replace(tidal_area(0.4, 0.0), obstacles=obstacles)
+    return plan_scenario(channel(), area=area)
+
+
+def jobs_in_the_channel():
+    """A mission with a point, a line and a job that is too far away for the time."""
+    jobs = Jobs(
+        (JobPoint("buoy", (300.0, 40.0, 5.0), 3.0, 60.0), JobPoint("far", (1000.0, 55.0, 5.0), 1.0, 9000.0)),
+        (JobLine("line", ((500.0, -40.0, 8.0), (700.0, -40.0, 8.0)), 2.0, 0.0),),
+    )
+    return plan_scenario(channel(), area=replace(tidal_area(0.4, 0.0), jobs=jobs, obstacles=(ROCK,)))
+
+
+@pytest.fixture(scope="module")
+def run(light_search):
+    return plan_scenario(scenario(), seed=1)
+
+
+@pytest.fixture(scope="module")
+def jobs(light_search):
+    return jobs_in_the_channel()
+
+
+def test_a_plan_meets_nothing_that_is_simulated_and_takes_the_planned_time(run):
+    assert run.success
+    assert not run.simulated
+    for leg in run.done:
+        assert len(leg.obstacle_radii) == 0
+        plan = leg.plans[leg.followed]
+        np.testing.assert_array_equal(leg.positions, plan.positions)
+        np.testing.assert_array_equal(leg.times, plan.times)
+        assert leg.path_replans == 0
+    assert run.t_mission == pytest.approx(sum(leg.t_path + leg.t_task for leg in run.done), abs=0.1)
+
+
+def test_the_same_plan_comes_again_to_the_last_bit(run):
+    again = plan_scenario(scenario(), seed=1)
+    assert again.t_mission == run.t_mission
+    assert again.route == run.route
+    for one, other in zip(run.legs, again.legs, strict=True):
+        np.testing.assert_array_equal(one.positions, other.positions)
+    assert run.summary() == again.summary()
+
+
+def test_the_checker_finds_nothing_in_a_plan(run):
+    assert check_dataset(run.summary(), to_dataset(run)).faults == []
+
+
+@pytest.mark.parametrize("obstacle", [ROCK, FERRY])
+def test_a_plan_keeps_its_margin_to_known_obstacles_at_the_time_it_passes(obstacle):
+    run = past(obstacle)
+    assert run.success
+    (leg,) = run.done
+    fine = np.linspace(leg.times[0], leg.times[-1], 2000)
+    places = np.stack([np.interp(fine, leg.times, axis) for axis in leg.positions.T], axis=1)
+    centre = np.asarray(obstacle.position) + fine[:, None] * np.asarray(obstacle.velocity)
+    level = np.linalg.norm(places[:, :2] - centre, axis=1) - obstacle.radius
+    inside = places[:, 2] <= obstacle.depth_max
+    assert level[inside].min() >= channel().safety.obstacles - 0.5
+    straight = past()
+    assert run.t_mission > straight.t_mission
+
+
+def test_no_plan_leads_through_an_obstacle_that_closes_the_channel():
+    run = past(KnownObstacle("boom", (500.0, 0.0), 80.0))
+    assert not run.success
+    assert "obstacle" in run.reason
+
+
+@pytest.mark.slow
+def test_departures_promise_what_plans_hold():
+    area = tidal_area(1.0, 0.3)
+    settings = scenario(**{name: getattr(channel(), name).model_dump() for name in ("site", "chart")})
+    settings = settings.model_copy(update={"current": channel().current})
+    moments = [0.0, 0.5 * HOUR, 4.0 * HOUR]
+    found = plan_departures(settings, moments, key=seed_keys([0])[0], area=area)
+    assert found.routes is not None
+    for k, depart in enumerate(moments):
+        run = plan_scenario(settings, area=area, depart=depart)
+        assert bool(found.feasible[k]) == run.success
+        assert found.tasks[k] == run.tasks
+        assert found.priority[k] == run.total_priority
+        assert found.time[k] == pytest.approx(run.t_mission, abs=1e-2)
+        assert found.routes[k] == run.route
+        assert run.legs[0].times[0] == pytest.approx(0.0, abs=1e-2)
+        assert run.site.epoch.hour + run.site.epoch.minute / 60.0 == 6.0 + depart / HOUR
+
+
+def test_a_simulated_mission_knows_the_known_obstacles_for_certain():
+    area = replace(tidal_area(0.4, 0.0), obstacles=(ROCK,))
+    run = ap.run_mission(channel(), seed=0, area=area)
+    assert run.success
+    assert set(run.legs[0].obstacle_kinds) == {"known"}
+    assert run.collisions == 0
+    assert run.simulated
+
+
+@pytest.mark.slow
+def test_no_simulated_obstacle_reaches_a_vehicle_and_known_ones_that_stand_do():
+    simulation = {"obstacles": {"static": 2, "afloat": 0, "self_motivated": 0, "radius": [5, 6]}}
+    area = replace(tidal_area(0.4, 0.0), obstacles=(ROCK, FERRY))
+    executed = ap.run_mission(channel(simulation=simulation), seed=0, area=area)
+    assert {"static", "known"} <= set(executed.legs[0].obstacle_kinds)
+    for run in (executed, plan_scenario(channel(simulation=simulation), area=area)):
+        itinerary = itinerary_of(run)
+        (circle,) = itinerary.fences
+        assert circle.centre == pytest.approx(ROCK.position)
+        assert any("ferry" in note for note in itinerary.notes)
+    assert any("simulated" in note for note in itinerary_of(executed).notes)
+
+
+def test_a_plan_is_restored_with_its_obstacles(tmp_path):
+    run = plan_scenario(scenario(), area=OperatingArea(obstacles=(ROCK, FERRY)))
+    again = restore_run(save_run(run, tmp_path))
+    assert again.obstacles == run.obstacles
+    assert not again.simulated
+
+
+def test_the_sheet_names_every_job_and_says_why_one_is_left_out(jobs):
+    sheet = sheet_of(jobs)
+    assert sheet.stops[0].name == "start"
+    done = {stop.task for stop in sheet.stops if stop.task}
+    assert done == {"buoy", "line"}
+    (left,) = sheet.left_out
+    assert left.name == "far"
+    assert "would do" in left.reason
+    assert sheet.plain()["stops"][0]["utc"] == "2026-03-01T06:00:00Z"
+    headings, rows = sheet.table()
+    assert {len(row) for row in rows} == {len(headings)}
+    brief, cells = sheet.table(brief=True)
+    assert {len(row) for row in cells} == {len(brief)}
+
+
+def test_margins_of_the_sheet_are_those_of_the_path(jobs):
+    sheet = sheet_of(jobs)
+    for stop, leg in zip(sheet.stops[1:], jobs.done, strict=True):
+        level = np.linalg.norm(leg.positions[:, :2] - np.asarray(ROCK.position), axis=1) - ROCK.radius
+        assert stop.obstacle == pytest.approx(level.min(), abs=2.5)
+        assert stop.coast is None
+        assert stop.length / stop.ground_speed == pytest.approx(leg.t_path, rel=1e-3)
+
+
+def test_a_key_or_a_seed_makes_the_same_plan(run):
+    keyed = plan_scenario(scenario(), key=jax.random.key(1))
+    assert keyed.t_mission == run.t_mission
+
+
+def test_a_route_that_no_longer_fits_is_planned_anew():
+    stated, true = tidal_area(0.6, 0.0), tidal_area(-0.6, 0.0)
+    jobs = Jobs(tuple(JobPoint(f"job {k}", (150.0 * k, 20.0, 5.0), 1.0, 30.0) for k in range(1, 6)))
+    area = replace(stated, truth=true.truth, jobs=jobs)
+    short = channel(mission=CHANNEL["mission"] | {"time_available": 620})
+    run = ap.run_mission(short, seed=0, area=area)
+    assert "late" in [route.cause for route in run.routes]
+    later = [route for route in run.routes if route.cause == "late"]
+    assert len(later[0].nodes) < len(run.routes[0].nodes) - 1
+
+
+@pytest.mark.parametrize(("obstacle", "depart"), [(ROCK, 0.0), (FERRY, 0.0), (FERRY, 300.0)])
+def test_the_checker_takes_known_obstacles_from_their_file(tmp_path, obstacle, depart):
+    area = tidal_area(0.0, 0.0)
+    longitude, latitude = (float(axis) for axis in area.site.to_geographic(*obstacle.position))
+    stated = {"name": obstacle.name, "radius": obstacle.radius}
+    if obstacle.moves:
+        stated |= {"course": 180.0, "speed": 1.0, "depth_max": obstacle.depth_max}
+    point = {"type": "Point", "coordinates": [longitude, latitude]}
+    path = tmp_path / "obstacles.geojson"
+    path.write_text(json.dumps({"type": "Feature", "properties": stated, "geometry": point}))
+    settings = channel(obstacles={"file": path.name})
+    for known, hit in (((), True), ((obstacle,), False)):
+        run = plan_scenario(settings, area=replace(area, obstacles=known), folder=tmp_path, depart=depart)
+        faults = check_dataset(run.summary(), to_dataset(run)).faults
+        assert any(f"inside {obstacle.name!r}" in fault for fault in faults) == hit
+        assert hit or not faults

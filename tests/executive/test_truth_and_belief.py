@@ -1,0 +1,190 @@
+"""The simulator's truth and what a vehicle believes of it."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import auvplan as ap
+from auvplan.executive.belief import ObstacleBelief, as_obstacles
+from auvplan.executive.evasion import escape_track
+from auvplan.motion import Motion
+from auvplan.ocean import CurrentUpdate, Seabed
+from auvplan.scenario.scenario import Scenario
+from auvplan.scenario.settings import SensorSettings
+from auvplan.simulation.sea import VortexSea
+from auvplan.simulation.simulator import TIME_STEP, transit
+from auvplan.simulation.world import TrueObstacles, draw_obstacles
+
+
+def uniform_field(u, v):
+    empty = jnp.zeros((1, 0))
+    return ap.LambVortices(jnp.zeros((1, 0, 2)), empty, empty, jnp.zeros(1), 0.0, jnp.array([u, v, 0.0]))
+
+
+def batch(tree):
+    return jax.tree.map(lambda a: jnp.asarray(a)[None], tree)
+
+
+def transit_one(field, track, steps, moving=True, obstacles=None, arc=0.0):
+    obstacles = obstacles or (jnp.zeros((1, 0, 3)), jnp.zeros((1, 0, 3)), jnp.zeros((1, 0)))
+    return transit(
+        jnp.asarray(track)[None], jnp.array([arc]), jnp.array([moving]), jnp.array([100.0]),
+        batch(field), obstacles, ap.Vehicle(), steps=steps,
+    )  # fmt: skip
+
+
+TRACK = np.linspace([0.0, 0.0, 10.0], [600.0, 0.0, 10.0], 20)
+
+
+@pytest.mark.parametrize(("stream", "speed"), [((0, 0), 2.5), ((0.5, 0), 3.0), ((0, 1.5), 2.0)])
+def test_vehicle_holds_its_track_at_the_closed_form_speed(stream, speed):
+    out = transit_one(uniform_field(*stream), TRACK, 20)
+    expected = speed * TIME_STEP * np.arange(1, 21)
+    np.testing.assert_allclose(out.positions[0, :, 0], expected, rtol=1e-4)
+    np.testing.assert_allclose(out.positions[0, :, 1:], [[0.0, 10.0]] * 20, atol=1e-3)
+    np.testing.assert_allclose(out.water[0], [[*stream, 0.0]] * 20, atol=1e-5)
+    np.testing.assert_allclose(out.ground[0], [[speed, 0.0, 0.0]] * 20, atol=1e-4)
+    motion = Motion.through_water(out.ground[0], out.water[0])
+    np.testing.assert_allclose(motion.yaw, -np.arcsin(stream[1] / 2.5), atol=1e-4)
+    np.testing.assert_allclose(out.times[0], 100.0 + TIME_STEP * np.arange(1, 21))
+
+
+def test_arrival_is_timed_within_the_step_and_time_then_stands_still():
+    out = transit_one(uniform_field(0.0, 0.0), TRACK, 100)
+    assert bool(out.arrived[0])
+    assert float(out.times[0, -1]) == pytest.approx(100.0 + 600.0 / 2.5, rel=1e-5)
+    np.testing.assert_allclose(out.positions[0, -1], TRACK[-1], atol=1e-3)
+
+
+def test_a_vehicle_that_keeps_station_heads_into_the_current():
+    out = transit_one(uniform_field(0.0, 1.5), TRACK, 3, moving=False)
+    np.testing.assert_array_equal(out.ground[0], 0.0)
+    np.testing.assert_allclose(Motion.through_water(out.ground[0], out.water[0]).yaw, -np.pi / 2)
+
+
+def test_station_keeping_lets_time_pass():
+    out = transit_one(uniform_field(0.5, 0.5), TRACK, 10, moving=False, arc=30.0)
+    assert not bool(out.arrived[0])
+    np.testing.assert_allclose(out.positions[0], np.tile([30.0, 0.0, 10.0], (10, 1)), atol=1e-3)
+    assert float(out.times[0, -1]) == pytest.approx(130.0)
+
+
+def test_obstacles_drift_as_their_kind_says():
+    position = jnp.zeros((1, 3, 3))
+    velocity = jnp.array([[[0.0, 0, 0], [0, 0, 0], [0.0, 0.2, 0]]])
+    drift = jnp.array([[0.0, 1.0, 1.0]])
+    out = transit_one(uniform_field(0.4, 0.0), TRACK, 10, obstacles=(position, velocity, drift))
+    np.testing.assert_allclose(out.obstacles[0, -1], [[0, 0, 0], [12.0, 0, 0], [12.0, 6.0, 0]], atol=1e-4)
+    np.testing.assert_allclose(out.moves[0], [[0, 0, 0], [0.4, 0, 0], [0.4, 0.2, 0]], atol=1e-6)
+
+
+def test_a_current_that_wins_is_reported():
+    assert float(transit_one(uniform_field(-3.0, 0.0), TRACK, 2).shortfall[0]) > 0.0
+    assert float(transit_one(uniform_field(-1.0, 0.0), TRACK, 2).shortfall[0]) == 0.0
+
+
+def some_sea(interval=600.0, seed=0, error=0.05):
+    field = ap.random_vortices(jax.random.key(seed), (0, 0, 0), (3000, 3000, 0), count=3)
+    return VortexSea(jax.random.key(10 + seed), field, CurrentUpdate(), interval, error)
+
+
+def test_current_updates_come_on_time():
+    sea = some_sea()
+    before = sea.field.centers
+    sea.advance(599.0)
+    np.testing.assert_array_equal(sea.field.centers, before)
+    sea.advance(600.0)
+    assert (sea.field.centers != before).any()
+
+
+def test_the_current_does_not_depend_on_when_it_was_looked_at():
+    often, once = some_sea(), some_sea()
+    for now in np.arange(0.0, 1900.0, 100.0):
+        often.advance(now)
+    once.advance(1800.0)
+    np.testing.assert_array_equal(often.field.centers, once.field.centers)
+    np.testing.assert_array_equal(often.field.strength, once.field.strength)
+
+
+def test_telling_errs_by_the_asked_amount_and_anew_every_time():
+    sea = some_sea()
+    stated, again = sea.forecast(), sea.forecast()
+    there = sea.field.strength != 0.0
+    error = stated.strength[there] / sea.field.strength[there] - 1.0
+    assert 0.0 < np.abs(error).max() < 0.3
+    assert (stated.strength != again.strength).any()
+    exact = some_sea(error=0.0)
+    np.testing.assert_array_equal(exact.forecast().strength, exact.field.strength)
+
+
+def some_truth():
+    return TrueObstacles(
+        np.array([[100.0, 0, 0], [5000.0, 0, 0]]),
+        np.zeros((2, 3)),
+        np.array([1.0, 0.0]),
+        np.array([20.0, 30.0]),
+        ["afloat", "static"],
+    )
+
+
+def test_sensing_sharpens_only_what_is_in_range():
+    sensors = SensorSettings(range=500.0, prior_std=15.0, position_std=1.0)
+    moves = np.array([[0.3, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    belief = ObstacleBelief(some_truth(), moves, 0.0, sensors, np.random.default_rng(0))
+    np.testing.assert_array_equal(belief.std, [15.0, 15.0])
+    belief.look(np.zeros(3), some_truth(), moves, 60.0)
+    np.testing.assert_array_equal(belief.std, [1.0, 15.0])
+    np.testing.assert_array_equal(belief.observed_at, [60.0, 0.0])
+    assert np.linalg.norm(belief.position[0] - [100.0, 0, 0]) < 6.0
+    np.testing.assert_array_equal(belief.velocity[1], 0.0)  # what stands is known to stand
+
+
+def test_planner_and_belief_see_the_same_boundary():
+    sensors = SensorSettings(growth=0.2, growth_max=25.0)
+    belief = ObstacleBelief(some_truth(), np.zeros((2, 3)), 10.0, sensors, np.random.default_rng(1))
+    seen = jax.tree.map(lambda a: a[0], as_obstacles([belief], sensors))
+    for t in (10.0, 50.0, 1e4):
+        place = belief.position[0] + belief.velocity[0] * (t - 10.0)
+        inside = belief.clearance(place[None], np.array([t]))[0]
+        assert -inside == pytest.approx(float(seen.boundary(jnp.asarray(t))[0]), rel=1e-4)
+
+
+def test_escape_goes_away_from_what_comes():
+    sensors = SensorSettings(prior_std=0.0, velocity_std=0.0)
+    truth = TrueObstacles(
+        np.array([[60.0, 0, 0]]), np.array([[-1.0, 0, 0]]), np.ones(1), np.array([40.0]), ["self-motivated"]
+    )
+    belief = ObstacleBelief(truth, np.array([[-1.0, 0, 0]]), 0.0, sensors, np.random.default_rng(0))
+    box = (np.full(3, -1e4), np.full(3, 1e4))
+    track = escape_track(np.zeros(3), 0.0, 30.0, belief, None, None, 2.5, *box, 10)
+    assert track is not None
+    assert track[-1, 0] < 0
+    # Where the sea bed rises behind the vehicle it gives way to another side.
+    depth = np.full((200, 200), 100.0)
+    depth[:99] = 2.0
+    bed = Seabed.from_depth(depth, 10.0, (-1000.0, -1000.0))
+    aside = escape_track(np.zeros(3), 0.0, 30.0, belief, None, bed, 2.5, *box, 10)
+    assert aside is None or (bed.altitude(aside) >= 5.0).all()
+    far = escape_track(np.array([-5e3, 0, 0]), 0.0, 30.0, belief, None, None, 2.5, *box, 10)
+    assert far is None or np.linalg.norm(far[-1] - [-5e3, 0, 0]) <= 0.4 * 2.5 * 30 + 1e-6
+
+
+def test_obstacles_are_drawn_between_the_waypoints_and_off_them():
+    scenario = Scenario.model_validate(
+        {"simulation": {"obstacles": {"static": 10, "afloat": 10, "self_motivated": 10}}}
+    )
+    start, goal = np.array([0.0, 0, 50]), np.array([3000.0, 0, 50])
+    drawn = draw_obstacles(scenario, start, goal, np.random.default_rng(0))
+    near = drawn.position[:, 0] < 1e5
+    assert near.sum() > 20
+    assert (drawn.position[near, 0] > 0).all()
+    assert (drawn.position[near, 0] < 3000).all()
+    assert (np.linalg.norm(drawn.position - start, axis=1) > drawn.radius + 149).all()
+    assert np.std(drawn.position[near, 1]) < 12.0  # sigma^2 is about the radius
+    assert {kind: drawn.kinds.count(kind) for kind in drawn.kinds} == dict.fromkeys(
+        ("static", "afloat", "self-motivated"), 10
+    )
+    speeds = np.linalg.norm(drawn.velocity, axis=1)
+    np.testing.assert_allclose(speeds[-10:], 0.3)
+    np.testing.assert_array_equal(speeds[:20], 0.0)

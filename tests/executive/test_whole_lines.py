@@ -1,0 +1,59 @@
+"""Survey lines that are executed whole or not at all."""
+
+import numpy as np
+import pytest
+
+from auvplan import prng
+from auvplan.executive import plan_scenario
+from auvplan.executive.loop import make_context, seed_keys, start_mission
+from auvplan.executive.route_calls import plan_routes
+from auvplan.mission.jobs import JobLine, JobPoint, Jobs, ways_off_lines
+from auvplan.scenario.area import OperatingArea
+from tests.executive.small import SMALL, scenario
+
+pytestmark = pytest.mark.usefixtures("light_search")
+
+#: Its first part is near the way from start to goal, its second one leads far away.
+LINE = JobLine("line", ((1000.0, 1000.0, 5.0), (2000.0, 1000.0, 5.0), (2000.0, 3500.0, 5.0)), 4.0)
+JOBS = Jobs((JobPoint("buoy", (2500.0, 200.0, 5.0), 1.0, 10.0),), (LINE,))
+
+
+def settings(lines, seconds):
+    mission = {
+        "start": [200, 200, 5],
+        "goal": [3800, 200, 5],
+        "time_available": seconds,
+        "lines": lines,
+    }
+    return scenario(mission=mission, current=SMALL["current"] | {"vortices": 0})
+
+
+@pytest.mark.parametrize(
+    ("lines", "seconds", "priority"),
+    [
+        ("whole", 2500.0, 1.0),
+        pytest.param("part", 2500.0, 1.0 + 4.0 / 3.5, marks=pytest.mark.slow),
+        pytest.param("whole", 4000.0, 5.0, marks=pytest.mark.slow),
+    ],
+)
+def test_a_line_is_begun_only_where_all_of_it_fits(lines, seconds, priority):
+    run = plan_scenario(settings(lines, seconds), area=OperatingArea(jobs=JOBS))
+    assert run.success
+    assert run.total_priority == pytest.approx(priority)
+
+
+def test_a_line_that_cannot_be_finished_is_left():
+    context = make_context(settings("whole", 2500.0), None, OperatingArea(jobs=JOBS))
+    mission = start_mission(context, 0, prng.single(seed_keys([0]))[0], 0)
+    names = mission.run.names
+    start, first, middle, last = (names.index(name) for name in ("start", "line[1]", "line[2]", "line[3]"))
+    off = ways_off_lines(names, np.asarray(mission.run.graph.adjacency))
+    assert off
+    assert not any(mission.graph.adjacency[edge] for edge in off)
+    mission.here, mission.visited = middle, {start, first, middle}
+    mission.graph = mission.graph.without_waypoints([start, first])
+    mission.now, mission.cause = 1000.0, "late"
+    plan_routes(context, [mission])
+    assert not mission.ended
+    assert last not in mission.rest
+    assert mission.rest[-1] == mission.run.goal

@@ -1,0 +1,388 @@
+"""Vehicles at the other end of a link: MAVSDK's autopilot side, and a peer of imcpy's messages.
+
+Both move a body along what was uploaded, in scaled time, and keep books of their own: what was uploaded, and
+which tasks were done. Nothing of `auvplan.link` is used.
+"""
+
+import json
+import math
+import socket
+import threading
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+from pyproj import Geod
+
+_GEOD = Geod(ellps="WGS84")
+
+#: s of wall-clock time between two steps of a body.
+_TICK = 0.01
+
+#: m/s at which a body comes up.
+_RISE = 1.0
+
+
+@dataclass
+class Task:
+    """A hold that was completed, where the body was; degrees, m and s."""
+
+    latitude: float
+    longitude: float
+    depth: float
+    seconds: float
+
+
+@dataclass
+class Body:
+    """A body that moves at a speed over ground.
+
+    Attributes:
+        latitude, longitude: degrees.
+        depth: m.
+        pace: share of the commanded speed that it makes; `stuck` makes none.
+        push: m/s, north and east, by which it is driven off its way.
+    """
+
+    latitude: float
+    longitude: float
+    depth: float
+    pace: float = 1.0
+    stuck: bool = False
+    push: tuple[float, float] = (0.0, 0.0)
+    speed: float = 1.0
+    velocity: np.ndarray = field(default_factory=lambda: np.zeros(3))
+
+    def drift(self, seconds: float) -> None:
+        if self.push != (0.0, 0.0):
+            way = math.hypot(*self.push) * seconds
+            self._go(math.degrees(math.atan2(self.push[1], self.push[0])), way)
+
+    def towards(self, latitude: float, longitude: float, depth: float, seconds: float) -> float:
+        """Move; return s that are left after arrival, or -1 on the way."""
+        bearing, _, level = _GEOD.inv(self.longitude, self.latitude, longitude, latitude)
+        gap, speed = math.hypot(level, depth - self.depth), self.pace * self.speed
+        if self.stuck:
+            self.velocity = np.zeros(3)
+            return -1.0
+        if gap <= speed * seconds:
+            self.latitude, self.longitude, self.depth = latitude, longitude, depth
+            return seconds - gap / speed
+        share = speed * seconds / gap
+        angle = math.radians(bearing)
+        self.velocity = (
+            speed / gap * np.array([level * math.cos(angle), level * math.sin(angle), depth - self.depth])
+        )
+        self._go(bearing, share * level)
+        self.depth += share * (depth - self.depth)
+        return -1.0
+
+    def rise(self, seconds: float) -> bool:
+        """Come up; return whether it is at the surface."""
+        self.velocity = np.array([0.0, 0.0, -_RISE])
+        self.depth = max(self.depth - _RISE * seconds, 0.0)
+        return self.depth == 0.0
+
+    def _go(self, bearing: float, way: float) -> None:
+        self.longitude, self.latitude, _ = _GEOD.fwd(self.longitude, self.latitude, bearing, way)
+
+
+class _Peer:
+    """A thread that moves a body and reports."""
+
+    def __init__(self, body: Body, scale: float) -> None:
+        self.body, self.scale = body, scale
+        self.tasks: list[Task] = []
+        self.left = 0.0  # s of a hold
+        self.lock = threading.RLock()
+        self._closed = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+
+    def _run(self) -> None:
+        last, stated = time.monotonic(), 0.0
+        while not self._closed.wait(_TICK):
+            now = time.monotonic()
+            with self.lock:
+                self._step((now - last) * self.scale)
+            last = now
+            if now - stated >= 5.0 * _TICK:
+                stated = now
+                self._tell()
+
+    def _step(self, seconds: float) -> None:
+        raise NotImplementedError
+
+    def _tell(self) -> None:
+        raise NotImplementedError
+
+    def close(self) -> None:
+        self._closed.set()
+        self._thread.join(timeout=2.0)
+
+
+class MavsdkPeer(_Peer):
+    """The autopilot side of MAVSDK: its mission server takes uploads, its telemetry server reports.
+
+    Attributes:
+        missions, fences: every upload that was accepted.
+        refuse: commands, by number, that are answered with "denied".
+    """
+
+    def __init__(self, port: int, body: Body, scale: float) -> None:
+        from mavsdk import ComponentType, Configuration, Mavsdk
+        from mavsdk.plugins import action_server, mavlink_direct_server, mission_raw_server, telemetry_server
+
+        super().__init__(body, scale)
+        self._telemetry, self._direct = telemetry_server, mavlink_direct_server
+        self._configuration = Configuration.create_with_component_type(ComponentType.AUTOPILOT)
+        self._mavsdk = Mavsdk(self._configuration)
+        self._mavsdk.add_any_connection(f"udpout://127.0.0.1:{port}")
+        component = self._mavsdk.server_component()
+        self._reports = telemetry_server.TelemetryServer(component)
+        self._actions = action_server.ActionServer(component)
+        self._missions = mission_raw_server.MissionRawServer(component)
+        self._raw = mavlink_direct_server.MavlinkDirectServer(component)
+        self._actions.set_armable(True, True)
+        self._actions.set_disarmable(True, True)
+        self.missions: list = []
+        self.fences: list = []
+        self.refuse: set[int] = set()
+        self.items: list = []
+        self.index, self.state = 0, 2  # of MISSION_CURRENT: not started
+        self.arrived = False
+        self._missions.subscribe_incoming_mission(self._incoming)
+        self._raw.subscribe_message("MISSION_SET_CURRENT", self._set_current)
+        for command, state in ((300, 3), (193, 4), (21, 9)):
+            self._raw.subscribe_command(command, self._command, state)
+        self._thread.start()
+
+    def _incoming(self, result, plan, _) -> None:
+        if int(result) != 1:
+            return
+        with self.lock:
+            items = list(plan.mission_items)
+            if items and items[0].mission_type == 1:
+                self.fences.append(items)
+                return
+            self.missions.append(items)
+            self.items, self.index, self.left, self.arrived = items, 0, 0.0, False
+
+    def _set_current(self, message, _) -> None:
+        seq = json.loads(message.fields_json)["seq"]
+        with self.lock:
+            if seq != self.index:
+                self.index, self.left, self.arrived = seq, 0.0, False
+
+    def _command(self, message, state) -> None:
+        fields = json.loads(message.fields_json)
+        command = int(fields["command"])
+        with self.lock:
+            result = 2 if command in self.refuse else 0
+            if result == 0:
+                self.state = state
+        answer = {"command": command, "result": result, "progress": 255, "result_param2": 0}
+        answer |= {"target_system": message.system_id, "target_component": message.component_id}
+        self._raw.send_message(self._direct.MavlinkMessage("COMMAND_ACK", 1, 1, 0, 0, json.dumps(answer)))
+
+    def _step(self, seconds: float) -> None:
+        body = self.body
+        body.velocity = np.zeros(3)
+        if self.state == 9:
+            body.rise(seconds)
+            return
+        if self.state != 3:
+            return
+        body.drift(seconds)
+        while seconds > 0.0 and self.index < len(self.items):
+            item = self.items[self.index]
+            if item.command == 178:
+                body.speed = item.param2
+            elif item.command == 21:
+                if not body.rise(seconds):
+                    return
+            elif item.command == 16 and not self.arrived:
+                seconds = body.towards(item.x * 1e-7, item.y * 1e-7, -item.z, seconds)
+                if seconds < 0.0:
+                    return
+                self.arrived, self.left = True, item.param1
+            if self.left > seconds:
+                self.left -= seconds
+                return
+            seconds -= self.left
+            if item.command == 16 and item.param1 > 0.0:
+                self.tasks.append(Task(item.x * 1e-7, item.y * 1e-7, -item.z, item.param1))
+            self.left, self.arrived = 0.0, False
+            self.index += 1
+            self._missions.set_current_item_complete()
+        if self.items and self.index >= len(self.items):
+            self.state = 5
+
+    def _tell(self) -> None:
+        body, stated = self.body, self._telemetry
+        with self.lock:
+            place = stated.Position(body.latitude, body.longitude, -body.depth, -body.depth)
+            velocity = stated.VelocityNed(*(float(part) for part in body.velocity))
+            current = {"seq": self.index, "total": len(self.items), "mission_state": min(self.state, 5)}
+        self._reports.publish_position(place, velocity, stated.Heading(0.0))
+        if self.state in (3, 4, 5):
+            text = json.dumps(current | {"mission_mode": 1})
+            self._raw.send_message(self._direct.MavlinkMessage("MISSION_CURRENT", 1, 1, 0, 0, text))
+
+    def close(self) -> None:
+        super().close()
+        self._mavsdk.destroy()
+        self._configuration.destroy()
+
+
+class ImcPeer(_Peer):
+    """A vehicle of imcpy's messages: a plan data base, plan control, estimated state.
+
+    Attributes:
+        port: that it listens on.
+        stored: plans by identifier, as they came.
+        started: identifiers of the plans that were executed, in order.
+    """
+
+    def __init__(self, body: Body, scale: float) -> None:
+        import imcpy
+
+        super().__init__(body, scale)
+        self._imc = imcpy
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.bind(("127.0.0.1", 0))
+        self._socket.settimeout(0.1)
+        self.port = int(self._socket.getsockname()[1])
+        self._client = None
+        self.stored: dict = {}
+        self.started: list[str] = []
+        self.refuse = False
+        self._answered: dict = {}
+        self._plan, self._man, self._points = None, "", []
+        self._outcome = imcpy.PlanControlState.LastPlanOutcomeEnum.NONE
+        self._rising = False
+        self._thread.start()
+        self._listener = threading.Thread(target=self._listen, daemon=True)
+        self._listener.start()
+
+    def _listen(self) -> None:
+        while not self._closed.is_set():
+            try:
+                data, self._client = self._socket.recvfrom(65_535)
+            except OSError:
+                continue
+            message = self._imc.Packet.deserialize(data)
+            with self.lock:
+                if isinstance(message, self._imc.PlanDB | self._imc.PlanControl):
+                    self._request(message)
+                elif isinstance(message, self._imc.Abort):
+                    self._plan, self._rising = None, True
+                    self._outcome = self._imc.PlanControlState.LastPlanOutcomeEnum.FAILURE
+
+    def _request(self, message) -> None:
+        key = type(message).__name__, message.request_id
+        if key not in self._answered:
+            answer = type(message)()
+            answer.op, answer.request_id, answer.plan_id = message.op, message.request_id, message.plan_id
+            good = self._database(message, answer) if key[0] == "PlanDB" else self._control(message)
+            kinds = type(message).TypeEnum
+            answer.type = kinds.SUCCESS if good and not self.refuse else kinds.FAILURE
+            answer.info = "" if good else "unknown plan"
+            self._answered[key] = answer
+        self._send(self._answered[key])
+
+    def _database(self, message, answer) -> bool:
+        operations = self._imc.PlanDB.OperationEnum
+        if message.op == operations.SET:
+            self.stored[message.plan_id] = message.arg
+        elif message.op == operations.GET and message.plan_id in self.stored:
+            answer.arg = self.stored[message.plan_id]
+        else:
+            return False
+        return True
+
+    def _control(self, message) -> bool:
+        if message.op != self._imc.PlanControl.OperationEnum.START or self.refuse:
+            return False
+        plan = message.arg if message.arg is not None else self.stored.get(message.plan_id)
+        if plan is None:
+            return False
+        self.started.append(message.plan_id)
+        self._plan, self._rising = plan, False
+        self._enter(plan.start_man_id)
+        return True
+
+    def _enter(self, name: str) -> None:
+        imc = self._imc
+        self._man = name
+        (step,) = (step for step in self._plan.maneuvers if step.maneuver_id == name)
+        self._step_data = data = step.data
+        place = math.degrees(data.lat), math.degrees(data.lon), data.z
+        self._points, self.left = [place], 0.0
+        self.body.speed = data.speed
+        if isinstance(data, imc.FollowPath):
+            self._points = []
+            for point in data.points:
+                bearing = math.degrees(math.atan2(point.y, point.x))
+                east, north, _ = _GEOD.fwd(place[1], place[0], bearing, math.hypot(point.x, point.y))
+                self._points.append((north, east, place[2] + point.z))
+        elif isinstance(data, imc.Loiter | imc.StationKeeping):
+            self.left = float(data.duration) if data.duration else math.inf
+
+    def _step(self, seconds: float) -> None:
+        body = self.body
+        body.velocity = np.zeros(3)
+        if self._rising:
+            body.rise(seconds)
+        if self._plan is None:
+            return
+        body.drift(seconds)
+        while seconds > 0.0:
+            while self._points:
+                left = body.towards(*self._points[0], seconds)
+                if left < 0.0:
+                    return
+                seconds = left
+                self._points.pop(0)
+            if self.left > seconds:
+                self.left -= seconds
+                return
+            seconds -= self.left
+            if self._man.startswith("task"):
+                duration = float(self._step_data.duration)
+                self.tasks.append(Task(body.latitude, body.longitude, body.depth, duration))
+            following = [move for move in self._plan.transitions if move.source_man == self._man]
+            if not following:
+                self._plan = None
+                self._outcome = self._imc.PlanControlState.LastPlanOutcomeEnum.SUCCESS
+                return
+            self._enter(following[0].dest_man)
+
+    def _tell(self) -> None:
+        imc, body = self._imc, self.body
+        state, control = imc.EstimatedState(), imc.PlanControlState()
+        with self.lock:
+            state.lat, state.lon = math.radians(body.latitude), math.radians(body.longitude)
+            state.depth = body.depth
+            state.vx, state.vy, state.vz = (float(part) for part in body.velocity)
+            states = imc.PlanControlState.StateEnum
+            control.state = states.READY if self._plan is None else states.EXECUTING
+            control.plan_id = self.started[-1] if self.started else ""
+            control.man_id = "" if self._plan is None else self._man
+            control.last_outcome = self._outcome
+        self._send(state)
+        self._send(control)
+
+    def _send(self, message) -> None:
+        if self._client is None:
+            return
+        message.src, message.dst = 0x001C, 0x4001
+        message.set_timestamp_now()
+        try:
+            self._socket.sendto(self._imc.Packet.serialize(message), self._client)
+        except OSError:
+            return
+
+    def close(self) -> None:
+        super().close()
+        self._listener.join(timeout=2.0)
+        self._socket.close()

@@ -1,0 +1,135 @@
+"""A vehicle that does as it is given, but for the faults of a script; its time passes in `wait` alone."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from auvplan.link import LinkError, Lost, Report, State, Upload
+
+#: A span of mission time, s.
+Span = tuple[float, float]
+NEVER = (math.inf, math.inf)
+
+
+def within(now: float, span: Span) -> bool:
+    return span[0] <= now < span[1]
+
+
+@dataclass
+class ScriptedVehicle:
+    """Moves along its steps at a speed over ground.
+
+    Attributes:
+        start_at: [3] m.
+        speed: m/s.
+        silent: when nothing is heard of it, and asking fails.
+        stuck: when it makes no way; a start ends it where `restarts` is set.
+        push: m/s, by which it is driven off, while `pushed`.
+        fails: called with "upload", "start", "hold" or "abort"; may raise.
+        gives_up: when it surfaces by itself.
+    """
+
+    start_at: np.ndarray
+    speed: float = 2.5
+    silent: Span = NEVER
+    stuck: Span = NEVER
+    restarts: bool = False
+    push: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    pushed: Span = NEVER
+    fails: Callable[[str], None] = lambda what: None
+    gives_up: float = math.inf
+    name: str = "a scripted vehicle"
+    by_legs: bool = False
+    rate: float = 0.0
+    now: float = 0.0
+
+    def __post_init__(self) -> None:
+        self.place, self.state = np.array(self.start_at, float), State.IDLE
+        self.uploads: list[Upload] = []
+        self.plan: Upload | None = None
+        self.done, self.left, self.at = 0, 0.0, False
+        self.tasks: list[np.ndarray] = []
+        self.stated, self.closed = Report(), False
+
+    def _ask(self, what: str) -> None:
+        if within(self.now, self.silent):
+            raise Lost("no answer")
+        self.fails(what)
+
+    def connect(self) -> None:
+        self._ask("connect")
+
+    def upload(self, plan: Upload) -> list[str]:
+        self._ask("upload")
+        self.uploads.append(plan)
+        return []
+
+    def start(self, step: int = 0) -> None:
+        self._ask("start")
+        self.plan, self.done, self.left, self.at = self.uploads[-1], step, 0.0, False
+        self.state = State.EXECUTING
+        if self.restarts and within(self.now, self.stuck):
+            self.stuck = NEVER
+
+    def hold(self) -> None:
+        self._ask("hold")
+        self.state = State.HOLDING
+
+    def abort(self) -> None:
+        self._ask("abort")
+        self.state = State.SURFACING
+
+    def close(self) -> None:
+        self.closed = True
+
+    def wait(self, seconds: float) -> Report:
+        end = self.now + seconds
+        if self.now >= self.gives_up:
+            self.state = State.SURFACING
+        if self.state is State.SURFACING:
+            self.place[2] = max(self.place[2] - 0.5 * seconds, 0.0)
+        elif self.state is State.EXECUTING and not within(self.now, self.stuck):
+            if within(self.now, self.pushed):
+                self.place = self.place + self.push * seconds
+            self._go(seconds)
+        self.now = end
+        if within(self.now, self.silent):
+            return replace(self.stated, heard=math.inf)
+        self.stated = Report(0.0, self.place.copy(), self.speed, self.state, self.done)
+        return self.stated
+
+    def _go(self, seconds: float) -> None:
+        assert self.plan is not None
+        while seconds > 0.0 and self.done < len(self.plan.steps):
+            step = self.plan.steps[self.done]
+            if not self.at:
+                way = step.position - self.place
+                gap = float(np.linalg.norm(way))
+                if gap > self.speed * seconds:
+                    self.place = self.place + way / gap * self.speed * seconds
+                    return
+                self.place, self.at, self.left = step.position.copy(), True, step.hold
+                seconds -= gap / self.speed
+            if self.left > seconds:
+                self.left -= seconds
+                return
+            seconds -= self.left
+            if step.hold > 0.0:
+                self.tasks.append(step.position)
+            self.done, self.at = self.done + 1, False
+        if self.done == len(self.plan.steps):
+            self.state, self.place[2] = State.FINISHED, 0.0
+
+
+class Failing:
+    """Raises an error the first so many times that something of a name is asked."""
+
+    def __init__(self, error: LinkError, times: dict[str, int]) -> None:
+        self._error, self._times = error, dict(times)
+
+    def __call__(self, what: str) -> None:
+        if self._times.get(what, 0) > 0:
+            self._times[what] -= 1
+            raise self._error

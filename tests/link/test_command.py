@@ -1,0 +1,74 @@
+"""`auvplan execute`: what it prints and writes, and bad input as one line."""
+
+import json
+
+import pytest
+import yaml
+
+from auvplan import cli
+from tests.executive.small import SMALL
+
+SITE = {"longitude": 148.96, "latitude": -20.34}
+
+
+def call(capsys, monkeypatch, *arguments):
+    """Exit status, standard output, standard error of the command."""
+    monkeypatch.setattr("sys.argv", ["auvplan", "execute", *map(str, arguments)])
+    with pytest.raises(SystemExit) as stop:
+        cli.main()
+    out, err = capsys.readouterr()
+    return stop.value.code or 0, out, err
+
+
+def scenario_file(tmp_path, **sections):
+    path = tmp_path / "small.yaml"
+    path.write_text(yaml.safe_dump(SMALL | {"site": SITE} | sections))
+    return path
+
+
+@pytest.mark.slow
+def test_the_simulator_is_executed_and_recorded(tmp_path, capsys, monkeypatch, light_search):
+    notices = tmp_path / "notices.jsonl"
+    notices.write_text('{"current": [0.1, 0]}\nnonsense\n')
+    out = tmp_path / "out"
+    status, text, err = call(
+        capsys, monkeypatch, scenario_file(tmp_path), "--seed", 1, "--out", out, "--notices", notices
+    )
+    assert (status, err) == (0, "")
+    assert "destination reached in time" in text
+    assert "line 2" in text
+    record = json.loads((out / "execution.json").read_text())
+    assert record["success"] is True
+    assert record["counts"]["leg"] == len(record["planned"])
+    assert record["uploads"][0]["steps"]
+    assert len(record["track"]) > 10
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--link", "boat"], "--link boat: must be sim"),
+        (["--link", "mavlink:x"], "a MAVLink address is such as"),
+        (["--scale", "0"], "--scale: must be positive"),
+        (["--limit", "patience=3"], "with a name of reply"),
+        (["--limit", "silence=long"], "'long' is no number"),
+        (["--limit", "silence=-1"], "limit silence: must be positive"),
+        (["--notices", "no/such/file"], "create it empty"),
+    ],
+)
+def test_bad_input_is_one_line(tmp_path, capsys, monkeypatch, options, words):
+    status, _, err = call(
+        capsys, monkeypatch, scenario_file(tmp_path), "--out", tmp_path / "out", "--quiet", *options
+    )
+    assert status == 2
+    assert words in err
+    assert err.count("\n") == 1
+    assert not (tmp_path / "out" / "execution.json").exists()
+
+
+def test_a_real_vehicle_needs_a_site(tmp_path, capsys, monkeypatch):
+    pytest.importorskip("imcpy", reason="needs imcpy: pip install 'auvplan[link]'")
+    path = scenario_file(tmp_path, site=None)
+    status, _, err = call(capsys, monkeypatch, path, "--link", "imc:127.0.0.1:9", "--out", tmp_path / "out")
+    assert status == 2
+    assert "site: is missing" in err

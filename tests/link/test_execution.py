@@ -1,0 +1,191 @@
+"""The executor on a vehicle with faults: every mission ends with a verdict, no task is done twice."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from auvplan.link import Limits, Lost, Refused, execute
+from auvplan.link.notices import CurrentNotice, ObstacleNotice
+from auvplan.link.rolling import RollingPlan
+from auvplan.link.simulated import SimulatedVehicle
+from auvplan.ocean.known import KnownObstacle
+from tests.executive.small import scenario
+from tests.link.scripted import Failing, ScriptedVehicle
+
+pytestmark = pytest.mark.usefixtures("light_search")
+
+SITE = {"longitude": 148.96, "latitude": -20.34}
+
+
+def made(seed: int = 1, **script):
+    """A plan, and a vehicle at its start that keeps the planned speed."""
+    plan = RollingPlan(scenario(site=SITE), seed)
+    start = np.asarray(plan.run.graph.positions[plan.run.start], float)
+    return plan, ScriptedVehicle(start, **script)
+
+
+def executed(plan, vehicle, **options):
+    record = execute(plan, vehicle, **options)
+    assert record.reason
+    assert vehicle.closed
+    assert record.events[-1].kind == "end"
+    assert not doubled(vehicle)
+    return record
+
+
+def doubled(vehicle) -> list:
+    places = Counter(tuple(place.round(1)) for place in vehicle.tasks)
+    return [place for place, times in places.items() if times > 1]
+
+
+class Tell:
+    """Notices at times of the mission."""
+
+    def __init__(self, vehicle, *timed) -> None:
+        self._vehicle, self._timed = vehicle, list(timed)
+
+    def read(self):
+        while self._timed and self._timed[0][0] <= self._vehicle.now:
+            made = self._timed.pop(0)[1]
+            yield made() if callable(made) else made
+
+
+def test_a_mission_without_faults_is_uploaded_once_and_done():
+    plan, vehicle = made()
+    record = executed(plan, vehicle)
+    assert record.success
+    assert record.safe == "at the surface"
+    assert len(record.tasks) == len(vehicle.tasks)
+    assert record.route[0] == "0"
+    assert record.count("leg") == len(record.planned)
+    assert record.summary()["tasks"] == len(record.tasks)
+
+
+@pytest.mark.slow
+def test_the_simulator_executes_what_is_uploaded():
+    plan = RollingPlan(scenario(site=SITE), 1)
+    record = execute(plan, SimulatedVehicle(scenario(site=SITE), 1))
+    assert record.success
+    assert record.count("leg") == len(record.planned)
+    times, *places = np.asarray(record.track).T
+    speeds = np.linalg.norm(np.diff(places, axis=1), axis=0) / np.maximum(np.diff(times), 1e-3)
+    assert np.percentile(speeds, 99) < 5.0, "it does not jump"
+
+
+@pytest.mark.parametrize("speed", [2.0, pytest.param(3.2, marks=pytest.mark.slow)])
+def test_what_is_left_is_planned_anew_for_a_vehicle_that_is_off_its_times(speed):
+    plan, vehicle = made(speed=speed)
+    record = executed(plan, vehicle)
+    assert record.count("replan") >= 1
+    assert len(vehicle.uploads) == len(record.uploads) > 1
+    assert len(record.tasks) == len(vehicle.tasks)
+
+
+@pytest.mark.slow
+def test_a_told_obstacle_on_the_way_is_gone_around():
+    plan, vehicle = made()
+    radius, found = 60.0, []
+
+    def ahead():
+        leg = next(leg for leg in plan.legs if leg.times[-1] > vehicle.now + 150.0)
+        near = np.interp(vehicle.now + 120.0, leg.times, np.arange(len(leg.times)))
+        found.append(np.asarray(leg.positions[int(near)], float))
+        return ObstacleNotice(KnownObstacle("drifter", tuple(found[0][:2]), radius))
+
+    record = executed(plan, vehicle, notices=Tell(vehicle, (60.0, ahead)))
+    assert record.count("hazard") >= 1
+    assert record.success
+    track = np.asarray([row[1:3] for row in record.track])
+    assert np.linalg.norm(track - found[0][:2], axis=1).min() > radius
+
+
+@pytest.mark.slow
+def test_a_told_current_changes_what_is_planned():
+    plan, vehicle = made()
+    record = executed(plan, vehicle, notices=Tell(vehicle, (100.0, CurrentNotice(np.array([0.4, 0.0, 0.0])))))
+    assert record.count("reported") == 1
+    assert any(upload["cause"] == "current" for upload in record.uploads)
+    assert record.success
+
+
+@pytest.mark.slow
+def test_a_lost_link_is_told_and_the_vehicle_goes_on():
+    plan, vehicle = made(silent=(300.0, 900.0))
+    record = executed(plan, vehicle)
+    assert (record.count("lost"), record.count("heard")) == (1, 1)
+    assert record.success
+
+
+@pytest.mark.slow
+def test_a_link_that_is_lost_for_good_ends_with_a_verdict():
+    plan, vehicle = made(silent=(300.0, np.inf))
+    record = executed(plan, vehicle, limits=Limits(overdue=100.0))
+    assert not record.success
+    assert "the link is lost" in record.reason
+    assert "not answered" in record.safe
+
+
+@pytest.mark.slow
+def test_a_stopped_vehicle_is_started_again():
+    plan, vehicle = made(stuck=(200.0, np.inf), restarts=True)
+    record = executed(plan, vehicle, limits=Limits(late=900.0))
+    assert record.count("stopped") == 1
+    assert record.route[-1] == plan.run.called(plan.run.goal)
+
+
+@pytest.mark.slow
+def test_a_vehicle_that_stays_stopped_is_brought_up():
+    plan, vehicle = made(stuck=(200.0, np.inf))
+    record = executed(plan, vehicle)
+    assert not record.success
+    assert "no way made" in record.reason
+    assert record.safe == "at the surface"
+
+
+@pytest.mark.slow
+def test_a_vehicle_that_is_driven_off_gets_a_way_from_where_it_is():
+    plan, vehicle = made(push=np.array([1.5, -1.5, 0.0]), pushed=(100.0, 190.0))
+    record = executed(plan, vehicle)
+    assert record.count("drift") >= 1
+    assert len(record.tasks) == len(vehicle.tasks)
+
+
+@pytest.mark.parametrize("what", [pytest.param("connect", marks=pytest.mark.slow), "upload", "start"])
+def test_a_vehicle_that_refuses_at_the_start_is_not_gone_on_with(what):
+    plan, vehicle = made(fails=Failing(Refused("it will not: no space"), {what: 99}))
+    record = executed(plan, vehicle)
+    assert not record.success
+    assert "no space" in record.reason
+
+
+@pytest.mark.parametrize(
+    "error", [Lost("no answer"), pytest.param(Refused("denied"), marks=pytest.mark.slow)]
+)
+def test_an_upload_that_fails_on_the_way_is_sent_again(error):
+    plan, vehicle = made(speed=2.1)
+    failing = Failing(error, {"upload": 1})
+    vehicle.fails = lambda what: failing(what) if vehicle.now > 0.0 else None
+    record = executed(plan, vehicle)
+    assert record.count("failed") >= 1
+    assert len(vehicle.uploads) > 1
+    assert len(record.tasks) == len(vehicle.tasks)
+
+
+@pytest.mark.slow
+def test_a_vehicle_that_surfaces_by_itself_has_given_the_mission_up():
+    plan, vehicle = made(gives_up=500.0)
+    record = executed(plan, vehicle)
+    assert not record.success
+    assert "surfacing" in record.reason
+
+
+def test_a_mission_without_a_plan_is_not_begun():
+    plan = RollingPlan(
+        scenario(site=SITE, mission={"waypoints": 8, "neighbours": 4, "time_available": 60}), 1
+    )
+    vehicle = ScriptedVehicle(np.zeros(3))
+    record = executed(plan, vehicle)
+    assert record.reason.startswith("no plan")
+    assert record.safe == "the vehicle was not started"
+    assert not vehicle.uploads

@@ -1,0 +1,111 @@
+"""IMC on loopback with a peer of imcpy's messages, through a link that loses packets."""
+
+import time
+
+import pytest
+
+from auvplan.export.imc import plan_specification
+from auvplan.link import Limits, Lost, Refused, State, open_link
+
+imcpy = pytest.importorskip("imcpy", reason="needs imcpy: pip install 'auvplan[link]'")
+
+from auvplan.link.imc import as_message  # noqa: E402
+from tests.link.held import held_as_planned  # noqa: E402
+from tests.link.peers import Body, ImcPeer  # noqa: E402
+from tests.link.proxy import Faults, FaultyProxy  # noqa: E402
+
+LIMITS = Limits(reply=0.1, attempts=20, connect=5.0)
+CLEAN = Faults(0.0, 0.0, 0.0)
+SCALE = 400.0
+
+
+@pytest.fixture
+def join(upload, opened):
+    """Makes a link to a vehicle at the upload's start, through a proxy with faults."""
+
+    def make(faults=CLEAN, seed=0):
+        site = upload.itinerary.site
+        longitude, latitude = site.to_geographic(*upload.steps[0].position[:2])
+        peer = ImcPeer(Body(float(latitude), float(longitude), 12.5), SCALE)
+        proxy = FaultyProxy(peer.port, faults, seed)
+        link = open_link(f"imc:127.0.0.1:{proxy.port}", site, LIMITS, SCALE)
+        opened.extend([link, peer, proxy])
+        link.connect()
+        return link, peer, proxy
+
+    return make
+
+
+def test_a_plan_file_is_the_message_that_imcpy_makes(upload):
+    plan = as_message(plan_specification(upload.itinerary))
+    again = imcpy.Packet.deserialize(imcpy.Packet.serialize(plan))
+    assert again.serialize_fields() == plan.serialize_fields()
+    assert [type(step.data).__name__ for step in again.maneuvers] == [
+        "Goto", "FollowPath", "Loiter", "Goto", "StationKeeping",
+    ]  # fmt: skip
+    (path,) = (step.data for step in again.maneuvers if step.maneuver_id == "leg1")
+    first, _ = upload.itinerary.legs
+    assert len(list(path.points)) == len(first.kept)
+    assert path.speed == pytest.approx(1.75)
+    assert [move.dest_man for move in again.transitions] == ["leg1", "task1", "leg2", "end"]
+
+
+@pytest.mark.parametrize("faults", [CLEAN, Faults()])
+def test_a_plan_arrives_as_planned_and_is_executed(upload, join, faults):
+    link, peer, _ = join(faults)
+    assert link.upload(upload) == []
+    assert held_as_planned("imc", peer, upload)
+    link.start()
+    report, begin = link.wait(1.0), time.monotonic()
+    while report.done < len(upload.steps) and time.monotonic() - begin < 20.0:
+        before, report = report, link.wait(20.0)
+        assert report.done >= before.done
+    assert report.done == len(upload.steps)
+    assert report.state is State.FINISHED
+    assert len(peer.tasks) == len(peer.started) == 1
+
+
+def test_a_later_step_is_a_shorter_plan(upload, join):
+    link, peer, _ = join()
+    link.upload(upload)
+    link.start(3)
+    assert len(peer.stored) == 2
+    assert link.wait(1.0).done == 3
+
+
+def test_hold_and_surface(upload, join):
+    link, peer, _ = join()
+    link.upload(upload)
+    link.start()
+    link.wait(100.0)
+    link.hold()
+    link.wait(20.0)
+    place = link.wait(20.0).position
+    assert link.wait(60.0).position == pytest.approx(place, abs=0.1)
+    link.abort()
+    assert link.wait(100.0).state is State.SURFACING
+    assert peer.body.depth == 0.0
+
+
+def test_a_vehicle_that_refuses_is_told_of(upload, join):
+    link, peer, _ = join()
+    peer.refuse = True
+    with pytest.raises(Refused, match="refuses the plan"):
+        link.upload(upload)
+
+
+def test_a_dead_link_ends_in_time(upload, join):
+    link, _, proxy = join()
+    link.upload(upload)
+    proxy.dead = True
+    begin = time.monotonic()
+    with pytest.raises(Lost, match="no answer to the start"):
+        link.start()
+    assert time.monotonic() - begin < 10.0
+
+
+def test_nobody_there(upload):
+    link = open_link("imc:127.0.0.1:9", upload.itinerary.site, Limits(connect=0.3))
+    with pytest.raises(Lost, match="no EstimatedState within"):
+        link.connect()
+    link.close()

@@ -1,0 +1,144 @@
+"""MAVLink on loopback: MAVSDK's autopilot side and its reader of plans, through a link that loses packets."""
+
+import json
+import math
+import subprocess
+import sys
+import time
+
+import pytest
+
+from auvplan.export import write_qgc
+from auvplan.export.qgroundcontrol import qgc_plan
+from auvplan.link import Limits, Lost, Refused, State, Upload, open_link
+
+mavsdk = pytest.importorskip("mavsdk", reason="needs MAVSDK: pip install mavsdk")
+pytest.importorskip("pymavlink", reason="needs pymavlink: pip install 'auvplan[link]'")
+
+from tests.link.held import held_as_planned  # noqa: E402
+from tests.link.peers import Body, MavsdkPeer  # noqa: E402
+from tests.link.proxy import Faults, FaultyProxy, free_port  # noqa: E402
+
+LIMITS = Limits(reply=0.3, attempts=20, uploads=8, connect=5.0, outdated=0.2)
+CLEAN = Faults(0.0, 0.0, 0.0)
+SCALE = 400.0
+
+
+@pytest.fixture
+def join(upload, opened):
+    """Makes a link to a vehicle at the upload's start, through a proxy with faults."""
+
+    def make(faults=CLEAN, seed=0, limits=LIMITS):
+        port, site = free_port(), upload.itinerary.site
+        link = open_link(f"mavlink:udpin:127.0.0.1:{port}", site, limits, SCALE)
+        proxy = FaultyProxy(port, faults, seed)
+        longitude, latitude = site.to_geographic(*upload.steps[0].position[:2])
+        peer = MavsdkPeer(proxy.port, Body(float(latitude), float(longitude), 12.5), SCALE)
+        opened.extend([link, peer, proxy])
+        link.connect()
+        return link, peer, proxy
+
+    return make
+
+
+@pytest.mark.parametrize("faults", [CLEAN, Faults()])
+def test_items_and_fence_arrive_as_planned_and_are_executed(upload, join, faults):
+    link, peer, _ = join(faults)
+    assert link.upload(upload) == []
+    assert held_as_planned("mavlink", peer, upload)
+    assert [item.command for item in peer.fences[-1]] == [5002] * 7 + [5004]
+    link.start()
+    report, begin = link.wait(1.0), time.monotonic()
+    while report.done < len(upload.steps) and time.monotonic() - begin < 20.0:
+        before, report = report, link.wait(20.0)
+        assert report.done >= before.done
+    assert report.done == len(upload.steps)
+    assert len(peer.tasks) == 1
+    assert report.position is not None
+
+
+def test_mavsdk_reads_the_plan_file_as_what_is_uploaded(upload, join, tmp_path):
+    link, peer, _ = join()
+    link.upload(upload)
+    path = write_qgc(upload.itinerary, tmp_path / "x.plan")
+    code = f"""
+import json, time
+from mavsdk import ComponentType, Configuration, Mavsdk
+from mavsdk.plugins.mission_raw import MissionRaw
+ground = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
+ground.add_any_connection("udpin://127.0.0.1:{(port := free_port())}")
+vehicle = Mavsdk(Configuration.create_with_component_type(ComponentType.AUTOPILOT))
+vehicle.add_any_connection("udpout://127.0.0.1:{port}")
+vehicle.server_component()
+found = MissionRaw(ground.first_autopilot(10.0)).import_qgroundcontrol_mission({str(path)!r})
+found = found[-1] if isinstance(found, tuple) else found
+names = ("frame", "command", "param1", "param2", "param3", "param4", "x", "y", "z")
+rows = [[getattr(item, name) for name in names] for item in found.mission_items]
+fence = [[getattr(item, name) for name in names] for item in found.geofence_items]
+print(json.dumps([rows, fence]), flush=True)
+import os
+os._exit(0)
+"""
+    items, fence = json.loads(_output_of(code))
+    for mine, theirs in ((peer.missions[-1], items), (peer.fences[-1], fence)):
+        assert len(mine) == len(theirs)
+        for item, row in zip(mine, theirs, strict=True):
+            params = (item.param1, item.param2, item.param3, item.param4)
+            assert [item.command, item.x, item.y] == [row[1], *row[6:8]]
+            for ours, other in zip((*params, item.z), (*row[2:6], row[8]), strict=True):
+                assert ours == pytest.approx(other, abs=1e-3, nan_ok=True) or math.isnan(ours)
+    assert len(items) == len(qgc_plan(upload.itinerary)["mission"]["items"])
+
+
+def _output_of(code: str) -> str:
+    """Last line that a program of its own prints: one process is the vehicle of the link."""
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.stdout.strip(), done.stderr
+    return done.stdout.strip().splitlines()[-1]
+
+
+def test_a_vehicle_that_refuses_is_told_of(upload, join):
+    link, peer, _ = join()
+    link.upload(upload)
+    peer.refuse.add(300)
+    with pytest.raises(Refused, match="command 300: denied"):
+        link.start()
+
+
+def test_hold_and_surface(upload, join):
+    link, peer, _ = join()
+    link.upload(upload)
+    link.start()
+    link.wait(100.0)
+    link.hold()
+    held = link.wait(40.0)
+    assert held.state is State.HOLDING
+    place = held.position
+    assert link.wait(60.0).position == pytest.approx(place)
+    link.start(held.done)
+    assert link.wait(100.0).position != pytest.approx(place)
+    link.abort()
+    link.wait(100.0)
+    assert peer.body.depth == 0.0
+
+
+def test_a_dead_link_ends_in_time(upload, join):
+    link, _, proxy = join(limits=Limits(reply=0.05, attempts=3, uploads=2))
+    link.upload(upload)
+    proxy.dead = True
+    begin = time.monotonic()
+    with pytest.raises(Lost):
+        link.upload(Upload(upload.itinerary, 2))
+    with pytest.raises(Lost):
+        link.start()
+    assert time.monotonic() - begin < 10.0
+
+
+def test_nobody_there(upload):
+    limits = Limits(connect=0.3)
+    link = open_link(f"mavlink:udpin:127.0.0.1:{free_port()}", upload.itinerary.site, limits)
+    with pytest.raises(Lost, match="no heartbeat within"):
+        link.connect()
+    link.close()

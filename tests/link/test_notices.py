@@ -1,0 +1,91 @@
+"""Notices from a file that grows: obstacles, currents, and lines that are neither."""
+
+import json
+
+import numpy as np
+import pytest
+
+from auvplan.errors import AuvplanError
+from auvplan.link.notices import CurrentNotice, NoticeFile, ObstacleNotice
+from auvplan.site import Site
+
+SITE = Site(148.96, -20.34)
+
+
+def stated(tmp_path, *lines):
+    path = tmp_path / "notices.jsonl"
+    path.write_text("".join(f"{line if isinstance(line, str) else json.dumps(line)}\n" for line in lines))
+    return list(NoticeFile(path, SITE).read())
+
+
+def test_obstacles_by_place_and_by_metres(tmp_path):
+    first, second = stated(
+        tmp_path,
+        {
+            "obstacle": "ferry",
+            "longitude": 148.97,
+            "latitude": -20.34,
+            "radius": 80,
+            "course": 90,
+            "speed": 3,
+        },
+        {"obstacle": "buoy", "north": 100, "east": -50, "radius": 5, "depth_max": 12},
+    )
+    assert isinstance(first, ObstacleNotice)
+    assert first.obstacle.position == pytest.approx((0.0, 1044.0), abs=2.0)
+    assert first.obstacle.velocity == pytest.approx((0.0, 3.0))
+    assert isinstance(second, ObstacleNotice)
+    assert (second.obstacle.position, second.obstacle.depth_max) == ((100.0, -50.0), 12.0)
+
+
+def test_currents_here_and_elsewhere(tmp_path):
+    here, there = stated(
+        tmp_path, {"current": [0.4, -0.1]}, {"current": [0, 0, 0.1], "north": 5, "east": 6, "depth": 7}
+    )
+    assert isinstance(here, CurrentNotice)
+    assert here.position is None
+    assert here.velocity == pytest.approx([0.4, -0.1, 0.0])
+    assert isinstance(there, CurrentNotice)
+    assert there.position == pytest.approx([5.0, 6.0, 7.0])
+
+
+def test_the_file_is_read_on_by_whole_lines(tmp_path):
+    path = tmp_path / "notices.jsonl"
+    path.write_text("")
+    notices = NoticeFile(path, SITE)
+    assert list(notices.read()) == []
+    with path.open("a") as file:
+        file.write('{"current": [1, 0]}\n{"current"')
+    assert len(list(notices.read())) == 1
+    with path.open("a") as file:
+        file.write(": [0, 1]}\n")
+    (found,) = notices.read()
+    assert isinstance(found, CurrentNotice)
+    assert np.asarray(found.velocity) == pytest.approx([0.0, 1.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("not json", "line 1"),
+        ({}, "either 'obstacle' or 'current'"),
+        ({"current": [0, 1], "obstacle": "x"}, "either"),
+        ({"current": 3}, "must be [north, east]"),
+        ({"current": [99, 0]}, "from -10 to 10"),
+        ({"obstacle": "x", "radius": 5}, "needs longitude and latitude"),
+        ({"obstacle": "x", "north": 0, "east": 0}, "radius: is missing"),
+        ({"obstacle": "x", "north": 0, "east": 0, "radius": -5}, "radius: must be from"),
+        ({"obstacle": "x", "longitude": 500, "latitude": 0, "radius": 5}, "longitude: must be from"),
+        ('{"current": [NaN, 0]}', "must be a number"),
+    ],
+)
+def test_what_cannot_be_understood_is_one_line_of_text(tmp_path, line, words):
+    (found,) = stated(tmp_path, line)
+    assert isinstance(found, str)
+    assert words in found
+    assert "\n" not in found
+
+
+def test_a_file_that_is_not_there(tmp_path):
+    with pytest.raises(AuvplanError, match="create it empty"):
+        NoticeFile(tmp_path / "none", SITE)

@@ -1,0 +1,59 @@
+"""Uploads: steps with the lines that lead there, and what is left of them on the way."""
+
+import numpy as np
+import pytest
+
+from auvplan.errors import AuvplanError
+from auvplan.export.places import waypoints
+from auvplan.link import Limits
+from auvplan.link.opening import check_address
+
+
+def test_steps_are_the_waypoints_of_the_files(upload):
+    rows = waypoints(upload.itinerary)
+    assert [step.name for step in upload.steps] == [row.name for row in rows]
+    assert [step.hold for step in upload.steps] == [0.0, 0.0, 0.0, 45.5, 0.0]
+    assert [step.ends_leg for step in upload.steps] == [False, False, False, True, True]
+    for before, step in zip(upload.steps, upload.steps[1:], strict=False):
+        assert step.left == pytest.approx(before.position)
+        assert before.time <= step.left_at <= step.time
+
+
+@pytest.mark.parametrize("done", range(5))
+def test_what_is_left_keeps_places_times_and_the_line_that_is_gone(upload, done):
+    rest = upload.without(done)
+    assert len(rest.steps) == len(upload.steps) - done
+    for mine, whole in zip(rest.steps, upload.steps[done:], strict=True):
+        assert mine.position == pytest.approx(whole.position)
+        assert mine.left == pytest.approx(whole.left)
+        assert (mine.leg, mine.hold, mine.ends_leg) == (whole.leg, whole.hold, whole.ends_leg)
+        assert [mine.time, mine.left_at] == pytest.approx([whole.time, whole.left_at])
+    for leg in rest.itinerary.legs:
+        assert np.all(np.diff(leg.kept) > 0)
+        assert len(leg.kept) == len(leg.kept_times)
+
+
+def test_the_last_step_stays(upload):
+    assert len(upload.without(99).steps) == 1
+
+
+@pytest.mark.parametrize(
+    ("address", "words"),
+    [
+        ("boat", "must be sim, mavlink:ADDRESS or imc:HOST:PORT"),
+        ("mavlink:", "a MAVLink address is such as"),
+        ("mavlink:udpin:14550", "a MAVLink address is such as"),
+        ("imc:host", "an IMC address is such as"),
+        ("imc:host:port", "an IMC address is such as"),
+    ],
+)
+def test_addresses_that_are_none(address, words):
+    with pytest.raises(AuvplanError, match=r"^--link ") as error:
+        check_address(address)
+    assert words in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_limits_are_positive():
+    with pytest.raises(AuvplanError, match="limit silence: must be positive, got 0"):
+        Limits(silence=0)

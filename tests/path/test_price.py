@@ -1,0 +1,92 @@
+"""What places cost beside their time: a user's own term of Eq. 12."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import auvplan as ap
+from auvplan.compiled import compilations
+from auvplan.path.cost import score
+
+LIGHT = ap.PathConfig.quick().replace(finer=1)
+BOX = {"lower": (-500.0, -1500.0, 0.0), "upper": (2500.0, 1500.0, 0.0)}
+START, GOAL = (0.0, 0.0, 0.0), (2000.0, 0.0, 0.0)
+MIDDLE = jnp.array([1000.0, 100.0])
+
+
+def lane(x, y, z, t):
+    """Dear within some 300 m of a point beside the straight line."""
+    return 20.0 * jnp.exp(-((x - MIDDLE[0]) ** 2 + (y - MIDDLE[1]) ** 2) / 300.0**2)
+
+
+def plan(price, **more):
+    env = ap.Environment(None, price=price, **BOX)
+    return ap.plan_path(START, GOAL, env, key=jax.random.key(0), config=LIGHT, **more)
+
+
+def test_a_price_that_is_the_same_everywhere_multiplies_the_time():
+    found = plan(lambda x, y, z, t: 0.5)
+    assert found.travel_time == pytest.approx(2000.0 / 2.5, rel=1e-3)
+    assert found.cost == pytest.approx(1.5 * found.travel_time, rel=1e-5)
+
+
+def test_paths_keep_off_dear_places_as_far_as_it_pays():
+    free, priced = plan(None), plan(lane)
+    nearest = np.linalg.norm(priced.positions[:, :2] - np.asarray(MIDDLE), axis=1).min()
+    assert nearest > 300.0
+    assert free.travel_time < priced.travel_time < 1.5 * free.travel_time
+    straight = free.travel_time + 20.0 * 300.0 * np.sqrt(np.pi) * np.exp(-((100 / 300) ** 2)) / 2.5
+    assert priced.cost < 0.5 * straight, "the integral along the straight line, in closed form"
+    step = np.linalg.norm(np.diff(priced.positions, axis=0), axis=1)
+    middle = 0.5 * (priced.positions[1:] + priced.positions[:-1])
+    due = (np.asarray(lane(*middle.T, 0.0)) * step / 2.5).sum()
+    assert priced.cost == pytest.approx(priced.travel_time + due, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_prices_that_are_negative_count_as_none():
+    assert plan(lambda x, y, z, t: -0.5).cost == pytest.approx(2000.0 / 2.5, rel=1e-3)
+
+
+def test_the_price_has_gradients():
+    env, vehicle = ap.Environment(None, price=lane, **BOX), ap.Vehicle()
+    config = LIGHT.replace(control_points=4)
+    rows = jnp.array([[400.0, 800.0, 1200.0, 1600.0, -100.0, -200.0, -250.0, -100.0, 0.0, 0.0, 0.0, 0.0]])
+
+    def cost(rows):
+        return score(rows, jnp.array(START), jnp.array(GOAL), jnp.array(0.0), env, vehicle, config)[0][0]
+
+    slope = jax.grad(cost)(rows)[0]
+    for k in (1, 5, 6):
+        step = 2.0 * jnp.eye(12)[k]
+        by_difference = (cost(rows + step) - cost(rows - step)) / 4.0
+        assert slope[k] == pytest.approx(float(by_difference), rel=0.02, abs=2e-3)
+
+
+@pytest.mark.slow
+def test_legs_of_one_price_share_their_programs():
+    env = ap.Environment(None, price=lane, **BOX)
+    keys = jax.random.split(jax.random.key(1), 2)
+    starts, goals = np.array([START, (0.0, 200.0, 0.0)]), np.array([GOAL, (2000.0, -200.0, 0.0)])
+    together = ap.plan_paths(starts, goals, env, key=keys, config=LIGHT)
+    counts = []
+    for b in (0, 1):
+        alone = ap.plan_paths(starts[b : b + 1], goals[b : b + 1], env, key=keys[b : b + 1], config=LIGHT)
+        counts.append(compilations())
+        np.testing.assert_allclose(alone.cost[0], together.cost[b], rtol=1e-5)
+    assert counts[0] == counts[1]
+
+
+@pytest.mark.parametrize(
+    ("price", "words"),
+    [
+        (3.0, "price must be callable"),
+        (lambda x, y: 1.0, "price must be callable as"),
+        (lambda x, y, z, t: np.sin(x), "JAX cannot trace"),
+        (lambda x, y, z, t: (x, y), "one number for each place"),
+    ],
+)
+def test_what_is_no_price_is_refused(price, words):
+    with pytest.raises((TypeError, ValueError), match=words):
+        ap.Environment(None, price=price, **BOX)
