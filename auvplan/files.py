@@ -4,8 +4,9 @@ import json
 import os
 import secrets
 import shutil
+import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -215,8 +216,18 @@ def write_dataset(dataset: "xr.Dataset", path: str | Path) -> Path:
     """
     encoding: Any = {name: _encoding(variable) for name, variable in dataset.variables.items()}
     # HDF5 crashes the process where the disk is full: it writes to memory.
-    content = dataset.to_netcdf(engine="h5netcdf", encoding=encoding)
+    with _local_lock():
+        content = dataset.to_netcdf(engine="h5netcdf", encoding=encoding)
     return write_atomically(path, lambda part: part.write_bytes(content))
+
+
+def _local_lock() -> AbstractContextManager[Any]:
+    """Let xarray lock what it writes in this process: on a Dask worker it asks the cluster by the file's name.
+
+    A file in memory has no name that the cluster could know.
+    """
+    dask = sys.modules.get("dask")
+    return nullcontext() if dask is None else dask.config.set(scheduler="threads")
 
 
 def _encoding(variable: "xr.Variable") -> dict[str, Any]:

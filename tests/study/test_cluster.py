@@ -10,6 +10,7 @@ import pytest
 import xarray as xr
 
 from auvplan.errors import ScenarioError
+from auvplan.files import read_dataset, write_dataset
 from auvplan.study import StudyError, cluster, load_study, run_study, runner, without_clocks
 from tests.study import light
 from tests.study.light import cache_settings, calm, unbroken
@@ -73,6 +74,13 @@ def test_missions_that_kill_every_worker_are_stated(workers, tmp_path, monkeypat
     with pytest.raises(StudyError, match="--resume") as stated:
         run_study(calm(1), tmp_path, dask=workers.scheduler_address)
     assert len(str(stated.value).splitlines()) == 1
+
+
+def test_a_worker_writes_datasets(workers, tmp_path):
+    dataset = xr.Dataset({"depth": ("obs", [1.0, 2.0])})
+    with distributed.Client(workers.scheduler_address, set_as_default=False) as client:
+        client.submit(write_dataset, dataset, tmp_path / "some.nc").result()
+    xr.testing.assert_identical(read_dataset(tmp_path, "some.nc"), dataset)
 
 
 @pytest.mark.parametrize("address", ["nowhere://127.0.0.1:1", "no-scheduler.json"])
