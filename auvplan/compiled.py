@@ -31,8 +31,8 @@ _OURS = "auvplan", "builtins", "collections", "jax", "jaxlib", "numpy"
 #: Threads that programs are loaded by before they are asked for.
 _THREADS = 2
 
-#: The occasion of planning and executing missions; see `expecting`.
-MISSIONS = "missions"
+#: Occasions, see `expecting`: missions that are simulated, and such that are only planned.
+MISSIONS, PLANS = "missions", "plans"
 
 _OCCASIONS = f"{__name__}.expecting"
 
@@ -244,34 +244,46 @@ def _zeros(leaf: jax.ShapeDtypeStruct) -> Any:
 
 
 @contextmanager
-def expecting(occasion: str) -> Iterator[None]:
-    """Load what the last such occasion used beside what is done meanwhile; remember what this one uses."""
-    preload(occasion)
+def expecting(occasion: str, of: str = "") -> Iterator[None]:
+    """Load what the last such occasion used beside what is done meanwhile; remember what this one uses.
+
+    Args:
+        occasion: its name.
+        of: what it is an occasion of, such as the settings of a scenario: what used the same programs is told
+            by it; one that is new begins with those of the last one.
+    """
+    preload(occasion, of)
     before = set(_used)
     yield
     if cache.enabled():
-        place = cache.key_of(occasion)
-        listed = cache.load(_OCCASIONS, place) or []
-        used = [(name, key) for name, key in listed if key in _used]
-        used += [(name, key) for key, name in _used.items() if key not in before and (name, key) not in used]
-        if used != listed:
-            cache.store(_OCCASIONS, place, used)
+        for place in _places(occasion, of):
+            listed = cache.load(_OCCASIONS, place) or []
+            used = [(name, key) for name, key in listed if key in _used]
+            used += [
+                (name, key) for key, name in _used.items() if key not in before and (name, key) not in used
+            ]
+            if used != listed:
+                cache.store(_OCCASIONS, place, used)
 
 
-def preload(occasion: str) -> None:
-    """Begin to load the programs that were used on the last occasion of a name, in threads of their own."""
+def preload(occasion: str, of: str = "") -> None:
+    """Begin to load what such an occasion used last, in threads of their own; see `expecting`."""
     if not cache.enabled():
         return
+    lists = (cache.load(_OCCASIONS, place) for place in _places(occasion, of))
     listed = [
-        (name, key)
-        for name, key in cache.load(_OCCASIONS, cache.key_of(occasion)) or ()
-        if key not in _used and key not in _early
+        (name, key) for name, key in next(filter(None, lists), ()) if key not in _used and key not in _early
     ]
     if listed:
         pool = ThreadPoolExecutor(_THREADS, "auvplan-preload")
         for name, key in listed:
             _early[key] = pool.submit(_load, name, key)
         pool.shutdown(wait=False)
+
+
+def _places(occasion: str, of: str) -> list[str]:
+    """Return where lists are kept in the cache: that of this very occasion first."""
+    return [cache.key_of(f"{occasion} {of}"), cache.key_of(occasion)]
 
 
 def _kind(leaf: Any) -> Any:

@@ -222,9 +222,9 @@ def write_dataset(dataset: "xr.Dataset", path: str | Path) -> Path:
 
 
 def _local_lock() -> AbstractContextManager[Any]:
-    """Let xarray lock what it writes in this process: on a Dask worker it asks the cluster by the file's name.
+    """Keep xarray from asking a cluster for a lock on the file, as it does on a Dask worker.
 
-    A file in memory has no name that the cluster could know.
+    It does so by the file's name, and one in memory has none that the cluster could know.
     """
     dask = sys.modules.get("dask")
     return nullcontext() if dask is None else dask.config.set(scheduler="threads")

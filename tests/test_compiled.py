@@ -257,6 +257,19 @@ def test_what_one_occasion_used_is_loaded_for_the_next(place):
     assert [found for _, found in listed] == [key]
 
 
+def test_what_an_occasion_used_is_kept_by_what_it_is_of_too(place):
+    one = program()
+    for of, times in (("this", 21), ("that", 22)):
+        with expecting("tests", of):
+            one(np.arange(3.0), times=times)
+    this, that, last = (
+        cache.load("auvplan.compiled.expecting", cache.key_of(name))
+        for name in ("tests this", "tests that", "tests")
+    )
+    assert len(this) == len(that) == 1
+    assert last == this + that
+
+
 def test_the_command_shows_and_clears_what_is_kept(place, capsys, monkeypatch):
     program()(np.arange(3.0), times=2)
     for arguments, said in (((), "of at most 1000 MB"), (("--clear",), "1 entry removed")):

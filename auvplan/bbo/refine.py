@@ -5,7 +5,6 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-import optax
 
 from auvplan.bbo.search import CostFunction, evaluate, worst_unless_finite
 
@@ -64,6 +63,8 @@ def descend(
     Returns:
         As `refine`.
     """
+    import optax  # takes a tenth of a second; compiled programs that are loaded do without it
+
     span = jnp.maximum(upper - lower, 1e-9)
 
     def falling(count: jax.typing.ArrayLike) -> jax.Array:

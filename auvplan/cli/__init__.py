@@ -1,5 +1,6 @@
 """The command line: plan a mission, a path, many missions; draw a study; look at a chart; check a result."""
 
+import atexit
 import gc
 import logging
 import sys
@@ -116,6 +117,7 @@ def main() -> None:
     # Most objects of a command live as long as it: to look through them for garbage so often takes long.
     gc.freeze()
     gc.set_threshold(_GARBAGE)
+    atexit.register(gc.freeze)  # nor when the process ends, which frees them all
     _shorten_warnings()
     try:
         app()

@@ -76,20 +76,20 @@ def execute(
     check_address(link)
     if scale is not None and not (math.isfinite(scale) and scale > 0.0):
         raise AuvplanError(f"--scale: must be positive, got {scale:g}")
-    from auvplan.compiled import MISSIONS, preload
-
-    preload(MISSIONS)
     from auvplan.files import output_folder
 
     output_folder(out)
-    from auvplan.executive import load_area_at
-    from auvplan.link import execute, open_link
-    from auvplan.link.notices import NoNotices, NoticeFile
-    from auvplan.link.rolling import RollingPlan
-    from auvplan.link.simulated import SimulatedVehicle
-
     with naming(scenario):
         settings, folder = load(scenario, settings=changes)
+        from auvplan.compiled import PLANS, preload
+
+        preload(PLANS, settings.fingerprint)
+        from auvplan.executive import load_area_at
+        from auvplan.link import execute, open_link
+        from auvplan.link.notices import NoNotices, NoticeFile
+        from auvplan.link.rolling import RollingPlan
+        from auvplan.link.simulated import SimulatedVehicle
+
         if link != SIMULATOR and settings.site is None:
             raise ScenarioError("site: is missing: a vehicle is given longitude and latitude")
         area = load_area_at(settings, [0.0], folder)

@@ -1,5 +1,6 @@
 """Commands for one mission or one leg."""
 
+from contextlib import ExitStack
 from pathlib import Path
 from threading import Thread
 from typing import Annotated, Any
@@ -85,21 +86,21 @@ def _run(
 ) -> Any:
     """Run one mission, or one leg, write its results and print its summary."""
     quiet = quiet or as_json
-    from auvplan.compiled import MISSIONS, preload
-
-    preload(MISSIONS)
-    from auvplan.files import whole_result
-    from auvplan.io.area import load_area
-
-    with naming(source):
+    with naming(source), Painter(pictures) as painter, ExitStack() as stack:
         scenario, folder = load(source, preset, objective, leg, changes)
-        area = load_area(scenario, folder)
-    if not quiet:
-        for note in area.notes:
-            say(f"note: {note}")
-    from auvplan.executive import run_mission
+        from auvplan.compiled import MISSIONS, preload
 
-    with naming(source), whole_result(out) as partial, Painter(pictures) as painter:
+        preload(MISSIONS, scenario.fingerprint)
+        from auvplan.files import whole_result
+        from auvplan.io.area import load_area
+
+        area = load_area(scenario, folder)
+        if not quiet:
+            for note in area.notes:
+                say(f"note: {note}")
+        from auvplan.executive import run_mission
+
+        partial = stack.enter_context(whole_result(out))
         Thread(target=_load_writers, daemon=True).start()
         available = scenario.mission.time_available
         with time_bar("loading the planners", available, quiet) as advance:

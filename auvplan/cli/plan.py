@@ -59,15 +59,15 @@ def plan(
     Nothing is simulated: `auvplan rehearse` says how often the plan holds.
     """
     quiet = quiet or as_json
-    from auvplan.compiled import MISSIONS, preload
-
-    preload(MISSIONS)
     from auvplan.cli.departures import departure_seconds
     from auvplan.files import REPORT, whole_result
 
     with naming(scenario):
         settings, folder = load(scenario, preset, settings=changes)
         now = departure_seconds("--depart", depart, settings, folder)
+    from auvplan.compiled import PLANS, preload
+
+    preload(PLANS, settings.fingerprint)
     from auvplan.executive.planning import load_area_at, plan_scenario
 
     with naming(scenario), whole_result(out) as partial:

@@ -134,7 +134,7 @@ def execute_missions(
         raise ValueError(f"keys and seeds must be as many, got {len(keys)} and {len(labels)}")
     if faults and len(faults) != len(keys):
         raise ValueError(f"faults must be a list for each of {len(keys)} missions, got {len(faults)}")
-    with expecting(MISSIONS):
+    with expecting(MISSIONS, scenario.fingerprint):
         context = make_context(scenario, folder, area)
         context.faults = faults
         waiting = deque(enumerate(zip(prng.single(keys), labels, strict=True)))

@@ -16,7 +16,7 @@ import jax
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from auvplan.compiled import MISSIONS, expecting
+from auvplan.compiled import PLANS, expecting
 from auvplan.deprecation import renamed_arguments
 from auvplan.errors import ScenarioError
 from auvplan.executive.clock import Untimed
@@ -74,7 +74,7 @@ def plan_scenario(
     context = planning_context(scenario, folder, area, depart)
     keyed = seed_keys([seed])[0] if key is None else key
     (mission,) = leaving(context, keyed, [depart], seed)
-    with expecting(MISSIONS):
+    with expecting(PLANS, scenario.fingerprint):
         complete(context, mission, progress)
     return _from_departure(mission.run, depart)
 

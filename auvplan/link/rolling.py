@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan.compiled import MISSIONS, expecting
+from auvplan.compiled import PLANS, expecting
 from auvplan.executive.context import Mission
 from auvplan.executive.legs import finish, go_as_planned, refusal, set_out
 from auvplan.executive.loop import seed_keys, step
@@ -123,6 +123,7 @@ class RollingPlan:
             ScenarioError, ChartError, GeoError, CurrentError: the scenario cannot be built.
         """
         known = load_area_at(scenario, [0.0], folder) if area is None else area
+        self._fingerprint = scenario.fingerprint
         self._context = planning_context(scenario, folder, known, 0.0)
         (self._first,) = leaving(self._context, seed_keys([seed])[0], [0.0], seed)
         self._first.sea = CorrectedSea(self._first.sea.forecast())
@@ -202,7 +203,7 @@ class RollingPlan:
         )
         if self._set_out_from(state, record, position):
             state.run.legs.append(record)
-            with expecting(MISSIONS):
+            with expecting(PLANS, self._fingerprint):
                 step(self._context, [state])
             return self._complete(
                 state, (*self.followed.planned[:count], _Planned(record, self._state(count)))
@@ -287,7 +288,7 @@ class RollingPlan:
     def _complete(self, state: Mission, kept: tuple[_Planned, ...]) -> Prospect | None:
         """Plan to the end; None where the destination is not reached in time."""
         legs = list(kept)
-        with expecting(MISSIONS):
+        with expecting(PLANS, self._fingerprint):
             while not state.ended:
                 before, known = _fork(state), len(state.run.legs)
                 step(self._context, [state])

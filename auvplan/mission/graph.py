@@ -7,10 +7,8 @@ from typing import Any, Self
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components, dijkstra
-from scipy.spatial.distance import cdist
 
 from auvplan.mission.timetable import Stages, Timetable, stages
 from auvplan.mission.travel_times import TravelTimeConfig, travel_times
@@ -339,7 +337,7 @@ def random_graph(
     if positions.ndim != 2 or positions.shape[1] != 3:
         raise ValueError(f"positions must be [N, 3] m, got shape {positions.shape}")
     size = len(positions)
-    distance = cdist(positions, positions)
+    distance = scipy.spatial.distance.cdist(positions, positions)
     np.fill_diagonal(distance, np.inf)
     if passable is not None:
         distance[~np.asarray(passable, bool)] = np.inf
@@ -349,7 +347,7 @@ def random_graph(
     adjacency &= np.isfinite(distance)
     adjacency |= adjacency.T
     while True:
-        count, label = connected_components(adjacency, directed=False)
+        count, label = scipy.sparse.csgraph.connected_components(adjacency, directed=False)
         if count == 1:
             break
         first = label == label[0]
@@ -375,7 +373,7 @@ def time_to_go(leg_times: NDArray[np.floating], goal: int) -> NDArray[np.float64
         leg_times: [N, N] s, infinite off the edges.
         goal: index.
     """
-    return dijkstra(_sparse(leg_times).T, indices=goal)
+    return scipy.sparse.csgraph.dijkstra(_sparse(leg_times).T, indices=goal)
 
 
 def shortest_way(leg_times: NDArray[np.floating], start: int, goal: int) -> list[int]:
@@ -385,7 +383,7 @@ def shortest_way(leg_times: NDArray[np.floating], start: int, goal: int) -> list
         leg_times: [N, N] s, infinite off the edges.
         start, goal: indices.
     """
-    times, before = dijkstra(_sparse(leg_times), indices=start, return_predecessors=True)
+    times, before = scipy.sparse.csgraph.dijkstra(_sparse(leg_times), indices=start, return_predecessors=True)
     if not np.isfinite(times[goal]):
         return []
     way = [int(goal)]
@@ -394,7 +392,7 @@ def shortest_way(leg_times: NDArray[np.floating], start: int, goal: int) -> list
     return way[::-1]
 
 
-def _sparse(leg_times: NDArray[np.floating]) -> csr_array:
+def _sparse(leg_times: NDArray[np.floating]) -> scipy.sparse.csr_array:
     """[N, N] leg times with entries for the finite ones alone, those of no time among them."""
     edges = np.nonzero(np.isfinite(leg_times))
-    return csr_array((np.asarray(leg_times, float)[edges], edges), shape=np.shape(leg_times))
+    return scipy.sparse.csr_array((np.asarray(leg_times, float)[edges], edges), shape=np.shape(leg_times))

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial.distance import cdist
 
 from auvplan.mission.graph import MissionGraph
 from auvplan.mission.tasks import task_graph
@@ -318,10 +317,10 @@ def _ways_around(
     """Waypoints [K, 3] m that join the parts of the graph of clear lines `free`, as far as there are ways."""
     via, places = np.empty((0, 3)), positions
     while True:
-        _, label = connected_components(free, directed=False)
+        _, label = scipy.sparse.csgraph.connected_components(free, directed=False)
         first = label == label[0]
         ways = None
-        gap = np.where(first[:, None] & ~first[None, :], cdist(places, places), np.inf)
+        gap = np.where(first[:, None] & ~first[None, :], scipy.spatial.distance.cdist(places, places), np.inf)
         for pair in np.argsort(gap, axis=None, kind="stable")[:_PAIRS]:
             i, j = np.unravel_index(pair, gap.shape)
             if np.isfinite(gap[i, j]) and (ways := around(places[i], places[j])) is not None and len(ways):
@@ -346,7 +345,7 @@ def _joined(
         neighbours = size if size <= COMPLETE else NEIGHBOURS
     if neighbours < 1:
         raise ValueError(f"neighbours must be positive, got {neighbours}")
-    distance = np.where(free, cdist(positions, positions), np.inf)
+    distance = np.where(free, scipy.spatial.distance.cdist(positions, positions), np.inf)
     np.fill_diagonal(distance, np.inf)
     adjacency = np.zeros((size, size), bool)
     nearest = np.argsort(distance, axis=1, kind="stable")[:, : min(neighbours, size - 1)]
@@ -356,7 +355,7 @@ def _joined(
         adjacency[i, j] = True
     adjacency |= adjacency.T
     while True:
-        _, label = connected_components(adjacency, directed=False)
+        _, label = scipy.sparse.csgraph.connected_components(adjacency, directed=False)
         first = label == label[0]
         if first.all():
             return adjacency

@@ -4,11 +4,13 @@ It loads what drawing needs while the mission is planned. Nothing that takes lon
 """
 
 import os
+from collections import deque
 from contextlib import suppress
 from enum import StrEnum
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
+from threading import Thread
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
@@ -26,18 +28,24 @@ class Pictures(StrEnum):
     ALL = "all"
 
 
-#: What the process beside this one draws; the other half of the work is the picture of the mission.
-_BESIDE = "timeline.png", "currents.png", "obstacles.png", "convergence.png"
+#: All pictures, those that take long first.
+_NAMES = "mission.png", "currents.png", "timeline.png", "convergence.png", "obstacles.png"
 
 
 class Painter:
-    """Draws the pictures of one run: ``with Painter() as painter``, then `begin` and `finish`."""
+    """Draws the pictures of one run: ``with Painter() as painter``, then `begin` and `finish`.
+
+    Where there is a second core, a process beside this one loads what drawing needs from the beginning, and
+    the two of them draw: whoever is free takes the next picture.
+    """
 
     def __init__(self, choice: Pictures = Pictures.ALL):
         """Draw all pictures, that of the mission alone, or none."""
         self._choice = choice
         self._process = None
-        self._beside: tuple[str, ...] = ()
+        self._server: Thread | None = None
+        self._drawn: list[Path] = []
+        self._error: Exception | None = None
 
     def __enter__(self) -> Self:
         if self._choice == Pictures.ALL and cores.count() > 1:
@@ -53,17 +61,20 @@ class Painter:
         self, kind: type[BaseException] | None, error: BaseException | None, place: TracebackType | None
     ) -> None:
         if self._process is not None:
-            self._pipe.close()
             self._process.kill()
             self._process.join()
+            if self._server is not None:
+                self._server.join()
+            self._pipe.close()
 
     def begin(self, run: "MissionRun", folder: Path) -> None:
         """Begin to draw where that goes on beside other work."""
         self._run, self._folder = run, folder
+        wanted = {Pictures.ALL: _NAMES, Pictures.MAIN: _NAMES[:1], Pictures.NONE: ()}[self._choice]
+        self._left = deque(wanted)
         if self._process is not None:
-            with suppress(OSError):  # it has ended before its time: all is drawn here
-                self._pipe.send((run, folder))
-                self._beside = _BESIDE
+            self._server = Thread(target=self._serve, daemon=True)
+            self._server.start()
 
     def finish(self) -> list[Path]:
         """Write the pictures, or what is left of them.
@@ -74,31 +85,61 @@ class Painter:
         Raises:
             OutputError: as `draw_run`.
         """
-        if self._choice == Pictures.NONE:
-            return []
-        from auvplan.plot.run import FIGURES, draw_run
+        self._draw_what_is_left()
+        if self._server is not None:
+            self._server.join()
+            self._draw_what_is_left()  # what the process had begun where it ended on the way
+        if self._error is not None:
+            raise self._error
+        return sorted(self._drawn, key=lambda path: _NAMES.index(path.name))
 
-        names = FIGURES if self._choice == Pictures.ALL else ["mission.png"]
-        found = draw_run(self._run, self._folder, [name for name in names if name not in self._beside])
-        if self._beside:
-            try:
+    def _draw_what_is_left(self) -> None:
+        while self._error is None and (name := _next(self._left)):
+            from auvplan.plot.run import draw_run
+
+            self._drawn += draw_run(self._run, self._folder, [name])
+
+    def _serve(self) -> None:
+        """Hand the process one picture after the other, in a thread."""
+        name = None
+        try:
+            self._pipe.send((self._run, self._folder))
+            while self._pipe.recv():  # it is ready for one
+                name = _next(self._left)
+                self._pipe.send(name)
+                if name is None:
+                    return
                 outcome = self._pipe.recv()
-            except (EOFError, OSError):  # it ended on the way
-                outcome = draw_run(self._run, self._folder, self._beside)
-            if isinstance(outcome, Exception):
-                raise outcome
-            found += outcome
-        return found
+                if isinstance(outcome, Exception):
+                    self._error = outcome
+                    return
+                self._drawn += outcome
+        except (EOFError, OSError):  # it has ended before its time
+            if name is not None:
+                self._left.append(name)
+
+
+def _next(names: deque[str]) -> str | None:
+    try:
+        return names.popleft()
+    except IndexError:
+        return None
 
 
 def _paint(pipe: Connection) -> None:
-    """Draw what is sent; the other side's closing the pipe ends it."""
+    """Draw what is asked for; the other side's end ends it."""
     os.environ["JAX_PLATFORMS"] = "cpu"
     from auvplan.plot.run import draw_run
 
-    with suppress(EOFError):
+    with suppress(EOFError, OSError):
         run, folder = pipe.recv()
-        try:
-            pipe.send(draw_run(run, folder, _BESIDE))
-        except Exception as error:  # reported to those who asked for the pictures
-            pipe.send(error)
+        while True:
+            pipe.send(True)
+            name = pipe.recv()
+            if name is None:
+                return
+            try:
+                pipe.send(draw_run(run, folder, [name]))
+            except Exception as error:  # reported to those who asked for the pictures
+                pipe.send(error)
+                return

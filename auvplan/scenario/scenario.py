@@ -57,6 +57,11 @@ class Scenario(Section):
         """That relative paths start from: of the scenario's file, or the working directory without one."""
         return self._folder
 
+    @property
+    def fingerprint(self) -> str:
+        """All settings as text."""
+        return self.model_dump_json()
+
     def in_folder(self, folder: str | Path) -> "Scenario":
         """Return the same settings with relative paths that start from `folder`."""
         moved = self.model_copy()

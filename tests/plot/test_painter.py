@@ -75,8 +75,8 @@ def test_fewer_are_drawn_where_fewer_are_asked_for(tmp_path, choice, names):
 def test_what_is_wrong_there_is_told_here(tmp_path, two_cores, monkeypatch):
     folder = tmp_path / "taken"
     folder.touch()
-    monkeypatch.setattr("auvplan.plot.run.draw_run", lambda *_: [])
     with Painter() as painter:
+        monkeypatch.setattr("auvplan.plot.run.draw_run", lambda *_: painter._server.join() or [])
         painter.begin(RUN, folder)
         with pytest.raises(OutputError, match="taken"):
             painter.finish()
