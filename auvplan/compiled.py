@@ -239,7 +239,9 @@ def compiling_ahead() -> Iterator[None]:
 
 def _zeros(leaf: jax.ShapeDtypeStruct) -> Any:
     if jnp.issubdtype(leaf.dtype, jax.dtypes.prng_key):
-        return jax.random.split(jax.random.key(0), leaf.shape)
+        # Made on the host: a small program would wait behind the large ones that are being compiled.
+        data = jax.eval_shape(jax.random.key_data, leaf)
+        return jax.random.wrap_key_data(np.zeros(data.shape, data.dtype))
     return np.zeros(leaf.shape, leaf.dtype)
 
 

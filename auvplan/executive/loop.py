@@ -176,7 +176,9 @@ def mission_configs(scenario: Scenario) -> tuple[MissionConfig, MissionConfig]:
     if planning.preset == "paper":
         config = MissionConfig.paper().replace(objective=planning.objective)
         return config, config
-    config = MissionConfig.plain() if planning.effort == "plain" else MissionConfig()
+    # Between two waypoints there is one route: the search is that which is soonest compiled.
+    alone = scenario.mission.jobs is None and scenario.mission.waypoints == 2
+    config = MissionConfig.plain() if planning.effort == "plain" or alone else MissionConfig()
     config = config.replace(objective=planning.objective)
     if planning.effort != "quick":
         return config, config
