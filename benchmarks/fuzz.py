@@ -1,0 +1,441 @@
+"""Every reader of files is given changed real ones: ``python -m benchmarks.fuzz [--minutes 10]``.
+
+Each copy has bytes changed, or values, keys, names, tags, links and sizes that its format knows
+(`benchmarks.fuzz_changes`). It has to be read, or refused by one line. All else is a failure: another error,
+more than 10 s of processor time, more than 2 GiB beyond what was loaded, a dead process, a file opened that
+neither the call nor the file names, a program started, a connection made, an object unpickled. Failures are
+kept in a folder with the reader, the seed and the number of the case; the same seed makes the same cases.
+"""
+
+import argparse
+import contextlib
+import ctypes
+import json
+import multiprocessing
+import os
+import resource
+import shutil
+import signal
+import struct
+import sys
+import sysconfig
+import tempfile
+import threading
+import time
+import traceback
+import warnings
+import zoneinfo
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.progress import Progress
+from rich.table import Table
+
+import auvplan
+from auvplan.errors import AuvplanError
+from benchmarks.fuzz_changes import change
+from benchmarks.fuzz_readers import READERS, Reader, Seed, write_sources
+from benchmarks.machine import bars, console, write
+
+#: Processor time of a case, s; wall-clock time after which its process is ended.
+SECONDS, PATIENCE = 10, 90.0
+#: Memory of a case beyond what is loaded.
+BYTES = 2 << 30
+#: Longest line that refuses a file.
+LINE = 2000
+
+#: Files that no reader may open: none names the linked ones but from within, and only scenarios name others.
+OUTSIDE = ("linked.nc", "linked.txt", "linked.geojson", "other.geojson", "other.nc")
+
+_FORBIDDEN = (
+    "subprocess.Popen", "os.system", "os.exec", "os.posix_spawn", "os.spawn", "os.startfile", "socket.connect",
+    "socket.getaddrinfo", "pickle.find_class", "os.remove", "os.rename",
+)  # fmt: skip
+
+
+class Late(BaseException):
+    """A case takes too long; no reader takes this for a fault of its file."""
+
+
+@dataclass
+class Watch:
+    """What a reader does that it should not; `install` it once in a process.
+
+    Attributes:
+        found: what was done in the case under way, in words.
+        roots: folders whose files may be opened.
+        named: text in which files elsewhere may be named; None where none may.
+        thread: that is watched; None while no case is under way.
+    """
+
+    found: list[str] = field(default_factory=list)
+    roots: tuple[str, ...] = ()
+    named: bytes | None = None
+    thread: int | None = None
+
+    def install(self) -> None:
+        sys.addaudithook(self._hear)
+
+    @contextlib.contextmanager
+    def over(self, folder: Path, names: bool) -> Iterator[None]:
+        """Watch a case, whose files lie in a folder."""
+        files = [path for path in sorted(folder.rglob("*")) if path.is_file()] if names else []
+        self.named = b"".join(path.read_bytes() for path in files) if names else None
+        self.roots = (*_own_folders(), str(folder), str(folder.resolve()))
+        self.found, self.thread = [], threading.get_ident()
+        try:
+            yield
+        finally:
+            self.thread = None
+
+    def _hear(self, event: str, given: tuple[Any, ...]) -> None:
+        if self.thread is None or threading.get_ident() != self.thread:
+            return
+        if event == "open" and isinstance(given[0], str | bytes | os.PathLike):
+            path = os.path.abspath(os.fsdecode(given[0]))
+            if not self._may_open(path):
+                self.found.append(f"opened {path}")
+        elif event in _FORBIDDEN:
+            if event in ("os.remove", "os.rename") and self._may_open(os.path.abspath(os.fsdecode(given[0]))):
+                return
+            self.found.append(f"{event}: {str(given)[:120]}")
+            if not event.startswith("pickle"):
+                raise PermissionError("not while files are read")
+
+    def _may_open(self, path: str) -> bool:
+        if path.startswith(self.roots):
+            return True
+        return (
+            self.named is not None and os.path.basename(path).encode(errors="surrogateescape") in self.named
+        )
+
+
+def _own_folders() -> tuple[str, ...]:
+    """Folders of Python, of packages and of the system, whose files do not depend on what is read."""
+    paths = {sys.prefix, sys.base_prefix, sys.exec_prefix, *sysconfig.get_paths().values(), *zoneinfo.TZPATH}
+    paths |= {path for path in sys.path if path.rstrip("/").endswith("site-packages")}
+    paths |= {
+        str(Path(auvplan.__file__).parent),
+        str(Path(__file__).parent),
+        "/usr/share",
+        "/usr/lib",
+        "/lib",
+    }
+    paths |= {
+        f"/proc/{os.getpid()}",
+        "/proc/self",
+        "/proc/cpuinfo",
+        "/proc/meminfo",
+        "/sys/devices/system/cpu",
+    }
+    return (*sorted(paths), "/dev/null", "/dev/urandom", "/etc/localtime", "<")
+
+
+class Tripwire:
+    """Tells of files of a folder that were opened, by libraries in C too; of none but on Linux."""
+
+    _OPENED = 0x20
+
+    def __init__(self, folder: Path) -> None:
+        self._handle = -1
+        if sys.platform == "linux":
+            library = ctypes.CDLL(None, use_errno=True)
+            self._handle = library.inotify_init1(os.O_NONBLOCK)
+            if self._handle >= 0:
+                library.inotify_add_watch(self._handle, os.fsencode(folder), self._OPENED)
+
+    def opened(self) -> list[str]:
+        """Names of files that were opened since the last call."""
+        content, at, found = b"", 0, []
+        with contextlib.suppress(OSError):
+            content = os.read(self._handle, 1 << 16)
+        while at + 16 <= len(content):
+            _, mask, _, size = struct.unpack_from("iIII", content, at)
+            name = content[at + 16 : at + 16 + size].rstrip(b"\0").decode()
+            if mask & self._OPENED and name:
+                found.append(name)
+            at += 16 + size
+        return sorted(set(found))
+
+
+def write_outside(folder: Path) -> Path:
+    """Write the files that no reader has any business with; the folder they are in."""
+    import h5py
+
+    outside = folder / "outside"
+    outside.mkdir(parents=True)
+    for name in OUTSIDE:
+        if name.endswith(".nc"):
+            with h5py.File(outside / name, "w") as file:
+                file["secret"] = np.arange(10.0)
+        else:
+            ring = [[148.95, -20.33], [148.96, -20.33], [148.96, -20.32], [148.95, -20.33]]
+            (outside / name).write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
+    return outside
+
+
+@dataclass(frozen=True)
+class Cases:
+    """The cases of a reader.
+
+    Attributes:
+        name: of the reader.
+        seeds: its real files.
+        folder: with a folder of each of them.
+        outside: a folder of files that are not to be opened.
+        seed: of the changes.
+    """
+
+    name: str
+    seeds: tuple[Seed, ...]
+    folder: Path
+    outside: Path
+    seed: int
+
+    @property
+    def reader(self) -> Reader:
+        return READERS[self.name]
+
+    def make(self, number: int, place: Path) -> tuple[Path, str]:
+        """Write a case to a folder: the file to read, and what was changed."""
+        rng = np.random.default_rng([self.seed, number, *self.name.encode()])
+        seed = self.seeds[number % len(self.seeds)]
+        shutil.rmtree(place, ignore_errors=True)
+        shutil.copytree(self.folder / seed.name, place / seed.name)
+        target = seed.targets[int(rng.integers(len(seed.targets)))]
+        said = change(place / seed.name / target, rng, self.outside)
+        return place / seed.name / seed.main, f"{seed.name}/{target}: {said}"
+
+
+def attempt(cases: Cases, path: Path, place: Path, watch: Watch, wire: Tripwire) -> str:
+    """Read a case: "read", "refused", or what is wrong."""
+    wire.opened()
+    with watch.over(place, cases.reader.names), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            cases.reader.read(path)
+            found = "read"
+        except AuvplanError as error:
+            found = _refusal(" ".join(str(error).split()))
+        except Late:
+            found = f"longer than {SECONDS} s"
+        except Exception as error:
+            where = traceback.extract_tb(error.__traceback__)
+            own = [frame for frame in where if "/auvplan/" in frame.filename] or list(where)
+            spot = f"{Path(own[-1].filename).name}:{own[-1].lineno}" if own else ""
+            found = f"{type(error).__name__}: {' '.join(str(error).split())[:160]} at {spot}"
+    opened = [name for name in wire.opened() if not cases.reader.names or name.startswith("linked")]
+    if watch.found or opened:
+        return "; ".join(list(dict.fromkeys(watch.found))[:3] + [f"opened {name}" for name in opened])
+    return found
+
+
+def _refusal(line: str) -> str:
+    if "MemoryError" in line or "Unable to allocate" in line:
+        return f"memory: {line[:160]}"
+    if len(line) > LINE:
+        return f"a line of {len(line)} characters: {line[:160]}"
+    return "refused"
+
+
+def work(cases: Cases, numbers: range, place: Path, keep: Path, pipe: Connection) -> None:
+    """Make and read cases, and tell of each before and after; runs in a process of its own."""
+    os.environ["AUVPLAN_CACHE"] = "off"
+    log = os.open(place.with_suffix(".log"), os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+    os.dup2(log, 2)
+    warnings.simplefilter("ignore")
+    watch, wire = Watch(), Tripwire(cases.outside)
+    watch.install()
+    for seed in cases.seeds:  # what reading loads is loaded
+        with contextlib.suppress(AuvplanError):
+            shutil.rmtree(place, ignore_errors=True)
+            shutil.copytree(cases.folder / seed.name, place / seed.name)
+            cases.reader.read(place / seed.name / seed.main)
+
+    def late(*_: object) -> None:
+        raise Late
+
+    signal.signal(signal.SIGPROF, late)
+    _, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    for number in numbers:
+        path, said = cases.make(number, place)
+        pipe.send((number, said, None, 0.0))
+        _status("VmHWM", reset=True)
+        before = _status("VmRSS")
+        resource.setrlimit(resource.RLIMIT_DATA, (_status("VmData") + BYTES, hard))
+        signal.setitimer(signal.ITIMER_PROF, SECONDS)
+        try:
+            found = attempt(cases, path, place, watch, wire)
+        except Late:
+            found = f"longer than {SECONDS} s"
+        finally:
+            signal.setitimer(signal.ITIMER_PROF, 0)
+            resource.setrlimit(resource.RLIMIT_DATA, (hard, hard))
+        grown = max(_status("VmHWM") - before, 0)
+        if grown > BYTES and found in ("read", "refused"):
+            found = f"memory: {grown / 2**30:.1f} GiB"
+        if found not in ("read", "refused"):
+            keep_case(cases, number, said, found, place, keep)
+        pipe.send((number, said, found, grown / 2**20))
+    pipe.send(None)
+
+
+def _status(name: str, reset: bool = False) -> int:
+    """Bytes of memory of this process, by Linux's name; 0 elsewhere."""
+    with contextlib.suppress(OSError):
+        if reset:
+            Path("/proc/self/clear_refs").write_text("5")
+        for line in Path("/proc/self/status").read_text().splitlines():
+            if line.startswith(f"{name}:"):
+                return int(line.split()[1]) << 10
+    return 0
+
+
+def keep_case(cases: Cases, number: int, said: str, found: str, place: Path, keep: Path) -> None:
+    """Keep the files of a failure."""
+    folder = keep / f"{cases.name.replace(', ', '-').replace(' ', '-')}-{cases.seed}-{number}"
+    shutil.rmtree(folder, ignore_errors=True)
+    shutil.copytree(place, folder)
+    lines = (
+        f"reader: {cases.name}",
+        f"seed: {cases.seed}",
+        f"case: {number}",
+        f"change: {said}",
+        f"found: {found}",
+    )
+    (folder / "case.txt").write_text("\n".join(lines) + "\n", encoding="utf-8", errors="replace")
+
+
+@dataclass
+class Row:
+    """What became of a reader's cases."""
+
+    reader: str
+    outcomes: Counter[str] = field(default_factory=Counter)
+    failures: list[dict[str, Any]] = field(default_factory=list)
+    memory: float = 0.0
+    largest: int = -1
+
+    def plain(self) -> dict[str, Any]:
+        return {
+            "reader": self.reader,
+            "cases": sum(self.outcomes.values()),
+            "read": self.outcomes["read"],
+            "refused": self.outcomes["refused"],
+            "failures": self.outcomes["failure"],
+            "memory": round(self.memory, 1),
+            "largest": self.largest,
+            "failed": self.failures[:50],
+        }
+
+
+def fuzz(cases: Cases, minutes: float, most: int, keep: Path, bar: Progress, first: int = 0) -> Row:
+    """Read cases of a reader, for so long or so many."""
+    row, next_, end = Row(cases.name), first, time.monotonic() + 60.0 * minutes
+    task = bar.add_task(cases.name, total=60.0 * minutes)
+    context = multiprocessing.get_context("spawn")
+    place = cases.folder / "case"
+    while time.monotonic() < end and next_ < first + most:
+        ours, theirs = context.Pipe(duplex=False)
+        given = cases, range(next_, first + most), place, keep, theirs
+        process = context.Process(target=work, args=given, daemon=True)
+        process.start()
+        theirs.close()
+        begun: tuple[int, str] | None = None
+        stopped = False
+        while not stopped and (begun is not None or time.monotonic() < end):
+            if not ours.poll(PATIENCE):
+                process.kill()
+                found = f"no answer in {PATIENCE:.0f} s"
+            else:
+                try:
+                    told = ours.recv()
+                except EOFError:
+                    process.join()
+                    found = f"the process died ({process.exitcode})"
+                else:
+                    if told is None:
+                        stopped = True
+                        continue
+                    number, said, outcome, grown = told
+                    begun = (number, said) if outcome is None else None
+                    if outcome is not None:
+                        next_ = number + 1
+                        _book(row, number, said, outcome, grown)
+                        bar.update(task, completed=60.0 * minutes - max(end - time.monotonic(), 0.0))
+                    continue
+            stopped = True
+            if begun is None:
+                log = place.with_suffix(".log").read_text(errors="replace")[-2000:]
+                raise RuntimeError(f"{cases.name}: the process ended by itself\n{log}")
+            with contextlib.suppress(OSError):
+                keep_case(cases, *begun, found, place, keep)
+            _book(row, *begun, found, 0.0)
+            next_ = begun[0] + 1
+        process.kill()
+        process.join()
+    bar.remove_task(task)
+    return row
+
+
+def _book(row: Row, number: int, said: str, found: str, grown: float) -> None:
+    good = found in ("read", "refused")
+    row.outcomes[found if good else "failure"] += 1
+    if grown > row.memory:
+        row.memory, row.largest = grown, number
+    if not good:
+        row.failures.append({"case": number, "change": said[:300], "found": found})
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description="Changed files for every reader.")
+    parser.add_argument("--minutes", type=float, default=10.0, help="for each reader")
+    parser.add_argument("--cases", type=int, default=10**9, help="of each reader, at most")
+    parser.add_argument("--first", type=int, default=0, help="number of the first case")
+    parser.add_argument("--only", help="part of the names of readers")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--keep", type=Path, help="folder for failures; a temporary one if absent")
+    parser.add_argument("--out", type=Path, help="JSON file to write")
+    options = parser.parse_args()
+    shown = console()
+    keep = options.keep or Path(tempfile.mkdtemp(prefix="auvplan-fuzz-"))
+    chosen = [name for name in READERS if (options.only or "") in name]
+    rows: list[Row] = []
+    with tempfile.TemporaryDirectory() as name, bars(shown) as bar:
+        folder = Path(name)
+        outside = write_outside(folder)
+        write_sources(folder / "sources")
+        readers = bar.add_task("readers", total=len(chosen))
+        for reader in chosen:
+            place = folder / "readers" / f"{len(rows)}"
+            seeds = tuple(READERS[reader].write(place, folder / "sources"))
+            cases = Cases(reader, seeds, place, outside, options.seed)
+            rows.append(fuzz(cases, options.minutes, options.cases, keep, bar, options.first))
+            for failure in {one["found"][:60]: one for one in rows[-1].failures[::-1]}.values():
+                line = f"{reader}, case {failure['case']}, {failure['change']}: {failure['found']}"
+                shown.print(line, markup=False, highlight=False)
+            bar.advance(readers)
+    table = Table("reader", "cases", "read", "refused", "failures", "most memory, MiB", title="changed files")
+    for row in rows:
+        plain = row.plain()
+        table.add_row(
+            *(str(plain[key]) for key in ("reader", "cases", "read", "refused", "failures", "memory"))
+        )
+    shown.print(table)
+    failed = sum(row.outcomes["failure"] for row in rows)
+    shown.print(f"memory of a case: at most {BYTES >> 30} GiB beyond what is loaded; time: {SECONDS} s")
+    if failed:
+        shown.print(f"failures are kept in {keep}", markup=False)
+    if options.out:
+        write(options.out, {"fuzz": [row.plain() for row in rows]})
+    sys.exit(1 if failed else 0)
+
+
+if __name__ == "__main__":
+    main()

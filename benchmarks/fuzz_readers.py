@@ -1,0 +1,461 @@
+"""Every reader of files, for `benchmarks.fuzz`: real files to give it, and a call that reads one."""
+
+import json
+import shutil
+import subprocess
+import sys
+import zipfile
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+import tifffile
+import yaml
+from PIL import Image
+
+import auvplan as ap
+from auvplan.files import DEPARTED, DEPARTURES, SUMMARY
+from auvplan.io import geo
+from auvplan.io.check import check_run
+from auvplan.io.currents import open_ocean
+from auvplan.io.currents.summary import summary_of
+from auvplan.io.examine import examine_scenario
+from auvplan.io.example import write_example, write_example_of_times
+from auvplan.io.geo.charts import chart_from_polygons, chart_from_raster, closures_of, read_zones
+from auvplan.io.restore import restore_run
+from auvplan.io.tides import read_tide
+from auvplan.link.notices import NoticeFile
+from auvplan.ocean.chart import classify_file
+from auvplan.report.departures import departures_data, read_departures
+from auvplan.report.study import study_data
+from auvplan.scenario.file import read_scenario
+from auvplan.study import Design, Sweep, load_study, summarise
+from auvplan.study.row import row_of
+from auvplan.study.store import Store
+from auvplan.study.table import table
+from tests.io.sample_run import make_run
+
+ROOT = Path(__file__).resolve().parent.parent
+SHARED, DATA = ROOT.parent / "shared" / "data", ROOT / "auvplan" / "data"
+
+#: Real files of currents and sea beds, those of them that are small enough to be changed often.
+_CURRENTS = (
+    "currents/norkyst_v3_800m_5h.nc", "currents/rtofs_water_u_v_washington_64x3h.nc",
+    "currents/cmems_glo12_uo_vo_northsea.nc", "elsewhere/ngofs_fvcom_small.nc",
+    "elsewhere/creofs_selfe_noaa.nc",
+)  # fmt: skip
+_LINES = (
+    {"obstacle": "ferry", "longitude": 148.97, "latitude": -20.34, "radius": 80, "course": 90, "speed": 3},
+    {"obstacle": "buoy", "north": 100, "east": -50, "radius": 5, "depth_min": 0, "depth_max": 12},
+    {"current": [0.4, -0.1, 0], "longitude": 148.97, "latitude": -20.35, "depth": 10},
+    {"current": [0.4, -0.1]},
+)
+_DEPARTURES = """departure_utc,departure_s,feasible,best,time_s,tasks,total_priority,waypoints,reason
+2026-03-01T00:00:00Z,0.0,true,true,900.5,2,7,a > b,
+2026-03-01T01:00:00Z,3600.0,false,false,,,,,too late
+"""
+_GPX = """<?xml version="1.0"?>
+<gpx version="1.1" creator="x" xmlns="http://www.topografix.com/GPX/1/1">
+<wpt lat="-20.33" lon="148.95"><ele>-5</ele><name>reef</name><desc>look</desc></wpt>
+<wpt lat="-20.34" lon="148.96"><name>bay</name></wpt><rte><rtept lat="-20.34" lon="148.96"/></rte></gpx>
+"""
+_KML = """<?xml version="1.0" encoding="UTF-8"?>
+<kml xmlns="http://www.opengis.net/kml/2.2"><Document><Folder>
+<Placemark><name>reef</name><ExtendedData><Data name="priority"><value>3</value></Data></ExtendedData>
+<Point><coordinates>148.95,-20.33,-5</coordinates></Point></Placemark>
+<Placemark><name>bay</name><MultiGeometry><LineString><coordinates>148.95,-20.33 148.96,-20.34,-8
+</coordinates></LineString></MultiGeometry></Placemark></Folder></Document></kml>
+"""
+
+
+@dataclass(frozen=True)
+class Seed:
+    """A folder of real files.
+
+    Attributes:
+        name: of the folder.
+        main: the file, or ".", the folder, that the reader is given.
+        changed: the files that are changed, one at a time.
+    """
+
+    name: str
+    main: str
+    changed: tuple[str, ...] = ()
+
+    @property
+    def targets(self) -> tuple[str, ...]:
+        return self.changed or (self.main,)
+
+
+@dataclass(frozen=True)
+class Reader:
+    """A reader.
+
+    Attributes:
+        write: writes a reader's files below a folder, a folder each; the second folder is one of sources.
+        read: reads one.
+        names: whether its files may name others, anywhere.
+    """
+
+    write: Callable[[Path, Path], Iterable[Seed]]
+    read: Callable[[Path], object]
+    names: bool = False
+
+
+def write_sources(folder: Path, planned: bool = True) -> None:
+    """Write what several readers' files come from.
+
+    Args:
+        folder: of the sources.
+        planned: whether the example is planned too, by the command, which compiles for a minute.
+    """
+    write_example(folder / "example")
+    write_example_of_times(folder / "times")
+    ap.save_run(_sample(), folder / "sample")
+    # Exports need what a file keeps of the run.
+    ap.export_run(restore_run(folder / "sample"), folder / "exports")
+    if planned:
+        scenario, out = folder / "example" / "scenario.yaml", folder / "planned"
+        words = ["plan", str(scenario), "--out", str(out), "--pictures", "none", "--quiet"]
+        subprocess.run([sys.executable, "-m", "auvplan.cli", *words], check=True)
+        ap.export_run(restore_run(out), folder / "exports")
+
+
+def _sample() -> Any:
+    """A run with a site, names, vortices, obstacles and a sea bed."""
+    run = make_run()
+    scenario = ap.Scenario.model_validate({"site": {"longitude": 148.96, "latitude": -20.34}})
+    run.scenario, run.names = scenario.model_dump(mode="json"), ["alpha", "bravo", "charlie", "delta"]
+    run.site = ap.Site(148.96, -20.34, None, (5000.0, 3000.0))
+    run.seabed = ap.Seabed.from_depth(np.full((40, 30), 300.0), 100.0, (-500.0, -400.0), clearance=7.0)
+    return run
+
+
+@cache
+def _sea() -> ap.Scenario:
+    """The shipped example, whose site and area files are read for."""
+    return read_scenario(DATA / "example" / "scenario.yaml")
+
+
+def _site() -> ap.Site:
+    site = _sea().site
+    assert site is not None
+    return site.site
+
+
+def _box() -> dict[str, Any]:
+    lower, upper = (np.asarray(corner, float) for corner in _sea().box)
+    return {"lower": lower[:2], "upper": upper[:2], "pixel_size": 20.0}
+
+
+def _copied(*files: tuple[str, Path]) -> Callable[[Path, Path], list[Seed]]:
+    """Seeds that are a file each: its name and where it lies, from the sources where that is not absolute."""
+
+    def write(folder: Path, sources: Path) -> list[Seed]:
+        seeds = []
+        for number, (name, place) in enumerate(files):
+            path = sources / place
+            if path.is_file():
+                (folder / f"{number}").mkdir(parents=True)
+                shutil.copy(path, folder / f"{number}" / name)
+                seeds.append(Seed(f"{number}", name))
+        return seeds
+
+    return write
+
+
+def _stated(**files: str) -> Callable[[Path, Path], list[Seed]]:
+    """Seeds that are a text each, beside what the export of the same format wrote."""
+
+    def write(folder: Path, sources: Path) -> list[Seed]:
+        seeds = []
+        for number, (suffix, text) in enumerate(files.items()):
+            exported = sources / "exports" / f"itinerary.{suffix}"
+            texts = {"stated": text} | (
+                {"exported": exported.read_text("utf-8")} if exported.is_file() else {}
+            )
+            for name, content in texts.items():
+                (folder / f"{name}{number}").mkdir(parents=True)
+                (folder / f"{name}{number}" / f"jobs.{suffix}").write_text(content, encoding="utf-8")
+                seeds.append(Seed(f"{name}{number}", f"jobs.{suffix}"))
+        return seeds
+
+    return write
+
+
+def _scenarios(folder: Path, sources: Path) -> list[Seed]:
+    places = [*sorted((DATA / "scenarios").glob("*.yaml")), *sorted(DATA.glob("[et]*/scenario.yaml"))]
+    return _copied(*(("scenario.yaml", place) for place in places))(folder, sources)
+
+
+def _folders(folder: Path, sources: Path) -> list[Seed]:
+    """Scenarios with all that they name."""
+    seeds = []
+    for name in ("example", "times"):
+        shutil.copytree(sources / name, folder / name)
+        files = sorted(path.name for path in (folder / name).iterdir() if path.suffix != ".md")
+        seeds.append(Seed(name, "scenario.yaml", tuple(files)))
+    return seeds
+
+
+def _kmz(folder: Path, sources: Path) -> list[Seed]:
+    (folder / "zip").mkdir(parents=True)
+    with zipfile.ZipFile(folder / "zip" / "jobs.kmz", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("doc.kml", _KML)
+    return [Seed("zip", "jobs.kmz")]
+
+
+def _picture() -> np.ndarray:
+    """[rows, columns, 3] water and land with some noise."""
+    values = np.full((60, 80, 3), (40, 95, 160), np.uint8)
+    values[:20] = 120, 140, 80
+    return values + np.random.default_rng(0).integers(0, 9, values.shape).astype(np.uint8)
+
+
+def _pictures(folder: Path, sources: Path) -> list[Seed]:
+    """PNG pictures with a world file and a projection."""
+    seeds = []
+    pictures = {"made": _picture()}
+    real = SHARED / "maps" / "whitsunday_hook_passage.png"
+    if real.is_file():
+        with Image.open(real) as opened:
+            pictures["real"] = np.asarray(opened.convert("RGB").crop((300, 300, 400, 400)))
+    for name, values in pictures.items():
+        (folder / name).mkdir(parents=True)
+        Image.fromarray(values).save(folder / name / "chart.png")
+        world = "0.002\n0\n0\n-0.002\n148.9\n-20.28\n"
+        (folder / name / "chart.pgw").write_text(world)
+        (folder / name / "chart.prj").write_text("EPSG:4326")
+        seeds.append(Seed(name, "chart.png", ("chart.png", "chart.png", "chart.pgw", "chart.prj")))
+    return seeds
+
+
+def _tags(corner: tuple[float, float], scale: float, metadata: str = "") -> list[tuple]:
+    keys = [(1024, 0, 1, 2), (1025, 0, 1, 1), (2048, 0, 1, 4326)]
+    words = (1, 1, 0, len(keys), *(word for key in keys for word in key))
+    tags: list[tuple] = [
+        (33550, "d", 3, (scale, scale, 0.0), True),
+        (33922, "d", 6, (0.0, 0.0, 0.0, *corner, 0.0), True),
+        (34735, "H", len(words), words, True),
+    ]
+    return tags + ([(42112, "s", 0, metadata, True)] if metadata else [])
+
+
+def _tiffs(folder: Path, sources: Path) -> list[Seed]:
+    folder.mkdir(parents=True)
+    tags, values = _tags((148.9, -20.28), 0.002), _picture()
+    seeds = [Seed(name, "chart.tif") for name in ("colour", "classes")]
+    for seed, array in zip(seeds, (values, (values[..., 0] < 80).astype(np.uint8)), strict=True):
+        (folder / seed.name).mkdir()
+        photometric = "rgb" if array.ndim == 3 else "minisblack"
+        path = folder / seed.name / seed.main
+        tifffile.imwrite(
+            path, array, extratags=tags, photometric=photometric, compression="zlib", metadata=None
+        )
+    return seeds
+
+
+def _read_tiff(path: Path) -> object:
+    classes = {0: 0.0, 1: 1.0} if path.parent.name == "classes" else None
+    geo.pixel_size(path)
+    return chart_from_raster(path, _site(), **_box(), classes=classes)
+
+
+def _land(folder: Path, sources: Path) -> list[Seed]:
+    """Polygons as GeoJSON, and as what else GDAL writes."""
+    own = sources / "example" / "whitsunday_coast.geojson"
+    files = [
+        ("land.geojson", own),
+        ("land.geojson", SHARED / "elsewhere" / "natural_earth_110m_land.geojson"),
+    ]
+    seeds = _copied(*files)(folder, sources)
+    if find_spec("pyogrio") is None:
+        return seeds
+    from pyogrio import raw
+
+    shapes = [shapely.geometry.shape(one["geometry"]) for one in json.loads(own.read_text())["features"]]
+    shapes = [part for shape in shapes for part in shapely.get_parts(shape)]
+    for suffix in ("gpkg", "shp", "fgb"):
+        (folder / suffix).mkdir()
+        raw.write(
+            folder / suffix / f"land.{suffix}",
+            geometry=shapely.to_wkb(np.asarray(shapes, object)),
+            field_data=[np.asarray([f"part {k}" for k in range(len(shapes))], object)],
+            fields=["name"],
+            geometry_type="Polygon",
+            crs="EPSG:4326",
+        )
+        files = sorted(path.name for path in (folder / suffix).iterdir())
+        seeds.append(Seed(suffix, f"land.{suffix}", tuple(files)))
+    return seeds
+
+
+def _read_closed(path: Path) -> object:
+    box = _box()
+    zones = read_zones(path, _site(), lower=box["lower"], upper=box["upper"])
+    return closures_of(zones, _site(), **box, margin=60.0, until=10_800.0)
+
+
+def _beds(folder: Path, sources: Path) -> list[Seed]:
+    files = [("bed.nc", Path("example/bathymetry.nc")), ("bed.nc", SHARED / "elsewhere" / "etopo60_rose.nc")]
+    seeds = _copied(*files)(folder, sources)
+    (folder / "tiff").mkdir()
+    values = -np.linspace(0.0, 60.0, 60 * 80).reshape(60, 80).astype(np.float32)
+    xml = '<GDALMetadata><Item name="UNITTYPE" sample="0" role="unittype">m</Item></GDALMetadata>'
+    tags = _tags((148.9, -20.28), 0.002, xml)
+    tifffile.imwrite(folder / "tiff" / "bed.tif", values, extratags=tags, compression="zlib", metadata=None)
+    return [*seeds, Seed("tiff", "bed.tif")]
+
+
+def _currents(folder: Path, sources: Path) -> list[Seed]:
+    files = [("current.nc", Path("example/current.nc"))]
+    files += [("current.nc", SHARED / name) for name in _CURRENTS]
+    return _copied(*files)(folder, sources)
+
+
+def _read_currents(path: Path) -> object:
+    """The summary and some values, and the box of the example where that is what the file is of."""
+    with open_ocean([path]) as ocean:
+        summary_of(ocean)
+    if path.parent.name == "0":
+        lower, upper = (np.asarray(corner, float) for corner in _sea().box)
+        return ap.read_current([path], _site(), lower=lower, upper=upper, times=(0.0, 7200.0))
+    return None
+
+
+def _tides(folder: Path, sources: Path) -> list[Seed]:
+    seeds = _copied(("tide.yaml", Path("times/tide.yaml")))(folder, sources)
+    stated = yaml.safe_load((sources / "times" / "tide.yaml").read_text(encoding="utf-8"))
+    one = {name: stated.pop(name) for name in ("constituents", "mean") if name in stated}
+    places = [
+        {"longitude": 148.95, "latitude": -20.33, **one},
+        {"longitude": 148.97, "latitude": -20.35, **one},
+    ]
+    (folder / "places").mkdir()
+    text = yaml.safe_dump(stated | {"places": json.loads(json.dumps(places))})
+    (folder / "places" / "tide.yaml").write_text(text, encoding="utf-8")
+    return [*seeds, Seed("places", "tide.yaml")]
+
+
+def _design() -> Design:
+    sweeps = (Sweep.parse("vehicle.speed=2,2.5"),)
+    return Design(ap.Scenario.model_validate({"chart": {"source": "none"}}), 2, 0, sweeps)
+
+
+def _studies(folder: Path, sources: Path) -> list[Seed]:
+    """A study that is finished, and one that is not."""
+    design, row = _design(), row_of(restore_run(sources / "sample"))
+    seeds = []
+    for name in ("finished", "unfinished"):
+        store = Store(folder / name, design)
+        for task in design.tasks:
+            store.add(*task, row)
+        if name == "finished":
+            dataset = table(design, store.rows(), None)
+            store.finish(dataset, summarise(dataset))
+        files = [path for path in sorted((folder / name).rglob("*")) if path.is_file()]
+        seeds.append(Seed(name, ".", tuple(str(path.relative_to(folder / name)) for path in files)))
+    return seeds
+
+
+def _read_study(folder: Path) -> object:
+    store = Store(folder, _design(), resume=True)
+    if not store.finished:
+        design = store.design
+        return [store.add(*task, row) for task, row in zip(design.tasks, store.rows(), strict=False)]
+    dataset = load_study(folder)
+    summarise(dataset)
+    return study_data(dataset, None, [])
+
+
+def _runs(folder: Path, sources: Path) -> list[Seed]:
+    seeds = []
+    for name in ("sample", "planned"):
+        if (sources / name).is_dir():
+            (folder / name).mkdir(parents=True)
+            for file in (SUMMARY, "mission.nc"):
+                shutil.copy(sources / name / file, folder / name)
+            seeds.append(Seed(name, ".", (SUMMARY, "mission.nc", "mission.nc", "mission.nc")))
+    return seeds
+
+
+def _departures(folder: Path, sources: Path) -> list[Seed]:
+    folder.mkdir(parents=True)
+    (folder / "table").mkdir()
+    (folder / "table" / DEPARTURES).write_text(_DEPARTURES, encoding="utf-8")
+    stated = {"scenario": _sea().model_dump(mode="json"), "seed": 0, "notes": [], "files": [], "versions": {}}
+    (folder / "table" / DEPARTED).write_text(json.dumps(stated), encoding="utf-8")
+    return [Seed("table", ".", (DEPARTURES, DEPARTED))]
+
+
+def _notices(folder: Path, sources: Path) -> list[Seed]:
+    (folder / "lines").mkdir(parents=True)
+    text = "".join(json.dumps(line) + "\n" for line in _LINES)
+    (folder / "lines" / "notices.jsonl").write_text(text, encoding="utf-8")
+    return [Seed("lines", "notices.jsonl")]
+
+
+def _plan() -> str:
+    """A mission of QGroundControl with waypoints and a survey."""
+    items: list[dict[str, Any]] = [
+        {"type": "SimpleItem", "command": 16, "frame": 3, "params": [30, 0, 0, None, -20.33, 148.95, -5]},
+        {
+            "type": "ComplexItem",
+            "complexItemType": "survey",
+            "TransectStyleComplexItem": {"VisualTransectPoints": [[-20.33, 148.95], [-20.34, 148.95]]},
+        },
+    ]
+    mission = {"version": 2, "plannedHomePosition": [-20.33, 148.95, 0], "items": items}
+    return json.dumps({"fileType": "Plan", "version": 1, "mission": mission})
+
+
+def _read_jobs(path: Path) -> object:
+    slack = 0.1 + 0.5 * np.sin(np.arange(1000.0) / 60.0) ** 2
+    return geo.read_jobs(
+        path, _site(), until=10_800.0, speed=lambda place, times: slack[(times / 60.0).astype(int) % 1000]
+    )
+
+
+_JOBS = {"csv": (DATA / "tide" / "jobs.csv").read_text("utf-8"), "gpx": _GPX, "kml": _KML, "plan": _plan()}
+
+READERS: dict[str, Reader] = {
+    "scenario": Reader(_scenarios, read_scenario, names=True),
+    "scenario and its files": Reader(_folders, examine_scenario, names=True),
+    "jobs, GeoJSON": Reader(
+        _copied(
+            ("jobs.geojson", DATA / "example" / "jobs.geojson"),
+            ("jobs.geojson", Path("exports/itinerary.geojson")),
+        ),
+        _read_jobs,
+    ),
+    **{f"jobs, {kind.upper()}": Reader(_stated(**{kind: text}), _read_jobs) for kind, text in _JOBS.items()},
+    "jobs, KMZ": Reader(_kmz, _read_jobs),
+    "closed areas": Reader(
+        _copied(
+            ("no_go.geojson", DATA / "example" / "no_go.geojson"),
+            ("no_go.geojson", DATA / "tide" / "no_go.geojson"),
+        ),
+        _read_closed,
+    ),
+    "obstacles": Reader(
+        _copied(("obstacles.geojson", DATA / "example" / "obstacles.geojson")),
+        lambda path: geo.read_obstacles(path, _site()),
+    ),
+    "land": Reader(_land, lambda path: chart_from_polygons(path, _site(), **_box(), fringe=60.0)),
+    "chart, PNG": Reader(_pictures, lambda path: chart_from_raster(path, _site(), **_box())),
+    "chart, GeoTIFF": Reader(_tiffs, _read_tiff),
+    "picture": Reader(_pictures, classify_file),
+    "bathymetry": Reader(_beds, lambda path: geo.read_bathymetry(path, _site(), **_box())),
+    "currents": Reader(_currents, _read_currents),
+    "tides": Reader(_tides, lambda path: read_tide(path, _site(), 10_800.0)),
+    "study": Reader(_studies, _read_study),
+    "saved run": Reader(_runs, restore_run, names=True),
+    "saved run, checked": Reader(_runs, check_run, names=True),
+    "departures": Reader(_departures, lambda path: departures_data(*read_departures(path))),
+    "notices": Reader(_notices, lambda path: list(NoticeFile(path, _site()).read())),
+}
