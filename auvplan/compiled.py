@@ -241,7 +241,7 @@ def _zeros(leaf: jax.ShapeDtypeStruct) -> Any:
     if jnp.issubdtype(leaf.dtype, jax.dtypes.prng_key):
         # Made on the host: a small program would wait behind the large ones that are being compiled.
         data = jax.eval_shape(jax.random.key_data, leaf)
-        return jax.random.wrap_key_data(np.zeros(data.shape, data.dtype))
+        return jax.random.wrap_key_data(jnp.asarray(np.zeros(data.shape, data.dtype)))
     return np.zeros(leaf.shape, leaf.dtype)
 
 

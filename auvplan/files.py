@@ -177,7 +177,7 @@ def read_json(folder: str | Path, name: str) -> dict[str, Any]:
         summary = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise ResultError(f"{path}: {_reason(error)}") from None
-    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError):
+    except (ValueError, RecursionError):  # among them that of a number with thousands of digits
         raise ResultError(f"{path}: not valid JSON") from None
     if not isinstance(summary, dict):
         raise ResultError(f"{path}: a summary is a mapping of fields, got {type(summary).__name__}")

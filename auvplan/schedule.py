@@ -1,11 +1,15 @@
-"""The legs of a mission on the time line: as each route planned them, and as they were executed."""
+"""The time line of a mission: legs as routes planned them and as executed, and times in words."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
+from auvplan.mission.timetable import Timetable
+from auvplan.ocean.closures import Closure
 from auvplan.records import MissionRun, RouteRecord
+from auvplan.words import hours
 
 
 @dataclass(frozen=True)
@@ -65,3 +69,45 @@ def lateness(run: MissionRun, route: RouteRecord) -> str:
         return ""
     leg = before[-1]
     return f"{leg.start}→{leg.goal} took {leg.t_path + leg.t_task:,.0f} s, not {leg.t_expected:,.0f} s"
+
+
+def windows_of(table: Timetable, start: int, goal: int) -> list[tuple[float, float]]:
+    """Return the windows of the task on an edge, s; none where it may be done at any time.
+
+    A task at the waypoint begins in one of them, one along the way lies in one whole. These count first.
+    """
+    for opens, closes in ((table.enters, table.until), (table.opens, table.closes)):
+        spans = list(zip(opens[start, goal].tolist(), closes[start, goal].tolist(), strict=True))
+        spans = [(begin, end) for begin, end in spans if begin < end]
+        if spans and (-np.inf, np.inf) not in spans:
+            return spans
+    return []
+
+
+def spans_in_words(run: MissionRun, spans: Iterable[tuple[float, float]]) -> str:
+    """Return intervals of time, s, in words; empty where one of them is all time."""
+    words = []
+    for opens, closes in spans:
+        if opens == -np.inf and closes == np.inf:
+            return ""
+        if opens < closes:
+            ends = ("" if np.isinf(moment) else time_in_words(run, moment) for moment in (opens, closes))
+            words.append("-".join(ends))
+    return ", ".join(words)
+
+
+def time_in_words(run: MissionRun, seconds: float) -> str:
+    """Return a moment to the minute: UTC, or since the departure."""
+    moment = None if run.site is None else run.site.utc(60.0 * round(seconds / 60.0))
+    return hours(seconds) if moment is None else f"{moment:%H:%M}"
+
+
+def stated_closures(run: MissionRun) -> list[Closure]:
+    """Return the areas that are closed at some hours, closed as long as stated: without `safety.closing`."""
+    return [closure.widened(-run.safety.closing) for closure in run.closures]
+
+
+def closures_in_words(run: MissionRun) -> list[str]:
+    """Return the name of each such area and when it is closed."""
+    zone = "" if run.site is None or run.site.epoch is None else " UTC"
+    return [f"{closure.name} {spans_in_words(run, closure.spans)}{zone}" for closure in stated_closures(run)]

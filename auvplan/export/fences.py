@@ -139,7 +139,8 @@ def _away(fence: Fence, paths: BaseGeometry) -> float:
 
 def _around_coast(chart: Chart, paths: BaseGeometry, area: BaseGeometry) -> tuple[list[Fence], list[str]]:
     """Fences around the land of a chart within an area."""
-    land, notes = _land(chart, area), []
+    west, south, east, north = shapely.bounds(area)
+    land, notes = chart.land((south, west), (north, east)), []
     if land.is_empty:
         return [], notes
     if shapely.intersects(land, paths):
@@ -153,21 +154,6 @@ def _around_coast(chart: Chart, paths: BaseGeometry, area: BaseGeometry) -> tupl
         parts.sort(key=lambda part: shapely.distance(part, paths))
         notes.append(f"{len(parts) - MOST} islands far from the paths have no fence: there are too many")
     return [_fence(part, paths, float(np.asarray(chart.pixel_size))) for part in parts[:MOST]], notes
-
-
-def _land(chart: Chart, area: BaseGeometry) -> BaseGeometry:
-    """Land of a chart within a rectangle, as exact outlines of its pixels."""
-    size, corner = float(np.asarray(chart.pixel_size)), np.asarray(chart.origin, float)
-    west, south, east, north = shapely.bounds(area)
-    low = np.floor((np.array([south, west]) - corner) / size).astype(int)
-    high = np.ceil((np.array([north, east]) - corner) / size).astype(int)
-    (i, j), (m, n) = np.clip(low, 0, chart.shape), np.clip(high, 0, chart.shape)
-    land = np.asarray(chart.passability)[i:m, j:n] == 0.0
-    # Runs of land along each row: whole numbers of pixels join without gaps.
-    edges = np.diff(np.pad(land.astype(np.int8), ((0, 0), (1, 1))), axis=1)
-    (row, first), last = np.nonzero(edges == 1), np.nonzero(edges == -1)[1]
-    runs = shapely.union_all(shapely.box(first, row, last, row + 1))
-    return shapely.transform(runs, lambda place: (place + np.array([j, i])) * size + corner[::-1])
 
 
 def _parts(land: BaseGeometry, paths: BaseGeometry) -> list[shapely.Polygon]:

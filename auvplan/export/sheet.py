@@ -1,7 +1,7 @@
 """The mission sheet: one page for the person who hands a plan to the vehicle."""
 
 import html
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import datetime
 from itertools import pairwise
@@ -19,6 +19,7 @@ from auvplan.files import write_atomically
 from auvplan.mission.jobs import jobs_done, jobs_of
 from auvplan.records import LegRecord, MissionRun
 from auvplan.scenario.provenance import SourceFile, source_files
+from auvplan.schedule import closures_in_words, spans_in_words, time_in_words
 from auvplan.words import hours
 
 #: m, longest way between two places at which margins are looked up.
@@ -190,9 +191,7 @@ def sheet_of(run: MissionRun) -> MissionSheet:
         "way": f"{sum(stop.length for stop in stops) / 1000.0:.1f} km",
     }
     if run.closures:
-        facts["closed areas"] = "; ".join(
-            f"{one.name} {_spans(run, one.widened(-run.safety.closing).spans)}" for one in run.closures
-        )
+        facts["closed areas"] = "; ".join(closures_in_words(run))
     zone = str((run.scenario.get("site") or {}).get("timezone") or "")
     return MissionSheet(
         str(run.scenario.get("name") or "mission"),
@@ -262,29 +261,11 @@ def _windows(run: MissionRun, node: int, start: int | None = None) -> str:
         return ""
     if start is not None and table.enters.shape[-1]:
         along = zip(table.enters[start, node], table.until[start, node], strict=True)
-        if words := _spans(run, along):
+        if words := spans_in_words(run, along):
             return words
     if not table.opens.shape[-1]:
         return ""
-    return _spans(run, zip(table.opens[node - 1, node], table.closes[node - 1, node], strict=True))
-
-
-def _spans(run: MissionRun, spans: Iterable[tuple[float, float]]) -> str:
-    """Return intervals of time in words; empty where one of them is all time."""
-    words = []
-    for opens, closes in spans:
-        if opens == -np.inf and closes == np.inf:
-            return ""
-        if opens < closes:
-            ends = ("" if np.isinf(moment) else _time(run, moment) for moment in (opens, closes))
-            words.append("-".join(ends))
-    return ", ".join(words)
-
-
-def _time(run: MissionRun, seconds: float) -> str:
-    """Return a moment to the minute: UTC, or since the departure."""
-    moment = None if run.site is None else run.site.utc(60.0 * round(seconds / 60.0))
-    return hours(seconds) if moment is None else f"{moment:%H:%M}"
+    return spans_in_words(run, zip(table.opens[node - 1, node], table.closes[node - 1, node], strict=True))
 
 
 def _least(values: ArrayLike) -> float:
@@ -404,8 +385,8 @@ def _out_of_window(run: MissionRun, node: int, ways: NDArray) -> str:
     if not np.isfinite(begins).any():
         closes = float(table.closes[i, node].max())
         return (
-            f"its window is {_windows(run, node)}: the route could be there {_time(run, arrival)} at the "
-            f"earliest, {hours(arrival - closes)} too late"
+            f"its window is {_windows(run, node)}: the route could be there "
+            f"{time_in_words(run, arrival)} at the earliest, {hours(arrival - closes)} too late"
         )
     wait = min(begins)
     return (

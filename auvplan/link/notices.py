@@ -102,8 +102,8 @@ class NoticeFile:
                 continue
             try:
                 yield self._notice(json.loads(line))
-            except (ValueError, TypeError, KeyError) as error:
-                yield f"{self._path}, line {self._line}: {' '.join(str(error).split())}; not taken in"
+            except (ValueError, TypeError, KeyError, OverflowError, RecursionError) as error:
+                yield f"{self._path}, line {self._line}: {' '.join(str(error).split())[:300]}; not taken in"
 
     def _notice(self, found: Any) -> Notice:
         if not isinstance(found, dict) or ("obstacle" in found) == ("current" in found):
@@ -160,7 +160,7 @@ def _number(
     if value is None:
         raise ValueError(f"{name}: is missing")
     if isinstance(value, bool) or not isinstance(value, int | float) or math.isnan(value):
-        raise ValueError(f"{name}: must be a number, got {value!r}")
+        raise ValueError(f"{name}: must be a number, got {value!r:.60}")
     if value != default and not span[0] <= value <= span[1]:
         raise ValueError(f"{name}: must be from {span[0]:g} to {span[1]:g}, got {value:g}")
     return float(value)

@@ -1,6 +1,7 @@
 """Charts: a picture or mask to a raster of passability and the signed distance to the coast (section 2)."""
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -10,9 +11,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy
+import shapely
 from jax.core import Tracer
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
 
 from auvplan.compiled import compiled
 from auvplan.errors import AuvplanError, ScenarioWarning
@@ -174,6 +177,27 @@ class Chart(Raster):
         j = np.floor(np.where(inside, np.asarray(y) - origin[1], 0.0) / size).astype(int)
         raster = np.asarray(self.passability)
         return inside & (raster[np.minimum(i, self.shape[0] - 1), np.minimum(j, self.shape[1] - 1)] > 0.0)
+
+    def land(
+        self, lower: Sequence[float] | None = None, upper: Sequence[float] | None = None
+    ) -> BaseGeometry:
+        """Return the coast as exact outlines of its pixels, (east, north) m.
+
+        Args:
+            lower, upper: [2] m, north and east; corners of a rectangle whose pixels alone are returned.
+        """
+        size, corner = float(self.pixel_size), np.asarray(self.origin, float)
+        first = 0 if lower is None else np.floor((np.asarray(lower, float) - corner) / size).astype(int)
+        last = (
+            self.shape if upper is None else np.ceil((np.asarray(upper, float) - corner) / size).astype(int)
+        )
+        (i, j), (m, n) = np.clip(first, 0, self.shape), np.clip(last, 0, self.shape)
+        land = np.asarray(self.passability)[i:m, j:n] == 0.0
+        # Runs of land along each row: whole numbers of pixels join without gaps.
+        edges = np.diff(np.pad(land.astype(np.int8), ((0, 0), (1, 1))), axis=1)
+        (row, begin), end = np.nonzero(edges == 1), np.nonzero(edges == -1)[1]
+        runs = shapely.union_all(shapely.box(begin, row, end, row + 1))
+        return shapely.transform(runs, lambda place: (place + np.array([j, i])) * size + corner[::-1])
 
     def crop(self, i: int, j: int, north: int, east: int) -> Self:
         """Return the part of `north` by `east` pixels from pixel (i, j) on; positions keep their coordinates.

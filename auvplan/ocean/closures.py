@@ -6,6 +6,8 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+import shapely
+from numpy.typing import NDArray
 
 from auvplan.ocean.chart import Chart
 
@@ -44,3 +46,10 @@ class Closure:
         """When they are closed, s since the epoch, for use on the host."""
         begins, ends = (np.asarray(moments, float).tolist() for moments in (self.begins, self.ends))
         return list(zip(begins, ends, strict=True))
+
+    @property
+    def rings(self) -> list[NDArray[np.floating]]:
+        """Outlines of the areas, [n, 2] (north, east) m each, to a pixel: holes are left out."""
+        size = float(self.chart.pixel_size)
+        parts = shapely.get_parts(self.chart.land().buffer(0.01 * size).simplify(size))
+        return [shapely.get_coordinates(part.exterior)[:, ::-1] for part in parts]

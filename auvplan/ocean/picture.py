@@ -13,6 +13,8 @@ from PIL import Image, UnidentifiedImageError
 #: Larger pictures are refused before they are decoded.
 MAX_PIXELS = 64_000_000
 _GDAL_NODATA = 42113
+#: What a picture may be: Pillow hands others, such as PostScript, to programs.
+_FORMATS = ("PNG", "JPEG", "TIFF", "GIF", "BMP", "WEBP", "PPM", "JPEG2000")
 
 
 @contextmanager
@@ -29,7 +31,7 @@ def opened(path: str | Path, fault: type[ValueError]) -> Iterator[Image.Image]:
         with warnings.catch_warnings():
             # Pillow warns of odd metadata, which says nothing about the pixels; damage to those it raises.
             warnings.simplefilter("ignore")
-            with Image.open(path) as picture:
+            with Image.open(path, formats=_FORMATS) as picture:
                 width, height = picture.size
                 if width * height > MAX_PIXELS:
                     raise fault(f"{path}: {width} x {height} pixels are more than {MAX_PIXELS}")

@@ -99,17 +99,13 @@ def _jobs(area: OperatingArea) -> list[tuple[str, style.Array]]:
 
 
 def _draw_closed(axes: Axes, closed: Sequence[Any], unit: style.Unit) -> list[Patch]:
-    kind: dict[str, Any] = {
-        "facecolor": "#d55e0022",
-        "edgecolor": style.RED,
-        "hatch": "///",
-        "linewidth": 0.9,
-    }
     for zone in closed:
         for polygon in getattr(zone.polygon, "geoms", [zone.polygon]):
             rings = [style.flat(ring.coords, unit) for ring in (polygon.exterior, *polygon.interiors)]
-            axes.add_patch(PathPatch(Outline.make_compound_path(*map(_closed, rings)), zorder=1.0, **kind))
-    return [Patch(label="closed area", **kind)] if closed else []
+            axes.add_patch(
+                PathPatch(Outline.make_compound_path(*map(_closed, rings)), zorder=1.0, **style.CLOSED)
+            )
+    return [Patch(label="closed area", **style.CLOSED)] if closed else []
 
 
 def _closed(ring: style.Array) -> Outline:

@@ -34,6 +34,7 @@ def plot_mission(run: MissionRun, *, ax: Axes | None = None) -> Axes:
     style.map_axes(axes, low, high, unit)
     handles: list[Any] = list(style.draw_coast(axes, run.chart, unit))
     handles += draw_depths(axes, run.seabed, unit)
+    handles += style.draw_closures(axes, run, unit)
     handles += _draw_graph(axes, run, unit)
     if executed:
         route = _draw_route(axes, executed, unit)

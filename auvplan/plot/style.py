@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, to_rgb
 from matplotlib.figure import Figure, SubFigure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Circle, Patch
+from matplotlib.patches import Circle, Patch, Polygon
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
@@ -23,6 +23,8 @@ from numpy.typing import ArrayLike, NDArray
 from auvplan.files import write_atomically
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.known import KnownObstacle
+from auvplan.records import MissionRun
+from auvplan.schedule import closures_in_words, stated_closures
 from auvplan.site import Site
 
 Array = NDArray[np.floating]
@@ -209,6 +211,24 @@ def draw_known(
             axes.annotate("", tuple(tip), tuple(place), arrowprops=arrow, zorder=zorder)
     mark: dict[str, Any] = {"ls": "", "marker": "o", "ms": 7, "color": colour, "mec": BLACK}
     return [Line2D([], [], label="known obstacle", **mark)] if obstacles else []
+
+
+#: An area that is closed.
+CLOSED: dict[str, Any] = {"facecolor": "#d55e0022", "edgecolor": RED, "hatch": "///", "linewidth": 0.9}
+
+
+def draw_closures(axes: Axes, run: MissionRun, unit: Unit) -> list[Patch]:
+    """Draw areas that are closed at some hours, with their names and hours; return what a legend says."""
+    for closure, words in zip(stated_closures(run), closures_in_words(run), strict=True):
+        rings = [flat(ring, unit) for ring in closure.rings]
+        for ring in rings:
+            axes.add_patch(Polygon(ring, closed=True, zorder=1.0, **CLOSED))
+        if rings:
+            east, north = max(rings, key=len).mean(axis=0)
+            kind: dict[str, Any] = {"fontsize": 8.5, "ha": "center", "va": "center", "color": "#a8320f"}
+            kind |= {"weight": "bold", "path_effects": halo(3.5), "zorder": 6, "clip_on": True}
+            axes.text(east, north, words, **kind)
+    return [Patch(label="closed at the hours stated", **CLOSED)] if run.closures else []
 
 
 def draw_compass(axes: Axes, unit: Unit, taken: Array | None = None) -> None:

@@ -12,7 +12,15 @@ from matplotlib.patches import Patch
 from auvplan.plot import style
 from auvplan.plot.legs import refused_legs
 from auvplan.records import MissionRun
-from auvplan.schedule import Bar, executed_bars, lateness, planned_bars
+from auvplan.schedule import (
+    Bar,
+    closures_in_words,
+    executed_bars,
+    lateness,
+    planned_bars,
+    stated_closures,
+    windows_of,
+)
 from auvplan.words import hours
 
 #: Pale to dark blue: priorities.
@@ -37,7 +45,9 @@ def plot_timeline(run: MissionRun, *, ax: Axes | None = None) -> Axes:
     """
     routes = run.routes if run.simulated else []
     rows = len(routes) + 1
-    axes = style.own_axes(ax, 13.0, 1.9 + rows * float(np.clip(8.0 / rows, 0.4, 0.6)))
+    axes = style.own_axes(
+        ax, 13.0, 1.9 + 0.3 * len(run.closures) + rows * float(np.clip(8.0 / rows, 0.4, 0.6))
+    )
     # Axes of their own figure will take about 85 % of it.
     width = 0.85 * 13.0 if ax is None else ax.get_window_extent().width / style.figure_of(ax).dpi
     planned = [planned_bars(run, route) for route in routes]
@@ -45,13 +55,15 @@ def plot_timeline(run: MissionRun, *, ax: Axes | None = None) -> Axes:
     bars = [bar for row in [*planned, executed] for bar in row]
     last = max([run.t_available, run.t_mission, *(bar.ends for bar in bars)])
     axes.set_xlim(0.0, 1.02 * last)
-    axes.set_ylim(rows - 0.35, -0.65)
+    axes.set_ylim(rows - 0.35 + 0.6 * len(run.closures), -0.65)
     norm = _norm(run)
     # How wide a letter is on the time axis.
     letter = 0.62 * _FONT / 72.0 / width * 1.02 * last
     for row, route in enumerate(planned):
         _draw(axes, row, route, norm, letter)
     _draw(axes, rows - 1, executed, norm, letter)
+    windows = _draw_windows(axes, run, rows - 1, executed)
+    _draw_closures(axes, run, rows, last)
     for row, route in enumerate(routes[1:], start=1):
         axes.plot([route.made_at] * 2, [row - 0.48, row + 0.48], color=style.RED, lw=1.6, zorder=4)
     refused = [leg.plans[-1].made_at for leg in refused_legs(run)]
@@ -60,7 +72,8 @@ def plot_timeline(run: MissionRun, *, ax: Axes | None = None) -> Axes:
     if routes:
         axes.axhline(rows - 1.5, color="black", lw=0.8)
     axes.axvline(run.t_available, color="red", lw=2.0, zorder=5)
-    axes.set_yticks(range(rows), [*(_name(run, k) for k in range(len(routes))), _executed_name(run)])
+    names = [*(_name(run, k) for k in range(len(routes))), _executed_name(run), *closures_in_words(run)]
+    axes.set_yticks([*range(rows), *_closure_rows(run, rows)], names)
     axes.tick_params(labelsize=8)
     axes.set_xlabel("time since the mission began [s]")
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:,.0f}")
@@ -70,10 +83,37 @@ def plot_timeline(run: MissionRun, *, ax: Axes | None = None) -> Axes:
     if isinstance(norm, BoundaryNorm):
         bar.set_ticks((norm.boundaries[1:] - 0.5).tolist())
     bar.set_label("priority of the task [-]")
-    style.add_legend(axes, _legend(run, bool(refused)), ax, ncols=5)
+    style.add_legend(axes, _legend(run, bool(refused), windows), ax, ncols=5)
     what = "as planned and as executed" if routes else "as planned"
     axes.set_title(f"Route{'s' * bool(routes)}, {what}; legs from → to waypoint", fontsize=11)
     return axes
+
+
+def _draw_windows(axes: Axes, run: MissionRun, row: int, bars: list[Bar]) -> bool:
+    """Draw when tasks may begin, as far as the legs' own bars reach; return whether there are windows."""
+    table = run.graph.timetable
+    found = False
+    for bar in bars:
+        spans = [] if table is None or not bar.task else windows_of(table, bar.start, bar.goal)
+        for opens, closes in spans:
+            begin, end = max(opens, bar.begin), min(closes, bar.ends)
+            if begin <= end:
+                axes.plot([begin, end], [row + 0.43] * 2, color=style.GREEN, lw=3.0, solid_capstyle="butt")
+                found = True
+    return found
+
+
+def _closure_rows(run: MissionRun, rows: int) -> list[float]:
+    """Return where the row of each closed area is, under those of the routes."""
+    return [rows - 0.05 + 0.6 * number for number in range(len(run.closures))]
+
+
+def _draw_closures(axes: Axes, run: MissionRun, rows: int, last: float) -> None:
+    for row, closure in zip(_closure_rows(run, rows), stated_closures(run), strict=True):
+        for begins, ends in closure.spans:
+            begin, end = max(begins, 0.0), min(ends, 1.02 * last)
+            if begin < end:
+                axes.barh(row, end - begin, left=begin, height=0.4, **style.CLOSED)
 
 
 def _norm(run: MissionRun) -> Normalize:
@@ -118,7 +158,7 @@ def _executed_name(run: MissionRun) -> str:
     return f"{what}\npriority {run.total_priority:g}, {run.t_mission:,.0f} s ({hours(run.t_mission)})"
 
 
-def _legend(run: MissionRun, refused: bool) -> list[Any]:
+def _legend(run: MissionRun, refused: bool, windows: bool) -> list[Any]:
     handles: list[Any] = [
         Patch(facecolor="#6aaed6", edgecolor="black", label="travel"),
         Patch(facecolor="#6aaed6", edgecolor="black", label="on-station time (half height)"),
@@ -126,6 +166,10 @@ def _legend(run: MissionRun, refused: bool) -> list[Any]:
     ]
     if len(run.routes) > 1 and run.simulated:
         handles.append(Line2D([], [], color=style.RED, lw=1.6, label="re-planned"))
+    if windows:
+        handles.append(Line2D([], [], color=style.GREEN, lw=3.0, label="the task may begin"))
+    if run.closures:
+        handles.append(Patch(label="area closed", **style.CLOSED))
     if refused:
         handles.append(Line2D([], [], label="a leg planned and refused", **_REFUSED))
     return handles

@@ -15,7 +15,14 @@ from auvplan.report.obstacles import FAR, obstacle_data, sensing_data, to_obstac
 from auvplan.report.packing import packed
 from auvplan.report.provenance import changed_settings
 from auvplan.report.tasks import task_data
-from auvplan.schedule import Bar, executed_bars, lateness, planned_bars
+from auvplan.schedule import (
+    Bar,
+    closures_in_words,
+    executed_bars,
+    lateness,
+    planned_bars,
+    stated_closures,
+)
 
 Array = NDArray[np.floating]
 
@@ -70,6 +77,14 @@ def run_data(run: MissionRun, summary: Mapping[str, Any]) -> dict[str, Any]:
         "track": _track(way),
         "legs": legs,
         "plans": _plans(run),
+        "closures": [
+            {
+                "name": words,
+                "spans": np.clip(closure.spans, -1e9, 1e9),
+                "rings": [np.round(ring, 1) for ring in closure.rings],
+            }
+            for closure, words in zip(stated_closures(run), closures_in_words(run), strict=True)
+        ],
         "known": [asdict(obstacle) for obstacle in run.obstacles],
         "sensing": sensing_data(run),
         "routes": _routes(run),

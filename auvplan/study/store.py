@@ -190,7 +190,7 @@ def _same(path: Path, plain: dict[str, Any]) -> int:
         kept = json.loads(path.read_text(encoding="utf-8"))
     except OSError:
         raise StudyError(f"{path}: no study to resume") from None
-    except ValueError:
+    except (ValueError, RecursionError):
         raise StudyError(f"{path}: not valid JSON") from None
     for name, value in plain.items():
         there = kept.get(name) if isinstance(kept, dict) else None

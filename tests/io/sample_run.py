@@ -7,6 +7,7 @@ import numpy as np
 from auvplan.mission.graph import MissionGraph
 from auvplan.motion import Motion
 from auvplan.ocean.chart import Chart
+from auvplan.ocean.closures import Closure
 from auvplan.ocean.vortices import LambVortices
 from auvplan.records import LegRecord, MissionRun, PlanRecord, RouteRecord
 from auvplan.vehicle import Vehicle
@@ -35,6 +36,13 @@ def make_graph(waypoints: np.ndarray = WAYPOINTS) -> MissionGraph:
     priority = np.where(adjacency, 3.0, 0.0)
     priority[1, 2] = priority[2, 1] = 0.0
     return MissionGraph(waypoints, adjacency, priority, np.where(adjacency, 60.0, 0.0))
+
+
+def make_closure() -> Closure:
+    """A band 200 m wide across the chart, closed from 100 s to 200 s, and 30 s longer at either end."""
+    passability = np.ones((200, 200))
+    passability[50:70] = 0.0
+    return Closure(Chart.from_passability(passability, 10.0), np.array([70.0]), np.array([230.0]), "band")
 
 
 def make_vortices() -> LambVortices:

@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
@@ -53,6 +54,20 @@ def test_mask_geometry():
     assert chart.is_water(125.0, 215.0)
     assert float(chart.passability_at(125.0, 205.0)) == 0.0
     assert float(chart.passability_at(105.0, 235.0)) == 1.0
+
+
+def test_land_is_the_pixels_of_the_coast():
+    rng = np.random.default_rng(3)
+    water = rng.random((17, 23)) < 0.7
+    chart = Chart.from_mask(water, pixel_size=10.0, origin=(100.0, -50.0))
+    land = chart.land()
+    assert land.area == pytest.approx(100.0 * (~water).sum())
+    north, east = np.meshgrid(105.0 + 10.0 * np.arange(17), -45.0 + 10.0 * np.arange(23), indexing="ij")
+    np.testing.assert_array_equal(shapely.contains_xy(land, east, north), ~water)
+    part = chart.land((132.0, -20.0), (171.0, 35.0))
+    assert part.bounds[0] >= -20.0
+    assert part.bounds[3] <= 180.0
+    assert part.area == pytest.approx(100.0 * (~water[3:8, 3:9]).sum())
 
 
 def test_positions_off_the_chart_are_no_water(bay):

@@ -1,5 +1,7 @@
 """Figures exist, can be read, and say what they show in which unit."""
 
+from dataclasses import replace
+
 import jax
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from PIL import Image
 
 import auvplan as ap
 from auvplan.files import OutputError
+from auvplan.mission.timetable import Timetable
 from auvplan.plot import (
     busiest_leg,
     draw_chart,
@@ -20,9 +23,10 @@ from auvplan.plot import (
     plot_obstacles,
     plot_path,
     plot_timeline,
+    style,
 )
 from auvplan.plot.style import figure_of, save
-from tests.io.sample_run import WAYPOINTS, make_chart, make_run, refused_leg
+from tests.io.sample_run import WAYPOINTS, make_chart, make_closure, make_run, refused_leg
 
 NAMES = ["mission.png", "timeline.png", "currents.png", "obstacles.png", "convergence.png"]
 
@@ -110,6 +114,30 @@ def test_route_is_where_it_was_executed():
 def test_large_areas_are_in_kilometres():
     figure = plot_mission(make_run(chart=False, waypoints=WAYPOINTS * [5.0, 5.0, 1.0]))
     assert data_axes(figure)[0].get_xlabel() == "east [km]"
+
+
+def test_areas_that_close_are_drawn_with_their_hours():
+    run = make_run()
+    run.closures = (make_closure().widened(run.safety.closing - 30.0),)
+    words = "band 0 h 02 min-0 h 03 min"
+    axes = data_axes(plot_mission(run))[0]
+    assert words in [text.get_text() for text in axes.texts]
+    axes = data_axes(plot_timeline(run))[0]
+    assert words in [label.get_text() for label in axes.get_yticklabels()]
+    (bar,) = (patch for patch in axes.patches if patch.get_hatch())
+    assert (bar.get_x(), bar.get_width()) == (100.0, 100.0)
+
+
+def test_windows_of_tasks_are_drawn_under_the_legs():
+    run = make_run()
+    leg = next(leg for leg in run.legs if leg.t_task)
+    opens, closes = (np.full((4, 4, 1), fill) for fill in (-np.inf, np.inf))
+    opens[:, leg.goal], closes[:, leg.goal] = leg.times[-1] - 5.0, leg.times[-1] + 5.0
+    nothing = np.zeros((4, 4, 0))
+    table = Timetable(np.zeros(1), np.ones((1, 4, 4)), opens, closes, nothing, nothing, nothing, nothing)
+    run.graph = replace(run.graph, timetable=table)
+    lines = [line for line in data_axes(plot_timeline(run))[0].lines if line.get_color() == style.GREEN]
+    assert [leg.times[-1] - 5.0, leg.times[-1] + 5.0] in [list(line.get_xdata()) for line in lines]
 
 
 def test_timeline_has_a_row_for_each_route_and_one_as_executed():

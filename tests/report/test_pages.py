@@ -20,7 +20,7 @@ from auvplan.report.page import _asset
 from auvplan.report.run import run_data
 from auvplan.report.study import study_data
 from auvplan.scenario.scenario import Scenario
-from tests.io.sample_run import make_run, refused_leg
+from tests.io.sample_run import make_closure, make_run, refused_leg
 from tests.plot.sample_study import make_study, without_legs
 from tests.report.conftest import HOSTILE, save
 
@@ -41,6 +41,18 @@ def unpacked(array):
     kinds = {"f32": "<f4", "i16": "<i2", "i32": "<i4"}
     values = np.frombuffer(base64.b64decode(array["data"]), kinds[array["kind"]])
     return values.reshape(array["shape"]) * array["step"]
+
+
+def test_areas_that_close_are_in_the_page():
+    run = make_run()
+    run.closures = (make_closure().widened(run.safety.closing - 30.0),)
+    (closure,) = run_data(run, run.summary())["closures"]
+    assert closure["name"].startswith("band")
+    np.testing.assert_allclose(closure["spans"], [[100.0, 200.0]])
+    (ring,) = closure["rings"]
+    np.testing.assert_allclose(
+        [ring.min(axis=0), ring.max(axis=0)], [[500.0, 0.0], [700.0, 2000.0]], atol=0.2
+    )
 
 
 def test_a_run_is_in_its_page(run, run_page):

@@ -9,6 +9,9 @@ from pathlib import Path
 from auvplan.errors import AuvplanError
 from auvplan.ocean.chart import ChartError
 
+#: Characters of a line; what a file holds may be a megabyte.
+_LINE = 1000
+
 
 class GeoError(AuvplanError):
     """A file of places that cannot be used; the message is one line that names it.
@@ -18,6 +21,9 @@ class GeoError(AuvplanError):
     """
 
     def __init__(self, first: str, *others: str, field: str = "") -> None:
+        first, *others = (
+            line if len(line) <= _LINE else f"{line[: _LINE - 3]}..." for line in (first, *others)
+        )
         more = f" (and {len(others)} more: auvplan validate lists all)" if others else ""
         super().__init__(first + more, field=field)
         self.lines = (first, *others)

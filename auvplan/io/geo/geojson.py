@@ -233,8 +233,9 @@ def _parted(feature: Feature, shape: Polygon | MultiPolygon) -> Polygon | MultiP
     """
     reason = shapely.is_valid_reason(shape)
     line = f"{feature.where}: {_fault(reason)}"
-    parted = shapely.make_valid(shape)
-    if not reason.startswith("Ring Self-intersection") or not isinstance(parted, Polygon | MultiPolygon):
+    # Only these are made valid: of many rings that cross that takes very long, and gigabytes.
+    parted = shapely.make_valid(shape) if reason.startswith("Ring Self-intersection") else None
+    if not isinstance(parted, Polygon | MultiPolygon):
         raise GeoError(line)
     warnings.warn(f"{line}: it is parted there", ScenarioWarning, stacklevel=3)
     return parted

@@ -1,8 +1,10 @@
 """Polygons of GeoPackage, Shapefile, FlatGeobuf and what else GDAL reads, in longitude and latitude."""
 
 import warnings
+import zlib
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile, ZipFile
 
 import shapely
 from pyproj import CRS, Transformer
@@ -11,8 +13,11 @@ from shapely.geometry import MultiPolygon, Polygon
 from auvplan.io.geo.error import GeoError, reason
 
 _STARTS = (b"SQLite format 3", b"fgb", b"PK\x03\x04")
+_SHAPEFILE = b"\0\0\x27\x0a"
 # An edge of a projection in pieces of so many metres is straight in degrees too.
 _PIECE = 1000.0
+#: Parts of a Shapefile in an archive.
+_BESIDE = (".shx", ".dbf", ".prj", ".cpg", ".sbn", ".sbx", ".qix", ".qmd", ".xml", ".txt", ".md", ".html")
 _SUFFIXES = (".shp", ".gpkg", ".fgb", ".zip")
 
 
@@ -36,6 +41,7 @@ def read_vector_polygons(path: str | Path) -> list[tuple[int, dict[str, Any], Po
         raise GeoError(f"{path}: needs a further package: pip install 'auvplan[readers]'") from None
     if not Path(path).exists():
         raise GeoError(f"{path}: no such file")
+    _require_known(Path(path))
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of what GDAL finds odd and can read
@@ -69,6 +75,31 @@ def read_vector_polygons(path: str | Path) -> list[tuple[int, dict[str, Any], Po
     if not found:
         raise GeoError(f"{path}: every polygon is empty")
     return found
+
+
+def _require_known(path: Path) -> None:
+    """Refuse what GDAL takes for other formats, some of which name files and servers that it then reads.
+
+    Raises:
+        GeoError: the file, or one in a zip archive, is not of the format that its name tells.
+    """
+    starts: list[tuple[str, bytes]] = []
+    try:
+        with path.open("rb") as file:
+            starts.append((path.name, file.read(16)))
+        if starts[0][1].startswith(b"PK"):
+            with ZipFile(path) as archive:
+                starts = []
+                for entry in archive.infolist():
+                    with archive.open(entry) as inside:
+                        starts.append((entry.filename, inside.read(16)))
+    except (OSError, ValueError, RuntimeError, NotImplementedError, BadZipFile, zlib.error) as error:
+        raise GeoError(f"{path}: cannot be read ({reason(error)})") from None
+    for name, start in starts:
+        kind = Path(name).suffix.lower()
+        beside = len(starts) > 1 and kind in _BESIDE
+        if not (start.startswith((*_STARTS, _SHAPEFILE)) or beside or name.endswith("/")):
+            raise GeoError(f"{path}: {name} is neither a GeoPackage, a Shapefile nor a FlatGeobuf")
 
 
 def _turned(places: Any, turn: Transformer) -> Any:

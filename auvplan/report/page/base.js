@@ -69,7 +69,7 @@ report.literal = (text) => String(text).replace(/&/g, "&amp;").replace(/</g, "&l
 
 /** An element with attributes, listeners ("onclick") and children; texts are never markup. */
 report.element = function (tag, attributes = {}, ...children) {
-  const svg = ["svg", "g", "path", "circle", "rect", "line"].includes(tag);
+  const svg = ["svg", "g", "path", "circle", "rect", "line", "text"].includes(tag);
   const made = svg
     ? document.createElementNS("http://www.w3.org/2000/svg", tag)
     : document.createElement(tag);

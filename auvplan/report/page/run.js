@@ -273,6 +273,7 @@
 
   const layers = [
     run.map.chart && ["chart", run.map.chart.uncertain ? "coast, uncertain area" : "coast", "area", "coast"],
+    run.closures.length && ["closures", "closed areas, dashed while open", "area", "closed"],
     run.map.depths && ["depths", "depth of the sea bed, m", "thin", "depth"],
     current && ["current", "current", "arrow", "current"],
     run.kind !== "leg" && run.routes.length > 1 && ["route", "route, to come", "dot", "route"],
@@ -347,6 +348,20 @@
     const plan = (k) =>
       line(plans[k].places.length / 3, (s) => [plans[k].places[3 * s + 1], plans[k].places[3 * s]], x, y);
     show("current", "path", "current", { d: arrows(time, x, y, narrow() ? 2 : 1) });
+
+    for (const { name, spans, rings } of run.closures) {
+      const closed = spans.some(([begins, ends]) => begins <= time && time < ends);
+      const ring = (places) => line(places.length, (k) => [places[k][1], places[k][0]], x, y) + "z";
+      show("closures", "path", closed ? "closure" : "closure open", {
+        d: rings.map(ring).join(""),
+      });
+      const longest = rings.reduce((one, other) => (other.length > one.length ? other : one), []);
+      const mean = (axis) => longest.reduce((sum, place) => sum + place[axis], 0) / longest.length;
+      if (longest.length && !hidden.has("closures") && !hidden.has("names"))
+        made.push(
+          report.element("text", { class: "closure-name", x: x(mean(1)), y: y(mean(0)) }, name),
+        );
+    }
 
     const number = legAt(time),
       route = routeAt(time),
