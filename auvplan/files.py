@@ -50,6 +50,10 @@ RESULTS = (
 #: Larger summaries are no summaries.
 _MAX_SUMMARY_BYTES = 50_000_000
 
+#: A file of results that claims more bytes of values than either of these, the latter times its own size, is
+#: none: it would fill the memory.
+_MAX_DATASET_BYTES, _MOST_COMPRESSED = 1 << 30, 100
+
 
 class OutputError(AuvplanError):
     """A result that cannot be written; the message is one line."""
@@ -200,12 +204,53 @@ def read_dataset(folder: str | Path, name: str) -> "xr.Dataset":
 
     path = _existing(folder, name)
     try:
+        require_whole(path, ResultError)
         with xr.open_dataset(path, engine="h5netcdf", decode_times=False) as dataset:
+            size, own = sum(variable.nbytes for variable in dataset.variables.values()), path.stat().st_size
+            if size > max(_MAX_DATASET_BYTES, _MOST_COMPRESSED * own):
+                raise ResultError(f"{path}: {size:.2g} bytes of values in a file of {own} are no result")
             return dataset.load()
+    except ResultError:
+        raise
     # HDF5 answers a damaged file with whatever its layers stumble over.
     except Exception as error:
         line = " ".join(str(error).split()) or type(error).__name__
         raise ResultError(f"{path}: not a readable NetCDF file ({line})") from None
+
+
+def require_whole(path: str | Path, fault: type[AuvplanError]) -> None:
+    """Refuse an HDF5 file whose values lie in other files: HDF5 reads these, whatever they are.
+
+    Args:
+        path: of the file. What h5py raises on a damaged one is passed on.
+        fault: raised with one line that names the file and the variable.
+    """
+    import h5py
+
+    with h5py.File(path, "r") as file:
+        left, seen = [("", file["/"])], set()
+        while left:
+            above, group = left.pop()
+            for name in group:
+                where = f"{above}{name}"
+                link = group.get(name, getlink=True)
+                if isinstance(link, h5py.ExternalLink):
+                    raise fault(f"{path}: {where[:100]} is a link to another file, which is not followed")
+                if not isinstance(link, h5py.HardLink):
+                    continue
+                part = group[name]
+                if isinstance(part, h5py.Group) and hash(part.id) not in seen:
+                    seen.add(hash(part.id))
+                    left.append((f"{where}/", part))
+                elif isinstance(part, h5py.Dataset) and _is_elsewhere(part):
+                    raise fault(f"{path}: the values of {where[:100]} lie in another file, which is not read")
+
+
+def _is_elsewhere(part: Any) -> bool:
+    """Return whether a variable's values lie in another file."""
+    if part.external:
+        return True
+    return part.is_virtual and any(source.file_name != "." for source in part.virtual_sources())
 
 
 def write_dataset(dataset: "xr.Dataset", path: str | Path) -> Path:

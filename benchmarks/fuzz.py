@@ -53,8 +53,8 @@ LINE = 2000
 OUTSIDE = ("linked.nc", "linked.txt", "linked.geojson", "other.geojson", "other.nc")
 
 _FORBIDDEN = (
-    "subprocess.Popen", "os.system", "os.exec", "os.posix_spawn", "os.spawn", "os.startfile", "socket.connect",
-    "socket.getaddrinfo", "pickle.find_class", "os.remove", "os.rename",
+    "subprocess.Popen", "os.system", "os.exec", "os.posix_spawn", "os.spawn", "os.startfile",
+    "socket.connect", "socket.getaddrinfo", "pickle.find_class", "os.remove", "os.rename",
 )  # fmt: skip
 
 

@@ -22,9 +22,9 @@ Tree = Any
 
 #: What replaces a value in a tree of JSON or YAML.
 EXTREMES: tuple[Any, ...] = (
-    float("nan"), float("inf"), -0.0, 0, -1, 1e308, -1e308, 5e-324, 2**31, -(2**63), 10**30, 10**400, "", None,
-    True, [], {}, [[]], [None], {"": None}, "1e400", "0x10", "nan", "2026-13-45T99:00:00Z", "9999-12-31T23:59:59Z",
-    "24:00Z/23:00Z", "\x00", "\ud800", "a\nb", "\u202e", "%s%n{0}",
+    float("nan"), float("inf"), -0.0, 0, -1, 1e308, -1e308, 5e-324, 2**31, -(2**63), 10**30, 10**400, "",
+    None, True, [], {}, [[]], [None], {"": None}, "1e400", "0x10", "nan", "2026-13-45T99:00:00Z",
+    "9999-12-31T23:59:59Z", "24:00Z/23:00Z", "\x00", "\ud800", "a\nb", "\u202e", "%s%n{0}",
 )  # fmt: skip
 
 #: Words that stand for raw text, which no tree can hold, until the tree is written.
@@ -356,8 +356,8 @@ def _attribute(file: h5py.File, name: str, rng: Rng, outside: Path) -> str:
         holder.attrs[key] = _raw(json.dumps(tree), _RAW).encode("utf-8", "surrogatepass")
         return f"{key}: {said}"
     values = (
-        0, -1, 1e308, np.nan, "", "x" * 60_000, "\x00", np.zeros(0), np.arange(5.0), "seconds since 0000-00-00",
-        "days since 9999-99-99", str(outside), "nan", 2**62, "é" * 100, np.array([["a", "b"]], object),
+        0, -1, 1e308, np.nan, "", "x" * 60_000, "\x00", np.zeros(0), np.arange(5.0),
+        "seconds since 0000-00-00", "days since 9999-99-99", str(outside), "nan", 2**62, "é" * 100, np.array([["a", "b"]], object),
     )  # fmt: skip
     value = values[int(rng.integers(len(values)))]
     if isinstance(value, np.ndarray) and value.dtype == object:

@@ -15,6 +15,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from auvplan.errors import AuvplanError
 from auvplan.files import MISSION, ResultError, read_mission, read_summary
 from auvplan.io.fields import site_of
 from auvplan.io.geo import GeoError, read_obstacles
@@ -122,7 +123,13 @@ def check_run(folder: str | Path) -> CheckReport:
     summary, dataset = read_summary(folder), read_mission(folder)
     require(summary, dataset, Path(folder))
     _require_bed(dataset, Path(folder) / MISSION)
-    return check_dataset(summary, dataset)
+    try:
+        return check_dataset(summary, dataset)
+    except AuvplanError:
+        raise
+    except Exception as error:  # whatever values of the wrong kind lead to
+        line = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
+        raise ResultError(f"{Path(folder) / MISSION}: cannot be checked ({line})") from None
 
 
 def check_dataset(summary: dict[str, Any], dataset: xr.Dataset) -> CheckReport:

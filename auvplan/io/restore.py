@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from auvplan.errors import AuvplanError
 from auvplan.files import MISSION, ResultError, read_mission, read_summary
 from auvplan.io.area import load_closures, load_truth
 from auvplan.io.fields import chart_of, history_of, motion_of, seabed_of, site_of, vortices_of
@@ -84,8 +85,11 @@ def restore_run(folder: str | Path) -> MissionRun:
             closures=_closures(settings, dataset, home),
             saved_bound=float(summary.get("priority_bound", 0.0)),
         )
-    except (KeyError, TypeError, json.JSONDecodeError) as error:
-        raise ResultError(f"{Path(folder) / MISSION}: incomplete ({' '.join(str(error).split())})") from None
+    except AuvplanError:
+        raise
+    except Exception as error:  # whatever values of the wrong kind lead to
+        line = " ".join(str(error).split())[:200] or type(error).__name__
+        raise ResultError(f"{Path(folder) / MISSION}: incomplete ({line})") from None
     return run
 
 

@@ -20,6 +20,7 @@ import shapely.geometry
 import xarray as xr
 from pyproj import Transformer
 
+from auvplan.files import ResultError, require_whole
 from auvplan.io.hours import closed_at
 from auvplan.io.walk import Array, Mask
 
@@ -216,6 +217,8 @@ def _dry(paths: list[str]) -> Callable[[Array, Array, Array], Mask]:
 def _opened(path: str) -> xr.Dataset:
     with open(path, "rb") as file:
         engine = "scipy" if file.read(3) == b"CDF" else "h5netcdf"
+    if engine == "h5netcdf":
+        require_whole(path, ResultError)
     return xr.open_dataset(path, engine=engine, decode_times=False, create_default_indexes=False)
 
 

@@ -11,6 +11,7 @@ import xarray as xr
 import yaml
 from pyproj import Transformer
 
+from auvplan.files import ResultError, require_whole
 from auvplan.io.ledger import Array
 
 _NAMES = {
@@ -124,6 +125,8 @@ def _of_file(path: str, longitude: Array, latitude: Array, depth: Array, when: A
     """Speeds in a file on a grid of longitude and latitude, linear between its nodes."""
     with open(path, "rb") as file:
         engine = "scipy" if file.read(3) == b"CDF" else "h5netcdf"
+    if engine == "h5netcdf":
+        require_whole(path, ResultError)
     with xr.open_dataset(path, engine=engine) as data:
         parts = []
         for names in _NAMES.values():

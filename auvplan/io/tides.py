@@ -6,15 +6,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from auvplan.ocean.gridded import CurrentError
 from auvplan.ocean.tides import HarmonicCurrent
+from auvplan.scenario.yaml_lines import YamlError, read_yaml
 from auvplan.site import Site
 
 #: utide's flags for corrections that are exact at the moment that is asked for.
 _EXACT = (False, False, False, False)
 _DAY = 86_400.0
+#: Larger files hold no constituents.
+_MAX_BYTES = 1_000_000
 _EXTRA = "pip install 'auvplan[tides]'"
 
 
@@ -61,7 +63,7 @@ def read_tide(path: str | Path, site: Site, until: float) -> HarmonicCurrent:
     for name in names:
         if name not in known:
             raise CurrentError(
-                f"{path}: constituents.{name}: is none that is known, such as M2, S2, N2, K1, O1"
+                f"{path}: constituents.{name[:60]}: is none that is known, such as M2, S2, N2, K1, O1"
             )
     index = np.array([known[name] for name in names])
     rate = 2.0 * np.pi * ut_constants.const.freq[index] / 3600.0
@@ -102,16 +104,21 @@ def read_tide(path: str | Path, site: Site, until: float) -> HarmonicCurrent:
 
 def _document(path: str | Path) -> dict[str, Any]:
     try:
-        stated = yaml.safe_load(Path(path).read_text(encoding="utf-8-sig"))
+        if Path(path).stat().st_size > _MAX_BYTES:
+            raise CurrentError(f"{path}: larger than {_MAX_BYTES} bytes, no constituents")
+        document = read_yaml(Path(path).read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise CurrentError(f"{path}: {error.strerror or error}") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except (YamlError, UnicodeDecodeError) as error:
         raise CurrentError(f"{path}: is no YAML: {' '.join(str(error).split())[:120]}") from None
+    for _, reason, (line, _) in document.faults:
+        raise CurrentError(f"{path}: line {line}: {reason}")
+    stated = document.data
     if not isinstance(stated, dict):
         raise CurrentError(f"{path}: must be a mapping with constituents, or places that have them")
     known = {"constituents", "places", "mean", "depths", "shares", "source"}
     if extra := [name for name in stated if name not in known]:
-        raise CurrentError(f"{path}: {extra[0]}: unknown key; there are {', '.join(sorted(known))}")
+        raise CurrentError(f"{path}: {extra[0][:60]}: unknown key; there are {', '.join(sorted(known))}")
     return stated
 
 
@@ -143,8 +150,10 @@ def _numbers(where: str, stated: Any, name: str, count: int) -> np.ndarray:
     plain = isinstance(stated, list) and all(
         isinstance(v, int | float) and not isinstance(v, bool) for v in stated
     )
-    if not plain or len(stated) != count or not np.isfinite(stated).all():
-        raise CurrentError(f"{where}: {name} must be {count} numbers, got {str(stated)[:40]}")
+    # Whole numbers beyond all floats are none that NumPy knows.
+    plain = plain and len(stated) == count and all(abs(value) < 1e300 for value in stated)
+    if not plain:
+        raise CurrentError(f"{where}: {name} must be {count} numbers, got {repr(stated)[:40]}")
     return np.asarray(stated, float)
 
 

@@ -11,6 +11,9 @@ from auvplan.report.provenance import changed_settings
 #: Columns of numbers, of those that a table of departures may have.
 _NUMBERS = ("departure_s", "time_s", "tasks", "total_priority", "length_m", "clearance_m", "current_m_s")
 
+#: What a page takes from beside the table.
+_KINDS: dict[str, type] = {"scenario": dict, "files": list, "notes": list, "versions": dict}
+
 
 def departures_data(rows: list[dict[str, Any]], stated: Mapping[str, Any]) -> dict[str, Any]:
     """Return what the page of departures shows.
@@ -53,6 +56,11 @@ def read_departures(folder: str | Path) -> tuple[list[dict[str, Any]], dict[str,
     if not rows:
         raise ResultError(f"{path}: no departures in it")
     stated = read_json(folder, DEPARTED) if beside.is_file() else {}
+    for name, kind in _KINDS.items():
+        if not isinstance(stated.get(name, kind()), kind):
+            raise ResultError(f"{beside}: {name} is not a {'table' if kind is dict else 'list'}")
+    if not isinstance(stated.get("scenario", {}).get("mission") or {}, dict):
+        raise ResultError(f"{beside}: scenario.mission is not a table")
     return rows, stated
 
 

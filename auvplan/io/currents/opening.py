@@ -15,6 +15,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from auvplan.files import require_whole
 from auvplan.ocean.gridded import CurrentError
 
 #: Coordinates with more values are refused before they are read.
@@ -202,6 +203,9 @@ def _engines(path: str) -> list[str]:
             with h5py.File(path, "r") as file:
                 # What h5netcdf asks first; its answer to an error there is one more, on the way out.
                 file.attrs.get("_nc3_strict")
+            require_whole(path, CurrentError)
+        except CurrentError:
+            raise
         except Exception as error:
             raise CurrentError(f"{path}: not a readable NetCDF file ({_line(error)})") from None
         return ["h5netcdf", *fallback]

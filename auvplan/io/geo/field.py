@@ -15,6 +15,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from scipy.interpolate import LinearNDInterpolator
 
+from auvplan.files import require_whole
 from auvplan.io.geo.error import GeoError
 from auvplan.io.geo.grid import LocalGrid, Nodes
 from auvplan.ocean.picture import MAX_PIXELS
@@ -99,6 +100,7 @@ def netcdf_field(path: Path, variable: str | None, site: Site, grid: LocalGrid) 
         # On damage h5netcdf leaves an object that complains when it is collected; h5py fails cleanly.
         with h5py.File(path, "r") as file:
             file.attrs.get("_nc3_strict")
+        require_whole(path, GeoError)
     else:
         raise GeoError(f"{path}: neither NetCDF nor GeoTIFF")
     with warnings.catch_warnings():
