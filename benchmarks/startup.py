@@ -1,0 +1,136 @@
+"""How long a person waits for a command: the first time, with an empty cache, and later.
+
+``python -m benchmarks.startup [--runs 3] [--study 100] [--out FILE.json]`` times whole processes, from the
+call to their end, each with a cache that begins empty. *Beyond its own work* is what a command takes longer
+than the same call made a second time in one process: start, imports, loading of programs, the end. Nothing
+else should run meanwhile.
+"""
+
+import argparse
+import os
+import re
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+from rich.table import Table
+
+from benchmarks.machine import console, machine, write
+
+README = Path(__file__).parent.parent / "README.md"
+
+AUVPLAN = [sys.executable, "-m", "auvplan.cli"]
+
+TWICE = """
+import sys, time, auvplan.cli
+for _ in range(2):
+    begin = time.perf_counter()
+    auvplan.cli.app(sys.argv[1:], standalone_mode=False)
+    seconds = time.perf_counter() - begin
+print(seconds, file=sys.stderr)
+"""
+
+
+def seconds(words: list[str], folder: Path) -> float:
+    """Wall-clock time of a process; a mission that fails, status 1, is one all the same."""
+    place = {**os.environ, "AUVPLAN_CACHE": str(folder / "cache")}
+    begin = time.perf_counter()
+    ended = subprocess.run(words, cwd=folder, env=place, capture_output=True, text=True)
+    if ended.returncode not in (0, 1):
+        raise RuntimeError(f"{' '.join(words)}: {ended.stderr.strip()}")
+    return time.perf_counter() - begin
+
+
+def own_work(words: list[str], folder: Path) -> float:
+    """Seconds of the second of two calls in one process."""
+    place = {**os.environ, "AUVPLAN_CACHE": str(folder / "cache")}
+    command = [sys.executable, "-c", TWICE, *words]
+    ended = subprocess.run(command, cwd=folder, env=place, capture_output=True, text=True, check=True)
+    return float(ended.stderr.strip().splitlines()[-1])
+
+
+def ten_lines(folder: Path) -> list[str]:
+    """The README's lines of Python, as a script."""
+    found = re.search(r"## Ten lines of Python\n\n```python\n(.*?)```", README.read_text(), re.DOTALL)
+    assert found is not None
+    script = folder / "ten.py"
+    script.write_text(found[1], encoding="utf-8")
+    return [sys.executable, str(script)]
+
+
+def other_counts(folder: Path) -> Path:
+    """The shipped scenario with other numbers of vortices, obstacles, waypoints and links."""
+    import auvplan as ap
+
+    changes = {
+        "current.vortices": 9, "obstacles.static": 1, "obstacles.afloat": 3, "mission.waypoints": 23,
+        "mission.neighbours": 5,
+    }  # fmt: skip
+    scenario = ap.load_scenario("whitsunday").with_(changes)
+    file = folder / "other.yaml"
+    file.write_text(scenario.model_dump_json(exclude_unset=True), encoding="utf-8")
+    return file
+
+
+def measured(runs: int, study: int, folder: Path) -> list[dict[str, Any]]:
+    """First and later times of each command, in the order of a person's first day."""
+    rows: list[dict[str, Any]] = []
+    screen = console()
+
+    def take(name: str, words: list[str], own: bool = False, later: int = runs) -> None:
+        first = seconds(words, folder)
+        times = [seconds(words, folder) for _ in range(later)]
+        row: dict[str, Any] = {"what": name, "first": first, "later": statistics.median(times or [first])}
+        if own:
+            row["beyond"] = row["later"] - own_work(words[len(AUVPLAN) :], folder)
+        rows.append(row)
+        screen.print(
+            ", ".join(f"{key} {value:.2f}" if key != "what" else value for key, value in row.items())
+        )
+
+    take("mission, all pictures", [*AUVPLAN, "mission", "--out", "run"])
+    take("mission, no pictures", [*AUVPLAN, "mission", "--pictures", "none", "--out", "none"])
+    take("mission of other counts", [*AUVPLAN, "mission", str(other_counts(folder)), "--out", "other"])
+    take("path scenario-2", [*AUVPLAN, "path", "scenario-2", "--out", "path"])
+    take("README's ten lines", ten_lines(folder))
+    take("--help", [*AUVPLAN, "--help"])
+    for name, words in (
+        ("check", ["check", "run"]),
+        ("validate", ["validate", "whitsunday"]),
+        ("export", ["export", "run", "--as-simulated", "--out", "files"]),
+        ("plot", ["plot", "run", "--out", "pictures"]),
+    ):
+        take(name, [*AUVPLAN, *words], own=True)
+    if study:
+        words = [*AUVPLAN, "montecarlo", "-n", str(study), "--force", "--out", "study"]
+        (folder / "cache").rename(folder / "before")
+        take(f"{study} missions", words, later=1)
+    return rows
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description="How long a person waits for a command.")
+    parser.add_argument("--runs", type=int, default=3, help="later runs of each, of which the median counts")
+    parser.add_argument("--study", type=int, default=100, help="missions of a study; 0 for none")
+    parser.add_argument("--out", type=Path, help="JSON file to write")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        rows = measured(options.runs, options.study, Path(name))
+    stated = machine()
+    title = f"wall-clock seconds of whole commands, {stated['cores']} cores of {stated['processor']}"
+    table = Table("command", "first", "later", "beyond its own work", title=title)
+    for row in rows:
+        beyond = f"{row['beyond']:.1f}" if "beyond" in row else ""
+        table.add_row(row["what"], f"{row['first']:.1f}", f"{row['later']:.1f}", beyond)
+    console().print(table)
+    if options.out:
+        write(options.out, {"startup": rows})
+
+
+if __name__ == "__main__":
+    main()
