@@ -228,7 +228,8 @@ def require_whole(path: str | Path, fault: type[AuvplanError]) -> None:
     import h5py
 
     with h5py.File(path, "r") as file:
-        left, seen = [("", file["/"])], set()
+        left: list[tuple[str, Any]] = [("", file)]
+        seen: set[int] = set()
         while left:
             above, group = left.pop()
             for name in group:

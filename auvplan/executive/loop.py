@@ -296,7 +296,7 @@ def _begin(context: SimulationContext, missions: list[Mission]) -> None:
     begin_legs(context, missions, records)
     for mission, times in zip(missions, expected, strict=True):
         mission.run.legs.append(mission.active_leg.record)
-        if why := _refused(context, mission, mission.active_leg, times):
+        if why := why_refused(context, mission, mission.active_leg, times):
             mission.now -= mission.active_leg.record.t_hold
             mission.active_leg.record.t_hold = 0.0
             _reject_leg(mission, mission.active_leg, why)
@@ -316,7 +316,7 @@ def _by_the_clock(mission: Mission, i: int, j: int, least: float, speed: float) 
     return arrives - leaves + float(mission.graph.duration[i, j]), leaves - departs
 
 
-def _refused(context: SimulationContext, mission: Mission, leg: Leg, times: np.ndarray) -> str:
+def why_refused(context: SimulationContext, mission: Mission, leg: Leg, times: np.ndarray) -> str:
     """Return why the planned leg should not be executed, or an empty string.
 
     A leg is refused when its path is not feasible, or when the time that the path takes would leave too

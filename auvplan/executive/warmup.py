@@ -36,10 +36,11 @@ def warm_up(context: SimulationContext, start_mission: Callable[[], Mission]) ->
     if cache.holds(__name__, mark):  # what this would compile is on disk
         return
     cache.store(__name__, mark, True)
-    Thread(target=_begin_a_leg, args=(replace(context, clock=Clock()), start_mission), daemon=True).start()
+    Thread(target=begin_a_leg, args=(replace(context, clock=Clock()), start_mission), daemon=True).start()
 
 
-def _begin_a_leg(context: SimulationContext, start_mission: Callable[[], Mission]) -> None:
+def begin_a_leg(context: SimulationContext, start_mission: Callable[[], Mission]) -> None:
+    """Plan and simulate the beginning of a leg with zeros for results, which compiles what it needs."""
     try:
         mission = start_mission()
         start = mission.here

@@ -312,7 +312,7 @@ class _Grid:
         """Return the best paths through `count` passages."""
         fields = self.fields()
         total = fields[0] + fields[1]
-        nearer, broken = self._previous(jnp.stack(fields))
+        nearer, broken = self.previous(jnp.stack(fields))
         sides = _sides(total, total[self.source], nearer)
         chosen, times = _firsts(total, sides, count)
         walks = jax.lax.map(lambda towards: _walk(chosen, towards, 3 * total.shape[0]), nearer)
@@ -321,7 +321,7 @@ class _Grid:
         x, y, clear = (plane.reshape(-1)[route] for plane in (self.x, self.y, self.clear))
         return _Traced(x, y, clear, times, most)
 
-    def _previous(self, fields: jax.Array) -> tuple[jax.Array, jax.Array]:
+    def previous(self, fields: jax.Array) -> tuple[jax.Array, jax.Array]:
         """Return the cell next to each on the best way to the start and to the goal.
 
         These are flat indices, [2, N * N]; start and goal are next to themselves. With them comes what of
@@ -568,7 +568,7 @@ def _sides(total: jax.Array, best: jax.Array, nearer: jax.Array) -> jax.Array:
     Args:
         total: [N, N] s, of the best path through each cell.
         best: s, of the best of all.
-        nearer: [2, N * N] as `_Grid._previous` finds it.
+        nearer: [2, N * N] as `_Grid.previous` finds it.
     """
     hills = _hills(total, best)
     width = total.shape[1]

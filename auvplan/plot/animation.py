@@ -173,7 +173,7 @@ class _Film:
         )  # fmt: skip
         self._canvas.draw()
         self._figure.set_layout_engine("none")
-        self._moving = self._parts(places)
+        self.moving = self._parts(places)
         self._canvas.draw()
         self._still = self._canvas.copy_from_bbox(self._figure.bbox)
 
@@ -240,7 +240,7 @@ class _Film:
 
     def _moved(self, time: float) -> list[Any]:
         """Move the parts to where they are at a time; return those to draw, the lowest first."""
-        parts = self._moving
+        parts = self.moving
         number = max(sum(leg.times[0] <= time for leg in self._legs) - 1, 0)
         here = np.array([np.interp(time, self._times, axis) for axis in self._track.T])
         executed = self._track[self._times <= time]
@@ -268,14 +268,14 @@ class _Film:
         """Plans that were given up, the paler the longer ago."""
         ages = [(plan, (time - plan.end) / self._fade) for plan in self._plans if not plan.kept]
         shown = [(plan, age) for plan, age in ages if 0.0 <= age < 1.0]
-        past = self._moving["past"]
+        past = self.moving["past"]
         past.set_segments([plan.line for plan, _ in shown])
         past.set_color([to_rgba(_PLAN, 0.75 * (1.0 - age)) for _, age in shown])
         return past
 
     def _obstacles(self, number: int, time: float, here: style.Array) -> EllipseCollection:
         """True obstacles of a leg where they are."""
-        leg, disks = self._legs[number], self._moving["obstacles"][number]
+        leg, disks = self._legs[number], self.moving["obstacles"][number]
         if not len(leg.obstacle_radii):
             return disks
         place = float(np.interp(time, leg.times, np.arange(len(leg.times))))

@@ -42,8 +42,8 @@ class Painter:
     def __init__(self, choice: Pictures = Pictures.ALL):
         """Draw all pictures, that of the mission alone, or none."""
         self._choice = choice
-        self._process = None
-        self._server: Thread | None = None
+        self.process = None
+        self.server: Thread | None = None
         self._drawn: list[Path] = []
         self._error: Exception | None = None
 
@@ -51,20 +51,20 @@ class Painter:
         if self._choice == Pictures.ALL and cores.count() > 1:
             context = get_context("spawn")
             self._pipe, other = context.Pipe()
-            self._process = context.Process(target=_paint, args=(other,), daemon=True)
+            self.process = context.Process(target=_paint, args=(other,), daemon=True)
             with cores.deaf():
-                self._process.start()
+                self.process.start()
             other.close()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, place: TracebackType | None
     ) -> None:
-        if self._process is not None:
-            self._process.kill()
-            self._process.join()
-            if self._server is not None:
-                self._server.join()
+        if self.process is not None:
+            self.process.kill()
+            self.process.join()
+            if self.server is not None:
+                self.server.join()
             self._pipe.close()
 
     def begin(self, run: "MissionRun", folder: Path) -> None:
@@ -72,9 +72,9 @@ class Painter:
         self._run, self._folder = run, folder
         wanted = {Pictures.ALL: _NAMES, Pictures.MAIN: _NAMES[:1], Pictures.NONE: ()}[self._choice]
         self._left = deque(wanted)
-        if self._process is not None:
-            self._server = Thread(target=self._serve, daemon=True)
-            self._server.start()
+        if self.process is not None:
+            self.server = Thread(target=self._serve, daemon=True)
+            self.server.start()
 
     def finish(self) -> list[Path]:
         """Write the pictures, or what is left of them.
@@ -86,8 +86,8 @@ class Painter:
             OutputError: as `draw_run`.
         """
         self._draw_what_is_left()
-        if self._server is not None:
-            self._server.join()
+        if self.server is not None:
+            self.server.join()
             self._draw_what_is_left()  # what the process had begun where it ended on the way
         if self._error is not None:
             raise self._error

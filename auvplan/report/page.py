@@ -37,15 +37,16 @@ def write_page(kind: str, title: str, data: Mapping[str, Any], path: str | Path)
     """
     parts = {
         "title": html.escape(title),
-        "style": _asset("report.css"),
-        "library": _asset(_PLOTLY),
-        "script": "\n".join(_asset(name) for name in _SCRIPTS[kind]),
+        "style": asset("report.css"),
+        "library": asset(_PLOTLY),
+        "script": "\n".join(asset(name) for name in _SCRIPTS[kind]),
         "data": script_json(data),
     }
-    page = _MARK.sub(lambda mark: parts[mark[1]], _asset("report.html"))
+    page = _MARK.sub(lambda mark: parts[mark[1]], asset("report.html"))
     return write_atomically(path, lambda part: part.write_text(page, encoding="utf-8", newline="\n"))
 
 
 @cache
-def _asset(name: str) -> str:
+def asset(name: str) -> str:
+    """Return a file of the page, by its name."""
     return (files("auvplan.report") / "page" / name).read_text(encoding="utf-8")

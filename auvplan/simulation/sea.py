@@ -62,12 +62,12 @@ class VortexSea:
         self._update = update
         self._interval = interval
         self._error = error
-        self._updates = 0
+        self.updates = 0
         self._forecasts = 0
 
     def advance(self, now: float) -> None:
         """Apply all updates due at `now`, s."""
-        while self._interval is not None and now >= (self._updates + 1) * self._interval:
+        while self._interval is not None and now >= (self.updates + 1) * self._interval:
             self._change()
 
     def begin_window(self) -> None:
@@ -80,9 +80,9 @@ class VortexSea:
         self._interval = None
 
     def _change(self) -> None:
-        field = _changed(self._change_key, self._updates, self.field, update=self._update)
+        field = _changed(self._change_key, self.updates, self.field, update=self._update)
         self.field = jax.device_get(field)
-        self._updates += 1
+        self.updates += 1
 
     def forecast(self) -> LambVortices:
         """Return the field as planners get it, with a new error at every call."""

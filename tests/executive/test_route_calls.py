@@ -112,7 +112,7 @@ def test_planners_are_told_the_current_of_the_moment(monkeypatch):
 
     def spy(context: SimulationContext, missions, causes, cold=False, growing=True):
         seen.extend(
-            (m.now, m.sea._updates) for m, cause in zip(missions, causes, strict=True) if cause == "leg"
+            (m.now, m.sea.updates) for m, cause in zip(missions, causes, strict=True) if cause == "leg"
         )
         return original(context, missions, causes, cold, growing)
 

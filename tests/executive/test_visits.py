@@ -94,7 +94,7 @@ def refused(travel_time: float, **settings) -> str:
     plan_routes(context, [mission])
     plan = SimpleNamespace(travel_time=travel_time, broken=lambda: ())
     leg = SimpleNamespace(record=LegRecord(0, 1, 200.0, 100.0, 1.0), followed=plan)
-    return loop._refused(context, mission, leg, mission.timed.leg_times(2.5))
+    return loop.why_refused(context, mission, leg, mission.timed.leg_times(2.5))
 
 
 def test_a_leg_is_refused_that_would_strand_the_vehicle():

@@ -26,7 +26,7 @@ def real(monkeypatch):
 def test_a_leg_is_begun_by_what_begins_missions(caplog):
     context = make_context(scenario(), ".")
     with caplog.at_level(logging.INFO, "auvplan"):
-        warmup._begin_a_leg(context, partial(start_mission, context, 0, seed_keys([0])[0], 0))
+        warmup.begin_a_leg(context, partial(start_mission, context, 0, seed_keys([0])[0], 0))
     assert "side by side" not in caplog.text
 
 
@@ -44,7 +44,7 @@ def test_a_mission_is_the_same_with_and_without_it(tmp_path, monkeypatch, real):
 
 def test_it_is_done_once_for_a_scenario_and_not_on_one_core(tmp_path, monkeypatch, real):
     begun = []
-    monkeypatch.setattr(warmup, "_begin_a_leg", lambda *_: begun.append(True))
+    monkeypatch.setattr(warmup, "begin_a_leg", lambda *_: begun.append(True))
     monkeypatch.setenv("AUVPLAN_CACHE", str(tmp_path / "one"))
     context = make_context(scenario(), ".")
     for _ in range(2):

@@ -15,6 +15,7 @@ from auvplan.io.check import ResultError, check_dataset, check_run
 from auvplan.io.results import to_dataset
 from auvplan.motion import Motion
 from auvplan.records import MissionRun
+from auvplan.site import Site
 from tests.io.sample_run import WAYPOINTS, make_leg, make_run, refused_leg
 
 
@@ -422,3 +423,56 @@ def test_a_run_is_where_and_when_its_scenario_says(changes, words):
     ]
     assert len(faults) == bool(words)
     assert all(words in fault for fault in faults)
+
+
+def with_known_obstacle(run, folder, x, y, **properties):
+    """The dataset of a run whose scenario names a file with one known obstacle at local places, m."""
+    site = Site(149.0, -20.0)
+    longitude, latitude = (float(axis) for axis in site.to_geographic(x, y))
+    point = {"type": "Point", "coordinates": [longitude, latitude]}
+    feature = {"type": "Feature", "properties": {"name": "buoy"} | properties, "geometry": point}
+    (folder / "obstacles.geojson").write_text(json.dumps(feature))
+    dataset = to_dataset(run)
+    stated = {"site": {"longitude": 149.0, "latitude": -20.0}, "obstacles": {"file": "obstacles.geojson"}}
+    dataset.attrs["scenario"] = json.dumps(json.loads(dataset.attrs["scenario"]) | stated)
+    dataset.attrs |= {
+        "site_longitude": 149.0, "site_latitude": -20.0, "site_origin": np.zeros(2),
+        "scenario_folder": str(folder),
+    }  # fmt: skip
+    return dataset
+
+
+@pytest.mark.parametrize(
+    ("aside", "depths", "clearance"),
+    [
+        (0.0, {}, -50.0),
+        (30.0, {}, -20.0),
+        (90.0, {}, 40.0),
+        (0.0, {"depth_max": 10.0}, 20.0),  # the leg passes 20 m under it
+        (80.0, {"depth_max": 10.0}, np.hypot(30.0, 20.0)),
+        (0.0, {"depth_min": 45.0}, 15.0),  # and here over it
+    ],
+)
+def test_known_obstacles_are_upright_cylinders(tmp_path, aside, depths, clearance):
+    run = make_run((0, 1), chart=False, obstacles=False)
+    (leg,) = run.legs
+    leg.positions = np.linspace([0.0, 0.0, 30.0], [1000.0, 0.0, 30.0], len(leg.times))
+    dataset = with_known_obstacle(run, tmp_path, 500.0, aside, radius=50.0, **depths)
+    report = check_dataset(json.loads(json.dumps(run.summary())), dataset)
+    assert report.obstacle_clearance == pytest.approx(clearance, abs=0.6)
+    assert report.obstacle_hits == (clearance < 0.0)
+    within = 2.0 * np.sqrt(max(50.0**2 - aside**2, 0.0)) if clearance < 0.0 else 0.0
+    assert report.obstacle_metres == pytest.approx(within, abs=4.0)
+    assert any("inside 'buoy'" in fault for fault in report.faults) == (clearance < 0.0)
+
+
+def test_known_obstacles_move(tmp_path):
+    """One that crosses the way behind the vehicle is missed, one that meets it is not."""
+    run = make_run((0, 1), chart=False, obstacles=False)
+    (leg,) = run.legs
+    leg.positions = np.linspace([0.0, 0.0, 30.0], [1000.0, 0.0, 30.0], len(leg.times))
+    half = float(leg.times[0] + leg.times[-1]) / 2.0
+    for east, hit in ((-half, True), (-half - 200.0, False)):
+        dataset = with_known_obstacle(run, tmp_path, 500.0, east, radius=20.0, course=90.0, speed=1.0)
+        report = check_dataset(json.loads(json.dumps(run.summary())), dataset)
+        assert (report.obstacle_hits > 0) == hit

@@ -67,7 +67,7 @@ def test_chains_lead_back_along_shortest_ways():
     times = jnp.asarray(rng.uniform(1.0, 10.0, (2, 9, len(passages.MOVES), 2, 9)))
     grid, graph = grid_with(times), naive(times).toarray()
     ahead, back = grid.fields()
-    previous = np.asarray(grid._previous(jnp.stack([ahead, back]))[0])[0]
+    previous = np.asarray(grid.previous(jnp.stack([ahead, back]))[0])[0]
     cell = 6 * 9 + 4
     elapsed = 0.0
     while cell != 1 * 9 + 2:

@@ -53,7 +53,7 @@ def test_parts_are_where_the_mission_is(run):
     leg = run.done[1]
     before, after = leg.plans
     film.at(leg.times[3])
-    parts = film._moving
+    parts = film.moving
     np.testing.assert_allclose(parts["vehicle"].get_offsets()[0], leg.positions[3, [1, 0]])
     np.testing.assert_allclose(parts["reach"].get_center(), leg.positions[3, [1, 0]])
     assert parts["reach"].radius == 250.0

@@ -48,8 +48,8 @@ def test_all_are_drawn_where_the_process_has_ended(tmp_path, two_cores, expected
     with Painter() as painter:
         if begun:
             painter.begin(RUN, tmp_path)
-        painter._process.kill()
-        painter._process.join()
+        painter.process.kill()
+        painter.process.join()
         if not begun:
             painter.begin(RUN, tmp_path)
         found = painter.finish()
@@ -59,7 +59,7 @@ def test_all_are_drawn_where_the_process_has_ended(tmp_path, two_cores, expected
 def test_on_one_core_there_is_no_process(tmp_path, monkeypatch, expected):
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0})
     with Painter() as painter:
-        assert painter._process is None
+        assert painter.process is None
         painter.begin(RUN, tmp_path)
         assert_drawn(painter.finish(), expected)
 
@@ -76,7 +76,7 @@ def test_what_is_wrong_there_is_told_here(tmp_path, two_cores, monkeypatch):
     folder = tmp_path / "taken"
     folder.touch()
     with Painter() as painter:
-        monkeypatch.setattr("auvplan.plot.run.draw_run", lambda *_: painter._server.join() or [])
+        monkeypatch.setattr("auvplan.plot.run.draw_run", lambda *_: painter.server.join() or [])
         painter.begin(RUN, folder)
         with pytest.raises(OutputError, match="taken"):
             painter.finish()

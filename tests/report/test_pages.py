@@ -16,7 +16,7 @@ from auvplan.report import write_report, write_run_report
 from auvplan.report.area import current_data, map_data
 from auvplan.report.obstacles import obstacle_data
 from auvplan.report.packing import packed, plain, script_json
-from auvplan.report.page import _asset
+from auvplan.report.page import asset
 from auvplan.report.run import run_data
 from auvplan.report.study import study_data
 from auvplan.scenario.scenario import Scenario
@@ -127,7 +127,7 @@ def test_obstacles_that_were_put_out_of_the_way_are_left_out(run):
 
 
 def test_nothing_is_loaded(run_page, study_page):
-    library = _asset("plotly-cartesian.min.js")
+    library = asset("plotly-cartesian.min.js")
     for page in (run_page, study_page):
         text = page.read_text(encoding="utf-8")
         assert library in text

@@ -133,7 +133,7 @@ def find_triangle(points: Array, triangles: Index, places: Array) -> Index:
         finder = Triangulation(x, y, local[whole]).get_trifinder()
     except RuntimeError:
         # Grids that overlap themselves, as tripolar ones do at their seam, are searched triangle by triangle.
-        return _search(points, triangles, whole, places)
+        return search(points, triangles, whole, places)
     found = np.asarray(finder(places[:, 1], places[:, 0]), np.int64)
     found = np.where(found >= 0, whole[found], -1)
     out = np.flatnonzero(found < 0)
@@ -153,7 +153,7 @@ def triangulate(points: Array) -> Index:
         return np.zeros((0, 3), np.int64)
 
 
-def _search(points: Array, triangles: Index, whole: Index, places: Array) -> Index:
+def search(points: Array, triangles: Index, whole: Index, places: Array) -> Index:
     """Return the triangle that holds each place among the sixteen with the nearest centres."""
     centres = points[triangles[whole]].mean(axis=1)
     nearest = KDTree(centres).query(places, k=min(16, len(whole)))[1]

@@ -21,12 +21,11 @@ class GeoError(AuvplanError):
     """
 
     def __init__(self, first: str, *others: str, field: str = "") -> None:
-        first, *others = (
+        self.lines = tuple(
             line if len(line) <= _LINE else f"{line[: _LINE - 3]}..." for line in (first, *others)
         )
         more = f" (and {len(others)} more: auvplan validate lists all)" if others else ""
-        super().__init__(first + more, field=field)
-        self.lines = (first, *others)
+        super().__init__(self.lines[0] + more, field=field)
 
 
 class PlaceError(GeoError):

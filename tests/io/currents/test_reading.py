@@ -177,7 +177,7 @@ def test_grids_that_overlap_themselves_are_searched(monkeypatch):
     places = rng.uniform([-500.0, -500.0], [7000.0, 4500.0], (400, 2))
     monkeypatch.setattr(weights_module, "_SLACK", 0.0)
     quick = find_triangle(points, triangles, places)
-    slow = weights_module._search(points, triangles, np.arange(len(triangles)), places)
+    slow = weights_module.search(points, triangles, np.arange(len(triangles)), places)
     np.testing.assert_array_equal(quick, slow)
     assert 0.5 < (quick >= 0).mean() < 1.0
     found = barycentric(points, triangles, places)
