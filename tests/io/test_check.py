@@ -476,3 +476,39 @@ def test_known_obstacles_move(tmp_path):
         dataset = with_known_obstacle(run, tmp_path, 500.0, east, radius=20.0, course=90.0, speed=1.0)
         report = check_dataset(json.loads(json.dumps(run.summary())), dataset)
         assert (report.obstacle_hits > 0) == hit
+
+
+def in_a_band_that_closes(folder, opens, closes, ends=1000.0):
+    """The dataset of a leg of 1,000 s due north, 1 m/s, through a band that is closed for so long."""
+    run = make_run((0, 1), chart=False, obstacles=False)
+    (leg,) = run.legs
+    leg.times = np.linspace(0.0, 1000.0, len(leg.times))
+    leg.positions = np.linspace([0.0, 0.0, 30.0], [ends, 0.0, 30.0], len(leg.times))
+    leg.t_hold, leg.t_task = 0.0, 300.0
+    dataset = with_known_obstacle(run, folder, 5000.0, 5000.0, radius=1.0)
+    site = Site(149.0, -20.0)
+    corners = [(400.0, -900.0), (400.0, 900.0), (600.0, 900.0), (600.0, -900.0), (400.0, -900.0)]
+    ring = [[float(part) for part in site.to_geographic(*corner)] for corner in corners]
+    hours = {"name": "band", "from": opens, "to": closes}
+    area = {"type": "Feature", "properties": hours, "geometry": {"type": "Polygon", "coordinates": [ring]}}
+    (folder / "no_go.geojson").write_text(json.dumps(area))
+    stated = json.loads(dataset.attrs["scenario"])
+    stated["chart"] = {"source": "none", "no_go": "no_go.geojson"}
+    dataset.attrs["scenario"] = json.dumps(stated)
+    return check_dataset(json.loads(json.dumps(run.summary())), dataset)
+
+
+@pytest.mark.parametrize(
+    ("opens", "closes", "met"),
+    [(0, 390, False), (610, 2000, False), (0, 410, True), (590, 700, True), (450, 455, True)],
+)
+def test_a_leg_is_not_in_an_area_while_it_is_closed(tmp_path, opens, closes, met):
+    report = in_a_band_that_closes(tmp_path, opens, closes)
+    assert any("in the closed area 'band'" in fault for fault in report.faults) == met
+
+
+@pytest.mark.parametrize(("opens", "met"), [(1310, False), (1250, True)])
+def test_a_task_is_not_done_in_an_area_that_closes_meanwhile(tmp_path, opens, met):
+    """The leg ends in the band at 1,000 s; its task takes 300 s."""
+    report = in_a_band_that_closes(tmp_path, opens, 5000, ends=500.0)
+    assert any("stays in the closed area 'band'" in fault for fault in report.faults) == met
