@@ -357,7 +357,8 @@ def _attribute(file: h5py.File, name: str, rng: Rng, outside: Path) -> str:
         return f"{key}: {said}"
     values = (
         0, -1, 1e308, np.nan, "", "x" * 60_000, "\x00", np.zeros(0), np.arange(5.0),
-        "seconds since 0000-00-00", "days since 9999-99-99", str(outside), "nan", 2**62, "é" * 100, np.array([["a", "b"]], object),
+        "seconds since 0000-00-00", "days since 9999-99-99", str(outside), "nan", 2**62,
+        "é" * 100, np.array([["a", "b"]], object),
     )  # fmt: skip
     value = values[int(rng.integers(len(values)))]
     if isinstance(value, np.ndarray) and value.dtype == object:

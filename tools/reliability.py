@@ -119,7 +119,12 @@ CAPABILITIES: dict[str, dict[str, tuple[str, ...]]] = {
     "Results on disk": {
         "tests": ("tests/io/test_results.py", "tests/io/test_restore.py", "tests/io/test_whole_result.py"),
         "peer": ("tests/export/test_schemas.py",),
-        "fault": ("tests/faults/test_disk.py", "benchmarks.crashes", "benchmarks.resilience"),
+        "fault": (
+            "tests/faults/test_disk.py",
+            "benchmarks.crashes",
+            "benchmarks.resilience",
+            "benchmarks.fuzz",
+        ),
     },
     "The checker": {
         "tests": ("tests/io/test_check.py", "tests/io/test_walk.py", "tests/io/test_sources.py"),
@@ -128,7 +133,11 @@ CAPABILITIES: dict[str, dict[str, tuple[str, ...]]] = {
         "tests": ("tests/io/currents/test_reading.py", "tests/io/currents/test_formats.py"),
         "independent": ("tests/io/currents/test_real_files.py",),
         "peer": ("benchmarks.files",),
-        "fault": ("tests/io/currents/test_malformed.py", "tests/io/currents/test_altered.py"),
+        "fault": (
+            "tests/io/currents/test_malformed.py",
+            "tests/io/currents/test_altered.py",
+            "benchmarks.fuzz",
+        ),
     },
     "Charts, jobs, sea beds from files": {
         "tests": (
@@ -137,11 +146,15 @@ CAPABILITIES: dict[str, dict[str, tuple[str, ...]]] = {
             "tests/io/geo/test_bathymetry.py",
         ),
         "peer": ("benchmarks.file_rasters",),
-        "fault": ("tests/io/geo/test_damage.py", "tests/io/geo/test_bathymetry_faults.py"),
+        "fault": (
+            "tests/io/geo/test_damage.py",
+            "tests/io/geo/test_bathymetry_faults.py",
+            "benchmarks.fuzz",
+        ),
     },
     "Scenarios": {
         "tests": ("tests/io/test_scenario_file.py", "tests/io/test_examine.py"),
-        "fault": ("tests/io/test_bad_input.py",),
+        "fault": ("tests/io/test_bad_input.py", "benchmarks.fuzz"),
     },
     "Vehicle files": {
         "tests": (
@@ -302,6 +315,16 @@ def long_run(found: list[dict[str, float]]) -> list[str]:
     ]
 
 
+def fuzz(found: list[dict[str, Any]]) -> list[str]:
+    """Changed files for every reader."""
+    columns = ("reader", "cases", "read", "refused", "failures", "memory")
+    rows = [[row[name] for name in columns[:-1]] + [f"{row['memory']:.0f}"] for row in found]
+    lines = ["## Changed files", "", "`python -m benchmarks.fuzz`", ""]
+    lines += _table((*columns[:-1], "most memory, MiB"), rows)
+    failed = [f"- {row['reader']}: `{one['found']}`" for row in found for one in row["failed"]]
+    return lines + (["", "Failures:", "", *dict.fromkeys(failed)] if failed else [])
+
+
 def mutants(found: dict[str, Any]) -> list[str]:
     """Rules broken on purpose, and which of them the tests notice."""
     rows = [[row["file"], row["mutants"], row["killed"]] for row in found["files"]]
@@ -316,6 +339,7 @@ SECTIONS = {
     "budgets": budgets,
     "determinism": determinism,
     "crashes": crashes,
+    "fuzz": fuzz,
     "long_run": long_run,
     "mutants": mutants,
 }

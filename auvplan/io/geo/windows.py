@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable, Mapping
 from datetime import date, datetime, time, timedelta
+from functools import lru_cache
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -250,13 +251,9 @@ def _by_sun(where: str, kind: str, site: Site | None, until: float) -> list[tupl
     epoch = _epoch(where, site)
     assert site is not None
     try:
-        from astral import Observer
-        from astral.sun import elevation
+        minutes, height = _elevations(site.latitude, site.longitude, epoch, until)
     except ModuleNotFoundError:
         raise GeoError(f"{where}: windows by the sun need a further package: {_EXTRA}") from None
-    place = Observer(site.latitude, site.longitude)
-    minutes = np.arange(-_DAY, until + _DAY, 60.0)
-    height = np.array([elevation(place, epoch + timedelta(seconds=float(moment))) for moment in minutes])
     wanted = (height > _SUNRISE) == (kind == "daylight")
     if not wanted.any():
         raise GeoError(f"{where}: there is no {kind} at the site in the time of the mission")
@@ -267,6 +264,19 @@ def _by_sun(where: str, kind: str, site: Site | None, until: float) -> list[tupl
         for i, j in zip(change[::2].tolist(), change[1::2].tolist(), strict=True)
     ]
     return [(opens, closes) for opens, closes in spans if closes >= 0.0 and opens <= until]
+
+
+@lru_cache(maxsize=4)  # jobs of a file ask for the same sun
+def _elevations(
+    latitude: float, longitude: float, epoch: datetime, until: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Minutes from a day before the departure to a day after the mission, s, and the sun's heights, degrees."""
+    from astral import Observer
+    from astral.sun import elevation
+
+    place, minutes = Observer(latitude, longitude), np.arange(-_DAY, until + _DAY, 60.0)
+    moments = (epoch + timedelta(seconds=float(moment)) for moment in minutes)
+    return minutes, np.array([elevation(place, moment) for moment in moments])
 
 
 def _days(where: str, begins: _End, ends: _End, site: Site | None, until: float) -> list[tuple[float, float]]:
