@@ -4,6 +4,8 @@ import csv
 import json
 from datetime import UTC, datetime
 
+import h5netcdf
+import h5py
 import numpy as np
 import pytest
 import xarray as xr
@@ -140,3 +142,55 @@ def test_windows_and_waiting_come_back(run, tmp_path):
         (leg.t_wait, leg.t_hold, leg.missed) for leg in run.legs
     ]
     assert back.routes[0].waits == run.routes[0].waits
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("scenario", "[1]"),
+        ("seed", "x"),
+        ("known_obstacles", '[{"depth_max": 1}]'),
+        ("scenario", "[" * 60_000),
+    ],
+)
+def test_attributes_of_another_kind_are_one_line(run, tmp_path, name, value):
+    save_run(run, tmp_path)
+    with h5py.File(tmp_path / "mission.nc", "r+") as file:
+        file.attrs[name] = value
+    with pytest.raises(ResultError, match=r"mission\.nc: incomplete \(") as stated:
+        restore_run(tmp_path)
+    assert len(str(stated.value)) < 600
+
+
+@pytest.mark.parametrize("read", [restore_run, check_run])
+def test_a_run_of_very_many_values_that_are_not_there(run, tmp_path, read):
+    save_run(run, tmp_path)
+    with h5netcdf.File(tmp_path / "mission.nc", "a") as file:
+        file.dimensions["rows"] = file.dimensions["columns"] = 10**6
+        file.create_variable("vast", ("rows", "columns"), "f8", chunks=(1000, 1000))
+    with pytest.raises(ResultError, match="bytes of values in a file of"):
+        read(tmp_path)
+
+
+@pytest.mark.parametrize("read", [restore_run, check_run])
+def test_a_run_whose_values_lie_in_another_file(run, tmp_path, read):
+    save_run(run, tmp_path)
+    with h5py.File(tmp_path / "mission.nc", "r+") as file:
+        file["more"] = h5py.ExternalLink(str(tmp_path / "other.nc"), "/")
+    with pytest.raises(ResultError, match="more is a link to another file"):
+        read(tmp_path)
+
+
+def test_a_summary_of_a_number_without_end(run, tmp_path):
+    save_run(run, tmp_path)
+    (tmp_path / "summary.json").write_text('{"tasks": ' + "9" * 9000 + "}")
+    with pytest.raises(ResultError, match=r"summary\.json: not valid JSON"):
+        restore_run(tmp_path)
+
+
+def test_a_run_that_cannot_be_checked(run, tmp_path):
+    save_run(run, tmp_path)
+    with h5py.File(tmp_path / "mission.nc", "r+") as file:
+        file.attrs["scenario"] = "{"
+    with pytest.raises(ResultError, match=r"mission\.nc: cannot be checked \(JSONDecodeError"):
+        check_run(tmp_path)

@@ -134,3 +134,22 @@ def test_the_tide_needs_a_date(tmp_path):
     stated = {"constituents": {"M2": {"ellipse": [1, 0, 0, 0]}}}
     with pytest.raises(CurrentError, match=r"needs? site\.departure"):
         read_tide(written(tmp_path, stated), Site(5.0, 60.0), 3600.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("constituents: " + "[" * 10_000, "is no YAML: nested too deeply"),
+        ("mean: [2026-13-45, 0]", "line 1: .*2026-13-45.* is no value"),
+        ("a: &a [x]\nmean: *a", "aliases are not allowed"),
+        ("mean: !!python/object/apply:os.system [x]", "the YAML tag .* is not allowed"),
+        ("constituents: {M2: {u: [1" + "0" * 400 + ", 0], v: [0, 0]}}", "u must be 2 numbers"),
+        ("constituents: {M2: {u: [" + "9" * 9000 + ", 0], v: [0, 0]}}", "is no value"),
+        ("x" * 2_000_000, "larger than 1000000 bytes"),
+    ],
+)
+def test_what_yaml_makes_of_strange_text_is_one_line(tmp_path, text, message):
+    (tmp_path / "tide.yaml").write_text(text)
+    with pytest.raises(CurrentError, match=message) as refused:
+        read_tide(tmp_path / "tide.yaml", SITE, 3600.0)
+    assert len(str(refused.value)) < 500

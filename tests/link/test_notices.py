@@ -77,6 +77,10 @@ def test_the_file_is_read_on_by_whole_lines(tmp_path):
         ({"obstacle": "x", "north": 0, "east": 0, "radius": -5}, "radius: must be from"),
         ({"obstacle": "x", "longitude": 500, "latitude": 0, "radius": 5}, "longitude: must be from"),
         ('{"current": [NaN, 0]}', "must be a number"),
+        ({"current": [10**400, 0]}, "line 1"),
+        ({"current": ["9" * 9000, 0]}, "must be a number"),
+        ('{"current": ' + "9" * 9000 + "}", "line 1"),
+        ("[" * 100_000, "line 1"),
     ],
 )
 def test_what_cannot_be_understood_is_one_line_of_text(tmp_path, line, words):
@@ -84,6 +88,7 @@ def test_what_cannot_be_understood_is_one_line_of_text(tmp_path, line, words):
     assert isinstance(found, str)
     assert words in found
     assert "\n" not in found
+    assert len(found) < 600
 
 
 def test_a_file_that_is_not_there(tmp_path):

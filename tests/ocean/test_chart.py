@@ -291,3 +291,12 @@ def test_a_chart_is_not_differentiated_by_its_pixels():
     chart = Chart.from_mask(np.ones((3, 3), bool))
     with pytest.raises(NotImplementedError, match="chart"):
         jax.grad(lambda chart: chart.distance(5.0, 5.0))(chart)
+
+
+def test_a_program_is_no_picture(tmp_path, monkeypatch):
+    """PostScript would be given to an interpreter."""
+    monkeypatch.setattr("subprocess.Popen", lambda *_, **__: pytest.fail("started"))
+    path = tmp_path / "chart.png"
+    path.write_text("%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 80 60\n%%EndComments\nshowpage\n%%EOF\n")
+    with pytest.raises(ValueError, match="not a picture that can be read"):
+        Chart.from_image(path, 10.0)

@@ -216,6 +216,10 @@ def test_a_study_without_legs_has_a_page():
     script_json(data)
 
 
+#: A table of one departure.
+TABLE = "departure_utc,feasible,best,total_priority,reason\n2026-03-01T00:00:00Z,true,true,7,\n"
+
+
 def test_departures_have_a_page(tmp_path):
     head = "departure_utc,departure_s,feasible,best,time_s,tasks,total_priority,waypoints,current_m_s,reason"
     rows = ["2026-03-01T00:00:00Z,0.0,true,true,900.5,2,7,a > b,0.4,", ",3600.0,false,false,,,,,0.9,too late"]
@@ -238,6 +242,13 @@ def test_departures_have_a_page(tmp_path):
         ({}, "no run, study or departures in it"),
         ({"departures.csv": "a,b\n1,2\n"}, "departures.csv: not a table of departures"),
         ({"departures.csv": "departure_utc,reason,feasible,best\n"}, "no departures in it"),
+        ({"departures.csv": TABLE, "departures.json": '{"scenario": 3}'}, "scenario is not a table"),
+        ({"departures.csv": TABLE, "departures.json": '{"notes": {}}'}, "notes is not a list"),
+        ({"departures.csv": TABLE, "departures.json": '{"seed": ' + "9" * 9000 + "}"}, "not valid JSON"),
+        (
+            {"departures.csv": TABLE, "departures.json": '{"scenario": {"mission": 1}}'},
+            "mission is not a table",
+        ),
         ({"mission.nc": "nonsense"}, "summary.json: no such file"),
         ({"study.json": "{}"}, "missions.nc: no such file"),
     ],

@@ -270,7 +270,7 @@ def _by_sun(where: str, kind: str, site: Site | None, until: float) -> list[tupl
 def _elevations(
     latitude: float, longitude: float, epoch: datetime, until: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Minutes from a day before the departure to a day after the mission, s, and the sun's heights, degrees."""
+    """Minutes from a day before the departure until one after the mission, s; the sun's height, degrees."""
     from astral import Observer
     from astral.sun import elevation
 

@@ -284,3 +284,27 @@ def test_places_and_moments_outside(tmp_path):
         with pytest.raises(CurrentError, match="not negative"):
             ocean.at(LON, LAT, -1.0, START)
         assert isinstance(ocean.series.variables["uo"], xr.Variable)
+
+
+@pytest.mark.parametrize("how", ["link", "group", "stored", "virtual"])
+def test_values_in_other_files_are_not_read(tmp_path, how):
+    """HDF5 would follow a link, or read whatever file a variable says that its values are in."""
+    h5py = pytest.importorskip("h5py")
+    path, other = write(regular(), tmp_path / "a.nc"), tmp_path / "other.nc"
+    shape = (3, 3, 6, 8)
+    with h5py.File(other, "w") as file:
+        file["secret"] = np.ones(shape)
+    with h5py.File(path, "r+") as file:
+        if how == "group":
+            file["more"] = h5py.ExternalLink(str(other), "/")
+        else:
+            del file["uo"]
+        if how == "link":
+            file["uo"] = h5py.ExternalLink(str(other), "/secret")
+        if how == "stored":
+            file.create_dataset("uo", shape, "f8", external=[(str(other), 0, h5py.h5f.UNLIMITED)])
+        if how == "virtual":
+            layout = h5py.VirtualLayout(shape, "f8")
+            layout[...] = h5py.VirtualSource(str(other), "secret", shape=shape)
+            file.create_virtual_dataset("uo", layout)
+    refused(path, "another file")

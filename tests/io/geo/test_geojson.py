@@ -8,9 +8,10 @@ import shapely
 
 from auvplan.errors import ScenarioWarning
 from auvplan.io.geo import GeoError, chart_from_polygons, read_jobs, read_zones
+from auvplan.io.geo.geojson import read_polygons
 from auvplan.ocean.chart import ChartError
 from auvplan.site import Site
-from tests.io.geo.files import SITE, feature, ring
+from tests.io.geo.files import SITE, feature, ring, write_geojson
 
 GOOD = feature("Polygon", [ring((0, 0), (0, 50), (50, 0))])
 SQUARE = [[0, 0], [0, 1], [1, 1], [1, 0], [0, 0]]
@@ -155,3 +156,18 @@ def test_land_of_the_whole_world_with_a_faulty_ring_far_away(shared):
     dry = np.asarray(chart.passability) == 0.0
     assert dry[inside].all()
     assert dry.mean() == pytest.approx(inside.mean(), abs=0.02)
+
+
+def test_many_rings_that_cross_are_refused_at_once(tmp_path, monkeypatch):
+    """To make them valid takes minutes and gigabytes."""
+    monkeypatch.setattr("shapely.make_valid", lambda shape: pytest.fail("made valid"))
+    path = write_geojson(tmp_path / "a.geojson", feature("Polygon", [BOW] * 3000))
+    with pytest.raises(GeoError, match="feature 1: the polygon crosses itself"):
+        read_polygons(path)
+
+
+def test_a_line_on_a_long_word_is_short(tmp_path):
+    (tmp_path / "a.geojson").write_text(json.dumps({"type": "x" * 1_000_000}))
+    with pytest.raises(GeoError) as stated:
+        read_polygons(tmp_path / "a.geojson")
+    assert len(str(stated.value)) <= 1000

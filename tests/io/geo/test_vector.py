@@ -1,5 +1,7 @@
 """Land from GeoPackages, Shapefiles and the like."""
 
+import zipfile
+
 import numpy as np
 import pytest
 import shapely
@@ -67,3 +69,29 @@ def test_what_is_refused(tmp_path):
     bow = shapely.Polygon(geographic(*np.array([(0, 0), (500, 500), (500, 0), (0, 500)], float).T))
     with pytest.raises(GeoError, match="feature 1: the polygon crosses itself"):
         read_zones(written(tmp_path / "bow.gpkg", [bow]), SITE)
+
+
+def test_other_formats_under_a_known_name_are_not_given_to_gdal(tmp_path):
+    """Some name files or servers that GDAL would read."""
+    twin = write_geojson(
+        tmp_path / "twin.json", feature("Polygon", [geographic(*np.array(CORNERS).T).tolist()])
+    )
+    source = f"<SrcDataSource>{twin}</SrcDataSource>"
+    virtual = f'<OGRVRTDataSource><OGRVRTLayer name="twin">{source}</OGRVRTLayer></OGRVRTDataSource>'
+    (tmp_path / "land.gpkg").write_text(virtual)
+    with zipfile.ZipFile(tmp_path / "land.zip", "w") as archive:
+        archive.writestr("land.gpkg", virtual)
+    for name in ("land.gpkg", "land.zip"):
+        with pytest.raises(
+            GeoError, match=r"land\.gpkg is neither a GeoPackage, a Shapefile nor a FlatGeobuf"
+        ):
+            read_zones(tmp_path / name, SITE)
+
+
+def test_a_shapefile_in_an_archive(tmp_path):
+    (tmp_path / "parts").mkdir()
+    written(tmp_path / "parts" / "land.shp", [square()], name=["a"])
+    with zipfile.ZipFile(tmp_path / "land.zip", "w") as archive:
+        for part in sorted((tmp_path / "parts").iterdir()):
+            archive.write(part, part.name)
+    assert [zone.name for zone in read_zones(tmp_path / "land.zip", SITE)] == ["a"]

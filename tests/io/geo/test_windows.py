@@ -166,3 +166,11 @@ def test_priorities_fall_at_moments(stated, expected):
 def test_slips_in_falling_priorities_are_stated(stated, message):
     with pytest.raises(GeoError, match=message):
         read_falls("a", {"priority_after": stated}, SITE, 3.0)
+
+
+def test_the_sun_of_a_place_is_reckoned_once(monkeypatch):
+    """Thousands of jobs by daylight are read in no time."""
+    site = Site(3.25, 41.5, datetime(2026, 5, 4, 12, tzinfo=UTC))
+    once = read_windows("a", {"windows": "daylight"}, site, 0.0, HOUR)
+    monkeypatch.setattr("astral.sun.elevation", lambda *_: pytest.fail("reckoned again"))
+    assert read_windows("b", {"windows": "daylight"}, site, 0.0, HOUR) == once
