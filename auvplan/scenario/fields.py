@@ -6,14 +6,13 @@ rest then lacks only because of what was taken out is not reported.
 
 import difflib
 from copy import deepcopy
-from typing import Any, get_args
+from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
 from auvplan.errors import AuvplanError, RuleError, ScenarioError
 from auvplan.scenario.faults import Fault, fault_at, in_order
 from auvplan.scenario.places import OffEarthError, localised
-from auvplan.scenario.scenario import Scenario
 from auvplan.scenario.settings import MOVED, Area, SiteSettings
 from auvplan.scenario.yaml_lines import Document, Path, short
 from auvplan.site import Site
@@ -26,15 +25,17 @@ _SWAPPED = ": longitude and latitude seem swapped"
 #: Paths of the fields that a rule between fields looks at.
 Concerns = tuple[Path, ...]
 
+_Model = TypeVar("_Model", bound=BaseModel)
 
-def check_fields(document: Document) -> tuple[Scenario | None, list[Fault]]:
-    """Return a document's scenario, or all that is wrong with its fields, in their order in the file."""
+
+def check_fields(document: Document, model: type[_Model]) -> tuple[_Model | None, list[Fault]]:
+    """Return a document as a model, or all that is wrong with its fields, in their order in the file."""
     faults = [fault_at(path, reason, document, place) for path, reason, place in document.faults]
     if not isinstance(document.data, dict):
         what = "nothing" if document.data is None else type(document.data).__name__
         return None, faults or [Fault("", f"must be a mapping of fields, got {what}", document.place(()))]
     plain = deepcopy(document.data)
-    bad = _bad_places(plain) | _truths(plain)
+    bad = _bad_places(plain) | _truths(plain, model)
     faults += [fault_at(path, reason, document) for path, reason in bad.items() if reason]
     for path in bad:
         _at(plain, path[:-1])[path[-1]] = _NOTHING
@@ -42,10 +43,10 @@ def check_fields(document: Document) -> tuple[Scenario | None, list[Fault]]:
     taken |= {path[:2] for path in bad}
     while True:
         try:
-            scenario = Scenario.model_validate(plain)
-            return (None if faults else scenario), in_order(faults)
+            checked = model.model_validate(plain)
+            return (None if faults else checked), in_order(faults)
         except ValidationError as error:
-            found = _merged(error, plain)
+            found = _merged(error, plain, model)
         except Exception as error:  # what no rule has foreseen, such as dates at the end of time
             line = f"cannot be understood ({type(error).__name__}: {error})"
             return None, in_order([*faults, fault_at((), line, document)])
@@ -116,7 +117,7 @@ def _is_on_earth(value: dict[str, Any]) -> bool:
     return True
 
 
-def _truths(given: dict[str, Any], model: type[BaseModel] = Scenario) -> dict[Path, str]:
+def _truths(given: dict[str, Any], model: type[BaseModel]) -> dict[Path, str]:
     """Values that are true or false where a number is wanted, which they would be taken for, with the reason.
 
     YAML takes yes, no, on and off for such values too.
@@ -138,11 +139,13 @@ def _truths(given: dict[str, Any], model: type[BaseModel] = Scenario) -> dict[Pa
     return found
 
 
-def _merged(error: ValidationError, plain: dict[str, Any]) -> list[tuple[Path, str, str, Concerns]]:
+def _merged(
+    error: ValidationError, plain: dict[str, Any], model: type[BaseModel]
+) -> list[tuple[Path, str, str, Concerns]]:
     """Path, reason, kind and fields concerned of the faults found; alternatives of one value become one."""
     merged: dict[Path, tuple[list[str], str, str, Concerns]] = {}
     for found in error.errors(include_url=False):
-        path, reason, kind, got, concerns = _read_error(found, plain)
+        path, reason, kind, got, concerns = _read_error(found, plain, model)
         reasons, *_ = merged.setdefault(path, ([], kind, got, concerns))
         if reason not in reasons:
             reasons.append(reason)
@@ -152,7 +155,9 @@ def _merged(error: ValidationError, plain: dict[str, Any]) -> list[tuple[Path, s
     ]
 
 
-def _read_error(found: Any, plain: dict[str, Any]) -> tuple[Path, str, str, str, Concerns]:
+def _read_error(
+    found: Any, plain: dict[str, Any], model: type[BaseModel]
+) -> tuple[Path, str, str, str, Concerns]:
     """Path, reason, kind, what was got and fields concerned of one of pydantic's errors."""
     path, kind = found["loc"], found["type"]
     if kind == "value_error":
@@ -164,7 +169,7 @@ def _read_error(found: Any, plain: dict[str, Any]) -> tuple[Path, str, str, str,
         concerns = tuple((*path, *name.split(".")) for name in (error.field, *error.concerns))
         return concerns[0], reason, "rule", "", concerns
     if kind == "extra_forbidden":
-        return path, unknown_key(path), kind, "", ()
+        return path, unknown_key(path, model), kind, "", ()
     if kind == "missing":
         if isinstance(path[-1], int):
             return path[:-1], f"has too few entries: {len(_at(plain, path[:-1]))}", "value", "", ()
@@ -176,7 +181,7 @@ def _read_error(found: Any, plain: dict[str, Any]) -> tuple[Path, str, str, str,
     return _known_part(path, plain), message.replace("Input should", "must", 1), kind, got, ()
 
 
-def unknown_key(path: Path) -> str:
+def unknown_key(path: Path, model: type[BaseModel]) -> str:
     """Return what to say of a key that there is not.
 
     The one that may be meant, or the section where it belongs.
@@ -184,8 +189,8 @@ def unknown_key(path: Path) -> str:
     key = str(path[-1])
     if moved := MOVED.get(".".join(map(str, path))):
         return f"is now {moved}"
-    sections = {name: _section(Scenario, name) for name in Scenario.model_fields}
-    home: type[BaseModel] | None = Scenario
+    sections = {name: _section(model, name) for name in model.model_fields}
+    home: type[BaseModel] | None = model
     for part in path[:-1]:
         home = home and _section(home, str(part))
     elsewhere = {

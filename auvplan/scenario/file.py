@@ -1,12 +1,12 @@
 """Scenario files: YAML, loaded safely, validated as a whole."""
 
 import warnings
-from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 from auvplan.errors import ScenarioError, ScenarioWarning
+from auvplan.scenario.changes import warn_of_overrides
 from auvplan.scenario.doubts import doubts
 from auvplan.scenario.faults import Fault, first_of
 from auvplan.scenario.fields import check_fields
@@ -41,7 +41,7 @@ def load_scenario(source: str | Path = "whitsunday") -> Scenario:
             field can hardly be meant; the line names file, line and field.
     """
     scenario = read_scenario(source)
-    _warn(scenario)
+    warn_of_overrides(scenario)
     return scenario
 
 
@@ -54,50 +54,6 @@ def read_scenario(source: str | Path) -> Scenario:
         warnings.warn(first_of([doubt], str(source), is_file=True), ScenarioWarning, stacklevel=1)
     path = Path(source)
     return scenario.in_folder(path.resolve().parent) if path.is_file() else scenario
-
-
-def change_scenario(
-    scenario: Scenario,
-    changes: Mapping[str, Any],
-    source: str = "scenario",
-    sources: Mapping[str, str] | None = None,
-) -> Scenario:
-    """Return a scenario with other values of some fields, validated as one from a file; see `Scenario.with_`.
-
-    Args:
-        scenario: stays as it is.
-        changes: values by "section.field", or of a whole section by its name.
-        source: that an error names.
-        sources: what an error names instead, by field.
-
-    Raises:
-        ScenarioError: a field is not known or a value does not fit; one line that names source and field.
-    """
-    plain = scenario.model_dump(mode="json")
-    for name, value in changes.items():
-        *sections, field = name.split(".")
-        inside: Any = plain
-        for section in sections:
-            if isinstance(inside, dict) and inside.get(section) is None:
-                inside[section] = {}
-            inside = inside.get(section) if section and isinstance(inside, dict) else None
-        if not isinstance(inside, dict):
-            raise ScenarioError(f"{(sources or {}).get(name, source)}: {name}: unknown key")
-        inside[field] = value
-    changed, faults = check_fields(Document(plain))
-    if changed is None:
-        # What was given is reported before what it leads to elsewhere.
-        given = [(fault, name) for fault in faults for name in changes if _concerns(fault, name)]
-        faults = list(dict.fromkeys([*(fault for fault, _ in given), *faults]))
-        source = (sources or {}).get(given[0][1], source) if given else source
-        raise ScenarioError(first_of(faults, source, is_file=False))
-    _warn(changed)
-    return changed.in_folder(scenario.folder)
-
-
-def _concerns(fault: Fault, name: str) -> bool:
-    """Return whether a fault is one of a field, of its section, or of something within it."""
-    return f"{fault.field}.".startswith(f"{name}.") or f"{name}.".startswith(f"{fault.field}.")
 
 
 def check_scenario(source: str | Path) -> tuple[Scenario | None, list[Fault], Document]:
@@ -117,7 +73,7 @@ def check_scenario(source: str | Path) -> tuple[Scenario | None, list[Fault], Do
         document = read_yaml(text)
     except YamlError as error:
         return None, [Fault("YAML", str(error), error.place)], Document()
-    return *check_fields(document), document
+    return *check_fields(document, Scenario), document
 
 
 def validate_scenario(plain: dict[str, Any], source: str = "scenario") -> Scenario:
@@ -126,17 +82,11 @@ def validate_scenario(plain: dict[str, Any], source: str = "scenario") -> Scenar
     Raises:
         ScenarioError: one line that names the first fault's field and reason, and how many more there are.
     """
-    scenario, faults = check_fields(Document(plain))
+    scenario, faults = check_fields(Document(plain), Scenario)
     if scenario is None:
         raise ScenarioError(first_of(faults, source, is_file=False))
-    _warn(scenario)
+    warn_of_overrides(scenario)
     return scenario
-
-
-def _warn(scenario: Scenario) -> None:
-    """Warn of settings that differ from what the preset fixes."""
-    for line in scenario.planning.overrides:
-        warnings.warn(line, ScenarioWarning, stacklevel=1)
 
 
 def scenario_schema() -> dict[str, Any]:

@@ -7,6 +7,7 @@ from typing import Any
 from pydantic import PrivateAttr, model_validator
 
 from auvplan.errors import RuleError
+from auvplan.scenario.changes import change_scenario
 from auvplan.scenario.places import localised
 from auvplan.scenario.settings import (
     Area,
@@ -88,9 +89,6 @@ class Scenario(Section):
                 ...
             auvplan.errors.ScenarioError: scenario: vehicle.sped: unknown key 'sped', did you mean 'speed'?
         """
-        # Faults are reported at the edge of the package.
-        from auvplan.scenario.file import change_scenario
-
         return change_scenario(self, changes)
 
     @model_validator(mode="before")

@@ -10,7 +10,8 @@ from typing import Any
 import yaml
 
 from auvplan.errors import AuvplanError, ScenarioError
-from auvplan.scenario.file import change_scenario, validate_scenario
+from auvplan.scenario.changes import change_scenario
+from auvplan.scenario.file import validate_scenario
 from auvplan.scenario.scenario import Scenario
 
 

@@ -265,7 +265,7 @@ _SECTIONS = st.fixed_dictionaries(
 def test_whatever_is_in_it_a_scenario_is_valid_or_has_faults_that_can_be_printed(plain):
     """The check agrees with pydantic on what is valid, and its faults stay on their lines."""
     document = read_yaml(yaml.safe_dump(plain, allow_unicode=True))
-    scenario, faults = check_fields(document)
+    scenario, faults = check_fields(document, Scenario)
     try:
         expected = Scenario.model_validate(document.data)
     except Exception:
