@@ -3,14 +3,15 @@
 import contextlib
 import logging
 import warnings
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import ParseError
 
 import numpy as np
 import tifffile
+from defusedxml.ElementTree import fromstring
 from numpy.typing import NDArray
 from PIL import Image
 from pyproj import CRS
@@ -247,8 +248,8 @@ def _nodata(text: Any) -> float | None:
 def _band_attributes(text: Any) -> dict[str, str]:
     """Return what GDAL keeps of the first band, such as units, UNITTYPE, SCALE, OFFSET and NETCDF_VARNAME."""
     try:
-        root = ElementTree.fromstring(str(text))
-    except (ElementTree.ParseError, ValueError):
+        root = fromstring(str(text), forbid_dtd=True)
+    except (ParseError, ValueError):  # the latter also of document types and entities
         return {}
     items = (item for item in root.iter("Item") if item.get("sample") == "0")
     return {str(item.get("name")).lower(): (item.text or "").strip() for item in items}

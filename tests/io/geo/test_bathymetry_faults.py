@@ -163,3 +163,12 @@ def test_files_that_are_none(tmp_path):
     colours = write_geotiff(tmp_path / "c.tif", np.zeros((9, 9, 3), np.uint8))
     with pytest.raises(GeoError, match=r"c\.tif: three bands are colours, not depths"):
         read_bathymetry(colours, SITE, **AREA)
+
+
+def test_entities_in_the_metadata_are_not_read(tmp_path):
+    laughs = '<!DOCTYPE x [<!ENTITY m "km">]>'
+    xml = f'{laughs}<GDALMetadata><Item name="UNITTYPE" sample="0" role="unittype">&m;</Item></GDALMetadata>'
+    values = -sea_floor(LONGITUDE[None, :], LATITUDE[::-1, None])
+    options = {"corner": (LONGITUDE[0], LATITUDE[-1]), "scale": (0.02, 0.01), "point": True}
+    path = write_geotiff(tmp_path / "b.tif", values, **options, metadata=xml)
+    assert "units are not given: metres" in read_bathymetry(path, SITE, **AREA).notes
