@@ -165,12 +165,32 @@ def _open(path: str, crs: Any, epoch: float | None) -> File:
                 warnings.simplefilter("ignore")
                 dataset = _dataset(path, engine)
                 variables = {str(name): variable for name, variable in dataset.variables.items()}
+                if engine == "netcdf4" and h5py.is_hdf5(path):
+                    _require_shapes(path, variables)
         # Damaged files are answered with whatever a library's layers stumble over.
         except Exception as error:
             reasons.append(_line(error))
             continue
         return File(path, variables, dataset.attrs, dataset.close, crs, epoch)
     raise CurrentError(f"{path}: not a readable NetCDF file ({reasons[0]})")
+
+
+def _require_shapes(path: str, variables: Mapping[str, xr.Variable]) -> None:
+    """Refuse a variable of other sizes than its dimensions: the process ends where netCDF's library reads it.
+
+    Raises:
+        ValueError: there is one; the message names it.
+    """
+    with h5py.File(path, "r") as file:
+        for name, variable in variables.items():
+            part = file.get(name)
+            if not isinstance(part, h5py.Dataset) or part.dtype.kind not in "iuf":
+                continue
+            sizes = zip(part.shape, part.maxshape, variable.shape, strict=False)
+            if len(part.shape) != variable.ndim or any(
+                most is not None and own != told for own, most, told in sizes
+            ):
+                raise ValueError(f"{name} has the sizes {part.shape}, its dimensions {variable.shape}")
 
 
 def _dataset(path: str, engine: str) -> xr.Dataset:

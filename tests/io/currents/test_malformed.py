@@ -308,3 +308,14 @@ def test_values_in_other_files_are_not_read(tmp_path, how):
             layout[...] = h5py.VirtualSource(str(other), "secret", shape=shape)
             file.create_virtual_dataset("uo", layout)
     refused(path, "another file")
+
+
+def test_a_variable_of_other_sizes_than_its_dimensions(tmp_path):
+    """NetCDF's own library, which is tried where h5netcdf fails, ends the process when it reads one."""
+    h5py = pytest.importorskip("h5py")
+    pytest.importorskip("netCDF4")
+    path = write(regular(), tmp_path / "a.nc")
+    with h5py.File(path, "r+") as file:
+        del file["depth"]
+        file.create_dataset("depth", (3 * 10**8,), "f4", chunks=(1000,))
+    refused(path, "not a readable NetCDF file")
