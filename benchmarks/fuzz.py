@@ -132,6 +132,7 @@ def _own_folders() -> tuple[str, ...]:
         "/proc/cpuinfo",
         "/proc/meminfo",
         "/sys/devices/system/cpu",
+        "/sys/fs/cgroup",
     }
     return (*sorted(paths), "/dev/null", "/dev/urandom", "/etc/localtime", "<")
 

@@ -520,7 +520,7 @@ def _arrays(path: Path, rng: Rng, outside: Path) -> str:
     elif kind == 2:
         arrays[name], said = np.zeros((3, 0, 2)), f"{name} of no values"
     else:
-        arrays[name], said = np.zeros(400_000_000, np.uint8), f"{name} of 400 MB"
+        arrays[name], said = np.zeros(100_000_000, np.uint8), f"{name} of 100 MB"
     np.savez_compressed(path, **arrays)
     return said
 

@@ -186,7 +186,7 @@ def _require_shapes(path: str, variables: Mapping[str, xr.Variable]) -> None:
             part = file.get(name)
             if not isinstance(part, h5py.Dataset) or part.dtype.kind not in "iuf":
                 continue
-            sizes = zip(part.shape, part.maxshape, variable.shape, strict=False)
+            sizes = zip(part.shape, part.maxshape or (), variable.shape, strict=False)
             if len(part.shape) != variable.ndim or any(
                 most is not None and own != told for own, most, told in sizes
             ):
