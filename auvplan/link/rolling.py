@@ -22,6 +22,7 @@ from auvplan.export.runs import itinerary_of
 from auvplan.ocean.currents import Current
 from auvplan.ocean.known import KnownObstacle
 from auvplan.ocean.perturbed import perturbed
+from auvplan.ocean.vortices import rounded_up
 from auvplan.records import LegRecord, MissionRun
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.scenario import Scenario
@@ -29,8 +30,8 @@ from auvplan.site import Site
 
 Array = NDArray[np.floating]
 
-#: m, usual radius of a reported obstacle: programs for as many spheres as cover it are compiled ahead.
-_TYPICAL = 50.0
+#: m, radii that reported obstacles may have: programs for as many spheres as cover them are compiled ahead.
+REPORTED = np.geomspace(15.0, 150.0, 12)
 
 
 class CorrectedSea:
@@ -157,17 +158,29 @@ class RollingPlan:
         return found is not None
 
     def make_ready(self) -> None:
-        """Compile what a path past a reported obstacle needs, before the vehicle is under way."""
+        """Compile what a path past a reported obstacle needs, before the vehicle is under way.
+
+        Programs are those of a number of spheres, and a wide obstacle is covered by fewer than a slender one.
+        """
         context, area = self._context, self._context.area
-        self.add_obstacle(KnownObstacle("far away", (1e6, 1e6), _TYPICAL))
-        try:
-            state, record = _fork(self._state(0)), replace(self.legs[0], plans=[])
-            if self._set_out_from(state, record, np.asarray(self.legs[0].positions[0], float)):
-                go_as_planned(self._context, [state])
-                finish(state.active_leg)
-                itinerary_of(replace(state.run, legs=[record]), self.site)
-        finally:
-            context.area = area
+        done = set()
+        for radius in REPORTED.tolist():
+            self.add_obstacle(KnownObstacle("far away", (1e6, 1e6), radius))
+            count = rounded_up(len(context.known_obstacles(0.0).radius))
+            try:
+                if count not in done:
+                    self._rehearse()
+            finally:
+                context.area = area
+            done.add(count)
+
+    def _rehearse(self) -> None:
+        """Plan the first leg as if it had to be planned anew, and forget it."""
+        state, record = _fork(self._state(0)), replace(self.legs[0], plans=[])
+        if self._set_out_from(state, record, np.asarray(self.legs[0].positions[0], float)):
+            go_as_planned(self._context, [state])
+            finish(state.active_leg)
+            itinerary_of(replace(state.run, legs=[record]), self.site)
 
     def from_leg(self, count: int, now: float) -> Prospect | None:
         """Plan all after the first `count` legs anew, which end at `now`; None where there is no plan."""

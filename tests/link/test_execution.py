@@ -5,7 +5,8 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from auvplan.link import Limits, Lost, Refused, execute
+from auvplan.compiled import compilations
+from auvplan.link import Limits, Lost, Refused, execute, rolling
 from auvplan.link.notices import CurrentNotice, ObstacleNotice
 from auvplan.link.rolling import RollingPlan
 from auvplan.link.simulated import SimulatedVehicle
@@ -14,6 +15,15 @@ from tests.executive.small import scenario
 from tests.link.scripted import Failing, ScriptedVehicle
 
 pytestmark = pytest.mark.usefixtures("light_search")
+
+#: Sizes of obstacles that are made ready for; most tests are content with one.
+ALL = rolling.REPORTED
+
+
+@pytest.fixture(autouse=True)
+def one_size(monkeypatch):
+    monkeypatch.setattr(rolling, "REPORTED", np.array([50.0]))
+
 
 SITE = {"longitude": 148.96, "latitude": -20.34}
 
@@ -60,6 +70,20 @@ def test_a_mission_without_faults_is_uploaded_once_and_done():
     assert record.route[0] == "0"
     assert record.count("leg") == len(record.planned)
     assert record.summary()["tasks"] == len(record.tasks)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("radius", [17.0, 40.0, 140.0])
+def test_a_reported_obstacle_compiles_nothing_under_way(monkeypatch, radius):
+    monkeypatch.setattr(rolling, "REPORTED", ALL)
+    plan, _ = made()
+    assert plan.plan()
+    plan.make_ready()
+    before, leg = compilations(), plan.legs[1]
+    north, east = leg.positions[len(leg.positions) // 2][:2].tolist()
+    plan.add_obstacle(KnownObstacle("reported", (north, east + 2.0 * radius), radius))
+    plan.from_position(1, np.asarray(leg.positions[3], float), float(leg.times[3]))
+    assert compilations() == before
 
 
 @pytest.mark.slow
