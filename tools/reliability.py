@@ -334,6 +334,13 @@ def mutants(found: dict[str, Any]) -> list[str]:
     return lines
 
 
+def versions(found: list[dict[str, Any]]) -> list[str]:
+    """The tests under the lowest and the newest versions."""
+    names = ("kind", "jax", "numpy", "passed", "failed", "error", "skipped")
+    rows = [[row.get(name, 0) for name in names] for row in found]
+    return ["## Versions", "", "`python tools/versions.py`", "", *_table(("", *names[1:]), rows)]
+
+
 SECTIONS = {
     "faults": faults,
     "budgets": budgets,
@@ -342,6 +349,7 @@ SECTIONS = {
     "fuzz": fuzz,
     "long_run": long_run,
     "mutants": mutants,
+    "versions": versions,
 }
 
 HEAD = """# Reliability
