@@ -50,6 +50,9 @@ RESULTS = (
 #: Larger summaries are no summaries.
 _MAX_SUMMARY_BYTES = 50_000_000
 
+#: Bytes of a file that are looked through for heaps.
+_HEAPS = 64 << 20
+
 #: A file of results that claims more bytes of values than either of these, the latter times its own size, is
 #: none: it would fill the memory.
 _MAX_DATASET_BYTES, _MOST_COMPRESSED = 1 << 30, 100
@@ -227,6 +230,8 @@ def require_whole(path: str | Path, fault: type[AuvplanError]) -> None:
     """
     import h5py
 
+    if _has_endless_heap(Path(path)):
+        raise fault(f"{path}: damaged: a collection of its values has no end")
     with h5py.File(path, "r") as file:
         left: list[tuple[str, Any]] = [("", file)]
         seen: set[int] = set()
@@ -245,6 +250,28 @@ def require_whole(path: str | Path, fault: type[AuvplanError]) -> None:
                     left.append((f"{where}/", part))
                 elif isinstance(part, h5py.Dataset) and _is_elsewhere(part):
                     raise fault(f"{path}: the values of {where[:100]} lie in another file, which is not read")
+
+
+def _has_endless_heap(path: Path) -> bool:
+    """Return whether a heap of a file has free space of no size, over which HDF5 never comes to an end.
+
+    Of large files nothing is looked at but their beginning.
+    """
+    with path.open("rb") as file:
+        content = file.read(_HEAPS)
+    place = -1
+    while (place := content.find(b"GCOL\1\0\0\0", place + 1)) >= 0:
+        end = place + int.from_bytes(content[place + 8 : place + 16], "little")
+        at = place + 16
+        while at + 16 <= min(end, len(content)):
+            size = int.from_bytes(content[at + 8 : at + 16], "little")
+            if any(content[at : at + 2]):
+                at += 16 + (size + 7) // 8 * 8
+            elif size == 0:
+                return True
+            else:
+                at += size
+    return False
 
 
 def _is_elsewhere(part: Any) -> bool:

@@ -3,8 +3,9 @@
 Each copy has bytes changed, or values, keys, names, tags, links and sizes that its format knows
 (`benchmarks.fuzz_changes`). It has to be read, or refused by one line. All else is a failure: another error,
 more than 10 s of processor time, more than 2 GiB beyond what was loaded, a dead process, a file opened that
-neither the call nor the file names, a program started, a connection made, an object unpickled. Failures are
-kept in a folder with the reader, the seed and the number of the case; the same seed makes the same cases.
+neither the call nor the file names, a program started, a connection made, an object unpickled. A case in
+which the process dies is read once more in a new one, and counts as it ends there. Failures are kept in a
+folder with the reader, the seed and the number of the case; the same seed makes the same cases.
 """
 
 import argparse
@@ -321,6 +322,7 @@ class Row:
     failures: list[dict[str, Any]] = field(default_factory=list)
     memory: float = 0.0
     largest: int = -1
+    again: int = 0
 
     def plain(self) -> dict[str, Any]:
         return {
@@ -331,6 +333,7 @@ class Row:
             "failures": self.outcomes["failure"],
             "memory": round(self.memory, 1),
             "largest": self.largest,
+            "again": self.again,
             "failed": self.failures[:50],
         }
 
@@ -339,9 +342,10 @@ def fuzz(cases: Cases, minutes: float, most: int, keep: Path, bar: Progress, fir
     """Read cases of a reader, for so long or so many."""
     row, next_, end = Row(cases.name), first, time.monotonic() + 60.0 * minutes
     task = bar.add_task(cases.name, total=60.0 * minutes)
+    died = -1
     context = multiprocessing.get_context("spawn")
     place = cases.folder / "case"
-    while time.monotonic() < end and next_ < first + most:
+    while (died == next_ or time.monotonic() < end) and next_ < first + most:
         ours, theirs = context.Pipe(duplex=False)
         given = cases, range(next_, first + most), place, keep, theirs
         process = context.Process(target=work, args=given, daemon=True)
@@ -349,7 +353,7 @@ def fuzz(cases: Cases, minutes: float, most: int, keep: Path, bar: Progress, fir
         theirs.close()
         begun: tuple[int, str] | None = None
         stopped = False
-        while not stopped and (begun is not None or time.monotonic() < end):
+        while not stopped and (begun is not None or died == next_ or time.monotonic() < end):
             if not ours.poll(PATIENCE):
                 process.kill()
                 found = f"no answer in {PATIENCE:.0f} s"
@@ -374,6 +378,11 @@ def fuzz(cases: Cases, minutes: float, most: int, keep: Path, bar: Progress, fir
             if begun is None:
                 log = place.with_suffix(".log").read_text(errors="replace")[-2000:]
                 raise RuntimeError(f"{cases.name}: the process ended by itself\n{log}")
+            # What HDF5 trips over may be what earlier damage left in its memory: once more, in a new process.
+            if died != begun[0]:
+                died = begun[0]
+                row.again += 1
+                continue
             with contextlib.suppress(OSError):
                 keep_case(cases, *begun, found, place, keep)
             _book(row, *begun, found, 0.0)

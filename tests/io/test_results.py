@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from auvplan.files import OutputError, output_folder, write_atomically
+from auvplan.files import OutputError, output_folder, read_mission, write_atomically
 from auvplan.io import load_run, save_run
 from auvplan.io.check import ResultError
 from auvplan.motion import Motion
@@ -203,3 +203,14 @@ def test_unwritable_folder(tmp_path, monkeypatch):
 def test_load_names_the_missing_file(tmp_path):
     with pytest.raises(ResultError, match=r"mission\.nc: no such file"):
         load_run(tmp_path)
+
+
+def test_a_heap_without_an_end_is_refused(saved, tmp_path):
+    """HDF5 would look for its end for ever."""
+    whole = bytearray((saved[1] / "mission.nc").read_bytes())
+    place = whole.find(b"GCOL")
+    assert place > 0
+    whole[place + 16 : place + 400] = bytes(384)
+    (tmp_path / "mission.nc").write_bytes(whole)
+    with pytest.raises(ResultError, match="has no end"):
+        read_mission(tmp_path)
