@@ -31,9 +31,13 @@ from auvplan.ocean.currents import FunctionCurrent, evaluated
 
 @pytest.fixture
 def place(tmp_path, monkeypatch):
-    """An empty cache."""
+    """An empty cache. JAX's own keeps nothing meanwhile: what comes out of that one is not stored."""
     monkeypatch.setenv("AUVPLAN_CACHE", str(tmp_path))
-    return tmp_path
+    name = "jax_persistent_cache_min_compile_time_secs"
+    before = jax.config.read(name)
+    jax.config.update(name, 1e9)
+    yield tmp_path
+    jax.config.update(name, before)
 
 
 def expected(x, times):

@@ -122,7 +122,7 @@ def test_an_optimum_at_a_corner_is_reached_within_bounds(name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_stall_starts_anew_and_keeps_the_best(name: str) -> None:
-    config = settings(name, 12_000)
+    config = settings(name, 18_000)
     result = minimize(rastrigin, LOWER, UPPER, key=jax.random.key(2), config=config)
     assert int(result.state.memory.restarts) >= 1
     assert (jnp.diff(result.history.best) <= 0.0).all()
