@@ -34,7 +34,7 @@ def place(tmp_path, monkeypatch):
     """An empty cache. JAX's own keeps nothing meanwhile: what comes out of that one is not stored."""
     monkeypatch.setenv("AUVPLAN_CACHE", str(tmp_path))
     name = "jax_persistent_cache_min_compile_time_secs"
-    before = jax.config.read(name)
+    before = getattr(jax.config, name)
     jax.config.update(name, 1e9)
     yield tmp_path
     jax.config.update(name, before)
