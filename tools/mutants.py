@@ -70,11 +70,8 @@ def places(tree: ast.AST) -> Iterator[ast.expr]:
         for node in value if isinstance(value, list) else [value]:
             if isinstance(node, ast.JoinedStr | ast.Raise) or not isinstance(node, ast.AST):
                 continue
-            if isinstance(node, ast.keyword) and node.arg in (
-                "strict",
-                "frozen",
-            ):  # guards, which change nothing
-                continue
+            if isinstance(node, ast.keyword) and node.arg in ("strict", "frozen"):
+                continue  # guards, which change nothing
             if isinstance(node, ast.expr) and changed(node) is not None:
                 yield node
             yield from places(node)
