@@ -67,9 +67,11 @@ def other_counts(folder: Path) -> Path:
     import auvplan as ap
 
     changes = {
-        "current.vortices": 9, "obstacles.static": 1, "obstacles.afloat": 3, "mission.waypoints": 23,
+        "current.vortices": 9,
+        "simulation.obstacles": {"static": 1, "afloat": 3},
+        "mission.waypoints": 23,
         "mission.neighbours": 5,
-    }  # fmt: skip
+    }
     scenario = ap.load_scenario("whitsunday").with_(changes)
     file = folder / "other.yaml"
     file.write_text(scenario.model_dump_json(exclude_unset=True), encoding="utf-8")
