@@ -26,6 +26,9 @@ from auvplan.words import counted
 #: Names in the folder of a study: what it runs, its missions while it runs, its results.
 DESIGN, PIECES, DATASET, SUMMARY = "study.json", "missions", "missions.nc", "summary.json"
 
+#: Variables that neither summaries nor pictures need.
+_UNSHOWN = ("revisits", "length", "leg_revisit")
+
 #: Folder in that of a study for whole results of its missions, one each, where they are saved.
 RUNS = "runs"
 
@@ -163,7 +166,19 @@ def load_study(folder: str | Path) -> xr.Dataset:
     Raises:
         ResultError: one line that names the file and what is wrong with it.
     """
-    return read_dataset(folder, DATASET)
+    dataset = read_dataset(folder, DATASET)
+    wanted = {name: variable.dims for name, variable in VARIABLES.items()} | {"seed": ("mission",)}
+    for name, dims in wanted.items():
+        if name not in dataset and name in _UNSHOWN:
+            continue
+        if name not in dataset:
+            raise ResultError(f"{Path(folder) / DATASET}: variable {name} is missing")
+        there, kind = dataset[name].dims, dataset[name].dtype.kind
+        if there[len(there) - len(dims) :] != dims or "mission" not in there:
+            raise ResultError(f"{Path(folder) / DATASET}: variable {name} has dimensions {there}")
+        if name != "reason" and kind not in "iufb":
+            raise ResultError(f"{Path(folder) / DATASET}: variable {name} holds no numbers")
+    return dataset
 
 
 def is_study(folder: str | Path) -> bool:

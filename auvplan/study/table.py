@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from auvplan.files import ResultError
 from auvplan.io.fields import chart_variables
 from auvplan.ocean.chart import UNCERTAIN_MAX, Chart
 from auvplan.study.design import Design
@@ -39,6 +40,8 @@ def rows_of(dataset: xr.Dataset) -> list[Row]:
     """Return the missions of a study's dataset, in the order of `Design.tasks`, padded as they are there."""
     planes = {}
     for name, variable in VARIABLES.items():
+        if name not in dataset:
+            raise ResultError(f"the study has no variable {name}, and cannot be extended")
         values = dataset[name].values
         planes[name] = values.reshape(-1, *values.shape[values.ndim - len(variable.dims) :])
     return [

@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 from auvplan.export.sheet import waypoint_name
-from auvplan.files import REPORT, RESULTS, ResultError
+from auvplan.files import REPORT, RESULTS, ResultError, write_dataset
 from auvplan.report import write_report, write_run_report
 from auvplan.report.area import current_data, map_data
 from auvplan.report.obstacles import obstacle_data
@@ -275,3 +275,18 @@ def test_packed_numbers_come_back():
 def test_a_page_is_small(run_page, study_page):
     for page in (run_page, study_page):
         assert page.stat().st_size < 2_500_000
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda study: study.drop_vars("cost_mission"), "variable cost_mission is missing"),
+        (lambda study: study.assign(tasks=study["tasks"].isel(mission=0)), "variable tasks has dimensions"),
+        (lambda study: study.assign(tasks=study["tasks"].astype(str)), "variable tasks holds no numbers"),
+    ],
+)
+def test_a_study_without_what_its_page_shows(tmp_path, change, words):
+    (tmp_path / "study.json").write_text("{}")
+    write_dataset(change(make_study(3)), tmp_path / "missions.nc")
+    with pytest.raises(ResultError, match=words):
+        write_report(tmp_path)
