@@ -55,7 +55,7 @@ _HEAPS = 64 << 20
 
 #: A file of results that claims more bytes of values than either of these, the latter times its own size, is
 #: none: it would fill the memory.
-_MAX_DATASET_BYTES, _MOST_COMPRESSED = 1 << 30, 100
+_MAX_DATASET_BYTES, _MOST_COMPRESSED = 1 << 27, 100
 
 
 class OutputError(AuvplanError):
