@@ -33,6 +33,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
+import joblib
 import numpy as np
 from rich.progress import Progress
 from rich.table import Table
@@ -80,6 +81,7 @@ class Watch:
     thread: int | None = None
 
     def install(self) -> None:
+        joblib.cpu_count(only_physical_cores=True)  # asks lscpu once, at the first clustering otherwise
         sys.addaudithook(self._hear)
 
     @contextlib.contextmanager
