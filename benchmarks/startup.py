@@ -104,7 +104,7 @@ def measured(runs: int, study: int, folder: Path) -> list[dict[str, Any]]:
         ("check", ["check", "run"]),
         ("validate", ["validate", "whitsunday"]),
         ("export", ["export", "run", "--as-simulated", "--out", "files"]),
-        ("plot", ["plot", "run", "--out", "pictures"]),
+        ("plot", ["plot", "run"]),
     ):
         take(name, [*AUVPLAN, *words], own=True)
     if study:
