@@ -167,14 +167,15 @@ def load_study(folder: str | Path) -> xr.Dataset:
         ResultError: one line that names the file and what is wrong with it.
     """
     dataset = read_dataset(folder, DATASET)
-    wanted = {name: variable.dims for name, variable in VARIABLES.items()} | {"seed": ("mission",)}
+    lead = dataset["success"].dims if "success" in dataset else ("mission",)
+    wanted = {name: (*lead, *variable.dims) for name, variable in VARIABLES.items()} | {"seed": ("mission",)}
     for name, dims in wanted.items():
         if name not in dataset and name in _UNSHOWN:
             continue
         if name not in dataset:
             raise ResultError(f"{Path(folder) / DATASET}: variable {name} is missing")
         there, kind = dataset[name].dims, dataset[name].dtype.kind
-        if there[len(there) - len(dims) :] != dims or "mission" not in there:
+        if there != dims or "mission" not in there:
             raise ResultError(f"{Path(folder) / DATASET}: variable {name} has dimensions {there}")
         if name != "reason" and kind not in "iufb":
             raise ResultError(f"{Path(folder) / DATASET}: variable {name} holds no numbers")

@@ -281,6 +281,7 @@ def test_a_page_is_small(run_page, study_page):
     ("change", "words"),
     [
         (lambda study: study.drop_vars("cost_mission"), "variable cost_mission is missing"),
+        (lambda study: study.assign(tasks=study["tasks"].expand_dims("x")), "variable tasks has dimensions"),
         (lambda study: study.assign(tasks=study["tasks"].isel(mission=0)), "variable tasks has dimensions"),
         (lambda study: study.assign(tasks=study["tasks"].astype(str)), "variable tasks holds no numbers"),
     ],
