@@ -319,3 +319,10 @@ def test_a_variable_of_other_sizes_than_its_dimensions(tmp_path):
         del file["depth"]
         file.create_dataset("depth", (3 * 10**8,), "f4", chunks=(1000,))
     refused(path, "not a readable NetCDF file")
+
+
+def test_a_line_on_an_endless_unit_is_short(tmp_path):
+    path = write(attrs("depth", units="x" * 60_000)(regular()), tmp_path / "a.nc")
+    with pytest.raises(CurrentError, match="depth has units") as stated:
+        open_ocean(path)
+    assert len(str(stated.value)) <= 1000
