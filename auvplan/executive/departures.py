@@ -15,7 +15,6 @@ from auvplan.brief import Brief
 from auvplan.errors import ScenarioError
 from auvplan.executive.closures import why_no_route
 from auvplan.executive.context import Mission, SimulationContext
-from auvplan.executive.loop import start_mission as start_mission
 from auvplan.executive.planning import (
     complete,
     leaving,

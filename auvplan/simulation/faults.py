@@ -66,27 +66,23 @@ class Obstacle:
 
 
 @dataclass(frozen=True)
-class SensorOut:
-    """From a time `at`, s since the epoch, on no obstacle is seen for so many `seconds`."""
+class _Passing:
+    """A fault that begins at a time `at`, s since the epoch, and is over after so many `seconds`."""
 
     at: float
     seconds: float
 
 
-@dataclass(frozen=True)
-class HeldUp:
-    """From a time `at`, s since the epoch, on the vehicle keeps station for so many `seconds`."""
-
-    at: float
-    seconds: float
+class SensorOut(_Passing):
+    """No obstacle is seen."""
 
 
-@dataclass(frozen=True)
-class PlannerOut:
-    """From a time `at`, s since the epoch, on the path planner answers nothing for so many `seconds`."""
+class HeldUp(_Passing):
+    """The vehicle keeps station."""
 
-    at: float
-    seconds: float
+
+class PlannerOut(_Passing):
+    """The path planner answers nothing."""
 
 
 @dataclass(frozen=True)
@@ -127,7 +123,7 @@ class Faults:
         """Return the share of its speed through the water that the vehicle makes."""
         return float(np.prod([fault.factor for fault in self.struck(Slower, now)]))
 
-    def left(self, kind: type[SensorOut] | type[HeldUp] | type[PlannerOut], now: float) -> float:
+    def left(self, kind: type[SensorOut | HeldUp | PlannerOut], now: float) -> float:
         """Return for how many more s a fault of a kind that passes is in effect; 0 where none is."""
         return max([0.0, *(fault.at + fault.seconds - now for fault in self.struck(kind, now))])
 
