@@ -5,15 +5,13 @@ paths that are called clear, and writes one JSON file with the machine and the v
 stand apart in every row.
 """
 
-import argparse
 from dataclasses import asdict
-from pathlib import Path
 
 from rich.console import Console
 from rich.progress import Progress
 
 from benchmarks import path_arrivals, path_replans, path_walks, paths, plans, scoring
-from benchmarks.machine import bars, console, write
+from benchmarks.machine import arguments, bars, console, write
 from benchmarks.path_problems import PathProblem, path_problems
 
 
@@ -38,9 +36,8 @@ def against_references(screen: Console, progress: Progress, quick: bool) -> list
 
 def main() -> None:
     """Print the tables and write the file."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks", description="All path benchmarks.")
+    parser = arguments("All path benchmarks.", prog="python -m benchmarks")
     parser.add_argument("--quick", action="store_true", help="few rounds and seeds")
-    parser.add_argument("--out", type=Path, help="JSON file to write")
     options = parser.parse_args()
     screen = console()
     with bars(screen) as progress:
@@ -55,16 +52,9 @@ def main() -> None:
         screen.print(path_arrivals.table(arrivals))
         walked = path_walks.watched(200 if options.quick else path_walks.COUNT, progress)
         screen.print(path_walks.said(walked))
-    if options.out:
-        parts = {
-            "scoring": scored,
-            "plans": planned,
-            "paths": compared,
-            "replans": anew,
-            "arrivals": arrivals,
-        }
-        content = {name: [asdict(row) for row in rows] for name, rows in parts.items()}
-        write(options.out, {"quick": options.quick, **content, "walks": asdict(walked)})
+    parts = {"scoring": scored, "plans": planned, "paths": compared, "replans": anew, "arrivals": arrivals}
+    content = {name: [asdict(row) for row in rows] for name, rows in parts.items()}
+    write(options.out, {"quick": options.quick, **content, "walks": asdict(walked)})
 
 
 if __name__ == "__main__":

@@ -6,13 +6,11 @@ first as the machine is, then beside as many processes that do nothing but count
 planned within a budget is compared with what the same call finds without one.
 """
 
-import argparse
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import jax
@@ -22,7 +20,7 @@ from rich.table import Table
 import auvplan as ap
 from auvplan import cores
 from auvplan.mission import random_graph
-from benchmarks.machine import console, write
+from benchmarks.machine import arguments, console, write
 from benchmarks.path_problems import path_problems
 
 #: s.
@@ -110,10 +108,9 @@ def timed(call: Call, worth: Callable[[Any], float], budget: float, count: int) 
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description="Planning calls within budgets of time.")
+    parser = arguments("Planning calls within budgets of time.")
     parser.add_argument("-n", type=int, default=40, help="calls of each kind")
     parser.add_argument("--quick", action="store_true", help="two budgets alone")
-    parser.add_argument("--out", type=Path, help="JSON file to write")
     options = parser.parse_args()
     screen, rows = console(), []
     table = Table(
@@ -136,8 +133,7 @@ def main() -> None:
                 beyond = f"{row['beyond a tenth']} of {row['calls']}"
                 table.add_row(name, machine, f"{budget:g}", *figures, beyond, f"{row['worse by']:+.2%}")
     screen.print(table)
-    if options.out:
-        write(options.out, {"budgets": rows})
+    write(options.out, {"budgets": rows})
 
 
 if __name__ == "__main__":

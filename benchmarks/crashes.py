@@ -8,7 +8,6 @@ has to end with status 2 and one line, and leave no broken file. Any other outco
 with status 1.
 """
 
-import argparse
 import json
 import random
 import resource
@@ -28,7 +27,7 @@ from rich.table import Table
 from auvplan.files import MISSION, SUMMARY, read_dataset
 from auvplan.study.store import DATASET, is_unfinished
 from benchmarks import small_sea
-from benchmarks.machine import console, write
+from benchmarks.machine import arguments, console, write
 
 COMMANDS = "mission", "montecarlo", "export", "report"
 
@@ -158,10 +157,9 @@ def without_room(name: str, scenario: Path, result: Path, folder: Path, disks: i
 
 def main() -> None:
     """Print the tables."""
-    parser = argparse.ArgumentParser(description="Kills and full disks.")
+    parser = arguments("Kills and full disks.")
     parser.add_argument("--kills", type=int, default=30, help="of each command")
     parser.add_argument("--disks", type=int, default=12, help="sizes of disks for each command")
-    parser.add_argument("--out", type=Path, help="JSON file to write")
     options = parser.parse_args()
     rows: list[dict[str, object]] = []
     with tempfile.TemporaryDirectory() as name:
@@ -185,8 +183,7 @@ def main() -> None:
         said = ", ".join(f"{outcome} {times}" for outcome, times in counts.items())
         table.add_row(str(row["command"]), str(row["kind"]), str(sum(counts.values())), said)
     console().print(table)
-    if options.out:
-        write(options.out, {"crashes": rows})
+    write(options.out, {"crashes": rows})
     sys.exit(1 if wrong else 0)
 
 

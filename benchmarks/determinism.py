@@ -7,7 +7,6 @@ is killed by SIGKILL and resumed. It compares the bytes of ``summary.json``, fie
 out, and ends with status 1 where two differ.
 """
 
-import argparse
 import hashlib
 import json
 import os
@@ -23,7 +22,7 @@ from rich.table import Table
 from auvplan.files import SUMMARY
 from auvplan.study.store import PIECES, RUNS
 from benchmarks import small_sea
-from benchmarks.machine import console, write
+from benchmarks.machine import arguments, console, write
 from benchmarks.resilience import clockless
 
 RUN = [sys.executable, "-m", "auvplan.cli", "mission", "--pictures", "none", "--quiet"]
@@ -105,11 +104,10 @@ def compared(name: str, seed: int, count: int, folder: Path) -> list[dict[str, s
 
 def main() -> None:
     """Print the comparison."""
-    parser = argparse.ArgumentParser(description="The same seed, the same summary.")
+    parser = arguments("The same seed, the same summary.")
     parser.add_argument("--scenario", default="whitsunday", help="shipped one, a file, or 'small'")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("-n", type=int, default=4, help="missions of a study")
-    parser.add_argument("--out", type=Path, help="JSON file to write")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -124,8 +122,7 @@ def main() -> None:
     screen.print(table)
     same = sum(row["digest"] == first for row in found)
     screen.print(f"{same} of {len(found)} summaries are the same to the byte, clock times left out")
-    if options.out:
-        write(options.out, {"determinism": found})
+    write(options.out, {"determinism": found})
     sys.exit(0 if same == len(found) else 1)
 
 

@@ -7,11 +7,9 @@ that a manoeuvre could have avoided when they were sensed, and those that none c
 where a collision was avoidable or a mission ended without a reason.
 """
 
-import argparse
 import sys
 from collections import Counter
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 from rich.table import Table
@@ -29,7 +27,7 @@ from auvplan.simulation.faults import (
     Slower,
     WrongForecast,
 )
-from benchmarks.machine import bars, console, write
+from benchmarks.machine import arguments, bars, console, write
 
 Draw = Callable[[np.random.Generator, float], Fault]
 
@@ -103,9 +101,8 @@ def _cause(reason: str) -> str:
 
 def main() -> None:
     """Print the table, and what is wrong."""
-    parser = argparse.ArgumentParser(description="Missions with injected faults.")
+    parser = arguments("Missions with injected faults.")
     parser.add_argument("-n", type=int, default=200, help="missions")
-    parser.add_argument("--out", type=Path, help="JSON file to write")
     options = parser.parse_args()
     screen = console()
     found = simulate(ap.load_scenario("whitsunday"), options.n)
@@ -134,8 +131,7 @@ def main() -> None:
     screen.print(table)
     for line in wrong:
         screen.print(line, soft_wrap=True)
-    if options.out:
-        write(options.out, {"faults": rows, "wrong": wrong})
+    write(options.out, {"faults": rows, "wrong": wrong})
     sys.exit(1 if wrong else 0)
 
 

@@ -8,7 +8,6 @@ which the process dies is read once more in a new one, and counts as it ends the
 folder with the reader, the seed and the number of the case; the same seed makes the same cases.
 """
 
-import argparse
 import contextlib
 import ctypes
 import json
@@ -42,7 +41,7 @@ import auvplan
 from auvplan.errors import AuvplanError
 from benchmarks.fuzz_changes import change
 from benchmarks.fuzz_readers import READERS, Reader, Seed, write_sources
-from benchmarks.machine import bars, console, write
+from benchmarks.machine import arguments, bars, console, write
 
 #: Processor time of a case, s; wall-clock time after which its process is ended.
 SECONDS, PATIENCE = 10, 90.0
@@ -406,14 +405,13 @@ def _book(row: Row, number: int, said: str, found: str, grown: float) -> None:
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description="Changed files for every reader.")
+    parser = arguments("Changed files for every reader.")
     parser.add_argument("--minutes", type=float, default=10.0, help="for each reader")
     parser.add_argument("--cases", type=int, default=10**9, help="of each reader, at most")
     parser.add_argument("--first", type=int, default=0, help="number of the first case")
     parser.add_argument("--only", help="part of the names of readers")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--keep", type=Path, help="folder for failures; a temporary one if absent")
-    parser.add_argument("--out", type=Path, help="JSON file to write")
     options = parser.parse_args()
     shown = console()
     keep = options.keep or Path(tempfile.mkdtemp(prefix="auvplan-fuzz-"))
@@ -444,8 +442,7 @@ def main() -> None:
     shown.print(f"memory of a case: at most {BYTES >> 30} GiB beyond what is loaded; time: {SECONDS} s")
     if failed:
         shown.print(f"failures are kept in {keep}", markup=False)
-    if options.out:
-        write(options.out, {"fuzz": [row.plain() for row in rows]})
+    write(options.out, {"fuzz": [row.plain() for row in rows]})
     sys.exit(1 if failed else 0)
 
 

@@ -6,11 +6,9 @@ sampled from the three layers, which a tide turns about. The currents take turns
 see the same machine; the ratios are of medians and of the shortest times. Compilation counts apart.
 """
 
-import argparse
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import partial
-from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -22,7 +20,7 @@ import auvplan as ap
 from auvplan.ocean.currents import Current
 from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.path import PathPlan
-from benchmarks.machine import bars, clock, console, write
+from benchmarks.machine import arguments, bars, clock, console, write
 
 PRESETS: dict[str, Callable[[], ap.PathConfig]] = {
     "default": ap.PathConfig,
@@ -156,17 +154,15 @@ def table(rows: list[Row]) -> Table:
 
 def main() -> None:
     """Print the table and write the file."""
-    parser = argparse.ArgumentParser(description="Plans in gridded currents against plans in vortices.")
+    parser = arguments("Plans in gridded currents against plans in vortices.")
     parser.add_argument("--preset", choices=PRESETS, action="append", help="this one alone; may be repeated")
     parser.add_argument("--rounds", type=int, default=ROUNDS, help="turns that every current takes")
-    parser.add_argument("--out", type=Path, help="JSON file to write")
     options = parser.parse_args()
     screen = console()
     with bars(screen) as progress:
         found = rows(options.preset or list(PRESETS), options.rounds, progress)
     screen.print(table(found))
-    if options.out:
-        write(options.out, {"rounds": options.rounds, "rows": [asdict(row) for row in found]})
+    write(options.out, {"rounds": options.rounds, "rows": [asdict(row) for row in found]})
 
 
 if __name__ == "__main__":

@@ -6,7 +6,6 @@ tenth is warm-up. It ends with status 1 where a program was compiled twice, a fi
 grew by more than a tenth.
 """
 
-import argparse
 import gc
 import logging
 import os
@@ -22,7 +21,7 @@ import auvplan as ap
 from auvplan.compiled import compilations
 from auvplan.executive import execute_missions
 from benchmarks import small_sea
-from benchmarks.machine import console, write
+from benchmarks.machine import arguments, console, write
 
 #: Missions between two rows, and between two that are saved.
 EVERY, SAVED = 50, 20
@@ -90,9 +89,8 @@ def watched(count: int, compiled: Compiled) -> list[dict[str, float]]:
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description="Very many missions in one process.")
+    parser = arguments("Very many missions in one process.")
     parser.add_argument("-n", type=int, default=2000)
-    parser.add_argument("--out", type=Path, help="JSON file to write")
     options = parser.parse_args()
     compiled = Compiled()
     rows = watched(options.n, compiled)
@@ -111,8 +109,7 @@ def main() -> None:
     for text in compiled.again:
         screen.print(f"twice: {text[:200]}", markup=False)
     last["twice"] = len(compiled.again)
-    if options.out:
-        write(options.out, {"long_run": rows})
+    write(options.out, {"long_run": rows})
     grew = last["memory"] > 1.1 * warm["memory"]
     sys.exit(1 if grew or compiled.again or last["files"] > warm["files"] else 0)
 

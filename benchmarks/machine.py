@@ -1,5 +1,6 @@
-"""What the figures of a benchmark depend on, and how they are shown and kept."""
+"""What the benchmarks share: options, what their figures depend on, and how these are shown and kept."""
 
+import argparse
 import importlib.metadata
 import importlib.util
 import json
@@ -77,8 +78,17 @@ def clock(call: Callable[[], Any]) -> tuple[float, Any]:
     return time.perf_counter() - begin, result
 
 
-def write(path: Path, content: dict[str, Any]) -> None:
-    """Write figures as JSON, with the machine."""
+def arguments(description: str, prog: str | None = None) -> argparse.ArgumentParser:
+    """Return a parser of a benchmark's options with `--out`, the path that `write` takes."""
+    parser = argparse.ArgumentParser(prog=prog, description=description)
+    parser.add_argument("--out", type=Path, help="JSON file to write")
+    return parser
+
+
+def write(path: Path | None, content: dict[str, Any]) -> None:
+    """Write figures as JSON, with the machine; nothing where no file is asked for."""
+    if path is None:
+        return
     path.write_text(json.dumps({"machine": machine(), **content}, indent=1) + "\n")
 
 

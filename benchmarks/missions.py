@@ -7,18 +7,16 @@ orienteering sets only, whose prizes sit on waypoints: it cannot express tasks o
 minimises Eq. 15, which is not the most total priority.
 """
 
-import argparse
 from collections.abc import Iterator
 from dataclasses import asdict
 from functools import partial
-from pathlib import Path
 
 from rich.console import Console
 from rich.table import Table
 
 import auvplan as ap
 from benchmarks import mission_peers as peers
-from benchmarks.machine import bars, console, installed, write
+from benchmarks.machine import arguments, bars, console, installed, write
 from benchmarks.mission_runs import Bench, Row, Solver, preset
 from benchmarks.mission_sets import SHARED, Case, generated_cases, shared_cases
 
@@ -117,13 +115,12 @@ def table(rows: list[Row]) -> Table:
 
 def main() -> None:
     """Print the table and write the file."""
-    parser = argparse.ArgumentParser(description="Missions against proven optima and other solvers.")
+    parser = arguments("Missions against proven optima and other solvers.")
     parser.add_argument("--seeds", type=int, default=10, help="plans of each case")
     parser.add_argument("--quick", action="store_true", help="two cases of each set, two seeds, short limits")
     parser.add_argument("--peers", action="store_true", help="other solvers too")
     parser.add_argument("--variants", action="store_true", help="what each part of the default is worth")
     parser.add_argument("--only", nargs="+", help="families to run, such as knn40")
-    parser.add_argument("--out", type=Path, help="JSON file to write")
     options = parser.parse_args()
     seeds, limit = (min(options.seeds, 2), 10.0) if options.quick else (options.seeds, 60.0)
     screen = console()
@@ -149,8 +146,7 @@ def main() -> None:
         else:
             screen.print("Eq. 15: left out, it needs the shared graphs and OR-Tools")
     screen.print(table(bench.rows))
-    if options.out:
-        write(options.out, {"seeds": seeds, "rows": [asdict(row) for row in bench.rows]})
+    write(options.out, {"seeds": seeds, "rows": [asdict(row) for row in bench.rows]})
 
 
 if __name__ == "__main__":

@@ -5,11 +5,9 @@ each plan's travel time by both methods. It prints how far each is off the ruler
 what travel times and gradients of eight paths take by it, as a polish asks for them.
 """
 
-import argparse
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import partial
-from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -21,7 +19,7 @@ from auvplan.compiled import compiled
 from auvplan.ocean.currents import is_steady
 from auvplan.path import kinematics
 from auvplan.path.cost import Track, curves
-from benchmarks.machine import clock, console, write
+from benchmarks.machine import arguments, clock, console, write
 from benchmarks.path_problems import PathProblem, literature
 from benchmarks.path_ruler import evaluate
 
@@ -110,13 +108,11 @@ def table(found: list[Row]) -> Table:
 
 def main() -> None:
     """Print the table and write the file."""
-    parser = argparse.ArgumentParser(description="Arrival times in changing currents.")
-    parser.add_argument("--out", type=Path, help="JSON file to write")
+    parser = arguments("Arrival times in changing currents.")
     options = parser.parse_args()
     found = rows()
     console().print(table(found))
-    if options.out:
-        write(options.out, {"rows": [asdict(row) for row in found]})
+    write(options.out, {"rows": [asdict(row) for row in found]})
 
 
 if __name__ == "__main__":

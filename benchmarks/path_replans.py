@@ -7,11 +7,9 @@ prints a row for each way to plan: by how much the travel time exceeds that of t
 plans are feasible, and the time of one.
 """
 
-import argparse
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from functools import partial
-from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -21,7 +19,7 @@ from rich.table import Table
 
 import auvplan as ap
 from auvplan.ocean.vortices import CurrentUpdate, LambVortices, evolve
-from benchmarks.machine import bars, clock, console, write
+from benchmarks.machine import arguments, bars, clock, console, write
 from benchmarks.path_problems import PathProblem, random_problems
 
 SITUATIONS = 50
@@ -206,16 +204,14 @@ def table(found: list[Row]) -> Table:
 
 def main() -> None:
     """Print the table and write the file."""
-    parser = argparse.ArgumentParser(description="Warm re-plans against cold plans.")
+    parser = arguments("Warm re-plans against cold plans.")
     parser.add_argument("--situations", type=int, default=SITUATIONS)
-    parser.add_argument("--out", type=Path, help="JSON file to write")
     options = parser.parse_args()
     screen = console()
     with bars(screen) as progress:
         found = rows(options.situations, progress)
     screen.print(table(found))
-    if options.out:
-        write(options.out, {"rows": [asdict(row) for row in found]})
+    write(options.out, {"rows": [asdict(row) for row in found]})
 
 
 if __name__ == "__main__":

@@ -6,11 +6,9 @@ plan is travel time / reference - 1, both measured by `path_ruler`. A plan that 
 lowers the feasible share. Times are of one plan, the compilation apart.
 """
 
-import argparse
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import jax
@@ -19,7 +17,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 import auvplan as ap
-from benchmarks.machine import bars, clock, console, write
+from benchmarks.machine import arguments, bars, clock, console, write
 from benchmarks.path_problems import PathProblem, have_charts, path_problems
 from benchmarks.path_reference import stored_references
 from benchmarks.path_ruler import World, evaluate
@@ -210,12 +208,11 @@ def table(shown: list[Row], title: str) -> Table:
 
 def main() -> None:
     """Print the tables and write the file."""
-    parser = argparse.ArgumentParser(description="Paths against global references.")
+    parser = arguments("Paths against global references.")
     parser.add_argument("--seeds", type=int, default=5, help="plans of each problem")
     parser.add_argument("--only", nargs="+", help="families or problems, such as coast or open-03")
     parser.add_argument("--preset", nargs="+", choices=[*PRESETS, *VARIANTS], default=list(PRESETS))
     parser.add_argument("--each", action="store_true", help="a row for each problem too")
-    parser.add_argument("--out", type=Path, help="JSON file to write")
     options = parser.parse_args()
     screen = console()
     if not have_charts():
@@ -231,14 +228,13 @@ def main() -> None:
     if options.each:
         screen.print(table(problems, "Each problem: gap to the reference"))
     screen.print(table(families, "Paths: gap to the reference"))
-    if options.out:
-        content = {
-            "seeds": options.seeds,
-            "families": [asdict(row) for row in families],
-            "problems": [asdict(row) for row in problems],
-            "runs": [asdict(run) for run in runs],
-        }
-        write(options.out, content)
+    content = {
+        "seeds": options.seeds,
+        "families": [asdict(row) for row in families],
+        "problems": [asdict(row) for row in problems],
+        "runs": [asdict(run) for run in runs],
+    }
+    write(options.out, content)
 
 
 if __name__ == "__main__":

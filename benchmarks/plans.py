@@ -5,10 +5,8 @@ every contender in turn: 100 habitats for 100 iterations, so 10,100 evaluations 
 its gradient steps. Every plan is judged by the package's kernel. The compilation counts apart.
 """
 
-import argparse
 from dataclasses import asdict, dataclass, replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import jax
@@ -19,7 +17,7 @@ from rich.table import Table
 
 import auvplan as ap
 from benchmarks import path_peers
-from benchmarks.machine import bars, clock, console, installed, write
+from benchmarks.machine import arguments, bars, clock, console, installed, write
 from benchmarks.scoring import Problem, problem
 
 POPULATION, ITERATIONS = 100, 100
@@ -157,16 +155,14 @@ def table(rows: list[Row]) -> Table:
 
 def main() -> None:
     """Print the table and write the file."""
-    parser = argparse.ArgumentParser(description="Whole path plans against other searches.")
+    parser = arguments("Whole path plans against other searches.")
     parser.add_argument("--seeds", type=int, default=SEEDS, help="plans of each contender")
-    parser.add_argument("--out", type=Path, help="JSON file to write")
     options = parser.parse_args()
     screen = console()
     with bars(screen) as progress:
         found = rows(screen, progress, options.seeds)
     screen.print(table(found))
-    if options.out:
-        write(options.out, {"seeds": options.seeds, "rows": [asdict(row) for row in found]})
+    write(options.out, {"seeds": options.seeds, "rows": [asdict(row) for row in found]})
 
 
 if __name__ == "__main__":

@@ -7,11 +7,9 @@ on every path that keeps the turn rate's limit, and on 99 % of all. At a cusp th
 in single precision, for the package's kernel as for its twins.
 """
 
-import argparse
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import jax
@@ -30,7 +28,7 @@ from auvplan.path.bspline import basis_matrix
 from auvplan.path.cost import VIOLATIONS, curves, evaluate, score, violations
 from auvplan.vehicle import Vehicle
 from benchmarks import path_twins as twins
-from benchmarks.machine import bars, clock, console, write
+from benchmarks.machine import arguments, bars, clock, console, write
 
 COUNTS = (100, 10_000)
 ROUNDS = 30
@@ -288,16 +286,14 @@ def table(rows: list[Row]) -> Table:
 
 def main() -> None:
     """Print the table and write the file."""
-    parser = argparse.ArgumentParser(description="Scoring paths: JAX against C and Numba.")
+    parser = arguments("Scoring paths: JAX against C and Numba.")
     parser.add_argument("--rounds", type=int, default=ROUNDS, help="turns that every contender takes")
-    parser.add_argument("--out", type=Path, help="JSON file to write")
     options = parser.parse_args()
     screen = console()
     with bars(screen) as progress:
         found = rows(screen, progress, options.rounds)
     screen.print(table(found))
-    if options.out:
-        write(options.out, {"rows": [asdict(row) for row in found]})
+    write(options.out, {"rows": [asdict(row) for row in found]})
 
 
 if __name__ == "__main__":

@@ -6,7 +6,6 @@ than the same call made a second time in one process: start, imports, loading of
 else should run meanwhile.
 """
 
-import argparse
 import os
 import re
 import statistics
@@ -19,7 +18,7 @@ from typing import Any
 
 from rich.table import Table
 
-from benchmarks.machine import console, machine, write
+from benchmarks.machine import arguments, console, machine, write
 
 README = Path(__file__).parent.parent / "README.md"
 
@@ -116,10 +115,9 @@ def measured(runs: int, study: int, folder: Path) -> list[dict[str, Any]]:
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(description="How long a person waits for a command.")
+    parser = arguments("How long a person waits for a command.")
     parser.add_argument("--runs", type=int, default=3, help="later runs of each, of which the median counts")
     parser.add_argument("--study", type=int, default=100, help="missions of a study; 0 for none")
-    parser.add_argument("--out", type=Path, help="JSON file to write")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         rows = measured(options.runs, options.study, Path(name))
@@ -130,8 +128,7 @@ def main() -> None:
         beyond = f"{row['beyond']:.1f}" if "beyond" in row else ""
         table.add_row(row["what"], f"{row['first']:.1f}", f"{row['later']:.1f}", beyond)
     console().print(table)
-    if options.out:
-        write(options.out, {"startup": rows})
+    write(options.out, {"startup": rows})
 
 
 if __name__ == "__main__":

@@ -14,7 +14,6 @@ import argparse
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import jax
@@ -24,7 +23,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 import auvplan as ap
-from benchmarks.machine import bars, clock, console, machine, write
+from benchmarks.machine import arguments, bars, clock, console, machine, write
 from benchmarks.path_problems import PathProblem, have_charts, literature
 from benchmarks.path_ruler import World, evaluate
 from benchmarks.water_problems import FAMILIES, KINDS, scaled, water_problem
@@ -312,14 +311,13 @@ def _seeds(text: str) -> range:
 
 def main() -> None:
     """Compute what references are missing, plan, print the tables and write the file."""
-    parser = argparse.ArgumentParser(description="Paths in random waters against references.")
+    parser = arguments("Paths in random waters against references.")
     parser.add_argument("--seeds", type=_seeds, default=range(0, 4), help="FIRST:END, the end left out")
     parser.add_argument("--families", nargs="+", choices=list(KINDS), default=list(KINDS))
     parser.add_argument("--preset", nargs="+", choices=list(PRESETS), default=["default", "quick"])
     parser.add_argument("--most", type=int, help="problems that have a way, the first of the seeds in order")
     parser.add_argument("--references", action="store_true", help="compute references and end")
     parser.add_argument("--scales", action="store_true", help="pose problems in units of all sizes instead")
-    parser.add_argument("--out", type=Path, help="JSON file to write")
     options = parser.parse_args()
     screen = console()
     screen.print(f"processor: {machine()['processor']}")
@@ -331,7 +329,7 @@ def main() -> None:
             if options.scales
             else _content(options, screen, progress)
         )
-    if options.out and content:
+    if content:
         write(options.out, content)
 
 

@@ -13,7 +13,6 @@ takes where other work has the cores. The graphs there lie in a tidal stream, a 
 15 min.
 """
 
-import argparse
 import os
 import statistics
 import time
@@ -21,7 +20,6 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import jax
@@ -35,7 +33,7 @@ from auvplan.mission.exact import load_cp_model
 from auvplan.mission.timetable import Timetable
 from auvplan.ocean.gridded import GriddedCurrent
 from benchmarks.labels import Windows, most_priority
-from benchmarks.machine import bars, console, installed, machine, write
+from benchmarks.machine import arguments, bars, console, installed, machine, write
 
 SIZE, SPEED, EXTENT = 40, 2.5, 10_000.0
 FIRST_SEED, CASES, PLANS = 7000, 30, 3
@@ -388,14 +386,13 @@ def tables(rows: list[Row], found: list[dict[str, Any]], timed: list[Timing]) ->
 
 def main() -> None:
     """Print the tables and write the file."""
-    parser = argparse.ArgumentParser(description="Routes by the clock against proven optima.")
+    parser = arguments("Routes by the clock against proven optima.")
     parser.add_argument(
         "--graphs", type=int, default=CASES, help="how many of the thirty; 0 for the timings alone"
     )
     parser.add_argument("--first", type=int, default=FIRST_SEED, help="seed of the first graph")
     parser.add_argument("--limit", type=float, default=TIME_LIMIT, help="s of CP-SAT for each; 0 for none")
     parser.add_argument("--repeats", type=int, default=5, help="timed calls; 0 for no timings")
-    parser.add_argument("--out", type=Path, help="JSON file to write")
     options = parser.parse_args()
     screen = console()
     with bars(screen) as progress:
@@ -407,9 +404,8 @@ def main() -> None:
     screen.print(f"{facts['processor']}, {facts['cores']} cores, load {load:.1f}, jax {jax.__version__}")
     for table in tables(rows, found, timed):
         screen.print(table)
-    if options.out:
-        content = {"limit": options.limit, "load": load, "graphs": found}
-        write(options.out, content | {"rows": [*map(asdict, rows)], "timings": [*map(asdict, timed)]})
+    content = {"limit": options.limit, "load": load, "graphs": found}
+    write(options.out, content | {"rows": [*map(asdict, rows)], "timings": [*map(asdict, timed)]})
 
 
 if __name__ == "__main__":
