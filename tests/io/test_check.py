@@ -478,13 +478,13 @@ def test_known_obstacles_move(tmp_path):
         assert (report.obstacle_hits > 0) == hit
 
 
-def in_a_band_that_closes(folder, opens, closes, ends=1000.0):
-    """The dataset of a leg of 1,000 s due north, 1 m/s, through a band that is closed for so long."""
+def in_a_band_that_closes(folder, opens, closes, track=(0.0, 1000.0), departs=0.0, hold=0.0, wait=0.0):
+    """The dataset of a leg of 1,000 s due north through a band from 400 to 600 m that is closed for so long."""
     run = make_run((0, 1), chart=False, obstacles=False)
     (leg,) = run.legs
-    leg.times = np.linspace(0.0, 1000.0, len(leg.times))
-    leg.positions = np.linspace([0.0, 0.0, 30.0], [ends, 0.0, 30.0], len(leg.times))
-    leg.t_hold, leg.t_task = 0.0, 300.0
+    leg.times = np.linspace(departs, departs + 1000.0, len(leg.times))
+    leg.positions = np.linspace([track[0], 0.0, 30.0], [track[1], 0.0, 30.0], len(leg.times))
+    leg.t_hold, leg.t_wait, leg.t_task = hold, wait, 300.0
     dataset = with_known_obstacle(run, folder, 5000.0, 5000.0, radius=1.0)
     site = Site(149.0, -20.0)
     corners = [(400.0, -900.0), (400.0, 900.0), (600.0, 900.0), (600.0, -900.0), (400.0, -900.0)]
@@ -507,8 +507,24 @@ def test_a_leg_is_not_in_an_area_while_it_is_closed(tmp_path, opens, closes, met
     assert any("in the closed area 'band'" in fault for fault in report.faults) == met
 
 
-@pytest.mark.parametrize(("opens", "met"), [(1310, False), (1250, True)])
-def test_a_task_is_not_done_in_an_area_that_closes_meanwhile(tmp_path, opens, met):
-    """The leg ends in the band at 1,000 s; its task takes 300 s."""
-    report = in_a_band_that_closes(tmp_path, opens, 5000, ends=500.0)
+@pytest.mark.parametrize(
+    ("opens", "wait", "met"),
+    [(1310, 0.0, False), (1250, 0.0, True), (1410, 100.0, False), (1350, 100.0, True)],
+)
+def test_a_task_is_not_done_in_an_area_that_closes_meanwhile(tmp_path, opens, wait, met):
+    """The leg ends in the band at 1,000 s; its task takes 300 s, after a wait."""
+    report = in_a_band_that_closes(tmp_path, opens, 5000, track=(0.0, 500.0), wait=wait)
     assert any("stays in the closed area 'band'" in fault for fault in report.faults) == met
+
+
+@pytest.mark.parametrize(("closes", "met"), [(290, False), (350, True)])
+def test_a_vehicle_does_not_wait_in_a_closed_area_before_its_leg(tmp_path, closes, met):
+    """The leg leaves the band at 500 s, after a wait of 200 s."""
+    report = in_a_band_that_closes(tmp_path, 0, closes, track=(500.0, 1000.0), departs=500.0, hold=200.0)
+    assert any("stays in the closed area 'band'" in fault for fault in report.faults) == met
+
+
+def test_the_hours_of_a_leg_in_another_place_do_not_matter(tmp_path):
+    """The leg begins and ends outside the band, where it may stay."""
+    report = in_a_band_that_closes(tmp_path, 1100, 1400, hold=0.0, wait=100.0)
+    assert not any("closed area" in fault for fault in report.faults)
