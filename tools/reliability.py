@@ -10,17 +10,21 @@ import argparse
 import ast
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE, FIGURES = ROOT / "docs" / "reliability.md", ROOT / "docs" / "reliability.json"
 
-KINDS = ("unit", "property", "independent", "peer", "fault")
-
-#: What the kinds are called on the page.
-HEADINGS = ("unit", "property", "independent check", "peer", "fault")
+#: Kinds of checks, and what they are called on the page.
+KINDS = {
+    "unit": "unit",
+    "property": "property",
+    "independent": "independent check",
+    "peer": "peer",
+    "fault": "fault",
+}
 
 #: Files of tests by capability, of which those with drawn cases count as properties and the others as unit
 #: tests; then, for the other kinds, files of tests, single ones (file::test), or modules of benchmarks.
@@ -221,11 +225,12 @@ def cell(capability: str, kind: str) -> str:
 
 
 def matrix() -> list[str]:
-    """Rows of the table."""
-    rows = ["| capability | " + " | ".join(HEADINGS) + " |", "|---" * (len(KINDS) + 1) + "|"]
-    for capability in CAPABILITIES:
-        rows.append("| " + " | ".join([capability, *(cell(capability, kind) for kind in KINDS)]) + " |")
-    return [row.replace("|  |", "| |").replace("|  |", "| |") for row in rows]
+    """Table of capabilities and kinds of checks."""
+    rows = [[capability, *(cell(capability, kind) for kind in KINDS)] for capability in CAPABILITIES]
+    return [
+        row.replace("|  |", "| |").replace("|  |", "| |")
+        for row in _table(("capability", *KINDS.values()), rows)
+    ]
 
 
 def _table(headings: tuple[str, ...], rows: list[list[Any]]) -> list[str]:
@@ -239,19 +244,9 @@ def _said(counts: dict[str, int]) -> str:
 
 def faults(found: list[dict[str, Any]]) -> list[str]:
     """Missions with injected faults."""
-    rows = [
-        [
-            row["fault"],
-            row["missions"],
-            row["on time"],
-            _said(row["failed"]),
-            row["avoidable"],
-            row["unavoidable"],
-        ]
-        for row in found
-    ]
-    headings = ("fault", "missions", "on time", "failed: why", "avoidable collisions", "unavoidable")
-    return ["## Faults on the way", "", "`python -m benchmarks.faults`", "", *_table(headings, rows)]
+    names = ("fault", "missions", "on time", "failed", "avoidable", "unavoidable")
+    rows = [[_said(row[name]) if name == "failed" else row[name] for name in names] for row in found]
+    return _table((*names[:3], "failed: why", "avoidable collisions", names[-1]), rows)
 
 
 def budgets(found: list[dict[str, Any]]) -> list[str]:
@@ -262,14 +257,9 @@ def budgets(found: list[dict[str, Any]]) -> list[str]:
         + [f"{row['beyond a tenth']} of {row['calls']}", f"{100.0 * row['worse by']:+.2f} %"]
         for row in found
     ]
-    headings = ("call", "machine", "budget, s", "median", "95 %", "worst", "beyond a tenth", "worse by")
-    return [
-        "## Budgets of wall-clock time",
-        "",
-        "`python -m benchmarks.budgets`",
-        "",
-        *_table(headings, rows),
-    ]
+    return _table(
+        ("call", "machine", "budget, s", "median", "95 %", "worst", "beyond a tenth", "worse by"), rows
+    )
 
 
 def determinism(found: list[dict[str, str]]) -> list[str]:
@@ -278,8 +268,7 @@ def determinism(found: list[dict[str, str]]) -> list[str]:
     others = [row["how"] for row in found if row["digest"] != found[0]["digest"]]
     line = f"{same} of {len(found)} summaries are the same to the byte, clock times left out"
     line += f"; different: {', '.join(others)}." if others else "."
-    how = ", ".join(row["how"] for row in found)
-    return ["## The same seed", "", "`python -m benchmarks.determinism`", "", line, "", f"Compared: {how}."]
+    return [line, "", f"Compared: {', '.join(row['how'] for row in found)}."]
 
 
 def crashes(found: list[dict[str, Any]]) -> list[str]:
@@ -287,8 +276,16 @@ def crashes(found: list[dict[str, Any]]) -> list[str]:
     rows = [
         [row["command"], row["kind"], sum(row["outcomes"].values()), _said(row["outcomes"])] for row in found
     ]
-    headings = ("command", "what", "times", "outcomes")
-    return ["## Kills and full disks", "", "`python -m benchmarks.crashes`", "", *_table(headings, rows)]
+    return _table(("command", "what", "times", "outcomes"), rows)
+
+
+def fuzz(found: list[dict[str, Any]]) -> list[str]:
+    """Changed files for every reader."""
+    columns = ("reader", "cases", "read", "refused", "failures")
+    rows = [[*(row[name] for name in columns), f"{row['memory']:.0f}"] for row in found]
+    lines = _table((*columns, "most memory, MiB"), rows)
+    failed = [f"- {row['reader']}: `{one['found']}`" for row in found for one in row["failed"]]
+    return lines + (["", "Failures:", "", *dict.fromkeys(failed)] if failed else [])
 
 
 def long_run(found: list[dict[str, float]]) -> list[str]:
@@ -305,30 +302,13 @@ def long_run(found: list[dict[str, float]]) -> list[str]:
             ("failed", "missions failed"),
         )
     ]
-    headings = ("", "after warm-up", "at the end")
-    return [
-        "## Very many missions in one process",
-        "",
-        "`python -m benchmarks.long_run`",
-        "",
-        *_table(headings, rows),
-    ]
-
-
-def fuzz(found: list[dict[str, Any]]) -> list[str]:
-    """Changed files for every reader."""
-    columns = ("reader", "cases", "read", "refused", "failures", "memory")
-    rows = [[row[name] for name in columns[:-1]] + [f"{row['memory']:.0f}"] for row in found]
-    lines = ["## Changed files", "", "`python -m benchmarks.fuzz`", ""]
-    lines += _table((*columns[:-1], "most memory, MiB"), rows)
-    failed = [f"- {row['reader']}: `{one['found']}`" for row in found for one in row["failed"]]
-    return lines + (["", "Failures:", "", *dict.fromkeys(failed)] if failed else [])
+    return _table(("", "after warm-up", "at the end"), rows)
 
 
 def mutants(found: dict[str, Any]) -> list[str]:
     """Rules broken on purpose, and which of them the tests notice."""
-    rows = [[row["file"], row["mutants"], row["killed"]] for row in found["files"]]
-    lines = ["## Mutants", "", "`python tools/mutants.py`", "", *_table(("file", "mutants", "killed"), rows)]
+    columns = ("file", "mutants", "killed")
+    lines = _table(columns, [[row[name] for name in columns] for row in found["files"]])
     if found["survivors"]:
         lines += ["", "Survivors:", "", *(f"- `{line}`" for line in found["survivors"])]
     return lines
@@ -337,19 +317,19 @@ def mutants(found: dict[str, Any]) -> list[str]:
 def versions(found: list[dict[str, Any]]) -> list[str]:
     """The tests under the lowest and the newest versions."""
     names = ("kind", "jax", "numpy", "passed", "failed", "error", "skipped")
-    rows = [[row.get(name, 0) for name in names] for row in found]
-    return ["## Versions", "", "`python tools/versions.py`", "", *_table(("", *names[1:]), rows)]
+    return _table(("", *names[1:]), [[row.get(name, 0) for name in names] for row in found])
 
 
-SECTIONS = {
-    "faults": faults,
-    "budgets": budgets,
-    "determinism": determinism,
-    "crashes": crashes,
-    "fuzz": fuzz,
-    "long_run": long_run,
-    "mutants": mutants,
-    "versions": versions,
+#: By name in the figures: heading, command, and what writes the lines below them.
+SECTIONS: dict[str, tuple[str, str, Callable[[Any], list[str]]]] = {
+    "faults": ("Faults on the way", "python -m benchmarks.faults", faults),
+    "budgets": ("Budgets of wall-clock time", "python -m benchmarks.budgets", budgets),
+    "determinism": ("The same seed", "python -m benchmarks.determinism", determinism),
+    "crashes": ("Kills and full disks", "python -m benchmarks.crashes", crashes),
+    "fuzz": ("Changed files", "python -m benchmarks.fuzz", fuzz),
+    "long_run": ("Very many missions in one process", "python -m benchmarks.long_run", long_run),
+    "mutants": ("Mutants", "python tools/mutants.py", mutants),
+    "versions": ("Versions", "python tools/versions.py", versions),
 }
 
 HEAD = """# Reliability
@@ -366,11 +346,11 @@ is someone else's program or format, a *fault* is something that goes wrong on p
 def page(figures: dict[str, Any]) -> str:
     """The page."""
     parts = [HEAD.rstrip().splitlines(), ["## Matrix", "", *matrix()]]
-    parts += [write(figures[name]) for name, write in SECTIONS.items() if name in figures]
-    machine = figures.get("machine")
-    if machine:
-        words = f"Figures: {machine['processor']}, {machine['cores']} cores."
-        parts.append([words])
+    for name, (heading, command, lines) in SECTIONS.items():
+        if name in figures:
+            parts.append([f"## {heading}", "", f"`{command}`", "", *lines(figures[name])])
+    if machine := figures.get("machine"):
+        parts.append([f"Figures: {machine['processor']}, {machine['cores']} cores."])
     return "\n\n".join("\n".join(part) for part in parts) + "\n"
 
 
