@@ -479,7 +479,7 @@ def test_known_obstacles_move(tmp_path):
 
 
 def in_a_band_that_closes(folder, opens, closes, track=(0.0, 1000.0), departs=0.0, hold=0.0, wait=0.0):
-    """The dataset of a leg of 1,000 s due north through a band from 400 to 600 m that is closed for so long."""
+    """The dataset of a leg of 1,000 s due north through a band, 400 to 600 m, that is closed so long."""
     run = make_run((0, 1), chart=False, obstacles=False)
     (leg,) = run.legs
     leg.times = np.linspace(departs, departs + 1000.0, len(leg.times))
