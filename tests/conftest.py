@@ -23,6 +23,7 @@ os.environ["XLA_FLAGS"] = " ".join(
 import jax
 import pytest
 
+from auvplan import cli
 from auvplan.compiled import drop_programs
 from auvplan.executive import loop
 from tests.executive.small import LIGHT
@@ -87,3 +88,16 @@ def light_search():
         for name, light in LIGHT.items():
             patch.setattr(loop, name, light)
         yield
+
+
+@pytest.fixture
+def call(capsys, monkeypatch):
+    """A function that runs a command and returns its exit status, standard output and standard error."""
+
+    def run(*arguments):
+        monkeypatch.setattr("sys.argv", ["auvplan", *map(str, arguments)])
+        with pytest.raises(SystemExit) as stop:
+            cli.main()
+        return stop.value.code or 0, *capsys.readouterr()
+
+    return run

@@ -2,11 +2,11 @@
 
 import json
 import shutil
+from functools import partial
 from pathlib import Path
 
 import pytest
 
-from auvplan import cli
 from auvplan.io import save_run
 from auvplan.study.store import DESIGN, RUNS
 from tests.io.sample_run import make_run
@@ -33,16 +33,9 @@ def study(written, tmp_path):
 
 
 @pytest.fixture
-def check(capsys, monkeypatch):
-    """Exit status, standard output and standard error of the command."""
-
-    def call(*arguments):
-        monkeypatch.setattr("sys.argv", ["auvplan", "check", *map(str, arguments)])
-        with pytest.raises(SystemExit) as stop:
-            cli.main()
-        return stop.value.code or 0, *capsys.readouterr()
-
-    return call
+def check(call):
+    """A function that runs `auvplan check`."""
+    return partial(call, "check")
 
 
 def test_every_saved_run_of_a_study_is_checked(study, check):

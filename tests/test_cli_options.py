@@ -9,20 +9,11 @@ from pathlib import Path
 import pytest
 
 import auvplan as ap
-from auvplan import cli, study
+from auvplan import study
 from auvplan.cli import shared
 from auvplan.cli.shared import load, progress_bar
 from auvplan.errors import ScenarioError
 from auvplan.study.store import PIECES
-
-
-def call(capsys, monkeypatch, *arguments):
-    """Exit status, standard output, standard error of a command."""
-    monkeypatch.setattr("sys.argv", ["auvplan", *map(str, arguments)])
-    with pytest.raises(SystemExit) as stop:
-        cli.main()
-    out, err = capsys.readouterr()
-    return stop.value.code or 0, out, err
 
 
 def test_settings_take_the_place_of_the_scenarios():
@@ -60,11 +51,9 @@ def test_settings_count_more_than_the_option_of_the_same():
     ],
 )
 @pytest.mark.parametrize("command", ["mission", "path", "departures", "montecarlo"])
-def test_a_bad_setting_is_one_line_that_names_the_option(
-    tmp_path, capsys, monkeypatch, command, texts, words
-):
+def test_a_bad_setting_is_one_line_that_names_the_option(tmp_path, call, command, texts, words):
     options = [part for text in texts for part in ("--set", text)]
-    code, out, err = call(capsys, monkeypatch, command, "whitsunday", "--out", tmp_path / "out", *options)
+    code, out, err = call(command, "whitsunday", "--out", tmp_path / "out", *options)
     assert (code, out) == (2, "")
     assert err.startswith("auvplan: --set")
     assert words in err
@@ -77,15 +66,15 @@ def test_the_option_of_a_bad_preset_is_named():
         load("whitsunday", "best")
 
 
-def test_the_version_by_either_name(capsys, monkeypatch):
-    code, out, err = call(capsys, monkeypatch, "--version")
+def test_the_version_by_either_name(call):
+    code, out, err = call("--version")
     assert (code, out, err) == (0, f"auvplan {ap.__version__}\n", "")
     root = Path(__file__).resolve().parent.parent
     command = [sys.executable, "-m", "auvplan", "--version"]
     assert subprocess.run(command, cwd=root, capture_output=True, text=True, check=True).stdout == out
 
 
-def test_a_study_that_is_interrupted_says_how_to_go_on(tmp_path, capsys, monkeypatch):
+def test_a_study_that_is_interrupted_says_how_to_go_on(tmp_path, call, monkeypatch):
     def begin(design, out, **_):
         if out.name == "begun":
             (out / PIECES).mkdir(parents=True)
@@ -93,19 +82,19 @@ def test_a_study_that_is_interrupted_says_how_to_go_on(tmp_path, capsys, monkeyp
 
     monkeypatch.setattr(study, "run_study", begin)
     for name, words in (("begun", "--resume"), ("not", "interrupted")):
-        code, out, err = call(capsys, monkeypatch, "montecarlo", "--out", tmp_path / name)
+        code, out, err = call("montecarlo", "--out", tmp_path / name)
         assert (code, out) == (130, "")
         assert words in err
         assert len(err.splitlines()) == 1
     assert "--resume" not in err
 
 
-def test_other_commands_end_on_one_line_too(capsys, monkeypatch):
+def test_other_commands_end_on_one_line_too(call, monkeypatch):
     def stopped(_):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("auvplan.io.examine.examine_scenario", stopped)
-    assert call(capsys, monkeypatch, "validate", "whitsunday") == (130, "", "auvplan: interrupted\n")
+    assert call("validate", "whitsunday") == (130, "", "auvplan: interrupted\n")
 
 
 def test_progress_in_a_log_is_few_plain_lines(capsys, monkeypatch):

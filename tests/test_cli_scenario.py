@@ -2,24 +2,7 @@
 
 import json
 
-import pytest
 import yaml
-
-from auvplan import cli
-
-
-@pytest.fixture
-def call(capsys, monkeypatch):
-    """Runs a command; exit status, standard output, standard error."""
-
-    def run(*arguments):
-        monkeypatch.setattr("sys.argv", ["auvplan", *map(str, arguments)])
-        with pytest.raises(SystemExit) as stop:
-            cli.main()
-        out, err = capsys.readouterr()
-        return stop.value.code or 0, out, err
-
-    return run
 
 
 def test_schema_is_printed_or_written(call, tmp_path):

@@ -16,7 +16,7 @@ import pytest
 from PIL import Image
 
 import auvplan as ap
-from auvplan import cache, cli
+from auvplan import cache
 from auvplan.compiled import (
     Program,
     compilations,
@@ -274,29 +274,22 @@ def test_what_an_occasion_used_is_kept_by_what_it_is_of_too(place):
     assert last == this + that
 
 
-def test_the_command_shows_and_clears_what_is_kept(place, capsys, monkeypatch):
+def test_the_command_shows_and_clears_what_is_kept(place, call, monkeypatch):
     program()(np.arange(3.0), times=2)
     for arguments, said in (((), "of at most 1000 MB"), (("--clear",), "1 entry removed")):
-        monkeypatch.setattr("sys.argv", ["auvplan", "cache", *arguments])
-        with pytest.raises(SystemExit):
-            cli.main()
-        assert said in capsys.readouterr().out
+        _, out, _ = call("cache", *arguments)
+        assert said in out
     assert not entries()
     monkeypatch.setenv("AUVPLAN_CACHE", "off")
-    monkeypatch.setattr("sys.argv", ["auvplan", "cache"])
-    with pytest.raises(SystemExit):
-        cli.main()
-    assert "AUVPLAN_CACHE is off" in capsys.readouterr().out
+    _, out, _ = call("cache")
+    assert "AUVPLAN_CACHE is off" in out
 
 
-def test_the_command_says_what_was_left_out(place, caplog, monkeypatch, tmp_path):
+def test_the_command_says_what_was_left_out(place, caplog, call, tmp_path):
     picture = tmp_path / "chart.png"
     Image.fromarray(np.full((8, 8, 3), (70, 130, 200), np.uint8)).save(picture)
-    command = ["auvplan", "--verbose", "chart", str(picture), "--out", str(tmp_path / "out")]
-    monkeypatch.setattr("sys.argv", command)
     for _ in range(2):
-        with pytest.raises(SystemExit):
-            cli.main()
+        call("--verbose", "chart", picture, "--out", tmp_path / "out")
         (entry,) = (entry for entry in entries() if "classify" in entry.name)
         entry.path.write_bytes(b"damaged")
     assert "made anew" in caplog.text

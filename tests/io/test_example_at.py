@@ -14,7 +14,6 @@ from auvplan.io.example import write_example
 from auvplan.io.example_at import CAUTION, write_example_at
 from auvplan.io.geo.world import distance_to_coast, land_within
 from auvplan.scenario.file import load_scenario
-from tests.test_cli import call
 
 #: Latitude and longitude of coasts, of islands on the antimeridian, and of the open sea.
 PLACES = {
@@ -108,23 +107,21 @@ def test_refusals_are_one_line_and_leave_nothing(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["jobs.geojson"]
 
 
-def test_the_command(tmp_path, capsys, monkeypatch):
-    code, out, err = call(
-        capsys, monkeypatch, "init", tmp_path / "a", "--at", "-36.85,174.85", "--size", "20"
-    )
+def test_the_command(tmp_path, call):
+    code, out, err = call("init", tmp_path / "a", "--at", "-36.85,174.85", "--size", "20")
     assert code == 0
     assert f"auvplan plan {tmp_path / 'a' / 'scenario.yaml'}" in out
     assert "no chart for navigation" in err
     assert "upper: [10000, 10000, 50]" in (tmp_path / "a" / "scenario.yaml").read_text()
     for given in (["--at", "Oban"], ["--at", "1,2,3"], ["--size", "5"], ["--at", "48.85,2.35"]):
-        code, _, err = call(capsys, monkeypatch, "init", tmp_path / "b", *given)
+        code, _, err = call("init", tmp_path / "b", *given)
         assert (code, len(err.splitlines())) == (2, 1)
     assert not (tmp_path / "b").exists()
 
 
 @pytest.mark.slow
-def test_it_can_be_planned(tmp_path, capsys, monkeypatch):
+def test_it_can_be_planned(tmp_path, call):
     begun = write_example_at(tmp_path, *PLACES["Auckland"])
-    code, out, _ = call(capsys, monkeypatch, "plan", begun.paths[0], "--out", tmp_path / "out", "--json")
+    code, out, _ = call("plan", begun.paths[0], "--out", tmp_path / "out", "--json")
     assert code == 0
     assert json.loads(out)["success"]

@@ -5,19 +5,9 @@ import json
 import pytest
 import yaml
 
-from auvplan import cli
 from tests.executive.small import SMALL
 
 SITE = {"longitude": 148.96, "latitude": -20.34}
-
-
-def call(capsys, monkeypatch, *arguments):
-    """Exit status, standard output, standard error of the command."""
-    monkeypatch.setattr("sys.argv", ["auvplan", "execute", *map(str, arguments)])
-    with pytest.raises(SystemExit) as stop:
-        cli.main()
-    out, err = capsys.readouterr()
-    return stop.value.code or 0, out, err
 
 
 def scenario_file(tmp_path, **sections):
@@ -27,12 +17,12 @@ def scenario_file(tmp_path, **sections):
 
 
 @pytest.mark.slow
-def test_the_simulator_is_executed_and_recorded(tmp_path, capsys, monkeypatch, light_search):
+def test_the_simulator_is_executed_and_recorded(tmp_path, call, light_search):
     notices = tmp_path / "notices.jsonl"
     notices.write_text('{"current": [0.1, 0]}\nnonsense\n')
     out = tmp_path / "out"
     status, text, err = call(
-        capsys, monkeypatch, scenario_file(tmp_path), "--seed", 1, "--out", out, "--notices", notices
+        "execute", scenario_file(tmp_path), "--seed", 1, "--out", out, "--notices", notices
     )
     assert (status, err) == (0, "")
     assert "destination reached in time" in text
@@ -56,19 +46,17 @@ def test_the_simulator_is_executed_and_recorded(tmp_path, capsys, monkeypatch, l
         (["--notices", "no/such/file"], "create it empty"),
     ],
 )
-def test_bad_input_is_one_line(tmp_path, capsys, monkeypatch, options, words):
-    status, _, err = call(
-        capsys, monkeypatch, scenario_file(tmp_path), "--out", tmp_path / "out", "--quiet", *options
-    )
+def test_bad_input_is_one_line(tmp_path, call, options, words):
+    status, _, err = call("execute", scenario_file(tmp_path), "--out", tmp_path / "out", "--quiet", *options)
     assert status == 2
     assert words in err
     assert err.count("\n") == 1
     assert not (tmp_path / "out" / "execution.json").exists()
 
 
-def test_a_real_vehicle_needs_a_site(tmp_path, capsys, monkeypatch):
+def test_a_real_vehicle_needs_a_site(tmp_path, call):
     pytest.importorskip("imcpy", reason="needs imcpy: pip install 'auvplan[link]'")
     path = scenario_file(tmp_path, site=None)
-    status, _, err = call(capsys, monkeypatch, path, "--link", "imc:127.0.0.1:9", "--out", tmp_path / "out")
+    status, _, err = call("execute", path, "--link", "imc:127.0.0.1:9", "--out", tmp_path / "out")
     assert status == 2
     assert "site: is missing" in err

@@ -9,7 +9,6 @@ from auvplan.files import write_dataset
 from auvplan.io.currents import open_ocean, to_cf
 from auvplan.io.currents.summary import summary_of
 from tests.io.currents.samples import LAT, LON, START, fvcom, regular, roms, schism, ugrid, write, write_plain
-from tests.test_cli import call
 
 MADE = {
     "regular": lambda path: write(regular(), path),
@@ -60,7 +59,7 @@ def test_round_trip_of_real_files(tmp_path, shared, names):
     compare([shared / "data" / name for name in names], tmp_path)
 
 
-def test_the_summary_and_the_command(tmp_path, capsys, monkeypatch):
+def test_the_summary_and_the_command(tmp_path, call):
     path = write(regular(), tmp_path / "made.nc")
     with open_ocean(path) as ocean:
         found = summary_of(ocean)
@@ -69,10 +68,10 @@ def test_the_summary_and_the_command(tmp_path, capsys, monkeypatch):
     assert found["latitude"] == f"{LAT:.4f} to {LAT + 0.05:.4f}"
     assert (found["times"], found["from"]) == (3, "2020-01-01T00:00:00Z")
     assert found["levels"] == "3, 0 to 30 m"
-    code, out, _ = call(capsys, monkeypatch, "currents", path, "--json", "--to", tmp_path / "cf.nc")
+    code, out, _ = call("currents", path, "--json", "--to", tmp_path / "cf.nc")
     assert code == 0
     assert json.loads(out) == found | {"notes": []}
     with open_ocean(tmp_path / "cf.nc") as again:
         assert again.times[0] == START
-    code, _, err = call(capsys, monkeypatch, "currents", tmp_path / "none.nc")
+    code, _, err = call("currents", tmp_path / "none.nc")
     assert (code, err) == (2, f"auvplan: {tmp_path / 'none.nc'}: no such file\n")

@@ -14,7 +14,6 @@ from auvplan.io.forecasts import ForecastError, Request, fetch_current
 from auvplan.scenario.provenance import source_files
 from tests.io.currents.samples import LAT, LON, START, regular, roms, ugrid
 from tests.io.forecasts.servers import serving
-from tests.test_cli import call
 
 BOX = "5.025,60.012,5.032,60.025"
 TIME = "2020-01-01T00:10Z,+40min"
@@ -358,27 +357,27 @@ def test_without_the_packages(server, tmp_path, monkeypatch, module, source):
         fetch(source, tmp_path / "f.nc")
 
 
-def test_the_command(server, tmp_path, capsys, monkeypatch):
+def test_the_command(server, tmp_path, call):
     path = tmp_path / "forecast.nc"
     options = ["--from", griddap(server), "--box", BOX, "--time", TIME, "--out", path]
-    code, out, _ = call(capsys, monkeypatch, "currents", *options, "--json")
+    code, out, _ = call("currents", *options, "--json")
     assert code == 0
     stated = json.loads(out)
     assert (stated["times"], stated["points"]) == (2, "5 x 5")
-    code, out, _ = call(capsys, monkeypatch, "currents", *options)
+    code, out, _ = call("currents", *options)
     assert code == 0
     assert f"written: {path}" in out
     path.unlink()
     for left, words in ((2, "--box"), (4, "--time"), (6, "--out")):
         given = options[:left] + options[left + 2 :]
-        code, _, err = call(capsys, monkeypatch, "currents", *given)
+        code, _, err = call("currents", *given)
         assert (code, len(err.splitlines())) == (2, 1)
         assert f"needs {words} too" in err
     for given in (["currents"], ["currents", path, "--box", BOX], ["currents", path, *options]):
-        code, _, err = call(capsys, monkeypatch, *given)
+        code, _, err = call(*given)
         assert (code, len(err.splitlines())) == (2, 1)
     server.ill["uo"] = "cut"
-    code, _, err = call(capsys, monkeypatch, "currents", *options)
+    code, _, err = call("currents", *options)
     assert (code, len(err.splitlines())) == (2, 1)
     assert "broke off" in err
     assert not path.exists()
