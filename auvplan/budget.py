@@ -22,8 +22,8 @@ _CHUNK = 0.08
 #: Share that remains of a slow time at every later and quicker one.
 _MEMORY = 0.8
 
-#: Share of a budget that is left for what is not watched.
-_SPARE = 0.05
+#: Share of a budget that is left for what is not watched, and s at least, as far as half of it goes.
+_SPARE, _LEAST = 0.05, 0.012
 
 _seconds: dict[Hashable, float] = {}
 
@@ -42,7 +42,8 @@ class Budget:
         """
         if not seconds > 0.0:
             raise ValueError(f"budget must be positive, s of wall-clock time, got {seconds}")
-        self._ends, self._total = time.perf_counter() + (1.0 - _SPARE) * seconds, seconds
+        spare = min(max(_SPARE * seconds, _LEAST), 0.5 * seconds)
+        self._ends, self._total = time.perf_counter() + seconds - spare, seconds
         self._rows, self._lock = rows, threading.Lock()
         # The first row goes ahead alone, see `rows.batch_map`.
         self._together = min(cores.count(), max(rows - 1, 1))

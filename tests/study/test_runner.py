@@ -2,6 +2,7 @@
 
 import gc
 import json
+import shutil
 from dataclasses import replace
 from functools import partial
 
@@ -12,7 +13,7 @@ import xarray as xr
 
 import auvplan as ap
 from auvplan.errors import ScenarioError
-from auvplan.files import ResultError, read_summary
+from auvplan.files import ResultError, read_summary, write_dataset
 from auvplan.io import load_run
 from auvplan.scenario.scenario import Scenario
 from auvplan.study import Design, StudyError, Sweep, load_study, run_study, summarise, without_clocks
@@ -379,6 +380,19 @@ def test_a_study_is_extended_and_ends_as_one_of_all_its_missions(tmp_path, sweep
         assert names(out) == RESULTS
 
 
+def test_a_study_that_lacks_a_variable_is_shown_but_not_extended(three, tmp_path):
+    """One that neither its summary nor its pictures need."""
+    out = tmp_path / "older"
+    shutil.copytree(three[0], out)
+    lacking = load_study(out).drop_vars("revisits")
+    (out / "missions.nc").unlink()
+    write_dataset(lacking, out / "missions.nc")
+    assert "revisits" not in load_study(out)
+    with pytest.raises(ResultError, match="no variable revisits, and cannot be extended"):
+        run_here(Design(small(), 4), out, resume=True)
+    assert load_study(out)["success"].size == 3
+
+
 def test_missions_left_beside_finished_results_go_when_it_is_resumed(tmp_path):
     """A study broken off while it cleaned up."""
     design = Design(small(), 1)
@@ -438,7 +452,7 @@ def test_nothing_is_resumed_where_there_is_no_study(tmp_path):
     with pytest.raises(StudyError, match=r"study\.json: no study to resume"):
         run_here(Design(small(), 1), tmp_path / "nothing", resume=True)
     assert not (tmp_path / "nothing").exists()
-    for text in ("{", "[]", "null", '{"count": 1}'):
+    for text in ("{", "[]", "null", '{"count": 1}', "[" * 100_000, '{"count": ' + "9" * 9999 + "}"):
         (tmp_path / "study.json").write_text(text)
         with pytest.raises(StudyError, match=r"study\.json: ") as refused:
             run_here(Design(small(), 1), tmp_path, resume=True)
