@@ -1,5 +1,7 @@
 """Certified clearance never promises more than there is: land and moving spheres against brute force."""
 
+from types import SimpleNamespace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -33,8 +35,13 @@ def test_no_land_is_nearer_than_certified(seed, gap, count):
 @pytest.mark.usefixtures("x64")
 def test_spheres_are_passed_at_their_nearest(seed):
     rng = np.random.default_rng(seed)
+    observed = rng.uniform(-40.0, 15.0)
     spheres = ap.Obstacles.create(
-        rng.uniform(-200, 200, (3, 3)), rng.uniform(5, 50, 3), velocity=rng.uniform(-3, 3, (3, 3)), growth=0.2
+        rng.uniform(-200, 200, (3, 3)),
+        rng.uniform(5, 50, 3),
+        velocity=rng.uniform(-3, 3, (3, 3)),
+        growth=0.2,
+        observed_at=observed,
     )
     env = ap.Environment(None, None, spheres, (-500, -500, -500), (500, 500, 500))
     start, step, begin, lasts = rng.uniform(-200, 200, 3), rng.uniform(-60, 60, 3), 20.0, rng.uniform(1, 30)
@@ -46,11 +53,44 @@ def test_spheres_are_passed_at_their_nearest(seed):
     found = clearance.obstacle_clearance(segments, env)
     share = np.linspace(0.0, 1.0, 401)[:, None]
     times = begin + share * lasts
-    centres = np.asarray(spheres.position) + np.asarray(spheres.velocity) * times[..., None]
+    centres = np.asarray(spheres.position) + np.asarray(spheres.velocity) * (times - observed)[..., None]
     away = np.linalg.norm((start + share * step)[:, None] - centres, axis=2)
     true = (away - np.asarray(spheres.boundary(jnp.asarray(times)))).min()
     assert float(found[0, 0]) <= true + 1e-3
     assert float(found[0, 0]) >= true - 0.2 * lasts - 0.5  # growth within the segment, and the grid of times
+
+
+class Bed:
+    """A sea bed that covers nothing but its samples, and keeps what it was asked."""
+
+    reach = (0.0, 50.0)
+
+    def __init__(self, depth):
+        self._depth = depth
+
+    def shallowest_at(self, x, y, longer):
+        self.asked = longer
+        return self._depth
+
+
+@pytest.mark.usefixtures("x64")
+def test_altitude_of_a_segment_is_that_of_its_halves_over_their_ends():
+    """A naive twin: a half is no deeper than its deeper end, over the bed at the segment's end."""
+    rng = np.random.default_rng(0)
+    for span in (20.0, 4000.0):  # longest look-ups by the bed's reach, or by the straight line
+        x, y, z, depth = (rng.uniform(0.0, most, (9, 5)) for most in (span, span, 50.0, 80.0))
+        gap = np.hypot(np.diff(x, axis=0), np.diff(y, axis=0))
+        bed = Bed(depth)
+        env = SimpleNamespace(seabed=bed)
+        found = clearance.bed_altitude(*map(jnp.asarray, (x, y, z, gap)), env)
+        usual = np.minimum(1.5 * np.hypot(x[-1] - x[0], y[-1] - y[0]) / 8, 100.0)
+        for k in range(8):
+            middle = 0.5 * (z[k] + z[k + 1])
+            first, last = depth[k] - np.maximum(z[k], middle), depth[k + 1] - np.maximum(middle, z[k + 1])
+            np.testing.assert_allclose(found[k], np.minimum(first, last))
+        for k in range(9):
+            longest = np.maximum(gap[max(k - 1, 0)], gap[min(k, 7)])
+            np.testing.assert_allclose(bed.asked[k], np.maximum(longest, usual))
 
 
 between = jax.jit(clearance.between_circles)
