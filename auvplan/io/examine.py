@@ -92,7 +92,9 @@ def examine_scenario(source: str | Path) -> Examination:
             found.faults.append(fault_at(("mission", "time_available"), short, document))
         if not found.faults:
             found.attempt("mission", scenario.mission, lambda: _graph(scenario, folder))
-    doubtful = [fault.line(str(source)) for fault in doubts(scenario, document) if not _stated(fault, found)]
+    doubtful = [
+        fault.line(str(source)) for fault in doubts(scenario, document) if not _is_reported(fault, found)
+    ]
     notes = tuple(dict.fromkeys(note for part in found.read for note in part.notes))
     return Examination(
         str(source),
@@ -135,7 +137,7 @@ def _heard() -> Iterator[list[str]]:
             warnings.warn_explicit(one.message, one.category, one.filename, one.lineno)
 
 
-def _stated(doubt: Fault, found: "_Findings") -> bool:
+def _is_reported(doubt: Fault, found: "_Findings") -> bool:
     """Return whether a fault of the same field says it already."""
     return any(fault.field == doubt.field for fault in found.faults)
 
@@ -146,11 +148,13 @@ def _missing(document: Document, folder: Path) -> dict[tuple[str, str], Fault]:
     data = document.data if isinstance(document.data, dict) else {}
     for section, names in FILE_FIELDS.items():
         part = data.get(section)
-        for name in names if isinstance(part, dict) else ():
-            given = part[name] if isinstance(part, dict) and name in part else None
+        if not isinstance(part, dict):
+            continue
+        for name in names:
+            given = part.get(name)
             several = given if isinstance(given, list) else [given]
             paths = [str(folder / Path(entry).expanduser()) for entry in several if isinstance(entry, str)]
-            if section == "current":
+            if section == "current" and name != "constituents":
                 gone = [f"{path}: no such file" for path in paths if not (glob(path) or Path(path).exists())]
             else:
                 gone = [f"{path}: No such file or directory" for path in paths if not Path(path).exists()]
@@ -268,9 +272,9 @@ def _apart(
             "mission": scenario.mission.model_copy(update={"jobs": None}),
         }
     )
-    stated = current.model_copy(update={"truth": None})
-    gone = {name: None for name in ("uncertain", "no_go") if ("chart", name) in missing}
-    plain = chart.model_copy(update={"no_go": None} | gone)
+    forecast = current.model_copy(update={"truth": None})
+    gone = {"uncertain": None} if ("chart", "uncertain") in missing else {}
+    plain = chart.model_copy(update={"no_go": None, "no_go_windows": None} | gone)
     there = not missing.keys() & {("chart", "file"), ("chart", "image")}
     if there and chart.source != "current":
         yield "chart", "chart", plain, bare.model_copy(update={"chart": plain})
@@ -278,20 +282,22 @@ def _apart(
     coarse = max(np.subtract(scenario.box[1][:2], scenario.box[0][:2])) / 32.0
     own = ChartSettings(source="current", pixel_size=float(coarse))
     land = own if chart.source == "current" else plain if there else ChartSettings(source="none")
-    if current.source == "file" and ("current", "files") not in missing:
-        yield "current", "current", stated, bare.model_copy(update={"current": stated, "chart": land})
+    named_by = {"file": "files", "harmonic": "constituents"}.get(current.source)
+    readable = named_by is not None and ("current", named_by) not in missing
+    if readable:
+        yield "current", "current", forecast, bare.model_copy(update={"current": forecast, "chart": land})
     if current.truth is not None and ("current", "truth") not in missing:
-        executed = current.model_copy(update={"files": current.truth, "truth": None})
-        yield "truth", "truth", executed, bare.model_copy(update={"current": executed, "chart": land})
+        truth = current.model_copy(update={"files": current.truth, "truth": None})
+        yield "truth", "truth", truth, bare.model_copy(update={"current": truth, "chart": land})
     if there and chart.source == "current":
-        yield "chart", "chart", plain, bare.model_copy(update={"chart": plain, "current": stated})
+        yield "chart", "chart", plain, bare.model_copy(update={"chart": plain, "current": forecast})
     if chart.no_go is not None and ("chart", "no_go") not in missing:
         hours = {"no_go": chart.no_go, "no_go_windows": chart.no_go_windows}
         closed = ChartSettings(source="none", pixel_size=chart.pixel_size, **hours)
         yield "no_go", "chart", closed, bare.model_copy(update={"chart": closed})
     if ("bathymetry", "file") not in missing:
         # The current's files tell the lowest water.
-        tide = {} if current.source != "file" or ("current", "files") in missing else {"current": stated}
+        tide = {"current": forecast} if readable else {}
         only = bare.model_copy(update={"bathymetry": scenario.bathymetry, "chart": land} | tide)
         yield "bathymetry", "bathymetry", scenario.bathymetry, only
     if scenario.obstacles.file is not None and ("obstacles", "file") not in missing:
@@ -300,7 +306,7 @@ def _apart(
     if scenario.mission.jobs is not None and ("mission", "jobs") not in missing:
         needed = {"mission": scenario.mission}
         if current.source != "vortices" and ("current", "files") not in missing:
-            needed |= {"current": stated, "chart": land}  # slack water is given by the current
+            needed |= {"current": forecast, "chart": land}  # slack water is given by the current
         yield "mission", "mission", scenario.mission, bare.model_copy(update=needed)
 
 
