@@ -82,7 +82,6 @@ def load_jobs(
     """
     if scenario.mission.jobs is None:
         return None
-    over = scenario.mission.time_available if until is None else until
     path, depth = _path(str(folder), scenario.mission.jobs), scenario.box[0][2]
 
     def speed(place: Position, times: np.ndarray) -> np.ndarray:
@@ -91,7 +90,11 @@ def load_jobs(
 
     with blaming("mission", "jobs"):
         return geo.read_jobs(
-            path, site, default_depth=depth, until=over, speed=None if current is None else speed
+            path,
+            site,
+            default_depth=depth,
+            until=_end(scenario, until),
+            speed=None if current is None else speed,
         )
 
 
@@ -107,14 +110,9 @@ def load_closures(
     if settings.no_go is None:
         return ()
     assert site is not None
+    lower, upper = scenario.box
     with blaming("chart", "no_go"):
-        zones = geo.read_zones(_path(str(folder), settings.no_go), site)
-    if settings.no_go_windows is not None:
-        stated = {"windows": settings.no_go_windows}
-        zones = [
-            zone if zone.hours else replace(zone, where="chart.no_go_windows", hours=stated) for zone in zones
-        ]
-    (lower, upper), over = scenario.box, scenario.mission.time_available if until is None else until
+        zones = _zones(settings, site, str(folder))
     return geo.closures_of(
         zones,
         site,
@@ -122,8 +120,31 @@ def load_closures(
         upper=upper[:2],
         pixel_size=settings.pixel_size,
         margin=scenario.safety.closing,
-        until=over,
+        until=_end(scenario, until),
     )
+
+
+def _zones(settings: ChartSettings, site: Site, home: str, **area: Any) -> list[geo.Zone]:
+    """Return the closed areas of a chart; those that tell no hours have its common ones, if there are any.
+
+    Args:
+        settings: with a file of closed areas.
+        site, area: as for `read_zones`.
+        home: folder that relative paths start from.
+    """
+    assert settings.no_go is not None
+    zones = geo.read_zones(_path(home, settings.no_go), site, **area)
+    if settings.no_go_windows is None:
+        return zones
+    common = {"windows": settings.no_go_windows}
+    return [
+        zone if zone.hours else replace(zone, where="chart.no_go_windows", hours=common) for zone in zones
+    ]
+
+
+def _end(scenario: Scenario, until: float | None) -> float:
+    """Return `until`, or the end of the mission's time where it is absent, s since the epoch."""
+    return scenario.mission.time_available if until is None else until
 
 
 def load_area(
@@ -143,15 +164,15 @@ def load_area(
         ScenarioWarning: what can hardly be meant: the files contradict each other, or lack hours or places.
     """
     home, box = scenario.folder if folder is None else str(folder), scenario.box
-    site, forecast, truth = _currents(scenario, home, until)
-    plain, chart, seen = _charts(scenario.chart, _timeless(site), box, forecast, home)  # type: ignore[arg-type] - frozen models hash
+    site, forecast_file, truth_file = _currents(scenario, home, until)
+    plain, chart, seen = _charts(scenario.chart, _timeless(site), box, forecast_file, home)  # type: ignore[arg-type] - frozen models hash
     _require_area_on_chart(scenario, chart)
-    seabed, found = _seabed(scenario, site, box, forecast, home)
-    warn_of_contradictions(scenario, plain, seabed, forecast)
-    stated, true = forecast and forecast.field, truth and truth.field
+    seabed, found = _seabed(scenario, site, box, forecast_file, home)
+    warn_of_contradictions(scenario, plain, seabed, forecast_file)
+    forecast, truth = forecast_file and forecast_file.field, truth_file and truth_file.field
     if scenario.current.source == "harmonic":
-        stated = true = _tide(scenario, site, home, until)
-    jobs = load_jobs(scenario, site, home, until, stated)
+        forecast = truth = _tide(scenario, site, home, until)
+    jobs = load_jobs(scenario, site, home, until, forecast)
     if jobs is not None:
         with blaming("mission", "jobs"):
             check_jobs(jobs, site, scenario)
@@ -161,14 +182,14 @@ def load_area(
         with blaming("obstacles", "file"):
             obstacles = geo.read_obstacles(_path(home, scenario.obstacles.file), site)
             check_obstacles(obstacles, scenario, plain)
-    notes = [note for file in (forecast, truth) if file is not None for note in file.notes]
+    notes = [note for file in (forecast_file, truth_file) if file is not None for note in file.notes]
     notes += () if jobs is None else jobs.notes
     return OperatingArea(
         chart,
         seabed,
         site,
-        stated,
-        true,
+        forecast,
+        truth,
         jobs,
         obstacles,
         load_closures(scenario, site, home, until),
@@ -180,9 +201,8 @@ def _tide(scenario: Scenario, site: Site | None, home: str, until: float | None)
     """Return the current of tidal constituents."""
     assert site is not None
     assert scenario.current.constituents is not None
-    over = scenario.mission.time_available if until is None else until
     with blaming("current", "constituents"):
-        return read_tide(_path(home, scenario.current.constituents), site, over)
+        return read_tide(_path(home, scenario.current.constituents), site, _end(scenario, until))
 
 
 def load_truth(scenario: Scenario, folder: str | Path = ".") -> GriddedCurrent | HarmonicCurrent | None:
@@ -205,7 +225,7 @@ def _currents(
         return site, None, None
     assert site is not None
     assert settings.files is not None
-    window = (0.0, scenario.mission.time_available if until is None else until)
+    window = (0.0, _end(scenario, until))
     reach = _Reach(settings.spacing, settings.outside, settings.crs, settings.epoch, scenario.chart)
     with blaming("current", "files"):
         forecast = _current(reach, settings.files, site, scenario.box, window, home)  # type: ignore[arg-type] - frozen models hash
@@ -259,7 +279,7 @@ def _land(settings: ChartSettings, site: Site, box: Corners, home: str) -> Any:
     """Return where a chart tells land, as `read_current` takes it."""
     if settings.source == "current":
         return "mesh"
-    chart, _ = _plain_chart(settings.model_copy(update={"no_go": None}), _timeless(site), box, None, home)
+    chart, _ = _plain_chart(settings, _timeless(site), box, None, home)
     if chart is None:
         return None
     low, high = (np.asarray(corner, float) for corner in (chart.lower, chart.upper))
@@ -301,7 +321,6 @@ def _current(
     return found
 
 
-@_kept
 def _plain_chart(
     settings: ChartSettings,
     site: Site | None,
@@ -310,6 +329,19 @@ def _plain_chart(
     home: str,
 ) -> tuple[Chart | None, tuple[str, ...]]:
     """Return the chart without its closed areas, and what was assumed of its file."""
+    plain = settings.model_copy(update={"no_go": None, "no_go_windows": None})
+    return _read_chart(plain, site, box, current, home)
+
+
+@_kept
+def _read_chart(
+    settings: ChartSettings,
+    site: Site | None,
+    box: Corners,
+    current: "CurrentFile | None",
+    home: str,
+) -> tuple[Chart | None, tuple[str, ...]]:
+    """`_plain_chart` of settings that name no closed areas."""
     lower, upper = box[0][:2], box[1][:2]
     notes: tuple[str, ...] = ()
     size = settings.pixel_size
@@ -363,14 +395,14 @@ def _charts(
     home: str,
 ) -> tuple[Chart | None, Chart | None, tuple[str, ...]]:
     """Return the chart without its closed areas and with them, and what was assumed of its file."""
-    plain, notes = _plain_chart(settings.model_copy(update={"no_go": None}), site, box, current, home)
+    plain, notes = _plain_chart(settings, site, box, current, home)
     if settings.no_go is None:
         return plain, plain, notes
     assert site is not None
     lower, upper = box[0][:2], box[1][:2]
     with blaming("chart", "no_go"):
-        zones = geo.read_zones(_path(home, settings.no_go), site, lower=lower, upper=upper)
-        always = [zone for zone in zones if not (zone.hours or settings.no_go_windows)]
+        zones = _zones(settings, site, home, lower=lower, upper=upper)
+        always = [zone for zone in zones if not zone.hours]
         closed = geo.with_no_go(plain, always, lower=lower, upper=upper, pixel_size=settings.pixel_size)
     return plain, closed, notes
 
@@ -504,7 +536,7 @@ def _picture_chart(settings: ChartSettings, folder: str) -> tuple[Chart | None, 
         chart = whitsunday.whitsunday_chart()
     else:
         assert settings.image is not None
-        path = Path(folder) / settings.image
+        path = _path(folder, settings.image)
         found = settled(classify_file(path, colours=settings.colours.given), path)
         chart = Chart.from_classified(found, settings.pixel_size)
         notes = tuple(f"{path}: {note}" for note in found.notes)
