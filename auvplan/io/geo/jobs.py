@@ -22,6 +22,9 @@ from auvplan.site import Site
 from auvplan.words import counted
 
 _MAX_BYTES = 50_000_000
+#: What tells when a job may be done and is worth less; a survey line tells it in any of its rows.
+_HOURS = ("from", "to", "windows", "window", "priority_after")
+_PROPERTIES = {name: name for name in ("depth", "priority", "duration", "name", *_HOURS)}
 _HEADINGS = {
     "lon": "lon",
     "longitude": "lon",
@@ -31,22 +34,8 @@ _HEADINGS = {
     "north": "north",
     "y": "east",
     "east": "east",
-    "depth": "depth",
-    "priority": "priority",
-    "duration": "duration",
-    "name": "name",
-    "line": "line",
-    **{name: name for name in ("from", "to", "windows", "window", "priority_after")},
+    **{name: name for name in ("depth", "priority", "duration", "name", "line", *_HOURS)},
 }
-_PROPERTIES = {
-    name: name
-    for name in (
-        *("depth", "priority", "duration", "name", "from", "to", "windows", "window"),
-        "priority_after",
-    )
-}
-#: What tells when a job may be done and is worth less; a survey line tells it in any of its rows.
-_HOURS = ("from", "to", "windows", "window", "priority_after")
 #: Speed of the current, m/s, at a place [3] m and times [n] s.
 Speed = Callable[[Position, np.ndarray], np.ndarray]
 #: By how much a depth and an elevation may differ and still say the same, m.
