@@ -68,8 +68,7 @@ def window_faults(dataset: xr.Dataset, legs: list[Leg], notes: list[str]) -> Ite
         begins = departed + float(leg.times[-1]) + leg.t_wait
         ends = begins + (leg.t_task if whole else 0.0)
         if isinstance(spans, str):
-            heights = [_sun(dataset, moment - departed) for moment in (begins, ends)]
-            if any((height > _SUNRISE) != (spans == "daylight") for height in heights if _plain(height)):
+            if _in_other_light(dataset, spans, begins - departed, ends - departed):
                 yield f"{leg}: the task at {name!r} from {begins:.0f} to {ends:.0f} s is not in {spans}"
             continue
         if not any(_within(begins, ends, *span) for span in spans):
@@ -102,8 +101,7 @@ def _line_faults(
         places = np.array([[np.interp(t, leg.times, axis) for axis in leg.positions.T] for t in moments])
         yield from _slack_faults(dataset, leg, line, spans, places, moments, notes)
     elif isinstance(spans, str):
-        heights = [_sun(dataset, moment) for moment in (begins, ends)]
-        if any((height > _SUNRISE) != (spans == "daylight") for height in heights if _plain(height)):
+        if _in_other_light(dataset, spans, begins, ends):
             yield f"{leg}: a part of line {line!r} from {begins:.0f} to {ends:.0f} s is not in {spans}"
     elif not any(_within(begins + departed, ends + departed, *span) for span in spans):
         yield f"{leg}: a part of line {line!r} from {begins:.0f} to {ends:.0f} s is in none of its windows"
@@ -172,6 +170,12 @@ def _within(begins: float, ends: float, opens: Any, closes: Any, slack: float = 
         return opens - slack <= begins and ends <= closes + slack
     start, length = opens[1], (closes[1] - opens[1]) % _DAY or _DAY
     return (begins - start + slack) % _DAY + (ends - begins) <= length + 2 * slack
+
+
+def _in_other_light(dataset: xr.Dataset, wanted: str, *moments: float) -> bool:
+    """Return whether it is surely not daylight, or not night, as wanted, at any of some times, s."""
+    heights = [_sun(dataset, moment) for moment in moments]
+    return any((height > _SUNRISE) != (wanted == "daylight") for height in heights if _plain(height))
 
 
 def _plain(height: float) -> bool:
