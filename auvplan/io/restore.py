@@ -177,8 +177,7 @@ def _legs(dataset: xr.Dataset, settings: dict, home: str) -> list[LegRecord]:
         record = LegRecord(
             leg.start, leg.goal, float(dataset["leg_t_expected"].values[number]), leg.t_task, leg.priority
         )
-        record.t_hold, record.t_wait = leg.t_hold, leg.t_wait
-        record.missed = bool(dataset["leg_missed"].values[number]) if "leg_missed" in dataset else False
+        record.t_hold, record.t_wait, record.missed = leg.t_hold, leg.t_wait, leg.missed
         record.revisit = bool(dataset["leg_revisit"].values[number])
         record.followed = int(dataset["leg_followed"].values[number])
         record.current_difference = float(dataset["leg_current_difference"].values[number])
