@@ -20,14 +20,14 @@ from pathlib import Path
 import numpy as np
 
 from auvplan.io.area import load_area
-from auvplan.link import Limits, execute, open_link
+from auvplan.link import Limits, execute
 from auvplan.link.notices import CurrentNotice, ObstacleNotice
 from auvplan.link.rolling import RollingPlan
 from auvplan.ocean.known import KnownObstacle
 from auvplan.scenario.scenario import Scenario
 from tests.link.held import held_as_planned
-from tests.link.peers import Body, ImcPeer, MavsdkPeer
-from tests.link.proxy import Faults, FaultyProxy, free_port
+from tests.link.joining import body_at, joined
+from tests.link.proxy import Faults
 
 SCENARIO = {
     "name": "link",
@@ -65,25 +65,6 @@ class Reports:
             yield CurrentNotice(np.array([0.25, -0.15, 0.0]))
 
 
-def start_of(plan: RollingPlan, pace: float = 1.0) -> Body:
-    """A body at the mission's start."""
-    north, east, depth = (float(part) for part in np.asarray(plan.run.graph.positions[plan.run.start]))
-    longitude, latitude = plan.site.to_geographic(north, east)
-    return Body(float(latitude), float(longitude), depth, pace)
-
-
-def joined(kind: str, plan: RollingPlan, body: Body, scale: float, faults: Faults, seed: int, limits=LIMITS):
-    """A link, the peer at its other end and the proxy between them."""
-    if kind == "mavlink":
-        port = free_port()
-        link = open_link(f"mavlink:udpin:127.0.0.1:{port}", plan.site, limits, scale)
-        proxy = FaultyProxy(port, faults, seed)
-        return link, MavsdkPeer(proxy.port, body, scale), proxy
-    peer = ImcPeer(body, scale)
-    proxy = FaultyProxy(peer.port, faults, seed)
-    return open_link(f"imc:127.0.0.1:{proxy.port}", plan.site, limits, scale), peer, proxy
-
-
 def books(record, plan: RollingPlan, peer) -> tuple[int, int]:
     """Tasks that the record has and the vehicle's own books lack, and those that it did more than once."""
     site, places = plan.site, []
@@ -108,8 +89,9 @@ def mission(kind: str, seed: int, scale: float, faults: Faults, tell) -> dict:
     scenario = Scenario.model_validate(SCENARIO)
     area = replace(load_area(scenario, "."), obstacles=(WRECK,))
     plan = RollingPlan(scenario, seed, area=area)
-    body = start_of(plan, random.Random(seed).uniform(0.85, 1.1))
-    link, peer, proxy = joined(kind, plan, body, scale, faults, seed)
+    start, pace = plan.run.graph.positions[plan.run.start], random.Random(seed).uniform(0.85, 1.1)
+    body = body_at(plan.site, *np.asarray(start, float), pace)
+    link, peer, proxy = joined(kind, plan.site, body, scale, faults, seed, LIMITS)
     checked, send = [], link.upload
 
     def upload(wanted):

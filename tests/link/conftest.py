@@ -4,6 +4,11 @@ import pytest
 
 from auvplan.link import Upload
 from tests.export.sample import make_itinerary
+from tests.link.joining import body_at, joined
+from tests.link.proxy import CLEAN
+
+#: s of mission time in one of wall-clock time.
+SCALE = 400.0
 
 
 @pytest.fixture
@@ -18,3 +23,17 @@ def opened():
     yield parts
     for part in parts:
         part.close()
+
+
+@pytest.fixture
+def join_vehicle(upload, opened):
+    """Makes a link to a vehicle at the upload's start, through a proxy with faults."""
+
+    def make(faults=CLEAN, *, kind, limits):
+        site, (north, east, _) = upload.itinerary.site, upload.steps[0].position
+        parts = joined(kind, site, body_at(site, north, east, 12.5), SCALE, faults, 0, limits)
+        opened.extend(parts)
+        parts[0].connect()
+        return parts
+
+    return make

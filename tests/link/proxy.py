@@ -24,6 +24,9 @@ class Faults:
     delay: float = 0.05
 
 
+CLEAN = Faults(0.0, 0.0, 0.0)
+
+
 class FaultyProxy:
     """Carries packets between whoever writes to `port` and a server, both ways.
 

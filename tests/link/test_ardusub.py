@@ -6,7 +6,6 @@ import time
 import pytest
 
 from auvplan.link import Limits, Refused, State, Upload, open_link
-from tests.export.sample import make_itinerary
 
 mavutil = pytest.importorskip("pymavlink.mavutil", reason="needs pymavlink: pip install 'auvplan[link]'")
 
@@ -94,14 +93,13 @@ class Sub:
 
 
 @pytest.fixture
-def joined():
-    upload, port = Upload(make_itinerary()), free_port()
+def joined(upload, opened):
+    port = free_port()
     link = open_link(f"mavlink:udpin:127.0.0.1:{port}", upload.itinerary.site, LIMITS)
     sub = Sub(port)
+    opened.extend([link, sub])
     link.connect()
-    yield link, sub, upload
-    link.close()
-    sub.close()
+    return link, sub, upload
 
 
 def test_home_comes_first_and_modes_start_hold_and_surface(joined):

@@ -1,6 +1,7 @@
 """IMC on loopback with a peer of imcpy's messages, through a link that loses packets."""
 
 import time
+from functools import partial
 
 import pytest
 
@@ -11,29 +12,15 @@ imcpy = pytest.importorskip("imcpy", reason="needs imcpy: pip install 'auvplan[l
 
 from auvplan.link.imc import as_message  # noqa: E402
 from tests.link.held import held_as_planned  # noqa: E402
-from tests.link.peers import Body, ImcPeer  # noqa: E402
-from tests.link.proxy import Faults, FaultyProxy  # noqa: E402
+from tests.link.joining import followed  # noqa: E402
+from tests.link.proxy import CLEAN, Faults  # noqa: E402
 
 LIMITS = Limits(reply=0.1, attempts=20, connect=5.0)
-CLEAN = Faults(0.0, 0.0, 0.0)
-SCALE = 400.0
 
 
 @pytest.fixture
-def join(upload, opened):
-    """Makes a link to a vehicle at the upload's start, through a proxy with faults."""
-
-    def make(faults=CLEAN, seed=0):
-        site = upload.itinerary.site
-        longitude, latitude = site.to_geographic(*upload.steps[0].position[:2])
-        peer = ImcPeer(Body(float(latitude), float(longitude), 12.5), SCALE)
-        proxy = FaultyProxy(peer.port, faults, seed)
-        link = open_link(f"imc:127.0.0.1:{proxy.port}", site, LIMITS, SCALE)
-        opened.extend([link, peer, proxy])
-        link.connect()
-        return link, peer, proxy
-
-    return make
+def join(join_vehicle):
+    return partial(join_vehicle, kind="imc", limits=LIMITS)
 
 
 def test_a_plan_file_is_the_message_that_imcpy_makes(upload):
@@ -56,11 +43,7 @@ def test_a_plan_arrives_as_planned_and_is_executed(upload, join, faults):
     assert link.upload(upload) == []
     assert held_as_planned("imc", peer, upload)
     link.start()
-    report, begin = link.wait(1.0), time.monotonic()
-    while report.done < len(upload.steps) and time.monotonic() - begin < 20.0:
-        before, report = report, link.wait(20.0)
-        assert report.done >= before.done
-    assert report.done == len(upload.steps)
+    report = followed(link, len(upload.steps))
     assert report.state is State.FINISHED
     assert len(peer.tasks) == len(peer.started) == 1
 

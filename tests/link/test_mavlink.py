@@ -5,6 +5,7 @@ import math
 import subprocess
 import sys
 import time
+from functools import partial
 
 import pytest
 
@@ -16,29 +17,15 @@ mavsdk = pytest.importorskip("mavsdk", reason="needs MAVSDK: pip install mavsdk"
 pytest.importorskip("pymavlink", reason="needs pymavlink: pip install 'auvplan[link]'")
 
 from tests.link.held import held_as_planned  # noqa: E402
-from tests.link.peers import Body, MavsdkPeer  # noqa: E402
-from tests.link.proxy import Faults, FaultyProxy, free_port  # noqa: E402
+from tests.link.joining import followed  # noqa: E402
+from tests.link.proxy import CLEAN, Faults, free_port  # noqa: E402
 
 LIMITS = Limits(reply=0.3, attempts=20, uploads=8, connect=5.0, outdated=0.2)
-CLEAN = Faults(0.0, 0.0, 0.0)
-SCALE = 400.0
 
 
 @pytest.fixture
-def join(upload, opened):
-    """Makes a link to a vehicle at the upload's start, through a proxy with faults."""
-
-    def make(faults=CLEAN, seed=0, limits=LIMITS):
-        port, site = free_port(), upload.itinerary.site
-        link = open_link(f"mavlink:udpin:127.0.0.1:{port}", site, limits, SCALE)
-        proxy = FaultyProxy(port, faults, seed)
-        longitude, latitude = site.to_geographic(*upload.steps[0].position[:2])
-        peer = MavsdkPeer(proxy.port, Body(float(latitude), float(longitude), 12.5), SCALE)
-        opened.extend([link, peer, proxy])
-        link.connect()
-        return link, peer, proxy
-
-    return make
+def join(join_vehicle):
+    return partial(join_vehicle, kind="mavlink", limits=LIMITS)
 
 
 @pytest.mark.parametrize("faults", [CLEAN, Faults()])
@@ -48,11 +35,7 @@ def test_items_and_fence_arrive_as_planned_and_are_executed(upload, join, faults
     assert held_as_planned("mavlink", peer, upload)
     assert [item.command for item in peer.fences[-1]] == [5002] * 7 + [5004]
     link.start()
-    report, begin = link.wait(1.0), time.monotonic()
-    while report.done < len(upload.steps) and time.monotonic() - begin < 20.0:
-        before, report = report, link.wait(20.0)
-        assert report.done >= before.done
-    assert report.done == len(upload.steps)
+    report = followed(link, len(upload.steps))
     assert len(peer.tasks) == 1
     assert report.position is not None
 
