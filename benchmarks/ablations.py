@@ -38,7 +38,7 @@ STUDIES: dict[str, dict[str, Any]] = {
 
 
 def study(name: str, changes: dict[str, Any], count: int, out: Path) -> xr.Dataset:
-    """Transit one study, or load it."""
+    """Run one study, or load it."""
     folder = out / name.replace(" ", "-").replace("/", "").replace("|", "").replace("--", "-")
     if (folder / DATASET).is_file():
         return load_study(folder)
@@ -90,7 +90,7 @@ def table(found: dict[str, xr.Dataset]) -> Table:
 
 
 def main() -> None:
-    """Transit what is missing and print the table."""
+    """Run the studies that are missing and print the table."""
     parser = argparse.ArgumentParser(description="Ablations of whole missions.")
     parser.add_argument("-n", type=int, default=100, help="missions of each study")
     parser.add_argument("--out", type=Path, default=Path("out/ablations"), help="folder of the studies")

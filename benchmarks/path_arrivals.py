@@ -47,7 +47,7 @@ class Row:
 
 
 def travel_time(track: Track, problem: PathProblem, config: ap.PathConfig, sweeps: int | None) -> jax.Array:
-    """[P] s, by so many sweeps over the whole path; None transits segment by segment, as the package does."""
+    """[P] s, by so many sweeps over the whole path; None goes segment by segment, as the package does."""
     (x, y, z), way, env = track.places, track.way, problem.environment
     middle = x[:-1] + 0.5 * way[0], y[:-1] + 0.5 * way[1], z[:-1] + 0.5 * way[2]
     gap = kinematics.norm(*way)

@@ -40,7 +40,7 @@ def stream(t, north: float, east: float):
 def tidal_area(
     north: float, east: float, hours: tuple[float, float] = (-1.0, 16.0), site: Site | None = None
 ) -> OperatingArea:
-    """OperatingArea with a stream of such amplitudes, m/s, stated every 300 s."""
+    """An operating area with a stream of such amplitudes, m/s, stated every 300 s."""
     times = np.arange(hours[0] * 3600.0, hours[1] * 3600.0 + 1.0, 300.0)
     u, v = (
         np.broadcast_to(c[:, None, None, None], (len(times), 1, 2, 2)) for c in stream(times, north, east)

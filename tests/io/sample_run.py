@@ -76,7 +76,7 @@ def make_plan(start: np.ndarray, goal: np.ndarray, made_at: float, cause: str, b
 def make_leg(
     graph: MissionGraph, i: int, j: int, depart: float, obstacles: bool = True, interval: float = 3.0
 ) -> LegRecord:
-    """Transit straight at constant speed, a record every `interval` s."""
+    """Make a leg straight ahead at constant speed, with a record every `interval` s."""
     start, goal = graph.positions[i], graph.positions[j]
     length = float(np.linalg.norm(goal - start))
     times = np.append(np.arange(0.0, length / SPEED - 1e-6, interval), length / SPEED)
@@ -107,7 +107,7 @@ def make_run(
     waypoints: np.ndarray = WAYPOINTS,
     interval: float = 3.0,
 ) -> MissionRun:
-    """Transit the waypoints in order, without a fault."""
+    """Make a run through the waypoints in order, without a fault."""
     graph, now = make_graph(waypoints), 0.0
     run = MissionRun(
         {"name": "sample", "area": {"lower": [0.0, 0.0, 0.0], "upper": [2000.0, 2000.0, 100.0]}},

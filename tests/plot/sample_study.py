@@ -9,7 +9,7 @@ import xarray as xr
 AVAILABLE = 14400.0
 SPEED = 2.5
 WAYPOINTS = 20
-#: Room for legs, path plans, routes and stops of an route.
+#: Room for legs, path plans, routes and stops of a route.
 LEGS, PLANS, ROUTES, STOPS = 14, 80, 9, 14
 
 _FLOATS = {

@@ -25,7 +25,7 @@ class Browser:
     """One page of a browser.
 
     Attributes:
-        events: what the browser stated unasked, oldest first: method and parameters.
+        events: what the browser reported unasked, oldest first: method and parameters.
     """
 
     def __init__(self, folder: Path):

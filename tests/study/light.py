@@ -172,7 +172,7 @@ def work_and_die_speaking(job, core, settings, pipe: Connection) -> None:
 
 def work_and_fail(job, core, settings, pipe: Connection) -> None:
     """A worker process whose missions cannot be built."""
-    worker.run_job = transit_and_fail
+    worker.run_job = run_and_fail
     worker.work(job, core, settings, pipe)
 
 
@@ -183,12 +183,12 @@ def run_whole_job(job):
     return worker.run_whole_job(job)
 
 
-def transit_and_die(job):
+def run_and_die(job):
     """What a cluster's worker does that is killed."""
     os._exit(1)
 
 
-def transit_and_fail(job, report=None):
+def run_and_fail(job, report=None):
     """What a worker does whose missions cannot be built."""
     raise ScenarioError("mission.start (0.0, 0.0, 0.0) lies on land")
 

@@ -62,14 +62,14 @@ def test_a_study_whose_worker_is_killed_ends_like_a_local_one(
 
 def test_an_error_in_a_worker_reaches_the_caller(workers, tmp_path, monkeypatch):
     """The scheduler is found through its file."""
-    monkeypatch.setattr(cluster, "run_whole_job", light.transit_and_fail)
+    monkeypatch.setattr(cluster, "run_whole_job", light.run_and_fail)
     (tmp_path / "scheduler.json").write_text(json.dumps({"address": workers.scheduler_address}))
     with pytest.raises(ScenarioError, match="lies on land"):
         run_study(calm(2), tmp_path / "out", dask=str(tmp_path / "scheduler.json"))
 
 
 def test_missions_that_kill_every_worker_are_stated(workers, tmp_path, monkeypatch):
-    monkeypatch.setattr(cluster, "run_whole_job", light.transit_and_die)
+    monkeypatch.setattr(cluster, "run_whole_job", light.run_and_die)
     monkeypatch.setattr(workers.scheduler, "allowed_failures", 0)
     with pytest.raises(StudyError, match="--resume") as stated:
         run_study(calm(1), tmp_path, dask=workers.scheduler_address)

@@ -1,4 +1,4 @@
-"""Sea floors that are refused, or stated about."""
+"""Sea floors that are refused, or read with a note."""
 
 import numpy as np
 import pytest
