@@ -35,6 +35,23 @@ class Section(BaseModel):
     model_config: ClassVar[ConfigDict] = ConfigDict(extra="forbid", frozen=True)
 
 
+def _check_required(section: Any, field: str, *sources: str) -> None:
+    """Raise RuleError unless a field of a section is given with some sources, and with no other."""
+    if (section.source in sources) != (getattr(section, field) is not None):
+        reason = f"must be given with source {_listed(sources)}, and only then"
+        raise RuleError(reason, field=field, concerns=("source",))
+
+
+def _check_allowed(section: Any, field: str, *sources: str) -> None:
+    """Raise RuleError where a field of a section is given with a source that is none of some."""
+    if section.source not in sources and getattr(section, field) is not None:
+        raise RuleError(f"goes with source {_listed(sources)} alone", field=field, concerns=("source",))
+
+
+def _listed(sources: tuple[str, ...]) -> str:
+    return " or ".join(map(repr, sources))
+
+
 class SiteSettings(Section):
     """Where and when the mission is; without it local metres and seconds stand alone."""
 
@@ -171,28 +188,14 @@ class ChartSettings(Section):
 
     @model_validator(mode="after")
     def _files_given(self) -> "ChartSettings":
-        if (self.source == "image") != (self.image is not None):
-            raise RuleError(
-                "must be given with source 'image', and only then", field="image", concerns=("source",)
-            )
-        if (self.source in ("raster", "polygons")) != (self.file is not None):
-            raise RuleError(
-                "must be given with source 'raster' or 'polygons', and only then",
-                field="file",
-                concerns=("source",),
-            )
-        if self.colours.given and self.source not in ("image", "raster"):
-            raise RuleError(
-                "goes with source 'image' or 'raster' alone", field="colours", concerns=("source",)
-            )
-        if self.uncertain is not None and self.source != "polygons":
-            raise RuleError("goes with source 'polygons' alone", field="uncertain", concerns=("source",))
+        _check_required(self, "image", "image")
+        _check_required(self, "file", "raster", "polygons")
+        if self.colours.given:
+            _check_allowed(self, "colours", "image", "raster")
+        _check_allowed(self, "uncertain", "polygons")
         if self.no_go_windows is not None and self.no_go is None:
             raise RuleError("goes with no_go alone", field="no_go_windows", concerns=("no_go",))
-        if self.window is not None and self.source not in ("whitsunday", "image"):
-            raise RuleError(
-                "goes with source 'whitsunday' or 'image' alone", field="window", concerns=("source",)
-            )
+        _check_allowed(self, "window", "whitsunday", "image")
         return self
 
 
@@ -216,10 +219,7 @@ class BathymetrySettings(Section):
 
     @model_validator(mode="after")
     def _file_given(self) -> "BathymetrySettings":
-        if (self.source == "file") != (self.file is not None):
-            raise RuleError(
-                "must be given with source 'file', and only then", field="file", concerns=("source",)
-            )
+        _check_required(self, "file", "file")
         return self
 
 
@@ -286,28 +286,19 @@ class CurrentSettings(Section):
 
     @model_validator(mode="before")
     @classmethod
-    def _check_file_form(cls, given: Any) -> Any:
+    def _files_are_taken_as_forecast(cls, given: Any) -> Any:
         if isinstance(given, dict) and given.get("source") in ("file", "harmonic"):
             return {"forecast_error": 0.0} | given
         return given
 
     @model_validator(mode="after")
     def _files_given(self) -> "CurrentSettings":
-        if (self.source == "file") != (self.files is not None):
-            raise RuleError(
-                "must be given with source 'file', and only then", field="files", concerns=("source",)
-            )
-        if (self.source == "harmonic") != (self.constituents is not None):
-            raise RuleError(
-                "must be given with source 'harmonic', and only then",
-                field="constituents",
-                concerns=("source",),
-            )
+        _check_required(self, "files", "file")
+        _check_required(self, "constituents", "harmonic")
         for name in ("files", "truth"):
             if getattr(self, name) == ():
                 raise RuleError("names no file", field=name)
-        if self.truth is not None and self.source != "file":
-            raise RuleError("goes with source 'file' alone", field="truth", concerns=("source",))
+        _check_allowed(self, "truth", "file")
         return self
 
 
