@@ -91,8 +91,8 @@ def write_example(folder: str | Path, force: bool = False) -> list[Path]:
     output_folder(home)
     written = []
     for source, name in _COPIES.items():
-        stated = source == "NOTICE.md"
-        content = notice(_COAST).encode() if stated else data.joinpath(*source.split("/")).read_bytes()
+        is_notice = source == "NOTICE.md"
+        content = notice(_COAST).encode() if is_notice else data.joinpath(*source.split("/")).read_bytes()
         written.append(write_atomically(home / name, lambda part, content=content: part.write_bytes(content)))
     return written + [write_dataset(make(), home / name) for name, make in made.items()]
 

@@ -37,8 +37,8 @@ def plot_mission(run: MissionRun, *, ax: Axes | None = None) -> Axes:
     handles += style.draw_closures(axes, run, unit)
     handles += _draw_graph(axes, run, unit)
     if executed:
-        route = _draw_route(axes, executed, unit)
-        bar = axes.figure.colorbar(route, ax=axes, shrink=0.8, pad=0.02)
+        track = _draw_track(axes, executed, unit)
+        bar = axes.figure.colorbar(track, ax=axes, shrink=0.8, pad=0.02)
         bar.set_label("time [s]")
     handles += _draw_refused(axes, run, unit)
     handles += style.draw_known(axes, run.obstacles, run.t_mission, unit)
@@ -76,8 +76,8 @@ def _draw_graph(axes: Axes, run: MissionRun, unit: style.Unit) -> list[Any]:
     ]
 
 
-def _draw_route(axes: Axes, executed: list[LegRecord], unit: style.Unit) -> LineCollection:
-    """Draw the route, coloured by time, an arrow head on every leg."""
+def _draw_track(axes: Axes, executed: list[LegRecord], unit: style.Unit) -> LineCollection:
+    """Draw the track, coloured by time, an arrow head on every leg."""
     first, last = executed[0].times[0], executed[-1].times[-1]
     pieces, times = [], []
     for leg in executed:
@@ -85,10 +85,10 @@ def _draw_route(axes: Axes, executed: list[LegRecord], unit: style.Unit) -> Line
         axes.plot(*line.T, color="black", lw=3.4, zorder=2, solid_capstyle="round")
         pieces.append(np.stack([line[:-1], line[1:]], axis=1))
         times.append(0.5 * (leg.times[:-1] + leg.times[1:]))
-    route = LineCollection(list(np.concatenate(pieces)), cmap=style.TIME, lw=2.2, zorder=3, capstyle="round")
-    route.set_array(np.concatenate(times))
-    route.set_clim(first, max(last, first + 1.0))
-    axes.add_collection(route)
+    track = LineCollection(list(np.concatenate(pieces)), cmap=style.TIME, lw=2.2, zorder=3, capstyle="round")
+    track.set_array(np.concatenate(times))
+    track.set_clim(first, max(last, first + 1.0))
+    axes.add_collection(track)
     for leg in executed:
         line = style.flat(leg.positions, unit)
         middle = _middle(line)
@@ -106,7 +106,7 @@ def _draw_route(axes: Axes, executed: list[LegRecord], unit: style.Unit) -> Line
                 },
                 zorder=3.5,
             )
-    return route
+    return track
 
 
 def _draw_refused(axes: Axes, run: MissionRun, unit: style.Unit) -> list[Line2D]:
@@ -160,8 +160,8 @@ def _draw_labels(
 ) -> None:
     """Re-plans, priorities and waypoint numbers, the more important ones first."""
     places = style.flat(run.graph.positions, unit)
-    route = np.concatenate([np.zeros((0, 2)), *(style.flat(leg.positions, unit)[::6] for leg in executed)])
-    taken = np.concatenate([places, route])
+    track = np.concatenate([np.zeros((0, 2)), *(style.flat(leg.positions, unit)[::6] for leg in executed)])
+    taken = np.concatenate([places, track])
     if marks:
         style.place_labels(
             axes,

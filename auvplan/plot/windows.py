@@ -99,7 +99,7 @@ def boundaries(run: MissionRun, leg: LegRecord, time: float) -> tuple[style.Arra
 def _draw_obstacles(
     axes: Axes, run: MissionRun, leg: LegRecord, times: list[float], unit: style.Unit
 ) -> list[Any]:
-    """Return a disk for each obstacle at each time, the later the darker; returns legend handles."""
+    """Draw a disk for each obstacle at each time, the later the darker; return legend handles."""
     kinds: dict[str, str] = {}
     for number, time in enumerate(times):
         places, radii = boundaries(run, leg, time)

@@ -21,7 +21,7 @@ class OperatingArea:
         seabed: or None where it is out of reach.
         site: where and when, or None for local metres alone.
         forecast: the current as planners know it, from files or of tides; None where it is vortices.
-        truth: the true current, from files.
+        truth: the true current, from files or of tides; None where it is vortices.
         jobs: from a file; None where waypoints are drawn.
         obstacles: that are known before the mission.
         closures: areas that are closed at some hours.

@@ -62,7 +62,7 @@ class Store:
             return
         if not force:
             require_room(folder)
-        # In this route: whenever it is broken off, the folder can be resumed or begun again.
+        # In this order: whenever it is broken off, the folder can be resumed or begun again.
         output_folder(self.folder)
         self._drop_results()
         for name in (PIECES, RUNS):
@@ -73,7 +73,7 @@ class Store:
     def _resume(self, plain: dict[str, Any]) -> None:
         """Continue the study, whose missions become pieces again where it is finished and more are wanted.
 
-        In a route of steps that can be broken off anywhere, and the folder resumed.
+        Its steps are in an order that can be broken off anywhere, and the folder resumed.
         """
         kept = _same(self.folder / DESIGN, plain)
         if self.finished:
@@ -212,7 +212,7 @@ def _same(path: Path, plain: dict[str, Any]) -> int:
         there = kept.get(name) if isinstance(kept, dict) else None
         if name == "count" and isinstance(there, int) and there < value:
             continue
-        # The route of sweeps numbers the cases.
+        # The order of sweeps numbers the cases.
         if json.dumps(there) != json.dumps(value):
             inner: list[str] = []
             if isinstance(value, dict) and isinstance(there, dict):

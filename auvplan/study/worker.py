@@ -63,7 +63,7 @@ Report = Done | UnderWay | Finished
 
 
 def run_job(job: Job, report: Callable[[Report], None]) -> None:
-    """Transit the missions of a job, and report each one as it ends."""
+    """Execute the missions of a job, and report each one as it ends."""
     from auvplan.executive import execute_missions, seed_keys
     from auvplan.io.results import save_run
     from auvplan.study.row import row_of
