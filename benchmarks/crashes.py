@@ -27,7 +27,7 @@ from rich.table import Table
 from auvplan.files import MISSION, SUMMARY, read_dataset
 from auvplan.study.store import DATASET, is_unfinished
 from benchmarks import small_sea
-from benchmarks.machine import arguments, console, write
+from benchmarks.machine import AUVPLAN, arguments, console, write
 
 COMMANDS = "mission", "montecarlo", "export", "report"
 
@@ -43,7 +43,7 @@ def command(name: str, scenario: Path, result: Path, out: Path) -> list[str]:
         "export": ["export", str(result), "--as-simulated", "--out", str(out)],
         "report": ["report", str(out)],
     }
-    return [sys.executable, "-m", "auvplan.cli", *words[name], "--quiet"]
+    return [*AUVPLAN, *words[name], "--quiet"]
 
 
 def broken(folder: Path) -> str:

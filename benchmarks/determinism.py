@@ -22,11 +22,11 @@ from rich.table import Table
 from auvplan.files import SUMMARY
 from auvplan.study.store import PIECES, RUNS
 from benchmarks import small_sea
-from benchmarks.machine import arguments, console, write
+from benchmarks.machine import AUVPLAN, arguments, console, write
 from benchmarks.resilience import clockless
 
-RUN = [sys.executable, "-m", "auvplan.cli", "mission", "--pictures", "none", "--quiet"]
-STUDY = [sys.executable, "-m", "auvplan.cli", "montecarlo", "--quiet", "--save-runs"]
+RUN = [*AUVPLAN, "mission", "--pictures", "none", "--quiet"]
+STUDY = [*AUVPLAN, "montecarlo", "--quiet", "--save-runs"]
 BESIDE = """
 import sys
 import auvplan as ap

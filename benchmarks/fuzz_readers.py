@@ -3,7 +3,6 @@
 import json
 import shutil
 import subprocess
-import sys
 import zipfile
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -38,6 +37,7 @@ from auvplan.study import Design, Sweep, load_study, summarise
 from auvplan.study.row import row_of
 from auvplan.study.store import Store
 from auvplan.study.table import table
+from benchmarks.machine import AUVPLAN
 from tests.io.sample_run import make_run
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -122,7 +122,7 @@ def write_sources(folder: Path, planned: bool = True) -> None:
     if planned:
         scenario, out = folder / "example" / "scenario.yaml", folder / "planned"
         words = ["plan", str(scenario), "--out", str(out), "--pictures", "none", "--quiet"]
-        subprocess.run([sys.executable, "-m", "auvplan.cli", *words], check=True)
+        subprocess.run([*AUVPLAN, *words], check=True)
         ap.export_run(restore_run(out), folder / "exports")
 
 

@@ -8,6 +8,7 @@ import os
 import platform
 import shutil
 import subprocess
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -32,6 +33,9 @@ PACKAGES = (
 )
 WIDTH = 120
 COMPILERS = ("cc", "gcc", "clang")
+
+#: First words of the package's commands, in processes of their own.
+AUVPLAN = [sys.executable, "-m", "auvplan.cli"]
 
 
 def installed(package: str) -> bool:

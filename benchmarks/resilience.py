@@ -19,7 +19,6 @@ import random
 import shutil
 import signal
 import subprocess
-import sys
 import tempfile
 import threading
 import time
@@ -33,7 +32,7 @@ import auvplan as ap
 from auvplan.files import MISSION, SUMMARY
 from auvplan.study import Design, load_study, run_study, without_clocks
 from auvplan.study.store import DATASET, DESIGN, PIECES
-from benchmarks.machine import console
+from benchmarks.machine import AUVPLAN, console
 
 #: Shortest and longest life of a command that is killed, as shares of what the unbroken study took.
 LIFE = (0.4, 1.0)
@@ -61,7 +60,7 @@ def killed_and_resumed(count: int, kills: int, seconds: float, folder: Path) -> 
     while len(found) < kills or not (studies[-1] / DATASET).is_file():
         if (studies[-1] / DATASET).is_file():
             studies.append(folder / str(len(studies)))
-        command = [sys.executable, "-m", "auvplan.cli", "montecarlo", "-n", str(count), "--quiet"]
+        command = [*AUVPLAN, "montecarlo", "-n", str(count), "--quiet"]
         command += ["--out", str(studies[-1])] + ["--resume"] * (studies[-1] / DESIGN).is_file()
         process = subprocess.Popen(command)
         if len(found) < kills:
@@ -141,17 +140,7 @@ def outputs_killed(name: str, kills: int, scenario: Path, folder: Path) -> dict[
     Returns:
         How often the folder held what, see `HELD`, for each kind of moment.
     """
-    command = [
-        sys.executable,
-        "-m",
-        "auvplan.cli",
-        name,
-        str(scenario),
-        "--quiet",
-        "--pictures",
-        "none",
-        "--out",
-    ]
+    command = [*AUVPLAN, name, str(scenario), "--quiet", "--pictures", "none", "--out"]
     old, new, target = folder / f"{name}-old", folder / f"{name}-new", folder / f"{name}-out"
     subprocess.run([*command, str(old)], check=True)
     subprocess.run([*command, str(new), *OUTPUTS[name]], check=True)
@@ -196,8 +185,7 @@ def outputs_killed(name: str, kills: int, scenario: Path, folder: Path) -> dict[
 def print_outputs(kills: int, folder: Path) -> None:
     """Print the table of `outputs_killed` for all commands."""
     scenario = folder / "example" / "scenario.yaml"
-    init = [sys.executable, "-m", "auvplan.cli", "init", str(scenario.parent)]
-    subprocess.run(init, check=True, stdout=subprocess.DEVNULL)
+    subprocess.run([*AUVPLAN, "init", str(scenario.parent)], check=True, stdout=subprocess.DEVNULL)
     table = Table("command", "killed", *HELD, title="results of an earlier run, after a kill of a new one")
     for name in OUTPUTS:
         for kind, counts in outputs_killed(name, kills, scenario, folder).items():

@@ -18,11 +18,9 @@ from typing import Any
 
 from rich.table import Table
 
-from benchmarks.machine import arguments, console, machine, write
+from benchmarks.machine import AUVPLAN, arguments, console, machine, write
 
 README = Path(__file__).parent.parent / "README.md"
-
-AUVPLAN = [sys.executable, "-m", "auvplan.cli"]
 
 TWICE = """
 import sys, time, auvplan.cli

@@ -19,9 +19,11 @@ from auvplan.site import Site
 from tests.io.sample_run import WAYPOINTS, make_leg, make_run, refused_leg
 
 
-def check(run):
-    """Check a run as it is written, without its way over the disk."""
-    return check_dataset(json.loads(json.dumps(run.summary())), to_dataset(run))
+def check(run, dataset=None):
+    """Check a run, or a changed dataset of it, as it is written, without its way over the disk."""
+    return check_dataset(
+        json.loads(json.dumps(run.summary())), to_dataset(run) if dataset is None else dataset
+    )
 
 
 @pytest.fixture(scope="module")
@@ -416,11 +418,7 @@ def test_a_run_is_where_and_when_its_scenario_says(changes, words):
         "site_longitude": 149.0, "site_latitude": -20.0, "site_origin": np.zeros(2),
         "site_epoch": "2026-03-01T06:00:00+00:00",
     } | changes  # fmt: skip
-    faults = [
-        fault
-        for fault in check_dataset(json.loads(json.dumps(run.summary())), dataset).faults
-        if "scenario" in fault
-    ]
+    faults = [fault for fault in check(run, dataset).faults if "scenario" in fault]
     assert len(faults) == bool(words)
     assert all(words in fault for fault in faults)
 
@@ -458,7 +456,7 @@ def test_known_obstacles_are_upright_cylinders(tmp_path, aside, depths, clearanc
     (leg,) = run.legs
     leg.positions = np.linspace([0.0, 0.0, 30.0], [1000.0, 0.0, 30.0], len(leg.times))
     dataset = with_known_obstacle(run, tmp_path, 500.0, aside, radius=50.0, **depths)
-    report = check_dataset(json.loads(json.dumps(run.summary())), dataset)
+    report = check(run, dataset)
     assert report.obstacle_clearance == pytest.approx(clearance, abs=0.6)
     assert report.obstacle_hits == (clearance < 0.0)
     within = 2.0 * np.sqrt(max(50.0**2 - aside**2, 0.0)) if clearance < 0.0 else 0.0
@@ -474,7 +472,7 @@ def test_known_obstacles_move(tmp_path):
     half = float(leg.times[0] + leg.times[-1]) / 2.0
     for east, hit in ((-half, True), (-half - 200.0, False)):
         dataset = with_known_obstacle(run, tmp_path, 500.0, east, radius=20.0, course=90.0, speed=1.0)
-        report = check_dataset(json.loads(json.dumps(run.summary())), dataset)
+        report = check(run, dataset)
         assert (report.obstacle_hits > 0) == hit
 
 
@@ -495,7 +493,7 @@ def in_a_band_that_closes(folder, opens, closes, track=(0.0, 1000.0), departs=0.
     stated = json.loads(dataset.attrs["scenario"])
     stated["chart"] = {"source": "none", "no_go": "no_go.geojson"}
     dataset.attrs["scenario"] = json.dumps(stated)
-    return check_dataset(json.loads(json.dumps(run.summary())), dataset)
+    return check(run, dataset)
 
 
 @pytest.mark.parametrize(
