@@ -30,7 +30,8 @@ from auvplan.io.ledger import (
     site_faults,
     time_faults,
 )
-from auvplan.io.sources import Source, places_of, read_sources
+from auvplan.io.originals import path_of, places_of
+from auvplan.io.sources import Source, read_sources
 from auvplan.io.tally import tally_faults
 from auvplan.io.walk import Array, Bed, Coast, Mask, Walk, events
 from auvplan.ocean.known import KnownObstacle
@@ -181,9 +182,8 @@ def _known_obstacles(dataset: xr.Dataset, notes: list[str]) -> tuple[KnownObstac
     name, site = settings.get("obstacles", {}).get("file"), site_of(dataset)
     if name is None or site is None:
         return ()
-    path = Path(str(dataset.attrs["scenario_folder"])) / Path(name).expanduser()
     try:
-        found = read_obstacles(path, site)
+        found = read_obstacles(path_of(dataset, name), site)
     except GeoError as error:
         notes.append(f"known obstacles were not looked at: {error}")
         return ()

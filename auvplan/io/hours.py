@@ -14,6 +14,7 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from auvplan.io.ledger import TIME_TOLERANCE, Array, Leg
+from auvplan.io.originals import path_of
 from auvplan.io.streams import speeds_at
 
 _DAY = 86_400.0
@@ -217,9 +218,8 @@ def _jobs(dataset: xr.Dataset) -> Iterator[tuple[str, dict[str, Any]]]:
     name = settings.get("mission", {}).get("jobs")
     if not name:
         return
-    path = Path(str(dataset.attrs["scenario_folder"])) / Path(name).expanduser()
     lines: dict[str, dict[str, Any]] = {}
-    for number, row in enumerate(_rows(path), 1):
+    for number, row in enumerate(_rows(path_of(dataset, name)), 1):
         stated = {str(key).strip().lower(): value for key, value in row.items() if key is not None}
         if line := str(stated.get("line") or "").strip():
             known = lines.setdefault(line, {})

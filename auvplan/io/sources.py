@@ -9,7 +9,6 @@ import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from glob import glob
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +17,9 @@ import scipy
 import shapely
 import shapely.geometry
 import xarray as xr
-from pyproj import Transformer
 
-from auvplan.files import ResultError, require_whole
 from auvplan.io.hours import closed_at
+from auvplan.io.originals import matching, opened, path_of
 from auvplan.io.walk import Array, Mask
 
 #: Metres below a sea bed that is interpolated otherwise than the planner's that are no fault.
@@ -30,6 +28,8 @@ _CELLS = ("nv", "SCHISM_hgrid_face_nodes", "ele", "elem", "element", "tri")
 _EAST = ("eastward_sea_water_velocity", "sea_water_x_velocity", "x_sea_water_velocity")
 _EAST_NAMES = ("uo", "u", "water_u", "u_eastward", "utotal")
 _POSITIVE = {"up": 1.0, "down": -1.0}
+#: Files are taken as they are: no times, no axes.
+_PLAIN = {"decode_times": False, "create_default_indexes": False}
 
 
 @dataclass(frozen=True)
@@ -64,10 +64,9 @@ def read_sources(dataset: xr.Dataset, notes: list[str]) -> tuple[Source, ...]:
     settings = json.loads(str(dataset.attrs["scenario"]))
     if "site_longitude" not in dataset.attrs:
         return ()
-    folder = Path(str(dataset.attrs["scenario_folder"]))
     found = []
-    for name, kind, read in _files(settings):
-        paths = [str(folder / Path(part).expanduser()) for part in name]
+    for names, kind, read in _files(settings):
+        paths = [str(path_of(dataset, name)) for name in names]
         label = ", ".join(Path(path).name for path in paths)
         try:
             with warnings.catch_warnings():
@@ -79,7 +78,7 @@ def read_sources(dataset: xr.Dataset, notes: list[str]) -> tuple[Source, ...]:
             why = str(error) if isinstance(error, _UnknownFileError) else f"{type(error).__name__}: {error}"
             notes.append(f"{kind} of {label} was not looked at again: {' '.join(why.split())}")
     try:
-        found += _closed_areas(settings, folder, dataset)
+        found += _closed_areas(settings, dataset)
     except FileNotFoundError:
         pass  # reported above
     except Exception as error:  # as above
@@ -88,12 +87,12 @@ def read_sources(dataset: xr.Dataset, notes: list[str]) -> tuple[Source, ...]:
     return tuple(found)
 
 
-def _closed_areas(settings: dict[str, Any], folder: Path, dataset: xr.Dataset) -> Iterator[Source]:
+def _closed_areas(settings: dict[str, Any], dataset: xr.Dataset) -> Iterator[Source]:
     """Yield the areas of a scenario that are closed at some hours."""
     chart = settings.get("chart") or {}
     if not chart.get("no_go"):
         return
-    for feature, hours in _zones(str(folder / Path(chart["no_go"]).expanduser()), chart):
+    for feature, hours in _zones(str(path_of(dataset, chart["no_go"])), chart):
         if hours:
             name = str((feature.get("properties") or {}).get("name") or chart["no_go"])
             yield Source(name, "closed area", _inside(feature), partial(closed_at, hours, dataset))
@@ -108,23 +107,6 @@ def _zones(path: str, chart: dict[str, Any]) -> Iterator[tuple[dict[str, Any], d
         stated = {str(key).strip().lower(): value for key, value in (feature.get("properties") or {}).items()}
         own = {key: stated[key] for key in ("from", "to", "windows") if stated.get(key) not in (None, "")}
         yield feature, own or common
-
-
-def places_of(dataset: xr.Dataset) -> Callable[[Array, Array], tuple[Array, Array]]:
-    """Return the way from m north and east of a run to longitude and latitude, degrees."""
-    attributes = dataset.attrs
-    frame = (
-        f"+proj=aeqd +lon_0={float(attributes['site_longitude'])!r} "
-        f"+lat_0={float(attributes['site_latitude'])!r} +datum=WGS84 +units=m"
-    )
-    back = Transformer.from_crs(frame, "EPSG:4326", always_xy=True)
-    origin = np.asarray(attributes["site_origin"], float)
-
-    def places(north: Array, east: Array) -> tuple[Array, Array]:
-        longitude, latitude = back.transform(np.asarray(east) - origin[1], np.asarray(north) - origin[0])
-        return np.asarray(longitude), np.asarray(latitude)
-
-    return places
 
 
 def _files(settings: dict[str, Any]) -> Iterator[tuple[list[str], str, Callable[[list[str]], Any]]]:
@@ -205,21 +187,12 @@ def _dry(paths: list[str]) -> Callable[[Array, Array, Array], Mask]:
 
     On a mesh that is outside all cells; on a grid it is where all four points around a place lack a value.
     """
-    names = [name for path in paths for name in (sorted(glob(path)) or [path])]
-    datasets = [_opened(name) for name in names]
+    datasets = [opened(name, **_PLAIN) for name in matching(paths)]
     for data in datasets:
         cells = _cells(data)
         if cells is not None:
             return _off_mesh(data, cells)
     return _off_grid(datasets[0])
-
-
-def _opened(path: str) -> xr.Dataset:
-    with open(path, "rb") as file:
-        engine = "scipy" if file.read(3) == b"CDF" else "h5netcdf"
-    if engine == "h5netcdf":
-        require_whole(path, ResultError)
-    return xr.open_dataset(path, engine=engine, decode_times=False, create_default_indexes=False)
 
 
 def _cells(data: xr.Dataset) -> Array | None:
@@ -353,7 +326,7 @@ def _heights(path: str, settings: dict[str, Any]) -> tuple[Array, Array, Array]:
         north, east, values, stated = _tiff(path)
         name = ""
     else:
-        data = _opened(path)
+        data = opened(path, **_PLAIN)
         name = settings.get("variable") or _grid_name(data)
         grid = data[name]
         grid = grid.isel({dim: 0 for dim in grid.dims if grid.sizes[dim] == 1 and grid.ndim > 2})

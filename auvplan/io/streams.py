@@ -2,17 +2,15 @@
 
 import json
 from datetime import datetime, timedelta
-from glob import glob
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 import yaml
-from pyproj import Transformer
 
-from auvplan.files import ResultError, require_whole
 from auvplan.io.ledger import Array
+from auvplan.io.originals import matching, opened, path_of, places_of
 
 _NAMES = {
     "east": ("eastward_sea_water_velocity", "sea_water_x_velocity", "uo", "u", "water_u", "u_eastward"),
@@ -36,37 +34,25 @@ def speeds_at(dataset: xr.Dataset, places: Array, moments: Array) -> Array:
         UnknownCurrentError: it is of a kind that this view does not know.
     """
     settings = json.loads(str(dataset.attrs["scenario"]))["current"]
-    folder = Path(str(dataset.attrs["scenario_folder"]))
     if "site_longitude" not in dataset.attrs or "site_epoch" not in dataset.attrs:
         raise UnknownCurrentError("the run has no site or date")
     epoch = datetime.fromisoformat(str(dataset.attrs["site_epoch"]))
     when = np.array(
         [np.datetime64((epoch + timedelta(seconds=float(t))).replace(tzinfo=None)) for t in moments]
     )
-    attributes, places = dataset.attrs, np.broadcast_to(places, (len(moments), 3))
-    frame = (
-        f"+proj=aeqd +lon_0={attributes['site_longitude']} +lat_0={attributes['site_latitude']} +datum=WGS84"
-    )
-    origin = np.asarray(attributes["site_origin"], float)
-    back = Transformer.from_crs(frame, "EPSG:4326", always_xy=True)
-    longitude, latitude = back.transform(places[:, 1] - origin[1], places[:, 0] - origin[0])
+    places = np.broadcast_to(places, (len(moments), 3))
+    longitude, latitude = places_of(dataset)(places[:, 0], places[:, 1])
     if settings.get("source") == "harmonic":
-        return _of_tide(
-            folder / settings["constituents"],
-            attributes,
-            np.asarray(longitude),
-            np.asarray(latitude),
-            places,
-            when,
-        )
+        path = path_of(dataset, settings["constituents"])
+        return _of_tide(path, dataset.attrs, longitude, latitude, places, when)
     if settings.get("source") != "file":
         raise UnknownCurrentError(f"a current of source {settings.get('source')!r}")
     files = settings["files"]
-    paths = [str(folder / Path(name).expanduser()) for name in ([files] if isinstance(files, str) else files)]
-    names = [name for path in paths for name in (sorted(glob(path)) or [path])]
+    paths = [str(path_of(dataset, name)) for name in ([files] if isinstance(files, str) else files)]
+    names = matching(paths)
     if len(names) != 1:
         raise UnknownCurrentError("a current of several files")
-    return _of_file(names[0], np.asarray(longitude), np.asarray(latitude), places[:, 2], when)
+    return _of_file(names[0], longitude, latitude, places[:, 2], when)
 
 
 def _of_tide(
@@ -123,11 +109,7 @@ def _ellipse(stated: dict[str, Any]) -> tuple[float, ...]:
 
 def _of_file(path: str, longitude: Array, latitude: Array, depth: Array, when: Any) -> Array:
     """Speeds in a file on a grid of longitude and latitude, linear between its nodes."""
-    with open(path, "rb") as file:
-        engine = "scipy" if file.read(3) == b"CDF" else "h5netcdf"
-    if engine == "h5netcdf":
-        require_whole(path, ResultError)
-    with xr.open_dataset(path, engine=engine) as data:
+    with opened(path) as data:
         parts = []
         for names in _NAMES.values():
             found = [

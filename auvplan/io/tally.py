@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import pairwise
-from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
@@ -23,6 +22,7 @@ from auvplan.io.fields import site_of
 from auvplan.io.geo import GeoError, read_jobs
 from auvplan.io.hours import priority_at
 from auvplan.io.ledger import TIME_TOLERANCE, Leg, near
+from auvplan.io.originals import path_of
 from auvplan.mission.jobs import Jobs
 
 Array = NDArray[np.floating]
@@ -117,11 +117,15 @@ def _book(settings: dict[str, Any], dataset: xr.Dataset, once: bool, notes: list
     """Return the book of the scenario's jobs, or of the graph where there are none."""
     name = settings.get("mission", {}).get("jobs")
     if name is not None:
-        path = Path(str(dataset.attrs["scenario_folder"])) / Path(name).expanduser()
         depth = max(settings["area"]["lower"][2], settings["vehicle"]["depth_min"])
         try:
             # Windows are looked up elsewhere: here any water is slack.
-            jobs = read_jobs(path, site_of(dataset), default_depth=depth, speed=lambda _, times: 0.0 * times)
+            jobs = read_jobs(
+                path_of(dataset, name),
+                site_of(dataset),
+                default_depth=depth,
+                speed=lambda _, times: 0.0 * times,
+            )
             return _JobBook.of(jobs, dataset)
         except GeoError as error:
             notes.append(f"tasks were counted from the graph in {MISSION}, not from the jobs: {error}")
