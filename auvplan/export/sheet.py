@@ -119,15 +119,15 @@ class MissionSheet:
 
     def table(self, brief: bool = False) -> tuple[list[str], list[list[str]]]:
         """Headings and cells of the stops, as people read them; in `brief`, what fits a terminal."""
-        local = ZoneInfo(self.zone) if self.zone else None
         dated = any(stop.utc for stop in self.stops)
+        if brief:
+            return _brief(self.stops, dated)
+        local = ZoneInfo(self.zone) if self.zone else None
         headings = ["", "waypoint", "task", "priority", "after", *(["UTC"] if dated else [])]
         headings += [self.zone.split("/")[-1]] if dated and local else []
         windows = any(stop.window for stop in self.stops)
         headings += ["depth, m", *(["window"] if windows else []), "wait, s", "hold, s", "way, m"]
         headings += ["speed, m/s", "coast, m", "bed, m", "obstacle, m"]
-        if brief:
-            return _brief(self.stops, dated)
         rows = []
         for number, stop in enumerate(self.stops):
             times = [] if stop.utc is None else [f"{stop.utc:%H:%M:%S}"]
@@ -287,15 +287,10 @@ def _finely(places: NDArray, times: NDArray) -> tuple[NDArray, NDArray]:
 
 
 def _to_obstacles(run: MissionRun, places: NDArray, times: NDArray) -> float | None:
-    """Least distance to the surface of a known obstacle, m."""
-    least = None
-    for obstacle in run.obstacles:
-        centre = np.asarray(obstacle.position) + times[:, None] * np.asarray(obstacle.velocity)
-        level = np.maximum(np.linalg.norm(places[:, :2] - centre, axis=1) - obstacle.radius, 0.0)
-        above = np.maximum(obstacle.depth_min - places[:, 2], places[:, 2] - obstacle.depth_max)
-        distance = float(np.hypot(level, np.maximum(above, 0.0)).min())
-        least = distance if least is None else min(least, distance)
-    return least
+    """Least distance to the surface of a known obstacle, m, 0 inside; None without one."""
+    if not run.obstacles:
+        return None
+    return max(0.0, min(float(obstacle.distance(places, times).min()) for obstacle in run.obstacles))
 
 
 def _task_name(run: MissionRun, leg: LegRecord) -> str:

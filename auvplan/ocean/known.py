@@ -18,7 +18,7 @@ class KnownObstacle:
     """An upright cylinder.
 
     Attributes:
-        name: for people.
+        name: as messages and figures have it.
         position: north, east, m, at the scenario's epoch.
         radius: m.
         depth_min, depth_max: m, from where to where it reaches.
@@ -41,6 +41,14 @@ class KnownObstacle:
         """Return the same obstacle for an epoch that is later by so many seconds."""
         north, east = (p + v * seconds for p, v in zip(self.position, self.velocity, strict=True))
         return replace(self, position=(north, east))
+
+    def distance(self, places: NDArray[np.floating], times: NDArray[np.floating]) -> NDArray[np.floating]:
+        """Return the distance [n] m of places [n, 3] m at times [n] s to the surface, negative inside."""
+        centre = np.asarray(self.position) + times[:, None] * np.asarray(self.velocity)
+        level = np.linalg.norm(places[:, :2] - centre, axis=1) - self.radius
+        above = np.maximum(self.depth_min - places[:, 2], places[:, 2] - self.depth_max)
+        beside = np.hypot(np.maximum(level, 0.0), np.maximum(above, 0.0))
+        return np.where((level < 0.0) & (above < 0.0), np.maximum(level, above), beside)
 
 
 class Spheres(NamedTuple):

@@ -27,12 +27,7 @@ def to_obstacles(run: MissionRun, leg: LegRecord) -> Array:
         away = np.linalg.norm(leg.positions - tracks[:, m], axis=1)
         least = np.minimum(least, away - radii[m])
     for obstacle in run.obstacles:
-        centre = np.asarray(obstacle.position) + leg.times[:, None] * np.asarray(obstacle.velocity)
-        places = np.reshape(leg.positions, (-1, 3))
-        level = np.linalg.norm(places[:, :2] - centre, axis=1) - obstacle.radius
-        above = np.maximum(obstacle.depth_min - places[:, 2], places[:, 2] - obstacle.depth_max)
-        beside = np.hypot(np.maximum(level, 0.0), np.maximum(above, 0.0))
-        least = np.minimum(least, np.where((level < 0.0) & (above < 0.0), np.maximum(level, above), beside))
+        least = np.minimum(least, obstacle.distance(np.reshape(leg.positions, (-1, 3)), leg.times))
     return least
 
 
