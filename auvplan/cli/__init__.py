@@ -25,7 +25,7 @@ from auvplan.cli import (
     study,
     tools,
 )
-from auvplan.cli.shared import errors
+from auvplan.cli.shared import complain
 from auvplan.errors import AuvplanError, ScenarioWarning
 
 #: New objects after which garbage is looked for.
@@ -41,7 +41,7 @@ def stoppable(command: Callable[..., None]) -> Callable[..., None]:
             command(*arguments, **options)
         except KeyboardInterrupt as stop:
             words = str(stop) or "interrupted"
-            errors.print(f"auvplan: {words}", soft_wrap=True, highlight=False, markup=False)
+            complain(words)
             raise typer.Exit(130) from None
 
     return run
@@ -105,7 +105,7 @@ def _shorten_warnings() -> None:
 
     def show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
         if issubclass(category, ScenarioWarning):
-            errors.print(f"auvplan: warning: {message}", soft_wrap=True, highlight=False, markup=False)
+            complain(f"warning: {message}")
         else:
             usual(message, category, *place, **more)
 
@@ -122,7 +122,5 @@ def main() -> None:
     try:
         app()
     except AuvplanError as error:
-        # Names of files may hold line breaks; and :100: in a place is no emoji.
-        line = " ".join(str(error).split())
-        errors.print(f"auvplan: {line}", soft_wrap=True, highlight=False, markup=False, emoji=False)
+        complain(" ".join(str(error).split()))  # names of files may hold line breaks
         sys.exit(2)

@@ -23,13 +23,13 @@ from auvplan.cli.shared import (
     ScenarioArgument,
     SeedOption,
     SetOption,
+    complain,
     console,
-    errors,
     load,
     name_page,
     print_json,
     progress_bar,
-    say,
+    say_notes,
 )
 from auvplan.errors import ScenarioError
 from auvplan.words import counted
@@ -40,6 +40,9 @@ _FARTHEST = 366 * 24.0
 
 #: Columns of a table that is not written to a terminal: long reasons stay on few lines.
 _WIDTH = 160
+
+#: m; a clearance of more is that of open water.
+_OPEN = 1e5
 
 
 def departures(
@@ -71,8 +74,7 @@ def departures(
 
     area = load_area_at(settings, departs, folder)
     if not quiet and not as_json:
-        for note in area.notes:
-            say(f"note: {note}")
+        say_notes(area.notes)
     output_folder(out)
     import jax
 
@@ -113,11 +115,7 @@ def departures(
         console.print("files:", *(f"  {file}" for file in files), sep="\n", soft_wrap=True)
         name_page(files[-1])
     if found.best is None:
-        errors.print(
-            f"auvplan: no departure is feasible; {found.moment(0)}: {found.reasons[0]}",
-            soft_wrap=True,
-            highlight=False,
-        )
+        complain(f"no departure is feasible; {found.moment(0)}: {found.reasons[0]}")
         raise typer.Exit(1)
 
 
@@ -274,10 +272,6 @@ def _cell(value: Any) -> Any:
     if isinstance(value, bool):
         return str(value).lower()
     return "" if value is None else value
-
-
-#: m; a clearance of more is that of open water.
-_OPEN = 1e5
 
 
 def _table(found: Any, name: str) -> Table:

@@ -16,11 +16,12 @@ from auvplan.cli.shared import (
     ScenarioArgument,
     SeedOption,
     SetOption,
-    errors,
+    complain,
     load,
     naming,
     print_json,
     say,
+    say_notes,
 )
 from auvplan.errors import AuvplanError, ScenarioError
 from auvplan.words import counted
@@ -100,8 +101,7 @@ def execute(
         else:
             vehicle = open_link(link, plan.site, limits, scale or 1.0)
     if not quiet:
-        for note in area.notes:
-            say(f"note: {note}")
+        say_notes(area.notes)
         if link != SIMULATOR and scale is None:
             _warn_of_the_date(plan.site.epoch)
     record = execute(plan, vehicle, limits=limits, notices=heard, tell=_tell(quiet))
@@ -111,9 +111,7 @@ def execute(
     elif not quiet:
         _say_verdict(record, file)
     if not record.success:
-        errors.print(
-            f"auvplan: mission failed: {record.reason}; {record.safe}", soft_wrap=True, highlight=False
-        )
+        complain(f"mission failed: {record.reason}; {record.safe}")
         raise typer.Exit(1)
 
 

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from auvplan.cli.shared import QuietOption, console, say
+from auvplan.cli.shared import QuietOption, console, say_notes
 
 
 def export(
@@ -49,6 +49,5 @@ def export(
     notes = export_notes(itinerary, chosen)
     files = export(itinerary, out or folder, chosen)
     if not quiet:
-        for note in notes:
-            say(f"note: {note}")
+        say_notes(notes)
         console.print("files:", *(f"  {file}" for file in files), sep="\n", soft_wrap=True)

@@ -18,13 +18,13 @@ from auvplan.cli.shared import (
     ScenarioArgument,
     SeedOption,
     SetOption,
+    complain,
     console,
-    errors,
     load,
     name_page,
     naming,
     print_json,
-    say,
+    say_notes,
     time_bar,
 )
 from auvplan.errors import ScenarioError
@@ -96,8 +96,7 @@ def _run(
 
         area = load_area(scenario, folder)
         if not quiet:
-            for note in area.notes:
-                say(f"note: {note}")
+            say_notes(area.notes)
         from auvplan.executive import run_mission
 
         partial = stack.enter_context(whole_result(out))
@@ -146,7 +145,7 @@ def _load_writers() -> None:
 
 def _exit_where_failed(run: Any) -> None:
     if not run.success:
-        errors.print(f"auvplan: mission failed: {run.reason}", soft_wrap=True, highlight=False)
+        complain(f"mission failed: {run.reason}")
         raise typer.Exit(1)
 
 

@@ -19,13 +19,14 @@ from auvplan.cli.shared import (
     ScenarioArgument,
     SeedOption,
     SetOption,
+    complain,
     console,
-    errors,
     load,
     name_page,
     naming,
     print_json,
     say,
+    say_notes,
     time_bar,
 )
 from auvplan.plot.painter import Pictures
@@ -72,8 +73,8 @@ def plan(
 
     with naming(scenario), whole_result(out) as partial:
         area = load_area_at(settings, [now], folder)
-        for note in () if quiet else area.notes:
-            say(f"note: {note}")
+        if not quiet:
+            say_notes(area.notes)
         available = settings.mission.time_available
         with time_bar("loading the planners", available, quiet) as advance:
             run = plan_scenario(
@@ -107,13 +108,12 @@ def plan(
         print_json(run.summary() | {"sheet": sheet.plain()})
     elif not quiet:
         print_sheet(sheet)
-        for note in notes:
-            say(f"note: {note}")
+        say_notes(notes)
         say(f"files in {out}: {', '.join(written)}")
         if pictures != Pictures.NONE:
             name_page(out / REPORT)
     if not run.success:
-        errors.print(f"auvplan: no plan: {run.reason}", soft_wrap=True, highlight=False)
+        complain(f"no plan: {run.reason}")
         raise typer.Exit(1)
 
 
@@ -139,7 +139,7 @@ def _vehicle_files(run: "MissionRun", folder: Path) -> list[str]:
 def print_sheet(sheet: "MissionSheet") -> None:
     """The mission sheet in the terminal."""
     for line in sheet.warnings:
-        errors.print(f"auvplan: warning: {line}", soft_wrap=True, highlight=False, markup=False)
+        complain(f"warning: {line}")
     facts = Table(title=sheet.title, show_header=False)
     for name, value in sheet.facts.items():
         facts.add_row(name, value)

@@ -124,8 +124,19 @@ def naming(source: str) -> Iterator[None]:
 
 
 def say(text: str) -> None:
-    """Print without colours for numbers, folds and signs in brackets."""
-    console.print(text, highlight=False, soft_wrap=True, markup=False)
+    """Print without colours for numbers, folds, and meanings of brackets and colons."""
+    console.print(text, highlight=False, soft_wrap=True, markup=False, emoji=False)
+
+
+def say_notes(notes: Iterable[str]) -> None:
+    """Print what was assumed or left out, a line each."""
+    for note in notes:
+        say(f"note: {note}")
+
+
+def complain(text: str) -> None:
+    """Print a line on standard error; names in it may look like markup or, as :100: in a place, emoji."""
+    errors.print(f"auvplan: {text}", soft_wrap=True, highlight=False, markup=False, emoji=False)
 
 
 def name_page(page: Path) -> None:
@@ -173,7 +184,7 @@ class _Lines:
         while not self._ended.wait(self.APART):
             share, words, now = self._share, self._words, time.monotonic()
             if words != stated and (share - before >= self.STEP or now - when >= self.LONGEST):
-                errors.print(f"auvplan: {words}", soft_wrap=True, highlight=False, markup=False, emoji=False)
+                complain(words)
                 stated, when, before = words, now, share
 
 

@@ -21,8 +21,8 @@ from auvplan.cli.shared import (
     ScenarioArgument,
     SeedOption,
     SetOption,
+    complain,
     console,
-    errors,
     load,
     name_page,
     print_json,
@@ -106,8 +106,7 @@ def montecarlo(
     if failed:
         seeds = sorted({seed for case in cases for seed in case["failed_seeds"]})
         named = f"{'seed' if len(seeds) == 1 else 'seeds'} {', '.join(map(str, seeds))}"
-        line = f"auvplan: {counted(failed, 'mission')} failed: {named}"
-        errors.print(line, soft_wrap=True, highlight=False)
+        complain(f"{counted(failed, 'mission')} failed: {named}")
         raise typer.Exit(1)
 
 

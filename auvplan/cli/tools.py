@@ -10,7 +10,16 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from auvplan.cli.shared import JsonOption, OutOption, QuietOption, console, print_json, progress_bar, say
+from auvplan.cli.shared import (
+    JsonOption,
+    OutOption,
+    QuietOption,
+    console,
+    print_json,
+    progress_bar,
+    say,
+    say_notes,
+)
 from auvplan.errors import ScenarioError
 from auvplan.words import counted
 
@@ -78,8 +87,7 @@ def chart(
         shares = made.shares()
         say(f"coast {shares['coast']:.1%}, uncertain {shares['uncertain']:.1%}, water {shares['water']:.1%}")
         say(f"pixels of {size:.4g} m, {made.shape[1]} east by {made.shape[0]} north")
-        for note in notes:
-            say(f"note: {note}")
+        say_notes(notes)
         say(f"picture: {picture}")
     settled(found, image)
     if not quiet:
@@ -215,8 +223,7 @@ def currents(
     for name, value in found.items():
         table.add_row(name.replace("_", " "), str(value))
     console.print(table)
-    for note in notes:
-        say(f"note: {note}")
+    say_notes(notes)
     for written in (out, to):
         if written is not None:
             say(f"written: {written}")
