@@ -31,10 +31,11 @@ from auvplan.site import Site
 #: The scenario's epoch has no date of its own; this one stands for it.
 TIME_UNITS = "seconds since 2000-01-01 00:00:00"
 
-#: Names that a flag may take; others are added as they appear.
+#: Names that a flag may take, by their codes from 1; others are added as they appear.
 _KINDS = ("static", "afloat", "self-motivated", "known")
-_PLAN_CAUSES = ("leg", "window", "hazard")
-_ROUTE_CAUSES = ("start", "late", "early", "refused")
+#: Why a path or a route was planned.
+PLAN_CAUSES = ("leg", "window", "hazard")
+ROUTE_CAUSES = ("start", "late", "early", "refused")
 
 
 def save_run(run: MissionRun, folder: str | Path, sheet: dict[str, Any] | None = None) -> Path:
@@ -313,7 +314,7 @@ def _routes(run: MissionRun) -> Variables:
         nodes[row, : len(route.nodes)] = route.nodes
         legs[row, : len(route.leg_times)] = route.leg_times
         waits[row, : len(route.waits)] = route.waits
-    codes, flags = _flags(np.asarray([route.cause for route in routes]), _ROUTE_CAUSES)
+    codes, flags = _flags(np.asarray([route.cause for route in routes]), ROUTE_CAUSES)
     return {
         "route_nodes": variable(("route", "stop"), nodes, "waypoints in order of visit; -1 pads"),
         "route_leg_time": variable(
@@ -341,7 +342,7 @@ def _plans(legs: Sequence[LegRecord]) -> Variables:
     for row, (_, plan) in enumerate(plans):
         places[row, : len(plan.times)] = plan.positions
         times[row, : len(plan.times)] = plan.times
-    codes, flags = _flags(np.asarray([plan.cause for _, plan in plans]), _PLAN_CAUSES)
+    codes, flags = _flags(np.asarray([plan.cause for _, plan in plans]), PLAN_CAUSES)
     return {
         "plan_position": variable(("plan", "sample", "axis"), places, "planned place", "m"),
         "plan_time": variable(("plan", "sample"), times, "planned time of the sample", TIME_UNITS),

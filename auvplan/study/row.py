@@ -7,14 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.io.check import CheckReport, check_dataset
-from auvplan.io.results import to_dataset
+from auvplan.io.results import PLAN_CAUSES, ROUTE_CAUSES, to_dataset
 from auvplan.records import MissionRun
 
 Row = dict[str, NDArray[Any]]
-
-#: Why a path or a route was planned; their place in the list, from 1, is the code that is stored.
-PLAN_CAUSES = ("leg", "window", "hazard")
-ROUTE_CAUSES = ("start", "late", "early", "refused")
 
 
 @dataclass(frozen=True)
