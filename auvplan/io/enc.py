@@ -1,0 +1,154 @@
+"""The checker's own view of S-57 cells: where they close the water, and which rocks and wrecks they have.
+
+It asks GDAL by attribute filters and looks up every place by itself, in the cell of the largest scale there;
+it shares no code with `auvplan.io.geo.s57`.
+"""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from pyproj import Transformer
+
+from auvplan.io.walk import Array, Mask
+
+#: Classes that close the water as they are, and those that do from their depth down.
+_SOLID = "LNDARE", "UNSARE", "FLODOC", "HULKES", "PONTON", "SLCONS", "CAUSWY", "DAMCON", "DYKCON"
+_HAZARDS = "UWTROC", "WRECKS", "OBSTRN", "OFSPLF", "PILPNT", "PYLONS", "MORFAC", "FSHFAC", "MARCUL"
+_FORBIDDEN = {"7", "14"}
+#: By so much a distance may differ from that of another projection, share.
+_TOLERANCE = 0.005
+
+Blocked = Callable[[Array, Array, Array], Mask]
+
+
+def blocked_by_cells(path: str, chart: dict[str, Any]) -> Blocked:
+    """Return where cells close the water, of longitude and latitude, degrees, and depth, m, [n] each.
+
+    Args:
+        path: of a cell or of a folder with cells.
+        chart: section of the scenario, as plain data.
+    """
+    cells = [(_coverage(cell), _closures(cell, chart)) for cell in _by_scale(path)]
+
+    def blocked(longitude: Array, latitude: Array, depth: Array) -> Mask:
+        found, open_yet = np.zeros(len(longitude), bool), np.ones(len(longitude), bool)
+        for coverage, closures in cells:
+            here = open_yet & shapely.contains_xy(coverage, longitude, latitude)
+            open_yet &= ~here
+            rows = np.flatnonzero(here)
+            for shape, top in closures:
+                inside = shapely.contains_xy(shape, longitude[rows], latitude[rows])
+                found[rows] |= inside & (depth[rows] > top)
+        return found | open_yet  # beyond all cells nothing is known
+
+    return blocked
+
+
+def hazards_of_cells(path: str, chart: dict[str, Any]) -> list[tuple[str, float, float, float]]:
+    """Return rocks, wrecks and obstructions that are points: name, longitude, latitude, degrees, depth, m."""
+    found, finer = [], shapely.Polygon()
+    for cell in _by_scale(path):
+        coverage = _coverage(cell)
+        for kind in _HAZARDS:
+            for stated, shape in _rows(cell, kind):
+                if shape.geom_type == "Point" and not shapely.covers(finer, shape):
+                    name = stated.get("OBJNAM") or f"{kind} {stated.get('FIDN')} of {Path(cell).name}"
+                    found.append((str(name), shape.x, shape.y, _begins(stated)))
+        finer = shapely.union(finer, coverage)
+    return found
+
+
+def _by_scale(path: str) -> list[str]:
+    """Return the paths of cells, those of the largest scale first."""
+    place = Path(path)
+    cells = [place] if place.is_file() else sorted(place.rglob("*.000"))
+
+    def scale(cell: Path) -> tuple[float, str]:
+        stated = next((stated for stated, _ in _rows(str(cell), "DSID")), {})
+        return float(stated.get("DSPM_CSCL") or np.inf), cell.name
+
+    return [str(cell) for cell in sorted(cells, key=scale)]
+
+
+def _coverage(cell: str) -> Any:
+    parts = [shapely.make_valid(shape) for _, shape in _rows(cell, "M_COVR", "CATCOV = 1 OR CATCOV IS NULL")]
+    found = shapely.union_all(parts)
+    shapely.prepare(found)
+    return found
+
+
+def _closures(cell: str, chart: dict[str, Any]) -> list[tuple[Any, float]]:
+    """Return shapes in degrees that are closed, and the depth from which on each is, m."""
+    least, radius = float(chart["safety_depth"]), float(chart["hazard_radius"])
+    found = []
+    for kind in _SOLID:
+        found += [(_solid(shape, radius), -np.inf) for _, shape in _rows(cell, kind)]
+    for kind in ("DEPARE", "DRGARE"):
+        shallow = _rows(cell, kind, f"DRVAL1 < {least!r} OR DRVAL1 IS NULL")
+        found += [(shape, -np.inf) for _, shape in shallow]
+    for kind in _HAZARDS:
+        extended = ((stated, shape) for stated, shape in _rows(cell, kind) if shape.geom_type != "Point")
+        for stated, shape in extended:
+            line = "Line" in shape.geom_type
+            found.append((_around(shape, radius) if line else shape, _begins(stated)))
+    for kind in _layers(cell):
+        for stated, shape in _rows(cell, kind) if _may_close(cell, kind) else ():
+            if _FORBIDDEN & set(str(stated.get("RESTRN", "")).split(",")) and "Polygon" in shape.geom_type:
+                found.append((shape, -np.inf))
+    valid = [(shapely.make_valid(shape), top) for shape, top in found]
+    for shape, _ in valid:
+        shapely.prepare(shape)
+    return valid
+
+
+def _solid(shape: Any, radius: float) -> Any:
+    return _around(shape, radius) if shape.geom_type == "Point" else shape
+
+
+def _around(shape: Any, radius: float) -> Any:
+    """Return the surroundings of a point or a line, m, in degrees."""
+    at = shape.centroid
+    there = Transformer.from_crs(
+        "EPSG:4326", f"+proj=aeqd +lon_0={at.x!r} +lat_0={at.y!r} +datum=WGS84 +units=m", always_xy=True
+    )
+    metres = shapely.transform(shape, lambda at: np.column_stack(there.transform(at[:, 0], at[:, 1])))
+    grown = metres.buffer(radius * (1.0 - _TOLERANCE))
+    return shapely.transform(
+        grown, lambda at: np.column_stack(there.transform(at[:, 0], at[:, 1], direction="INVERSE"))
+    )
+
+
+def _begins(stated: dict[str, Any]) -> float:
+    """Return the depth of a hazard's top, m: 0 unless it is known and always under water."""
+    water, wreck, depth = stated.get("WATLEV"), stated.get("CATWRK"), stated.get("VALSOU")
+    if depth is None or wreck in (4, 5) or water not in (None, 3):
+        return 0.0
+    return max(float(depth), 0.0)
+
+
+def _layers(cell: str) -> list[str]:
+    from pyogrio import list_layers
+
+    return [str(name) for name, _ in list_layers(cell)]
+
+
+def _may_close(cell: str, kind: str) -> bool:
+    from pyogrio import read_info
+
+    return "RESTRN" in set(map(str, read_info(cell, layer=kind)["fields"]))
+
+
+def _rows(cell: str, kind: str, where: str | None = None) -> Iterator[tuple[dict[str, Any], Any]]:
+    """Yield attributes that have a value, and shapes, of the objects of a class; none where it is absent."""
+    from pyogrio import raw
+
+    if kind not in _layers(cell):
+        return
+    meta, _, geometries, columns = raw.read(cell, layer=kind, where=where, LIST_AS_STRING="YES")
+    for row in range(len(columns[0])):
+        stated = {str(name): column[row] for name, column in zip(meta["fields"], columns, strict=True)}
+        known = {name: value for name, value in stated.items() if value is not None and value == value}
+        yield known, None if geometries is None else shapely.from_wkb(geometries[row])

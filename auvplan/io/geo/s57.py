@@ -1,0 +1,525 @@
+"""S-57 electronic navigational charts (ENC): what cells close to a vehicle, and what stands in their water.
+
+Cells are read by GDAL's S57 driver, which applies the updates (.001 and on) that lie beside a cell. Where
+cells overlap, the one of the largest scale is used, as on a navigator's display. Depths count from the
+chart's datum.
+"""
+
+import warnings
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from itertools import takewhile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry import MultiPolygon, Polygon
+
+from auvplan.errors import ScenarioWarning
+from auvplan.io.geo.charts import Zone
+from auvplan.io.geo.error import GeoError, as_chart, reading, reason
+from auvplan.io.geo.geojson import MAX_BYTES
+from auvplan.io.geo.grid import LocalGrid, local_grid
+from auvplan.io.geo.shapes import around, near, to_local, touched
+from auvplan.ocean.chart import Chart
+from auvplan.ocean.known import KnownObstacle
+from auvplan.scenario.swapped import swapped_hint
+from auvplan.site import Site
+from auvplan.words import counted
+
+#: Water that may be shallower is closed, m below the chart's datum, unless a scenario says otherwise.
+SAFETY_DEPTH = 5.0
+#: Radius of a hazard that is a point on the chart, m: the accuracy of places in zone of confidence B.
+HAZARD_RADIUS = 50.0
+
+_DEPTHS = ("DEPARE", "DRGARE")
+_DRY = ("LNDARE", "FLODOC", "HULKES", "PONTON", "SLCONS", "CAUSWY", "DAMCON", "DYKCON")
+_SKIN = ("LNDARE", "FLODOC", "HULKES", "PONTON", "UNSARE", *_DEPTHS)  # group 1, which covers all of a cell
+_HAZARDS = {
+    "UWTROC": "rock",
+    "WRECKS": "wreck",
+    "OBSTRN": "obstruction",
+    "OFSPLF": "platform",
+    "PILPNT": "pile",
+    "PYLONS": "pylon",
+    "MORFAC": "mooring",
+    "FSHFAC": "fishing facility",
+    "MARCUL": "marine farm",
+}
+# All classes that have the attribute RESTRN.
+_RESTRICTED = (
+    *("RESARE", "MIPARE", "OSPARE", "MARCUL", "ACHARE", "CBLARE", "PIPARE", "DMPGRD", "ICNARE", "SPLARE"),
+    *("SUBTLN", "PRCARE", "FAIRWY", "ISTZNE", "DWRTPT", "DRGARE", "TESARE", "TSSCRS", "TSSLPT", "TSSRON"),
+)
+_PROHIBITED, _AVOIDED, _HINDERED = "7", "14", "8"  # values of RESTRN
+_SHOWN = (
+    1,
+    2,
+    4,
+    5,
+    6,
+    7,
+)  # values of WATLEV of what reaches the surface at some time; 3 is always under water
+_STANDING = (4, 5)  # values of CATWRK of wrecks that show mast or hull
+_WGS84, _METRES = 2, 1
+#: What lies deeper than this below a vehicle's greatest depth concerns it no more, m.
+_UNDER = 5.0
+# Narrower gaps between areas are of rounding, m.
+_GAP = 2.0
+# Lines become so narrow areas, m.
+_LINE = 0.01
+
+
+@dataclass(frozen=True)
+class Cells:
+    """What S-57 cells tell of a rectangle of local metres.
+
+    Attributes:
+        chart: coast where a vehicle cannot or must not be: land, water that may be shallower than the safety
+            depth, what is not surveyed, areas of hazards, closed areas; all else is water.
+        land: the same of land alone.
+        hazards: rocks, wrecks and obstructions that are points on the chart.
+        closed: areas that entry is prohibited to, or that are to be avoided.
+        notes: what was assumed, a line each.
+    """
+
+    chart: Chart
+    land: Chart
+    hazards: tuple[KnownObstacle, ...]
+    closed: tuple[Zone, ...]
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class _Object:
+    """An object of a cell.
+
+    Attributes:
+        where: file, class and number, as messages name it.
+        kind: acronym of its class.
+        shape: longitude and latitude, degrees.
+        stated: its attributes, without those that have no value.
+    """
+
+    where: str
+    kind: str
+    shape: Any
+    stated: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class _Cell:
+    """A cell by its header.
+
+    Attributes:
+        path: of the file.
+        layers: classes of the objects that it holds.
+        scale: of compilation, one in so many; infinite where it is not told.
+        coverage: where it has data, degrees.
+        edition: in words.
+    """
+
+    path: Path
+    layers: tuple[str, ...]
+    scale: float
+    coverage: Any
+    edition: str
+
+
+@dataclass
+class _Found:
+    """Shapes in local metres (north, east), and what there is to be noted of them."""
+
+    dry: list[Any] = field(default_factory=list)
+    shut: list[Any] = field(default_factory=list)
+    hazards: list[KnownObstacle] = field(default_factory=list)
+    closed: list[Zone] = field(default_factory=list)
+    repaired: int = 0
+    hindered: int = 0
+    unknown: int = 0
+    gap: float = 0.0
+
+
+def read_cells(
+    path: str | Path,
+    site: Site,
+    *,
+    lower: Any,
+    upper: Any,
+    deepest: float,
+    pixel_size: float = 10.0,
+    safety_depth: float = SAFETY_DEPTH,
+    hazard_radius: float = HAZARD_RADIUS,
+) -> Cells:
+    """Read what S-57 cells tell of a local rectangle.
+
+    Closed are land (LNDARE, and docks, hulks, pontoons, quays and dams), depth and dredged areas whose least
+    depth (DRVAL1) is unknown or less than the safety depth, unsurveyed areas (UNSARE), and areas of any class
+    whose restriction (RESTRN) is "entry prohibited" or "area to be avoided", at all times. Rocks, wrecks and
+    obstructions are upright cylinders from their depth (VALSOU) down; from the surface where the depth is
+    unknown, or where they may show above water. Those that are areas or lines are closed where they reach up
+    to 5 m below the deepest that the vehicle goes.
+
+    Args:
+        path: of a cell (`.000`) or of a folder with cells, at any depth in it.
+        site: where local coordinates count from.
+        lower: south-western corner (north, east), m.
+        upper: north-eastern corner, m; the last pixels may reach beyond it.
+        deepest: m, greatest depth that the vehicle goes to.
+        pixel_size: of the charts, m.
+        safety_depth: m below the chart's datum.
+        hazard_radius: m, of what is a point or a line on the chart.
+
+    Raises:
+        ChartError: one line; no cell is there, one is damaged or in other units, or the rectangle reaches
+            beyond what the cells cover.
+
+    Warns:
+        ScenarioWarning: an update lies beside a cell and is not applied, for one before it is missing.
+    """
+    path = Path(path)
+    with as_chart(), reading(path):
+        grid = local_grid(lower, upper, pixel_size)
+        margin = hazard_radius + pixel_size
+        cells = [_header(file) for file in _files(path)]
+        box = around(site, grid, margin)
+        reaching = [cell for cell in cells if shapely.intersects(cell.coverage, box)]
+        found, notes, covered = _Found(), [], Polygon()
+        for cell in sorted(reaching, key=lambda cell: (cell.scale, cell.path.name)):
+            coverage = _areas(near([cell.coverage], site, grid, margin))
+            own = _areas(coverage.difference(covered))
+            if own.buffer(-_GAP / 2.0).is_empty:
+                continue
+            _collect(cell, own, found, site, grid, deepest, safety_depth, hazard_radius)
+            covered = _areas(covered.union(coverage))
+            notes.append(f"{cell.path.name}: {cell.edition}")
+        _refuse_uncovered(path, covered, [cell.coverage for cell in cells], site, grid)
+        dry = touched(shapely.union_all(found.dry), grid)
+        shut = dry | touched(shapely.union_all(found.shut), grid)
+        for zone in found.closed:
+            shut |= touched(zone.polygon, grid)
+        hazards = _in_water(found.hazards, shapely.union_all([*found.dry, *found.shut]), grid)
+        notes += _notes(path, found, hazards, safety_depth, hazard_radius)
+        return Cells(_chart(shut, grid), _chart(dry, grid), hazards, tuple(found.closed), tuple(notes))
+
+
+def is_cell(path: str | Path) -> bool:
+    """Return whether a file begins as S-57 cells do: with the leader of a data descriptive record."""
+    with Path(path).open("rb") as file:
+        start = file.read(24)
+    return len(start) == 24 and start[:5].isdigit() and start[6:7] == b"L" and start[12:17].isdigit()
+
+
+def _files(path: Path) -> list[Path]:
+    """Return the cells of a folder, or the one that is named."""
+    if not path.exists():
+        raise GeoError(f"{path}: no such file or folder")
+    if path.is_dir():
+        found = sorted(entry for entry in path.rglob("*.000") if entry.is_file())
+        if not found:
+            raise GeoError(f"{path}: holds no S-57 cell (*.000)")
+        return found
+    if path.suffix != ".000":
+        raise GeoError(f"{path}: an S-57 cell ends in .000, its updates in .001 and on lie beside it")
+    return [path]
+
+
+def _header(path: Path) -> _Cell:
+    """Return a cell without its objects.
+
+    Raises:
+        GeoError: it is no cell, is damaged, has no coverage, or is not in degrees of WGS 84 and metres.
+    """
+    try:
+        from pyogrio import list_layers
+    except ImportError:
+        raise GeoError(f"{path}: needs a further package: pip install 'auvplan[readers]'") from None
+    _require_whole(path)
+    for update in _updates(path):
+        _require_whole(update)
+    with _unharmed(f"{path}:"):
+        layers = tuple(str(name) for name, _ in list_layers(path))
+    stated = next((part.stated for part in _read(path, "DSID")), {}) if "DSID" in layers else {}
+    for name, wanted, what in (
+        ("DSPM_HDAT", _WGS84, "its positions are not on WGS 84"),
+        ("DSPM_DUNI", _METRES, "its depths are not in metres"),
+    ):
+        if int(stated.get(name, wanted)) != wanted:
+            raise GeoError(f"{path}: {what} ({name} is {int(stated[name])})")
+    coverage = [
+        one.shape
+        for one in (_read(path, "M_COVR") if "M_COVR" in layers else ())
+        if int(one.stated.get("CATCOV", 1)) == 1
+    ]
+    if not coverage:
+        raise GeoError(f"{path}: does not tell where it has data (M_COVR)")
+    scale = float(stated.get("DSPM_CSCL") or np.inf)
+    edition = f"edition {stated.get('DSID_EDTN', '?')}, update {stated.get('DSID_UPDN', '0')}"
+    if issued := str(stated.get("DSID_ISDT", "")):
+        edition += f" of {issued[:4]}-{issued[4:6]}-{issued[6:]}"
+    if np.isfinite(scale):
+        edition += f", 1:{scale:.0f}"
+    return _Cell(path, layers, scale, shapely.union_all(shapely.make_valid(coverage)), edition)
+
+
+def _updates(path: Path) -> list[Path]:
+    """Return the updates beside a cell that are applied to it: .001, .002 and on without a gap.
+
+    Warns:
+        ScenarioWarning: there are others.
+    """
+    numbers = sorted(
+        int(entry.suffix[1:])
+        for entry in path.parent.glob(f"{path.stem}.[0-9][0-9][0-9]")
+        if entry.suffix != ".000"
+    )
+    pairs = takewhile(lambda pair: pair[0] == pair[1], enumerate(numbers, 1))
+    applied = [number for number, _ in pairs]
+    left = numbers[len(applied) :]
+    if left:
+        gap = len(applied) + 1
+        warnings.warn(
+            f"{path}: its update .{left[0]:03d} is not applied, for .{gap:03d} is not beside it",
+            ScenarioWarning,
+            stacklevel=2,
+        )
+    return [path.with_suffix(f".{number:03d}") for number in applied]
+
+
+def _require_whole(path: Path) -> None:
+    """Refuse a file whose records do not follow each other up to its end: GDAL reads what is left of it.
+
+    Raises:
+        GeoError: it is no S-57 file, is too large, damaged or cut off.
+    """
+    if not is_cell(path):
+        raise GeoError(f"{path}: is no S-57 cell")
+    if path.stat().st_size > MAX_BYTES:
+        raise GeoError(f"{path}: larger than {MAX_BYTES} bytes")
+    data, place = path.read_bytes(), 0
+    while place < len(data):
+        head = data[place : place + 5]
+        length = int(head) if head.isdigit() and len(head) == 5 else 0
+        if length < 24 and len(set(data[place:])) > 1:  # else it is filled up
+            raise GeoError(f"{path}: is damaged: no record begins at byte {place}")
+        if place + length > len(data):
+            raise GeoError(
+                f"{path}: is cut off: {place + length - len(data)} bytes of its last record are missing"
+            )
+        place += length or len(data)
+
+
+def _read(path: Path, layer: str) -> Iterator[_Object]:
+    """Yield the objects of a class.
+
+    Raises:
+        GeoError: they cannot be read, or one lacks its geometry.
+    """
+    from pyogrio import raw
+
+    with _unharmed(f"{path}: {layer}"):
+        meta, _, geometries, columns = raw.read(path, layer=layer, force_2d=True)
+    count = len(columns[0])
+    shapes = [None] * count if geometries is None else shapely.from_wkb(geometries)
+    for row, shape in enumerate(shapes):
+        values = {str(name): column[row] for name, column in zip(meta["fields"], columns, strict=True)}
+        stated = {name: value for name, value in values.items() if not _absent(value)}
+        where = f"{path}: {layer} {stated.get('FIDN', row + 1)}"
+        if layer != "DSID" and (shape is None or shape.is_empty):
+            raise GeoError(f"{where}: is damaged: it has no place")
+        yield _Object(where, layer, shape, stated)
+
+
+@contextmanager
+def _unharmed(what: str) -> Iterator[None]:
+    """Whatever GDAL raises or warns of within becomes a `GeoError`: what it warns of, it has left out."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            yield
+        except Exception as error:
+            raise GeoError(f"{what} cannot be read ({reason(error)})") from None
+    for one in caught:
+        raise GeoError(f"{what} is damaged ({' '.join(str(one.message).split())[:200]})")
+
+
+def _absent(value: Any) -> bool:
+    return value is None or (isinstance(value, float | np.floating) and bool(np.isnan(value)))
+
+
+def _collect(
+    cell: _Cell,
+    own: Any,
+    found: _Found,
+    site: Site,
+    grid: LocalGrid,
+    deepest: float,
+    safety_depth: float,
+    radius: float,
+) -> None:
+    """Add what a cell tells of its own part, which is in local metres, to what was found."""
+    margin = radius + grid.pixel_size
+    box, part = around(site, grid, margin), own.buffer(_LINE)
+    skin: list[Any] = []
+    for one in _objects(cell, (*_DRY, "UNSARE", *_DEPTHS, *_HAZARDS, *_RESTRICTED)):
+        if not shapely.intersects(shapely.box(*one.shape.bounds), box):
+            continue
+        shape = one.shape
+        if not shapely.is_valid(shape):
+            shape, found.repaired = shapely.make_valid(shape), found.repaired + 1
+        local = shapely.intersection(_local(shape, box, site), part)
+        if shapely.is_empty(local):
+            continue
+        if one.kind in _SKIN:
+            skin.append(_areas(local))
+        if one.kind in _DRY:
+            found.dry.append(_grown(local, radius, _LINE))
+        elif one.kind == "UNSARE" or (one.kind in _DEPTHS and _shallow(one, safety_depth)):
+            found.shut.append(_areas(local))
+            found.unknown += one.kind in _DEPTHS and "DRVAL1" not in one.stated
+        elif one.kind in _HAZARDS:
+            _collect_hazard(one, local, found, deepest, radius)
+        _collect_restriction(one, local, found)
+    gap = _areas(own.difference(shapely.union_all(skin)).buffer(-_GAP / 2.0).buffer(_GAP / 2.0))
+    within = gap.intersection(_box(grid))
+    if within.area > 0.0:
+        found.shut.append(gap)
+        found.gap += within.area / _box(grid).area
+
+
+def _local(shape: Any, box: MultiPolygon, site: Site) -> Any:
+    """Return what a box in degrees holds of a shape, in local metres."""
+    cuts = [shapely.intersection(shape, one) for one in box.geoms]
+    return shapely.union_all([to_local(cut, site) for cut in cuts if not shapely.is_empty(cut)])
+
+
+def _objects(cell: _Cell, kinds: Iterable[str]) -> Iterator[_Object]:
+    for kind in dict.fromkeys(kinds):
+        if kind in cell.layers:
+            yield from _read(cell.path, kind)
+
+
+def _shallow(one: _Object, safety_depth: float) -> bool:
+    return not float(one.stated.get("DRVAL1", -np.inf)) >= safety_depth
+
+
+def _collect_hazard(one: _Object, local: Any, found: _Found, deepest: float, radius: float) -> None:
+    """Add a rock, wreck or obstruction: points as obstacles, lines and areas as closed."""
+    top = _top(one.stated)
+    if top > deepest + _UNDER:
+        return
+    points = [part for part in shapely.get_parts(local) if part.geom_type == "Point"]
+    name = str(one.stated.get("OBJNAM") or f"{_HAZARDS[one.kind]} {one.stated.get('FIDN', '')}").strip()
+    found.hazards += [KnownObstacle(name, (point.x, point.y), radius, top) for point in points]
+    extended = [part for part in shapely.get_parts(local) if part.geom_type != "Point"]
+    found.shut += [_grown(part, radius, radius) for part in extended]
+
+
+def _top(stated: dict[str, Any]) -> float:
+    """Return the depth from which a hazard reaches down, m; 0 where it is unknown or may be above water."""
+    shown = int(stated.get("WATLEV", 3)) in _SHOWN or int(stated.get("CATWRK", 0)) in _STANDING
+    return 0.0 if shown else max(float(stated.get("VALSOU", 0.0)), 0.0)
+
+
+def _collect_restriction(one: _Object, local: Any, found: _Found) -> None:
+    """Add an area that is closed, or count one that may be entered under conditions."""
+    stated = one.stated.get("RESTRN", ())
+    values = {str(value).strip() for value in (stated.split(",") if isinstance(stated, str) else stated)}
+    area = _areas(local)
+    if area.is_empty:
+        return
+    if values & {_PROHIBITED, _AVOIDED}:
+        name = str(one.stated.get("OBJNAM") or f"{one.kind} {one.stated.get('FIDN', '')}").strip()
+        found.closed.append(Zone(name, area, one.where))
+    elif _HINDERED in values:
+        found.hindered += 1
+
+
+def _grown(local: Any, points: float, lines: float) -> Any:
+    """Return areas as they are, and points and lines with an area around them, m wide on each side."""
+    parts = [
+        part if part.geom_type == "Polygon" else part.buffer(points if part.geom_type == "Point" else lines)
+        for part in shapely.get_parts(local)
+    ]
+    return _areas(shapely.union_all(parts))
+
+
+def _areas(shape: Any) -> Polygon | MultiPolygon:
+    """Return the polygons of a geometry, which an intersection may have left among points and lines."""
+    if isinstance(shape, Polygon | MultiPolygon):
+        return shape
+    parts = [part for part in shapely.get_parts(shape) if isinstance(part, Polygon | MultiPolygon)]
+    union = shapely.union_all(parts)
+    return union if isinstance(union, Polygon | MultiPolygon) else Polygon()
+
+
+def _in_water(hazards: Sequence[KnownObstacle], shut: Any, grid: LocalGrid) -> tuple[KnownObstacle, ...]:
+    """Return the obstacles that reach into the rectangle and out of what is closed anyhow."""
+    shapely.prepare(shut)
+    box, found = _box(grid), []
+    for one in hazards:
+        disc = shapely.Point(one.position).buffer(one.radius)
+        if shapely.intersects(disc, box) and not shapely.covers(shut, disc):
+            found.append(one)
+    return tuple(found)
+
+
+def _refuse_uncovered(
+    path: Path, covered: Any, coverages: Sequence[Any], site: Site, grid: LocalGrid
+) -> None:
+    """Refuse a rectangle that reaches beyond what cells cover.
+
+    Raises:
+        GeoError: one line that says how much of it lies beyond, on which side and how far.
+    """
+    box = _box(grid)
+    beyond = _areas(box.difference(covered).buffer(-_GAP / 2.0))
+    if beyond.is_empty:
+        return
+    if not covered.intersects(box):
+        west, south, east, north = shapely.total_bounds(np.asarray(coverages, object))
+        hint = swapped_hint(site, lambda other: not shapely.is_empty(near(list(coverages), other, grid, 0.0)))
+        raise GeoError(
+            f"{path}: the area lies wholly beyond the cells, which cover longitudes {west:.2f} to {east:.2f} "
+            f"and latitudes {south:.2f} to {north:.2f}{hint}"
+        )
+    south, west, north, east = beyond.buffer(_GAP).intersection(box).bounds
+    raise GeoError(
+        f"{path}: the area reaches beyond what the cells cover (M_COVR) with {beyond.area / box.area:.1%} of "
+        f"it, between {south:.0f} and {north:.0f} m north, {west:.0f} and {east:.0f} m east of the origin"
+    )
+
+
+def _notes(
+    path: Path, found: _Found, hazards: Sequence[KnownObstacle], safety_depth: float, radius: float
+) -> Iterator[str]:
+    name = path.name
+    yield f"{name}: water that may be shallower than {safety_depth:g} m (chart.safety_depth) is closed"
+    if hazards:
+        high = sum(one.depth_min == 0.0 for one in hazards)
+        yield (
+            f"{name}: {counted(len(hazards), 'obstacle')} of {radius:g} m radius (chart.hazard_radius), "
+            f"rocks, wrecks and the like; {high} of them from the surface down"
+        )
+    if found.closed:
+        names = ", ".join(sorted({zone.name for zone in found.closed}))
+        yield f"{name}: closed at all times: {names[:200]}"
+    if found.hindered:
+        yield f"{name}: {counted(found.hindered, 'area')} of restricted entry (RESTRN 8) left open"
+    if found.unknown:
+        yield f"{name}: {counted(found.unknown, 'depth area')} of unknown depth closed"
+    if found.gap > 0.0:
+        yield f"{name}: {found.gap:.1%} of the area is neither land nor a depth area, and closed"
+    if found.repaired:
+        yield f"{name}: {counted(found.repaired, 'outline')} that crossed or touched itself, repaired"
+
+
+def _box(grid: LocalGrid) -> Polygon:
+    return shapely.box(*grid.lower, *grid.upper)
+
+
+def _chart(coast: NDArray[np.bool_], grid: LocalGrid) -> Chart:
+    return Chart.from_passability(np.where(coast, 0.0, 1.0), grid.pixel_size, grid.lower)

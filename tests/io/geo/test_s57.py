@@ -1,0 +1,301 @@
+"""S-57 cells: what they close, what stands in their water, and how faults are told."""
+
+import sys
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+
+from auvplan.errors import ScenarioWarning
+from auvplan.io.enc import blocked_by_cells, hazards_of_cells
+from auvplan.io.geo.s57 import Cells, read_cells
+from auvplan.ocean.chart import ChartError
+from auvplan.site import Site
+from tests.io.geo.enc_cells import Object, write_cell
+
+pytest.importorskip("pyogrio")
+
+SITE = Site(10.05, 50.05)
+BOX: dict[str, Any] = {"lower": (-4000.0, -3000.0), "upper": (4000.0, 3000.0)}
+SEA = shapely.box(10.0, 50.0, 10.1, 50.1)
+ISLE = shapely.Polygon([(10.02, 50.02), (10.04, 50.025), (10.035, 50.045), (10.022, 50.04)])
+SHALLOWS = shapely.box(10.012, 50.012, 10.05, 50.055)
+SLOPE = shapely.box(10.012, 50.055, 10.05, 50.065)
+CHART = {"safety_depth": 5.0, "hazard_radius": 50.0}
+
+
+def bay(*more: Object) -> list[Object]:
+    """An isle in shallow water, in a sea of 10 to 20 m, with a shelf of 5 to 10 m."""
+    return [
+        Object("M_COVR", SEA, {"CATCOV": 1}),
+        Object("LNDARE", ISLE, {"OBJNAM": "Isle"}),
+        Object("DEPARE", SHALLOWS - ISLE, {"DRVAL1": 0, "DRVAL2": 5}),
+        Object("DEPARE", SLOPE, {"DRVAL1": 5, "DRVAL2": 10}),
+        Object("DEPARE", SEA - SHALLOWS - SLOPE, {"DRVAL1": 10, "DRVAL2": 20}),
+        *more,
+    ]
+
+
+def read(path: Path, **options) -> Cells:
+    return read_cells(path, SITE, **({"deepest": 15.0} | BOX | options))
+
+
+def is_water(cells: Cells, longitude: float, latitude: float) -> bool:
+    return bool(cells.chart.is_water(*SITE.to_local(longitude, latitude)))
+
+
+@pytest.mark.parametrize("depth", [0.0, 5.0, 7.5, 10.0])
+def test_land_and_water_shallower_than_the_safety_depth_are_closed(tmp_path, depth):
+    found = read(write_cell(tmp_path / "A.000", bay()), safety_depth=depth)
+    shut = shapely.union_all([ISLE] + ([SHALLOWS] if depth > 0.0 else []) + ([SLOPE] if depth > 5.0 else []))
+    rng = np.random.default_rng(1)
+    north, east = rng.uniform(-3990.0, 3990.0, 4000), rng.uniform(-2990.0, 2990.0, 4000)
+    longitude, latitude = SITE.to_geographic(north, east)
+    inside = shapely.contains_xy(shut, longitude, latitude)
+    # A pixel is closed that anything closed reaches into: near an edge water may be closed, never land open.
+    away = shapely.distance(shapely.points(longitude, latitude), shut.boundary) > 0.0003
+    water = found.chart.is_water(north, east)
+    assert not water[inside].any()
+    assert water[~inside & away].all()
+    assert found.chart.shares()["coast"] < 0.5
+    assert (depth > 0.0) == (found.land.shares() != found.chart.shares())
+
+
+def test_what_is_unsurveyed_unknown_or_left_out_is_closed(tmp_path):
+    unsurveyed, unknown, gap = (
+        shapely.box(*at)
+        for at in ((10.06, 50.03, 10.07, 50.04), (10.06, 50.05, 10.07, 50.06), (10.06, 50.07, 10.07, 50.075))
+    )
+    parts = [part for part in bay() if part.attributes.get("DRVAL1") != 10]
+    sea = SEA - SHALLOWS - SLOPE - unsurveyed - unknown - gap
+    objects = [
+        *parts,
+        Object("DEPARE", sea, {"DRVAL1": 10}),
+        Object("UNSARE", unsurveyed),
+        Object("DEPARE", unknown),
+    ]
+    found = read(write_cell(tmp_path / "A.000", objects))
+    for shape in (unsurveyed, unknown, gap):
+        assert not is_water(found, shape.centroid.x, shape.centroid.y)
+    assert is_water(found, 10.065, 50.045)
+    assert any("neither land nor a depth area" in note for note in found.notes)
+    assert any("1 depth area of unknown depth" in note for note in found.notes)
+
+
+@pytest.mark.parametrize(
+    ("kind", "stated", "top"),
+    [
+        ("UWTROC", {"VALSOU": 2.5, "WATLEV": 3}, 2.5),
+        ("UWTROC", {"WATLEV": 3}, 0.0),
+        ("UWTROC", {"VALSOU": -0.6, "WATLEV": 4}, 0.0),
+        ("UWTROC", {"VALSOU": 1.2, "WATLEV": 5}, 0.0),
+        ("WRECKS", {"CATWRK": 2, "VALSOU": 8.1}, 8.1),
+        ("WRECKS", {"CATWRK": 4, "VALSOU": 8.1}, 0.0),
+        ("OBSTRN", {"VALSOU": 19.9}, 19.9),
+        ("OBSTRN", {"VALSOU": 20.1}, None),
+        ("PILPNT", {}, 0.0),
+    ],
+)
+def test_points_are_obstacles_from_their_depth_down(tmp_path, kind, stated, top):
+    path = write_cell(tmp_path / "A.000", bay(Object(kind, shapely.Point(10.07, 50.06), stated)))
+    found = read(path, hazard_radius=40.0)
+    if top is None:
+        assert found.hazards == ()
+        return
+    (one,) = found.hazards
+    assert one.depth_min == pytest.approx(top)
+    assert one.depth_max == np.inf
+    assert one.radius == 40.0
+    assert one.position == pytest.approx(np.ravel(SITE.to_local(10.07, 50.06)), abs=0.02)
+    assert is_water(found, 10.07, 50.06)
+    ((_, longitude, latitude, begins),) = hazards_of_cells(str(path), CHART)
+    assert (longitude, latitude, begins) == pytest.approx((10.07, 50.06, top))
+
+
+def test_obstacles_on_land_or_beyond_the_area_are_left_out(tmp_path):
+    places = (10.03, 50.03), (10.001, 50.001), (10.07, 50.06)
+    rocks = [Object("UWTROC", shapely.Point(place), {"WATLEV": 3}) for place in places]
+    found = read(write_cell(tmp_path / "A.000", bay(*rocks)))
+    assert [one.name for one in found.hazards] == ["rock 8"]
+
+
+def test_lines_and_areas_of_hazards_are_closed_as_far_down_as_the_vehicle_goes(tmp_path):
+    wall = Object("OBSTRN", shapely.LineString([(10.06, 50.03), (10.07, 50.03)]), {"WATLEV": 3})
+    farm = Object("MARCUL", shapely.box(10.06, 50.05, 10.065, 50.055))
+    foul = Object("OBSTRN", shapely.box(10.075, 50.05, 10.08, 50.055), {"VALSOU": 18.0, "WATLEV": 3})
+    path = write_cell(tmp_path / "A.000", bay(wall, farm, foul))
+    found = read(path)
+    assert found.hazards == ()
+    assert [is_water(found, *at) for at in ((10.065, 50.0303), (10.0625, 50.0525), (10.0775, 50.0525))] == [
+        False
+    ] * 3
+    assert is_water(found, 10.065, 50.032)
+    assert is_water(read(path, deepest=12.0), 10.0775, 50.0525)
+
+
+def test_a_point_of_land_is_closed_with_its_surroundings(tmp_path):
+    found = read(write_cell(tmp_path / "A.000", bay(Object("LNDARE", shapely.Point(10.07, 50.06)))))
+    north, east = (float(axis) for axis in SITE.to_local(10.07, 50.06))
+    assert not found.land.is_water(north + 45.0, east)
+    assert found.land.is_water(north + 65.0, east)
+
+
+@pytest.mark.parametrize(
+    ("codes", "closed"), [("7", True), ("3,14", True), ("1,2,3", False), ("8", False), ("17", False)]
+)
+def test_areas_are_closed_whose_entry_is_prohibited_or_to_be_avoided(tmp_path, codes, closed):
+    area = Object("RESARE", shapely.box(10.06, 50.05, 10.07, 50.06), {"RESTRN": codes, "OBJNAM": "Range"})
+    found = read(write_cell(tmp_path / "A.000", bay(area)))
+    assert is_water(found, 10.065, 50.055) is not closed
+    assert [zone.name for zone in found.closed] == ["Range"] * closed
+    assert found.land.is_water(*SITE.to_local(10.065, 50.055))
+    assert any("RESTRN 8" in note for note in found.notes) == (codes == "8")
+
+
+def test_the_area_must_lie_in_the_cells_coverage(tmp_path):
+    path = write_cell(tmp_path / "A.000", bay())
+    with pytest.raises(
+        ChartError,
+        match=r"beyond what the cells cover \(M_COVR\) with 4\.4% of it, between -6000 and -5560 m north",
+    ):
+        read(path, lower=(-6000.0, -3000.0))
+    with pytest.raises(ChartError, match=r"wholly beyond the cells, which cover longitudes 10\.00 to 10\.10"):
+        read(path, lower=(40_000.0, 0.0), upper=(41_000.0, 1000.0))
+    with pytest.raises(ChartError, match="swapped it would fit"):
+        read_cells(path, Site(50.05, 10.05), deepest=15.0, **BOX)
+    hole = shapely.box(10.06, 50.05, 10.061, 50.051)
+    objects = [Object("M_COVR", SEA - hole, {"CATCOV": 1}), Object("M_COVR", hole, {"CATCOV": 2}), *bay()[1:]]
+    with pytest.raises(ChartError, match=r"with 0\.0% of it|with 0\.2% of it"):
+        read(write_cell(tmp_path / "B.000", objects))
+
+
+def test_cells_side_by_side_cover_together(tmp_path):
+    for name, half in (
+        ("W", shapely.box(10.0, 50.0, 10.0567891, 50.1)),
+        ("E", shapely.box(10.0567891, 50.0, 10.1, 50.1)),
+    ):
+        folder = tmp_path / name
+        folder.mkdir()
+        parts = [(one, one.shape & half) for one in bay()]
+        write_cell(
+            folder / f"{name}.000",
+            [Object(one.kind, part, one.attributes) for one, part in parts if part.area > 0.0],
+        )
+    whole = read(write_cell(tmp_path / "whole.000", bay()))
+    (tmp_path / "whole.000").unlink()
+    both = read(tmp_path)
+    assert np.array_equal(both.chart.passability, whole.chart.passability)
+
+
+def test_the_cell_of_the_largest_scale_is_used(tmp_path):
+    inner = shapely.box(10.03, 50.03, 10.07, 50.07)
+    objects = [Object("M_COVR", inner, {"CATCOV": 1}), Object("DEPARE", inner, {"DRVAL1": 30})]
+    write_cell(tmp_path / "fine.000", objects, scale=10_000)
+    rock = Object("UWTROC", shapely.Point(10.06, 50.06), {"WATLEV": 3})
+    write_cell(tmp_path / "coarse.000", bay(rock), scale=90_000)
+    found = read(tmp_path)
+    assert is_water(found, 10.033, 50.035)
+    assert not is_water(found, 10.025, 50.03)
+    assert found.hazards == ()
+    assert hazards_of_cells(str(tmp_path), CHART) == []
+    assert [note for note in found.notes if "1:" in note] == [
+        "fine.000: edition 1, update 0 of 2026-01-01, 1:10000",
+        "coarse.000: edition 1, update 0 of 2026-01-01, 1:90000",
+    ]
+
+
+def test_updates_are_applied_and_missing_ones_told(tmp_path):
+    rock = Object("UWTROC", shapely.Point(10.06, 50.06), {"WATLEV": 3}, number=30)
+    path = write_cell(tmp_path / "A.000", bay(rock))
+    gone, new = Object("UWTROC", None, number=30), Object("WRECKS", shapely.Point(10.07, 50.06), number=31)
+    write_cell(tmp_path / "A.001", [gone, new], update=1, first=200)
+    found = read(path)
+    assert [one.name for one in found.hazards] == ["wreck 31"]
+    assert found.notes[0] == "A.000: edition 1, update 1 of 2026-01-01, 1:25000"
+    write_cell(tmp_path / "A.003", [], update=3)
+    with pytest.warns(
+        ScenarioWarning, match=r"A\.000: its update \.003 is not applied, for \.002 is not beside it"
+    ):
+        read(path)
+
+
+def _unlike(path: Path) -> None:
+    path.write_bytes(b"no cell at all, but a text of more than twenty-four bytes")
+
+
+def _cut(path: Path) -> None:
+    path.write_bytes(write_cell(path, bay()).read_bytes()[:-7])
+
+
+def _hit(path: Path) -> None:
+    data = bytearray(write_cell(path, bay()).read_bytes())
+    data[1500:1520] = bytes(20)
+    path.write_bytes(bytes(data))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (_unlike, "A.000: is no S-57 cell"),
+        (_cut, "A.000: is cut off: 7 bytes of its last record are missing"),
+        (_hit, "A.000: cannot be read (ISO8211 record leader appears to be corrupt.)"),
+        (lambda path: write_cell(path, bay()[1:]), "A.000: does not tell where it has data (M_COVR)"),
+        (
+            lambda path: write_cell(path, bay(), datum=3),
+            "A.000: its positions are not on WGS 84 (DSPM_HDAT is 3)",
+        ),
+        (
+            lambda path: write_cell(path, bay(), units=2),
+            "A.000: its depths are not in metres (DSPM_DUNI is 2)",
+        ),
+        (lambda path: None, "A.000: no such file or folder"),
+    ],
+)
+def test_what_is_wrong_with_a_cell_is_one_line(tmp_path, spoil, said):
+    spoil(tmp_path / "A.000")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(ChartError) as caught:
+            read(tmp_path / "A.000")
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_what_is_no_cell_by_its_name_is_refused(tmp_path):
+    with pytest.raises(ChartError, match="holds no S-57 cell"):
+        read(tmp_path)
+    (tmp_path / "A.001").write_bytes(b"x")
+    with pytest.raises(ChartError, match=r"ends in \.000"):
+        read(tmp_path / "A.001")
+
+
+def test_without_the_library_it_says_which_extra_is_missing(tmp_path, monkeypatch):
+    path = write_cell(tmp_path / "A.000", bay())
+    monkeypatch.setitem(sys.modules, "pyogrio", None)
+    with pytest.raises(ChartError, match=r"auvplan\[readers\]"):
+        read(path)
+
+
+def test_the_checkers_view_never_closes_what_the_chart_leaves_open(tmp_path):
+    more = [
+        Object("OBSTRN", shapely.LineString([(10.06, 50.03), (10.07, 50.034)]), {"WATLEV": 3}),
+        Object("OBSTRN", shapely.box(10.075, 50.05, 10.08, 50.055), {"VALSOU": 12.0, "WATLEV": 3}),
+        Object("RESARE", shapely.box(10.06, 50.05, 10.07, 50.06), {"RESTRN": "7"}),
+        Object("LNDARE", shapely.Point(10.08, 50.04)),
+    ]
+    write_cell(tmp_path / "A.000", bay(*more))
+    found, blocked = read(tmp_path), blocked_by_cells(str(tmp_path), CHART)
+    rng = np.random.default_rng(2)
+    north, east = rng.uniform(-3990.0, 3990.0, 6000), rng.uniform(-2990.0, 2990.0, 6000)
+    shut = blocked(*SITE.to_geographic(north, east), np.full(6000, 14.0))
+    water = found.chart.is_water(north, east)
+    assert 0.2 < shut.mean() < 0.4
+    assert not (shut & water).any()
+    assert (~shut & ~water).mean() < 0.02  # the rims of pixels
+    assert blocked(np.array([10.2]), np.array([50.05]), np.array([1.0])).all()  # beyond the cell
+    place = np.array([10.0775]), np.array([50.0525])
+    assert not blocked(*place, np.array([11.0]))
+    assert blocked(*place, np.array([13.0]))
