@@ -10,7 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import Any
 
 import jax
@@ -123,10 +123,7 @@ def main() -> None:
                 call(number, budget)
         for machine in ("as it is", "busy"):
             for budget in BUDGETS[1:4:2] if options.quick else BUDGETS:
-                if machine == "busy":
-                    with busy():
-                        row = timed(call, worth, budget, options.n)
-                else:
+                with busy() if machine == "busy" else nullcontext():
                     row = timed(call, worth, budget, options.n)
                 rows.append({"call": name, "machine": machine, "budget": budget} | row)
                 figures = [f"{row[part]:+.1%}" for part in ("median", "p95", "worst")]
