@@ -18,6 +18,8 @@ from auvplan.io.walk import Array, Mask
 _SOLID = "LNDARE", "UNSARE", "FLODOC", "HULKES", "PONTON", "SLCONS", "CAUSWY", "DAMCON", "DYKCON"
 _HAZARDS = "UWTROC", "WRECKS", "OBSTRN", "OFSPLF", "PILPNT", "PYLONS", "MORFAC", "FSHFAC", "MARCUL"
 _FORBIDDEN = {"7", "14"}
+#: Metres below a depth area's least depth that are no fault.
+_BED_TOLERANCE = 0.5
 #: By so much a distance may differ from that of another projection, share.
 _TOLERANCE = 0.005
 
@@ -45,6 +47,38 @@ def blocked_by_cells(path: str, chart: dict[str, Any]) -> Blocked:
         return found | open_yet  # beyond all cells nothing is known
 
     return blocked
+
+
+def bed_of_cells(path: str, low: float) -> Blocked:
+    """Return where places lie deeper than the least depth of the depth area around them.
+
+    Args:
+        path: of a cell or of a folder with cells.
+        low: m, by which the surface lies below the chart's datum at its lowest, counted up.
+    """
+    cells = [(_coverage(cell), list(_depth_areas(cell))) for cell in _by_scale(path)]
+
+    def below(longitude: Array, latitude: Array, depth: Array) -> Mask:
+        found, open_yet = np.zeros(len(longitude), bool), np.ones(len(longitude), bool)
+        for coverage, areas in cells:
+            here = open_yet & shapely.contains_xy(coverage, longitude, latitude)
+            open_yet &= ~here
+            rows = np.flatnonzero(here)
+            for shape, least in areas:
+                deep = depth[rows] > least + low + _BED_TOLERANCE
+                found[rows] |= deep & shapely.contains_xy(shape, longitude[rows], latitude[rows])
+        return found
+
+    return below
+
+
+def _depth_areas(cell: str) -> Iterator[tuple[Any, float]]:
+    for kind in ("DEPARE", "DRGARE"):
+        for stated, shape in _rows(cell, kind):
+            if "Polygon" in shape.geom_type:
+                valid = shapely.make_valid(shape)
+                shapely.prepare(valid)
+                yield valid, max(float(stated.get("DRVAL1", 0.0)), 0.0)
 
 
 def hazards_of_cells(path: str, chart: dict[str, Any]) -> list[tuple[str, float, float, float]]:

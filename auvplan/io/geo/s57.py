@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy
 import shapely
 from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon, Polygon
@@ -81,6 +82,8 @@ class Cells:
         chart: coast where a vehicle cannot or must not be: land, water that may be shallower than the safety
             depth, what is not surveyed, areas of hazards, closed areas; all else is water.
         land: the same of land alone.
+        depth: [nx, ny] m below the chart's datum, the least that the depth areas around a pixel leave open; 0
+            where there are none.
         hazards: rocks, wrecks and obstructions that are points on the chart.
         closed: areas that entry is prohibited to, or that are to be avoided.
         notes: what was assumed, a line each.
@@ -88,6 +91,7 @@ class Cells:
 
     chart: Chart
     land: Chart
+    depth: NDArray[np.float32]
     hazards: tuple[KnownObstacle, ...]
     closed: tuple[Zone, ...]
     notes: tuple[str, ...]
@@ -135,6 +139,7 @@ class _Found:
 
     dry: list[Any] = field(default_factory=list)
     shut: list[Any] = field(default_factory=list)
+    depths: dict[float, list[Any]] = field(default_factory=dict)
     hazards: list[KnownObstacle] = field(default_factory=list)
     closed: list[Zone] = field(default_factory=list)
     repaired: int = 0
@@ -203,7 +208,14 @@ def read_cells(
             shut |= touched(zone.polygon, grid)
         hazards = _in_water(found.hazards, shapely.union_all([*found.dry, *found.shut]), grid)
         notes += _notes(path, found, hazards, safety_depth, hazard_radius)
-        return Cells(_chart(shut, grid), _chart(dry, grid), hazards, tuple(found.closed), tuple(notes))
+        return Cells(
+            _chart(shut, grid),
+            _chart(dry, grid),
+            _depth(found, dry, grid),
+            hazards,
+            tuple(found.closed),
+            tuple(notes),
+        )
 
 
 def is_cell(path: str | Path) -> bool:
@@ -364,6 +376,7 @@ def _collect(
     margin = radius + grid.pixel_size
     box, part = around(site, grid, margin), own.buffer(_LINE)
     skin: list[Any] = []
+    unknown: list[Any] = []
     for one in _objects(cell, (*_DRY, "UNSARE", *_DEPTHS, *_HAZARDS, *_RESTRICTED)):
         if not shapely.intersects(shapely.box(*one.shape.bounds), box):
             continue
@@ -379,11 +392,16 @@ def _collect(
             found.dry.append(_grown(local, radius, _LINE))
         elif one.kind == "UNSARE" or (one.kind in _DEPTHS and _shallow(one, safety_depth)):
             found.shut.append(_areas(local))
-            found.unknown += one.kind in _DEPTHS and "DRVAL1" not in one.stated
+            if "DRVAL1" not in one.stated:
+                unknown.append(_areas(local))
+                found.unknown += one.kind in _DEPTHS
         elif one.kind in _HAZARDS:
             _collect_hazard(one, local, found, deepest, radius)
+        if one.kind in _DEPTHS and "DRVAL1" in one.stated:
+            found.depths.setdefault(float(one.stated["DRVAL1"]), []).append(_areas(local))
         _collect_restriction(one, local, found)
     gap = _areas(own.difference(shapely.union_all(skin)).buffer(-_GAP / 2.0).buffer(_GAP / 2.0))
+    found.depths.setdefault(0.0, []).extend([gap, *unknown])
     within = gap.intersection(_box(grid))
     if within.area > 0.0:
         found.shut.append(gap)
@@ -454,6 +472,17 @@ def _areas(shape: Any) -> Polygon | MultiPolygon:
     parts = [part for part in shapely.get_parts(shape) if isinstance(part, Polygon | MultiPolygon)]
     union = shapely.union_all(parts)
     return union if isinstance(union, Polygon | MultiPolygon) else Polygon()
+
+
+def _depth(found: _Found, dry: NDArray[np.bool_], grid: LocalGrid) -> NDArray[np.float32]:
+    """[nx, ny] m: the least depth of the areas that reach into a pixel or into one beside it."""
+    depth = np.where(dry, 0.0, np.inf)
+    for least, shapes in found.depths.items():
+        reached = touched(shapely.union_all(shapes), grid)
+        depth[reached] = np.minimum(depth[reached], max(least, 0.0))
+    # Interpolated between pixels' centres it is to be nowhere deeper than the areas are.
+    least_around = scipy.ndimage.minimum_filter(depth, size=3, mode="nearest")
+    return np.where(np.isfinite(least_around), least_around, 0.0).astype(np.float32)
 
 
 def _in_water(hazards: Sequence[KnownObstacle], shut: Any, grid: LocalGrid) -> tuple[KnownObstacle, ...]:

@@ -10,9 +10,10 @@ import pytest
 import shapely
 
 from auvplan.errors import ScenarioWarning
-from auvplan.io.enc import blocked_by_cells, hazards_of_cells
+from auvplan.io.enc import bed_of_cells, blocked_by_cells, hazards_of_cells
 from auvplan.io.geo.s57 import Cells, read_cells
 from auvplan.ocean.chart import ChartError
+from auvplan.ocean.seabed import Seabed
 from auvplan.site import Site
 from tests.io.geo.enc_cells import Object, write_cell
 
@@ -299,3 +300,21 @@ def test_the_checkers_view_never_closes_what_the_chart_leaves_open(tmp_path):
     place = np.array([10.0775]), np.array([50.0525])
     assert not blocked(*place, np.array([11.0]))
     assert blocked(*place, np.array([13.0]))
+
+
+def test_the_depth_areas_are_a_sea_bed_that_is_nowhere_too_deep(tmp_path):
+    path = write_cell(tmp_path / "A.000", bay(Object("UNSARE", shapely.box(10.08, 50.04, 10.09, 50.05))))
+    found = read(path)
+    bed = Seabed.from_depth(found.depth, 10.0, found.chart.origin, clearance=0.0)
+    rng = np.random.default_rng(3)
+    north, east = rng.uniform(-3990.0, 3990.0, 6000), rng.uniform(-2990.0, 2990.0, 6000)
+    places = SITE.to_geographic(north, east)
+    least = np.full(6000, 10.0)
+    for shape, depth in ((SLOPE, 5.0), (SHALLOWS, 0.0), (shapely.box(10.08, 50.04, 10.09, 50.05), 0.0)):
+        least[shapely.contains_xy(shape, *places)] = depth
+    depth = np.asarray(bed.depth_at(north, east))
+    assert (depth <= least + 1e-4).all()
+    assert np.mean(depth < least - 1e-4) < 0.03  # about the edges
+    below = bed_of_cells(str(path), -0.3)
+    assert not below(*places, np.maximum(depth - 0.31, 0.0)).any()
+    assert below(*places, least + 0.21)[least > 0.0].all()
