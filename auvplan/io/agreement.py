@@ -124,7 +124,8 @@ def _sources(
         name = f"the chart ({scenario.chart.file or scenario.chart.image or f'source {source!r}'})"
         dry, unsure = passability == 0.0, (passability > 0.0) & (passability < 1.0)
         found.append(_Land(name, dry, unsure, np.asarray(chart.lower, float), np.full(2, size), size))
-    if seabed is not None and not scenario.bathymetry.source == source == "current":
+    same = scenario.bathymetry.source == "chart" or scenario.bathymetry.source == source == "current"
+    if seabed is not None and not same:
         depth, size = np.asarray(seabed.depth), float(seabed.pixel_size)
         name, corner = (
             f"the sea bed ({scenario.bathymetry.file or 'of the current'})",

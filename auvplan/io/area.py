@@ -124,6 +124,20 @@ def load_closures(
     )
 
 
+def charted_zones(scenario: Scenario, folder: str | Path) -> tuple[geo.Zone, ...]:
+    """Return the areas that S-57 cells close; none where the chart is of another kind.
+
+    Args:
+        scenario, folder: as for `load_area`.
+
+    Raises:
+        ChartError: one line that names file and reason.
+    """
+    if scenario.chart.source != "enc":
+        return ()
+    return _cells(scenario.chart, _timeless(_site(scenario)), scenario.box, str(folder)).closed
+
+
 def _zones(settings: ChartSettings, site: Site, home: str, **area: Any) -> list[geo.Zone]:
     """Return the closed areas of a chart; those that tell no hours have its common ones, if there are any.
 
@@ -168,7 +182,9 @@ def load_area(
     plain, chart, seen = _charts(scenario.chart, _timeless(site), box, forecast_file, home)  # type: ignore[arg-type] - frozen models hash
     _require_area_on_chart(scenario, chart)
     seabed, found = _seabed(scenario, site, box, forecast_file, home)
-    warn_of_contradictions(scenario, plain, seabed, forecast_file)
+    cells = _cells(scenario.chart, _timeless(site), box, home) if scenario.chart.source == "enc" else None
+    land = plain if cells is None else cells.land  # closed water is no land
+    warn_of_contradictions(scenario, land, seabed, forecast_file)
     forecast, truth = forecast_file and forecast_file.field, truth_file and truth_file.field
     if scenario.current.source == "harmonic":
         forecast = truth = _tide(scenario, site, home, until)
@@ -176,12 +192,13 @@ def load_area(
     if jobs is not None:
         with blaming("mission", "jobs"):
             check_jobs(jobs, site, scenario)
-    obstacles = ()
+    obstacles = () if cells is None else cells.hazards
     if scenario.obstacles.file is not None:
         assert site is not None
         with blaming("obstacles", "file"):
-            obstacles = geo.read_obstacles(_path(home, scenario.obstacles.file), site)
-            check_obstacles(obstacles, scenario, plain)
+            named = geo.read_obstacles(_path(home, scenario.obstacles.file), site)
+            check_obstacles(named, scenario, land)
+            obstacles = (*obstacles, *named)
     notes = [note for file in (forecast_file, truth_file) if file is not None for note in file.notes]
     notes += () if jobs is None else jobs.notes
     return OperatingArea(
@@ -350,6 +367,9 @@ def _read_chart(
             chart, notes = _picture_chart(settings, home)  # type: ignore[arg-type] - frozen models hash
         if settings.source == "image":
             notes += _other_size(settings, home)
+    elif settings.source == "enc":
+        cells = _cells(settings, site, box, home)
+        chart, notes = cells.chart, cells.notes
     elif settings.source == "current":
         assert current is not None
         chart = _water_chart(current, box, size)
@@ -371,6 +391,30 @@ def _read_chart(
     if settings.source in ("raster", "image") and chart is not None:
         _warn_of_one_kind(settings, chart)
     return chart, notes
+
+
+def _cells(settings: ChartSettings, site: Site | None, box: Corners, home: str) -> geo.Cells:
+    """Return what the S-57 cells of a chart tell of the area."""
+    assert settings.file is not None
+    depths = settings.safety_depth, settings.hazard_radius
+    with blaming("chart", "file"):
+        return _read_cells(_path(home, settings.file), site, box, settings.pixel_size, *depths)
+
+
+@_kept
+def _read_cells(
+    path: str, site: Site, box: Corners, size: float, safety_depth: float, hazard_radius: float
+) -> geo.Cells:
+    return geo.read_cells(
+        path,
+        site,
+        lower=box[0][:2],
+        upper=box[1][:2],
+        deepest=box[1][2],
+        pixel_size=size,
+        safety_depth=safety_depth,
+        hazard_radius=hazard_radius,
+    )
 
 
 def _other_size(settings: ChartSettings, home: str) -> tuple[str, ...]:
@@ -477,6 +521,11 @@ def _seabed(
         assert depth is not None
         depth = depth.reshape(pixels) + low
         return Seabed.from_depth(depth, size, np.asarray(box[0][:2]), clearance=clearance), water
+    if settings.source == "chart":
+        cells = _cells(scenario.chart, _timeless(site), box, home)
+        corner, size = np.asarray(cells.chart.lower), float(cells.chart.pixel_size)
+        depth = cells.depth + np.float32(low)
+        return Seabed.from_depth(depth, size, corner, clearance=clearance), water
     assert site is not None
     assert settings.file is not None
     path = _path(home, settings.file)

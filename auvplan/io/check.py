@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from auvplan.errors import AuvplanError
 from auvplan.files import MISSION, ResultError, read_mission, read_summary
+from auvplan.io.enc import hazards_of_cells
 from auvplan.io.fields import site_of
 from auvplan.io.geo import GeoError, read_obstacles
 from auvplan.io.hours import window_faults
@@ -35,6 +36,7 @@ from auvplan.io.sources import Source, read_sources
 from auvplan.io.tally import tally_faults
 from auvplan.io.walk import Array, Bed, Coast, Mask, Walk, events
 from auvplan.ocean.known import KnownObstacle
+from auvplan.site import Site
 from auvplan.words import counted
 
 #: No current is faster, m/s.
@@ -177,17 +179,40 @@ def _require_bed(dataset: xr.Dataset, file: Path) -> None:
 
 
 def _known_obstacles(dataset: xr.Dataset, notes: list[str]) -> tuple[KnownObstacle, ...]:
-    """Obstacles of the scenario's file, where they are when the run departs."""
+    """Obstacles of the scenario's file and chart, where they are when the run departs."""
     settings = json.loads(str(dataset.attrs["scenario"]))
     name, site = settings.get("obstacles", {}).get("file"), site_of(dataset)
-    if name is None or site is None:
+    if site is None:
         return ()
+    found = _charted_obstacles(dataset, settings.get("chart") or {}, site, notes)
+    if name is None:
+        return found
     try:
-        found = read_obstacles(path_of(dataset, name), site)
+        named = read_obstacles(path_of(dataset, name), site)
     except GeoError as error:
         notes.append(f"known obstacles were not looked at: {error}")
+        return found
+    departed = float(dataset.attrs.get("departed", 0.0))
+    return (*found, *(obstacle.after(departed) for obstacle in named))
+
+
+def _charted_obstacles(
+    dataset: xr.Dataset, chart: dict[str, Any], site: Site, notes: list[str]
+) -> tuple[KnownObstacle, ...]:
+    """Rocks, wrecks and obstructions of a chart's S-57 cells."""
+    if chart.get("source") != "enc":
         return ()
-    return tuple(obstacle.after(float(dataset.attrs.get("departed", 0.0))) for obstacle in found)
+    try:
+        hazards = hazards_of_cells(str(path_of(dataset, chart["file"])))
+    except Exception as error:  # whatever GDAL stumbles over
+        why = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+        notes.append(f"obstacles of {chart['file']} were not looked at: {why}")
+        return ()
+    found = []
+    for name, longitude, latitude, top in hazards:
+        north, east = (float(axis) for axis in site.to_local(longitude, latitude))
+        found.append(KnownObstacle(name, (north, east), float(chart["hazard_radius"]), top))
+    return tuple(found)
 
 
 def _walk(

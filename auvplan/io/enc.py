@@ -81,7 +81,7 @@ def _depth_areas(cell: str) -> Iterator[tuple[Any, float]]:
                 yield valid, max(float(stated.get("DRVAL1", 0.0)), 0.0)
 
 
-def hazards_of_cells(path: str, chart: dict[str, Any]) -> list[tuple[str, float, float, float]]:
+def hazards_of_cells(path: str) -> list[tuple[str, float, float, float]]:
     """Return rocks, wrecks and obstructions that are points: name, longitude, latitude, degrees, depth, m."""
     found, finer = [], shapely.Polygon()
     for cell in _by_scale(path):

@@ -84,7 +84,7 @@ def examine_scenario(source: str | Path) -> Examination:
     found = _Findings(scenario, document, folder, list(missing.values()))
     with _heard() as heard:
         parts = _read_apart(scenario, found, missing)
-        area, closed = _together(parts), _zones(scenario, parts.get("no_go"), folder)
+        area, closed = _together(parts), _zones(scenario, parts, folder)
         if not found.faults:  # what contradicts itself may be why places are on land
             found.attempt("scenario", scenario, partial(load_area, scenario, folder))
         found.faults += _places(scenario, area, parts.get("no_go"), document)
@@ -228,10 +228,14 @@ def _read_apart(
     for part, section, settings, alone in _apart(scenario, missing):
         if section in ("chart", "bathymetry") and settings.source == "current" and not parts.get("current"):
             continue  # its fault is the current's, which is reported
+        if section == "bathymetry" and settings.source == "chart" and not parts.get("chart"):
+            continue  # or the chart's
         if section in ("current", "bathymetry") and "chart" in parts and parts["chart"] is None:
             alone = alone.model_copy(update={"chart": ChartSettings(source="none")})
         if section == "bathymetry" and not parts.get("current"):
-            bare = {"chart": ChartSettings(source="none"), "current": CurrentSettings(vortices=0)}
+            bare: dict[str, Any] = {"current": CurrentSettings(vortices=0)}
+            if settings.source != "chart":
+                bare["chart"] = ChartSettings(source="none")
             alone = alone.model_copy(update=bare)
         parts[part] = found.attempt(section, settings, partial(load_area, alone, found.folder))
     return parts
@@ -249,7 +253,7 @@ def _together(parts: "dict[str, OperatingArea | None]") -> "OperatingArea":
         site=next((part.site for part in got.values() if part.site is not None), None),
         forecast=got.get("current", empty).forecast,
         jobs=got.get("mission", empty).jobs,
-        obstacles=got.get("obstacles", empty).obstacles,
+        obstacles=(*got.get("chart", empty).obstacles, *got.get("obstacles", empty).obstacles),
     )
 
 
@@ -310,11 +314,19 @@ def _apart(
         yield "mission", "mission", scenario.mission, bare.model_copy(update=needed)
 
 
-def _zones(scenario: Scenario, closed: "OperatingArea | None", folder: Path) -> "tuple[geo.Zone, ...]":
+def _zones(
+    scenario: Scenario, parts: "dict[str, OperatingArea | None]", folder: Path
+) -> "tuple[geo.Zone, ...]":
     """Return the closed areas, where they could be read."""
+    from auvplan.io.area import charted_zones
+
+    found: tuple[geo.Zone, ...] = ()
+    if parts.get("chart") is not None:
+        found = charted_zones(scenario, folder)
+    closed = parts.get("no_go")
     if closed is None or closed.site is None or scenario.chart.no_go is None:
-        return ()
-    return tuple(geo.read_zones(folder / Path(scenario.chart.no_go).expanduser(), closed.site))
+        return found
+    return (*found, *geo.read_zones(folder / Path(scenario.chart.no_go).expanduser(), closed.site))
 
 
 def _places(

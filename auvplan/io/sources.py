@@ -1,7 +1,7 @@
 """The checker's own view of a run's sources: land and sea bed as the scenario's files have them.
 
-It reads them with xarray, shapely and pyproj alone and shares no code with the readers of the planner, so
-that a file which those misread does not vouch for itself.
+It reads them with xarray, shapely, pyproj and pyogrio alone and shares no code with the readers of the
+planner, so that a file which those misread does not vouch for itself.
 """
 
 import json
@@ -18,6 +18,7 @@ import shapely
 import shapely.geometry
 import xarray as xr
 
+from auvplan.io.enc import bed_of_cells, blocked_by_cells
 from auvplan.io.hours import closed_at
 from auvplan.io.originals import matching, opened, path_of
 from auvplan.io.walk import Array, Mask
@@ -116,10 +117,15 @@ def _files(settings: dict[str, Any]) -> Iterator[tuple[list[str], str, Callable[
     files = [files] if isinstance(files, str) else list(files)
     if chart.get("source") == "polygons":
         yield [chart["file"]], "land", _polygons
+    if chart.get("source") == "enc":
+        yield [chart["file"]], "land", lambda paths: blocked_by_cells(paths[0], chart)
     if chart.get("no_go"):
         yield [chart["no_go"]], "land", lambda paths: _always_closed(paths, chart)
     if chart.get("source") == "current":
         yield files, "land", _dry
+    if bed.get("source") == "chart":
+        low = float(bed.get("water_level") or 0.0)
+        yield [chart["file"]], "sea bed", lambda paths: bed_of_cells(paths[0], low)
     if bed.get("source") == "file":
         yield [bed["file"]], "sea bed", lambda paths: _bed(paths[0], bed)
 

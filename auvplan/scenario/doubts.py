@@ -129,13 +129,15 @@ def _idle(scenario: Scenario, sections: dict[str, dict[str, Any]]) -> Iterator[t
     idle: dict[str, tuple[str, str]] = {}
     if chart != "polygons":
         idle["chart.fringe"] = "chart.source", chart
+    if chart != "enc":
+        idle |= {f"chart.{name}": ("chart.source", chart) for name in ("safety_depth", "hazard_radius")}
     if chart != "raster":
         idle["chart.crs"] = "chart.source", chart
     if chart == "whitsunday" or (chart == "none" and scenario.chart.no_go is None):
         idle["chart.pixel_size"] = "chart.source", chart
     if bed != "file":
         idle |= {f"bathymetry.{name}": ("bathymetry.source", bed) for name in ("variable", "positive")}
-    if bed == "none":
+    if bed in ("none", "chart"):
         idle["bathymetry.pixel_size"] = "bathymetry.source", bed
     if current.source == "file":
         names = ["layers", "peak_speed", "vertical_scale", "uniform", "update_rate"]

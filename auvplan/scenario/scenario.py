@@ -101,6 +101,7 @@ class Scenario(Section):
         placed = {
             "chart.source 'raster'": self.chart.source == "raster",
             "chart.source 'polygons'": self.chart.source == "polygons",
+            "chart.source 'enc'": self.chart.source == "enc",
             "chart.no_go": self.chart.no_go is not None,
             "bathymetry.source 'file'": self.bathymetry.source == "file",
             "current.source 'file'": self.current.source == "file",
@@ -116,6 +117,9 @@ class Scenario(Section):
             if getattr(self, name).source == "current" and self.current.source != "file":
                 reason = "'current' needs current.source 'file'"
                 raise RuleError(reason, field=f"{name}.source", concerns=("current.source",))
+        if self.bathymetry.source == "chart" and self.chart.source != "enc":
+            reason = "'chart' needs chart.source 'enc'"
+            raise RuleError(reason, field="bathymetry.source", concerns=("chart.source",))
         low, high = self.box
         if low[2] > high[2]:
             reason = "leaves, with depth_max, nothing of the area's depths"

@@ -150,14 +150,17 @@ class ColourSettings(Section):
 class ChartSettings(Section):
     """Where the coast comes from."""
 
-    source: Literal["whitsunday", "image", "raster", "polygons", "current", "none"] = Field(
+    source: Literal["whitsunday", "image", "raster", "polygons", "enc", "current", "none"] = Field(
         default="whitsunday",
         description="'image': a picture without a place; 'raster': a GeoTIFF or a picture with a world "
-        "file; 'polygons': land as GeoJSON; 'current': where the current's file has no water; "
-        "'none': open water",
+        "file; 'polygons': land as GeoJSON; 'enc': S-57 cells; 'current': where the current's file has no "
+        "water; 'none': open water",
     )
     image: str | None = Field(default=None, description="path, relative to the scenario file, of 'image'")
-    file: str | None = Field(default=None, description="path of 'raster' or 'polygons'")
+    file: str | None = Field(
+        default=None,
+        description="path of 'raster', 'polygons' or 'enc': of a cell (.000) or a folder with cells",
+    )
     crs: str | None = Field(
         default=None,
         description="reference system of a raster that does not tell, such as EPSG:32755",
@@ -166,6 +169,13 @@ class ChartSettings(Section):
         default=None, description="path of GeoJSON polygons of uncertain area, such as reefs ('polygons')"
     )
     fringe: NotNegative = Field(default=0.0, description="m of uncertain area along the coast ('polygons')")
+    safety_depth: NotNegative = Field(
+        default=5.0, description="m below the chart's datum; water that may be shallower is closed ('enc')"
+    )
+    hazard_radius: Positive = Field(
+        default=50.0,
+        description="m, of rocks, wrecks and obstructions that are points or lines on the chart ('enc')",
+    )
     colours: ColourSettings = Field(
         default=ColourSettings(),
         description="what a picture's colours stand for ('image', 'raster'); found by rules if absent, which "
@@ -189,7 +199,7 @@ class ChartSettings(Section):
     @model_validator(mode="after")
     def _files_given(self) -> "ChartSettings":
         _check_required(self, "image", "image")
-        _check_required(self, "file", "raster", "polygons")
+        _check_required(self, "file", "raster", "polygons", "enc")
         if self.colours.given:
             _check_allowed(self, "colours", "image", "raster")
         _check_allowed(self, "uncertain", "polygons")
@@ -202,8 +212,10 @@ class ChartSettings(Section):
 class BathymetrySettings(Section):
     """The sea bed, from which the vehicle keeps its distance."""
 
-    source: Literal["none", "file", "current"] = Field(
-        default="none", description="'current': as the current's file has it"
+    source: Literal["none", "file", "current", "chart"] = Field(
+        default="none",
+        description="'current': as the current's file has it; 'chart': the least depths of the depth areas "
+        "of S-57 cells (chart.source 'enc')",
     )
     file: str | None = Field(default=None, description="path of a NetCDF file or a GeoTIFF")
     variable: str | None = Field(default=None, description="of the NetCDF file; found by its name if absent")

@@ -13,9 +13,12 @@ from .obstacles import read_obstacles as read_obstacles
 from .raster import Raster as Raster
 from .raster import pixel_size as pixel_size
 from .raster import read_raster as read_raster
+from .s57 import Cells as Cells
+from .s57 import read_cells as read_cells
 
 __all__ = [
     "Bathymetry",
+    "Cells",
     "GeoError",
     "Raster",
     "Zone",
@@ -25,6 +28,7 @@ __all__ = [
     "closures_of",
     "pixel_size",
     "read_bathymetry",
+    "read_cells",
     "read_jobs",
     "read_obstacles",
     "read_raster",

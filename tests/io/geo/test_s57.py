@@ -112,7 +112,7 @@ def test_points_are_obstacles_from_their_depth_down(tmp_path, kind, stated, top)
     assert one.radius == 40.0
     assert one.position == pytest.approx(np.ravel(SITE.to_local(10.07, 50.06)), abs=0.02)
     assert is_water(found, 10.07, 50.06)
-    ((_, longitude, latitude, begins),) = hazards_of_cells(str(path), CHART)
+    ((_, longitude, latitude, begins),) = hazards_of_cells(str(path))
     assert (longitude, latitude, begins) == pytest.approx((10.07, 50.06, top))
 
 
@@ -201,7 +201,7 @@ def test_the_cell_of_the_largest_scale_is_used(tmp_path):
     assert is_water(found, 10.033, 50.035)
     assert not is_water(found, 10.025, 50.03)
     assert found.hazards == ()
-    assert hazards_of_cells(str(tmp_path), CHART) == []
+    assert hazards_of_cells(str(tmp_path)) == []
     assert [note for note in found.notes if "1:" in note] == [
         "fine.000: edition 1, update 0 of 2026-01-01, 1:10000",
         "coarse.000: edition 1, update 0 of 2026-01-01, 1:90000",
@@ -305,7 +305,7 @@ def test_the_checkers_view_never_closes_what_the_chart_leaves_open(tmp_path):
 def test_the_depth_areas_are_a_sea_bed_that_is_nowhere_too_deep(tmp_path):
     path = write_cell(tmp_path / "A.000", bay(Object("UNSARE", shapely.box(10.08, 50.04, 10.09, 50.05))))
     found = read(path)
-    bed = Seabed.from_depth(found.depth, 10.0, found.chart.origin, clearance=0.0)
+    bed = Seabed.from_depth(found.depth, 10.0, np.asarray(found.chart.origin), clearance=0.0)
     rng = np.random.default_rng(3)
     north, east = rng.uniform(-3990.0, 3990.0, 6000), rng.uniform(-2990.0, 2990.0, 6000)
     places = SITE.to_geographic(north, east)

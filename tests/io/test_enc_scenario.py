@@ -1,0 +1,146 @@
+"""Missions on S-57 cells: planned, simulated, and checked again in the cells."""
+
+import json
+import shutil
+
+import numpy as np
+import pytest
+import shapely
+
+import auvplan as ap
+from auvplan.io.check import check_run
+from auvplan.io.examine import examine_scenario
+from auvplan.io.restore import restore_run
+from tests.io.geo.enc_cells import Object, write_cell
+from tests.io.geo.test_s57 import bay
+
+pytest.importorskip("pyogrio")
+
+SCENARIO = """name: bay
+site: {longitude: 10.05, latitude: 50.05}
+area: {lower: [-3000, -2500, 0], upper: [3000, 2500, 15]}
+chart: {source: enc, file: cells, hazard_radius: 60}
+bathymetry: {source: chart, water_level: -0.4}
+safety: {seabed: 2}
+current: {vortices: 1, peak_speed: 0.3}
+simulation: {obstacles: {static: 0, afloat: 0, self_motivated: 0}}
+mission: {waypoints: 4, time_available: 7200, start: [-2500, 2000, 3], goal: [2500, 2000, 3]}
+"""
+ROCK = shapely.Point(10.078, 50.049)  # on the straight way from start to goal
+RANGE = shapely.box(10.07, 50.06, 10.074, 50.064)
+
+
+@pytest.fixture
+def scenario(tmp_path):
+    """Path of a scenario with a folder of cells."""
+    (tmp_path / "cells" / "XX5BAY").mkdir(parents=True)
+    more = [
+        Object("UWTROC", ROCK, {"WATLEV": 3, "VALSOU": 1.5, "OBJNAM": "Grim"}),
+        Object("RESARE", RANGE, {"RESTRN": "7", "OBJNAM": "Range"}),
+    ]
+    write_cell(tmp_path / "cells" / "XX5BAY" / "XX5BAY01.000", bay(*more))
+    path = tmp_path / "bay.yaml"
+    path.write_text(SCENARIO)
+    return path
+
+
+def test_the_area_has_chart_sea_bed_and_obstacles_of_the_cells(scenario):
+    area = ap.load_area(ap.load_scenario(scenario))
+    assert area.chart is not None
+    assert area.seabed is not None
+    assert area.site is not None
+    ((name, radius, top),) = [(one.name, one.radius, one.depth_min) for one in area.obstacles]
+    assert (name, radius, top) == ("Grim", 60.0, 1.5)
+    assert not area.chart.is_water(*area.site.to_local(RANGE.centroid.x, RANGE.centroid.y))
+    assert float(area.seabed.depth_at(2000.0, 0.0)) == pytest.approx(9.6)
+    assert any("closed at all times: Range" in note for note in area.notes)
+
+
+@pytest.mark.usefixtures("light_search")
+@pytest.mark.parametrize("command", ["plan", "mission"])
+def test_a_mission_is_free_of_faults_in_the_cells(scenario, call, command, tmp_path):
+    out = tmp_path / "out"
+    status, said, errors = call(command, scenario, "--out", out, "--pictures", "none")
+    assert status == 0, errors
+    assert "XX5BAY01.000: edition 1, update 0 of 2026-01-01, 1:25000" in said + errors
+    report = check_run(out)
+    assert report.ok, report.faults
+    assert report.notes == []
+    assert 0.0 < report.obstacle_clearance < 2000.0
+    files = json.loads((out / "summary.json").read_text())["sheet"]["files"]
+    assert [one["name"] for one in files] == ["cells"]
+    _sail_over(scenario, restore_run(out))
+    report = check_run(out)
+    kinds = {
+        kind
+        for kind in ("on land of cells", "inside 'Crag'", "below the sea bed of cells")
+        if kind in str(report)
+    }
+    assert len(kinds) == 3, report
+
+
+def _sail_over(scenario, run):
+    """Change the cell under a run: land, a rock and a shoal come to lie on its track."""
+    track = np.concatenate([leg.positions for leg in run.legs if len(leg.positions)])
+    at = [
+        shapely.Point(*map(float, np.ravel(run.site.to_geographic(*track[k, :2]))))
+        for k in (len(track) // 4, len(track) // 2, 3 * len(track) // 4)
+    ]
+    land, rock, shoal = at[0].buffer(5e-4), at[1], at[2].buffer(5e-4)
+    cut = [
+        Object(one.kind, one.shape - shoal if one.kind == "DEPARE" else one.shape, one.attributes)
+        for one in bay()
+    ]
+    more = [
+        Object("LNDARE", land),
+        Object("UWTROC", rock, {"OBJNAM": "Crag"}),
+        Object("DEPARE", shoal, {"DRVAL1": 0.2}),
+    ]
+    folder = scenario.parent / "cells"
+    shutil.rmtree(folder)
+    folder.mkdir()
+    write_cell(folder / "XX5BAY01.000", [*cut, *more])
+
+
+def test_faults_are_told_by_field_and_file(scenario, tmp_path):
+    def faults(**changes):
+        text = SCENARIO
+        for old, new in changes.items():
+            text = text.replace(*new) if old else text
+        path = tmp_path / "changed.yaml"
+        path.write_text(text)
+        return examine_scenario(path).lines
+
+    assert faults() == []
+    (line,) = faults(a=("file: cells", "file: cell"))
+    assert "changed.yaml:4:" in line
+    assert "chart.file: " in line
+    assert line.endswith("cell: No such file or directory")
+    (line,) = faults(a=("upper: [3000", "upper: [9000"))
+    assert "chart.file: " in line
+    assert "the area reaches beyond what the cells cover (M_COVR) with " in line
+    (line,) = faults(a=("source: enc, file: cells, hazard_radius: 60", "source: none"))
+    assert "bathymetry.source: 'chart' needs chart.source 'enc'" in line
+    (line,) = faults(a=("file: cells, ", ""))
+    assert "chart.file: must be given with source 'raster' or 'polygons' or 'enc', and only then" in line
+    (line,) = faults(a=("site: {longitude: 10.05, latitude: 50.05}\n", ""))
+    assert "chart.source: 'enc' needs the section site" in line
+    (line,) = faults(a=("hazard_radius: 60", "safety_depth: -1"))
+    assert "chart.safety_depth: " in line
+    (line,) = faults(a=("goal: [2500, 2000, 3]", "goal: [-1000, -1000, 3]"))
+    assert "mission.goal: " in line
+    assert "lies on land" in line
+
+
+def test_closed_areas_of_cells_are_on_the_map(scenario):
+    found = examine_scenario(scenario)
+    assert found.faults == ()
+    assert [zone.name for zone in found.closed] == ["Range"]
+    assert found.area is not None
+    assert [one.name for one in found.area.obstacles] == ["Grim"]
+
+
+def test_settings_of_cells_count_for_nothing_with_other_charts(tmp_path):
+    path = tmp_path / "open.yaml"
+    path.write_text("name: a\nchart: {source: none, safety_depth: 3}\nmission: {waypoints: 3}\n")
+    assert any("chart.safety_depth: counts for nothing" in line for line in examine_scenario(path).warnings)
