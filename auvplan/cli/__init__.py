@@ -25,7 +25,7 @@ from auvplan.cli import (
     study,
     tools,
 )
-from auvplan.cli.shared import complain
+from auvplan.cli.shared import complain, warned
 from auvplan.errors import AuvplanError, ScenarioWarning
 
 #: New objects after which garbage is looked for.
@@ -105,6 +105,7 @@ def _shorten_warnings() -> None:
 
     def show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
         if issubclass(category, ScenarioWarning):
+            warned.add(str(message))
             complain(f"warning: {message}")
         else:
             usual(message, category, *place, **more)

@@ -18,6 +18,8 @@ from auvplan.words import counted
 
 console = Console()
 errors = Console(stderr=True)
+#: What was warned of, which notes need not repeat.
+warned: set[str] = set()
 
 ScenarioArgument = Annotated[
     str,
@@ -131,7 +133,8 @@ def say(text: str) -> None:
 def say_notes(notes: Iterable[str]) -> None:
     """Print what was assumed or left out, a line each."""
     for note in notes:
-        say(f"note: {note}")
+        if note not in warned:
+            say(f"note: {note}")
 
 
 def complain(text: str) -> None:

@@ -588,7 +588,7 @@ def _picture_chart(settings: ChartSettings, folder: str) -> tuple[Chart | None, 
         path = _path(folder, settings.image)
         found = settled(classify_file(path, colours=settings.colours.given), path)
         chart = Chart.from_classified(found, settings.pixel_size)
-        notes = tuple(f"{path}: {note}" for note in found.notes)
+        notes = (*(f"{path}: {note}" for note in found.notes), *(f"{path} {line}" for line in found.warnings))
     if settings.window is not None:
         # The window counts rows from the north, the raster from the south.
         row, column, rows, columns = settings.window

@@ -100,7 +100,7 @@ def examine_scenario(source: str | Path) -> Examination:
         str(source),
         tuple(in_order(found.faults)),
         tuple(dict.fromkeys((*doubtful, *heard))),
-        (*scenario.planning.overrides, *notes),
+        (*scenario.planning.overrides, *(note for note in notes if note not in heard)),
         scenario,
         area,
         closed,

@@ -14,9 +14,10 @@ from importlib.metadata import version
 import numpy as np
 import scipy
 from numpy.typing import NDArray
+from PIL import ImageColor
 
 from auvplan.cache import kept
-from auvplan.ocean.frame import find_frame, surround
+from auvplan.ocean.frame import edge_of, find_frame, joined, shade_of, surround
 from auvplan.ocean.naming import COAST, KINDS, UNCERTAIN, WATER, name
 from auvplan.ocean.palette import UNTOLD, ChartColours, blueness, to_hex, to_lab, to_rgb
 
@@ -36,7 +37,7 @@ _BLOCK_ROWS = 1_000_000
 # Signs that a picture is no chart: how far the pixels scatter about their clusters, and how many lie between
 # the classes. Charts have up to 4 and half a per cent: one of both is too much by itself, or both together.
 _SCATTER_MAX, _BETWEEN_MAX = 6.0, 0.05
-_SCATTER_BOTH, _BETWEEN_BOTH = 3.0, 0.01
+_SCATTER_BOTH, _BETWEEN_BOTH = 2.5, 0.01
 _LEAST_WATER = 0.02  # share of water within a frame, without which it is none
 
 
@@ -65,6 +66,8 @@ class Classified:
         doubts: why the names may be wrong; none where all colours were given.
         notes: what was assumed, a line each.
         warnings: signs that the picture is no chart, or that its colours were named wrongly, a line each.
+        outside: [h, w] pixels that show no sea area and reach to the picture's edge: what is no data, and a
+            frame of a shade that no colour names.
     """
 
     passability: NDArray[np.float32]
@@ -72,6 +75,7 @@ class Classified:
     doubts: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    outside: NDArray[np.bool_] | None = None
 
     def listed(self) -> str:
         """Return the clusters' colours and shares, the largest first."""
@@ -98,6 +102,7 @@ def classify_picture(
     centre, or where that is no water, from the nearest cluster of water.
 
     What shows no sea area is coast: pixels that are `blank`, and a black or white frame around the rest.
+    Where the picture's place on Earth is known, what of it reaches to the edge lies off the chart.
 
     Args:
         rgb: the picture, [h, w, 3] uint8.
@@ -140,11 +145,12 @@ def _classified(
         frame = np.zeros_like(frame)
         found = _cluster(rgb, clusters, seed, colours, blank)
     notes = tuple(
-        f"{what}, {float(part.mean()):.1%} of the picture, shows no sea area and is taken for coast"
+        f"{what}, {float(part.mean()):.1%} of the picture, shows no sea area and is closed"
         for what, part in (("what is see-through or no data", blank), (f"the {shade} frame", frame))
         if part.any()
     )
-    found = replace(found, notes=(*notes, *found.notes))
+    beyond = joined(blank if _is_named(shade, colours) else blank | frame, edge_of(blank.shape))
+    found = replace(found, notes=(*notes, *found.notes), outside=beyond)
     around = surround(rgb)
     if around and not frame.any() and found.passability[0, 0] == 1.0:
         if colours.complete:
@@ -153,6 +159,12 @@ def _classified(
         line = f"the {around} along all four sides may be paper as well as water"
         return replace(found, doubts=(*found.doubts, line))
     return found
+
+
+def _is_named(shade: str, colours: ChartColours) -> bool:
+    """Return whether a person tells what black or white, or nearly so, stands for."""
+    named = (*colours.water, *colours.land, *colours.uncertain)
+    return bool(shade) and any(shade_of(np.asarray(ImageColor.getrgb(colour))) == shade for colour in named)
 
 
 def _cluster(

@@ -26,13 +26,24 @@ def find_frame(rgb: NDArray[np.uint8], blank: NDArray[np.bool_]) -> tuple[NDArra
     Returns:
         ``(frame, shade)``: [h, w] whether a pixel is of the frame, and the frame's shade in words.
     """
-    edge = np.ones(blank.shape, bool)
-    edge[1:-1, 1:-1] = False
+    edge = edge_of(blank.shape)
     for shade, uniform in _shades(rgb):
         frame = joined(uniform & ~blank, edge)
         if frame.mean() >= _LEAST and _straight(~(frame | blank)):
             return frame, shade
     return np.zeros(blank.shape, bool), ""
+
+
+def edge_of(shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Return the outermost pixels of a picture [h, w]."""
+    edge = np.ones(shape, bool)
+    edge[1:-1, 1:-1] = False
+    return edge
+
+
+def shade_of(rgb: NDArray) -> str:
+    """Return "black" or "white" where a colour [3] is no other, else an empty string."""
+    return next((shade for shade, uniform in _shades(rgb) if uniform), "")
 
 
 def joined(area: NDArray[np.bool_], seeds: NDArray[np.bool_]) -> NDArray[np.bool_]:

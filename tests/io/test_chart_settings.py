@@ -1,16 +1,19 @@
 """Pictures that a scenario names as its chart: stated colours, and what is said of the file."""
 
+import warnings
+
 import numpy as np
 import pytest
 from PIL import Image
 
+from auvplan.errors import ScenarioWarning
 from auvplan.io.area import load_area
 from auvplan.io.examine import examine_scenario
 from auvplan.ocean.chart import ChartError
 from auvplan.ocean.whitsunday import classes
-from auvplan.scenario.file import scenario_schema, validate_scenario
+from auvplan.scenario.file import load_scenario, scenario_schema, validate_scenario
 from tests.io.geo.files import write_geotiff
-from tests.ocean.chart_pictures import STYLES, paint, shares_right
+from tests.ocean.chart_pictures import STYLES, paint, satellite, shares_right
 
 INVERTED = STYLES["inverted"]
 AREA = {"lower": [0, 0, 0], "upper": [3000, 3000, 40]}
@@ -101,3 +104,19 @@ def test_the_schema_takes_one_colour_or_several():
     plain["chart"]["colours"]["watre"] = "white"
     with pytest.raises(jsonschema.ValidationError):
         jsonschema.validate(plain, scenario_schema())
+
+
+def test_a_picture_from_space_is_warned_of_and_noted_once(tmp_path, call):
+    Image.fromarray(satellite(1.0, 0)).save(tmp_path / "view.png")
+    (tmp_path / "view.yaml").write_text(
+        "name: view\narea: {lower: [0, 0, 0], upper: [2000, 2000, 10]}\nmission: {waypoints: 3}\n"
+        "chart: {source: image, image: view.png, pixel_size: 10,\n"
+        "        colours: {water: '#0f2744', land: '#62614a'}}\n"
+    )
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", ScenarioWarning)
+        area = load_area(load_scenario(tmp_path / "view.yaml"))
+    assert any("view.png looks more like a photograph than a chart" in str(one.message) for one in caught)
+    assert any("looks more like a photograph" in note for note in area.notes)
+    _, said, errors = call("validate", tmp_path / "view.yaml")
+    assert (said + errors).count("looks more like a photograph") == 1

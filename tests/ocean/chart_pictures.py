@@ -93,3 +93,26 @@ def shares_right(passability: np.ndarray, kinds: np.ndarray) -> dict[str, float]
         "land": float((passability[kinds == 0] == 0.0).mean()),
         "water": float((passability[kinds == 2] == 1.0).mean()),
     }
+
+
+def landscape(size: int, slope: float, rng: np.random.Generator) -> np.ndarray:
+    """[n, n] of a random surface whose spectrum falls with a power of the wave number."""
+    frequency = np.fft.fftfreq(size)
+    number = np.hypot(*np.meshgrid(frequency, frequency))
+    number[0, 0] = 1.0
+    surface = np.fft.ifft2(np.fft.fft2(rng.normal(size=(size, size))) * number ** (-slope / 2.0)).real
+    return (surface - surface.mean()) / surface.std()
+
+
+def satellite(texture: float, seed: int, size: int = 400) -> np.ndarray:
+    """[n, n, 3] of islands as from space: woods and rock, clear shallows, the noise of a sensor."""
+    rng = np.random.default_rng(seed)
+    height = landscape(size, 3.2, rng) - 0.5
+    shallow = np.exp(np.minimum(height, 0.0) / 0.25)[..., None]
+    water = np.array([14.0, 38.0, 66.0]) + shallow * [25.0, 75.0, 60.0]
+    water += texture * 2.5 * landscape(size, 1.0, rng)[..., None]
+    bare = 1.0 / (1.0 + np.exp(-1.5 * landscape(size, 2.2, rng)))[..., None]
+    ground = (1.0 - bare) * [52.0, 72.0, 38.0] + bare * [142.0, 122.0, 92.0]
+    ground += texture * 18.0 * landscape(size, 1.6, rng)[..., None]
+    noise = 3.0 * rng.normal(size=(size, size, 1)) + 1.5 * rng.normal(size=(size, size, 3))
+    return np.clip(np.where(height[..., None] > 0.0, ground, water) + noise, 0.0, 255.0).astype(np.uint8)

@@ -9,7 +9,7 @@ from auvplan.ocean.chart import Chart, ChartError, classify_file
 from auvplan.ocean.classify import UNCERTAIN_MAX, classify_picture
 from auvplan.ocean.palette import ChartColours, as_hex, lab_of, to_hex, to_lab, to_rgb
 from auvplan.ocean.whitsunday import classes, render
-from tests.ocean.chart_pictures import STYLES, Style, paint, shares_right
+from tests.ocean.chart_pictures import STYLES, Style, paint, satellite, shares_right
 
 KINDS = classes(500)
 BLUE = Style((214, 196, 146), (150, 214, 204), (70, 130, 200), grain=3.0)
@@ -120,6 +120,26 @@ def test_photographs_are_warned_of(tmp_path):
         Chart.from_image(tmp_path / "view.png", colours=ChartColours(**style.named))
 
 
+@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize("texture", [0.3, 1.0, 1.5])
+def test_pictures_from_space_are_told_from_charts(texture, seed):
+    found = classify_picture(satellite(texture, seed))
+    assert any("more like a photograph" in line for line in found.warnings)
+
+
+@pytest.mark.parametrize("name", [name for name in STYLES if name != "satellite"])
+def test_charts_of_all_colours_are_no_photographs(name):
+    style = STYLES[name]
+    assert classify_picture(paint(style), colours=ChartColours(**style.named)).warnings == ()
+
+
+def test_real_charts_are_no_photographs(shared):
+    charts = sorted((shared / "data" / "maps").glob("*_rgb.tif"))
+    assert charts
+    for path in charts:
+        assert classify_file(path).warnings == ()
+
+
 def test_pictures_without_colour_are_read_by_told_greys(tmp_path):
     grey = STYLES["grey"]
     Image.fromarray(paint(grey)).convert("L").save(tmp_path / "grey.png")
@@ -146,9 +166,7 @@ def test_margins_are_coast_and_stated(shade, name):
     outside = np.ones(picture.shape[:2], bool)
     outside[place] = False
     assert (found.passability[outside] == 0.0).all()
-    assert found.notes == (
-        f"the {name} frame, 34.9% of the picture, shows no sea area and is taken for coast",
-    )
+    assert found.notes == (f"the {name} frame, 34.9% of the picture, shows no sea area and is closed",)
     assert sum(cluster.share for cluster in found.clusters) == pytest.approx(1.0)
 
 

@@ -68,6 +68,9 @@ def chart_and_notes(
     of the chart takes the passability of the picture's nearest one. Where the chart's pixels are coarser than
     the picture's, it takes the least of those that it covers: land is not to fall between them.
 
+    See-through pixels, no data and a black or white frame that reach to the picture's edge are no land: the
+    rectangle must not reach into them. A frame of a shade that `colours` name is closed, but on the chart.
+
     Args:
         path: GeoTIFF, or PNG, JPEG or TIFF with a world file; see `read_raster`.
         site: where local coordinates count from.
@@ -84,7 +87,8 @@ def chart_and_notes(
 
     Raises:
         ChartError: one line; what is wrong with the file, on which side and by how much the rectangle
-            reaches beyond it, or what is in doubt about its colours.
+            reaches beyond it, where it reaches into what shows no sea area, or what is in doubt about its
+            colours.
 
     Warns:
         ScenarioWarning: the picture does not look like a chart.
@@ -96,7 +100,9 @@ def chart_and_notes(
         find = nodes.seen_from(site, grid)
         # Before the clustering, which takes longer than anything else.
         refuse_beyond(path, "picture", site, find, grid, nodes, _SLACK)
-        passability, notes = _passability(path, raster, classes, colours)
+        passability, notes, outside = _passability(path, raster, classes, colours)
+        if outside is not None and outside.any():
+            _refuse_outside(path, _least(1.0 - outside, find, grid, nodes) == 0.0, grid)
         return _chart(_least(passability, find, grid, nodes), grid), notes
 
 
@@ -286,8 +292,8 @@ def _warn_beyond(path: str | Path, what: str, shapes: list[Any], site: Site, gri
 
 def _passability(
     path: str | Path, raster: Raster, classes: Mapping[int, float] | None, colours: ChartColours
-) -> tuple[NDArray[np.float32], tuple[str, ...]]:
-    """[rows, columns] of a raster's own pixels, and what was assumed."""
+) -> tuple[NDArray[np.float32], tuple[str, ...], NDArray[np.bool_] | None]:
+    """[rows, columns] of a raster's own pixels, what was assumed, and which pixels are off the chart."""
     values, blank = raster.values, raster.blank
     if values.ndim == 2 and classes is None and colours and values.dtype in (np.uint8, np.bool_):
         blank = values == (np.nan if raster.nodata is None else raster.nodata)
@@ -299,7 +305,8 @@ def _passability(
             found = settled(classify_picture(values, blank, colours=colours), path)
         except ChartError as error:
             raise GeoError(error.reason, field=error.field) from None
-        return found.passability, tuple(f"{path}: {note}" for note in found.notes)
+        notes = (*(f"{path}: {note}" for note in found.notes), *(f"{path} {line}" for line in found.warnings))
+        return found.passability, notes, found.outside
     if classes is None:
         raise GeoError(
             f"{path}: a single band of values: say by classes which are coast, uncertain and water, or, of a "
@@ -316,7 +323,30 @@ def _passability(
         listed = ", ".join(map(str, unknown[:8])) + (" ..." if len(unknown) > 8 else "")
         raise GeoError(f"{path}: classes give no meaning to the values {listed}")
     meanings = np.array([classes.get(int(value), 0.0) for value in found], np.float32)
-    return meanings[place].reshape(values.shape), ()
+    return meanings[place].reshape(values.shape), (), None
+
+
+def _refuse_outside(path: str | Path, reached: NDArray[np.bool_], grid: LocalGrid) -> None:
+    """Refuse a grid some of whose pixels show no sea area, but for those wholly beyond what was asked for.
+
+    Raises:
+        GeoError: one line that says how much of it, and where.
+    """
+    north, east = (grid.lower[k] + grid.pixel_size * np.arange(grid.shape[k]) for k in range(2))
+    asked = np.ix_(
+        north + 0.5 * grid.pixel_size < grid.upper[0], east + 0.5 * grid.pixel_size < grid.upper[1]
+    )
+    reached = reached[asked]
+    if not reached.any():
+        return
+    (i, j), size = np.nonzero(reached), grid.pixel_size
+    south, west = north[i.min()], east[j.min()]
+    raise GeoError(
+        f"{path}: the area reaches with {reached.mean():.1%} of it into what shows no sea area (see-through, "
+        f"no data, or a black or white frame), between {south:.0f} and {north[i.max()] + size:.0f} m north, "
+        f"{west:.0f} and {east[j.max()] + size:.0f} m east: keep off it, or say by chart.colours what a "
+        "frame's colour stands for"
+    )
 
 
 def _least(passability: NDArray, find: Any, grid: LocalGrid, nodes: Nodes) -> NDArray[np.float32]:

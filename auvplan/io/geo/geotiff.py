@@ -26,6 +26,7 @@ _SCALE, _TIEPOINT, _TRANSFORMATION, _KEYS = 33550, 33922, 34264, 34735
 _GDAL_METADATA, _GDAL_NODATA = 42112, 42113
 _MODEL, _RASTER_TYPE, _GEOGRAPHIC, _PROJECTED = 1024, 1025, 2048, 3072
 _POINT, _USER_DEFINED = 2, 32767
+_MASK = 4  # bit of NewSubfileType
 _PALETTE, _COLOURS, _ALPHA = 3, (2, 6), {1, 2}  # RGB, YCbCr; associated and unassociated alpha
 _EXTRA = "pip install 'auvplan[readers]'"
 
@@ -94,7 +95,7 @@ def read_place(path: Path) -> TiffPlace:
 
 
 def read_geotiff(path: Path, indices: bool = False) -> Tiff:
-    """Read the first picture of a TIFF file; overviews and masks are left.
+    """Read the first picture of a TIFF file, and the mask of a colour picture; overviews are left.
 
     Args:
         path: of the file.
@@ -119,6 +120,7 @@ def read_geotiff(path: Path, indices: bool = False) -> Tiff:
             raise GeoError(f"{path}: {bands} bands: neither one of values nor three of colour")
         tags = {int(tag.code): tag.value for tag in page.tags}
         values = _pixels(path, page)
+        hidden = _hidden(path, file, values.shape[:2])
         table = page.colormap if page.photometric == _PALETTE and not indices else None
         see_through = bands == 4 and bool(set(page.extrasamples) & _ALPHA)
         if bands > 1 and page.photometric not in _COLOURS:
@@ -132,6 +134,8 @@ def read_geotiff(path: Path, indices: bool = False) -> Tiff:
         blank = (values[..., :3] == (np.nan if nodata is None else nodata)).all(axis=-1)
         if see_through:
             blank |= values[..., 3] <= np.iinfo(values.dtype).max // 2
+        if hidden is not None:
+            blank |= hidden
     return Tiff(
         coloured,
         _affine(path, tags, keys.get(_RASTER_TYPE) == _POINT),
@@ -141,6 +145,14 @@ def read_geotiff(path: Path, indices: bool = False) -> Tiff:
         _band_attributes(tags.get(_GDAL_METADATA)),
         blank,
     )
+
+
+def _hidden(path: Path, file: Any, shape: tuple[int, ...]) -> NDArray[np.bool_] | None:
+    """[rows, columns] pixels that a transparency mask (TIFF 6.0) in the file hides; None without one."""
+    for page in list(file.pages)[1:]:
+        if int(page.subfiletype) & _MASK and (page.imagelength, page.imagewidth) == shape:
+            return _pixels(path, page)[..., 0] == 0
+    return None
 
 
 def _pixels(path: Path, page: Any) -> NDArray:

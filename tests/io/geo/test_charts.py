@@ -1,14 +1,17 @@
 """Charts from georeferenced pictures and rasters of classes."""
 
 import shutil
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from auvplan.io.geo import chart_and_notes, chart_from_raster
 from auvplan.ocean.chart import ChartError
 from auvplan.ocean.classify import UNCERTAIN_MAX
-from auvplan.ocean.palette import ChartColours
+from auvplan.ocean.palette import ChartColours, to_hex
 from auvplan.site import Site
 from tests.io.geo.files import SITE, write_geotiff
 from tests.io.geo.whitsunday import HOOK, in_the_middle, kinds, truth
@@ -154,19 +157,84 @@ def test_a_picture_in_doubt_is_refused_once_named(tmp_path):
     assert not chart.is_water(0.0, 0.0)
 
 
-def test_what_is_no_data_is_coast_and_stated(tmp_path):
+PLACED: dict[str, Any] = {"corner": (SITE.longitude - 0.003, SITE.latitude + 0.002), "scale": (1e-4, 1e-4)}
+WHOLE: dict[str, Any] = {"lower": (-210.0, -300.0), "upper": (210.0, 305.0)}
+
+
+def half(shade: int = 0) -> np.ndarray:
+    """A picture of water, 40 by 60 pixels of 11 m, whose western third shows nothing."""
     colours = np.full((40, 60, 3), WATER, np.uint8)
-    colours[:, :20] = 0
-    path = write_geotiff(
-        tmp_path / "n.tif",
-        colours,
-        corner=(SITE.longitude - 0.003, SITE.latitude + 0.002),
-        scale=(1e-4, 1e-4),
-        nodata="0",
+    colours[:, :20] = shade
+    return colours
+
+
+def by_value(folder: Path) -> Path:
+    return write_geotiff(folder / "n.tif", half(), nodata="0", **PLACED)
+
+
+def by_alpha(folder: Path) -> Path:
+    seen = np.full((40, 60), 255, np.uint8)
+    seen[:, :20] = 0
+    Image.fromarray(np.dstack([half(77), seen])).save(folder / "n.png")
+    (west, north), (x, y) = PLACED["corner"], PLACED["scale"]
+    (folder / "n.pgw").write_text(f"{x}\n0\n0\n{-y}\n{west + x / 2}\n{north - y / 2}\n")
+    return folder / "n.png"
+
+
+def by_mask(folder: Path) -> Path:
+    rasterio = pytest.importorskip("rasterio")
+    (west, north), (x, y) = PLACED["corner"], PLACED["scale"]
+    place = rasterio.Affine(x, 0.0, west, 0.0, -y, north)
+    size = {"width": 60, "height": 40, "count": 3, "dtype": "uint8"}
+    with (
+        rasterio.Env(GDAL_TIFF_INTERNAL_MASK=True),
+        rasterio.open(folder / "n.tif", "w", "GTiff", crs=4326, transform=place, **size) as file,
+    ):
+        file.write(np.moveaxis(half(77), -1, 0))
+        file.write_mask(np.arange(60)[None] + np.zeros((40, 1)) >= 20)
+    return folder / "n.tif"
+
+
+@pytest.mark.parametrize("hide", [by_value, by_alpha, by_mask])
+def test_what_shows_nothing_is_off_the_chart(tmp_path, hide):
+    path = hide(tmp_path)
+    options: dict[str, Any] = {"crs": 4326} if path.suffix == ".png" else {}
+    with pytest.raises(ChartError) as caught:
+        chart_and_notes(path, SITE, **WHOLE, **options)
+    assert str(caught.value).startswith(
+        f"{path}: the area reaches with 33.3% of it into what shows no sea area"
     )
-    area = {"lower": (-210.0, -300.0), "upper": (210.0, 305.0)}
-    chart, notes = chart_and_notes(path, SITE, **area)
-    assert chart.is_water(0.0, 100.0)
-    assert not chart.is_water(0.0, -200.0)
-    assert len(notes) == 1
-    assert notes[0].startswith(f"{path}: what is see-through or no data, 33.3% of the picture")
+    assert "between -210 and 210 m north, -300 and -100 m east" in str(caught.value)
+    assert "\n" not in str(caught.value)
+    chart, notes = chart_and_notes(path, SITE, lower=(-210.0, -85.0), upper=(210.0, 305.0), **options)
+    assert np.asarray(chart.passability).min() == 1.0
+    (note,) = notes
+    assert note.startswith(f"{path}: what is see-through or no data, 33.3% of the picture")
+
+
+def test_a_hole_in_a_picture_is_closed(tmp_path):
+    colours = np.full((40, 60, 3), WATER, np.uint8)
+    colours[10:20, 30:40] = 0
+    chart, _ = chart_and_notes(
+        write_geotiff(tmp_path / "h.tif", colours, nodata="0", **PLACED), SITE, **WHOLE
+    )
+    assert chart.shares()["coast"] == pytest.approx(0.041, abs=0.005)
+
+
+@pytest.mark.parametrize("shade", [0, 255])
+def test_the_corners_of_a_turned_raster_are_off_the_chart(tmp_path, shade):
+    plain = np.full((300, 300, 3), WATER, np.uint8)
+    plain[100:140, 120:190] = (214, 196, 146)
+    turned = Image.fromarray(plain).rotate(20, expand=True, fillcolor=(shade, shade, shade))
+    size = turned.size[0]
+    corner = SITE.longitude - 5e-5 * size, SITE.latitude + 5e-5 * size
+    path = write_geotiff(tmp_path / "t.tif", np.asarray(turned), corner=corner, scale=(1e-4, 1e-4))
+    with pytest.raises(
+        ChartError, match=r"t\.tif: the area reaches with \d+\.\d% of it into what shows no sea"
+    ):
+        chart_from_raster(path, SITE, lower=(-1800.0, -1800.0), upper=(1800.0, 1800.0))
+    chart = chart_from_raster(path, SITE, lower=(-1000.0, -1000.0), upper=(1000.0, 1000.0))
+    assert 0.05 < chart.shares()["coast"] < 0.1
+    named = ChartColours(water=(to_hex(np.array(WATER)),), land=("#d6c492", "black", "white"))
+    whole = chart_from_raster(path, SITE, lower=(-1800.0, -1800.0), upper=(1800.0, 1800.0), colours=named)
+    assert not whole.is_water(1790.0, 1790.0)
