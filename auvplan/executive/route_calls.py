@@ -17,6 +17,9 @@ from auvplan.mission.travel_times import TravelTimeConfig
 from auvplan.path import PathConfig
 from auvplan.records import RouteRecord
 
+#: Departures of a mission at which edges are bent to the current.
+_BENDS = 5
+
 #: s added for each visited waypoint on a way, so that the way passes as few of them as can be.
 _PASSED = 1e7
 
@@ -84,7 +87,9 @@ def _time_departures(context: SimulationContext, mission: Mission, detour: float
     env = context.environment(mission.sea.forecast())
     departures = np.linspace(mission.now, mission.run.t_available, context.rules.departures)
     times, seconds = context.clock.time(
-        lambda: mission.run.graph.times_at(env, context.vehicle, departures, effort(context.path_config))
+        lambda: mission.run.graph.times_at(
+            env, context.vehicle, departures, effort(context.path_config), bends=_BENDS
+        )
     )
     mission.departures, mission.travel_time = departures, times + detour
     return seconds

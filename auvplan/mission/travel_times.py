@@ -7,7 +7,7 @@ where it breaks a limit is a fan of detours scored and polished.
 
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import Any, Self
 
 import jax
 import jax.numpy as jnp
@@ -34,6 +34,9 @@ _LINES, _FANS = 64, 16
 _POLISHED = 4
 _STEP_SIZE = 0.03
 
+#: Gradient steps that bend a line of three control points to the current.
+_BEND_STEPS = 6
+
 
 @dataclass(frozen=True)
 class TravelTimeConfig:
@@ -43,11 +46,11 @@ class TravelTimeConfig:
         path: limits, margins, speed reading and bounds as the path planner has them; its search is not run,
             and few control points and samples do.
         steps: gradient steps that bend every line to the current; 0 keeps the straight lines.
-        detours: that are tried where the line breaks a limit.
+        detours: that are tried where the line breaks a limit; 0 closes such edges.
         detour_steps: gradient steps that polish the best of them.
 
     Raises:
-        ValueError: a number is negative, or there is no detour.
+        ValueError: a number is negative.
     """
 
     path: PathConfig = field(default_factory=lambda: PathConfig(control_points=6, samples=64))
@@ -56,10 +59,16 @@ class TravelTimeConfig:
     detour_steps: int = 16
 
     def __post_init__(self) -> None:
-        if self.steps < 0 or self.detour_steps < 0:
-            raise ValueError("steps and detour_steps must not be negative")
-        if self.detours < 1:
-            raise ValueError(f"detours must be at least 1, got {self.detours}")
+        if min(self.steps, self.detours, self.detour_steps) < 0:
+            raise ValueError("steps, detours and detour_steps must not be negative")
+
+    def bending(self) -> Self:
+        """Return settings that bend every line to the current, and close edges whose line breaks a limit.
+
+        With as few control points, samples and steps as tell what bending saves.
+        """
+        path = self.path.replace(control_points=3, samples=16)
+        return replace(self, path=path, steps=_BEND_STEPS, detours=0)
 
 
 def travel_times(
@@ -116,7 +125,8 @@ def travel_times(
         return seconds, passable
 
     seconds, passable = estimated(np.arange(len(starts)), _LINES, 0, config.steps)
-    if (blocked := np.flatnonzero(~passable & inside)).size:
+    blocked = np.flatnonzero(~passable & inside) if config.detours else np.zeros(0, int)
+    if blocked.size:
         seconds[blocked], passable[blocked] = estimated(blocked, _FANS, config.detours, config.detour_steps)
     return seconds, passable & inside
 

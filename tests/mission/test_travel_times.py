@@ -164,9 +164,49 @@ def test_a_time_dependent_current_counts_at_departure() -> None:
     assert late == pytest.approx(2000.0 / 2.0, rel=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("changes", "message"), [({"steps": -1}, "negative"), ({"detours": 0}, "at least 1")]
-)
+def channel(swing: float = 0.0) -> ap.Environment:
+    """A stream to the north that is strong in the east, and turns with the tide where it swings."""
+
+    def stream(x, y, z, t):
+        strength = 0.8 + swing * jnp.sin(2.0 * jnp.pi * t / 20_000.0)
+        return strength * (1.0 + jnp.tanh(y / 300.0)), 0.0, 0.0
+
+    return ap.Environment(stream, **BOX)
+
+
+def test_bent_lines_save_what_a_planned_path_saves() -> None:
+    graph, env, departures = compass(), channel(), np.linspace(0.0, 4000.0, 3)
+    straight = graph.times_at(env, VEHICLE, departures)
+    bent = graph.times_at(env, VEHICLE, departures, bends=2)
+    assert (bent <= straight).all()
+    for i, j in ((0, 1), (1, 0)):  # with the stream, and against it
+        ends = graph.positions[i], graph.positions[j]
+        plan = ap.plan_path(*ends, env, VEHICLE, key=jax.random.key(0), config=CONFIG)
+        assert straight[0, i, j] > 1.03 * plan.travel_time
+        assert bent[0, i, j] == pytest.approx(plan.travel_time, rel=0.01)
+    np.testing.assert_allclose(bent, np.tile(bent[:1], (3, 1, 1)), rtol=1e-4)  # the stream is steady
+
+
+def test_what_bending_saves_is_linear_between_departures() -> None:
+    graph, env, departures = compass(), channel(0.2), np.linspace(0.0, 8000.0, 5)
+    straight, bent = (graph.times_at(env, VEHICLE, departures, bends=bends) for bends in (0, 3))
+    at = departures[[0, 2, 4]]
+    saved = graph.times_at(env, VEHICLE, at, bends=3)[:, 0, 1] / straight[[0, 2, 4], 0, 1]
+    expected = np.interp(departures, at, saved)
+    assert np.ptp(saved) > 1e-3
+    np.testing.assert_allclose(bent[:, 0, 1] / straight[:, 0, 1], expected, rtol=1e-6)
+
+
+def test_a_uniform_stream_leaves_lines_straight_and_closed_edges_closed() -> None:
+    departures = np.linspace(0.0, 4000.0, 3)
+    straight, bent = (compass().times_at(northward(0.5), VEHICLE, departures, bends=b) for b in (0, 3))
+    np.testing.assert_allclose(bent, straight, rtol=1e-3)
+    against = northward(3.0)
+    straight, bent = (compass().times_at(against, VEHICLE, departures, bends=b) for b in (0, 3))
+    np.testing.assert_array_equal(np.isinf(bent), np.isinf(straight))
+
+
+@pytest.mark.parametrize(("changes", "message"), [({"steps": -1}, "negative"), ({"detours": -1}, "negative")])
 def test_bad_settings_are_refused(changes, message) -> None:
     with pytest.raises(ValueError, match=message):
         TravelTimeConfig(**changes)
