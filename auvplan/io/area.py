@@ -201,6 +201,8 @@ def load_area(
             obstacles = (*obstacles, *named)
     notes = [note for file in (forecast_file, truth_file) if file is not None for note in file.notes]
     notes += () if jobs is None else jobs.notes
+    if cells is not None and seabed is None:
+        notes.append("nothing keeps the vehicle off the bottom in open water: bathymetry.source is 'none'")
     return OperatingArea(
         chart,
         seabed,

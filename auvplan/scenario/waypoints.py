@@ -167,7 +167,7 @@ def misplaced(position: np.ndarray, scenario: Scenario, area: OperatingArea) -> 
     if not lower[2] - 1e-6 <= position[2] <= upper[2] + 1e-6:
         return f"lies outside the depths {lower[2]:g} to {upper[2]:g} m of area and vehicle"
     if area.chart is not None and not bool(area.chart.is_water(position[0], position[1])):
-        return "lies on land"
+        return "lies on land" + (" or in closed water" if scenario.chart.source == "enc" else "")
     if area.seabed is not None:
         room = float(_deepest(position[None], area.seabed)[0]) - position[2]
         if room < 0.0:

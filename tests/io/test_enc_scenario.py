@@ -129,7 +129,7 @@ def test_faults_are_told_by_field_and_file(scenario, tmp_path):
     assert "chart.safety_depth: " in line
     (line,) = faults(a=("goal: [2500, 2000, 3]", "goal: [-1000, -1000, 3]"))
     assert "mission.goal: " in line
-    assert "lies on land" in line
+    assert "lies on land or in closed water" in line
 
 
 def test_closed_areas_of_cells_are_on_the_map(scenario):
@@ -144,3 +144,9 @@ def test_settings_of_cells_count_for_nothing_with_other_charts(tmp_path):
     path = tmp_path / "open.yaml"
     path.write_text("name: a\nchart: {source: none, safety_depth: 3}\nmission: {waypoints: 3}\n")
     assert any("chart.safety_depth: counts for nothing" in line for line in examine_scenario(path).warnings)
+
+
+def test_without_a_sea_bed_the_plan_notes_it(scenario):
+    area = ap.load_area(ap.load_scenario(scenario).with_({"bathymetry": {"source": "none"}}))
+    assert area.seabed is None
+    assert "nothing keeps the vehicle off the bottom in open water: bathymetry.source is 'none'" in area.notes
