@@ -28,6 +28,7 @@ TARGETS = {
     "auvplan/mission/decoder.py": ("tests/mission/test_decoder.py",),
     "auvplan/path/replanner.py": ("tests/path/test_reuse.py", "tests/faults/test_rules.py"),
     "auvplan/executive/loop.py": (
+        "tests/executive/test_loop.py",
         "tests/executive/test_visits.py",
         "tests/faults/test_rules.py",
         "tests/executive/test_route_calls.py",

@@ -88,9 +88,10 @@ def test_no_route_uses_the_reserve(reserve, expected):
     assert mission.rest == expected
 
 
-def refused(travel_time: float, **settings) -> str:
-    """Why a leg of `travel_time` s from 0 to 1 is refused, 1,200 s away from the destination."""
-    context, mission = at_waypoint([(0, 1), (1, GOAL), (0, GOAL)], available=2000.0, **settings)
+def refused(travel_time: float, slow: float = 0.0, available: float = 2000.0, **settings) -> str:
+    """Why a leg of `travel_time` s from 0 to 1 is refused; a task of `slow` s is on the way from 1, 1,200 s."""
+    tasks = [(1, GOAL, 1.0, slow)] if slow else []
+    context, mission = at_waypoint([(0, 1), (1, GOAL), (0, GOAL)], tasks, available=available, **settings)
     plan_routes(context, [mission])
     plan = SimpleNamespace(travel_time=travel_time, broken=lambda: ())
     leg = SimpleNamespace(record=LegRecord(0, 1, 200.0, 100.0, 1.0), followed=plan)

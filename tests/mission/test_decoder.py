@@ -88,6 +88,11 @@ def test_the_shortest_route_is_the_shortest_way(
     if not np.isfinite(shortest):
         return
     given_ = problem(graph, 0, N - 1, shortest * 10.0)
+    nodes = np.asarray(shortest_route(given_))
+    length = int((nodes == N - 1).argmax()) + 1
+    assert nodes[0] == 0
+    assert (nodes[:length] >= 0).all()
+    assert (nodes[length:] == -1).all()
     routes = decode_now(shortest_habitat(given_, decoder), given_, decoder=decoder)
     assert bool(routes.reached[0])
     assert float(routes.time[0]) == pytest.approx(shortest, rel=1e-5)

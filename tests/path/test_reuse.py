@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import auvplan as ap
+from auvplan.ocean.gridded import CurrentError
 from auvplan.path import habitats, replan_path
 from auvplan.path.bspline import basis_matrix
 
@@ -55,6 +56,27 @@ def test_noise_in_place_of_the_kept_population_would_not(plan, world):
     low, high = (np.array([0.0, 0.0, 20.0]), np.array([2500.0, 2500.0, 30.0]))
     noise = rng.uniform(low[None, :, None], high[None, :, None], span.shape).reshape(len(span), -1)
     assert excess(replace(plan, population=jnp.asarray(noise, "float32")), world) > 0.05
+
+
+def test_a_population_that_is_redrawn_whole_is_forgotten(plan, world):
+    place, now, _ = time_left(plan, 1.0 / 3.0)
+    config = CONFIG.replace(fresh_share=1.0)
+    noise = jax.random.permutation(jax.random.key(2), plan.population, axis=1, independent=True)
+    kept, lost = (
+        replan_path(old, place, now, world, key=jax.random.key(1), config=config)
+        for old in (plan, replace(plan, population=noise))
+    )
+    np.testing.assert_array_equal(kept.positions, lost.positions)
+
+
+def test_a_current_that_ends_on_the_way_is_refused(plan, world):
+    def ends(x, y, z, t):
+        return jnp.where(t > 900.0, jnp.nan, 0.0 * x), 0.0 * y, 0.0 * z
+
+    place, now, _ = time_left(plan, 1.0 / 3.0)
+    sea = ap.Environment(ends, lower=world.lower, upper=world.upper)
+    with pytest.raises(CurrentError, match=r"not a number \(NaN\).*on the way of leg 0"):
+        replan_path(plan, place, now, sea, key=jax.random.key(1), config=CONFIG)
 
 
 def test_a_transferred_population_follows_the_old_paths(plan):
