@@ -95,7 +95,7 @@ def travel_times(
         ``(seconds [E], passable [E])``; an edge is not passable where no path tried keeps every limit, or
         where an end lies outside the box or the chart, or nearer to the sea bed than its clearance.
     """
-    sea = replace(env, current=None, obstacles=None)
+    sea = replace(env, current=None, obstacles=Obstacles.none())
     inside = _inside(starts, env) & _inside(goals, env)
 
     shared = padded(env.current)

@@ -48,7 +48,8 @@ class Environment:
     price: Price | None = None
 
     def __post_init__(self) -> None:
-        if isinstance(self.lower, jax.Array):  # made from another one, perhaps while JAX traces: complete
+        # One that is made from another, perhaps while JAX traces, is complete.
+        if isinstance(self.lower, jax.Array) and self.obstacles is not None:
             return
         corners = lower, upper = [np.array(corner, float) for corner in (self.lower, self.upper)]
         if any(corner.shape != (3,) for corner in corners) or not (lower <= upper).all():

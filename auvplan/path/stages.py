@@ -68,7 +68,7 @@ def split(env: Environment, world_per_leg: bool) -> tuple[World, Environment]:
     if not world_per_leg:
         return None, env
     current, own = partition(env.current)
-    return (own, env.obstacles), replace(env, current=current, obstacles=None)
+    return (own, env.obstacles), replace(env, current=current, obstacles=Obstacles.none())
 
 
 def world_of(own: World, shared: Environment) -> Environment:

@@ -1,4 +1,4 @@
-"""Rules of the loop by themselves: when a route is planned anew, when a leg is refused, which searches serve."""
+"""Rules of the loop by themselves: when routes are planned anew, legs refused, and which searches serve."""
 
 from types import SimpleNamespace
 

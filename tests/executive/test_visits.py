@@ -89,7 +89,7 @@ def test_no_route_uses_the_reserve(reserve, expected):
 
 
 def refused(travel_time: float, slow: float = 0.0, available: float = 2000.0, **settings) -> str:
-    """Why a leg of `travel_time` s from 0 to 1 is refused; a task of `slow` s is on the way from 1, 1,200 s."""
+    """Why a leg of `travel_time` s from 0 to 1 is refused; from 1 it is 1,200 s, and a task of `slow` s."""
     tasks = [(1, GOAL, 1.0, slow)] if slow else []
     context, mission = at_waypoint([(0, 1), (1, GOAL), (0, GOAL)], tasks, available=available, **settings)
     plan_routes(context, [mission])

@@ -31,6 +31,12 @@ BOMB = "a: &a [x, x, x, x, x]\n" + "".join(
 )
 NAN = float("nan")
 SQUARE = ring_of((148.95, -20.35), (148.96, -20.35), (148.96, -20.34), (148.95, -20.34))
+STAR = ring_of(
+    *(
+        (148.95 + 0.01 * np.cos(turn), -20.35 + 0.01 * np.sin(turn))
+        for turn in np.arange(41) * 40.0 * np.pi / 41
+    )
+)
 WIDE = ring_of((148.9, -20.3425), (149.0, -20.3425), (149.0, -20.3415), (148.9, -20.3415))
 
 #: What is done to the files, and words that the line must hold: the file, and the field or variable.
@@ -134,7 +140,7 @@ CASES = {
         geojson("coast.geojson", type="Point", coordinates=[148.96, -20.34]), "coast.geojson", "Point",
     ),
     "coast crosses itself": (
-        coast(SQUARE, [SQUARE[k] for k in (0, 2, 1, 3, 0)]), "coast.geojson", "feature 2",
+        coast(SQUARE, STAR), "coast.geojson", "feature 2",
     ),
     "coast ring open": (coast(SQUARE[:-1]), "coast.geojson", "feature 1", "closed"),
     "coast ring of no size": (coast([[148.95, -20.35]] * 4), "coast.geojson", "feature 1"),

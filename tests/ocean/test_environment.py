@@ -1,6 +1,7 @@
 """Boxes of an environment: given ones, defaults, what chart and sea bed leave of them."""
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -31,6 +32,20 @@ def test_chart_and_sea_bed_bound_what_has_no_box():
 def test_what_is_no_box_is_refused(lower, upper):
     with pytest.raises(ValueError, match="lower <= upper"):
         ap.Environment(None, lower=lower, upper=upper)
+
+
+def test_corners_may_be_arrays_of_jax():
+    def stream(x, y, z, t):
+        return 0.3 + 0.0 * x, 0.0 * y, 0.0 * z
+
+    corners = {"lower": np.zeros(3), "upper": np.array([900.0, 800.0, 50.0])}
+    plain = ap.Environment(stream, **corners)
+    env = ap.Environment(stream, **{name: jnp.asarray(corner) for name, corner in corners.items()})
+    assert len(env.obstacles) == 0
+    assert float(env.current(0.0, 0.0, 0.0, 0.0)[0]) == pytest.approx(0.3)
+    np.testing.assert_array_equal(env.upper, plain.upper)
+    with pytest.raises(ValueError, match="lower <= upper"):
+        ap.Environment(stream, lower=jnp.ones(3), upper=jnp.zeros(3))
 
 
 def test_paths_are_planned_without_a_box():

@@ -17,6 +17,8 @@ GOOD = feature("Polygon", [ring((0, 0), (0, 50), (50, 0))])
 SQUARE = [[0, 0], [0, 1], [1, 1], [1, 0], [0, 0]]
 EMPTY = {"type": "GeometryCollection", "geometries": []}
 BOW = [[0, 0], [1, 1], [1, 0], [0, 1], [0, 0]]
+STAR = [[np.cos(angle), np.sin(angle)] for angle in 2.0 * np.pi * np.arange(41) * 20.0 / 41.0]
+STAR.append(STAR[0])
 
 
 def collection(*features, **more):
@@ -48,7 +50,7 @@ FAULTS = [
     (one([]), "every polygon is empty"),
     (collection(GOOD, feature("Polygon", [[]])), "feature 2: needs at least 4 positions, got 0"),
     (one(5), "feature 1: a polygon without rings"),
-    (collection(GOOD, GOOD, feature("Polygon", [BOW])), "feature 3: the polygon crosses itself at "),
+    (collection(GOOD, GOOD, feature("Polygon", [STAR])), "feature 3: the polygon crosses itself at "),
     (one([[*SQUARE[:4], [0, 0.5]]]), "feature 1: a ring is not closed"),
     (one([SQUARE[:3]]), "feature 1: needs at least 4 positions, got 3"),
     (one([[[0, 0], [0, 0], [0, 0], [0, 0]]]), "feature 1: no valid polygon: too few points"),
@@ -139,6 +141,39 @@ def test_a_ring_that_touches_itself_is_parted_with_a_warning(tmp_path):
     hole = abs(shapely.Polygon([[2, 4], [1, 2], [3, 2]]).area)
     degrees = zone.polygon.area / (111_195.0**2)
     assert degrees == pytest.approx(16.0 - hole, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("rings", "area"),
+    [
+        ([BOW], 0.5),
+        ([[[0, 0], [4, 0], [4, 3], [1, 3], [1, 1], [5, 1], [5, 4], [0, 4], [0, 0]]], 19.0),  # around twice
+        (
+            [SQUARE, [[0.5, 0.2], [1.5, 0.2], [1.5, 0.6], [0.5, 0.6], [0.5, 0.2]]],
+            1.0,
+        ),  # a hole across the shore
+    ],
+)
+def test_a_ring_that_crosses_itself_keeps_all_land_that_may_be_meant(tmp_path, rings, area):
+    path = tmp_path / "l.geojson"
+    path.write_text(json.dumps(collection(feature("Polygon", rings))))
+    with pytest.warns(
+        ScenarioWarning, match=r"feature 1: the polygon crosses itself at .*: it is repaired, with"
+    ):
+        ((_, shape),) = read_polygons(path)
+    assert shape.is_valid
+    assert shape.area >= area - 1e-9
+    places = np.random.default_rng(0).uniform(0.0, 5.0, (2000, 2))
+    odd = np.zeros(2000, bool)
+    for one in rings:
+        odd ^= _times_around(np.array(one, float), places) % 2 == 1
+    assert shapely.contains_xy(shape, *places[odd].T).all()
+
+
+def _times_around(ring, places):
+    """Winding number of a closed ring about each of some places."""
+    angles = np.unwrap(np.arctan2(*(ring[:, None] - places).transpose(2, 1, 0)[::-1]), axis=1)
+    return np.rint(np.abs(angles[:, -1] - angles[:, 0]) / (2.0 * np.pi)).astype(int)
 
 
 def test_land_of_the_whole_world_with_a_faulty_ring_far_away(shared):
