@@ -16,6 +16,10 @@ from auvplan.errors import ScenarioWarning
 from auvplan.io.geo.error import GeoError, PlaceError, read_text
 from auvplan.io.geo.vector import is_vector_file, read_vector_polygons
 
+#: A shape whose edges cross more often, or with more rings or corners, is refused if it is not valid.
+_CROSSINGS, _RINGS, _CORNERS = 20, 100, 100_000
+# Edges that are looked up at a time, at most.
+_TOGETHER = 256
 #: Larger files are no charts of a mission's area.
 MAX_BYTES = 200_000_000
 # CRS 84 and WGS 84 by their names in the old member "crs"; RFC 7946 knows no other.
@@ -160,7 +164,8 @@ def is_place(longitude: float, latitude: float) -> bool:
 def read_polygons(path: str | Path, area: Any = None) -> list[tuple[Feature, Polygon | MultiPolygon]]:
     """The polygons of a GeoJSON, GeoPackage or Shapefile, in degrees, with the features that they are of.
 
-    Empty ones, which clipping leaves behind, are passed over. A ring that touches itself is parted there.
+    Empty ones, which clipping leaves behind, are passed over. A ring that touches itself is parted there, and
+    one that crosses itself a few times is repaired.
 
     Args:
         path: of the file.
@@ -168,17 +173,17 @@ def read_polygons(path: str | Path, area: Any = None) -> list[tuple[Feature, Pol
             left out. None for everywhere.
 
     Raises:
-        GeoError: see `read_features` and `read_vector_polygons`; rings that are not closed or cross, no area,
-            or every one is empty.
+        GeoError: see `read_features` and `read_vector_polygons`; rings that are not closed or cross often, no
+            area, or every one is empty.
 
     Warns:
-        ScenarioWarning: a ring that was parted.
+        ScenarioWarning: a ring that was parted or repaired.
     """
     found = []
     for feature, shape in _vector_shapes(path) if is_vector_file(path) else _shapes(path):
         if not shapely.is_valid(shape):
             near = area is None or shapely.intersects(shapely.box(*shape.bounds), area)
-            shape = _parted(feature, shape) if near else None
+            shape = _repaired(feature, shape) if near else None
         if shape is not None:
             found.append((feature, shape))
     return found
@@ -222,23 +227,56 @@ def _shape(feature: Feature) -> Polygon | MultiPolygon:
     return polygons[0] if feature.kind == "Polygon" else MultiPolygon(polygons)
 
 
-def _parted(feature: Feature, shape: Polygon | MultiPolygon) -> Polygon | MultiPolygon:
-    """Part a ring where it touches itself, which adds no land and takes none.
+def _repaired(feature: Feature, shape: Polygon | MultiPolygon) -> Polygon | MultiPolygon:
+    """Part a ring where it touches itself, and fill what one that crosses itself may stand for.
+
+    Parting adds no land and takes none. Of a ring that crosses, all that lies inside by either reading is
+    kept: by the number of times that it goes around a place, and by whether that number is odd.
 
     Raises:
-        GeoError: it crosses itself, or has no area.
+        GeoError: it crosses too often, is faulty otherwise, or has no area.
 
     Warns:
-        ScenarioWarning: a ring was parted.
+        ScenarioWarning: a ring was repaired.
     """
     reason = shapely.is_valid_reason(shape)
     line = f"{feature.where}: {_fault(reason)}"
-    # Only these are made valid: of many rings that cross that takes very long, and gigabytes.
-    parted = shapely.make_valid(shape) if reason.startswith("Ring Self-intersection") else None
-    if not isinstance(parted, Polygon | MultiPolygon):
+    done, repaired = "parted there", None
+    if reason.startswith("Ring Self-intersection"):
+        repaired = shapely.make_valid(shape)
+    elif reason.startswith(("Self-intersection", "Nested shells")) and _crosses_seldom(shape):
+        readings = (
+            shapely.make_valid(shape),
+            shapely.make_valid(shape, method="structure", keep_collapsed=False),
+        )
+        parts = [part for reading in readings for part in shapely.get_parts(reading)]
+        repaired = shapely.union_all([part for part in parts if isinstance(part, Polygon)])
+        done = "repaired, with all inside that may be meant"
+    if not isinstance(repaired, Polygon | MultiPolygon) or repaired.is_empty:
         raise GeoError(line)
-    warnings.warn(f"{line}: it is parted there", ScenarioWarning, stacklevel=3)
-    return parted
+    warnings.warn(f"{line}: it is {done}", ScenarioWarning, stacklevel=3)
+    return repaired
+
+
+def _crosses_seldom(shape: Polygon | MultiPolygon) -> bool:
+    """Return whether the edges of a shape cross or cover each other so seldom that it can be made valid.
+
+    Of many crossings that takes hours, and gigabytes.
+    """
+    rings = shapely.get_rings(shapely.get_parts(shape))
+    if len(rings) > _RINGS or shapely.get_num_coordinates(shape) > _CORNERS:
+        return False
+    ends = [shapely.get_coordinates(ring) for ring in rings]
+    pairs = np.concatenate([np.stack([at[:-1], at[1:]], axis=1) for at in ends])
+    edges = np.asarray(shapely.linestrings(pairs), object)
+    tree, met, start, count = shapely.STRtree(edges), 0, 0, 2
+    while start < len(edges):
+        some = edges[start : start + count]
+        start, count = start + count, min(2 * count, _TOGETHER)
+        met += len(tree.query(some, "crosses")[0]) + len(tree.query(some, "overlaps")[0])
+        if met > 2 * _CROSSINGS:  # each is found from both sides
+            return False
+    return True
 
 
 def _simple(where: str, geometry: Any, kinds: tuple[str, ...]) -> Iterator[dict]:
