@@ -17,12 +17,17 @@ import scipy
 import shapely
 import shapely.geometry
 import xarray as xr
+from pyproj import Transformer
 
 from auvplan.io.enc import bed_of_cells, blocked_by_cells
 from auvplan.io.hours import closed_at
 from auvplan.io.originals import matching, opened, path_of
 from auvplan.io.walk import Array, Mask
 
+#: What files of polygons begin with that are no GeoJSON: GeoPackage, FlatGeobuf, Shapefile.
+_VECTORS = b"SQLite format 3", b"fgb", b"\0\0\x27\x0a"
+# An edge of a projection of so many metres is straight in degrees too.
+_STRAIGHT = 500.0
 #: Metres below a sea bed that is interpolated otherwise than the planner's that are no fault.
 _TOLERANCE = 0.5
 _CELLS = ("nv", "SCHISM_hgrid_face_nodes", "ele", "elem", "element", "tri")
@@ -101,8 +106,7 @@ def _closed_areas(settings: dict[str, Any], dataset: xr.Dataset) -> Iterator[Sou
 
 def _zones(path: str, chart: dict[str, Any]) -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:
     """Yield the features of a file of closed areas, and when they are closed; nothing for always."""
-    with open(path, encoding="utf-8-sig") as file:
-        root = json.load(file)
+    root = _root(path)
     common = {"windows": chart["no_go_windows"]} if chart.get("no_go_windows") else {}
     for feature in root.get("features", [root]):
         stated = {str(key).strip().lower(): value for key, value in (feature.get("properties") or {}).items()}
@@ -131,29 +135,46 @@ def _files(settings: dict[str, Any]) -> Iterator[tuple[list[str], str, Callable[
 
 
 def _polygons(paths: list[str]) -> Callable[[Array, Array, Array], Mask]:
-    """Inside the polygons of a GeoJSON file.
+    """Inside the polygons of a GeoJSON, GeoPackage, Shapefile or FlatGeobuf."""
+    return _inside(_root(paths[0]))
+
+
+def _root(path: str) -> dict[str, Any]:
+    """Return GeoJSON; what is of another format as GeoJSON of its first layer of polygons.
 
     Raises:
-        _UnknownFileError: it is of another format.
+        _UnknownFileError: it is of none of these formats.
     """
-    _require_geojson(paths[0])
-    with open(paths[0], encoding="utf-8-sig") as file:
-        return _inside(json.load(file))
+    with open(path, "rb") as binary:
+        start = binary.read(64)
+    if start.lstrip(b"\xef\xbb\xbf \r\n\t").startswith(b"{"):
+        with open(path, encoding="utf-8-sig") as file:
+            return json.load(file)
+    if not start.startswith(_VECTORS):
+        raise _UnknownFileError("it is neither a GeoJSON, a GeoPackage, a Shapefile nor a FlatGeobuf")
+    from pyogrio import list_layers, raw
 
-
-def _require_geojson(path: str) -> None:
-    with open(path, "rb") as raw:
-        if not raw.read(64).lstrip(b"\xef\xbb\xbf \r\n\t").startswith(b"{"):
-            raise _UnknownFileError("it is no GeoJSON")
+    layer = next(str(name) for name, kind in list_layers(path) if "Polygon" in str(kind))
+    meta, _, geometries, columns = raw.read(path, layer=layer, force_2d=True)
+    turn = Transformer.from_crs(meta["crs"], "EPSG:4326", always_xy=True)
+    features = []
+    for row, shape in enumerate(shapely.from_wkb(geometries)):
+        if shape is None:
+            continue
+        west, south, east, north = shape.bounds
+        if max(abs(west), abs(south), abs(east), abs(north)) > 360.0:  # metres, in which edges are straight
+            shape = shapely.segmentize(shape, _STRAIGHT)
+        placed = shapely.transform(shape, lambda at: np.column_stack(turn.transform(at[:, 0], at[:, 1])))
+        stated = {str(name): column[row] for name, column in zip(meta["fields"], columns, strict=True)}
+        known = {name: value for name, value in stated.items() if value is not None and value == value}
+        features.append(
+            {"type": "Feature", "geometry": shapely.geometry.mapping(placed), "properties": known}
+        )
+    return {"type": "FeatureCollection", "features": features}
 
 
 def _always_closed(paths: list[str], chart: dict[str, Any]) -> Callable[[Array, Array, Array], Mask]:
-    """Inside the closed areas of a GeoJSON file that tell no hours.
-
-    Raises:
-        _UnknownFileError: it is of another format.
-    """
-    _require_geojson(paths[0])
+    """Inside the closed areas of a file that tell no hours."""
     features = [feature for feature, hours in _zones(paths[0], chart) if not hours]
     return _inside({"type": "FeatureCollection", "features": features})
 

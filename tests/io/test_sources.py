@@ -4,7 +4,9 @@ import json
 
 import numpy as np
 import pytest
+import shapely
 import xarray as xr
+from pyproj import Transformer
 
 from auvplan.io import save_run
 from auvplan.io.check import check_run
@@ -57,6 +59,35 @@ def test_polygons_with_holes(tmp_path, settings):
     places = geographic(north, east).T
     assert source.blocked(*places, np.zeros(4)).tolist() == [False, True, False, True]
     assert source.blocked(places[0] + 360.0, places[1], np.zeros(4)).tolist() == [False, True, False, True]
+
+
+@pytest.mark.parametrize("name", ["l.gpkg", "l.shp", "l.fgb"])
+@pytest.mark.parametrize("crs", [4326, 32755])
+def test_polygons_of_other_formats(tmp_path, name, crs):
+    raw = pytest.importorskip("pyogrio.raw")
+    outer, hole = ring((0, 0), (0, 1000), (1000, 1000), (1000, 0)), ring((400, 400), (400, 600), (600, 500))
+    turn = Transformer.from_crs("EPSG:4326", crs, always_xy=True)
+    shapes = [shapely.Polygon(outer, [hole]), shapely.Polygon(ring((2000, 0), (2000, 500), (2500, 0)))]
+    placed = [shapely.transform(one, lambda at: np.column_stack(turn.transform(*at.T))) for one in shapes]
+    kept = {"fields": ["windows"], "crs": f"EPSG:{crs}", "geometry_type": "Polygon"}
+    windows = [np.array(["", "06:00/09:00"], object)]
+    raw.write(tmp_path / name, np.array([one.wkb for one in placed], object), windows, **kept)
+    north, east = np.array([500.0, 450.0, -1.0, 999.0, 2100.0]), np.array([500.0, 50.0, 500.0, 999.0, 100.0])
+    places = geographic(north, east).T
+    source = only(saved(tmp_path, chart={"source": "polygons", "file": name}))
+    assert source.blocked(*places, np.zeros(5)).tolist() == [False, True, False, True, True]
+    (always, some_hours) = read_sources(saved(tmp_path, chart={"no_go": name}), [])
+    assert always.blocked(*places, np.zeros(5)).tolist() == [False, True, False, True, False]
+    assert (some_hours.kind, some_hours.closed is None) == ("closed area", False)
+    assert some_hours.blocked(*places, np.zeros(5)).tolist() == [False, False, False, False, True]
+
+
+def test_archives_are_not_looked_at_again(tmp_path):
+    (tmp_path / "l.zip").write_bytes(b"PK\x03\x04" + bytes(100))
+    notes = []
+    assert read_sources(saved(tmp_path, chart={"source": "polygons", "file": "l.zip"}), notes) == ()
+    (note,) = notes
+    assert note.startswith("land of l.zip was not looked at again: it is neither a GeoJSON, a GeoPackage,")
 
 
 def test_a_mesh_ends_at_its_cells(tmp_path):
