@@ -138,6 +138,23 @@ class LegRecord(Brief):
         return float(times[-1] - times[0])
 
     @property
+    def followed_numbers(self) -> list[int]:
+        """Numbers in `plans` of those that were followed: the first, and the last one of each re-plan."""
+        if not self.plans:
+            return []
+        later = {
+            plan.made_at: number
+            for number, plan in enumerate(self.plans)
+            if number > self.followed and plan.cause != "leg"
+        }
+        return [self.followed, *later.values()]
+
+    @property
+    def followed_plans(self) -> list[PlanRecord]:
+        """Plans that were followed, in order."""
+        return [self.plans[number] for number in self.followed_numbers]
+
+    @property
     def path_replans(self) -> int:
         """Re-plans on the way; a second try before the start is none."""
         return sum(plan.cause != "leg" for plan in self.plans)

@@ -12,7 +12,6 @@ from auvplan.executive import run_missions, seed_keys
 from auvplan.io.check import check_dataset
 from auvplan.io.results import to_dataset
 from auvplan.ocean.currents import Current
-from auvplan.plot.legs import followed_plans
 from auvplan.records import LegRecord, MissionRun, PlanRecord
 from auvplan.scenario import Scenario
 from auvplan.scenario.file import load_scenario, validate_scenario
@@ -207,7 +206,7 @@ def replan_gain(run: MissionRun) -> float:
 
     Both paths are timed in the current that the re-plan was made in. NaN without re-plans.
     """
-    plans, speed, gains = followed_plans(leg_of(run)), speed_of(run), []
+    plans, speed, gains = leg_of(run).followed_plans, speed_of(run), []
     for old, new in pairwise(plans):
         before = time_along(rest_of(old, new.positions[0]), new.current, speed)
         gains.append(1.0 - time_along(new.positions, new.current, speed) / before)
@@ -216,7 +215,7 @@ def replan_gain(run: MissionRun) -> float:
 
 def displacement(leg: LegRecord) -> float:
     """Return how far the re-plans lead the path aside from what was planned before, m; the largest one."""
-    plans, found = followed_plans(leg), [0.0]
+    plans, found = leg.followed_plans, [0.0]
     for old, new in pairwise(plans):
         found.append(float(_away(new.positions, old.positions).max()))
     return max(found)
@@ -233,7 +232,7 @@ def _away(places: Array, line: Array) -> Array:
 
 def fitness(leg: LegRecord) -> float:
     """Cost of the path as produced: time to the last re-plan and the cost (Eq. 12) of what it planned, s."""
-    last = followed_plans(leg)[-1]
+    last = leg.followed_plans[-1]
     return last.made_at - leg.plans[0].made_at + last.cost
 
 
@@ -263,11 +262,11 @@ def shown_leg(runs: Sequence[MissionRun], largest: bool = False) -> MissionRun:
     Runs with a plan that broke a limit are left out where there are others.
     """
     arrived = [run for run in runs if run.success] or list(runs)
-    sound = [run for run in arrived if all(plan.feasible for plan in followed_plans(leg_of(run)))] or arrived
+    sound = [run for run in arrived if all(plan.feasible for plan in leg_of(run).followed_plans)] or arrived
     ranked = sorted(sound, key=lambda run: displacement(leg_of(run)))
     return ranked[-1] if largest else ranked[len(ranked) // 2]
 
 
 def followed(leg: LegRecord) -> LegRecord:
     """Copy a leg without the plans that were made and not followed."""
-    return replace(leg, plans=followed_plans(leg), followed=0)
+    return replace(leg, plans=leg.followed_plans, followed=0)

@@ -23,7 +23,6 @@ from auvplan.errors import AuvplanError
 from auvplan.files import OutputError, output_folder, write_atomically
 from auvplan.plot import style
 from auvplan.plot.depths import draw_depths
-from auvplan.plot.legs import followed_plans
 from auvplan.records import LegRecord, MissionRun
 from auvplan.site import at_time
 from auvplan.words import counted, hours
@@ -331,7 +330,7 @@ class _Film:
             return "at the destination" if self._run.arrived else "ended on the way"
         if time < leg.times[-1]:
             way = f"{self._run.called(leg.start)} → {self._run.called(leg.goal)}"
-            replans = sum(plan.made_at <= time for plan in followed_plans(leg)[1:])
+            replans = sum(plan.made_at <= time for plan in leg.followed_plans[1:])
             return f"on the way {way}" + (f", {counted(replans, 're-plan')}" if replans else "")
         return f"task at {self._run.called(leg.goal)}" if time < _done_at(leg) else "waiting"
 
@@ -370,7 +369,7 @@ def _plans(run: MissionRun, executed: list[LegRecord], unit: style.Unit) -> list
             plan = leg.plans[-1]
             found.append(_Shown(style.flat(plan.positions, unit), plan.made_at, plan.made_at, False))
             continue
-        plans = followed_plans(leg)
+        plans = leg.followed_plans
         for plan, later in pairwise(plans):
             found.append(_Shown(style.flat(plan.positions, unit), plan.made_at, later.made_at, False))
         last, ends = plans[-1], float(leg.times[-1])

@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from auvplan.plot import style
-from auvplan.plot.legs import busiest_leg, current_at, extent_points, followed_plans, until_next
+from auvplan.plot.legs import busiest_leg, current_at, extent_points, until_next
 from auvplan.plot.windows import boundaries
 from auvplan.records import LegRecord, MissionRun, PlanRecord
 
@@ -33,7 +33,7 @@ def plot_layers(run: MissionRun, leg: LegRecord | None = None) -> Figure:
     leg = leg or busiest_leg(run)
     if leg is None:
         return style.empty_figure("no path was planned")
-    plans = followed_plans(leg)
+    plans = leg.followed_plans
     figure = style.new_figure(9.6, 7.4)
     axes: Any = figure.add_subplot(projection="3d", computed_zorder=False)
     low, high = style.frame_of(extent_points(leg), margin=0.04)

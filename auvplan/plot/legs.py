@@ -111,14 +111,6 @@ def refused_legs(run: MissionRun) -> list[LegRecord]:
     return [leg for leg in run.legs if leg.plans and not len(leg.times)]
 
 
-def followed_plans(leg: LegRecord) -> list[PlanRecord]:
-    """Plans that were followed: the one that the leg was begun with, and the last one of each re-plan."""
-    if not leg.plans:
-        return []
-    later = {plan.made_at: plan for plan in leg.plans[leg.followed + 1 :] if plan.cause != "leg"}
-    return [leg.plans[leg.followed], *later.values()]
-
-
 def until_next(plans: Sequence[PlanRecord], index: int) -> tuple[Array, Array]:
     """Split a followed plan at the next re-plan: the part executed and the part given up, [n, 3] m each."""
     positions = plans[index].positions

@@ -9,7 +9,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
 
 from auvplan.plot import style
-from auvplan.plot.legs import busiest_leg, extent_points, followed_plans, until_next
+from auvplan.plot.legs import busiest_leg, extent_points, until_next
 from auvplan.records import LegRecord, MissionRun
 
 
@@ -26,7 +26,7 @@ def plot_windows(run: MissionRun, leg: LegRecord | None = None) -> Figure:
     leg = leg or busiest_leg(run)
     if leg is None:
         return style.empty_figure("no path was planned")
-    plans = followed_plans(leg)
+    plans = leg.followed_plans
     low, high = style.frame_on_chart(extent_points(leg), run.chart, margin=0.06)
     unit = style.Unit.for_extent(float((high - low).max()))
     tall, wide = high - low

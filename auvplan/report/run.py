@@ -195,21 +195,9 @@ def _leg(run: MissionRun, leg: LegRecord, way: _Way, part: slice) -> dict[str, A
         "replans": {cause: causes.count(cause) for cause in dict.fromkeys(causes)},
         "length": float(np.linalg.norm(np.diff(way.places[part], axis=0), axis=1).sum()),
         **{name: way.least(name, part) for name in ("coast", "obstacle", "bed")},
-        "followed": _followed(leg),
+        "followed": leg.followed_numbers,
         "obstacles": obstacle_data(run, leg, _kept(len(leg.times), _EVERY * way.stride)),
     }
-
-
-def _followed(leg: LegRecord) -> list[int]:
-    """Numbers of the plans that were followed: that of the beginning, and the last of each re-plan."""
-    if not leg.plans:
-        return []
-    later = {
-        plan.made_at: number
-        for number, plan in enumerate(leg.plans)
-        if number > leg.followed and plan.cause != "leg"
-    }
-    return [leg.followed, *later.values()]
 
 
 def _plans(run: MissionRun) -> list[dict[str, Any]]:

@@ -7,7 +7,7 @@ import pytest
 
 from auvplan.ocean.vortices import LambVortices
 from auvplan.paper import legs
-from auvplan.plot.legs import followed_plans, until_next
+from auvplan.plot.legs import until_next
 from auvplan.plot.windows import boundaries
 from auvplan.records import LegRecord
 from tests.io.sample_run import SPEED, make_plan, make_run
@@ -49,9 +49,9 @@ def test_followed_plans_leave_out_retries_and_what_was_planned_over():
     hoped, warm = replace(first), replace(window, cause="hazard")
     # A second try was followed, the hope after it was not; the first plan for a hazard was planned over.
     leg.plans, leg.followed = [replace(first), first, hoped, warm, window], 1
-    assert followed_plans(leg) == [first, window]
+    assert leg.followed_plans == [first, window]
     assert legs.followed(leg).plans == [first, window]
-    assert followed_plans(LegRecord(0, 1, 1.0, 0.0, 0.0)) == []
+    assert LegRecord(0, 1, 1.0, 0.0, 0.0).followed_plans == []
 
 
 def test_a_plan_ends_where_the_next_one_replaces_it():
