@@ -66,6 +66,7 @@ _SHOWN = (
 )  # values of WATLEV of what reaches the surface at some time; 3 is always under water
 _STANDING = (4, 5)  # values of CATWRK of wrecks that show mast or hull
 _WGS84, _METRES = 2, 1
+_HARMLESS = "Illegal feature attribute id", "not in expected schema"
 #: What lies deeper than this below a vehicle's greatest depth concerns it no more, m.
 _UNDER = 5.0
 # Narrower gaps between areas are of rounding, m.
@@ -347,7 +348,10 @@ def _read(path: Path, layer: str) -> Iterator[_Object]:
 
 @contextmanager
 def _unharmed(what: str) -> Iterator[None]:
-    """Whatever GDAL raises or warns of within becomes a `GeoError`: what it warns of, it has left out."""
+    """Whatever GDAL raises or warns of within becomes a `GeoError`: what it warns of, it has left out.
+
+    Attributes that a class does not have or S-57 does not know are no loss.
+    """
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
@@ -355,7 +359,9 @@ def _unharmed(what: str) -> Iterator[None]:
         except Exception as error:
             raise GeoError(f"{what} cannot be read ({reason(error)})") from None
     for one in caught:
-        raise GeoError(f"{what} is damaged ({' '.join(str(one.message).split())[:200]})")
+        said = " ".join(str(one.message).split())
+        if not any(words in said for words in _HARMLESS):
+            raise GeoError(f"{what} is damaged ({said[:200]})")
 
 
 def _absent(value: Any) -> bool:

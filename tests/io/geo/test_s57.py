@@ -15,6 +15,7 @@ from auvplan.io.geo.s57 import Cells, read_cells
 from auvplan.ocean.chart import ChartError
 from auvplan.ocean.seabed import Seabed
 from auvplan.site import Site
+from tests.io.geo import enc_cells
 from tests.io.geo.enc_cells import Object, write_cell
 
 pytest.importorskip("pyogrio")
@@ -221,6 +222,30 @@ def test_updates_are_applied_and_missing_ones_told(tmp_path):
         ScenarioWarning, match=r"A\.000: its update \.003 is not applied, for \.002 is not beside it"
     ):
         read(path)
+
+
+def test_attributes_that_a_class_does_not_have_are_no_fault(tmp_path, monkeypatch):
+    monkeypatch.setitem(enc_cells._ATTRIBUTES, "UNKNOWN", 40_000)
+    rock = Object("UWTROC", shapely.Point(10.06, 50.06), {"UNKNOWN": 3, "CATCOV": 1, "VALSOU": 4})
+    (one,) = read(write_cell(tmp_path / "A.000", bay(rock))).hazards
+    assert one.depth_min == 4.0
+
+
+def test_damaged_copies_are_refused_or_read(tmp_path):
+    whole = write_cell(tmp_path / "A.000", bay()).read_bytes()
+    rng = np.random.default_rng(4)
+    said = []
+    for _ in range(150):
+        data = bytearray(whole)
+        for place in rng.integers(0, len(data), rng.integers(1, 4)):
+            data[place] = rng.integers(0, 256)
+        (tmp_path / "A.000").write_bytes(data)
+        try:
+            read(tmp_path / "A.000", pixel_size=100.0)
+        except ChartError as error:
+            said.append(str(error))
+    assert len(said) > 100
+    assert all("A.000" in line and "\n" not in line for line in said)
 
 
 def _unlike(path: Path) -> None:
