@@ -26,6 +26,14 @@ def test_files_by_name_size_and_hash(tmp_path):
     assert found[2].sha256 == hashlib.sha256(b"a.nc").hexdigest()
 
 
+def test_updates_of_a_cell_are_listed_with_it(tmp_path):
+    for name in ("XX5BAY01.000", "XX5BAY01.001", "XX5BAY01.002", "XX5BAY02.001", "XX5BAY01.txt"):
+        (tmp_path / name).write_bytes(name.encode())
+    found = source_files({"chart": {"source": "enc", "file": "XX5BAY01.000"}}, tmp_path)
+    assert [file.name for file in found] == ["XX5BAY01.000", "XX5BAY01.001", "XX5BAY01.002"]
+    assert len({file.sha256 for file in found}) == 3
+
+
 def test_a_folder_has_a_size_and_no_hash(tmp_path):
     (tmp_path / "z.zarr").mkdir()
     (tmp_path / "z.zarr" / "chunk").write_bytes(bytes(10))

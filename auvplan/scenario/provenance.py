@@ -4,6 +4,7 @@ import dataclasses
 import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
+from glob import escape as glob_escape
 from glob import glob
 from pathlib import Path
 from typing import Any
@@ -81,7 +82,15 @@ def _named(settings: dict[str, Any], folder: Path) -> Iterator[tuple[str, Path]]
     for field, pattern in file_names(settings):
         path = folder / Path(pattern).expanduser()
         found = [path] if path.exists() else [Path(name) for name in sorted(glob(str(path)))]
-        yield from ((field, one) for one in found)
+        yield from ((field, part) for one in found for part in _with_updates(one))
+
+
+def _with_updates(path: Path) -> list[Path]:
+    """Return a file; after an S-57 cell the updates beside it, which are applied to it."""
+    if path.suffix != ".000":
+        return [path]
+    beside = sorted(path.parent.glob(f"{glob_escape(path.stem)}.[0-9][0-9][0-9]"))
+    return [path, *(update for update in beside if update != path)]
 
 
 def _size(path: Path) -> int:

@@ -9,6 +9,7 @@ import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from glob import escape
 from itertools import takewhile
 from pathlib import Path
 from typing import Any
@@ -286,7 +287,7 @@ def _updates(path: Path) -> list[Path]:
     """
     numbers = sorted(
         int(entry.suffix[1:])
-        for entry in path.parent.glob(f"{path.stem}.[0-9][0-9][0-9]")
+        for entry in path.parent.glob(f"{escape(path.stem)}.[0-9][0-9][0-9]")
         if entry.suffix != ".000"
     )
     pairs = takewhile(lambda pair: pair[0] == pair[1], enumerate(numbers, 1))
