@@ -77,6 +77,7 @@ CAPABILITIES: dict[str, dict[str, tuple[str, ...]]] = {
             "tests/mission/test_mission_planner.py",
             "tests/mission/test_graph.py",
             "tests/mission/test_feasibility.py",
+            "tests/mission/test_travel_times.py",
         ),
         "independent": ("tests/mission/test_exact.py", "tests/mission/test_bound.py"),
         "peer": ("benchmarks.missions",),
@@ -84,10 +85,12 @@ CAPABILITIES: dict[str, dict[str, tuple[str, ...]]] = {
     "Routes by the clock": {
         "tests": ("tests/mission/test_timetable.py", "tests/executive/test_clock.py"),
         "independent": ("benchmarks.clock", "benchmarks.windows", "tests/io/test_hours.py"),
+        "peer": ("benchmarks.clock_peers", "benchmarks.solomon"),
     },
     "The executive": {
         "tests": (
             "tests/executive/test_executive.py",
+            "tests/executive/test_loop.py",
             "tests/executive/test_route_calls.py",
             "tests/executive/test_visits.py",
             "tests/executive/test_whole_lines.py",
@@ -95,6 +98,16 @@ CAPABILITIES: dict[str, dict[str, tuple[str, ...]]] = {
         ),
         "independent": ("tests/executive/test_coasts.py",),
         "fault": ("tests/faults/test_machine.py", "tests/faults/test_faults.py", "benchmarks.faults"),
+    },
+    "Vehicles over a link": {
+        "tests": ("tests/link/test_execution.py", "tests/link/test_upload.py", "tests/link/test_notices.py"),
+        "peer": (
+            "tests/link/test_mavlink.py",
+            "tests/link/test_ardusub.py",
+            "tests/link/test_imc.py",
+            "benchmarks.links",
+        ),
+        "fault": ("tests/link/test_execution.py", "benchmarks.links"),
     },
     "Simulation": {
         "tests": ("tests/executive/test_truth_and_belief.py", "tests/simulation/test_model_sea.py"),

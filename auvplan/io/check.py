@@ -48,6 +48,9 @@ ALTITUDE_TOLERANCE = 0.1
 #: s between the moments of a stay at which it is asked whether an area is closed.
 _STAY = 10.0
 
+#: s by which the last of them comes before the end.
+_MOMENT = 1e-3
+
 _BED = {"seabed_depth": ("seabed_x", "seabed_y"), "seabed_origin": ("horizontal",), "seabed_pixel_size": ()}
 
 
@@ -314,8 +317,8 @@ def _look_at_hours(leg: Leg, walk: Walk, inside: Mask, source: Source, report: C
     stays = [(bool(inside[0]), walk.times[0] - leg.t_hold, walk.times[0])]
     stays += [(bool(inside[-1]), walk.times[-1], walk.times[-1] + leg.t_wait + leg.t_task)]
     for within, begins, ends in stays:
-        moments = np.arange(begins, ends, _STAY)
-        if within and len(moments) and source.closed(moments).any():
+        moments = np.append(np.arange(begins, ends, _STAY), ends - _MOMENT)
+        if within and ends > begins and source.closed(moments).any():
             report.faults.append(
                 f"{leg}: stays in the closed area {source.name!r} between {begins:.0f} and {ends:.0f} s"
             )
