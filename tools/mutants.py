@@ -25,7 +25,7 @@ ROOT = Path(__file__).resolve().parent.parent
 TARGETS = {
     "auvplan/io/check.py": ("tests/io/test_check.py", "tests/io/test_check_seabed.py"),
     "auvplan/path/clearance.py": ("tests/path/test_clearance.py", "tests/path/test_seabed.py"),
-    "auvplan/mission/decoder.py": ("tests/mission/test_decoder.py",),
+    "auvplan/mission/decoder.py": ("tests/mission/test_decoder.py", "tests/mission/test_timetable.py"),
     "auvplan/path/replanner.py": ("tests/path/test_reuse.py", "tests/faults/test_rules.py"),
     "auvplan/executive/loop.py": (
         "tests/executive/test_loop.py",

@@ -121,6 +121,26 @@ def test_a_route_survives_encoding(decoder: str, seed: int, density: float, dire
     np.testing.assert_array_equal(again.nodes[routes.reached], routes.nodes[routes.reached])
 
 
+@pytest.mark.parametrize("decoder", DECODERS)
+def test_encoding_against_a_naive_twin(decoder: str) -> None:
+    """Waypoints of a route fall from 100 in its order; the others keep theirs, below all of these."""
+    rng = np.random.default_rng(5)
+    population = rng.integers(-200, 101, (6, siv_count(N, decoder)))
+    nodes = np.full((6, N), -1)
+    for row, length in enumerate((2, 3, 5, N - 1, N, 4)):
+        nodes[row, :length] = rng.permutation(N)[:length]
+    found = np.asarray(encode(jnp.asarray(nodes), jnp.asarray(population), decoder))
+    assert (found[:, N:] == -200).all()
+    for genes, route, before in zip(found[:, :N], nodes, population[:, :N], strict=True):
+        route = route[route >= 0].tolist()
+        for node in range(N):
+            if node in route:
+                assert genes[node] == 100 - route.index(node)
+            else:
+                assert genes[node] == -200 + (before[node] + 200) * (300 - len(route)) // 301
+                assert genes[node] < 100 - len(route) + 1
+
+
 def test_the_greedy_habitat_follows_the_rate() -> None:
     graph = grid_graph(1, N, 1.0, untasked=0.0)
     given_ = problem(graph, 0, N - 1, 1e5)

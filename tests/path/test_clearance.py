@@ -10,7 +10,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import auvplan as ap
+from auvplan.ocean.closures import Closure
 from auvplan.path import clearance
+from tests.path.worlds import CONFIG, chart_with_island
 
 metres = st.floats(0.0, 200.0)
 
@@ -60,6 +62,50 @@ def test_spheres_are_passed_at_their_nearest(seed):
     assert float(found[0, 0]) >= true - 0.2 * lasts - 0.5  # growth within the segment, and the grid of times
 
 
+def lines(seed, count=7, samples=12):
+    """Random lines over the chart with the island: samples [S, P] m, their gaps and durations."""
+    rng = np.random.default_rng(seed)
+    ends = rng.uniform(300.0, 1700.0, (2, 2, count))
+    x, y = (np.linspace(*ends[:, axis], samples) for axis in range(2))
+    gap = np.hypot(np.diff(x, axis=0), np.diff(y, axis=0))
+    return x, y, gap, rng.uniform(5.0, 60.0, gap.shape)
+
+
+@pytest.mark.usefixtures("x64")
+def test_uncertain_areas_cost_what_they_lack_of_passability_by_the_time_spent_there():
+    chart, config = chart_with_island(), CONFIG.replace(uncertain_price=3.0)
+    x, y, gap, duration = map(jnp.asarray, lines(0))
+    env = SimpleNamespace(chart=chart)
+    clear, price = clearance.coast_clearance(x, y, gap, duration, env, config)
+    lacks = 1.0 - np.asarray(chart.passability_at(x, y))
+    by_hand = [
+        sum(3.0 * 0.5 * (lacks[k, p] + lacks[k + 1, p]) * float(duration[k, p]) for k in range(len(gap)))
+        for p in range(gap.shape[1])
+    ]
+    assert min(by_hand) < 0.5 * max(by_hand)
+    np.testing.assert_allclose(price, by_hand, rtol=1e-6)
+    away = np.hypot(np.asarray(x) - 900.0, np.asarray(y) - 1050.0) - 200.0
+    assert (np.asarray(clear) <= np.minimum(away[:-1], away[1:]) + 10.0).all()
+    far, nothing = clearance.coast_clearance(x, y, gap, duration, SimpleNamespace(chart=None), config)
+    assert (far >= 1e6).all()
+    np.testing.assert_array_equal(nothing, np.zeros(gap.shape[1]))
+
+
+@pytest.mark.usefixtures("x64")
+def test_closed_areas_are_kept_clear_of_while_they_are_closed_alone():
+    chart = chart_with_island()
+    x, y, gap, duration = map(jnp.asarray, lines(1))
+    times = jnp.concatenate([jnp.zeros((1, gap.shape[1])), jnp.cumsum(duration, axis=0)])
+    closure = Closure(chart, np.array([100.0]), np.array([200.0]))
+    env = SimpleNamespace(chart=chart, closures=(closure,))
+    found = clearance.closed_clearance(x, y, gap, times, env)
+    coast, _ = clearance.coast_clearance(x, y, gap, duration, env, CONFIG)
+    meets = (np.asarray(times)[1:] > 100.0) & (np.asarray(times)[:-1] < 200.0)
+    assert meets.any()
+    assert not meets.all()
+    np.testing.assert_allclose(found, np.where(meets, coast, 1e6))
+
+
 class Bed:
     """A sea bed that covers nothing but its samples, and keeps what it was asked."""
 
@@ -77,8 +123,10 @@ class Bed:
 def test_altitude_of_a_segment_is_that_of_its_halves_over_their_ends():
     """A naive twin: a half is no deeper than its deeper end, over the bed at the segment's end."""
     rng = np.random.default_rng(0)
-    for span in (20.0, 4000.0):  # longest look-ups by the bed's reach, or by the straight line
-        x, y, z, depth = (rng.uniform(0.0, most, (9, 5)) for most in (span, span, 50.0, 80.0))
+    for span in (20.0, 200.0, 4000.0):  # the longest look-ups are those of the straight line, or the bed's
+        z, depth = (rng.uniform(0.0, most, (9, 5)) for most in (50.0, 80.0))
+        even = np.linspace(0.0, span, 9)[:, None]
+        x, y = (even * rng.uniform(0.5, 1.5, (1, 5)) + rng.uniform(0.0, 0.03 * span, (9, 5)) for _ in "xy")
         gap = np.hypot(np.diff(x, axis=0), np.diff(y, axis=0))
         bed = Bed(depth)
         env = SimpleNamespace(seabed=bed)
