@@ -106,6 +106,7 @@ def seas(folder: Path) -> dict[str, dict[str, Any]]:
                 "speed": 0.8, "surge_max": 2.0, "sway_max": 0.75, "depth_min": 0, "depth_max": 5,
             },
             "mission": {"waypoints": 20, "time_available": 432_000},
+            "sensors": {"interval": 300},
         }  # fmt: skip
     return found
 

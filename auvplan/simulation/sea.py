@@ -10,7 +10,7 @@ import numpy as np
 
 from auvplan import prng
 from auvplan.compiled import compiled
-from auvplan.ocean.currents import Current, SumCurrent, combine, partition
+from auvplan.ocean.currents import Current, SumCurrent, combine, evaluated, partition
 from auvplan.ocean.vortices import CurrentUpdate, LambVortices, evolve, padded
 
 
@@ -118,7 +118,8 @@ class ModelSea:
     def difference(self, positions: np.ndarray, times: np.ndarray) -> float:
         """Root mean square of the forecast less the truth, m/s, at [n, 3] m and [n] s."""
         x, y, z = np.asarray(positions, float).T
-        forecast, true = (np.stack(current(x, y, z, times)) for current in (self._forecast, self.field))  # type: ignore[arg-type]
+        currents = self._forecast, self.field
+        forecast, true = (np.stack(evaluated(current, x, y, z, times)) for current in currents)
         return float(np.sqrt(((forecast - true) ** 2).sum(axis=0).mean()))
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import auvplan as ap
+from auvplan.compiled import compilations
 from auvplan.errors import ScenarioError
 from auvplan.ocean.currents import SumCurrent, UniformCurrent, combine, partition
 from auvplan.ocean.gridded import GriddedCurrent
@@ -71,6 +72,27 @@ def test_the_error_of_a_forecast_is_the_missions_own_and_of_the_asked_size():
     assert 0.0 < one.difference(PLACES, TIMES) <= 0.2 * known.forecast.fastest + 1e-6
     assert one.difference(PLACES, TIMES) == same.difference(PLACES, TIMES)
     assert one.difference(PLACES, TIMES) != other.difference(PLACES, TIMES)
+
+
+def test_tracks_of_any_length_are_compared_by_one_program():
+    sea = make_sea(modelled(), area(), *jax.random.split(jax.random.key(4)))
+    rng = np.random.default_rng(0)
+    sea.difference(PLACES, TIMES)
+    for count in (1, 2, 77, 500):
+        places, times = rng.uniform(0.0, 40.0, (count, 3)), np.linspace(0.0, 9000.0, count)
+        given, true = (np.stack(field(*places.T, times)) for field in (tide(), tide(0.6)))
+        by_hand = np.sqrt(((given - true) ** 2).sum(axis=0).mean())
+        before = compilations()  # what the line above compiled
+        assert sea.difference(places, times) == pytest.approx(by_hand, rel=1e-4)
+        assert compilations() == before
+
+
+@pytest.mark.usefixtures("light_search")
+def test_another_mission_in_currents_of_files_compiles_nothing():
+    ap.run_mission(modelled(0.1), key=jax.random.key(1), area=area())
+    compiled = compilations()
+    ap.run_mission(modelled(0.1), key=jax.random.key(2), area=area(0.7))
+    assert compilations() == compiled
 
 
 @pytest.mark.slow
