@@ -29,6 +29,7 @@ TARGETS = {
     "auvplan/path/replanner.py": ("tests/path/test_reuse.py", "tests/faults/test_rules.py"),
     "auvplan/executive/loop.py": (
         "tests/executive/test_loop.py",
+        "tests/executive/test_clock.py",
         "tests/executive/test_visits.py",
         "tests/faults/test_rules.py",
         "tests/executive/test_route_calls.py",

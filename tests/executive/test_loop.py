@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
+import auvplan as ap
 from auvplan.executive import loop, mission_configs, path_config
 from auvplan.executive.route_calls import plan_routes
 from auvplan.mission import MissionConfig
@@ -26,6 +27,11 @@ def test_between_two_waypoints_the_plain_search_serves():
 @pytest.mark.parametrize("effort", ["quick", "full", "plain"])
 def test_legs_are_planned_without_a_finer_search(effort):
     assert path_config(planning(effort=effort)).finer == 1
+
+
+def test_faults_are_a_list_for_each_mission():
+    with pytest.raises(ValueError, match="faults must be a list for each of 2 missions, got 1"):
+        ap.run_missions(scenario(), seeds=[0, 1], faults=[[]])
 
 
 def on_the_way(monkeypatch, edges, available, now=0.0, fault=(), **settings):
