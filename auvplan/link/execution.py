@@ -191,6 +191,11 @@ class _Executor:
             self._say("note", note)
         if self._started:
             self._book(self._link.wait(0.0))
+            if self._count > new.kept:
+                self._say("replan", "the vehicle came further than the new plan begins: it is held")
+                self._link.hold()
+                self._new, self._due, self._holding = None, new.cause, True
+                return
         more = min(before.ahead - known, len(fresh.steps) - 1)
         self._started = True
         self._link.start(more)
@@ -449,11 +454,14 @@ class _Executor:
         """
         if self._now - self._failed < _PAUSE:
             return
-        place, cause = self._place(), self._due
-        if place is None:
+        report, cause = self._link.wait(0.0), self._due
+        self._book(report)  # it may have ended a leg before it held
+        if report.position is None or self._count >= len(self._plan.legs):
             return
+        if self._new is not None and self._count > self._new.kept:
+            self._new = None
         if self._new is None:
-            found = self._plan.from_position(self._count, place, self._now)
+            found = self._plan.from_position(self._count, report.position, self._now)
             if found is None:
                 self._failed = self._now
                 self._try("no plan", f"no plan from here: {self._plan.reason}; the vehicle holds")

@@ -1,12 +1,13 @@
 """The executor on a vehicle with faults: every mission ends with a verdict, no task is done twice."""
 
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from auvplan.compiled import compilations
-from auvplan.link import Limits, Lost, Refused, execute, rolling
+from auvplan.link import Limits, Lost, Refused, State, execute, rolling
 from auvplan.link.notices import CurrentNotice, ObstacleNotice
 from auvplan.link.rolling import RollingPlan
 from auvplan.link.simulated import SimulatedVehicle
@@ -173,6 +174,51 @@ def test_a_vehicle_that_is_driven_off_gets_a_way_from_where_it_is():
     record = executed(plan, vehicle)
     assert record.count("drift") >= 1
     assert len(record.tasks) == len(vehicle.tasks)
+
+
+class Slow(ScriptedVehicle):
+    """Finishes the leg that it is on, and its task, before it holds; says so, or only after the next upload.
+
+    It comes some seconds further, and is driven aside on the way.
+    """
+
+    mute, further = False, 0
+
+    def hold(self):
+        if self.state is State.HOLDING:
+            return
+        while self.plan is not None and not self.plan.steps[self.done].ends_leg:
+            self._go(1.0)
+        known = self.done
+        while self.done == known:
+            self._go(1.0)
+        for _ in range(self.further):
+            self.place = self.place + self.push
+            self._go(1.0)
+        super().hold()
+        self.hidden = known if self.mute else None
+
+    def upload(self, plan):
+        self.hidden = None
+        return super().upload(plan)
+
+    def wait(self, seconds):
+        report = super().wait(seconds)
+        hidden = getattr(self, "hidden", None)
+        return report if hidden is None else replace(report, done=hidden)
+
+
+@pytest.mark.parametrize("further", [0, 90])
+@pytest.mark.parametrize("mute", [False, True])
+def test_a_leg_that_ends_before_the_vehicle_holds_is_not_done_again(mute, further):
+    plan, vehicle = made()
+    vehicle = Slow(vehicle.start_at, push=np.array([1.5, -1.5, 0.0]), pushed=(100.0, 190.0))
+    vehicle.mute, vehicle.further = mute, further
+    record = executed(plan, vehicle)
+    assert record.count("drift") >= 1
+    assert len(record.tasks) == len(vehicle.tasks)
+    assert record.route == list(dict.fromkeys(record.route))
+    assert record.success
 
 
 @pytest.mark.parametrize("what", [pytest.param("connect", marks=pytest.mark.slow), "upload", "start"])
