@@ -49,7 +49,7 @@ TIGHT_SHARES = (0.25, 0.5, 0.75)
 TIGHT, WIDE = (0.02, 0.08), (0.2, 0.5)
 
 #: Of the timings.
-DEPARTURES, INTERVAL = 24, 900.0
+DEPARTURES, BENDS, INTERVAL = 24, 5, 900.0
 PERIOD, STREAM = 44_714.0, (0.5, 0.3)
 
 
@@ -321,13 +321,13 @@ def timings(repeats: int, progress: Any) -> list[Timing]:
             travel = measure(
                 f"travel times, {size} waypoints, {adjacency.sum():,} edges, {DEPARTURES} departures",
                 1.0,
-                lambda _, graph=graph: graph.times_at(sea, vehicle, departures),
+                lambda _, graph=graph: graph.times_at(sea, vehicle, departures, bends=BENDS),
             )
             every = replace(graph, adjacency=~np.eye(size, dtype=bool))
             measure(
                 f"the same, complete: {size * (size - 1):,} edges",
                 1.0,
-                lambda _, every=every: every.times_at(sea, vehicle, departures),
+                lambda _, every=every: every.times_at(sea, vehicle, departures, bends=BENDS),
             )
         else:
             travel = graph.times_at(sea, vehicle, departures)
