@@ -2,12 +2,13 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 import auvplan as ap
 from auvplan.executive import loop, mission_configs, path_config
-from auvplan.executive.route_calls import plan_routes
-from auvplan.mission import MissionConfig
+from auvplan.executive.route_calls import plan_routes, time_edges
+from auvplan.mission import MissionConfig, Timetable
 from tests.executive.small import SMALL, planning, scenario
 from tests.executive.test_visits import GOAL, at_waypoint, refused
 
@@ -34,7 +35,7 @@ def test_faults_are_a_list_for_each_mission():
         ap.run_missions(scenario(), seeds=[0, 1], faults=[[]])
 
 
-def on_the_way(monkeypatch, edges, available, now=0.0, fault=(), **settings):
+def on_the_way(monkeypatch, edges, available, now=0.0, fault=(), timetable=None, **settings):
     """A mission after a step whose leg, a stand-in, breaks limits; nothing moves."""
 
     def begin_legs(context, missions, records):
@@ -47,6 +48,9 @@ def on_the_way(monkeypatch, edges, available, now=0.0, fault=(), **settings):
     monkeypatch.setattr(loop, "advance", lambda context, missions: None)
     context, mission = at_waypoint(edges, available=available, **settings)
     mission.now = now
+    if timetable is not None:
+        mission.graph = mission.graph.with_timetable(timetable)
+        time_edges(context, [mission])
     plan_routes(context, [mission])
     loop.step(context, [mission])
     return mission
@@ -79,3 +83,15 @@ def test_the_way_back_leads_over_the_start_only_where_it_may_be_visited_again(vi
     found = refused(690.0, slow=3000.0, available=2500.0, visits=visits)
     assert why in found
     assert bool(why) == bool(found)
+
+
+@pytest.mark.usefixtures("light_search")
+def test_a_vehicle_waits_for_its_way_to_open(monkeypatch):
+    """At 2,000 s the way is closed until 3,000 s; it takes 600 s then."""
+    travel = np.full((5, 8, 8), np.inf)
+    travel[3:, 0, GOAL] = 600.0
+    timetable = Timetable(np.linspace(0.0, 4000.0, 5), travel)
+    mission = on_the_way(monkeypatch, [(0, GOAL)], 5000.0, 2000.0, timetable=timetable)
+    assert mission.active_leg.record.t_hold == pytest.approx(1000.0)
+    assert mission.active_leg.record.t_expected == pytest.approx(600.0)
+    assert mission.now == pytest.approx(3000.0)
