@@ -26,6 +26,7 @@ from auvplan.io.currents.summary import summary_of
 from auvplan.io.examine import examine_scenario
 from auvplan.io.example import write_example, write_example_of_times
 from auvplan.io.geo.charts import chart_from_polygons, chart_from_raster, closures_of, read_zones
+from auvplan.io.geo.s57 import read_cells
 from auvplan.io.restore import restore_run
 from auvplan.io.tides import read_tide
 from auvplan.link.notices import NoticeFile
@@ -38,6 +39,7 @@ from auvplan.study.row import row_of
 from auvplan.study.store import Store
 from auvplan.study.table import table
 from benchmarks.machine import AUVPLAN
+from tests.io.geo.enc_cells import Object, write_cell
 from tests.io.sample_run import make_run
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -295,6 +297,26 @@ def _land(folder: Path, sources: Path) -> list[Seed]:
     return seeds
 
 
+def _cells(folder: Path, sources: Path) -> list[Seed]:
+    """A cell with land, depth areas, a wreck, a rock and a prohibited area, and an update of it."""
+    (folder / "cell").mkdir()
+    west, south, east, north = 148.85, -20.45, 149.1, -20.2
+    bay = shapely.box(west, south, east, north)
+    objects = [
+        Object("M_COVR", bay, {"CATCOV": 1}),
+        Object("LNDARE", shapely.box(148.9, -20.4, 148.92, -20.38)),
+        Object("DEPARE", shapely.box(west, south, 148.93, north), {"DRVAL1": 2, "DRVAL2": 5}),
+        Object("DEPARE", shapely.box(148.93, south, east, north), {"DRVAL1": 20, "DRVAL2": 50}),
+        Object("WRECKS", shapely.Point(148.96, -20.34), {"VALSOU": 12.5, "CATWRK": 1}),
+        Object("UWTROC", shapely.Point(148.97, -20.35), {"WATLEV": 3}),
+        Object("RESARE", shapely.box(149.0, -20.3, 149.02, -20.28), {"RESTRN": 7}),
+    ]
+    write_cell(folder / "cell" / "AU5WHIT1.000", objects)
+    more = [Object("OBSTRN", shapely.Point(148.98, -20.33), {"VALSOU": 7}, number=99)]
+    write_cell(folder / "cell" / "AU5WHIT1.001", more, update=1, first=1000)
+    return [Seed("cell", "AU5WHIT1.000", ("AU5WHIT1.000", "AU5WHIT1.001"))]
+
+
 def _read_closed(path: Path) -> object:
     box = _box()
     zones = read_zones(path, _site(), lower=box["lower"], upper=box["upper"])
@@ -447,6 +469,7 @@ READERS: dict[str, Reader] = {
         lambda path: geo.read_obstacles(path, _site()),
     ),
     "land": Reader(_land, lambda path: chart_from_polygons(path, _site(), **_box(), fringe=60.0)),
+    "chart, S-57": Reader(_cells, lambda path: read_cells(path, _site(), **_box(), deepest=40.0)),
     "chart, PNG": Reader(_pictures, lambda path: chart_from_raster(path, _site(), **_box())),
     "chart, GeoTIFF": Reader(_tiffs, _read_tiff),
     "picture": Reader(_pictures, classify_file),

@@ -1,6 +1,6 @@
 """Breaks rules by hand, one at a time, and sees whether the tests notice.
 
-``python tools/mutants.py [-n 8] [--seed 0] [--only FILE] [--out FILE.json]`` draws so many places in each
+``python tools/mutants.py [-n 12] [--seed 9] [--only FILE] [--out FILE.json]`` draws so many places in each
 file of `TARGETS`, changes a comparison, a sum, a product, a condition or a number there, in a copy of the
 repository, and runs the tests that go with the file. A mutant that they pass survives, and is listed.
 """
@@ -119,8 +119,8 @@ def copied_to(folder: Path) -> Path:
 def main() -> None:
     """Print which mutants survive."""
     parser = argparse.ArgumentParser(description="Rules broken by hand.")
-    parser.add_argument("-n", type=int, default=8, help="mutants of each file")
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("-n", type=int, default=12, help="mutants of each file")
+    parser.add_argument("--seed", type=int, default=9)
     parser.add_argument("--only", choices=TARGETS, help="this file alone")
     parser.add_argument("--out", type=Path, help="JSON file to write, as soon as there is something to say")
     options = parser.parse_args()

@@ -159,6 +159,7 @@ CAPABILITIES: dict[str, dict[str, tuple[str, ...]]] = {
     "Charts, jobs, sea beds from files": {
         "tests": (
             "tests/io/geo/test_charts.py",
+            "tests/io/geo/test_s57.py",
             "tests/io/geo/test_jobs.py",
             "tests/io/geo/test_bathymetry.py",
         ),
