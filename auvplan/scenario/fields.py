@@ -270,8 +270,12 @@ def _stated(path: Path, reason: str, kind: str, document: Document) -> Fault:
 def _known_part(path: Path, plain: dict[str, Any]) -> Path:
     """As much of a path as there is in the data: pydantic adds the names of alternatives."""
     for length in range(len(path)):
-        inside = _at(plain, path[:length])
-        if not isinstance(inside, dict | list) or (isinstance(inside, dict) and path[length] not in inside):
+        inside, part = _at(plain, path[:length]), path[length]
+        if isinstance(inside, list):
+            known = isinstance(part, int) and part < len(inside)
+        else:
+            known = isinstance(inside, dict) and part in inside
+        if not known:
             return path[:length]
     return path
 

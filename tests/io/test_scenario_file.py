@@ -153,8 +153,8 @@ def test_two_rules_of_one_section_are_both_stated(tmp_path):
     assert fields == ["chart.image", "chart.uncertain"]
 
 
-@pytest.mark.parametrize("section", ["mission", "site.departure", "chart.window"])
-@pytest.mark.parametrize("value", ["", "3", "[1]", "text", "{}"])
+@pytest.mark.parametrize("section", ["mission", "site.departure", "chart.window", "current.files"])
+@pytest.mark.parametrize("value", ["", "3", "[1]", "[null]", "[[]]", "text", "{}"])
 def test_no_shape_of_a_value_gets_through_unseen(tmp_path, section, value):
     head, *name = section.split(".")
     inner = (
