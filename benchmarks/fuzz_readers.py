@@ -299,7 +299,7 @@ def _land(folder: Path, sources: Path) -> list[Seed]:
 
 def _cells(folder: Path, sources: Path) -> list[Seed]:
     """A cell with land, depth areas, a wreck, a rock and a prohibited area, and an update of it."""
-    (folder / "cell").mkdir()
+    (folder / "cell").mkdir(parents=True)
     west, south, east, north = 148.85, -20.45, 149.1, -20.2
     bay = shapely.box(west, south, east, north)
     objects = [
