@@ -158,6 +158,9 @@ def _hidden(path: Path, file: Any, shape: tuple[int, ...]) -> NDArray[np.bool_] 
 def _pixels(path: Path, page: Any) -> NDArray:
     """[rows, columns, bands] by tifffile, else by Pillow, else by rasterio where that is installed."""
     shape = int(page.imagelength), int(page.imagewidth), int(page.samplesperpixel)
+    largest = max(map(int, page.databytecounts), default=0)
+    if largest > path.stat().st_size:  # a buffer of that size would be made
+        raise GeoError(f"{path}: a part of {largest} bytes is larger than the file")
     try:
         values = np.asarray(page.asarray())
         if page.planarconfig == 2 and shape[2] > 1:  # band after band

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import tifffile
 
 from auvplan.io.geo import (
     GeoError,
@@ -11,6 +12,7 @@ from auvplan.io.geo import (
     read_jobs,
     read_zones,
 )
+from auvplan.io.geo.geotiff import read_geotiff
 from auvplan.ocean.chart import ChartError
 from tests.io.geo import sea_floors
 from tests.io.geo.files import SITE, feature, ring, write_geojson, write_geotiff
@@ -70,3 +72,13 @@ def test_damaged_files(tmp_path, name):
             said.append(str(error))
     assert said
     assert all(name in line and "\n" not in line and len(line) < 600 for line in said)
+
+
+def test_a_part_that_is_larger_than_its_file_is_refused(tmp_path):
+    """Nothing of that size is held in memory."""
+    path = tmp_path / "chart.tif"
+    tifffile.imwrite(path, np.ones((40, 50), np.uint8), photometric="minisblack")
+    with tifffile.TiffFile(path, mode="r+b") as file:
+        file.pages[0].tags["StripByteCounts"].overwrite(2**32 - 1)
+    with pytest.raises(GeoError, match="a part of 4294967295 bytes is larger than the file"):
+        read_geotiff(path)
