@@ -222,7 +222,9 @@ class MissionGraph:
         i, j = np.nonzero(adjacency)
         departures, effort = np.asarray(departures, float), config or TravelTimeConfig()
 
-        def timed(moments: NDArray[np.floating], effort: TravelTimeConfig) -> NDArray[np.floating]:
+        def timed(
+            moments: NDArray[np.floating], effort: TravelTimeConfig, detour: bool = True
+        ) -> NDArray[np.floating]:
             """Travel times [m, E] s at moments [m] s; infinite where an edge is closed."""
             count = len(moments)
             seconds, passable = travel_times(
@@ -232,6 +234,7 @@ class MissionGraph:
                 vehicle or Vehicle(),
                 np.repeat(moments, len(i)),
                 effort,
+                detour=detour,
             )
             return np.where(passable, seconds, np.inf).reshape(count, len(i))
 
@@ -239,7 +242,7 @@ class MissionGraph:
         bends = min(bends, _MOST_BENT // max(len(i), 1))
         if bends > 1 and len(i):
             chosen = np.unique(np.linspace(0, len(departures) - 1, bends).round().astype(int))
-            bent, straight = timed(departures[chosen], effort.bending()), found[chosen]
+            bent, straight = timed(departures[chosen], effort.bending(), detour=False), found[chosen]
             known = np.isfinite(bent) & np.isfinite(straight)
             saved = np.where(known, np.minimum(bent, straight) / np.where(known, straight, 1.0), 1.0)
             rows = np.arange(len(departures))

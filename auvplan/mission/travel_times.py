@@ -46,11 +46,11 @@ class TravelTimeConfig:
         path: limits, margins, speed reading and bounds as the path planner has them; its search is not run,
             and few control points and samples do.
         steps: gradient steps that bend every line to the current; 0 keeps the straight lines.
-        detours: that are tried where the line breaks a limit; 0 closes such edges.
+        detours: that are tried where the line breaks a limit.
         detour_steps: gradient steps that polish the best of them.
 
     Raises:
-        ValueError: a number is negative.
+        ValueError: a number is negative, or there is no detour.
     """
 
     path: PathConfig = field(default_factory=lambda: PathConfig(control_points=6, samples=64))
@@ -59,16 +59,15 @@ class TravelTimeConfig:
     detour_steps: int = 16
 
     def __post_init__(self) -> None:
-        if min(self.steps, self.detours, self.detour_steps) < 0:
-            raise ValueError("steps, detours and detour_steps must not be negative")
+        if self.steps < 0 or self.detour_steps < 0:
+            raise ValueError("steps and detour_steps must not be negative")
+        if self.detours < 1:
+            raise ValueError(f"detours must be at least 1, got {self.detours}")
 
     def bending(self) -> Self:
-        """Return settings that bend every line to the current, and close edges whose line breaks a limit.
-
-        With as few control points, samples and steps as tell what bending saves.
-        """
+        """Return settings that bend lines to the current, with as little effort as tells what it saves."""
         path = self.path.replace(control_points=3, samples=16)
-        return replace(self, path=path, steps=_BEND_STEPS, detours=0)
+        return replace(self, path=path, steps=_BEND_STEPS)
 
 
 def travel_times(
@@ -79,6 +78,7 @@ def travel_times(
     depart: NDArray[np.floating],
     config: TravelTimeConfig,
     world: NDArray[np.int_] | None = None,
+    detour: bool = True,
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Travel times of E edges in a few compiled calls.
 
@@ -90,6 +90,7 @@ def travel_times(
         depart: [E] s since the epoch.
         config: effort.
         world: [E] index into the leading axis of the current's leaves; None for one current for all.
+        detour: whether detours are tried where the line breaks a limit; else such an edge is not passable.
 
     Returns:
         ``(seconds [E], passable [E])``; an edge is not passable where no path tried keeps every limit, or
@@ -125,8 +126,7 @@ def travel_times(
         return seconds, passable
 
     seconds, passable = estimated(np.arange(len(starts)), _LINES, 0, config.steps)
-    blocked = np.flatnonzero(~passable & inside) if config.detours else np.zeros(0, int)
-    if blocked.size:
+    if detour and (blocked := np.flatnonzero(~passable & inside)).size:
         seconds[blocked], passable[blocked] = estimated(blocked, _FANS, config.detours, config.detour_steps)
     return seconds, passable & inside
 

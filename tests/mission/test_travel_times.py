@@ -206,7 +206,9 @@ def test_a_uniform_stream_leaves_lines_straight_and_closed_edges_closed() -> Non
     np.testing.assert_array_equal(np.isinf(bent), np.isinf(straight))
 
 
-@pytest.mark.parametrize(("changes", "message"), [({"steps": -1}, "negative"), ({"detours": -1}, "negative")])
+@pytest.mark.parametrize(
+    ("changes", "message"), [({"steps": -1}, "negative"), ({"detours": 0}, "at least 1")]
+)
 def test_bad_settings_are_refused(changes, message) -> None:
     with pytest.raises(ValueError, match=message):
         TravelTimeConfig(**changes)
