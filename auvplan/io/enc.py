@@ -36,15 +36,8 @@ def blocked_by_cells(path: str, chart: dict[str, Any]) -> Blocked:
     cells = [(_coverage(cell), _closures(cell, chart)) for cell in _by_scale(path)]
 
     def blocked(longitude: Array, latitude: Array, depth: Array) -> Mask:
-        found, open_yet = np.zeros(len(longitude), bool), np.ones(len(longitude), bool)
-        for coverage, closures in cells:
-            here = open_yet & shapely.contains_xy(coverage, longitude, latitude)
-            open_yet &= ~here
-            rows = np.flatnonzero(here)
-            for shape, top in closures:
-                inside = shapely.contains_xy(shape, longitude[rows], latitude[rows])
-                found[rows] |= inside & (depth[rows] > top)
-        return found | open_yet  # beyond all cells nothing is known
+        below, covered = _deeper(cells, longitude, latitude, depth)
+        return below | ~covered  # beyond all cells nothing is known
 
     return blocked
 
@@ -56,20 +49,35 @@ def bed_of_cells(path: str, low: float) -> Blocked:
         path: of a cell or of a folder with cells.
         low: m, by which the surface lies below the chart's datum at its lowest, counted up.
     """
-    cells = [(_coverage(cell), list(_depth_areas(cell))) for cell in _by_scale(path)]
+    cells = [
+        (_coverage(cell), [(shape, least + low + _BED_TOLERANCE) for shape, least in _depth_areas(cell)])
+        for cell in _by_scale(path)
+    ]
 
     def below(longitude: Array, latitude: Array, depth: Array) -> Mask:
-        found, open_yet = np.zeros(len(longitude), bool), np.ones(len(longitude), bool)
-        for coverage, areas in cells:
-            here = open_yet & shapely.contains_xy(coverage, longitude, latitude)
-            open_yet &= ~here
-            rows = np.flatnonzero(here)
-            for shape, least in areas:
-                deep = depth[rows] > least + low + _BED_TOLERANCE
-                found[rows] |= deep & shapely.contains_xy(shape, longitude[rows], latitude[rows])
-        return found
+        return _deeper(cells, longitude, latitude, depth)[0]
 
     return below
+
+
+def _deeper(
+    cells: list[tuple[Any, list[tuple[Any, float]]]], longitude: Array, latitude: Array, depth: Array
+) -> tuple[Mask, Mask]:
+    """Return which places are deeper than an area around them begins, and which some cell covers.
+
+    Args:
+        cells: coverage of each, finest first, and its areas with the depth at which they begin, m. Of the
+            cells around a place the first one rules.
+        longitude, latitude, depth: [n] degrees and m.
+    """
+    found, covered = np.zeros(len(longitude), bool), np.zeros(len(longitude), bool)
+    for coverage, areas in cells:
+        rows = np.flatnonzero(~covered & shapely.contains_xy(coverage, longitude, latitude))
+        covered[rows] = True
+        for shape, top in areas:
+            inside = shapely.contains_xy(shape, longitude[rows], latitude[rows])
+            found[rows] |= inside & (depth[rows] > top)
+    return found, covered
 
 
 def _depth_areas(cell: str) -> Iterator[tuple[Any, float]]:
