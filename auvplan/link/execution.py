@@ -192,7 +192,7 @@ class _Executor:
         if self._started:
             self._book(self._link.wait(0.0))
             if self._count > new.kept:
-                self._say("replan", "the vehicle came further than the new plan begins: it is held")
+                self._say("replan", "the vehicle is past the leg that the new plan begins with: it is held")
                 self._link.hold()
                 self._new, self._due, self._holding = None, new.cause, True
                 return
@@ -293,7 +293,7 @@ class _Executor:
                 self._ahead = -math.inf
                 self._check_legs(obstacle)
             elif isinstance(notice, CurrentNotice):
-                place = self._place() if notice.position is None else notice.position
+                place = self._link.wait(0.0).position if notice.position is None else notice.position
                 if place is None:
                     self._say("note", "a current was reported before the vehicle's place is known: left out")
                     continue
@@ -301,9 +301,6 @@ class _Executor:
                 words = ", ".join(f"{part:+.2f}" for part in offset)
                 self._say("reported", f"current: the forecast is moved by {words} m/s north, east, down")
                 self._due, self._new = "current", None
-
-    def _place(self) -> Array | None:
-        return self._link.wait(0.0).position
 
     def _check_legs(self, obstacle: KnownObstacle) -> None:
         """See whether a reported obstacle is in the way of the legs after the present one."""

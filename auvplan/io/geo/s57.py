@@ -57,14 +57,8 @@ _RESTRICTED = (
     *("SUBTLN", "PRCARE", "FAIRWY", "ISTZNE", "DWRTPT", "DRGARE", "TESARE", "TSSCRS", "TSSLPT", "TSSRON"),
 )
 _PROHIBITED, _AVOIDED, _HINDERED = "7", "14", "8"  # values of RESTRN
-_SHOWN = (
-    1,
-    2,
-    4,
-    5,
-    6,
-    7,
-)  # values of WATLEV of what reaches the surface at some time; 3 is always under water
+# Values of WATLEV of what reaches the surface at some time; 3 is always under water.
+_SHOWN = (1, 2, 4, 5, 6, 7)
 _STANDING = (4, 5)  # values of CATWRK of wrecks that show mast or hull
 _WGS84, _METRES = 2, 1
 _HARMLESS = "Illegal feature attribute id", "not in expected schema"
