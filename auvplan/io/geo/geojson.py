@@ -18,6 +18,8 @@ from auvplan.io.geo.vector import is_vector_file, read_vector_polygons
 
 #: A shape whose edges cross more often, or with more rings or corners, is refused if it is not valid.
 _CROSSINGS, _RINGS, _CORNERS = 20, 100, 100_000
+# Edges from one turn of longitude to the next close a polygon around a pole.
+_AROUND = 360.0 - 1e-6
 # Edges that are looked up at a time, at most.
 _TOGETHER = 256
 #: Larger files are no charts of a mission's area.
@@ -209,6 +211,8 @@ def _vector_shapes(path: str | Path) -> list[tuple[Feature, Polygon | MultiPolyg
         west, south, east, north = shape.bounds
         for longitude, latitude in ((west, south), (east, north)):
             check_place(where, longitude, latitude)
+        for ring in shapely.get_rings(shape):
+            _refuse_leap(where, shapely.get_coordinates(ring))
         found.append((Feature(where, number, shape.geom_type, None, properties), shape))
     return found
 
@@ -308,13 +312,20 @@ def _polygon(where: str, rings: Any) -> Polygon:
         places = positions(where, ring, 4)[:, :2]
         if (places[0] != places[-1]).any():
             raise GeoError(f"{where}: a ring is not closed: its last position is not its first")
-        leap = np.abs(np.diff(places[:, 0])).max()
-        if 180.0 < leap < 359.9:
-            raise GeoError(
-                f"{where}: an edge spans {leap:g} degrees of longitude: split it at the antimeridian"
-            )
+        _refuse_leap(where, places)
         closed.append(places)
     return Polygon(closed[0], closed[1:])
+
+
+def _refuse_leap(where: str, places: np.ndarray) -> None:
+    """Refuse a ring [n, 2] an edge of which spans more than half of the Earth, but not all of it.
+
+    Raises:
+        GeoError: one does; it may go either way around.
+    """
+    leap = np.abs(np.diff(places[:, 0])).max(initial=0.0)
+    if 180.0 < leap < _AROUND:
+        raise GeoError(f"{where}: an edge spans {leap:g} degrees of longitude: split it at the antimeridian")
 
 
 def _check_crs(where: str | Path, member: Any) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 from zipfile import BadZipFile, ZipFile
 
+import numpy as np
 import shapely
 from pyproj import CRS, Transformer
 from shapely.geometry import MultiPolygon, Polygon
@@ -18,6 +19,8 @@ _SHAPEFILE = b"\0\0\x27\x0a"
 _PIECE = 1000.0
 #: Parts of a Shapefile in an archive.
 _BESIDE = (".shx", ".dbf", ".prj", ".cpg", ".sbn", ".sbx", ".qix", ".qmd", ".xml", ".txt", ".md", ".html")
+# Types of layers that may hold polygons.
+_AREAS = ("Polygon", "Surface", "Unknown", "GeometryCollection")
 _SUFFIXES = (".shp", ".gpkg", ".fgb", ".zip")
 
 
@@ -30,10 +33,13 @@ def is_vector_file(path: str | Path) -> bool:
 
 
 def read_vector_polygons(path: str | Path) -> list[tuple[int, dict[str, Any], Polygon | MultiPolygon]]:
-    """Return the polygons of the first layer that has any: number from 1, properties, shape in degrees.
+    """Return the polygons of a file: number from 1, properties, shape in degrees.
+
+    Rings that cross the antimeridian have longitudes beyond 180 or -180 degrees, but for those of WGS 84.
 
     Raises:
-        GeoError: one line; the file cannot be read, tells no reference system, or has no polygons.
+        GeoError: one line; the file cannot be read, tells no reference system, has no polygons, several
+            layers of them, or something else among them.
     """
     try:
         from pyogrio import list_layers, raw
@@ -41,14 +47,20 @@ def read_vector_polygons(path: str | Path) -> list[tuple[int, dict[str, Any], Po
         raise GeoError(f"{path}: needs a further package: pip install 'auvplan[readers]'") from None
     if not Path(path).exists():
         raise GeoError(f"{path}: no such file")
-    _require_known(Path(path))
+    source = _source(Path(path))
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of what GDAL finds odd and can read
-            layers = [str(name) for name, kind in list_layers(path) if "Polygon" in str(kind)]
+            kinds = {str(name): str(kind) for name, kind in list_layers(source)}
+            layers = [name for name, kind in kinds.items() if any(part in kind for part in _AREAS)]
+            if len(layers) > 1:
+                raise GeoError(
+                    f"{path}: has {len(layers)} layers that may be land, {', '.join(layers)[:200]}: keep one "
+                    f"of them, such as by `ogr2ogr land.gpkg {Path(path).name} {layers[0]}`"
+                )
             if not layers:
                 raise GeoError(f"{path}: has no layer of polygons")
-            meta, _, geometries, columns = raw.read(path, layer=layers[0], force_2d=True)
+            meta, _, geometries, columns = raw.read(source, layer=layers[0], force_2d=True)
     except GeoError:
         raise
     except Exception as error:  # whatever GDAL stumbles over
@@ -58,16 +70,21 @@ def read_vector_polygons(path: str | Path) -> list[tuple[int, dict[str, Any], Po
             f"{path}: tells no coordinate reference system: a Shapefile's is in the .prj beside it"
         )
     crs = CRS.from_user_input(meta["crs"])
-    shapes = shapely.from_wkb(geometries)
+    shapes = [None if shape is None else _areas(shape) for shape in shapely.from_wkb(geometries)]
+    for number, shape in enumerate(shapes, 1):
+        if shape is not None and not isinstance(shape, Polygon | MultiPolygon):
+            raise GeoError(f"{path}: feature {number}: a {shape.geom_type}, where polygons are wanted")
     if not crs.equals(CRS.from_epsg(4326), ignore_axis_order=True):
         turn = Transformer.from_crs(crs, "EPSG:4326", always_xy=True)
         if crs.is_projected:  # edges are straight in its own metres
-            shapes = shapely.segmentize(shapes, _PIECE / float(crs.axis_info[0].unit_conversion_factor))
-        shapes = shapely.transform(shapes, lambda places: _turned(places, turn))
+            piece = _PIECE / float(crs.axis_info[0].unit_conversion_factor)
+            shapes = [_unrolled(shape, turn, piece) for shape in shapes]
+        else:
+            shapes = shapely.transform(shapes, lambda places: _turned(places, turn))
     names = [str(name).strip().lower() for name in meta["fields"]]
     found = []
     for number, shape in enumerate(shapes, 1):
-        if not isinstance(shape, Polygon | MultiPolygon) or shape.is_empty:
+        if shape is None or shape.is_empty:
             continue
         values = {name: column[number - 1] for name, column in zip(names, columns, strict=True)}
         kept = {name: getattr(value, "item", lambda v=value: v)() for name, value in values.items()}
@@ -77,29 +94,91 @@ def read_vector_polygons(path: str | Path) -> list[tuple[int, dict[str, Any], Po
     return found
 
 
-def _require_known(path: Path) -> None:
-    """Refuse what GDAL takes for other formats, some of which name files and servers that it then reads.
+def _areas(shape: Any) -> Any:
+    """Return a collection of polygons as one of them all; any other geometry as it is."""
+    if shape.geom_type != "GeometryCollection":
+        return shape
+    parts = [part for inner in shape.geoms for part in shapely.get_parts(_areas(inner))]
+    return MultiPolygon(parts) if all(isinstance(part, Polygon) for part in parts) else shape
+
+
+def _unrolled(shape: Any, turn: Transformer, piece: float) -> Any:
+    """Return polygons of a projection in degrees, with longitudes that go on across the antimeridian.
+
+    A ring around a pole is led along it, from one turn to the next.
+
+    Args:
+        shape: Polygon or MultiPolygon in the projection, or None.
+        turn: from there to degrees.
+        piece: edges that are longer are divided.
+    """
+    if shape is None:
+        return None
+
+    def ring(line: Any, about: float | None) -> Any:
+        places = _turned(shapely.get_coordinates(shapely.segmentize(line, piece)), turn)
+        if not np.isfinite(places).all():
+            return places
+        east = np.unwrap(places[:, 0], period=360.0)
+        # A hole is about where its polygon is; that begins at -180 degrees or east of there.
+        turns = (
+            np.ceil((-180.0 - east.min()) / 360.0)
+            if about is None
+            else np.rint((about - east.mean()) / 360.0)
+        )
+        places[:, 0] = east + 360.0 * turns
+        first, last = places[0], places[-1]
+        if abs(last[0] - first[0]) > 180.0:
+            pole = np.copysign(90.0, places[:, 1].mean())
+            return np.array([*places, (last[0], pole), (first[0], pole), first])
+        return places
+
+    polygons = []
+    for part in shapely.get_parts(shape):
+        outside = ring(part.exterior, None)
+        polygons.append((outside, [ring(hole, outside[:, 0].mean()) for hole in part.interiors]))
+    return MultiPolygon(polygons)
+
+
+def _source(path: Path) -> str:
+    """Return what GDAL is to open: the file, or the one in a zip archive.
 
     Raises:
-        GeoError: the file, or one in a zip archive, is not of the format that its name tells.
+        GeoError: the file, or one in the archive, is not of the format that its name tells: GDAL takes it for
+            others, some of which name files and servers that it then reads; or the archive holds several.
     """
     starts: list[tuple[str, bytes]] = []
+    zipped = False
     try:
         with path.open("rb") as file:
             starts.append((path.name, file.read(16)))
-        if starts[0][1].startswith(b"PK"):
+        if zipped := starts[0][1].startswith(b"PK"):
             with ZipFile(path) as archive:
                 starts = []
                 for entry in archive.infolist():
-                    with archive.open(entry) as inside:
-                        starts.append((entry.filename, inside.read(16)))
+                    if not entry.is_dir():
+                        with archive.open(entry) as inside:
+                            starts.append((entry.filename, inside.read(16)))
     except (OSError, ValueError, RuntimeError, NotImplementedError, BadZipFile, zlib.error) as error:
         raise GeoError(f"{path}: cannot be read ({reason(error)})") from None
-    for name, start in starts:
-        kind = Path(name).suffix.lower()
-        beside = len(starts) > 1 and kind in _BESIDE
-        if not (start.startswith((*_STARTS, _SHAPEFILE)) or beside or name.endswith("/")):
-            raise GeoError(f"{path}: {name} is neither a GeoPackage, a Shapefile nor a FlatGeobuf")
+    known = [name for name, start in starts if start.startswith((*_STARTS, _SHAPEFILE))]
+    main = [name for name in known if Path(name).suffix.lower() != ".shx"]  # begins as its .shp does
+    for name, _ in starts:
+        beside = len(starts) > 1 and Path(name).suffix.lower() in _BESIDE
+        if not (name in known or beside):
+            raise GeoError(
+                f"{path}: {name} is neither a GeoPackage, a Shapefile nor a FlatGeobuf: bring it to one of "
+                "these, such as by `ogr2ogr land.gpkg`"
+            )
+    if not zipped:
+        return str(path)
+    if len(main) != 1:
+        raise GeoError(
+            f"{path}: holds {len(main)} files of land, {', '.join(main)[:200]}: it must hold one"
+            if main
+            else f"{path}: holds no GeoPackage, Shapefile or FlatGeobuf"
+        )
+    return f"/vsizip/{{{path.absolute()}}}/{main[0]}"
 
 
 def _turned(places: Any, turn: Transformer) -> Any:

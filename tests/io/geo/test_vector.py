@@ -10,10 +10,13 @@ from pyproj import Transformer
 from auvplan.errors import ScenarioWarning
 from auvplan.io.geo import GeoError, chart_from_polygons, read_zones
 from auvplan.ocean.chart import ChartError
+from auvplan.site import Site
 from tests.io.geo.files import SITE, feature, geographic, write_geojson
 
 AREA = {"lower": (0.0, 0.0), "upper": (1000.0, 1000.0), "pixel_size": 20.0}
 CORNERS = [(105.0, 207.0), (109.0, 713.0), (611.0, 705.0), (353.0, 449.0)]
+#: Of the polygon of these corners, m2.
+AREA_M2 = shapely.Polygon(CORNERS).area
 
 
 def square():
@@ -21,7 +24,7 @@ def square():
     return shapely.Polygon(geographic(*np.array(CORNERS).T))
 
 
-def written(path, shapes, crs="EPSG:4326", **columns):
+def written(path, shapes, crs="EPSG:4326", layer=None, kind="Polygon", **columns):
     pyogrio = pytest.importorskip("pyogrio")
     names = list(columns)
     pyogrio.raw.write(
@@ -29,8 +32,10 @@ def written(path, shapes, crs="EPSG:4326", **columns):
         geometry=shapely.to_wkb(np.asarray(shapes, object)),
         field_data=[np.asarray(columns[name]) for name in names],
         fields=names,
-        geometry_type="Polygon",
+        geometry_type=kind,
         crs=crs,
+        layer=layer,
+        append=path.exists() and layer is not None,
     )
     return path
 
@@ -97,10 +102,66 @@ def test_other_formats_under_a_known_name_are_not_given_to_gdal(tmp_path):
             read_zones(tmp_path / name, SITE)
 
 
-def test_a_shapefile_in_an_archive(tmp_path):
+@pytest.mark.parametrize("folder", ["", "land/"])
+def test_a_shapefile_in_an_archive(tmp_path, folder):
     (tmp_path / "parts").mkdir()
     written(tmp_path / "parts" / "land.shp", [square()], name=["a"])
     with zipfile.ZipFile(tmp_path / "land.zip", "w") as archive:
         for part in sorted((tmp_path / "parts").iterdir()):
-            archive.write(part, part.name)
+            archive.write(part, folder + part.name)
     assert [zone.name for zone in read_zones(tmp_path / "land.zip", SITE)] == ["a"]
+    with zipfile.ZipFile(tmp_path / "land.zip", "a") as archive:
+        archive.write(tmp_path / "parts" / "land.shp", "b.shp")
+    with pytest.raises(
+        GeoError, match=rf"land\.zip: holds 2 files of land, {folder}land\.shp, b\.shp: it must"
+    ):
+        read_zones(tmp_path / "land.zip", SITE)
+
+
+def test_layers_of_any_geometry(tmp_path):
+    (tmp_path / "one").mkdir()
+    bag = shapely.GeometryCollection([shapely.MultiPolygon([square()])])
+    path = written(tmp_path / "one" / "land.gpkg", [bag, square()], kind="Unknown")
+    assert [round(zone.polygon.area, -2) for zone in read_zones(path, SITE)] == [round(AREA_M2, -2)] * 2
+    for shape in (square().exterior, shapely.GeometryCollection([square(), shapely.Point(0, 0)])):
+        path = written(tmp_path / "mixed.gpkg", [square(), shape], kind="Unknown")
+        with pytest.raises(GeoError, match=r"feature 2: a \w+, where polygons are wanted"):
+            read_zones(path, SITE)
+        path.unlink()
+
+
+def test_several_layers_of_polygons_are_refused(tmp_path):
+    for layer in ("country", "islands"):
+        path = written(tmp_path / "land.gpkg", [square()], layer=layer)
+    with pytest.raises(
+        ChartError, match=r"2 layers that may be land, country, islands: keep one .* country`"
+    ):
+        chart_from_polygons(path, SITE, **AREA)
+
+
+@pytest.mark.parametrize("pole", [False, True])
+def test_projected_land_across_the_antimeridian_and_around_a_pole(tmp_path, pole):
+    """In metres of polar stereographic, an island with a lake at 180 degrees, or all south of 70 degrees."""
+    site = Site(180.0, -70.0)
+    if pole:
+        way = np.arange(0.0, 360.0, 0.5)
+        shape = shapely.Polygon(np.stack([way, np.full(len(way), -70.0)], -1))
+        places = np.array([(-5e3, 0.0), (5e3, 0.0)])
+    else:
+        outer, lake = np.array([(-4, -4), (-4, 4), (4, 4), (4, -4)]), np.array([(1, 1), (1, 2), (2, 1)])
+        shape = shapely.Polygon(geographic(*1e3 * outer.T, site), [geographic(*1e3 * lake.T, site)])
+        places = np.array([(-3e3, -3e3), (3e3, 3e3), (1.2e3, 1.2e3), (6e3, 0.0)])
+    there = Transformer.from_crs("EPSG:4326", "EPSG:3031", always_xy=True)
+    shape = shapely.transform(shape, lambda at: np.stack(there.transform(*at.T), -1))
+    path = written(tmp_path / "land.gpkg", [shape], "EPSG:3031")
+    area = {"lower": (-8e3, -8e3), "upper": (8e3, 8e3), "pixel_size": 50.0}
+    water = np.asarray(chart_from_polygons(path, site, **area).is_water(*places.T))
+    assert water.tolist() == ([False, True] if pole else [False, False, True, True])
+
+
+def test_unsplit_land_across_the_antimeridian_is_refused(tmp_path):
+    shape = shapely.Polygon([(179.99, -20), (-179.99, -20), (-179.99, -20.1)])
+    with pytest.raises(
+        ChartError, match=r"feature 1: an edge spans 359\.98 degrees .* split it at the antimer"
+    ):
+        chart_from_polygons(written(tmp_path / "land.gpkg", [shape]), SITE, **AREA)
