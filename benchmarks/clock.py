@@ -111,6 +111,11 @@ def seas(folder: Path) -> dict[str, dict[str, Any]]:
     return found
 
 
+def scenario(name: str, sections: dict[str, Any], departures: int) -> Scenario:
+    """The scenario of a sea, planned with so many departures."""
+    return Scenario.model_validate(COMMON | sections | {"name": name, "planning": {"departures": departures}})
+
+
 def arrivals(run: MissionRun) -> list[float]:
     """Of the first route as far as it was followed: how far off each arrival is, as a share of its time."""
     route, found, now = run.routes[0], [], 0.0
@@ -127,10 +132,8 @@ def compared(name: str, sections: dict[str, Any], missions: int, first: int) -> 
     """Cells of the table for one sea."""
     runs = {}
     for departures in (1, 24):
-        scenario = Scenario.model_validate(
-            COMMON | sections | {"name": name, "planning": {"departures": departures}}
-        )
-        runs[departures] = ap.run_missions(scenario, seeds=range(first, first + missions))
+        seeds = range(first, first + missions)
+        runs[departures] = ap.run_missions(scenario(name, sections, departures), seeds=seeds)
     gain = np.array([b.total_priority - a.total_priority for a, b in zip(runs[1], runs[24], strict=True)])
     half = 1.96 * gain.std(ddof=1) / np.sqrt(missions)
     cells = [name, f"{gain.mean():+.2f} ± {half:.2f}"]

@@ -302,21 +302,17 @@ def fuzz(found: list[dict[str, Any]]) -> list[str]:
     return lines + (["", "Failures:", "", *dict.fromkeys(failed)] if failed else [])
 
 
-def long_run(found: list[dict[str, float]]) -> list[str]:
+def long_run(found: dict[str, list[dict[str, float]]]) -> list[str]:
     """Memory, programs and files of very many missions."""
-    last = found[-1]
-    warm = next(row for row in found if row["missions"] >= last["missions"] / 10)
-    rows = [
-        [words, f"{warm[name]:,.0f}", f"{last[name]:,.0f}"]
-        for name, words in (
-            ("missions", "missions"),
-            ("memory", "memory, MiB"),
-            ("programs", "programs compiled"),
-            ("files", "files open"),
-            ("failed", "missions failed"),
-        )
-    ]
-    return _table(("", "after warm-up", "at the end"), rows)
+    columns = (("memory", "memory, MiB"), ("programs", "programs compiled"), ("files", "files open"))
+    rows = []
+    for sea, seen in found.items():
+        last = seen[-1]
+        warm = next(row for row in seen if row["missions"] >= last["missions"] / 10)
+        cells = [f"{warm[key]:,.0f}, {last[key]:,.0f}" for key, _ in columns]
+        rows.append([sea, f"{last['missions']:,.0f}", *cells, f"{last['failed']:.0f}"])
+    words = (f"{words} after a tenth, at the end" for _, words in columns)
+    return _table(("sea", "missions", *words, "failed"), rows)
 
 
 def mutants(found: dict[str, Any]) -> list[str]:
