@@ -1,0 +1,199 @@
+"""The checker at its limits: just within them it finds nothing, just beyond them it does."""
+
+import json
+
+import numpy as np
+import pytest
+
+from auvplan.io.check import ResultError, check_dataset
+from auvplan.io.results import to_dataset
+from auvplan.motion import Motion
+from tests.io.sample_run import SPEED, make_run
+from tests.io.test_check import check, in_a_band_that_closes, with_known_obstacle
+from tests.io.test_check_seabed import over, written
+
+#: m/s that a vehicle of the sample run makes good in the fastest current that there is.
+FASTEST = SPEED + 5.0
+
+
+def along(positions, times, obstacles=(), radii=()):
+    """The sample run, its one leg along positions [n, 3] at times [n], past obstacles [M, 3] that stand."""
+    run = make_run((0, 1), chart=False, obstacles=False)
+    (leg,) = run.legs
+    count = len(positions)
+    leg.positions, leg.times = np.asarray(positions, float), np.asarray(times, float)
+    leg.motion = Motion.through_water(np.zeros((count, 3)), np.zeros(3))
+    places = np.asarray(obstacles, float).reshape(1, -1, 3)
+    leg.obstacle_positions = np.broadcast_to(places, (count, *places.shape[1:])).copy()
+    leg.obstacle_radii, leg.obstacle_kinds = np.asarray(radii, float), ["static"] * len(radii)
+    return run
+
+
+def due_north(metres=200.0, depth=30.0, step=10.0, speed=2.0, **obstacles):
+    """A leg due north along a line through the origin."""
+    north = np.arange(0.0, metres + 1e-6, step)
+    positions = np.c_[north, np.zeros_like(north), np.full_like(north, depth)]
+    return along(positions, north / speed, **obstacles)
+
+
+def faults(run, words):
+    """Faults of a run in which these words are."""
+    return [fault for fault in check(run).faults if words in fault]
+
+
+@pytest.mark.parametrize(("step", "share", "found"), [
+    (10.0, 1.0, 0), (10.0, 0.99, 0), (10.0, 1.01, 1), (0.5, 0.99, 0), (0.5, 1.2, 1),
+])  # fmt: skip
+def test_no_vehicle_is_faster_than_its_own_speed_and_the_fastest_current(step, share, found):
+    """However often it is observed, one line a leg tells it."""
+    times = np.arange(12) * step
+    run = along(np.c_[FASTEST * share * times, 0.0 * times, 0.0 * times + 30.0], times)
+    assert len(faults(run, "too fast")) == found
+    assert not faults(run, "time does not advance")
+
+
+def test_a_jump_while_time_stands_still_is_too_fast():
+    run = due_north()
+    (leg,) = run.legs
+    leg.times[7] = leg.times[6]
+    assert len(faults(run, "time does not advance after 30.00 s")) == 1
+    assert len(faults(run, "10.0 m in 0.00 s after 30.00 s is too fast")) == 1
+
+
+@pytest.mark.parametrize(("height", "found"), [(0.005, False), (0.03, True)])
+def test_the_surface_is_kept_to_a_centimetre(height, found):
+    """Positions are stored in single precision."""
+    report = check(due_north(depth=-height))
+    assert any("above the surface by 0.03 m" in fault for fault in report.faults) is found
+
+
+@pytest.mark.parametrize(("gap", "inside"), [(0.5, False), (-0.5, True)])
+def test_an_obstacle_is_hit_from_its_surface_on(gap, inside):
+    """Half a metre beside a sphere is no hit, half a metre within it is one."""
+    report = check(due_north(obstacles=[[100.0, 20.0, 30.0]], radii=[20.0 - gap]))
+    assert report.obstacle_clearance == pytest.approx(gap, abs=0.01)
+    assert report.obstacle_hits == report.collisions == inside
+    chord = 2.0 * np.sqrt(max((20.0 - gap) ** 2 - 20.0**2, 0.0))
+    assert report.obstacle_metres == pytest.approx(chord, abs=1.0)
+    assert (report.coast_metres, report.seabed_metres) == (0.0, 0.0)
+    assert any("inside obstacle 0" in fault for fault in report.faults) == inside
+
+
+@pytest.mark.parametrize(
+    ("beside", "changes", "clearance"),
+    [
+        (50.5, {}, 0.5),
+        (49.5, {}, -0.5),
+        (0.0, {"depth_max": 29.5}, 0.5),  # half a metre under it
+        (0.0, {"depth_min": 30.5}, 0.5),  # half a metre over it
+        (50.0 + 0.3, {"depth_max": 29.6}, 0.5),  # past its lower edge
+    ],
+)
+def test_a_known_obstacle_is_hit_from_its_surface_on(tmp_path, beside, changes, clearance):
+    run = due_north(step=2.0, speed=1.0)
+    report = check(run, with_known_obstacle(run, tmp_path, 100.0, beside, radius=50.0, **changes))
+    assert report.obstacle_clearance == pytest.approx(clearance, abs=0.02)
+    assert report.obstacle_hits == (clearance < 0.0)
+    assert (report.obstacle_metres > 0.0) == (clearance < 0.0)
+
+
+@pytest.mark.parametrize(("departed", "ahead"), [(None, 60.0), (0.0, 60.0), (40.0, 100.0)])
+def test_a_known_obstacle_is_where_it_has_moved_to_since_the_scenarios_departure(tmp_path, departed, ahead):
+    """It goes before the vehicle at its speed, 60 m at first."""
+    run = due_north(speed=1.0)
+    dataset = with_known_obstacle(run, tmp_path, 60.0, 0.0, radius=20.0, course=0.0, speed=1.0)
+    if departed is not None:
+        dataset.attrs["departed"] = departed
+    assert check(run, dataset).obstacle_clearance == pytest.approx(ahead - 20.0, abs=0.02)
+
+
+def test_known_obstacles_that_cannot_be_read_are_a_note(tmp_path):
+    run = due_north()
+    dataset = with_known_obstacle(run, tmp_path, 60.0, 0.0, radius=20.0)
+    (tmp_path / "obstacles.geojson").write_text("{")
+    (note,) = [note for note in check(run, dataset).notes if "known obstacles" in note]
+    assert note.startswith("known obstacles were not looked at: ")
+    assert np.isinf(check(run, dataset).obstacle_clearance)
+
+
+@pytest.mark.parametrize("closes", np.linspace(1012.0, 1280.0, 12))
+def test_a_closure_of_ten_seconds_is_found_whenever_it_comes_in_a_stay(tmp_path, closes):
+    """The leg ends in the band at 1,000 s; its task takes 300 s."""
+    report = in_a_band_that_closes(tmp_path, closes - 10.0, closes, track=(0.0, 500.0))
+    assert any("stays in the closed area 'band'" in fault for fault in report.faults)
+
+
+@pytest.mark.parametrize(
+    ("opens", "closes", "found"),
+    [(0.0, 999.5, False), (0.0, 1000.5, True), (1299.5, 5000.0, True), (1300.0, 5000.0, False)],
+)
+def test_a_stay_at_the_end_lasts_from_arrival_to_the_end_of_the_task(tmp_path, opens, closes, found):
+    """The last metre alone is in the band, from its edge at 400 m on."""
+    report = in_a_band_that_closes(tmp_path, opens, closes, track=(-599.5, 400.5))
+    assert any("stays in the closed area" in fault for fault in report.faults) is found
+    assert not any("in the closed area" in fault and "stays" not in fault for fault in report.faults) or found
+
+
+@pytest.mark.parametrize(
+    ("opens", "closes", "hold", "found"),
+    [
+        (0.0, 299.5, 200.0, False),
+        (0.0, 300.5, 200.0, True),
+        (499.5, 499.8, 200.0, False),  # shorter than what is asked for
+        (490.0, 499.9, 200.0, True),
+        (500.5, 5000.0, 200.0, False),
+        (0.0, 499.999, 0.0, False),  # nothing is waited for
+    ],
+)
+def test_a_stay_before_a_leg_lasts_from_its_beginning_to_the_departure(tmp_path, opens, closes, hold, found):
+    """The first metre alone is in the band, to its edge at 600 m; the leg begins at 500 s."""
+    report = in_a_band_that_closes(tmp_path, opens, closes, track=(599.5, 1599.5), departs=500.0, hold=hold)
+    assert any("stays in the closed area" in fault for fault in report.faults) is found
+
+
+def test_land_of_two_files_is_booked_once(tmp_path):
+    """A coast and a closed area that overlap: what is on both is on land once."""
+    run = due_north(metres=1000.0)
+    dataset = with_known_obstacle(run, tmp_path, 5000.0, 5000.0, radius=1.0)
+    degree = 110_654.0 * 1.0005  # m of latitude at 20 degrees south
+
+    def area(low, high):
+        ring = [[148.99, low], [149.01, low], [149.01, high], [148.99, high], [148.99, low]]
+        place = [[east, -20.0 + north / degree] for east, north in ring]
+        geometry = {"type": "Polygon", "coordinates": [place]}
+        return json.dumps({"type": "Feature", "properties": {}, "geometry": geometry})
+
+    (tmp_path / "land.geojson").write_text(area(300.0, 500.0))
+    (tmp_path / "no_go.geojson").write_text(area(400.0, 700.0))
+    stated = json.loads(dataset.attrs["scenario"])
+    stated["chart"] = {"source": "polygons", "file": "land.geojson", "no_go": "no_go.geojson"}
+    dataset.attrs["scenario"] = json.dumps(stated)
+    report = check(run, dataset)
+    assert report.coast_hits == report.collisions == 2
+    assert report.coast_metres == pytest.approx(400.0, abs=4.0)
+    assert sum("on land of land.geojson for 200" in fault for fault in report.faults) == 1
+    assert sum("on land of no_go.geojson for 200" in fault for fault in report.faults) == 1
+
+
+@pytest.mark.parametrize(("altitude", "hits"), [(0.5, 0), (-0.5, 1)])
+def test_the_sea_bed_is_hit_from_its_surface_on(altitude, hits):
+    """The deepest waypoint lies at 40 m: the first leg ends there."""
+    run = make_run((0, 1))
+    data = to_dataset(run).merge(
+        over(np.full((50, 50), 40.0 + altitude))[["seabed_depth", "seabed_origin", "seabed_pixel_size"]]
+    )
+    data.attrs["seabed_clearance"] = 2.0
+    report = check_dataset(run.summary(), data)
+    assert report.seabed_altitude == pytest.approx(altitude, abs=1e-3)
+    assert report.seabed_hits == report.collisions == hits
+    assert (report.seabed_metres > 0.0) == (hits > 0)
+    assert sum("m above the sea bed, under 2 m," in fault for fault in report.faults) == 1
+
+
+def test_a_sea_bed_of_other_dimensions_is_refused(tmp_path):
+    data = over(np.full((50, 50), 60.0))
+    data["seabed_origin"] = data["seabed_origin"].rename(horizontal="place")
+    with pytest.raises(
+        ResultError, match=r"seabed_origin has dimensions \('place',\), not \('horizontal',\)"
+    ):
+        written(data, tmp_path)
