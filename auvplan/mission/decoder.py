@@ -81,9 +81,7 @@ def siv_count(size: int, decoder: DecoderName) -> int:
     return size + (decoder == "rate")
 
 
-def decode(
-    population: jax.Array, problem: Problem, decoder: DecoderName, rate_weight: float = 100.0
-) -> Decoded:
+def decode(population: jax.Array, problem: Problem, decoder: DecoderName, rate_weight: float) -> Decoded:
     """Turn every habitat into a sequence of waypoints.
 
     A waypoint j qualifies at i if an edge leads there, it has not been visited, and, but for "paper", the
@@ -139,7 +137,7 @@ def decode(
             time=walk.time + jnp.where(moves, _taken(problem, times, here, rows, edge), 0.0),
             priority=walk.priority + rho,
             tasks=walk.tasks + task,
-            inverse=walk.inverse + jnp.where(task, 1.0 / jnp.where(task, rho, 1.0), 0.0),
+            inverse=walk.inverse + jnp.where(task, 1.0 / rho, 0.0),
             step=walk.step + 1,
             active=moves & (there != problem.goal),
         )
@@ -222,8 +220,7 @@ def shortest_route(problem: Problem) -> jax.Array:
         return nodes.at[k].set(jnp.where(onward != here, onward, -1)), onward
 
     start = jnp.asarray(problem.start, jnp.int32)
-    nodes = jnp.full(size, -1, jnp.int32).at[0].set(start)
-    nodes, _ = jax.lax.fori_loop(1, size, step, (nodes, start))
+    nodes, _ = jax.lax.fori_loop(1, size, step, (jnp.full(size, start), start))
     return nodes
 
 

@@ -1,5 +1,6 @@
 """Priority vectors into routes, and what the routes cost."""
 
+from functools import partial
 from itertools import pairwise
 
 import jax
@@ -15,10 +16,11 @@ from auvplan.mission.problem import Edges, prepare
 from tests.mission.naive import decode as naive_decode
 from tests.mission.naive import grid_graph
 from tests.mission.naive import time_to_go as dijkstra_time_to_go
+from tests.mission.test_timetable import clocked, looked_up, worth
 
 N, SPEED = 9, 2.0
 DECODERS = ["paper", "timely", "rate"]
-decode_now = jax.jit(decode, static_argnames=("decoder", "rate_weight"))
+decode_now = jax.jit(partial(decode, rate_weight=100.0), static_argnames="decoder")
 
 
 def problem(graph: MissionGraph, start: int, goal: int, budget: float, visited=None):
@@ -93,6 +95,8 @@ def test_the_shortest_route_is_the_shortest_way(
     assert nodes[0] == 0
     assert (nodes[:length] >= 0).all()
     assert (nodes[length:] == -1).all()
+    legs = [graph.leg_times(SPEED)[leg] for leg in pairwise(nodes[:length].tolist())]
+    assert sum(legs) == pytest.approx(shortest, rel=1e-5)
     routes = decode_now(shortest_habitat(given_, decoder), given_, decoder=decoder)
     assert bool(routes.reached[0])
     assert float(routes.time[0]) == pytest.approx(shortest, rel=1e-5)
@@ -139,6 +143,55 @@ def test_encoding_against_a_naive_twin(decoder: str) -> None:
             else:
                 assert genes[node] == -200 + (before[node] + 200) * (300 - len(route)) // 301
                 assert genes[node] < 100 - len(route) + 1
+
+
+def test_a_route_of_more_legs_than_there_are_sivs_stays_within_their_bounds() -> None:
+    """Of 400 waypoints 350 are on the way: the first 300 keep their order, the others have nothing left."""
+    nodes = np.full((1, 400), -1)
+    nodes[0, :350] = np.random.default_rng(0).permutation(400)[:350]
+    genes = np.asarray(encode(jnp.asarray(nodes), jnp.full((1, 400), 100), "timely"))[0]
+    assert genes[nodes[0, :300]].tolist() == list(range(100, -200, -1))
+    assert (np.delete(genes, nodes[0, :300]) == -200).all()
+
+
+@pytest.mark.parametrize("decoder", DECODERS)
+def test_a_mission_that_begins_at_its_goal_is_there(decoder: str) -> None:
+    given_ = problem(grid_graph(3, N, 1.0), 4, 4, 500.0)
+    routes = decode_now(jnp.zeros((2, siv_count(N, decoder)), jnp.int32), given_, decoder=decoder)
+    assert routes.reached.all()
+    assert np.asarray(routes.nodes)[:, 0].tolist() == [4, 4]
+    assert (routes.count == 1).all()
+    for part in (routes.time, routes.priority, routes.tasks, routes.inverse_priority, routes.remaining):
+        assert not part.any()
+
+
+@pytest.mark.parametrize("decoder", DECODERS)
+def test_habitats_of_another_size_are_refused(decoder: str) -> None:
+    given_ = problem(grid_graph(3, N, 1.0), 0, N - 1, 500.0)
+    with pytest.raises(AssertionError, match="shape"):
+        decode(jnp.zeros((2, siv_count(N, decoder) + 1)), given_, decoder, 100.0)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("decoder", DECODERS)
+def test_times_and_priorities_by_the_clock_are_those_of_a_walk(decoder: str) -> None:
+    """Tasks wait for windows, and are worth less the later they are begun."""
+    graph, gone = clocked(7, 0.05, 2, falls=2), 0
+    edges = Edges.of(graph.leg_times(1.5), graph.priority, timetable=graph.timetable, duration=graph.duration)
+    given_ = jax.jit(prepare)(edges, 0, N - 1, 2500.0, jnp.zeros(N, bool))
+    rng = np.random.default_rng(1)
+    population = jnp.asarray(rng.integers(-200, 101, (40, siv_count(N, decoder))))
+    routes = jax.tree.map(np.asarray, decode_now(population, given_, decoder=decoder))
+    for p in range(len(population)):
+        now, earned = 0.0, []
+        for i, j in pairwise(routes.nodes[p, : routes.count[p]].tolist()):
+            now = looked_up(graph, i, j, now)
+            earned.append(worth(graph, i, j, now))
+            gone += earned[-1] < graph.priority[i, j]
+        assert routes.time[p] == pytest.approx(now, rel=1e-4)
+        assert routes.priority[p] == pytest.approx(sum(earned), abs=1e-4)
+        assert routes.tasks[p] == sum(rho > 0.0 for rho in earned)
+        assert routes.inverse_priority[p] == pytest.approx(sum(1.0 / rho for rho in earned if rho > 0.0))
+    assert gone > 5
 
 
 def test_the_greedy_habitat_follows_the_rate() -> None:
