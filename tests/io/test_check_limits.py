@@ -9,7 +9,7 @@ from auvplan.io.check import ResultError, check_dataset
 from auvplan.io.results import to_dataset
 from auvplan.motion import Motion
 from tests.io.sample_run import SPEED, make_run
-from tests.io.test_check import check, in_a_band_that_closes, with_known_obstacle
+from tests.io.test_check import check, in_a_band_that_closes, with_jobs, with_known_obstacle
 from tests.io.test_check_seabed import over, written
 
 #: m/s that a vehicle of the sample run makes good in the fastest current that there is.
@@ -149,6 +149,26 @@ def test_a_stay_before_a_leg_lasts_from_its_beginning_to_the_departure(tmp_path,
     """The first metre alone is in the band, to its edge at 600 m; the leg begins at 500 s."""
     report = in_a_band_that_closes(tmp_path, opens, closes, track=(599.5, 1599.5), departs=500.0, hold=hold)
     assert any("stays in the closed area" in fault for fault in report.faults) is found
+
+
+@pytest.mark.parametrize(
+    ("begins", "ends", "found"),
+    [(-0.05, 0.05, False), (0.05, 100.0, True), (-100.0, -0.05, True)],
+)
+def test_a_task_lies_in_its_window(tmp_path, begins, ends, found):
+    """The window opens so many seconds after the arrival, and closes so many after the task's end."""
+    run = with_jobs(make_run(), tmp_path, [])
+    arrives = float(run.legs[0].times[-1])
+    rows = [
+        "north,east,depth,name,priority,duration,from,to",
+        f"700,900,40,gauge,3,60,{arrives + begins:.3f},{arrives + 60.0 + ends:.3f}",
+        "400,1200,25,wreck,3,60,,",
+        "1000,1800,30,end,3,60,,",
+    ]
+    (tmp_path / "jobs.csv").write_text("\n".join(rows))
+    report = check(run)
+    assert report.ok is not found, report
+    assert any("the task at 'gauge'" in fault for fault in report.faults) is found
 
 
 def test_land_of_two_files_is_booked_once(tmp_path):
