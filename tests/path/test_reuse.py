@@ -1,6 +1,7 @@
 """A re-plan lives off the population that it keeps (section 3.2.2, Fig. 5)."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import jax
 import jax.numpy as jnp
@@ -11,6 +12,7 @@ import auvplan as ap
 from auvplan.ocean.gridded import CurrentError
 from auvplan.path import habitats, replan_path
 from auvplan.path.bspline import basis_matrix
+from auvplan.path.replanner import progress, replan_paths
 
 CONFIG = ap.PathConfig.paper().replace(
     bbo=ap.PathConfig.paper().bbo.replace(population=30, iterations=120),
@@ -47,6 +49,68 @@ def excess(plan, world) -> float:
 def test_a_few_generations_keep_what_many_have_found(plan, world):
     assert CONFIG.window().bbo.iterations == 2
     assert excess(plan, world) < 0.02
+
+
+def test_at_its_beginning_a_followed_plan_is_kept_as_it_is(plan, world):
+    """Its very curve is among the habitats: a short search can only improve on it."""
+    here, now = plan.positions[0], float(plan.times[0])
+    new = replan_path(plan, here, now, world, key=jax.random.key(1), config=CONFIG)
+    assert 0.999 * plan.travel_time < new.travel_time <= plan.travel_time * (1.0 + 1e-6)
+
+
+def test_a_window_searches_its_share_and_keeps_the_size_of_the_population(plan, world):
+    place, now, _ = time_left(plan, 1.0 / 3.0)
+    for fresh in (0.0, 0.3):
+        config = CONFIG.replace(fresh_share=fresh)
+        new = replan_path(plan, place, now, world, key=jax.random.key(1), config=config, budget=60.0)
+        assert len(new.history.best) == config.window().bbo.iterations + 1
+        assert new.population.shape == plan.population.shape
+
+
+def test_progress_is_that_of_the_nearest_sample():
+    line = SimpleNamespace(positions=np.linspace([300.0, 100.0, 10.0], [400.0, 900.0, 50.0], 41))
+    for k in (0, 1, 17, 39):
+        assert progress(line, line.positions[k] + [0.0, 3.0, 0.0]) == k / 40
+    assert 0.99 < progress(line, line.positions[-1]) < 1.0
+
+
+def test_legs_together_are_planned_as_each_alone(plan, world):
+    """By one key or a key for each, in one world or a world for each."""
+    stronger = replace(world, current=replace(world.current, strength=1.3 * world.current.strength))
+    places, times = zip(*(time_left(plan, share)[:2] for share in (0.25, 0.5)), strict=True)
+    keys = jax.random.split(jax.random.key(5), 2)
+
+    def alone(k, sea):
+        """One leg by itself."""
+        place = [plan], places[k][None], np.array([times[k]])
+        return replan_paths(*place, sea, key=keys[k : k + 1], config=CONFIG)[0]
+
+    stacked = replace(
+        world,
+        current=jax.tree.map(lambda *leaves: jnp.stack(leaves), world.current, stronger.current),
+        obstacles=jax.tree.map(lambda leaf: jnp.stack([leaf, leaf]), world.obstacles),
+    )
+    legs = [plan, plan], np.stack(places), np.array(times)
+    found = replan_paths(*legs, stacked, key=keys, config=CONFIG, world_per_leg=True)
+    for k, sea in enumerate((world, stronger)):
+        assert found[k].travel_time == pytest.approx(alone(k, sea).travel_time, rel=1e-5)
+        np.testing.assert_array_equal(found[k].conditions.world().current.strength, sea.current.strength)
+    together = replan_paths(*legs, world, key=jax.random.key(5), config=CONFIG)
+    assert [one.travel_time for one in together] == [alone(k, world).travel_time for k in range(2)]
+
+
+def test_a_place_that_no_path_leads_from_is_refused(plan, world):
+    anywhere = {"key": jax.random.key(0), "config": CONFIG}
+    with pytest.raises(ValueError, match=r"start of leg 0 .* lies outside the environment's bounds"):
+        replan_path(plan, (-10.0, 200.0, 20.0), 0.0, world, **anywhere)
+    with pytest.raises(ValueError, match="start and goal of leg 0 coincide"):
+        replan_path(plan, plan.control_points[-1], 0.0, world, **anywhere)
+    with pytest.raises(
+        TypeError, match=r"vehicle must be a Vehicle, got float: give ap.Vehicle\(speed=2.5\)"
+    ):
+        replan_path(plan, plan.positions[9], 0.0, world, 2.5, **anywhere)
+    with pytest.raises(TypeError, match="env must be an Environment"):
+        replan_path(plan, plan.positions[9], 0.0, world.current, **anywhere)
 
 
 def test_noise_in_place_of_the_kept_population_would_not(plan, world):
