@@ -49,7 +49,7 @@ def coast_clearance(
         config: static settings.
     """
     if env.chart is None:
-        return jnp.full_like(gap, FAR), jnp.zeros_like(gap[0])
+        return jnp.full_like(gap, FAR), jnp.zeros(gap.shape[1:], gap.dtype)
     distance = distance_to_land(env.chart, x, y)
     risk = 1.0 - env.chart.passability_at(x, y)
     price = config.uncertain_price * (0.5 * (risk[1:] + risk[:-1]) * duration).sum(axis=0)
@@ -143,13 +143,13 @@ def bed_altitude(x: jax.Array, y: jax.Array, z: jax.Array, gap: jax.Array, env: 
 
 def obstacle_clearance(segments: Segments, env: Environment) -> jax.Array:
     """Certified clearance of segments to the collision boundaries at the time of arrival, m, any shape."""
-    shape = segments[2].shape
+    *_, duration = segments
     if len(env.obstacles) == 0:
-        return jnp.full(shape, FAR, segments[2].dtype)
+        return jnp.full_like(duration, FAR)
     # One long row of segments makes longer vector loops than a plane of short ones.
     row = jax.tree.map(jnp.ravel, segments)
     boundary = env.obstacles.boundary(env.obstacles.observed_at)
-    return _compiled_nearest(env.obstacles, boundary, row).reshape(shape)
+    return _compiled_nearest(env.obstacles, boundary, row).reshape(duration.shape)
 
 
 @jax.custom_jvp
@@ -160,7 +160,8 @@ def _nearest(obstacles: Obstacles, boundary: jax.Array, segments: Segments) -> j
         one, reach = sphere
         return jnp.minimum(least, _Encounter.of(one, reach, segments).clearance), None
 
-    far = jnp.full_like(segments[2], FAR)
+    *_, duration = segments
+    far = jnp.full_like(duration, FAR)
     return jax.lax.scan(nearer, far, (obstacles, boundary), unroll=_UNROLL)[0]
 
 
@@ -177,7 +178,8 @@ def _nearest_jvp(primals: tuple, tangents: tuple) -> tuple[jax.Array, jax.Array]
         clear = _Encounter.of(one, reach, segments).clearance
         return (jnp.minimum(least[0], clear), jnp.where(clear < least[0], number, least[1])), None
 
-    none = jnp.full_like(segments[2], FAR), jnp.full(segments[2].shape, -1, jnp.int32)
+    *_, lasts = segments
+    none = jnp.full_like(lasts, FAR), jnp.full_like(lasts, -1, jnp.int32)
     numbers = jnp.arange(len(obstacles), dtype=jnp.int32)
     (clear, number), _ = jax.lax.scan(nearer, none, (numbers, obstacles, boundary), unroll=_UNROLL)
     # A product with zeros and ones selects each segment's sphere: far cheaper than looking it up.
