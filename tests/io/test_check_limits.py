@@ -116,6 +116,16 @@ def test_known_obstacles_that_cannot_be_read_are_a_note(tmp_path):
     assert np.isinf(check(run, dataset).obstacle_clearance)
 
 
+def test_without_a_place_on_earth_no_known_obstacle_is_looked_for(tmp_path):
+    run = due_north()
+    dataset = with_known_obstacle(run, tmp_path, 60.0, 0.0, radius=20.0)
+    for name in [name for name in dataset.attrs if str(name).startswith("site_")]:
+        del dataset.attrs[name]
+    report = check(run, dataset)
+    assert np.isinf(report.obstacle_clearance)
+    assert not [note for note in report.notes if "obstacles" in note]
+
+
 @pytest.mark.parametrize("closes", np.linspace(1012.0, 1280.0, 12))
 def test_a_closure_of_ten_seconds_is_found_whenever_it_comes_in_a_stay(tmp_path, closes):
     """The leg ends in the band at 1,000 s; its task takes 300 s."""
