@@ -1,5 +1,6 @@
 """Image files as arrays of colours, with limits on their size."""
 
+import logging
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -7,12 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import tifffile
 from numpy.typing import NDArray
 from PIL import Image, UnidentifiedImageError
 
 #: Larger pictures are refused before they are decoded.
 MAX_PIXELS = 64_000_000
 _GDAL_NODATA = 42113
+_MASK = 4  # bit of NewSubfileType
 #: What a picture may be: Pillow hands others, such as PostScript, to programs.
 _FORMATS = ("PNG", "JPEG", "TIFF", "GIF", "BMP", "WEBP", "PPM", "JPEG2000")
 
@@ -43,14 +46,54 @@ def opened(path: str | Path, fault: type[ValueError]) -> Iterator[Image.Image]:
 
 
 def blank(picture: Image.Image) -> NDArray[np.bool_]:
-    """[rows, columns] pixels that show less than half of their colour, or are no data by GDAL's tag."""
+    """[rows, columns] pixels that show less than half of their colour, or are no data by tag or mask."""
+    path = Path(picture.filename)  # type: ignore[attr-defined] - it was opened by its path
     empty = np.zeros(picture.size[::-1], bool)
+    if (masked := hidden(path, empty.shape)) is not None:
+        empty |= masked
     if picture.has_transparency_data:
         empty |= np.asarray(picture.convert("RGBA"))[..., 3] < 128
     with suppress(ValueError):
         nodata = float(str(getattr(picture, "tag_v2", {}).get(_GDAL_NODATA, "nan")).strip("\0 \n"))
         empty |= (np.asarray(picture).reshape(*empty.shape, -1)[..., :3] == nodata).all(axis=-1)
     return empty
+
+
+@contextmanager
+def opened_tiff(path: Path) -> Iterator[tifffile.TiffFile]:
+    """A TIFF file; what tifffile logs of damage goes nowhere: the reader says what matters, once."""
+    log = logging.getLogger("tifffile")
+    before, log.disabled = log.disabled, True
+    try:
+        with tifffile.TiffFile(path) as file:
+            yield file
+    finally:
+        log.disabled = before
+
+
+def hidden(path: Path, shape: tuple[int, ...]) -> NDArray[np.bool_] | None:
+    """[rows, columns] pixels that a mask in a TIFF (TIFF 6.0), or GDAL's file `.msk` beside a picture, hides.
+
+    Args:
+        path: of the picture.
+        shape: its rows and columns; masks of other sizes are those of overviews.
+
+    Returns:
+        None where there is no mask.
+    """
+    beside = path.with_name(f"{path.name}.msk")
+    with path.open("rb") as start:
+        tiff = start.read(2) in (b"II", b"MM")
+    for name, first in ((path, 1), (beside, 0)):
+        if not (tiff if name == path else beside.exists()):
+            continue
+        with opened_tiff(name) as file:
+            pages: list[Any] = list(file.pages)[first:]
+            for page in pages:
+                mask = first == 0 or int(page.subfiletype) & _MASK
+                if mask and (page.imagelength, page.imagewidth) == shape:
+                    return page.asarray().reshape(*shape, -1)[..., 0] == 0
+    return None
 
 
 def colours(picture: Image.Image) -> NDArray[np.uint8]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from auvplan.io.currents.units import length_factor
 from auvplan.io.geo.error import GeoError, reading
 from auvplan.io.geo.field import DOWN, SPELT_OUT, UP, Field, netcdf_field, sense_of_standard_name
 from auvplan.io.geo.geotiff import is_tiff
@@ -26,26 +27,7 @@ SMALLEST_PIXEL, LARGEST_PIXEL, MOST_PIXELS = 10.0, 500.0, 1024
 _EXTREME, _SENTINELS = 12_000.0, (-9999.0, 9999.0)
 # Rows of a file that are looked through for the signs of its values.
 _ROWS = 64
-_UNITS = {
-    "m": 1.0,
-    "metre": 1.0,
-    "metres": 1.0,
-    "meter": 1.0,
-    "meters": 1.0,
-    "km": 1000.0,
-    "kilometre": 1000.0,
-    "kilometres": 1000.0,
-    "kilometer": 1000.0,
-    "kilometers": 1000.0,
-    "cm": 0.01,
-    "centimetre": 0.01,
-    "centimetres": 0.01,
-    "centimeter": 0.01,
-    "centimeters": 0.01,
-    "ft": 0.3048,
-    "foot": 0.3048,
-    "feet": 0.3048,
-}
+_FEET = {"ft": 0.3048, "foot": 0.3048, "feet": 0.3048, "us survey foot": 1200.0 / 3937.0}
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,8 +64,8 @@ def read_bathymetry(
     Which way values count is given by the attributes `positive` and `standard_name`, else by `positive`, else
     by the variable's name (elevation, z: up; h, depth: down). Where nothing tells it, values of both signs,
     or negative ones alone, in the area and 64 rows of the whole file are heights, with a note; else it is
-    asked for. Units are m, km, cm or ft. A pixel is NaN where one of the values that bear on it is missing.
-    Of NetCDF only the window that is needed is read.
+    asked for. Units are m, km, cm, fathoms or ft. A pixel is NaN where one of the values that bear on it is
+    missing. Of NetCDF only the window that is needed is read.
 
     Args:
         path: NetCDF-3 or -4 with longitude and latitude as two axes or two grids, or GeoTIFF of one band.
@@ -164,6 +146,8 @@ def _opened(path: Path, variable: str | None, site: Site, grid: LocalGrid, crs: 
         values = raw.astype(float) * gain + offset
         if raster.nodata is not None:
             values[raw == _as_stored(raster.nodata, raw.dtype)] = np.nan
+        if raster.blank is not None:
+            values[raster.blank[first : last + 1][:, columns]] = np.nan
         return values
 
     yield Field(name, attributes, raster.nodes(), load)
@@ -202,9 +186,9 @@ def _factor(path: Path, field: Field) -> tuple[float, tuple[str, ...]]:
     unit = str(field.attributes.get("units", "")).strip()
     if not unit:
         return 1.0, ("units are not given: metres",)
-    factor = _UNITS.get(unit.lower().rstrip("."))
+    factor = _FEET.get(unit.lower().rstrip(".")) or length_factor(unit.rstrip("."))
     if factor is None:
-        raise GeoError(f"{path}: {field.name or 'the band'} is in {unit!r}, not in m, km, cm or ft")
+        raise GeoError(f"{path}: {field.name or 'the band'} is in {unit!r}, not in m, km, cm, fathoms or ft")
     return factor, ()
 
 

@@ -296,7 +296,8 @@ def _passability(
     """[rows, columns] of a raster's own pixels, what was assumed, and which pixels are off the chart."""
     values, blank = raster.values, raster.blank
     if values.ndim == 2 and classes is None and colours and values.dtype in (np.uint8, np.bool_):
-        blank = values == (np.nan if raster.nodata is None else raster.nodata)
+        empty = values == (np.nan if raster.nodata is None else raster.nodata)
+        blank = empty if blank is None else empty | blank
         values = np.repeat((values * np.uint8(255 if values.dtype == np.bool_ else 1))[..., None], 3, axis=2)
     if values.ndim == 3:
         if classes is not None:
@@ -323,7 +324,7 @@ def _passability(
         listed = ", ".join(map(str, unknown[:8])) + (" ..." if len(unknown) > 8 else "")
         raise GeoError(f"{path}: classes give no meaning to the values {listed}")
     meanings = np.array([classes.get(int(value), 0.0) for value in found], np.float32)
-    return meanings[place].reshape(values.shape), (), None
+    return np.where(False if blank is None else blank, 0.0, meanings[place].reshape(values.shape)), (), None
 
 
 def _refuse_outside(path: str | Path, reached: NDArray[np.bool_], grid: LocalGrid) -> None:

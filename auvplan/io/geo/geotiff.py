@@ -1,33 +1,34 @@
 """GeoTIFF (OGC GeoTIFF 1.1): the tags that say where the pixels lie, and the pixels."""
 
-import contextlib
-import logging
 import warnings
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import ParseError
 
 import numpy as np
-import tifffile
 from defusedxml.ElementTree import fromstring
 from numpy.typing import NDArray
 from PIL import Image
 from pyproj import CRS
+from pyproj.exceptions import ProjError
 
 from auvplan.io.geo.error import GeoError, reason
-from auvplan.ocean.picture import MAX_PIXELS
+from auvplan.ocean.picture import MAX_PIXELS, hidden, opened_tiff
 
 Affine = tuple[float, float, float, float, float, float]
 
 _MAGIC = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 _SCALE, _TIEPOINT, _TRANSFORMATION, _KEYS = 33550, 33922, 34264, 34735
 _GDAL_METADATA, _GDAL_NODATA = 42112, 42113
-_MODEL, _RASTER_TYPE, _GEOGRAPHIC, _PROJECTED = 1024, 1025, 2048, 3072
+_MODEL, _RASTER_TYPE, _GEOGRAPHIC, _PROJECTED, _VERTICAL = 1024, 1025, 2048, 3072, 4096
 _POINT, _USER_DEFINED = 2, 32767
-_MASK = 4  # bit of NewSubfileType
-_PALETTE, _COLOURS, _ALPHA = 3, (2, 6), {1, 2}  # RGB, YCbCr; associated and unassociated alpha
+_MINISWHITE, _PALETTE, _COLOURS, _ALPHA = (
+    0,
+    3,
+    (2, 6),
+    {1, 2},
+)  # RGB, YCbCr; associated and unassociated alpha
 _EXTRA = "pip install 'auvplan[readers]'"
 
 
@@ -42,7 +43,8 @@ class Tiff:
         crs_trouble: why it tells none.
         nodata: the value that stands for none, or None.
         attributes: of the first band, by lower-case name (GDAL metadata).
-        blank: [rows, columns] which pixels of a colour picture are see-through or no data; None of values.
+        blank: [rows, columns] which pixels are hidden by a mask, and of a colour picture see-through or no
+            data; None where none can be.
     """
 
     values: NDArray[Any]
@@ -63,18 +65,6 @@ class TiffPlace:
     shape: tuple[int, int]
 
 
-@contextlib.contextmanager
-def _opened(path: Path) -> Iterator[tifffile.TiffFile]:
-    """A TIFF file; what tifffile logs of damage goes nowhere: the reader says what matters, once."""
-    log = logging.getLogger("tifffile")
-    before, log.disabled = log.disabled, True
-    try:
-        with tifffile.TiffFile(path) as file:
-            yield file
-    finally:
-        log.disabled = before
-
-
 def is_tiff(start: bytes) -> bool:
     """Return whether a file of these first four bytes is a TIFF, of either size and byte order."""
     return start in _MAGIC
@@ -86,7 +76,7 @@ def read_place(path: Path) -> TiffPlace:
     Raises:
         GeoError: its tags contradict the format. What else tifffile raises on a damaged file is passed on.
     """
-    with _opened(path) as file:
+    with opened_tiff(path) as file:
         page: Any = file.pages[0]
         tags = {int(tag.code): tag.value for tag in page.tags}
         shape = int(page.imagelength), int(page.imagewidth)
@@ -105,7 +95,7 @@ def read_geotiff(path: Path, indices: bool = False) -> Tiff:
         GeoError: it is too large, cannot be decoded, or has tags that contradict the format. What else
             tifffile raises on a damaged file is passed on.
     """
-    with _opened(path) as file:
+    with opened_tiff(path) as file:
         page: Any = file.pages[0]
         width, height, bands = int(page.imagewidth), int(page.imagelength), int(page.samplesperpixel)
         if width * height > MAX_PIXELS:
@@ -120,39 +110,31 @@ def read_geotiff(path: Path, indices: bool = False) -> Tiff:
             raise GeoError(f"{path}: {bands} bands: neither one of values nor three of colour")
         tags = {int(tag.code): tag.value for tag in page.tags}
         values = _pixels(path, page)
-        hidden = _hidden(path, file, values.shape[:2])
         table = page.colormap if page.photometric == _PALETTE and not indices else None
         see_through = bands == 4 and bool(set(page.extrasamples) & _ALPHA)
         if bands > 1 and page.photometric not in _COLOURS:
             raise GeoError(f"{path}: its bands are no red, green and blue")
+        if page.photometric == _MINISWHITE and not indices and values.dtype.kind in "ub":
+            values = ~values if values.dtype == np.bool_ else np.iinfo(values.dtype).max - values
     keys = _geo_keys(path, tags.get(_KEYS))
     crs, trouble = _crs(path, keys)
     nodata = _nodata(tags.get(_GDAL_NODATA))
     coloured = _coloured(path, values, table, see_through)
-    blank = None
+    blank = hidden(path, values.shape[:2])
     if coloured.ndim == 3:
-        blank = (values[..., :3] == (np.nan if nodata is None else nodata)).all(axis=-1)
+        empty = (values[..., :3] == (np.nan if nodata is None else nodata)).all(axis=-1)
+        blank = empty if blank is None else blank | empty
         if see_through:
             blank |= values[..., 3] <= np.iinfo(values.dtype).max // 2
-        if hidden is not None:
-            blank |= hidden
     return Tiff(
         coloured,
         _affine(path, tags, keys.get(_RASTER_TYPE) == _POINT),
         crs,
         trouble,
         nodata,
-        _band_attributes(tags.get(_GDAL_METADATA)),
+        _vertical(keys) | _band_attributes(tags.get(_GDAL_METADATA)),
         blank,
     )
-
-
-def _hidden(path: Path, file: Any, shape: tuple[int, ...]) -> NDArray[np.bool_] | None:
-    """[rows, columns] pixels that a transparency mask (TIFF 6.0) in the file hides; None without one."""
-    for page in list(file.pages)[1:]:
-        if int(page.subfiletype) & _MASK and (page.imagelength, page.imagewidth) == shape:
-            return _pixels(path, page)[..., 0] == 0
-    return None
 
 
 def _pixels(path: Path, page: Any) -> NDArray:
@@ -251,6 +233,16 @@ def _crs(path: Path, keys: dict[int, int]) -> tuple[CRS | None, str]:
         return CRS.from_epsg(code), ""
     except Exception as error:
         raise GeoError(f"{path}: EPSG:{code} is no coordinate reference system ({reason(error)})") from None
+
+
+def _vertical(keys: dict[int, int]) -> dict[str, str]:
+    """Return the unit of a vertical reference system, and that it counts down where it does."""
+    try:
+        axis = CRS.from_epsg(keys[_VERTICAL]).axis_info[0]
+    except (KeyError, ProjError):
+        return {}
+    # Depths are often kept in files of a system of heights, never the other way round.
+    return {"units": axis.unit_name} | ({"positive": "down"} if axis.direction == "down" else {})
 
 
 def _nodata(text: Any) -> float | None:

@@ -1,10 +1,12 @@
 """Georeferenced rasters: GeoTIFF (OGC GeoTIFF 1.1), and pictures with a world file (ESRI's six numbers)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import ParseError
 
 import numpy as np
+from defusedxml.ElementTree import fromstring
 from numpy.typing import NDArray
 from pyproj import CRS, Geod, Transformer
 
@@ -23,6 +25,7 @@ _WORLD_FILES = {
     ".tiff": (".tfw", ".tiffw"),
 }
 _TEXT_LIMIT = 100_000
+_SIDECAR_LIMIT = 50_000_000  # it may hold tables of colours and histograms
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +39,8 @@ class Raster:
         crs: of x and y, x being east or longitude.
         nodata: the value that stands for none, or None.
         attributes: what the file tells of its band (GDAL's names), lower case.
-        blank: [rows, columns] which pixels of a colour picture are see-through or no data; None of values.
+        blank: [rows, columns] which pixels are hidden by a mask, and of a colour picture see-through or no
+            data; None where none can be.
     """
 
     values: NDArray[Any]
@@ -98,13 +102,15 @@ def read_raster(path: str | Path, crs: Any = None, *, indices: bool = False) -> 
         else:
             (values, empty), affine, own, nodata, attributes = _picture(path, indices), None, None, None, {}
             trouble = "no coordinate reference system in a .prj file beside it"
-        if affine is None:
-            affine, own = _world_file(path), own or _projection_file(path)
+        sidecar = _sidecar(path)
+        affine, own = _place(path, affine, own, sidecar)
+        nodata = sidecar.nodata if nodata is None else nodata
+        attributes = sidecar.attributes | attributes
         if own is not None and wanted is not None and not own.equals(wanted, ignore_axis_order=True):
             raise GeoError(f"{path}: is in {own.name}, not in {wanted.name} as crs says")
         system = own or wanted
         if system is None:
-            raise GeoError(f"{path}: {trouble}: set crs, such as crs=32755")
+            raise GeoError(f"{path}: {trouble}: set crs, such as EPSG:32755")
         if not (system.is_geographic or system.is_projected):
             raise GeoError(f"{path}: {system.name} is neither geographic nor projected")
         determinant = affine[0] * affine[4] - affine[1] * affine[3]
@@ -150,11 +156,10 @@ def pixel_size(path: str | Path) -> PixelSize | None:
         else:
             with opened(path, GeoError) as picture:
                 columns, rows = picture.size
-        if affine is None:
-            if _beside(path, _world_names(path)) is None:
-                return None
-            affine, crs = _world_file(path), crs or _projection_file(path)
-        return _measured(path, affine, crs, rows, columns)
+        sidecar = _sidecar(path)
+        if affine is None and sidecar.affine is None and _beside(path, _world_names(path)) is None:
+            return None
+        return _measured(path, *_place(path, affine, crs, sidecar), rows, columns)
 
 
 def _measured(path: Path, affine: Affine, crs: CRS | None, rows: int, columns: int) -> PixelSize:
@@ -217,6 +222,71 @@ def _picture(path: Path, indices: bool) -> tuple[NDArray, NDArray[np.bool_] | No
         if picture.mode == "LA":
             return np.asarray(picture)[..., 0], None
         return colours(picture), blank(picture)
+
+
+@dataclass(frozen=True)
+class _Sidecar:
+    """What GDAL's `.aux.xml` beside a raster tells of it and its first band; attributes as in `Raster`."""
+
+    affine: Affine | None = None
+    crs: CRS | None = None
+    nodata: float | None = None
+    attributes: dict[str, str] = field(default_factory=dict)
+
+
+def _sidecar(path: Path) -> _Sidecar:
+    """Return what the `.aux.xml` beside a raster tells; nothing where there is none.
+
+    Raises:
+        GeoError: it cannot be read.
+    """
+    beside = path.with_name(path.name + ".aux.xml")
+    if not beside.exists():
+        return _Sidecar()
+    try:
+        root = fromstring(read_text(beside, _SIDECAR_LIMIT), forbid_dtd=True)
+        band = root.find("PAMRasterBand[@band='1']")
+        stated = {
+            name: text
+            for name in ("NoDataValue", "UnitType", "Offset", "Scale")
+            if band is not None and (text := (band.findtext(name) or "").strip())
+        }
+        steps = [float(word) for word in (root.findtext("GeoTransform") or "").split(",") if word.strip()]
+        nodata = float(stated.pop("NoDataValue")) if "NoDataValue" in stated else None
+    except (ParseError, ValueError):  # the latter also of document types and entities
+        raise GeoError(f"{beside}: is damaged") from None
+    system = (root.findtext("SRS") or "").strip()
+    c, a, b, f, d, e = steps if len(steps) == 6 else [0.0] * 6
+    return _Sidecar(
+        (a, b, c, d, e, f) if len(steps) == 6 else None,
+        as_crs(system) if system else None,
+        nodata,
+        {name.lower(): text for name, text in stated.items()},
+    )
+
+
+def _place(
+    path: Path, affine: Affine | None, crs: CRS | None, sidecar: _Sidecar
+) -> tuple[Affine, CRS | None]:
+    """Return where a raster lies by its own tags, which come first, its world file, .prj and sidecar.
+
+    Raises:
+        GeoError: nothing tells it, or the sidecar contradicts the tags.
+    """
+    if (
+        affine is not None
+        and sidecar.affine is not None
+        and not np.allclose(affine, sidecar.affine, 1e-9, 0.0)
+    ):
+        raise GeoError(
+            f"{path}: lies elsewhere by its tags than by {path.name}.aux.xml: remove the wrong one"
+        )
+    if affine is None:
+        crs = crs or _projection_file(path)
+        affine = sidecar.affine or _world_file(path)
+    if crs is not None and sidecar.crs is not None and not crs.equals(sidecar.crs, ignore_axis_order=True):
+        raise GeoError(f"{path}: is in {crs.name}, but by {path.name}.aux.xml in {sidecar.crs.name}")
+    return affine, crs or sidecar.crs
 
 
 def _world_names(path: Path) -> list[str]:

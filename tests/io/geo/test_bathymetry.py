@@ -24,7 +24,10 @@ from tests.io.geo.sea_floors import AREA, LATITUDE, LONGITUDE, SITE, expected, s
         ("bed", 1, {"units": "m", "standard_name": "sea_floor_depth_below_sea_level"}),
         ("topo", -1, {"units": "m", "standard_name": "surface_altitude"}),
         ("sea_floor_depth_below_sea_level", 1, {"units": "m"}),
+        ("h", -1, {"units": "dbar", "positive": "up"}),
         ("h", -1000, {"units": "mm", "positive": "up"}),
+        ("depth", 1 / 1.8288, {"units": "fathoms"}),
+        ("depth", 3937 / 1200, {"units": "US survey foot"}),
         ("elevation", -100, {"units": "cm"}),
         ("elevation", -0.001, {"units": "km"}),
         ("h", 1 / 0.3048, {"units": "ft"}),
@@ -33,8 +36,8 @@ from tests.io.geo.sea_floors import AREA, LATITUDE, LONGITUDE, SITE, expected, s
 @pytest.mark.parametrize("form", ["NETCDF4", "NETCDF3_CLASSIC"])
 def test_both_senses_and_all_units(tmp_path, name, sign, attributes, form):
     path = write_grid(tmp_path / "b.nc", name, sign=sign, attributes=attributes, form=form)
-    if attributes["units"] == "mm":
-        with pytest.raises(GeoError, match=r"b\.nc: h is in 'mm', not in m, km, cm or ft"):
+    if attributes["units"] == "dbar":
+        with pytest.raises(GeoError, match=r"b\.nc: h is in 'dbar', not in m, km, cm, fathoms or ft"):
             read_bathymetry(path, SITE, **AREA)
         return
     found = read_bathymetry(path, SITE, pixel_size=100.0, **AREA)
@@ -223,3 +226,56 @@ def test_one_variable_of_several(tmp_path):
     assert deep.notes == ("units are not given: metres",)
     with pytest.raises(GeoError, match=r"no variable 'floor'; it has elevation, tid, deep, lat, lon"):
         read_bathymetry(tmp_path / "c.nc", SITE, variable="floor", **AREA)
+
+
+def floor_tiff(path, *, per_metre=-1.0, dtype="float32", crs="EPSG:4326", mask=None, **options):
+    """A GeoTIFF of `sea_floor`, as rasterio writes it."""
+    rasterio = pytest.importorskip("rasterio")
+    longitude, latitude = np.linspace(-5.75, -5.57, 91), np.linspace(56.37, 56.49, 61)[::-1]
+    x, y = longitude[1] - longitude[0], latitude[0] - latitude[1]
+    place = rasterio.Affine(x, 0.0, longitude[0] - x / 2, 0.0, -y, latitude[0] + y / 2)
+    values = per_metre * sea_floor(longitude[None, :], latitude[:, None])
+    size = {"width": 91, "height": 61, "count": 1, "dtype": dtype}
+    with rasterio.open(path, "w", "GTiff", crs=crs, transform=place, **size, **options) as file:
+        file.write(np.rint(values).astype(dtype) if dtype == "int16" else values.astype(dtype), 1)
+        if mask is not None:
+            file.write_mask(mask)
+    return path
+
+
+@pytest.mark.parametrize("inside", [True, False])
+def test_masked_values_of_a_geotiff_are_missing(tmp_path, inside):
+    rasterio = pytest.importorskip("rasterio")
+    mask = np.ones((61, 91), bool)
+    mask[25:35, 40:50] = False
+    with rasterio.Env(GDAL_TIFF_INTERNAL_MASK=inside):
+        path = floor_tiff(tmp_path / "b.tif", mask=mask)
+    found = read_bathymetry(path, SITE, pixel_size=100.0, **AREA)
+    longitude, latitude = expected(found)
+    hidden = (np.abs(longitude + 5.66) < 0.008) & (np.abs(latitude - 56.431) < 0.008)
+    assert np.isnan(found.depth[hidden]).all()
+    open_ = (np.abs(longitude + 5.66) > 0.015) | (np.abs(latitude - 56.431) > 0.015)
+    np.testing.assert_allclose(found.depth[open_], sea_floor(longitude, latitude)[open_], atol=2e-3)
+
+
+def test_a_sidecar_tells_scale_unit_and_no_data(tmp_path):
+    path = floor_tiff(tmp_path / "b.tif", per_metre=-10.0 / 0.3048, dtype="int16")
+    whole = read_bathymetry(path, SITE, pixel_size=100.0, **AREA)
+    least = round(float(np.nanmin(whole.depth)))
+    band = f"<NoDataValue>{-least}</NoDataValue><UnitType>ft</UnitType><Offset>0</Offset><Scale>0.1</Scale>"
+    beside = tmp_path / "b.tif.aux.xml"
+    beside.write_text(f'<PAMDataset><PAMRasterBand band="1">{band}</PAMRasterBand></PAMDataset>')
+    found = read_bathymetry(path, SITE, pixel_size=100.0, **AREA)
+    known = np.isfinite(found.depth)
+    assert 0.95 < known.mean() <= 1.0
+    np.testing.assert_allclose(found.depth[known], sea_floor(*expected(found))[known], atol=0.02)
+    beside.write_text("<PAMDataset>")
+    with pytest.raises(GeoError, match=r"b\.tif\.aux\.xml: is damaged"):
+        read_bathymetry(path, SITE, **AREA)
+
+
+@pytest.mark.parametrize(("system", "per_metre"), [(6360, -3937 / 1200), (5703, -1.0), (5861, 1.0)])
+def test_a_vertical_reference_system_tells_unit_and_direction(tmp_path, system, per_metre):
+    path = floor_tiff(tmp_path / "b.tif", per_metre=per_metre, crs=f"EPSG:4326+{system}")
+    found = read_bathymetry(path, SITE, pixel_size=100.0, **AREA)
+    np.testing.assert_allclose(found.depth, sea_floor(*expected(found)), atol=2e-3)

@@ -103,7 +103,7 @@ LAND = np.full((14, 9), 30.0)
         ("z", {"positive": "down"}, LAND, {"positive": "up"}, "convention: its attribute positive says down"),
         ("z", {"standard_name": "sea_floor_depth_below_geoid"}, LAND, {"positive": "up"}, "contradictory"),
         ("z", {"standard_name": "sea_floor_depth", "positive": "up"}, LAND, {}, "z has a contradictory"),
-        ("z", {"units": "fathoms"}, LAND, {}, "z is in 'fathoms'"),
+        ("z", {"units": "dbar"}, LAND, {}, "z is in 'dbar'"),
         ("z", {"units": "m"}, LAND * np.nan, {}, "z has no values in the area"),
         ("z", {"units": "m"}, LAND, {"positive": "north"}, 'positive must be "up" or "down"'),
         ("salt", {"units": "m"}, LAND, {"variable": "lat"}, "lat has dimensions lat, not two"),

@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from auvplan.io.geo import chart_and_notes, chart_from_raster
-from auvplan.ocean.chart import ChartError
+from auvplan.ocean.chart import ChartError, classify_file
 from auvplan.ocean.classify import UNCERTAIN_MAX
 from auvplan.ocean.palette import ChartColours, to_hex
 from auvplan.site import Site
@@ -181,21 +181,33 @@ def by_alpha(folder: Path) -> Path:
     return folder / "n.png"
 
 
-def by_mask(folder: Path) -> Path:
+def by_mask(folder: Path, inside: bool = True) -> Path:
     rasterio = pytest.importorskip("rasterio")
     (west, north), (x, y) = PLACED["corner"], PLACED["scale"]
     place = rasterio.Affine(x, 0.0, west, 0.0, -y, north)
     size = {"width": 60, "height": 40, "count": 3, "dtype": "uint8"}
     with (
-        rasterio.Env(GDAL_TIFF_INTERNAL_MASK=True),
+        rasterio.Env(GDAL_TIFF_INTERNAL_MASK=inside),
         rasterio.open(folder / "n.tif", "w", "GTiff", crs=4326, transform=place, **size) as file,
     ):
         file.write(np.moveaxis(half(77), -1, 0))
         file.write_mask(np.arange(60)[None] + np.zeros((40, 1)) >= 20)
+    assert (folder / "n.tif.msk").exists() == (not inside)
     return folder / "n.tif"
 
 
-@pytest.mark.parametrize("hide", [by_value, by_alpha, by_mask])
+def by_mask_beside(folder: Path) -> Path:
+    return by_mask(folder, inside=False)
+
+
+@pytest.mark.parametrize("hide", [by_mask, by_mask_beside])
+def test_masks_of_pictures_without_a_place(tmp_path, hide):
+    found = classify_file(hide(tmp_path))
+    assert found.outside is not None
+    np.testing.assert_array_equal(found.outside, np.arange(60)[None] + np.zeros((40, 1)) < 20)
+
+
+@pytest.mark.parametrize("hide", [by_value, by_alpha, by_mask, by_mask_beside])
 def test_what_shows_nothing_is_off_the_chart(tmp_path, hide):
     path = hide(tmp_path)
     options: dict[str, Any] = {"crs": 4326} if path.suffix == ".png" else {}

@@ -342,3 +342,35 @@ def test_pixels_without_data_are_stated(tmp_path):
     (tmp_path / "s.pgw").write_text(WORLD)
     assert (np.flatnonzero(read_raster(tmp_path / "s.png", crs=32755).blank.any(axis=1)) == [0]).all()
     assert read_raster(write_geotiff(tmp_path / "v.tif", VALUES)).blank is None
+
+
+def test_what_a_sidecar_tells_of_the_place(tmp_path):
+    """As ArcGIS and GDAL write it beside files that cannot tell themselves."""
+    rasterio = pytest.importorskip("rasterio")
+    place_ = rasterio.Affine(20.0, 3.0, 697200.0, 2.0, -20.0, 7774100.0)
+    size = {"width": 5, "height": 7, "count": 3, "dtype": "uint8"}
+    for driver, name in (("PNG", "p.png"), ("GTiff", "b.tif")):
+        more = {"PROFILE": "BASELINE"} if driver == "GTiff" else {}
+        with rasterio.open(tmp_path / name, "w", driver, crs=32755, transform=place_, **size, **more) as file:
+            file.write(np.moveaxis(COLOURS, -1, 0))
+        assert (tmp_path / f"{name}.aux.xml").exists()
+        raster = read_raster(tmp_path / name)
+        np.testing.assert_allclose(raster.affine, tuple(place_)[:6])
+        assert raster.crs.to_epsg() == 32755
+        np.testing.assert_array_equal(raster.values, COLOURS)
+        size_ = pixel_size(tmp_path / name)
+        assert size_ is not None
+        assert size_.metres == pytest.approx(20.1, rel=0.01)
+    beside = tmp_path / "b.tif.aux.xml"
+    path = write_geotiff(tmp_path / "b.tif", COLOURS, corner=(148.0, -20.0))
+    with pytest.raises(GeoError, match=r"b\.tif: lies elsewhere by its tags than by b\.tif\.aux\.xml"):
+        read_raster(path)
+    beside.write_text("<PAMDataset><SRS>EPSG:32755</SRS></PAMDataset>")
+    with pytest.raises(GeoError, match=r"b\.tif: is in WGS 84, but by b\.tif\.aux\.xml in WGS 84 / UTM zone"):
+        read_raster(path)
+
+
+def test_greys_that_count_from_white_are_turned(tmp_path):
+    path = write_geotiff(tmp_path / "w.tif", COLOURS[..., 0], photometric="miniswhite")
+    np.testing.assert_array_equal(read_raster(path).values, 255 - COLOURS[..., 0])
+    np.testing.assert_array_equal(read_raster(path, indices=True).values, COLOURS[..., 0])
