@@ -4,9 +4,10 @@ The loop sees the vehicle through a `VehicleLink` alone. Whatever happens it com
 has a limit, and every limit ends in another try or in a safe end.
 """
 
+import logging
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -15,17 +16,22 @@ from numpy.typing import NDArray
 from auvplan.export.itinerary import ExportError, PlannedLeg
 from auvplan.link.limits import Limits
 from auvplan.link.notices import CurrentNotice, NoNotices, Notices, ObstacleNotice
-from auvplan.link.record import Event, ExecutionRecord
+from auvplan.link.record import UNDER_WAY, Event, ExecutionRecord
 from auvplan.link.rolling import Prospect, RollingPlan
-from auvplan.link.vehicle import LinkError, Report, State, Upload, VehicleLink
+from auvplan.link.vehicle import LinkError, Report, State, Upload, VehicleLink, one_line
 from auvplan.ocean.known import KnownObstacle
 from auvplan.records import LegRecord
 from auvplan.words import counted
 
 Array = NDArray[np.floating]
 
+_log = logging.getLogger(__name__)
+
 #: Called with every event.
 Tell = Callable[[Event], None]
+
+#: Called with the record as far as it goes, when something has happened to a vehicle that is under way.
+Keep = Callable[[ExecutionRecord], None]
 
 #: m from the place of a task within which the vehicle is taken to be at it.
 _AT_TASK = 15.0
@@ -38,6 +44,12 @@ _SURFACE = 2.0
 
 #: s of mission time between two tries of something that failed.
 _PAUSE = 60.0
+
+#: How fast a vehicle can be over ground: so many times its speed, and so many m/s more.
+_TIMES, _MORE = 2.0, 2.0
+
+#: How a vehicle is that was told nothing.
+_NOT_STARTED = "the vehicle was not started"
 
 
 class _SafeEnd(Exception):
@@ -54,6 +66,8 @@ class _Progress:
         ahead: the step that the vehicle is on its way to, at least `done`.
         place: [3] m and `since` s, where and since when it has not moved.
         astray: s since when it is off its track, or infinite.
+        begun: [3] m, where it was when it began, or None.
+        stayed: [n] s that it can have been at the place of each step, by where it was seen; -1 for never.
     """
 
     upload: Upload
@@ -62,6 +76,36 @@ class _Progress:
     place: Array | None = None
     since: float = 0.0
     astray: float = math.inf
+    begun: Array | None = None
+    stayed: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.stayed = np.full(len(self.upload.steps), -1.0)
+
+    @property
+    def line(self) -> tuple[Array, Array]:
+        """Ends [3] m of the straight line that the vehicle is on."""
+        step = self.upload.steps[self.ahead]
+        alone = self.ahead == 0 and self.upload.origin is None and self.begun is not None
+        return (self.begun if alone else step.left), step.position  # type: ignore[return-value]
+
+    def see(self, first: Array, last: Array, seconds: float, reach: float) -> None:
+        """Take note of where the vehicle can have been between two places [3] m, so many s apart.
+
+        Args:
+            first, last, seconds: two sights of it, one after the other.
+            reach: m from a place within which it is taken to be there.
+        """
+        places = np.asarray([step.position for step in self.upload.steps])
+        way = np.linalg.norm(places - first, axis=1) + np.linalg.norm(places - last, axis=1)
+        speed = _TIMES * self.upload.itinerary.speed + _MORE
+        left = seconds - np.maximum(way - 2.0 * reach, 0.0) / speed
+        self.stayed = np.where(left >= 0.0, np.maximum(self.stayed, 0.0) + left, self.stayed)
+
+    def believed(self, number: int) -> bool:
+        """Return whether the vehicle can have completed a step, as it says."""
+        step = self.upload.steps[number]
+        return not step.ends_leg or bool(self.stayed[number] >= step.hold)
 
 
 @dataclass(frozen=True)
@@ -88,6 +132,7 @@ def execute(
     limits: Limits | None = None,
     notices: Notices | None = None,
     tell: Tell | None = None,
+    keep: Keep | None = None,
 ) -> ExecutionRecord:
     """Plan a mission, execute it on a vehicle, and say how it ended.
 
@@ -97,20 +142,28 @@ def execute(
         limits: of times and tries.
         notices: of obstacles and currents, reported from outside.
         tell: called with what happens.
+        keep: called with the record as it is, from the vehicle's start on, whenever something happens.
 
     Returns:
         The record, whatever happened.
+
+    Raises:
+        KeyboardInterrupt: with one line on how the vehicle is; the record was kept.
     """
-    return _Executor(plan, link, limits or Limits(), notices or NoNotices(), tell or (lambda _: None)).run()
+    tell, keep = tell or (lambda _: None), keep or (lambda _: None)
+    return _Executor(plan, link, limits or Limits(), notices or NoNotices(), tell, keep).run()
 
 
 class _Executor:
     def __init__(
-        self, plan: RollingPlan, link: VehicleLink, limits: Limits, notices: Notices, tell: Tell
+        self, plan: RollingPlan, link: VehicleLink, limits: Limits, notices: Notices, tell: Tell, keep: Keep
     ) -> None:
-        self._plan, self._link, self._limits, self._notices, self._tell = plan, link, limits, notices, tell
+        self._plan, self._link, self._limits, self._notices = plan, link, limits, notices
+        self._tell, self._keep = tell, keep
         run = plan.run
-        self._record = ExecutionRecord(run.scenario, run.folder, run.seed, link.name, run.t_available)
+        self._record = ExecutionRecord(
+            run.scenario, run.folder, run.seed, link.name, run.t_available, reason=UNDER_WAY
+        )
         self._route = [run.start]
         self._count = 0  # legs that are done
         self._new: _Next | None = None
@@ -122,37 +175,53 @@ class _Executor:
         self._failed = -math.inf  # s, when something failed that is tried again later
         self._ahead = -math.inf  # s, when the track ahead was last looked at
         self._cost = 0.0  # s of mission time that planning anew takes
-        self._silent = False
+        self._silent = self._over = False
+        self._measured = -math.inf  # s, when the rest was last planned anew for a current
+        self._sight: tuple[float, Array] | None = (
+            None  # s and [3] m, when and where the vehicle was last seen
+        )
 
     def run(self) -> ExecutionRecord:
         """Execute the mission."""
         record = self._record
         try:
+            self._go()
+        except KeyboardInterrupt:
+            record.reason = "interrupted"
+            if not record.safe:
+                number, end = self._progress.upload.number, self._progress.upload.itinerary.end
+                goes_on = f"the vehicle goes on with upload {number}, whose last item is to {end}"
+                record.safe = goes_on if self._started else _NOT_STARTED
+            raise KeyboardInterrupt(f"{record.reason}; {record.safe}") from None
+        finally:
+            record.t_mission = record.t_mission or self._now
+            self._link.close()
+            self._say("end", f"{record.reason}; {record.safe}")
+        return record
+
+    def _go(self) -> None:
+        """Execute the mission, and bring the vehicle to a safe end where it cannot go on."""
+        try:
             self._depart()
             self._follow()
-        except _SafeEnd as end:
-            self._end_safely(str(end))
-        except (LinkError, ExportError) as error:
+        except (_SafeEnd, LinkError, ExportError) as error:
             self._end_safely(str(error))
-        except KeyboardInterrupt:
-            goes_on = f"the vehicle goes on with upload {self._progress.upload.number}"
-            raise KeyboardInterrupt(f"interrupted; {goes_on}" if self._started else "") from None
-        finally:
-            self._link.close()
-        record.t_mission = record.t_mission or self._now
-        record.planned = [self._leg_name(leg) for leg in self._plan.legs] if self._started else []
-        record.route = [self._plan.run.called(node) for node in self._route]
-        self._say("end", f"{record.reason}; {record.safe}")
-        return record
+        except Exception as error:  # a vehicle is under way: whatever is wrong here, it is brought up
+            _log.exception("the executor failed")
+            self._end_safely(one_line(f"the executor failed: {type(error).__name__}: {error}"))
 
     @property
     def _now(self) -> float:
         return self._link.now
 
     def _say(self, kind: str, text: str) -> None:
-        event = Event(round(self._now, 1), kind, text)
-        self._record.events.append(event)
+        event, record = Event(round(self._now, 1), kind, text), self._record
+        record.events.append(event)
         self._tell(event)
+        if self._started:
+            record.planned = [self._leg_name(leg) for leg in self._plan.legs]
+            record.route = [self._plan.run.called(node) for node in self._route]
+            self._keep(record)
 
     def _leg_name(self, leg: LegRecord) -> str:
         run = self._plan.run
@@ -162,7 +231,7 @@ class _Executor:
         """Plan, find the vehicle, upload, start.
 
         Raises:
-            _SafeEnd: there is no plan.
+            _SafeEnd: there is no plan, or the vehicle is elsewhere or busy.
             Lost, Refused: the vehicle is not there, or does not take the plan.
             ExportError: the plan cannot be handed to a vehicle.
         """
@@ -175,8 +244,22 @@ class _Executor:
         self._say("plan", f"planned: {legs}, {plan.ends:.0f} s of {available:.0f} s")
         self._link.connect()
         self._say("connected", f"connected to {self._link.name}")
+        self._check_ready(self._link.wait(0.0), whole.steps[0].position)
         self._progress = _Progress(whole)
         self._hand_over(_Next(whole, plan, 0, "start"))
+
+    def _check_ready(self, report: Report, start: Array) -> None:
+        """See that the vehicle is where the mission starts, [3] m, and does nothing else.
+
+        Raises:
+            _SafeEnd: it is not so.
+        """
+        if report.state is State.EXECUTING:
+            raise _SafeEnd("the vehicle executes a plan already: end that first")
+        if report.position is not None:
+            away = float(np.linalg.norm(report.position - start))
+            if away > self._limits.away:
+                raise _SafeEnd(f"the vehicle is {away:,.0f} m from the mission's start")
 
     def _hand_over(self, new: _Next) -> None:
         """Upload and start; what the vehicle has completed of it is not done again.
@@ -199,7 +282,9 @@ class _Executor:
         more = min(before.ahead - known, len(fresh.steps) - 1)
         self._started = True
         self._link.start(more)
-        self._plan.followed, self._progress = new.prospect, _Progress(fresh, more, more, since=self._now)
+        begun = None if self._sight is None else self._sight[1]
+        self._progress = _Progress(fresh, more, more, since=self._now, begun=begun)
+        self._plan.followed = new.prospect
         self._new, self._due, self._holding, self._ahead = None, "", False, -math.inf
         steps = [[*map(float, step.position.round(3)), step.hold] for step in fresh.steps]
         number, when = new.upload.number, round(self._now, 1)
@@ -223,9 +308,10 @@ class _Executor:
             if self._count >= len(self._plan.legs):
                 break
             self._hear()
+            self._check_end()
+            self._check_state(report)
             if not self._reached(report):
                 continue
-            self._check_state(report)
             if self._holding:
                 self._go_on_past()
                 continue
@@ -238,15 +324,18 @@ class _Executor:
         self._arrive()
 
     def _book(self, report: Report) -> None:
-        """Book where the vehicle is, and the steps that it has completed."""
+        """Book where the vehicle is, and the steps that it has completed and can have completed."""
         progress = self._progress
+        self._see(report)
         if report.position is not None:
             north, east, depth = (round(float(part), 2) for part in report.position)
             row = round(self._now, 1), north, east, depth
             if not self._record.track or self._record.track[-1][1:] != row[1:]:
                 self._record.track.append(row)
         steps = progress.upload.steps
-        for step in steps[progress.done : report.done]:
+        for number, step in list(enumerate(steps))[progress.done : max(report.done, 0)]:
+            if not progress.believed(number):
+                break  # it is not there yet, whatever it says
             progress.done += 1
             progress.since, self._tries = self._now, 0
             if step.ends_leg:
@@ -254,6 +343,15 @@ class _Executor:
         progress.ahead = max(progress.ahead, min(progress.done, len(steps) - 1))
         if self._link.by_legs and report.position is not None:
             self._pass_corners(progress, report.position)
+
+    def _see(self, report: Report) -> None:
+        """Take note of where the vehicle is and can have been since it was last seen."""
+        if report.position is None or report.heard > self._limits.silence:
+            return
+        now = self._now - report.heard * self._link.rate
+        before, place = self._sight or (now, report.position)
+        self._progress.see(place, report.position, now - before, self._limits.corridor)
+        self._sight = now, report.position
 
     def _pass_corners(self, progress: _Progress, place: Array) -> None:
         """See which corner of its leg the vehicle has passed where it does not say so itself."""
@@ -281,6 +379,7 @@ class _Executor:
 
     def _hear(self) -> None:
         """Take in what is reported from outside."""
+        reported = []
         for notice in self._notices.read():
             if isinstance(notice, str):
                 self._say("note", notice)
@@ -291,32 +390,49 @@ class _Executor:
                 self._plan.add_obstacle(replace(obstacle, position=(north, east)))
                 self._say("reported", f"obstacle {obstacle.name}, radius {obstacle.radius:.0f} m")
                 self._ahead = -math.inf
-                self._check_legs(obstacle)
+                reported.append(obstacle)
             elif isinstance(notice, CurrentNotice):
                 place = self._link.wait(0.0).position if notice.position is None else notice.position
                 if place is None:
                     self._say("note", "a current was reported before the vehicle's place is known: left out")
                     continue
                 offset = self._plan.correct_current(notice.velocity, place, self._now)
+                if offset is None:
+                    self._say("note", "a current was reported where there is no forecast: left out")
+                    continue
                 words = ", ".join(f"{part:+.2f}" for part in offset)
                 self._say("reported", f"current: the forecast is moved by {words} m/s north, east, down")
-                self._due, self._new = "current", None
+                if self._now - self._measured >= _PAUSE:
+                    self._due, self._new, self._measured = "current", None, self._now
+        if reported:
+            self._check_legs(reported)
 
-    def _check_legs(self, obstacle: KnownObstacle) -> None:
-        """See whether a reported obstacle is in the way of the legs after the present one."""
+    def _check_legs(self, reported: list[KnownObstacle]) -> None:
+        """See whether reported obstacles are in the way of the legs after the present one."""
+        names = reported[0].name if len(reported) == 1 else counted(len(reported), "obstacle")
         for leg in self._plan.legs[self._count + 1 :]:
             if self._plan.clearance(leg.positions, leg.times) < self._plan.margin:
                 self._due, self._new = "hazard", None
-                self._say("hazard", f"{obstacle.name} is in the way of leg {self._leg_name(leg)}")
+                self._say("hazard", f"in the way of leg {self._leg_name(leg)}: {names}")
                 return
 
-    def _reached(self, report: Report) -> bool:
-        """Return whether the vehicle is heard of; without a link it goes on with its plan.
+    def _check_end(self) -> None:
+        """Say when the time available is over, and give up some time after.
 
         Raises:
-            _SafeEnd: it is overdue.
+            _SafeEnd: the vehicle is overdue.
         """
-        if report.heard <= self._limits.silence:
+        available = self._record.t_available
+        if self._now > available and not self._over:
+            self._over = True
+            self._say("over", f"the time available, {available:.0f} s, is over, and the vehicle is under way")
+        if self._now > available + self._limits.overdue:
+            raise _SafeEnd(("the link is lost and " if self._silent else "") + "the vehicle is overdue")
+
+    def _reached(self, report: Report) -> bool:
+        """Return whether the vehicle and its place are heard of; without a link it goes on with its plan."""
+        heard = report.heard <= self._limits.silence
+        if heard and report.position is not None:
             if self._silent:
                 self._silent, self._progress.since, self._progress.astray = False, self._now, math.inf
                 self._say("heard", "the link is there again")
@@ -325,11 +441,9 @@ class _Executor:
             self._silent = True
             number, end = self._progress.upload.number, self._progress.upload.itinerary.end
             self._say(
-                "lost", f"nothing heard for {report.heard:.0f} s: the vehicle goes on with upload {number}, "
-                f"whose last item is to {end}",
+                "lost", (f"nothing heard for {report.heard:.0f} s" if not heard else "its place is not known")
+                + f": the vehicle goes on with upload {number}, whose last item is to {end}",
             )  # fmt: skip
-        if self._now > self._record.t_available + self._limits.overdue:
-            raise _SafeEnd("the link is lost and the vehicle overdue")
         return False
 
     def _check_state(self, report: Report) -> None:
@@ -357,11 +471,13 @@ class _Executor:
             _SafeEnd: it stops again and again.
         """
         progress, now, place = self._progress, self._now, report.position
-        if place is not None and (
-            progress.place is None or np.linalg.norm(place - progress.place) > self._limits.moved
-        ):
-            progress.place, progress.since = place, now
+        if place is None:
             return
+        if progress.place is None or np.linalg.norm(place - progress.place) > self._limits.moved:
+            progress.place = place
+            if report.state not in (State.IDLE, State.HOLDING, State.FINISHED):
+                progress.since = now
+                return
         allowed = self._limits.stall
         if self._at_task(report):
             allowed += progress.upload.steps[progress.ahead].hold
@@ -370,7 +486,17 @@ class _Executor:
         where = f"{report.state.value}, {report.message}" if report.message else report.state.value
         self._try("stopped", f"no way made for {now - progress.since:.0f} s ({where}): started again")
         progress.since = now
-        self._asked(lambda: self._link.start(progress.ahead))
+        self._asked(self._start_again)
+
+    def _start_again(self) -> None:
+        """Hand over what the vehicle should have, as it may have lost it, and start it where it was.
+
+        Raises:
+            Lost, Refused: it does not.
+        """
+        progress = self._progress
+        self._link.upload(progress.upload)
+        self._link.start(progress.ahead)
 
     def _try(self, kind: str, text: str) -> None:
         """Count an answer to what went wrong.
@@ -398,9 +524,8 @@ class _Executor:
         progress, place = self._progress, report.position
         if place is None or progress.done >= len(progress.upload.steps):
             return
-        step = progress.upload.steps[progress.ahead]
-        off = _distance(place, step.left, step.position)
-        if off <= self._limits.corridor or (self._count == 0 and progress.done == 0):
+        off = _distance(place, *progress.line)
+        if off <= self._limits.corridor:
             progress.astray = math.inf
         elif progress.astray == math.inf:
             progress.astray = self._now
@@ -554,31 +679,39 @@ class _Executor:
                 return
 
     def _end_safely(self, why: str) -> None:
-        """Have the vehicle surface, and see that it does."""
+        """Have the vehicle surface, and see that it does; nothing that fails here is raised."""
         record = self._record
         record.reason = why
         if not self._started:
-            record.safe = "the vehicle was not started"
+            record.safe = _NOT_STARTED
             return
+        upload = self._progress.upload
+        record.safe = (
+            f"told to surface, not answered; upload {upload.number} ends with {upload.itinerary.end}"
+        )
         for attempt in range(self._limits.tries):
             try:
+                if attempt:
+                    self._link.wait(_PAUSE)
                 self._link.abort()
-                break
+            except Exception as error:
+                self._say("failed", one_line(str(error)))
+                continue
+            record.safe = "told to surface"
+            self._watch_rise()
+            return
+
+    def _watch_rise(self) -> None:
+        """See that the vehicle surfaces."""
+        begin = self._now
+        while self._now - begin < self._limits.ending:
+            try:
+                report = self._link.wait(self._limits.look)
             except LinkError as error:
                 self._say("failed", str(error))
-                if attempt + 1 < self._limits.tries:
-                    self._link.wait(_PAUSE)
-        else:
-            upload = self._progress.upload
-            record.safe = (
-                f"told to surface, not answered; upload {upload.number} ends with {upload.itinerary.end}"
-            )
-            return
-        record.safe, begin = "told to surface", self._now
-        while self._now - begin < self._limits.ending:
-            report = self._link.wait(self._limits.look)
+                return
             if report.position is not None and report.position[2] < _SURFACE:
-                record.safe = "at the surface"
+                self._record.safe = "at the surface"
                 return
 
 

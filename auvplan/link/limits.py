@@ -23,9 +23,9 @@ class Limits:
         corridor: m that the vehicle may be off its track.
         astray: s of mission time off its track after which it counts as drifting.
         tries: times in a row that a stop, a drift or a hazard is answered before the mission is aborted.
-        overdue: s of mission time after the time available at which a vehicle that is not heard of is given
-            up.
+        overdue: s of mission time after the time available at which the mission is given up.
         ending: s of mission time that the end behaviour is watched.
+        away: m from the mission's start that the vehicle may be when it is connected to.
 
     Raises:
         AuvplanError: a limit is not positive.
@@ -46,6 +46,7 @@ class Limits:
     tries: int = 3
     overdue: float = 600.0
     ending: float = 300.0
+    away: float = 1000.0
 
     def __post_init__(self) -> None:
         for field in fields(self):

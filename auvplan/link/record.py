@@ -2,15 +2,19 @@
 
 import json
 from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from auvplan.files import output_folder, write_atomically
-from auvplan.scenario.provenance import source_files
+from auvplan.scenario.provenance import SourceFile, source_files
 
 #: Name of the record's file.
 EXECUTION = "execution.json"
+
+#: Reason of a record whose mission has not ended.
+UNDER_WAY = "under way"
 
 
 @dataclass(frozen=True)
@@ -40,7 +44,7 @@ class ExecutionRecord:
         t_available: s.
         t_mission: s of mission time at the end.
         success: whether the destination was reached in time.
-        reason: the verdict, one line.
+        reason: the verdict, one line; `UNDER_WAY` until there is one.
         safe: how the vehicle is at the end, in words.
         route: waypoints that were reached, by name, the start first.
         tasks: names of the legs whose task is done, "from - to", in order.
@@ -72,6 +76,10 @@ class ExecutionRecord:
         """Return how many events are of a kind."""
         return sum(event.kind == kind for event in self.events)
 
+    @cached_property
+    def _files(self) -> tuple[SourceFile, ...]:
+        return source_files(self.scenario, self.folder)
+
     def summary(self) -> dict[str, Any]:
         """Return the record ready for JSON."""
         plain = asdict(self)
@@ -87,7 +95,7 @@ class ExecutionRecord:
             "total_priority": plain.pop("total_priority"),
             "counts": {kind: self.count(kind) for kind in kinds},
             "tasks_done": plain.pop("tasks"),
-            "files": [asdict(file) for file in source_files(scenario, self.folder)],
+            "files": [asdict(file) for file in self._files],
             "version": version("auvplan"),
             **{name: plain[name] for name in ("route", "planned", "uploads", "events", "track")},
         }

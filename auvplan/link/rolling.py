@@ -260,11 +260,17 @@ class RollingPlan:
         area = self._context.area
         self._context.area = replace(area, obstacles=(*area.obstacles, obstacle))
 
-    def correct_current(self, measured: Array, position: Array, now: float) -> Array:
-        """Move the forecast by what it is off a measured current [3] m/s at [3] m; return the offset."""
+    def correct_current(self, measured: Array, position: Array, now: float) -> Array | None:
+        """Move the forecast by what it is off a measured current [3] m/s at [3] m.
+
+        Returns:
+            The offset [3] m/s, or None where there is no forecast to compare with, which is left as it is.
+        """
         sea = self._first.sea
         assert isinstance(sea, CorrectedSea)
         offset = measured - sea.forecast_at(position, now)
+        if not np.isfinite(offset).all():
+            return None
         for state in (self._first, self.followed.after, *(leg.before for leg in self.followed.planned)):
             assert isinstance(state.sea, CorrectedSea)
             state.sea = state.sea.corrected(offset)
@@ -280,13 +286,13 @@ class RollingPlan:
 
     def clearance(self, positions: Array, times: Array) -> float:
         """Return m, least distance of timed positions [n, 3] m, [n] s to the known obstacles' spheres."""
-        least = np.inf
-        for place, time in zip(positions, times, strict=True):
-            found = self._context.known_obstacles(float(time))
-            if len(found.radius):
-                gaps = np.linalg.norm(found.position - place, axis=1) - found.radius
-                least = min(least, float(gaps.min()))
-        return least
+        known = self._context.known_obstacles(0.0)
+        ways = (
+            np.asarray(positions, float)[:, None]
+            - known.position
+            - np.asarray(times)[:, None, None] * known.velocity
+        )
+        return float((np.linalg.norm(ways, axis=2) - known.radius).min(initial=np.inf))
 
     @property
     def margin(self) -> float:

@@ -14,8 +14,17 @@ from auvplan.export.places import waypoints
 Array = NDArray[np.floating]
 
 
+def one_line(text: str) -> str:
+    """Return text of a vehicle's as one line that a terminal can show."""
+    return " ".join("".join(sign if sign.isprintable() else " " for sign in text).split())
+
+
 class LinkError(Exception):
     """A vehicle that cannot be reached or does not do as it is asked; the message is one line."""
+
+    def __init__(self, message: str) -> None:
+        """Say what is wrong; the message may hold words of the vehicle's."""
+        super().__init__(one_line(message))
 
 
 class Lost(LinkError):
@@ -44,11 +53,11 @@ class Report:
 
     Attributes:
         heard: s of wall-clock time since anything was last heard of it; infinite before.
-        position: [3] m north, east, depth, or None before it is known.
+        position: [3] m north, east, depth, or None where it is not known; never NaN or infinite.
         speed: m/s over ground; NaN where not known.
         state: what it says that it does.
         done: steps of the last upload that are completed, their holds included.
-        message: its own last words, or empty.
+        message: its own last words, one line, or empty.
     """
 
     heard: float = math.inf
@@ -57,6 +66,11 @@ class Report:
     state: State = State.UNKNOWN
     done: int = 0
     message: str = ""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "message", one_line(self.message))
+        if self.position is not None and not np.isfinite(self.position).all():
+            object.__setattr__(self, "position", None)
 
 
 @dataclass(frozen=True)

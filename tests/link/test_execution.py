@@ -184,17 +184,21 @@ class Slow(ScriptedVehicle):
 
     mute, further = False, 0
 
+    def pass_second(self):
+        self._go(1.0)
+        self.now += 1.0
+
     def hold(self):
         if self.state is State.HOLDING:
             return
         while self.plan is not None and not self.plan.steps[self.done].ends_leg:
-            self._go(1.0)
+            self.pass_second()
         known = self.done
         while self.done == known:
-            self._go(1.0)
+            self.pass_second()
         for _ in range(self.further):
             self.place = self.place + self.push
-            self._go(1.0)
+            self.pass_second()
         super().hold()
         self.hidden = known if self.mute else None
 
@@ -259,3 +263,118 @@ def test_a_mission_without_a_plan_is_not_begun():
     assert record.reason.startswith("no plan")
     assert record.safe == "the vehicle was not started"
     assert not vehicle.uploads
+
+
+class Odd(ScriptedVehicle):
+    """Reports what `odd` makes of its reports; goes on to its last step but one at `skip`."""
+
+    odd = staticmethod(lambda vehicle, report: report)
+    skip = np.inf
+
+    def wait(self, seconds):
+        if self.now >= self.skip:
+            self.skip, self.done, self.at = np.inf, len(self.plan.steps) - 2, False
+        return self.odd(self, super().wait(seconds))
+
+
+def odd(report=None, **script):
+    plan, vehicle = made()
+    vehicle = Odd(vehicle.start_at, **script)
+    if report is not None:
+        vehicle.odd = report
+    return plan, vehicle
+
+
+def test_what_a_vehicle_says_to_have_done_counts_only_where_it_was():
+    plan, vehicle = odd(
+        lambda vehicle, report: replace(report, done=10**6) if vehicle.now > 300.0 else report
+    )
+    record = executed(plan, vehicle)
+    assert len(record.tasks) == len(vehicle.tasks)
+    plan, vehicle = odd()
+    vehicle.skip = 300.0
+    record = executed(plan, vehicle)
+    assert record.count("drift") >= 1
+    assert record.success
+    assert len(record.tasks) == len(vehicle.tasks)
+
+
+@pytest.mark.parametrize("place", [[np.nan] * 3, [np.inf, 0.0, 5.0], None])
+def test_a_place_that_is_none_is_not_taken_in(place):
+    def blind(vehicle, report):
+        found = None if place is None else np.asarray(place)
+        return replace(report, position=found) if 200.0 < vehicle.now < 260.0 else report
+
+    plan, vehicle = odd(blind)
+    record = executed(plan, vehicle)
+    assert (record.count("lost"), record.count("heard")) == (1, 1)
+    assert record.success
+    assert len(record.tasks) == len(vehicle.tasks)
+    assert np.isfinite(record.track).all()
+
+
+def test_a_vehicle_that_is_elsewhere_or_busy_is_not_started():
+    plan, vehicle = odd(lambda _, report: replace(report, position=np.array([5e5, 0.0, 0.0])))
+    record = executed(plan, vehicle)
+    assert "from the mission's start" in record.reason
+    plan, vehicle = odd(lambda _, report: replace(report, state=State.EXECUTING))
+    record = executed(plan, vehicle)
+    assert record.reason == "the vehicle executes a plan already: end that first"
+    assert record.safe == "the vehicle was not started"
+    assert not vehicle.uploads
+
+
+def test_a_vehicle_under_way_after_its_time_is_told_of_and_brought_up():
+    plan, vehicle = made(speed=0.1)
+    record = executed(plan, vehicle)
+    assert record.count("over") == 1
+    assert record.reason == "the vehicle is overdue"
+    assert record.safe == "at the surface"
+    assert record.t_mission < record.t_available + 1000.0
+
+
+@pytest.mark.parametrize("error", [RuntimeError("it\nbroke"), Lost("gone")])
+def test_what_breaks_on_the_way_ends_at_the_surface(error):
+    plan, vehicle = odd()
+    waits = vehicle.wait
+    fail = Failing(error, {"wait": 1})
+    vehicle.wait = lambda seconds: (vehicle.now > 400.0 and fail("wait")) or waits(seconds)
+    record = executed(plan, vehicle)
+    assert not record.success
+    assert str(error).replace("\n", " ") in record.reason
+    assert record.safe == "at the surface"
+
+
+def test_a_vehicle_that_has_lost_its_plan_is_given_it_again():
+    plan, vehicle = made(stuck=(500.0, np.inf), restarts=True)
+    record = executed(plan, vehicle, limits=Limits(late=900.0))
+    assert record.count("stopped") == 1
+    assert len(vehicle.uploads) == len(record.uploads) + 1
+    assert record.success
+
+
+def test_an_interruption_says_how_the_vehicle_is_and_keeps_the_record():
+    kept = []
+    plan, vehicle = made()
+    reports = vehicle.wait
+    vehicle.wait = lambda seconds: reports(seconds) if vehicle.now < 300.0 else _interrupt()
+    with pytest.raises(KeyboardInterrupt, match="interrupted; the vehicle goes on with upload 1, whose last"):
+        execute(plan, vehicle, keep=lambda record: kept.append((record.reason, record.safe)))
+    assert kept[0][0] == "under way"
+    assert kept[-1][0] == "interrupted"
+    assert "goes on" in kept[-1][1]
+    assert vehicle.closed
+
+
+def _interrupt():
+    raise KeyboardInterrupt
+
+
+def test_currents_that_are_told_all_the_time_do_not_flood_the_vehicle():
+    plan, vehicle = made()
+    told = [(float(t), CurrentNotice(np.array([0.1 * np.sin(t), 0.0, 0.0]))) for t in range(10, 400, 2)]
+    told.insert(0, (5.0, CurrentNotice(np.full(3, np.nan))))
+    record = executed(plan, vehicle, notices=Tell(vehicle, *told))
+    assert record.count("note") == 1
+    assert len(record.uploads) < 12
+    assert record.success
