@@ -1,17 +1,18 @@
 """S-57 electronic navigational charts (ENC): what cells close to a vehicle, and what stands in their water.
 
-Cells are read by GDAL's S57 driver, which applies the updates (.001 and on) that lie beside a cell. Where
-cells overlap, the one of the largest scale is used, as on a navigator's display. Depths count from the
-chart's datum.
+Cells are read by GDAL's S57 driver, which applies the updates (.001 and on) that it is given with a cell.
+Where cells overlap, the one of the largest scale is used, as on a navigator's display, and of two editions of
+a cell the later one. Depths count from the chart's datum.
 """
 
+import shutil
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from glob import escape
-from itertools import takewhile
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -38,7 +39,7 @@ SAFETY_DEPTH = 5.0
 HAZARD_RADIUS = 50.0
 
 _DEPTHS = ("DEPARE", "DRGARE")
-_DRY = ("LNDARE", "FLODOC", "HULKES", "PONTON", "SLCONS", "CAUSWY", "DAMCON", "DYKCON")
+_DRY = ("LNDARE", "FLODOC", "HULKES", "PONTON", "SLCONS", "CAUSWY", "DAMCON", "DYKCON", "GATCON")
 _SKIN = ("LNDARE", "FLODOC", "HULKES", "PONTON", "UNSARE", *_DEPTHS)  # group 1, which covers all of a cell
 _HAZARDS = {
     "UWTROC": "rock",
@@ -116,6 +117,7 @@ class _Cell:
 
     Attributes:
         path: of the file.
+        source: of the file that GDAL reads, with the updates that apply beside it.
         layers: classes of the objects that it holds.
         scale: of compilation, one in so many; infinite where it is not told.
         coverage: where it has data, degrees.
@@ -123,6 +125,7 @@ class _Cell:
     """
 
     path: Path
+    source: Path
     layers: tuple[str, ...]
     scale: float
     coverage: Any
@@ -179,13 +182,16 @@ def read_cells(
             beyond what the cells cover.
 
     Warns:
-        ScenarioWarning: an update lies beside a cell and is not applied, for one before it is missing.
+        ScenarioWarning: an update does not apply to the cell that it lies with, or a cell is left out, for it
+            is cancelled or there is a later edition.
     """
     path = Path(path)
-    with as_chart(), reading(path):
+    with as_chart(), reading(path), TemporaryDirectory() as staging:
         grid = local_grid(lower, upper, pixel_size)
         margin = hazard_radius + pixel_size
-        cells = [_header(file) for file in _files(path)]
+        cells = [_header(*one) for one in _staged(_files(path), Path(staging))]
+        if not cells:
+            raise GeoError(f"{path}: is cancelled by an update: get the cell that replaces it")
         box = around(site, grid, margin)
         reaching = [cell for cell in cells if shapely.intersects(cell.coverage, box)]
         found, notes, covered = _Found(), [], Polygon()
@@ -235,8 +241,85 @@ def _files(path: Path) -> list[Path]:
     return [path]
 
 
-def _header(path: Path) -> _Cell:
+@dataclass(frozen=True, order=True)
+class _Identity:
+    """What a cell or an update says it is (S-57 part 3, field DSID).
+
+    Attributes:
+        edition: 0 of an update that cancels its cell.
+        update: the last one that is contained.
+        path: of the file.
+    """
+
+    edition: int
+    update: int
+    path: Path
+
+
+def _staged(files: Iterable[Path], staging: Path) -> Iterator[tuple[Path, Path]]:
+    """Yield cells, and where each lies with the updates that apply to it, numbered from .001.
+
+    Updates lie beside their cell, or in folders 1, 2 and on beside its folder. A cell that was issued again
+    holds the first of them.
+
+    Args:
+        files: cells, the later editions of which are taken.
+        staging: folder for copies of cells that have updates.
+
+    Raises:
+        GeoError: a file is no S-57 file, is too large, damaged or cut off.
+
+    Warns:
+        ScenarioWarning: see `read_cells`.
+    """
+    latest: dict[str, _Identity] = {}
+    for one in sorted(map(_identity, files)):
+        if (older := latest.get(one.path.name)) is not None:
+            _warn(f"{older.path}: is left out for {one.path}, which is edition {one.edition}")
+        latest[one.path.name] = one
+    for number, cell in enumerate(latest.values()):
+        name = f"{escape(cell.path.stem)}.[0-9][0-9][0-9]"
+        beside = {*cell.path.parent.glob(name), *cell.path.absolute().parent.parent.glob(f"[1-9]*/{name}")}
+        updates = sorted(
+            (_identity(entry) for entry in beside if entry.suffix != ".000"), key=lambda u: u.update
+        )
+        applied, cancelled = [], False
+        for update in updates:
+            due = cell.update + len(applied) + 1
+            if update.update < due and update.edition == cell.edition:
+                continue  # the cell holds it already
+            if update.update != due or update.edition not in (cell.edition, 0):
+                _warn(
+                    f"{cell.path}: {update.path.name} is not applied: it is update {update.update} of "
+                    f"edition {update.edition}, and update {due} of edition {cell.edition} is wanted"
+                )
+                continue
+            applied.append(update)
+            cancelled |= update.edition == 0
+        if cancelled:
+            _warn(f"{cell.path}: is left out: {applied[-1].path.name} cancels it")
+            continue
+        if not beside:
+            yield cell.path, cell.path
+            continue
+        source = staging / str(number) / "0" / cell.path.name
+        source.parent.mkdir(parents=True)
+        shutil.copyfile(cell.path, source)
+        for count, update in enumerate(applied, 1):
+            shutil.copyfile(update.path, source.with_suffix(f".{count:03d}"))
+        yield cell.path, source
+
+
+def _warn(line: str) -> None:
+    warnings.warn(line, ScenarioWarning, stacklevel=3)
+
+
+def _header(path: Path, source: Path) -> _Cell:
     """Return a cell without its objects.
+
+    Args:
+        path: of the cell.
+        source: where it lies with its updates.
 
     Raises:
         GeoError: it is no cell, is damaged, has no coverage, or is not in degrees of WGS 84 and metres.
@@ -245,12 +328,9 @@ def _header(path: Path) -> _Cell:
         from pyogrio import list_layers
     except ImportError:
         raise GeoError(f"{path}: needs a further package: pip install 'auvplan[readers]'") from None
-    _require_whole(path)
-    for update in _updates(path):
-        _require_whole(update)
     with _unharmed(f"{path}:"):
-        layers = tuple(str(name) for name, _ in list_layers(path))
-    stated = next((part.stated for part in _read(path, "DSID")), {}) if "DSID" in layers else {}
+        layers = tuple(str(name) for name, _ in list_layers(source))
+    stated = next((part.stated for part in _read(path, source, "DSID")), {}) if "DSID" in layers else {}
     for name, wanted, what in (
         ("DSPM_HDAT", _WGS84, "its positions are not on WGS 84"),
         ("DSPM_DUNI", _METRES, "its depths are not in metres"),
@@ -259,7 +339,7 @@ def _header(path: Path) -> _Cell:
             raise GeoError(f"{path}: {what} ({name} is {int(stated[name])})")
     coverage = [
         one.shape
-        for one in (_read(path, "M_COVR") if "M_COVR" in layers else ())
+        for one in (_read(path, source, "M_COVR") if "M_COVR" in layers else ())
         if int(one.stated.get("CATCOV", 1)) == 1
     ]
     if not coverage:
@@ -270,35 +350,13 @@ def _header(path: Path) -> _Cell:
         edition += f" of {issued[:4]}-{issued[4:6]}-{issued[6:]}"
     if np.isfinite(scale):
         edition += f", 1:{scale:.0f}"
-    return _Cell(path, layers, scale, shapely.union_all(shapely.make_valid(coverage)), edition)
+    return _Cell(path, source, layers, scale, shapely.union_all(shapely.make_valid(coverage)), edition)
 
 
-def _updates(path: Path) -> list[Path]:
-    """Return the updates beside a cell that are applied to it: .001, .002 and on without a gap.
+def _identity(path: Path) -> _Identity:
+    """Return what a file says it is, whose records must follow each other up to its end.
 
-    Warns:
-        ScenarioWarning: there are others.
-    """
-    numbers = sorted(
-        int(entry.suffix[1:])
-        for entry in path.parent.glob(f"{escape(path.stem)}.[0-9][0-9][0-9]")
-        if entry.suffix != ".000"
-    )
-    pairs = takewhile(lambda pair: pair[0] == pair[1], enumerate(numbers, 1))
-    applied = [number for number, _ in pairs]
-    left = numbers[len(applied) :]
-    if left:
-        gap = len(applied) + 1
-        warnings.warn(
-            f"{path}: its update .{left[0]:03d} is not applied, for .{gap:03d} is not beside it",
-            ScenarioWarning,
-            stacklevel=2,
-        )
-    return [path.with_suffix(f".{number:03d}") for number in applied]
-
-
-def _require_whole(path: Path) -> None:
-    """Refuse a file whose records do not follow each other up to its end: GDAL reads what is left of it.
+    GDAL reads what is left of a damaged one.
 
     Raises:
         GeoError: it is no S-57 file, is too large, damaged or cut off.
@@ -307,21 +365,60 @@ def _require_whole(path: Path) -> None:
         raise GeoError(f"{path}: is no S-57 cell")
     if path.stat().st_size > MAX_BYTES:
         raise GeoError(f"{path}: larger than {MAX_BYTES} bytes")
-    data, place = path.read_bytes(), 0
+    data, place, found = path.read_bytes(), 0, None
     while place < len(data):
-        head = data[place : place + 5]
-        length = int(head) if head.isdigit() and len(head) == 5 else 0
+        head = data[place : place + 24]
+        length = int(head[:5]) if head[:5].isdigit() and len(head) == 24 else -1
+        second = place > 0 and found is None
+        fields = _fields(data, place) if second or length == 0 else []
+        if length == 0:  # a record of 100,000 bytes or more cannot tell its length
+            length = max((end for _, _, end in fields), default=0)
         if length < 24 and len(set(data[place:])) > 1:  # else it is filled up
             raise GeoError(f"{path}: is damaged: no record begins at byte {place}")
         if place + length > len(data):
             raise GeoError(
                 f"{path}: is cut off: {place + length - len(data)} bytes of its last record are missing"
             )
-        place += length or len(data)
+        if second:
+            found = next(
+                (data[place + start : place + end] for tag, start, end in fields if tag == b"DSID"), b""
+            )
+        place += max(length, 0) or len(data)
+    # After record name, purpose and usage come, each up to a separator, the name, the edition and the update.
+    words = (found or b"")[7:].split(b"\x1f")
+    if len(words) < 4 or not all(word.strip().isdigit() for word in words[1:3]):
+        raise GeoError(f"{path}: is damaged: it does not tell its edition and update (DSID)")
+    return _Identity(int(words[1]), int(words[2]), path)
 
 
-def _read(path: Path, layer: str) -> Iterator[_Object]:
+def _fields(data: bytes, place: int) -> list[tuple[bytes, int, int]]:
+    """Return tag, begin and end of each field of the record at a place (ISO/IEC 8211), from its directory.
+
+    Bytes are counted from the record's first. A directory that is damaged has no fields.
+    """
+    head = data[place : place + 24]
+    sizes = head[20:24]
+    if not (head[12:17].isdigit() and sizes.isdigit()):
+        return []
+    base, (wide, far, _, tag) = int(head[12:17]), (int(chr(one)) for one in sizes)
+    step, found = tag + wide + far, []
+    directory = data[place + 24 : place + base - 1]
+    for at in range(0, len(directory) - step + 1, max(step, 1)):
+        entry = directory[at : at + step]
+        if not entry[tag:].isdigit():
+            return []
+        begin = base + int(entry[tag + wide :])
+        found.append((entry[:tag], begin, begin + int(entry[tag : tag + wide])))
+    return found
+
+
+def _read(path: Path, source: Path, layer: str) -> Iterator[_Object]:
     """Yield the objects of a class.
+
+    Args:
+        path: of the cell, as messages name it.
+        source: of the file that is read.
+        layer: acronym of the class.
 
     Raises:
         GeoError: they cannot be read, or one lacks its geometry.
@@ -329,7 +426,7 @@ def _read(path: Path, layer: str) -> Iterator[_Object]:
     from pyogrio import raw
 
     with _unharmed(f"{path}: {layer}"):
-        meta, _, geometries, columns = raw.read(path, layer=layer, force_2d=True)
+        meta, _, geometries, columns = raw.read(source, layer=layer, force_2d=True)
     count = len(columns[0])
     shapes = [None] * count if geometries is None else shapely.from_wkb(geometries)
     for row, shape in enumerate(shapes):
@@ -418,7 +515,7 @@ def _local(shape: Any, box: MultiPolygon, site: Site) -> Any:
 def _objects(cell: _Cell, kinds: Iterable[str]) -> Iterator[_Object]:
     for kind in dict.fromkeys(kinds):
         if kind in cell.layers:
-            yield from _read(cell.path, kind)
+            yield from _read(cell.path, cell.source, kind)
 
 
 def _shallow(one: _Object, safety_depth: float) -> bool:

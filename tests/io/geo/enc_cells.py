@@ -113,6 +113,9 @@ def write_cell(
     first: int = 1,
     datum: int = 2,
     units: int = 1,
+    edition: int = 1,
+    reissued: int = 0,
+    lengths: bool = True,
 ) -> Path:
     """Write a cell, or an update of one, and return its path.
 
@@ -124,6 +127,9 @@ def write_cell(
         first: number of the first vector record.
         datum: code of the horizontal datum; 2 is WGS 84.
         units: code of the unit of depths; 1 is metres.
+        edition: number; 0 of an update that cancels its cell.
+        reissued: number of the last update that a cell holds.
+        lengths: whether records tell their lengths, which those of 100,000 bytes cannot.
     """
     features, vectors = [], _Vectors(first)
     for count, one in enumerate(objects, 1):
@@ -148,8 +154,10 @@ def write_cell(
             record.append(("FSPT", vectors.of(one.shape)))
         features.append(record)
     name = path.name.encode()
-    identity = struct.pack("<BIBB", 10, 1, 1 + bool(update), 5) + name + _UNIT + b"1" + _UNIT
-    identity += str(update).encode() + _UNIT + b"2026010120260101" + b"03.1" + struct.pack("<B", 1)
+    identity = struct.pack("<BIBB", 10, 1, 1 + bool(update), 5) + name + _UNIT + str(edition).encode() + _UNIT
+    identity += (
+        str(update or reissued).encode() + _UNIT + b"2026010120260101" + b"03.1" + struct.pack("<B", 1)
+    )
     identity += _UNIT + b"2.0" + _UNIT + struct.pack("<BH", 1 + bool(update), 550) + _UNIT
     counts = len(features), 0, vectors.nodes, vectors.joints, vectors.edges, 0
     head = [("DSID", identity), ("DSSI", struct.pack("<3B8I", 2, 0, 0, 0, 0, *counts))]
@@ -158,7 +166,8 @@ def write_cell(
         measures = struct.pack("<BI3BI4B2I", 20, 1, datum, 23, 23, scale, units, 1, 1, 1, _FACTOR, 10) + _UNIT
         records.append([("DSPM", measures)])
     written = [
-        _record(number, fields) for number, fields in enumerate([*records, *vectors.records, *features], 1)
+        _record(number, fields) if lengths else b"00000" + _record(number, fields)[5:]
+        for number, fields in enumerate([*records, *vectors.records, *features], 1)
     ]
     path.write_bytes(_definitions() + b"".join(written))
     return path

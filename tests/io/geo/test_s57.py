@@ -219,8 +219,65 @@ def test_updates_are_applied_and_missing_ones_told(tmp_path):
     assert found.notes[0] == "A.000: edition 1, update 1 of 2026-01-01, 1:25000"
     write_cell(tmp_path / "A.003", [], update=3)
     with pytest.warns(
-        ScenarioWarning, match=r"A\.000: its update \.003 is not applied, for \.002 is not beside it"
+        ScenarioWarning, match=r"A\.000: A\.003 is not applied: it is update 3 of edition 1, and update 2 of"
     ):
+        read(path)
+
+
+def names(found):
+    return [one.name for one in found.hazards]
+
+
+def wreck(number):
+    return Object("WRECKS", shapely.Point(10.06 + 0.001 * (number % 100), 50.06), number=number)
+
+
+def test_updates_of_another_edition_are_not_applied(tmp_path):
+    path = write_cell(tmp_path / "A.000", bay(), edition=2)
+    write_cell(tmp_path / "A.001", [wreck(131)], update=1, first=200, edition=1)
+    with pytest.warns(ScenarioWarning, match="is update 1 of edition 1, and update 1 of edition 2 is wanted"):
+        assert names(read(path)) == []
+    write_cell(tmp_path / "A.001", [wreck(131)], update=1, first=200, edition=2)
+    assert names(read(path)) == ["wreck 131"]
+
+
+def test_a_cell_that_was_issued_again_takes_the_updates_after_it(tmp_path):
+    path = write_cell(tmp_path / "A.000", bay(wreck(131)), reissued=2)
+    write_cell(tmp_path / "A.001", [wreck(131)], update=1, first=200)
+    write_cell(tmp_path / "A.003", [wreck(132)], update=3, first=300)
+    found = read(path)
+    assert names(found) == ["wreck 131", "wreck 132"]
+    assert found.notes[0] == "A.000: edition 1, update 3 of 2026-01-01, 1:25000"
+
+
+def test_updates_in_folders_of_their_own(tmp_path):
+    for folder in ("0", "1", "2"):
+        (tmp_path / folder).mkdir()
+    write_cell(tmp_path / "0" / "A.000", bay())
+    write_cell(tmp_path / "1" / "A.001", [wreck(131)], update=1, first=200)
+    write_cell(tmp_path / "2" / "A.002", [wreck(132)], update=2, first=300)
+    assert names(read(tmp_path)) == ["wreck 131", "wreck 132"]
+
+
+def test_cells_that_are_cancelled_or_older_are_left_out(tmp_path):
+    for folder, edition in (("old", 1), ("new", 2)):
+        (tmp_path / folder).mkdir()
+        write_cell(tmp_path / folder / "A.000", bay(wreck(130 + edition)), edition=edition)
+    with pytest.warns(ScenarioWarning, match=r"old/A\.000: is left out for .*new/A\.000, which is edition 2"):
+        assert names(read(tmp_path)) == ["wreck 132"]
+    write_cell(tmp_path / "new" / "A.001", [], update=1, edition=0)
+    with (
+        pytest.warns(ScenarioWarning, match=r"A\.000: is left out: A\.001 cancels it"),
+        pytest.raises(ChartError, match="is cancelled by an update: get the cell that replaces it"),
+    ):
+        read(tmp_path / "new")
+
+
+def test_records_that_cannot_tell_their_length(tmp_path):
+    path = write_cell(tmp_path / "A.000", bay(wreck(131)), lengths=False)
+    assert names(read(path)) == ["wreck 131"]
+    path.write_bytes(path.read_bytes()[:-3])
+    with pytest.raises(ChartError, match="is cut off: 3 bytes of its last record are missing"):
         read(path)
 
 
