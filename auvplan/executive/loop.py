@@ -308,12 +308,12 @@ def _by_the_clock(mission: Mission, i: int, j: int, least: float, speed: float) 
 
     Where nothing says that the leg can be done, `least` is expected.
     """
-    leg = mission.timed.itinerary([i, j], speed)
-    departs, leaves, arrives = float(leg.departs[0]), float(leg.leaves[0]), float(leg.arrives[0])
+    leg = mission.timed.itinerary([i, j], speed)  # its times count from now
+    ((hold, arrives),) = zip(leg.leaves.tolist(), leg.arrives.tolist(), strict=True)
     if not np.isfinite(arrives):
         return least, 0.0
-    mission.now += leaves - departs
-    return arrives - leaves + float(mission.graph.duration[i, j]), leaves - departs
+    mission.now += hold
+    return arrives - hold + float(mission.graph.duration[i, j]), hold
 
 
 def why_refused(context: SimulationContext, mission: Mission, leg: Leg, times: np.ndarray) -> str:
