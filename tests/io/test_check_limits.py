@@ -102,6 +102,7 @@ def test_a_known_obstacle_is_where_it_has_moved_to_since_the_scenarios_departure
     """It goes before the vehicle at its speed, 60 m at first."""
     run = due_north(speed=1.0)
     dataset = with_known_obstacle(run, tmp_path, 60.0, 0.0, radius=20.0, course=0.0, speed=1.0)
+    del dataset.attrs["departed"]  # older runs do not tell it
     if departed is not None:
         dataset.attrs["departed"] = departed
     assert check(run, dataset).obstacle_clearance == pytest.approx(ahead - 20.0, abs=0.02)
@@ -114,6 +115,21 @@ def test_known_obstacles_that_cannot_be_read_are_a_note(tmp_path):
     (note,) = [note for note in check(run, dataset).notes if "known obstacles" in note]
     assert note.startswith("known obstacles were not looked at: ")
     assert np.isinf(check(run, dataset).obstacle_clearance)
+
+
+def test_cells_that_cannot_be_read_are_a_note(tmp_path):
+    """What a file of obstacles names is looked at all the same."""
+    (tmp_path / "cells").mkdir()
+    (tmp_path / "cells" / "XX5BAY01.000").write_bytes(b"no cell")
+    run = due_north()
+    dataset = with_known_obstacle(run, tmp_path, 60.0, 0.0, radius=20.0)
+    stated = json.loads(dataset.attrs["scenario"])
+    stated["chart"] = {"source": "enc", "file": "cells", "hazard_radius": 50.0}
+    dataset.attrs["scenario"] = json.dumps(stated)
+    report = check(run, dataset)
+    (note,) = [note for note in report.notes if note.startswith("obstacles of cells were not looked at: ")]
+    assert "\n" not in note
+    assert report.obstacle_hits == 1
 
 
 def test_without_a_place_on_earth_no_known_obstacle_is_looked_for(tmp_path):
