@@ -7,10 +7,11 @@ import numpy as np
 
 from auvplan.io.currents.geometry import Window
 from auvplan.io.currents.names import standard_name
-from auvplan.io.currents.opening import text
+from auvplan.io.currents.opening import File, text
 from auvplan.io.currents.points import Points
 from auvplan.io.currents.s_levels import s_levels
 from auvplan.io.currents.series import Array
+from auvplan.io.currents.units import length_factor
 from auvplan.ocean.gridded import CurrentError
 
 #: No level lies deeper or higher, m.
@@ -55,7 +56,7 @@ def find_levels(points: Points, name: str, dim: str | None, notes: list[str]) ->
     file = points.series.files[0]
     for heights in _HEIGHTS:
         if heights in file.variables and dim in file.variables[heights].dims:
-            return _stated(points, heights, dim)
+            return _stated(points, heights, dim, notes)
     found = s_levels(points.series, dim, notes)
     if found is not None:
         return _following(points, name, dim, found, notes)
@@ -63,22 +64,60 @@ def find_levels(points: Points, name: str, dim: str | None, notes: list[str]) ->
         stated = standard_name(file, sigma).startswith("ocean_sigma") or sigma in _SIGMAS
         if stated and dim in variable.dims and (variable.ndim == 1 or points.has(sigma)):
             return _sigma(points, name, sigma, dim, notes)
-    return _fixed(points, _axis(points, name, dim), dim, notes)
+    for heights, variable in file.variables.items():
+        if variable.ndim > 1 and dim in variable.dims and points.has(heights) and is_vertical(file, heights):
+            return _stated(points, heights, dim, notes)
+    axis = _axis(points, dim)
+    if axis is None:
+        raise points.series.fail(
+            f"{name} has levels along {dim}, but no depths of them: if they are levels, give their depths in "
+            f"metres as {dim}({dim}) with positive = down; if not, take one of them out, such as by "
+            f"ncks -d {dim},0"
+        )
+    return _fixed(points, axis, dim, notes)
 
 
-def _axis(points: Points, name: str, dim: str) -> str:
-    """Return the variable that tells the depths along a dimension."""
+def is_level(points: Points, dim: str) -> bool:
+    """Return whether a file tells where levels along a dimension lie."""
+    file = points.series.files[0]
+    return _axis(points, dim) is not None or any(
+        dim in variable.dims
+        and (name in (*_HEIGHTS, *_SIGMAS) or standard_name(file, name).startswith("ocean_s"))
+        for name, variable in file.variables.items()
+    )
+
+
+def is_vertical(file: File, name: str) -> bool:
+    """Return whether a variable says that it is a depth or a height."""
+    attributes = file.variables[name].attrs
+    known = standard_name(file, name) == "depth" or standard_name(file, name).startswith(
+        ("height", "altitude")
+    )
+    return known or bool(text(attributes, "positive") and length_factor(text(attributes, "units")))
+
+
+def _axis(points: Points, dim: str) -> str | None:
+    """Return the variable that tells the depths along a dimension, None where there is none."""
     file = points.series.files[0]
     found = []
     for candidate, variable in file.variables.items():
-        if variable.dims == (dim,):
-            standard = standard_name(file, candidate) in ("depth", "height", "altitude")
+        if variable.dims == (dim,) and variable.dtype.kind in "iuf":
+            standard = is_vertical(file, candidate)
             likely = candidate == dim or standard or text(variable.attrs, "axis") == "Z"
-            if likely or text(variable.attrs, "positive") or "depth" in candidate.lower():
-                found.append((standard, candidate == dim, candidate))
-    if not found:
-        raise points.series.fail(f"{name} has levels along {dim}, but no depths of them")
-    return max(found)[2]
+            named = "depth" in candidate.lower()
+            if likely or text(variable.attrs, "positive") or named:
+                counted = not (standard or named or text(variable.attrs, "units")) and _counts(
+                    file, candidate
+                )
+                if not counted:
+                    found.append((standard, candidate == dim, candidate))
+    return max(found)[2] if found else None
+
+
+def _counts(file: File, name: str) -> bool:
+    """Return whether the values of an axis are the numbers of its levels, or members, from 0 or 1."""
+    values = file.coordinate(name)
+    return bool(values[0] in (0.0, 1.0) and (np.diff(values) == 1.0).all())
 
 
 def _fixed(points: Points, axis: str, dim: str | None, notes: list[str]) -> Levels:
@@ -91,7 +130,9 @@ def _fixed(points: Points, axis: str, dim: str | None, notes: list[str]) -> Leve
         raise series.fail(f"depths {axis} reach {far:g} m, where there is no sea: check units")
     steps = np.diff(depths)
     if len(steps) and not ((steps > 0).all() or (steps < 0).all()):
-        raise series.fail(f"depths {axis} neither rise nor fall throughout")
+        raise series.fail(
+            f"depths {axis} neither rise nor fall throughout: sort them, such as by xarray's sortby"
+        )
     order = slice(None, None, -1 if len(steps) and steps[0] < 0 else 1)
     rising = depths[order]
 
@@ -112,11 +153,18 @@ def _downward(points: Points, axis: str, values: Array, notes: list[str]) -> Arr
     above = signs == {False}
     if positive not in ("", "up", "down"):
         raise points.series.fail(f"{axis} has positive = {positive!r}, neither up nor down")
+    if positive != "down" and not above and standard_name(file, axis).startswith(("height", "altitude")):
+        raise points.series.fail(
+            f"{axis} is {standard_name(file, axis)}, and positive: depths below the surface are needed"
+        )
     if positive == "":
         notes.append(f"{axis} does not say which way is positive: {'up' if above else 'down'}, by its values")
     elif signs and above != (positive == "up"):
-        kind = "negative" if above else "positive"
-        raise points.series.fail(f"{axis} says positive = {positive}, but its values are {kind}")
+        kind, other = ("negative", "up") if above else ("positive", "down")
+        raise points.series.fail(
+            f"{axis} says positive = {positive}, but its values are {kind}: set it right, "
+            f"such as by ncatted -a positive,{axis},o,c,{other}"
+        )
     elif signs and positive == "up" and standard_name(file, axis) == "depth":
         notes.append(f"{axis} is called depth and is positive up: taken by the attribute positive")
     return -values + 0.0 if above else values + 0.0
@@ -201,9 +249,15 @@ def _check_shares(fail: Callable[[str], CurrentError], sigma: str, shares: Array
         raise fail(f"levels {sigma} are no shares of the depth: they reach {shares.max():g}")
 
 
-def _stated(points: Points, heights: str, dim: str) -> Levels:
-    """Heights above the datum for each time, level and point; missing below the sea bed."""
-    metres = points.metres(heights)
+def _stated(points: Points, heights: str, dim: str, notes: list[str]) -> Levels:
+    """Heights above the datum, or depths, of each level and point, at each time or all; NaN below the bed."""
+    attributes = points.series.attrs(heights)
+    down = text(attributes, "positive").lower() == "down" or (
+        standard_name(points.series.files[0], heights) == "depth" and not text(attributes, "positive")
+    )
+    metres = points.metres(heights) * (-1.0 if down else 1.0)
+    if heights not in _HEIGHTS and not down and points.rise_name() is None:
+        notes.append("the surface's height is not given: taken as 0")
     last = points.series.variables[heights].sizes[dim] - 1
     first = points.series.read(heights, {dim: np.array([0, last])}, slice(0, 1), points.series.dims(heights))
     ends = np.moveaxis(first[0], points.series.dims(heights).index(dim), 0) * metres
@@ -218,11 +272,12 @@ def _stated(points: Points, heights: str, dim: str) -> Levels:
                 f"{heights} reaches {far:g} m, where there is no sea: check _FillValue and units"
             )
         there = np.isfinite(height)
-        top = np.where(there, height, -np.inf).max(axis=1)
-        rise = np.where(np.isfinite(top), top, 0.0)
-        if points.rise_name() is not None:
-            rise = points.rise(frames, window)
-        depths = np.where(there, rise[:, None] - height, np.inf)
+        rise = points.rise(frames, window)
+        if heights in _HEIGHTS and points.rise_name() is None:
+            top = np.where(there, height, -np.inf).max(axis=1)
+            rise = np.where(np.isfinite(top), top, 0.0)
+        # Depths are below the surface as it is.
+        depths = np.where(there, (0.0 if down else rise[:, None]) - height, np.inf)
         floor = points.floor(window)
         if floor is not None:
             return depths[:, order], floor + rise

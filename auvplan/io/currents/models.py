@@ -197,13 +197,15 @@ def _nemo(file: File, east: str, north: str) -> File:
             flat = variables[name].isel({dim: 0 for dim in variables[name].dims if dim not in dims})
             if flat.dims == dims:
                 variables[own] = flat
+    mask, level = variables.get("tmask"), variables[east].dims[-3]
+    if mask is not None and mask.ndim > 2 and mask.shape[-3] == variables[east].shape[-3]:
+        deep = mask.isel(dict.fromkeys(mask.dims[:-3], 0))
+        renamed = {deep.dims[0]: level} if deep.dims[0] != level else {}
+        variables["tmask"] = xr.Dataset({"mask": deep}).rename_dims(renamed)["mask"].variable
     for name, edge, axis in ((east, "u", 1), (north, "v", 0)):
         own = {dim: f"{dim}_{edge}" for dim in dims}
         edges = variables[name].isel({dims[axis]: slice(0, -1)})
-        level = [dim for dim in edges.dims[:-2] if str(dim).startswith("depth")]
-        same = {level[0]: variables[east].dims[-3]} if level and edges.ndim > 3 else {}
-        renamed = {dim: other for dim, other in (own | same).items() if dim != other}
-        variables[name] = xr.Dataset({"edges": edges}).rename_dims(renamed)["edges"].variable
+        variables[name] = xr.Dataset({"edges": edges}).rename_dims(own)["edges"].variable
     for name in ("nav_lon", "nav_lat"):
         variables.pop(name, None)
     return replace(file, variables=variables)

@@ -7,21 +7,25 @@ from dataclasses import dataclass
 import numpy as np
 
 from auvplan.io.currents.opening import File, text
+from auvplan.io.currents.units import speed_factor
 from auvplan.ocean.gridded import CurrentError
 
-#: Standard names of velocities to true east.
+#: Standard names of velocities to true east, and along the grid's own axes.
 _TRUE = re.compile(r"(surface_)?eastward_sea_water_velocity(_assuming_no_tide)?")
-#: Standard names of velocities along the grid's own axes, by their partner across.
-_ALONG = {
-    "sea_water_x_velocity": "sea_water_y_velocity",
-    "x_sea_water_velocity": "y_sea_water_velocity",
-    "surface_sea_water_x_velocity": "surface_sea_water_y_velocity",
-}
+_ALONG = re.compile(r"(surface_)?sea_water_x_velocity|x_sea_water_velocity")
+#: Those of a part or a mean of the current, which is read where nothing else is given.
+_PART = re.compile(r"(surface_)?(geostrophic|barotropic)_(eastward_sea_water|sea_water_x)_velocity")
+#: What else velocities are of, in words about a variable, and what marks the sea's in spite of them.
+_OTHER = re.compile(r"\b(wind|air|atmospher\w*|ice|stokes)\b")
+_WATER = re.compile(r"\b(currents?|(sea|ocean) ?water)\b(?!.*\b(stokes|ice)\b)")
+#: Methods whose result is the current of no moment.
+_EXTREME = re.compile(r"time\s*:\s*(max|min|range|standard_deviation|variance|sum)")
 #: Names of the two components, the likeliest first.
 _PAIRS = (
     ("uo", "vo"), ("utotal", "vtotal"), ("water_u", "water_v"), ("u_eastward", "v_northward"),
     ("u", "v"), ("u_sur", "v_sur"), ("horizontalVelX", "horizontalVelY"), ("U_hvel", "V_hvel"),
-    ("vozocrtx", "vomecrty"), ("UVEL", "VVEL"), ("unod", "vnod"), ("ssu", "ssv"),
+    ("vozocrtx", "vomecrty"), ("UVEL", "VVEL"), ("unod", "vnod"), ("ssu", "ssv"), ("u-vel", "v-vel"),
+    ("u_velocity", "v_velocity"), ("ugos", "vgos"),
 )  # fmt: skip
 #: SCHISM's velocity, both components in one variable along a last dimension.
 _BOTH = "hvel"
@@ -48,12 +52,14 @@ class Names:
         east, north: names of the components; the same where one variable holds both.
         both: the dimension that tells the components of one variable apart, or None.
         along_grid: whether they may follow the grid's axes rather than east and north.
+        note: what they are not all of the current of; empty where they are.
     """
 
     east: str
     north: str
     both: str | None
     along_grid: bool
+    note: str = ""
 
 
 def standard_name(file: File, name: str) -> str:
@@ -70,23 +76,75 @@ def find_current(file: File) -> Names:
     """
     by_standard: dict[str, list[str]] = {}
     for name in file.variables:
-        if not _on_network(file, name):
+        if not _on_network(file, name) and _is_current(file, name):
             by_standard.setdefault(standard_name(file, name), []).append(name)
-    for candidates in (
-        {name: name.replace("eastward", "northward") for name in by_standard if _TRUE.fullmatch(name)},
-        {name: other for name, other in _ALONG.items() if name in by_standard},
-    ):
-        for standard in sorted(candidates, key=len):
-            east = _best(file, by_standard[standard])
-            partners = [
-                name
-                for name in by_standard.get(candidates[standard], [])
-                if file.variables[name].ndim == file.variables[east].ndim
-            ]
-            if not partners:
-                raise CurrentError(f"{file.path}: {east} has no partner {candidates[standard]}")
-            return Names(east, _best(file, partners), None, standard in _ALONG)
-    return _by_name(file)
+    found = _by_standard(file, by_standard, _TRUE) or _by_standard(file, by_standard, _ALONG)
+    found = found or _by_name(file) or _by_standard(file, by_standard, _PART)
+    if found is None:
+        raise CurrentError(
+            f"{file.path}: no current: neither a variable with standard_name eastward_sea_water_velocity "
+            f"nor one named {', '.join(east for east, _ in _PAIRS)}{_remedy(file)}"
+        )
+    return found
+
+
+def _by_standard(file: File, by_standard: dict[str, list[str]], wanted: re.Pattern[str]) -> Names | None:
+    """Return the components whose standard names are of a kind, None where there are none.
+
+    Raises:
+        CurrentError: there is one without the other.
+    """
+    for standard in sorted(filter(wanted.fullmatch, by_standard), key=len):
+        across = standard.replace("eastward", "northward").replace("x_", "y_")
+        east = _best(file, by_standard[standard])
+        partners = [
+            name
+            for name in by_standard.get(across, [])
+            if file.variables[name].ndim == file.variables[east].ndim
+        ]
+        if not partners:
+            raise CurrentError(f"{file.path}: {east} has no partner {across}")
+        note = ""
+        if part := _PART.fullmatch(standard):
+            means = {"geostrophic": "its geostrophic part", "barotropic": "its mean over the depth"}
+            note = f"{east} is {part[2]}: not the whole current is given, but {means[part[2]]}"
+        return Names(east, _best(file, partners), None, "eastward" not in standard, note)
+    return None
+
+
+def _is_current(file: File, name: str) -> bool:
+    """Return whether nothing in a variable's words says that it is a wind, ice, waves or an extreme."""
+    attributes = file.variables[name].attrs
+    words = " ".join(text(attributes, key) for key in ("standard_name", "long_name", "description"))
+    words = words.lower().replace("_", " ").replace("-", " ")
+    if _EXTREME.search(text(attributes, "cell_methods")):
+        return False
+    return _OTHER.search(words) is None or _WATER.search(words) is not None
+
+
+def _remedy(file: File) -> str:
+    """Return what may be done with a file in which no current is known."""
+    standards = {standard_name(file, name): name for name in file.variables}
+    turned = next((name for standard, name in standards.items() if "direction" in standard), None)
+    if "sea_water_speed" in standards and turned is not None:
+        return (
+            f"; compute them from {standards['sea_water_speed']} and {turned}, as uo = speed sin(direction) "
+            "and vo = speed cos(direction), where that is the direction to which water flows"
+        )
+    swift = [
+        name
+        for name, variable in file.variables.items()
+        if variable.ndim > 1 and _is_current(file, name) and speed_factor(text(variable.attrs, "units"))
+    ]
+    if len(swift) < 2:
+        passed = [name for pair in _PAIRS for name in pair if name in file.variables]
+        return (
+            f"; {', '.join(passed)} are by their attributes of wind, ice, waves or extremes" if passed else ""
+        )
+    return (
+        f"; speeds are {', '.join(swift[:8])}: rename the two that are eastward and northward, such as by "
+        f"ncrename -v {swift[0]},uo -v {swift[1]},vo"
+    )
 
 
 def _on_network(file: File, name: str) -> bool:
@@ -95,15 +153,16 @@ def _on_network(file: File, name: str) -> bool:
     return mesh is not None and text(mesh.attrs, "topology_dimension") == "1"
 
 
-def _by_name(file: File) -> Names:
+def _by_name(file: File) -> Names | None:
     for east, north in _PAIRS:
         if east in file.variables and north in file.variables:
             names = [standard_name(file, name) for name in (east, north)]
             if re.search("northward|_y_|^y_", names[0]) or re.search("eastward|_x_|^x_", names[1]):
                 stated = " and ".join(name or "none" for name in names)
                 raise CurrentError(f"{file.path}: {east} and {north} have standard names {stated}: in doubt")
-            # u and v are also winds, ice and waves.
-            if all(not name or "sea_water" in name for name in names):
+            if not any(map(_PART.fullmatch, names)) and all(
+                _is_current(file, name) for name in (east, north)
+            ):
                 return Names(east, north, None, "east" not in east)
     if _BOTH in file.variables:
         last = str(file.variables[_BOTH].dims[-1])
@@ -113,10 +172,7 @@ def _by_name(file: File) -> Names:
         for present, missing in ((east, north), (north, east)):
             if present in file.variables and missing not in file.variables:
                 raise CurrentError(f"{file.path}: {present} has no partner {missing}")
-    raise CurrentError(
-        f"{file.path}: no current: neither a variable with standard_name eastward_sea_water_velocity "
-        f"nor one named {', '.join(east for east, _ in _PAIRS)}"
-    )
+    return None
 
 
 def _best(file: File, names: Sequence[str]) -> str:
@@ -134,6 +190,29 @@ def find_upward(file: File) -> str | None:
     named = [name for name in file.variables if standard_name(file, name) == "upward_sea_water_velocity"]
     plain = [name for name in _UPWARD if name in file.variables and not standard_name(file, name)]
     return (named + plain + [None])[0]
+
+
+def require_field(file: File) -> None:
+    """Refuse measurements and model output at single places, between which nothing is known.
+
+    Raises:
+        CurrentError: the file says that it holds such.
+    """
+    stated = text(file.attributes, "featureType") or next(
+        (
+            text(v.attrs, "cf_role")
+            for v in file.variables.values()
+            if text(v.attrs, "cf_role").endswith("_id")
+        ),
+        next(
+            (str(dim) for v in file.variables.values() for dim in v.dims if "station" in str(dim).lower()), ""
+        ),
+    )
+    if stated:
+        raise CurrentError(
+            f"{file.path}: holds single places ({stated}), between which the current is not known: a model's "
+            "output on a grid or a mesh is needed"
+        )
 
 
 def find_places(file: File, name: str, staggered: bool = False) -> tuple[str, str]:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from auvplan.io.currents.columns import at_depth
 from auvplan.io.currents.geometry import DEGREE, Curvilinear, Geometry, Regular, Window
 from auvplan.io.currents.models import unified
-from auvplan.io.currents.names import Names, find_current, find_places
+from auvplan.io.currents.names import Names, find_current, find_places, require_field
 from auvplan.io.currents.opening import File, Paths, open_files
 from auvplan.io.currents.projection import find_crs, in_degrees
 from auvplan.io.currents.series import Array, Series, in_order
@@ -293,7 +293,7 @@ def _standardised(files: Sequence[File]) -> OceanData:
     names = find_current(files[0])
     places = _places(files[0], names)
     series = in_order(files, names.east, places or ())
-    notes = list(series.notes)
+    notes = [*series.notes, *filter(None, [names.note])]
     geometry = _geometry(series, names, places, notes)
     if isinstance(geometry, Curvilinear) and geometry.folds:
         grid = " and ".join(places or ())
@@ -316,11 +316,32 @@ def _places(file: File, names: Names) -> tuple[str, str] | None:
     dims = [file.variables[name].dims[-2:] for name in (names.east, names.north)]
     staggered = dims[0] != dims[1] and "lon_rho" in file.variables
     try:
-        return find_places(file, names.east, staggered)
+        found = find_places(file, names.east, staggered)
     except CurrentError:
         if staggered or find_triangles(file, names.east, None, []) is None:
+            require_field(file)
             raise
         return None
+    if not staggered:
+        _require_same_places(file, names, found)
+    return found
+
+
+def _require_same_places(file: File, names: Names, found: tuple[str, str]) -> None:
+    """Refuse components on the same dimensions that lie at other places, by their `coordinates`."""
+    try:
+        others = find_places(file, names.north)
+    except CurrentError:
+        return
+    for name, other in zip(found, others, strict=True):
+        if name == other:
+            continue
+        one, two = (file.coordinate(place, missing=True) for place in (name, other))
+        if one.shape != two.shape or not np.allclose(one, two, rtol=0.0, atol=1e-6, equal_nan=True):
+            raise CurrentError(
+                f"{file.path}: {names.east} lies at {name} and {names.north} at {other}, which differ: "
+                "interpolate both to the middles of the cells first"
+            )
 
 
 def _torn(geometry: Geometry) -> int:

@@ -30,6 +30,13 @@ Paths = str | Path | Sequence[str | Path]
 Pick = slice | NDArray[np.int64]
 
 _ZARR_FILES = ("zarr.json", ".zgroup", ".zmetadata")
+#: What other files begin with, what they are and what would do.
+_OTHERS = {
+    b"GRIB": ("a GRIB file, ", ": convert it, such as by cdo -f nc4 copy"),
+    b"PK\x03\x04": ("a ZIP archive, ", ": unpack it first"),
+    b"\x1f\x8b": ("a gzip archive, ", ": unpack it first"),
+    b"\x0e\x03\x13\x01": ("an HDF4 file, ", ": convert it, such as by h4toh5"),
+}
 
 
 @dataclass(frozen=True)
@@ -173,8 +180,22 @@ def _open(path: str, crs: Any, epoch: float | None) -> File:
         except Exception as error:
             reasons.append(_line(error))
             continue
+        if not any(variable.ndim > 1 for variable in variables.values()) and (groups := _groups(path)):
+            dataset.close()
+            raise CurrentError(
+                f"{path}: its variables are in the groups {', '.join(groups)}: take one out, such as by "
+                f"ncks -G : -g {groups[0]}"
+            )
         return File(path, variables, dataset.attrs, dataset.close, crs, epoch)
     raise CurrentError(f"{path}: not a readable NetCDF file ({reasons[0]})")
+
+
+def _groups(path: str) -> list[str]:
+    """Return the groups of a NetCDF-4 file."""
+    if not (os.path.isfile(path) and h5py.is_hdf5(path)):
+        return []
+    with h5py.File(path, "r") as file:
+        return [str(name) for name in file if isinstance(file.get(name), h5py.Group)]
 
 
 def _require_shapes(path: str, variables: Mapping[str, xr.Variable]) -> None:
@@ -243,8 +264,8 @@ def _engines(path: str) -> list[str]:
         if not fallback:
             raise CurrentError(f"{path}: NetCDF of type CDF-5 needs: pip install 'auvplan[readers]'")
         return fallback
-    kind = "a GRIB file, " if head[:4] == b"GRIB" else ""
-    raise CurrentError(f"{path}: {kind}not a NetCDF file")
+    kind, remedy = next((words for start, words in _OTHERS.items() if head.startswith(start)), ("", ""))
+    raise CurrentError(f"{path}: {kind}not a NetCDF file{remedy}")
 
 
 def _walk_classic_head(path: Path) -> None:

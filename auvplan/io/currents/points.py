@@ -1,5 +1,6 @@
 """Reading variables at the points where the current is given."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -8,7 +9,7 @@ from numpy.typing import NDArray
 
 from auvplan.io.currents.geometry import Geometry, Window
 from auvplan.io.currents.names import find_floor, standard_name
-from auvplan.io.currents.opening import text
+from auvplan.io.currents.opening import Pick, text
 from auvplan.io.currents.series import Array, Series
 from auvplan.io.currents.triangles import Triangles, cell_means
 from auvplan.io.currents.units import length_factor
@@ -16,6 +17,9 @@ from auvplan.io.currents.units import length_factor
 _SURFACES = ("zeta", "elev", "elevation", "ssh", "zos")
 _SURFACE_NAMES = ("sea_surface_height_above_geoid", "sea_surface_height_above_mean_sea_level",
                   "sea_surface_height", "sea_surface_elevation")  # fmt: skip
+#: Masks of land by name, 1 is water: ROMS, NEMO, MITgcm and MOM6; and by standard name.
+MASKS = ("mask_rho", "tmask", "maskC", "hFacC", "wet")
+MASK_NAMES = ("sea_binary_mask", "land_binary_mask")
 #: Masks of flats that fall dry, of FVCOM, ROMS and SCHISM, and whether 1 is dry.
 _WETTING = (
     ("wet_cells", False), ("wet_nodes", False), ("wetdry_mask_rho", False), ("wetdry_mask", False),
@@ -77,7 +81,7 @@ class Points:
         units = text(self.series.attrs(name), "units")
         factor = length_factor(units) if units else 1.0
         if factor is None:
-            raise self.series.fail(f"{name} has units {units!r}, which are no length")
+            raise self.series.fail(f"{name} has units {units!r}, which are no length: metres are needed")
         return factor
 
     def floor_name(self) -> str | None:
@@ -130,28 +134,39 @@ class Points:
                 return ~mask if dry else mask
         return np.ones((1, window.points), bool)
 
-    @cached_property
-    def masks(self) -> tuple[str, ...]:
-        """The masks of land that the file has at the points."""
-        file, dims = self.series.files[0], set(self.geometry.dims)
-        return tuple(
+    def masks(self, level: str | None = None) -> list[str]:
+        """Return the masks of land that the file has at the points, or at the points of all levels."""
+        file, dims = self.series.files[0], {*self.geometry.dims, *([] if level is None else [level])}
+        return [
             name
-            for name, variable in file.variables.items()
-            if (name == "mask_rho" or standard_name(file, name) == "sea_binary_mask")
-            and set(variable.dims) == dims
-        )
+            for name in file.variables
+            if (name in MASKS or standard_name(file, name) in MASK_NAMES)
+            and set(self.series.dims(name)) == dims
+        ]
 
     @cached_property
     def mask(self) -> str | None:
         """The mask of land; None without one, or where it says land everywhere: that was never written."""
+        return self.mask_along(None)
+
+    def mask_along(self, level: str | None) -> str | None:
+        """Return `mask`, of the points of all levels where there is a dimension of them."""
         file = self.series.files[0]
-        found = (
-            name for name in self.masks if (np.nan_to_num(file.coordinate(name, missing=True)) > 0.5).any()
-        )
-        return next(found, None)
+        found = self.masks(level)
+        return next((n for n in found if self._wet(n, file.coordinate(n, missing=True)).any()), None)
 
     def water(self, window: Window) -> NDArray[np.bool_]:
         """[P], False where a mask of the file says land."""
         if self.mask is None:
             return np.ones(window.points, bool)
-        return np.nan_to_num(self.read(self.mask, slice(0, 1), window)[0]) > 0.5
+        return self._wet(self.mask, self.read(self.mask, slice(0, 1), window)[0])
+
+    def is_water(self, name: str, picks: Mapping[str, Pick], dims: tuple[str, ...]) -> NDArray[np.bool_]:
+        """[*dims], where a mask says water."""
+        return self._wet(name, self.series.read(name, picks, slice(0, 1), dims)[0])
+
+    def _wet(self, name: str, values: Array) -> NDArray[np.bool_]:
+        """Return where values of a mask say water; shares of cells, as MITgcm gives them, count from 0 on."""
+        if standard_name(self.series.files[0], name) == "land_binary_mask":
+            return np.nan_to_num(values, nan=1.0) < 0.5
+        return np.nan_to_num(values) > (0.0 if name == "hFacC" else 0.5)

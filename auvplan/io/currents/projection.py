@@ -44,6 +44,8 @@ def in_degrees(file: File, places: tuple[str, str]) -> tuple[Array, Array, CRS |
             degrees.
     """
     x, y = (file.coordinate(name, missing=file.variables[name].ndim == 2) for name in places)
+    if all(text(file.variables[name].attrs, "units").lower().startswith("rad") for name in places):
+        return np.rad2deg(x), np.rad2deg(y), None
     if not any(_is_projected(file, name) for name in places):
         finite = np.isfinite(x) & np.isfinite(y) if x.shape == y.shape else np.ones(1, bool)
         odd = np.nanmax(np.abs(y), initial=0.0) > 90.0 + 1e-6 or np.nanmax(np.abs(x), initial=0.0) > 720.0
@@ -137,7 +139,12 @@ def _is_projected(file: File, name: str) -> bool:
 
 def _metres(file: File, name: str) -> float:
     units = text(file.variables[name].attrs, "units")
-    return length_factor(units) or 1.0 if units else 1.0
+    factor = length_factor(units) if units and not units.lower().startswith("deg") else 1.0
+    if factor is None:
+        raise CurrentError(
+            f"{file.path}: {name} has units {units!r}, which are no length: set them to m or km"
+        )
+    return factor
 
 
 def _unit(crs: CRS) -> float:

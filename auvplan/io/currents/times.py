@@ -1,5 +1,6 @@
 """Times of ocean files: CF units and calendars to UTC moments and seconds since 1970."""
 
+import re
 from datetime import UTC, datetime, timedelta
 from importlib.util import find_spec
 from typing import Any
@@ -18,6 +19,13 @@ _REAL_CALENDARS = ("", "standard", "gregorian", "proleptic_gregorian", "julian")
 _WITHOUT_CFTIME = ("", "standard", "gregorian", "proleptic_gregorian")
 #: Misspelt names of calendars.
 _MISSPELT = {"gregorian_proleptic": "proleptic_gregorian", "gregorian-proleptic": "proleptic_gregorian"}
+_JULIAN = "days since -4713-11-24 12:00:00"
+#: What may stand for UTC, a time zone at the end of a date, and dates that begin with day or month.
+_UTC = ("Z", "UTC", "GMT", "UT")
+_ZONE = re.compile(r"^\d.*?\d\s*([A-Za-z]+(?:\s*[-+][\d:]*[1-9][\d:]*)?)\s*$")
+_DAY_FIRST = re.compile(r"\d{1,2}[-/.]\d{1,2}[-/.]\d{4}")
+#: Times that are told to no less, s, are worth a word.
+_COARSE = 10.0
 _NAMES = ("time", "ocean_time", "Time", "TIME", "t", "time_counter", "MT")
 
 
@@ -53,9 +61,13 @@ def find_time(file: File, dims: tuple[str, ...]) -> str:
             and (name in _NAMES or variable.dims == (name,))
             and (name in _NAMES or text(variable.attrs, "standard_name") == "time")
         ]
+        plain += [name for name in file.variables if _is_text_of(file, name, dims)]
         if plain:
             return plain[0]
-        raise CurrentError(f"{file.path}: no time coordinate with units like 'seconds since 1970-01-01'")
+        raise CurrentError(
+            f"{file.path}: no time coordinate with units like 'seconds since 1970-01-01': give it "
+            "one, such as by ncap2"
+        )
     return max(found)[1]
 
 
@@ -66,12 +78,20 @@ def decode_times(file: File, name: str) -> tuple[NDArray[np.float64], list[str]]
         CurrentError: dates are missing, cannot be understood, or run backwards.
     """
     variable = file.variables[name]
-    units, calendar = text(variable.attrs, "units"), text(variable.attrs, "calendar").lower()
+    units = re.sub(
+        r"(.*)\bsince\b", lambda found: found[0].lower(), text(variable.attrs, "units"), flags=re.I
+    )
+    calendar = text(variable.attrs, "calendar").lower()
     calendar = _MISSPELT.get(calendar, calendar)
     notes = []
     exact = _modified_julian(file, variable.dims)
     if exact is None:
-        exact = _written_out(file, variable.dims)
+        exact = _written_out(file, variable.dims, name)
+    if exact is None and "since" not in units:
+        units = _JULIAN if units.lower().startswith("julian") else units
+        calendar = "proleptic_gregorian" if units == _JULIAN else calendar
+    if exact is None and "%Y%m%d" in units:
+        exact = _digits(file, name)
     if exact is None and "since" not in units:
         units = _since_stated(file, name, units, notes)
     if exact is not None:
@@ -89,10 +109,13 @@ def decode_times(file: File, name: str) -> tuple[NDArray[np.float64], list[str]]
             far = np.abs(values).max()
             raise CurrentError(f"{file.path}: {name} has dates that are none: {far:g} {units}")
         seconds = _decoded(file, name, values, units, calendar)
+        _note_coarse(variable, name, values, seconds, notes)
     if calendar not in _REAL_CALENDARS:
         notes.append(f"{name}: dates of the calendar {calendar} are taken as UTC dates by their fields")
     if (np.diff(seconds) < 0).any():
-        raise CurrentError(f"{file.path}: {name} does not rise")
+        raise CurrentError(
+            f"{file.path}: {name} does not rise: sort the file by it, such as by xarray's sortby"
+        )
     return seconds, notes
 
 
@@ -137,6 +160,17 @@ def _decoded(
     file: File, name: str, values: NDArray[np.float64], units: str, calendar: str
 ) -> NDArray[np.float64]:
     attributes = {"units": units} | ({"calendar": calendar} if calendar else {})
+    reference = units.partition(" since ")[2]
+    zone = _ZONE.search(reference)
+    if zone is not None and zone[1].upper() not in _UTC:
+        raise CurrentError(
+            f"{file.path}: {name}: the time zone {zone[1]} in {units!r} is in doubt: write it as an "
+            "offset, such as +02:00"
+        )
+    if _DAY_FIRST.match(reference):
+        raise CurrentError(
+            f"{file.path}: {name}: {units!r} may begin with the day or the month: write it as YYYY-MM-DD"
+        )
     try:
         with file.guarded(name):
             found = xr.decode_cf(xr.Dataset({"time": ("time_", values, attributes)}))["time"].values
@@ -149,7 +183,10 @@ def _decoded(
                 f"{file.path}: {name}: calendar {calendar} needs a further package: "
                 "pip install 'auvplan[readers]'"
             ) from None
-        raise CurrentError(f"{file.path}: {name}: dates cannot be understood: {units!r}") from None
+        raise CurrentError(
+            f"{file.path}: {name}: dates cannot be understood: {units!r}: units such as 'hours since "
+            "2026-05-01' are needed"
+        ) from None
     if found.dtype != object:
         raise CurrentError(f"{file.path}: {name}: dates cannot be understood: {units!r}")
     return np.asarray([_by_fields(file, name, date, calendar) for date in found])
@@ -188,24 +225,69 @@ def _since_stated(file: File, name: str, units: str, notes: list[str]) -> str:
     return f"{unit} since {stamp(file.epoch).removesuffix('Z')}"
 
 
-def _written_out(file: File, dims: tuple) -> NDArray[np.float64] | None:
-    """FVCOM's Times, dates as text to the microsecond, where they are there and the days are not whole."""
-    written = file.variables.get("Times")
-    if written is None or written.ndim not in (1, 2) or written.dims[0] != dims[0]:
+def _is_text_of(file: File, name: str, dims: tuple[str, ...]) -> bool:
+    """Return whether a variable holds dates as text along one of some dimensions."""
+    variable = file.variables[name]
+    fits = variable.ndim in (1, 2) and variable.dims[0] in dims and variable.dtype.kind in "SUO"
+    return fits and ("time" in name.lower() or "date" in name.lower())
+
+
+def _written_out(file: File, dims: tuple, name: str) -> NDArray[np.float64] | None:
+    """Dates as text to the microsecond, of the times or of FVCOM's Times; None where there are none.
+
+    Raises:
+        CurrentError: the times themselves are text, but no dates.
+    """
+    found = [other for other in (name, "Times") if other in file.variables and dims]
+    found = [other for other in found if _is_text_of(file, other, dims[:1])]
+    if not found:
         return None
-    with file.guarded("Times"):
-        values = np.asarray(written.values)
-    if values.dtype.kind not in "SU" or not values.size:
-        return None
+    with file.guarded(found[0]):
+        values = np.asarray(file.variables[found[0]].values)
     rows = [
-        b"".join(row.tolist()).decode() if row.dtype.kind == "S" else "".join(row.tolist())
-        for row in values.reshape(len(values), -1)
+        "".join(part.decode("ascii", "replace") if isinstance(part, bytes) else str(part) for part in row)
+        for row in values.reshape(len(values), -1).tolist()
     ]
     try:
-        dates = [datetime.fromisoformat(row.strip(" \0").removesuffix("Z")) for row in rows]
+        dates = [datetime.fromisoformat(row.strip(" \0").replace("_", "T").removesuffix("Z")) for row in rows]
     except ValueError:
+        if found[0] == name:
+            raise CurrentError(
+                f"{file.path}: {name}: dates cannot be understood: {rows[0]!r}: write them as "
+                "2026-05-01T00:00:00"
+            ) from None
         return None
     return np.asarray([(as_utc(date) - _EPOCH).total_seconds() for date in dates])
+
+
+def _digits(file: File, name: str) -> NDArray[np.float64]:
+    """Return s since 1970 of numbers such as 20260501.25, a quarter into a day."""
+    values = np.atleast_1d(file.coordinate(name))
+    days = np.floor(values + 1e-7)
+    try:
+        dates = [datetime.strptime(f"{day:.0f}", "%Y%m%d").replace(tzinfo=UTC) for day in days]
+    except ValueError:
+        raise CurrentError(f"{file.path}: {name}: dates cannot be understood: {values[0]:.10g}") from None
+    whole = np.asarray([(date - _EPOCH).total_seconds() for date in dates])
+    return whole + np.round((values - days) * 86400.0, 1)
+
+
+def _note_coarse(
+    variable: xr.Variable,
+    name: str,
+    values: NDArray[np.float64],
+    seconds: NDArray[np.float64],
+    notes: list[str],
+) -> None:
+    """Note times in single precision that cannot tell moments apart."""
+    steps = np.diff(values)
+    if variable.encoding.get("dtype", variable.dtype) != np.float32 or not steps.any():
+        return
+    ulp = float(np.spacing(np.float32(np.abs(values).max()))) * np.median(np.diff(seconds)) / np.median(steps)
+    if ulp > _COARSE:
+        notes.append(
+            f"{name} is in single precision, in steps of {ulp:.0f} s: its moments are no better known"
+        )
 
 
 def _modified_julian(file: File, dims: tuple) -> NDArray[np.float64] | None:

@@ -9,6 +9,7 @@ from pyproj import CRS
 from scipy.spatial import ConvexHull, QhullError
 
 from auvplan.io.currents.geometry import Window, bounds, edge_lengths, metres, nearest, offset, within
+from auvplan.io.currents.names import require_field
 from auvplan.io.currents.opening import File, text
 from auvplan.io.currents.projection import in_degrees
 from auvplan.io.currents.weights import Array, Index, Weights, find_triangle, triangulate
@@ -19,7 +20,10 @@ _MORE = 1.2
 #: Sides of a mesh's cells that are so many times as long as usual are none: meshes grow coarse offshore.
 _TORN = 1000.0
 #: Connectivity where no mesh topology names it.
-_CONNECTIVITY = ("nv", "SCHISM_hgrid_face_nodes", "ele", "elem", "element", "tri")
+_CONNECTIVITY = (
+    "nv", "SCHISM_hgrid_face_nodes", "ele", "elem", "element", "tri", "element_index", "elements",
+    "cells", "ikle",
+)  # fmt: skip
 _NODES = (
     ("lon", "lat"), ("longitude", "latitude"), ("SCHISM_hgrid_node_x", "SCHISM_hgrid_node_y"), ("x", "y"),
 )  # fmt: skip
@@ -210,6 +214,10 @@ def find_triangles(
         return Triangles((dim,), longitude, latitude, cells, crs=crs)
     if cells is not None and dim == cells.cell_dim:
         return Triangles((dim,), longitude, latitude, cells, True, crs)
+    require_field(file)
+    notes.append(
+        f"the cells between the points along {dim} are not given: joined to triangles, over land too"
+    )
     return Triangles((dim,), longitude, latitude, crs=crs)
 
 

@@ -9,7 +9,8 @@ _LENGTHS = {
     "cm": 0.01, "centimetre": 0.01, "centimeter": 0.01,
     "mm": 0.001, "millimetre": 0.001, "millimeter": 0.001,
     "km": 1000.0, "kilometre": 1000.0, "kilometer": 1000.0,
-    "fathom": 1.8288,
+    "ft": 0.3048, "foot": 0.3048, "feet": 0.3048, "fathom": 1.8288,
+    "nmi": 1852.0, "nauticalmile": 1852.0,
 }  # fmt: skip
 _TIMES = {
     "s": 1.0, "sec": 1.0, "second": 1.0,
@@ -17,17 +18,18 @@ _TIMES = {
     "h": 3600.0, "hr": 3600.0, "hour": 3600.0,
     "d": 86400.0, "day": 86400.0,
 }  # fmt: skip
-_KNOTS = {"kn", "kt", "kts", "knot", "knots", "nautical miles per hour", "nautical mile per hour"}
+_KNOTS = {"kn", "kt", "kts", "knot", "knots"}
 
 
 def _alternatives(names: dict[str, float]) -> str:
     return "|".join(f"{name}s?" if len(name) > 2 else name for name in sorted(names, key=len, reverse=True))
 
 
-_LENGTH = re.compile(rf"({_alternatives(_LENGTHS)})")
+#: A number of units, and the unit, such as "100 km".
+_LENGTH = re.compile(rf"(\d*\.?\d+(?:e[-+]?\d+)?)?[*·]?({_alternatives(_LENGTHS)})")
 #: A length over a time: "m/s" and "m per s", or "m s-1" with any sign of multiplication and of power.
 _SPEED = re.compile(
-    rf"({_alternatives(_LENGTHS)})"
+    rf"{_LENGTH.pattern}"
     rf"(?:(?:/|per)({_alternatives(_TIMES)})|[.*·]?({_alternatives(_TIMES)})(?:\^|\*\*)?\(?-1\)?)"
 )
 
@@ -44,19 +46,19 @@ def speed_factor(units: str) -> float | None:
     found = _SPEED.fullmatch(_plain(units))
     if found is None:
         return None
-    length, over, times = found.groups()
-    return _size(_LENGTHS, length) / _size(_TIMES, over or times)
+    number, length, over, times = found.groups()
+    return float(number or 1.0) * _size(_LENGTHS, length) / _size(_TIMES, over or times)
 
 
 def length_factor(units: str) -> float | None:
     """Return metres in a unit of length, or None where it is none that is known.
 
     Example:
-        >>> [length_factor(units) for units in ("Meters", "km", "dbar")]
-        [1.0, 1000.0, None]
+        >>> [length_factor(units) for units in ("Meters", "100 km", "dbar")]
+        [1.0, 100000.0, None]
     """
     found = _LENGTH.fullmatch(_plain(units))
-    return None if found is None else _size(_LENGTHS, found.group(1))
+    return None if found is None else float(found[1] or 1.0) * _size(_LENGTHS, found[2])
 
 
 def _plain(units: str) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.io.currents.geometry import Curvilinear, Geometry, Window
-from auvplan.io.currents.levels import Levels, find_levels
+from auvplan.io.currents.levels import Levels, find_levels, is_level
 from auvplan.io.currents.names import Names, find_upward, standard_name
 from auvplan.io.currents.opening import Pick, text
 from auvplan.io.currents.points import Points
@@ -79,6 +79,7 @@ class Velocity:
         turn: the angle [P], rad, from east to the first component's axis, counter-clockwise, at a window's
             points; or None.
         staggered: whether the components are on the edges of the cells, as in ROMS.
+        mask: the mask of land at the points of all levels, or None.
     """
 
     points: Points
@@ -88,6 +89,7 @@ class Velocity:
     both: str | None
     turn: Callable[[Window], Array] | None
     staggered: bool
+    mask: str | None = None
 
     def read(self, frames: slice, window: Window) -> Block:
         """Everything about a window at some times.
@@ -104,6 +106,11 @@ class Velocity:
                 self._values(part, frames, window, k) for k, part in enumerate((self.east, self.north))
             )
         wet = self.points.wet(frames, window)[:, None] & self.points.water(window)
+        if self.mask is not None and not self.staggered:
+            part = self.east.levels
+            dims = (str(part.dim), *self.points.geometry.dims)
+            deep = self.points.is_water(self.mask, window.picks, dims)
+            wet = wet & deep.reshape(len(deep), -1)[part.order]
         land = ~(np.isfinite(east) & np.isfinite(north) & wet)
         if self.turn is not None:
             turn = self.turn(window)
@@ -146,13 +153,14 @@ class Velocity:
             picks[part.dims[k]] = pick
         values = self._read(part, frames, picks, (*part.extra, *part.dims))
         values = values.reshape(len(values), -1, *values.shape[-2:])
-        mask = self.points.mask
+        mask = self.mask or self.points.mask
         if mask is not None:
             # Without fill values the walls of land hold zeros, which are no current.
-            water = np.nan_to_num(self.points.series.read(mask, {}, slice(0, 1), grid.dims)[0]) > 0.5
-            water = np.moveaxis(water, axis, 0)
-            open_ = np.moveaxis(water[1:] & water[:-1], 0, axis)
-            values = np.where(open_[tuple(picks[dim] for dim in part.dims)], values, np.nan)
+            level = [str(self.east.levels.dim)] if self.mask else []
+            water = self.points.is_water(mask, {}, (*level, *grid.dims))
+            water = np.moveaxis(water, axis - 2, 0)
+            open_ = np.moveaxis(water[1:] & water[:-1], 0, axis - 2)
+            values = np.where(open_[(..., *(picks[dim] for dim in part.dims))], values, np.nan)
         # The grid's own rim has an edge on one side only.
         pad = [(0, 0)] * 4
         pad[2 + axis] = (int(ends[0]), int(ends[1]))
@@ -193,13 +201,14 @@ def find_velocity(series: Series, names: Names, geometry: Geometry, notes: list[
         CurrentError: units, dimensions, levels or angles are missing or contradict themselves.
     """
     points = Points(series, geometry)
-    if points.masks and points.mask is None:
-        notes.append(f"{points.masks[0]} says land everywhere: left out")
+    if (masks := points.masks()) and points.mask is None:
+        notes.append(f"{masks[0]} says land everywhere: left out")
     staggered = isinstance(geometry, Curvilinear) and geometry.kind == "roms"
     east = _component(points, names.east, names.both, notes, 1 if staggered else None)
     north = _component(points, names.north, names.both, notes, 0 if staggered else None, east.levels)
     turn = _turn(points, names, staggered, notes)
-    return Velocity(points, east, north, _upward(points, notes), names.both, turn, staggered)
+    mask = None if east.levels.dim is None else points.mask_along(east.levels.dim)
+    return Velocity(points, east, north, _upward(points, notes), names.both, turn, staggered, mask)
 
 
 def _component(
@@ -232,16 +241,22 @@ def _component(
     sizes = series.variables[name].sizes
     long = [dim for dim in rest if sizes[dim] > 1]
     if len(long) > 1:
-        odd = " and ".join(long)
-        raise series.fail(f"{name} has dimensions {odd}, of which one is neither level nor place")
-    level = (long or rest[-1:] or [None])[0]
+        odd = [dim for dim in long if not is_level(points, dim)] or long
+        raise series.fail(
+            f"{name} has dimensions {' and '.join(long)}, of which one is neither level nor place: take one "
+            f"index of it out first, such as by ncks -d {odd[0]},0"
+        )
+    level = next(iter(long or [dim for dim in rest if is_level(points, dim)]), None)
     extra = (*(dim for dim in rest if dim != level), *([] if level is None else [level]))
     factor, limit = _speed(points, name, notes)
-    if levels is None:
-        levels = find_levels(points, name, level, notes)
-    elif levels.dim != level:
-        raise series.fail(f"{name} has levels along {level}, the other component along {levels.dim}")
-    return Component(name, own, extra, levels, factor, limit)
+    found = levels if levels is not None and levels.dim == level else find_levels(points, name, level, notes)
+    if levels is not None and levels is not found:
+        one, two = levels.fixed, found.fixed
+        if one is None or two is None or one.shape != two.shape or not np.allclose(one, two):
+            raise series.fail(
+                f"{name} has levels along {level}, the other component along {levels.dim}, and they differ"
+            )
+    return Component(name, own, extra, found, factor, limit)
 
 
 def _speed(points: Points, name: str, notes: list[str]) -> tuple[float, float]:
@@ -251,7 +266,10 @@ def _speed(points: Points, name: str, notes: list[str]) -> tuple[float, float]:
         return 1.0, FASTEST_UNITLESS
     factor = speed_factor(units)
     if factor is None:
-        raise points.series.fail(f"{name} has units {units!r}, which are no speed that is known")
+        raise points.series.fail(
+            f"{name} has units {units!r}, which are no speed that is known: write what they are, such as by "
+            f"ncatted -a units,{name},o,c,'m s-1'"
+        )
     return factor, FASTEST
 
 
@@ -262,6 +280,10 @@ def _turn(
     grid, series = points.geometry, points.series
     standard = standard_name(series.files[0], names.east)
     if not (names.along_grid or staggered):
+        return None
+    words = [text(series.attrs(name), "long_name").lower() for name in (names.east, names.north)]
+    if not standard and "eastward" in words[0] and "northward" in words[1]:
+        notes.append(f"{names.east} and {names.north} are eastward and northward by their long_name")
         return None
     named = [name for name in _ANGLES if name in series.variables and points.has(name)]
     if isinstance(grid, Curvilinear) and named:
@@ -282,7 +304,9 @@ def _turn(
         return lambda window: angle[np.ix_(*(_indices(window, dim) for dim in grid.dims))].ravel()
     raise series.fail(
         f"{names.east} and {names.north} may follow the grid's axes: angle, which tells how, is missing, and "
-        "so are a grid_mapping and a standard_name of the components"
+        "so are a grid_mapping and a standard_name of the components: name the model's grid file beside it "
+        "in current.files, or write what they are, such as by ncatted -a "
+        f"standard_name,{names.east},o,c,eastward_sea_water_velocity"
     )
 
 

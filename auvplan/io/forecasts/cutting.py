@@ -8,9 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.io.currents.geometry import Curvilinear, Regular
+from auvplan.io.currents.levels import is_vertical
 from auvplan.io.currents.names import find_places, standard_name
 from auvplan.io.currents.ocean import OceanData, describe, ocean_of
 from auvplan.io.currents.opening import File, text
+from auvplan.io.currents.points import MASK_NAMES, MASKS
 from auvplan.io.currents.times import decode_times, find_time, stamp
 from auvplan.io.forecasts.request import Request
 
@@ -20,7 +22,7 @@ _ALONG = 201
 _SLACK = 0.5
 #: What belongs to a grid beside places and levels, by name: angle, masks and the parameters of s-levels.
 _GRID = (
-    "angle", "ANGLE", "mask_rho", "wetdry_mask_rho", "wetdry_mask",
+    *MASKS, "angle", "ANGLE", "wetdry_mask_rho", "wetdry_mask",
     "s_rho", "sc_r", "Cs_r", "Cs_rho", "hc", "Vtransform", "s_w", "sc_w", "Cs_w",
 )  # fmt: skip
 _RUN = "forecast_reference_time"
@@ -191,10 +193,11 @@ def _names(file: File, ocean: OceanData, dims: set[str]) -> tuple[str, ...]:
     stated += find_places(file, velocity.east.name, staggered)
     time_dims = tuple(str(dim) for dim in file.variables[velocity.east.name].dims)
     stated.append(find_time(file, time_dims))
-    hints = _hints(file, stated)
+    hints, level = _hints(file, stated), velocity.east.levels.dim
     for name, variable in file.variables.items():
-        grid = name in _GRID or standard_name(file, name) in ("sea_binary_mask", _RUN)
-        axis = name in dims or (variable.ndim == 1 and variable.dims[0] == velocity.east.levels.dim)
+        grid = name in _GRID or standard_name(file, name) in (*MASK_NAMES, _RUN)
+        axis = name in dims or (variable.ndim == 1 and variable.dims[0] == level)
+        axis = axis or (level in variable.dims and is_vertical(file, name))
         if grid or axis or name in hints:
             stated.append(name)
     return tuple(dict.fromkeys(name for name in stated if name in file.variables))
