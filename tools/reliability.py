@@ -10,12 +10,16 @@ import argparse
 import ast
 import json
 import sys
+import tomllib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE, FIGURES = ROOT / "docs" / "reliability.md", ROOT / "docs" / "reliability.json"
+
+#: Why mutants may live.
+REASONS = ROOT / "tools" / "mutants.toml"
 
 #: Kinds of checks, and what they are called on the page.
 KINDS = {
@@ -91,6 +95,7 @@ CAPABILITIES: dict[str, dict[str, tuple[str, ...]]] = {
         "tests": (
             "tests/executive/test_executive.py",
             "tests/executive/test_loop.py",
+            "tests/executive/test_loop_limits.py",
             "tests/executive/test_route_calls.py",
             "tests/executive/test_visits.py",
             "tests/executive/test_whole_lines.py",
@@ -144,7 +149,12 @@ CAPABILITIES: dict[str, dict[str, tuple[str, ...]]] = {
         ),
     },
     "The checker": {
-        "tests": ("tests/io/test_check.py", "tests/io/test_walk.py", "tests/io/test_sources.py"),
+        "tests": (
+            "tests/io/test_check.py",
+            "tests/io/test_check_limits.py",
+            "tests/io/test_walk.py",
+            "tests/io/test_sources.py",
+        ),
     },
     "Readers of currents": {
         "tests": ("tests/io/currents/test_reading.py", "tests/io/currents/test_formats.py"),
@@ -316,11 +326,17 @@ def long_run(found: dict[str, list[dict[str, float]]]) -> list[str]:
 
 
 def mutants(found: dict[str, Any]) -> list[str]:
-    """Rules broken on purpose, and which of them the tests notice."""
+    """Rules broken on purpose, which of them the tests notice, and why the others may live."""
     columns = ("file", "mutants", "killed")
     lines = _table(columns, [[row[name] for name in columns] for row in found["files"]])
+    key = "file", "source", "change"
+    stated = tomllib.loads(REASONS.read_text(encoding="utf-8"))["mutant"]
+    reasons = {tuple(row[name] for name in key): row["why"] for row in stated}
     if found["survivors"]:
-        lines += ["", "Survivors:", "", *(f"- `{line}`" for line in found["survivors"])]
+        lines += ["", "Survivors:", ""]
+    for row in found["survivors"]:
+        why = reasons.get(tuple(row[name] for name in key))
+        lines.append(f"- `{row['file']}:{row['line']}: {row['change']}`" + (f": {why}" if why else ""))
     return lines
 
 

@@ -329,7 +329,7 @@ def windows(opens, closes, enters=-np.inf, until=np.inf, falls=np.inf, drops=0.0
 
 
 @pytest.mark.parametrize(
-    ("given", "leg", "wait", "missed", "worth"),
+    ("hours", "leg", "wait", "missed", "worth"),
     [
         (windows(1100.0, 2000.0), {}, 100.0, False, 4.0),
         (windows(0.0, 999.0), {}, 0.0, True, 0.0),
@@ -345,8 +345,8 @@ def windows(opens, closes, enters=-np.inf, until=np.inf, falls=np.inf, drops=0.0
         (windows(1100.0, 2000.0), {"t_task": 0.0}, 100.0, False, 4.0),
     ],
 )
-def test_a_task_is_done_in_its_window_or_not_at_all(called, given, leg, wait, missed, worth):
-    mission, record = after_leg(called, windows=given, leg=leg)
+def test_a_task_is_done_in_its_window_or_not_at_all(called, hours, leg, wait, missed, worth):
+    mission, record = after_leg(called, windows=hours, leg=leg)
     assert (record.t_wait, record.missed, record.priority) == (wait, missed, worth)
     task = 0.0 if missed else leg.get("t_task", 60.0)
     assert record.t_task == task
