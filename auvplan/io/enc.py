@@ -15,7 +15,7 @@ from pyproj import Transformer
 from auvplan.io.walk import Array, Mask
 
 #: Classes that close the water as they are, and those that do from their depth down.
-_SOLID = "LNDARE", "UNSARE", "FLODOC", "HULKES", "PONTON", "SLCONS", "CAUSWY", "DAMCON", "DYKCON"
+_SOLID = "LNDARE", "UNSARE", "FLODOC", "HULKES", "PONTON", "SLCONS", "CAUSWY", "DAMCON", "DYKCON", "GATCON"
 _HAZARDS = "UWTROC", "WRECKS", "OBSTRN", "OFSPLF", "PILPNT", "PYLONS", "MORFAC", "FSHFAC", "MARCUL"
 _FORBIDDEN = {"7", "14"}
 #: Metres below a depth area's least depth that are no fault.
@@ -104,15 +104,16 @@ def hazards_of_cells(path: str) -> list[tuple[str, float, float, float]]:
 
 
 def _by_scale(path: str) -> list[str]:
-    """Return the paths of cells, those of the largest scale first."""
+    """Return the paths of cells, those of the largest scale first; the latest edition of each."""
     place = Path(path)
-    cells = [place] if place.is_file() else sorted(place.rglob("*.000"))
-
-    def scale(cell: Path) -> tuple[float, str]:
+    latest: dict[str, tuple[tuple[int, int], float, Path]] = {}
+    for cell in [place] if place.is_file() else sorted(place.rglob("*.000")):
         stated = next((stated for stated, _ in _rows(str(cell), "DSID")), {})
-        return float(stated.get("DSPM_CSCL") or np.inf), cell.name
-
-    return [str(cell) for cell in sorted(cells, key=scale)]
+        edition = int(stated.get("DSID_EDTN", 1)), int(stated.get("DSID_UPDN", 0))
+        known = latest.get(cell.name)
+        if edition[0] > 0 and (known is None or known[0] < edition):  # that of a cancelled cell is 0
+            latest[cell.name] = edition, float(stated.get("DSPM_CSCL") or np.inf), cell
+    return [str(cell) for _, _, cell in sorted(latest.values(), key=lambda one: (one[1], one[2].name))]
 
 
 def _coverage(cell: str) -> Any:

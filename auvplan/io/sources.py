@@ -1,16 +1,17 @@
 """The checker's own view of a run's sources: land and sea bed as the scenario's files have them.
 
-It reads them with xarray, shapely, pyproj and pyogrio alone and shares no code with the readers of the
-planner, so that a file which those misread does not vouch for itself.
+It reads them with xarray, shapely, pyproj, pyogrio and rasterio alone and shares no code with the readers of
+the planner, so that a file which those misread does not vouch for itself.
 """
 
 import json
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
+from zipfile import ZipFile
 
 import numpy as np
 import scipy
@@ -19,6 +20,7 @@ import shapely.geometry
 import xarray as xr
 from pyproj import Transformer
 
+from auvplan.files import MISSION
 from auvplan.io.enc import bed_of_cells, blocked_by_cells
 from auvplan.io.hours import closed_at
 from auvplan.io.originals import matching, opened, path_of
@@ -26,14 +28,22 @@ from auvplan.io.walk import Array, Mask
 
 #: What files of polygons begin with that are no GeoJSON: GeoPackage, FlatGeobuf, Shapefile.
 _VECTORS = b"SQLite format 3", b"fgb", b"\0\0\x27\x0a"
-# An edge of a projection of so many metres is straight in degrees too.
-_STRAIGHT = 500.0
 #: Metres below a sea bed that is interpolated otherwise than the planner's that are no fault.
 _TOLERANCE = 0.5
 _CELLS = ("nv", "SCHISM_hgrid_face_nodes", "ele", "elem", "element", "tri")
 _EAST = ("eastward_sea_water_velocity", "sea_water_x_velocity", "x_sea_water_velocity")
 _EAST_NAMES = ("uo", "u", "water_u", "u_eastward", "utotal")
 _POSITIVE = {"up": 1.0, "down": -1.0}
+#: Metres in units of sea beds.
+_METRES = {
+    **dict.fromkeys(("", "m", "metre", "metres", "meter", "meters"), 1.0),
+    **dict.fromkeys(("ft", "foot", "feet"), 0.3048),
+    **dict.fromkeys(("us survey foot", "us-ft"), 1200.0 / 3937.0),
+    **dict.fromkeys(("fathom", "fathoms"), 1.8288),
+    "cm": 0.01,
+    "dm": 0.1,
+    "km": 1000.0,
+}
 #: Files are taken as they are: no times, no axes.
 _PLAIN = {"decode_times": False, "create_default_indexes": False}
 
@@ -83,6 +93,12 @@ def read_sources(dataset: xr.Dataset, notes: list[str]) -> tuple[Source, ...]:
         ) as error:  # the run was planned on it: whatever this view lacks is no fault of the run
             why = str(error) if isinstance(error, _UnknownFileError) else f"{type(error).__name__}: {error}"
             notes.append(f"{kind} of {label} was not looked at again: {' '.join(why.split())}")
+    chart, bed = (settings.get(name) or {} for name in ("chart", "bathymetry"))
+    picture = chart.get({"raster": "file", "image": "image"}.get(str(chart.get("source")), ""))
+    if picture:
+        notes.append(f"colours of {Path(picture).name} were not judged again: its land is as in {MISSION}")
+    if bed.get("source") == "current":
+        notes.append(f"sea bed of the current's files was not looked at again: it is as in {MISSION}")
     try:
         found += _closed_areas(settings, dataset)
     except FileNotFoundError:
@@ -98,20 +114,22 @@ def _closed_areas(settings: dict[str, Any], dataset: xr.Dataset) -> Iterator[Sou
     chart = settings.get("chart") or {}
     if not chart.get("no_go"):
         return
-    for feature, hours in _zones(str(path_of(dataset, chart["no_go"])), chart):
+    for area, hours in _zones(str(path_of(dataset, chart["no_go"])), chart):
         if hours:
-            name = str((feature.get("properties") or {}).get("name") or chart["no_go"])
-            yield Source(name, "closed area", _inside(feature), partial(closed_at, hours, dataset))
+            name = str(area.stated.get("name") or chart["no_go"])
+            yield Source(name, "closed area", _inside([area]), partial(closed_at, hours, dataset))
 
 
-def _zones(path: str, chart: dict[str, Any]) -> Iterator[tuple[dict[str, Any], dict[str, Any]]]:
+def _zones(path: str, chart: dict[str, Any]) -> Iterator[tuple["_Polygons", dict[str, Any]]]:
     """Yield the features of a file of closed areas, and when they are closed; nothing for always."""
-    root = _root(path)
     common = {"windows": chart["no_go_windows"]} if chart.get("no_go_windows") else {}
-    for feature in root.get("features", [root]):
-        stated = {str(key).strip().lower(): value for key, value in (feature.get("properties") or {}).items()}
-        own = {key: stated[key] for key in ("from", "to", "windows") if stated.get(key) not in (None, "")}
-        yield feature, own or common
+    for area in _areas(path):
+        own = {
+            key: area.stated[key]
+            for key in ("from", "to", "windows")
+            if area.stated.get(key) not in (None, "")
+        }
+        yield area, own or common
 
 
 def _files(settings: dict[str, Any]) -> Iterator[tuple[list[str], str, Callable[[list[str]], Any]]]:
@@ -120,7 +138,9 @@ def _files(settings: dict[str, Any]) -> Iterator[tuple[list[str], str, Callable[
     files = current.get("files") or []
     files = [files] if isinstance(files, str) else list(files)
     if chart.get("source") == "polygons":
-        yield [chart["file"]], "land", _polygons
+        yield [chart["file"]], "land", lambda paths: _inside(_areas(paths[0]))
+    if chart.get("source") == "raster":
+        yield [chart["file"]], "land", lambda paths: _off_picture(paths[0], chart)
     if chart.get("source") == "enc":
         yield [chart["file"]], "land", lambda paths: blocked_by_cells(paths[0], chart)
     if chart.get("no_go"):
@@ -134,13 +154,23 @@ def _files(settings: dict[str, Any]) -> Iterator[tuple[list[str], str, Callable[
         yield [bed["file"]], "sea bed", lambda paths: _bed(paths[0], bed)
 
 
-def _polygons(paths: list[str]) -> Callable[[Array, Array, Array], Mask]:
-    """Inside the polygons of a GeoJSON, GeoPackage, Shapefile or FlatGeobuf."""
-    return _inside(_root(paths[0]))
+@dataclass(frozen=True)
+class _Polygons:
+    """The polygons of a feature.
+
+    Attributes:
+        shape: shapely geometry in the coordinates of its file.
+        stated: the feature's properties, by lower-case name.
+        turn: from longitude and latitude, degrees, to the file's coordinates; None where they are these.
+    """
+
+    shape: Any
+    stated: dict[str, Any]
+    turn: Transformer | None = None
 
 
-def _root(path: str) -> dict[str, Any]:
-    """Return GeoJSON; what is of another format as GeoJSON of its first layer of polygons.
+def _areas(path: str) -> list[_Polygons]:
+    """Return the polygons of a GeoJSON, GeoPackage, Shapefile or FlatGeobuf, also in a zip archive.
 
     Raises:
         _UnknownFileError: it is of none of these formats.
@@ -149,46 +179,57 @@ def _root(path: str) -> dict[str, Any]:
         start = binary.read(64)
     if start.lstrip(b"\xef\xbb\xbf \r\n\t").startswith(b"{"):
         with open(path, encoding="utf-8-sig") as file:
-            return json.load(file)
-    if not start.startswith(_VECTORS):
+            root = json.load(file)
+        return [
+            _Polygons(shapely.union_all(shapes), _lower(feature.get("properties") or {}))
+            for feature in root.get("features", [root])
+            if (shapes := [shapely.make_valid(shape) for shape in _shapes(feature)])
+        ]
+    if start.startswith(b"PK"):
+        with ZipFile(path) as archive:
+            names = [name for name in archive.namelist() if name.lower().endswith((".shp", ".gpkg", ".fgb"))]
+        if len(names) != 1:
+            raise _UnknownFileError(f"its archive holds {len(names)} files of polygons")
+        path = f"/vsizip/{{{Path(path).absolute()}}}/{names[0]}"
+    elif not start.startswith(_VECTORS):
         raise _UnknownFileError("it is neither a GeoJSON, a GeoPackage, a Shapefile nor a FlatGeobuf")
     from pyogrio import list_layers, raw
 
-    layer = next(str(name) for name, kind in list_layers(path) if "Polygon" in str(kind))
+    flat = ("Point", "Line", "None")
+    layer = next(str(name) for name, kind in list_layers(path) if not any(word in str(kind) for word in flat))
     meta, _, geometries, columns = raw.read(path, layer=layer, force_2d=True)
-    turn = Transformer.from_crs(meta["crs"], "EPSG:4326", always_xy=True)
-    features = []
+    turn = Transformer.from_crs("EPSG:4326", meta["crs"], always_xy=True)
+    found = []
     for row, shape in enumerate(shapely.from_wkb(geometries)):
-        if shape is None:
-            continue
-        west, south, east, north = shape.bounds
-        if max(abs(west), abs(south), abs(east), abs(north)) > 360.0:  # metres, in which edges are straight
-            shape = shapely.segmentize(shape, _STRAIGHT)
-        placed = shapely.transform(shape, lambda at: np.column_stack(turn.transform(at[:, 0], at[:, 1])))
-        stated = {str(name): column[row] for name, column in zip(meta["fields"], columns, strict=True)}
-        known = {name: value for name, value in stated.items() if value is not None and value == value}
-        features.append(
-            {"type": "Feature", "geometry": shapely.geometry.mapping(placed), "properties": known}
-        )
-    return {"type": "FeatureCollection", "features": features}
+        if shape is not None:
+            stated = {str(name): column[row] for name, column in zip(meta["fields"], columns, strict=True)}
+            known = {name: value for name, value in stated.items() if value is not None and value == value}
+            found.append(_Polygons(shapely.make_valid(shape), _lower(known), turn))
+    return found
+
+
+def _lower(stated: dict[str, Any]) -> dict[str, Any]:
+    return {str(name).strip().lower(): value for name, value in stated.items()}
 
 
 def _always_closed(paths: list[str], chart: dict[str, Any]) -> Callable[[Array, Array, Array], Mask]:
     """Inside the closed areas of a file that tell no hours."""
-    features = [feature for feature, hours in _zones(paths[0], chart) if not hours]
-    return _inside({"type": "FeatureCollection", "features": features})
+    return _inside([area for area, hours in _zones(paths[0], chart) if not hours])
 
 
-def _inside(root: dict[str, Any]) -> Callable[[Array, Array, Array], Mask]:
-    """Inside the polygons of GeoJSON."""
-    shapes = [shapely.make_valid(shape) for shape in _shapes(root)]
-    union = shapely.union_all(shapes)
+def _inside(areas: Sequence[_Polygons]) -> Callable[[Array, Array, Array], Mask]:
+    """Inside polygons of one file."""
+    union = shapely.union_all([area.shape for area in areas])
     shapely.prepare(union)
+    turn = areas[0].turn if areas else None
 
     def inside(longitude: Array, latitude: Array, depth: Array) -> Mask:
         found = np.zeros(len(longitude), bool)
-        for turn in (-360.0, 0.0, 360.0):
-            found |= shapely.contains_xy(union, longitude + turn, latitude)
+        for around in (-360.0, 0.0, 360.0):
+            x, y = longitude + around, latitude
+            if turn is not None:
+                x, y = turn.transform(x, y)
+            found |= shapely.contains_xy(union, x, y)
         return found
 
     return inside
@@ -196,10 +237,7 @@ def _inside(root: dict[str, Any]) -> Callable[[Array, Array, Array], Mask]:
 
 def _shapes(node: dict[str, Any]) -> Iterator[Any]:
     kind = node.get("type")
-    if kind == "FeatureCollection":
-        for feature in node["features"]:
-            yield from _shapes(feature)
-    elif kind == "Feature":
+    if kind == "Feature":
         if node.get("geometry"):
             yield from _shapes(node["geometry"])
     elif kind == "GeometryCollection":
@@ -207,6 +245,66 @@ def _shapes(node: dict[str, Any]) -> Iterator[Any]:
             yield from _shapes(part)
     elif kind in ("Polygon", "MultiPolygon"):
         yield shapely.geometry.shape(node)
+
+
+def _off_picture(path: str, chart: dict[str, Any]) -> Callable[[Array, Array, Array], Mask]:
+    """Beyond a picture, and where it has no data, is see-through or is hidden by a mask.
+
+    Raises:
+        _UnknownFileError: it has no place on Earth that GDAL finds.
+    """
+    with _raster(path) as file:
+        shown, pixel = file.dataset_mask() > 127, _pixel(file, chart)
+
+    def hidden(longitude: Array, latitude: Array, depth: Array) -> Mask:
+        found = np.ones(len(longitude), bool)
+        for around in (-360.0, 0.0, 360.0):
+            at = np.stack(pixel(longitude + around, latitude))
+            size = np.reshape(shown.shape, (2, 1))
+            inside = ((at > -0.5) & (at < size + 0.5)).all(axis=0)  # half a pixel may stick out
+            i, j = np.clip(np.floor(np.where(inside, at, 0.0)).astype(int), 0, size - 1)
+            found &= ~(inside & shown[i, j])
+        return found
+
+    return hidden
+
+
+def _pixel(file: Any, section: dict[str, Any]) -> Callable[[Array, Array], tuple[Array, Array]]:
+    """Return the way from longitude and latitude to row and column, from the outer corner of the first pixel.
+
+    Args:
+        file: open, with rasterio.
+        section: of the scenario, whose `crs` counts where the file tells none.
+
+    Raises:
+        _UnknownFileError: the file has no place on Earth that GDAL finds.
+    """
+    system = file.crs or section.get("crs")
+    if system is None or file.transform.is_identity:
+        raise _UnknownFileError("its place on Earth is not in its own tags")
+    turn = Transformer.from_crs("EPSG:4326", system, always_xy=True)
+    a, b, c, d, e, f = tuple(file.transform)[:6]
+    back = np.linalg.inv([[a, b], [d, e]])
+
+    def pixel(longitude: Array, latitude: Array) -> tuple[Array, Array]:
+        x, y = turn.transform(longitude, latitude)
+        column, row = back @ np.stack([np.asarray(x) - c, np.asarray(y) - f])
+        return row, column
+
+    return pixel
+
+
+def _raster(path: str) -> Any:
+    """Open a raster.
+
+    Raises:
+        _UnknownFileError: rasterio is not installed.
+    """
+    try:
+        import rasterio
+    except ImportError:
+        raise _UnknownFileError("it is read with rasterio, which is not installed") from None
+    return rasterio.open(path)
 
 
 def _dry(paths: list[str]) -> Callable[[Array, Array, Array], Mask]:
@@ -334,40 +432,79 @@ def _globe(longitude: Array, latitude: Array) -> Array:
 
 def _bed(path: str, settings: dict[str, Any]) -> Callable[[Array, Array, Array], Mask]:
     """Below the sea bed, interpolated linearly between the file's values, at its lowest water."""
-    north, east, height = _heights(path, settings)
+    with open(path, "rb") as file:
+        raster = file.read(3) not in (b"CDF", b"\x89HD")
+    height = (_raster_heights if raster else _axes_heights)(path, settings)
     level = float(settings.get("water_level") or 0.0)
 
     def below(longitude: Array, latitude: Array, depth: Array) -> Mask:
-        turned = east[0] + (longitude - east[0]) % 360.0
-        bed = _linear(north, east, height, latitude, turned) - level
+        bed = height(longitude, latitude) - level
         return np.isfinite(bed) & (-depth < bed - _TOLERANCE)
 
     return below
 
 
-def _heights(path: str, settings: dict[str, Any]) -> tuple[Array, Array, Array]:
-    """Latitudes, longitudes, rising, and heights, m, positive up."""
-    with open(path, "rb") as file:
-        start = file.read(4)
-    if start[:2] in (b"II", b"MM"):
-        north, east, values, stated = _tiff(path)
-        name = ""
-    else:
-        data = opened(path, **_PLAIN)
-        name = settings.get("variable") or _grid_name(data)
-        grid = data[name]
-        grid = grid.isel({dim: 0 for dim in grid.dims if grid.sizes[dim] == 1 and grid.ndim > 2})
-        if grid.ndim != 2 or any(dim not in data.variables for dim in grid.dims):
-            raise _UnknownFileError("it has no axes of longitude and latitude")
-        first = str(data[grid.dims[0]].attrs.get("units", grid.dims[0])).lower()
-        grid = grid if "n" in first.removeprefix("degree") or "lat" in first else grid.T
-        north, east = (np.asarray(data[dim].values, float) for dim in grid.dims)
-        values, stated = np.asarray(grid.values, float), {k.lower(): v for k, v in grid.attrs.items()}
-    unit = str(stated.get("units", "m")).lower()
-    if unit not in ("", "m", "metre", "metres", "meter", "meters"):
-        raise _UnknownFileError(f"its unit is {unit!r}")
-    values = np.where(np.abs(values) < 12_000.0, values, np.nan)
+def _axes_heights(path: str, settings: dict[str, Any]) -> Callable[[Array, Array], Array]:
+    """Heights, m, at longitudes and latitudes, from a NetCDF file with axes of these."""
+    data = opened(path, **_PLAIN)
+    name = settings.get("variable") or _grid_name(data)
+    grid = data[name]
+    grid = grid.isel({dim: 0 for dim in grid.dims if grid.sizes[dim] == 1 and grid.ndim > 2})
+    if grid.ndim != 2 or any(dim not in data.variables for dim in grid.dims):
+        raise _UnknownFileError("it has no axes of longitude and latitude")
+    first = str(data[grid.dims[0]].attrs.get("units", grid.dims[0])).lower()
+    grid = grid if "n" in first.removeprefix("degree") or "lat" in first else grid.T
+    north, east = (np.asarray(data[dim].values, float) for dim in grid.dims)
+    stated = {k.lower(): v for k, v in grid.attrs.items()}
+    values = _upward(np.asarray(grid.values, float), stated, str(name), settings)
     rows, columns = np.argsort(north), np.argsort(east)
+    north, east, values = north[rows], east[columns], values[rows][:, columns]
+
+    def height(longitude: Array, latitude: Array) -> Array:
+        turned = east[0] + (longitude - east[0]) % 360.0
+        i, j = (
+            np.interp(at, axis, np.arange(len(axis)), np.nan, np.nan)
+            for at, axis in ((latitude, north), (turned, east))
+        )
+        return _linear(values, i, j)
+
+    return height
+
+
+def _raster_heights(path: str, settings: dict[str, Any]) -> Callable[[Array, Array], Array]:
+    """Heights, m, at longitudes and latitudes, from a raster of one band."""
+    with _raster(path) as file:
+        pixel = _pixel(file, settings)
+        if file.count != 1 and file.driver != "BAG":
+            raise _UnknownFileError(f"it has {file.count} bands")
+        raw = file.read(1, masked=True).astype(float).filled(np.nan)
+        stated = {"units": file.units[0] or ""} | {k.lower(): v for k, v in file.tags(1).items()}
+        down = "DOWN" in file.crs.to_wkt().upper().split("VERT_CS")[-1] if file.crs is not None else False
+        values = raw * file.scales[0] + file.offsets[0]
+        name = file.descriptions[0] or ""
+    values = _upward(values, stated | ({"positive": "down"} if down else {}), name, settings)
+
+    def height(longitude: Array, latitude: Array) -> Array:
+        found = np.full(len(longitude), np.nan)
+        for around in (-360.0, 0.0, 360.0):
+            row, column = pixel(longitude + around, latitude)
+            found = np.where(np.isnan(found), _linear(values, row - 0.5, column - 0.5), found)
+        return found
+
+    return height
+
+
+def _upward(values: Array, stated: dict[str, Any], name: str, settings: dict[str, Any]) -> Array:
+    """Return values as heights, m; NaN where there is none.
+
+    Raises:
+        _UnknownFileError: their unit is not known.
+    """
+    unit = str(stated.get("units", "m")).lower()
+    if unit not in _METRES:
+        raise _UnknownFileError(f"its unit is {unit!r}")
+    values = values * _METRES[unit]
+    values = np.where(np.abs(values) < 12_000.0, values, np.nan)
     up = (
         settings.get("positive")
         or stated.get("positive")
@@ -375,7 +512,7 @@ def _heights(path: str, settings: dict[str, Any]) -> tuple[Array, Array, Array]:
     )
     if up is None:
         up = "up" if np.nanmin(values) < 0.0 else "down"
-    return north[rows], east[columns], (_POSITIVE[str(up)] * values)[rows][:, columns]
+    return _POSITIVE[str(up)] * values
 
 
 def _stated_by_name(name: str) -> str | None:
@@ -392,28 +529,15 @@ def _grid_name(data: xr.Dataset) -> str:
     return flat[0]
 
 
-def _tiff(path: str) -> tuple[Array, Array, Array, dict[str, Any]]:
-    try:
-        import rasterio
-    except ImportError:
-        raise _UnknownFileError("a GeoTIFF is read with rasterio, which is not installed") from None
-    with rasterio.open(path) as file:
-        if file.crs is None or not file.crs.is_geographic or file.count != 1:
-            raise _UnknownFileError("it is not in longitude and latitude")
-        values = file.read(1, masked=True).astype(float).filled(np.nan)
-        stated = {"units": file.units[0] or ""} | {k.lower(): v for k, v in file.tags(1).items()}
-        east = np.array([(file.transform * (k + 0.5, 0.5))[0] for k in range(file.width)])
-        north = np.array([(file.transform * (0.5, k + 0.5))[1] for k in range(file.height)])
-    return north, east, values, stated
-
-
-def _linear(north: Array, east: Array, values: Array, latitude: Array, longitude: Array) -> Array:
-    """[n] values between four others, NaN beyond them."""
-    i = np.clip(np.searchsorted(north, latitude) - 1, 0, len(north) - 2)
-    j = np.clip(np.searchsorted(east, longitude) - 1, 0, len(east) - 2)
-    a = (latitude - north[i]) / (north[i + 1] - north[i])
-    b = (longitude - east[j]) / (east[j + 1] - east[j])
+def _linear(values: Array, row: Array, column: Array) -> Array:
+    """[n] values between four others, NaN beyond them; rows and columns of nodes are whole numbers."""
+    last = np.asarray(values.shape) - 1
+    inside = (row >= 0.0) & (row <= last[0]) & (column >= 0.0) & (column <= last[1])
+    i, j = (
+        np.clip(np.floor(np.where(inside, at, 0.0)).astype(int), 0, max(size - 1, 0))
+        for at, size in zip((row, column), last, strict=True)
+    )
+    a, b = row - i, column - j
     south = values[i, j] * (1.0 - b) + values[i, j + 1] * b
     upper = values[i + 1, j] * (1.0 - b) + values[i + 1, j + 1] * b
-    inside = (a >= 0.0) & (a <= 1.0) & (b >= 0.0) & (b <= 1.0)
     return np.where(inside, south * (1.0 - a) + upper * a, np.nan)

@@ -1,6 +1,7 @@
 """The checker's own view of land and sea bed, against files known in closed form."""
 
 import json
+import zipfile
 
 import numpy as np
 import pytest
@@ -82,12 +83,46 @@ def test_polygons_of_other_formats(tmp_path, name, crs):
     assert some_hours.blocked(*places, np.zeros(5)).tolist() == [False, False, False, False, True]
 
 
-def test_archives_are_not_looked_at_again(tmp_path):
-    (tmp_path / "l.zip").write_bytes(b"PK\x03\x04" + bytes(100))
+def test_archives_are_looked_into(tmp_path):
+    raw = pytest.importorskip("pyogrio.raw")
+    square = shapely.Polygon(ring((0, 0), (0, 1000), (1000, 1000), (1000, 0)))
+    (tmp_path / "parts").mkdir()
+    shapes, kept = np.array([square.wkb], object), {"crs": "EPSG:4326", "geometry_type": "Polygon"}
+    raw.write(tmp_path / "parts" / "l.shp", shapes, [np.array([1])], ["a"], **kept)
+    with zipfile.ZipFile(tmp_path / "l.zip", "w") as archive:
+        for part in (tmp_path / "parts").iterdir():
+            archive.write(part, f"land/{part.name}")
+    settings = {"source": "polygons", "file": "l.zip"}
+    source = only(saved(tmp_path, chart=settings))
+    places = geographic(np.array([500.0, -10.0]), np.array([500.0, 500.0])).T
+    assert source.blocked(*places, np.zeros(2)).tolist() == [True, False]
+    with zipfile.ZipFile(tmp_path / "l.zip", "w") as archive:
+        archive.writestr("doc.kml", "<kml/>")
     notes = []
-    assert read_sources(saved(tmp_path, chart={"source": "polygons", "file": "l.zip"}), notes) == ()
-    (note,) = notes
-    assert note.startswith("land of l.zip was not looked at again: it is neither a GeoJSON, a GeoPackage,")
+    assert read_sources(saved(tmp_path, chart=settings), notes) == ()
+    assert notes == ["land of l.zip was not looked at again: its archive holds 0 files of polygons"]
+
+
+@pytest.mark.parametrize("beside", [False, True])
+def test_what_a_picture_does_not_show_is_no_water(tmp_path, beside):
+    rasterio = pytest.importorskip("rasterio")
+    turn = Transformer.from_crs("EPSG:4326", "EPSG:32755", always_xy=True)
+    west, north = turn.transform(*geographic(1000.0, -1000.0))
+    place = rasterio.Affine(20.0, 0.0, west, 0.0, -20.0, north)
+    size = {"width": 100, "height": 100, "count": 3, "dtype": "uint8"}
+    with (
+        rasterio.Env(GDAL_TIFF_INTERNAL_MASK=not beside),
+        rasterio.open(tmp_path / "c.tif", "w", "GTiff", crs=32755, transform=place, **size) as file,
+    ):
+        file.write(np.full((3, 100, 100), 90, np.uint8))
+        file.write_mask(np.arange(100) + np.zeros((100, 1)) >= 30)
+    assert (tmp_path / "c.tif.msk").exists() == beside
+    notes = []
+    (source,) = read_sources(saved(tmp_path, chart={"source": "raster", "file": "c.tif"}), notes)
+    assert notes == ["colours of c.tif were not judged again: its land is as in mission.nc"]
+    places = geographic(np.zeros(4), np.array([-1100.0, -800.0, 0.0, 900.0])).T
+    assert source.blocked(*places, np.zeros(4)).tolist() == [True, True, False, False]
+    assert source.blocked(places[0] - 360.0, places[1], np.zeros(4)).tolist() == [True, True, False, False]
 
 
 def test_a_mesh_ends_at_its_cells(tmp_path):
@@ -129,13 +164,26 @@ def test_a_turned_grid_is_land_among_dry_points(tmp_path):
         assert source.blocked(*(np.array([place]) for place in places), np.zeros(1)).tolist() == [land]
 
 
-@pytest.mark.parametrize("form", ["elevation", "h", "tiff"])
+@pytest.mark.parametrize("form", ["elevation", "h", "tiff", "fathoms", "utm"])
 def test_the_sea_bed_and_its_water_level(tmp_path, form):
     latitude, longitude = 56.36 + 0.01 * np.arange(14), -5.74 + 0.02 * np.arange(9)
     if form == "tiff":
         heights = -sea_floor(longitude[None, :], latitude[::-1, None])
         corner = (longitude[0], latitude[-1])
         write_geotiff(tmp_path / "b", heights, corner=corner, scale=(0.02, 0.01), point=True)
+    elif form == "utm":  # in tenths of feet
+        rasterio = pytest.importorskip("rasterio")
+        turn = Transformer.from_crs("EPSG:4326", "EPSG:32630", always_xy=True)
+        west, north = turn.transform(-5.72, 56.48)
+        x, y = west + 50.0 * np.arange(200), north - 50.0 * np.arange(200)
+        depth = sea_floor(*turn.transform(*np.meshgrid(x, y), direction="INVERSE"))
+        place = rasterio.Affine(50.0, 0.0, west - 25.0, 0.0, -50.0, north + 25.0)
+        size = {"width": 200, "height": 200, "count": 1, "dtype": "float32"}
+        with rasterio.open(tmp_path / "b", "w", "GTiff", crs=32630, transform=place, **size) as file:
+            file.write((-depth / 0.03048).astype(np.float32), 1)
+            file.scales, file.units = (0.1,), ("ft",)
+    elif form == "fathoms":
+        write_grid(tmp_path / "b", "depth", sign=1.0 / 1.8288, attributes={"units": "fathoms"})
     else:
         write_grid(tmp_path / "b", form, sign=1.0 if form == "h" else -1.0)
     places = np.array([[-5.66, 56.42], [-5.615, 56.475]])

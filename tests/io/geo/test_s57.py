@@ -265,6 +265,7 @@ def test_cells_that_are_cancelled_or_older_are_left_out(tmp_path):
         write_cell(tmp_path / folder / "A.000", bay(wreck(130 + edition)), edition=edition)
     with pytest.warns(ScenarioWarning, match=r"old/A\.000: is left out for .*new/A\.000, which is edition 2"):
         assert names(read(tmp_path)) == ["wreck 132"]
+    assert [name for name, *_ in hazards_of_cells(str(tmp_path))] == ["WRECKS 132 of A.000"]
     write_cell(tmp_path / "new" / "A.001", [], update=1, edition=0)
     with (
         pytest.warns(ScenarioWarning, match=r"A\.000: is left out: A\.001 cancels it"),
