@@ -62,9 +62,13 @@ def test_a_window_searches_its_share_and_keeps_the_size_of_the_population(plan, 
     place, now, _ = time_left(plan, 1.0 / 3.0)
     for fresh in (0.0, 0.3):
         config = CONFIG.replace(fresh_share=fresh)
-        new = replan_path(plan, place, now, world, key=jax.random.key(1), config=config, budget=60.0)
+        unhurried, new = (
+            replan_path(plan, place, now, world, key=jax.random.key(1), config=config, budget=budget)
+            for budget in (None, 60.0)
+        )
         assert len(new.history.best) == config.window().bbo.iterations + 1
         assert new.population.shape == plan.population.shape
+        assert new.travel_time <= 1.001 * unhurried.travel_time
 
 
 def test_progress_is_that_of_the_nearest_sample():
