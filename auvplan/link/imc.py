@@ -7,6 +7,7 @@ Messages are imcpy's; a plan is the PlanSpecification of the vehicle file, eleme
 
 import math
 import queue
+import re
 import socket
 import time
 from collections.abc import Callable
@@ -28,6 +29,12 @@ Array = NDArray[np.floating]
 
 #: Identifier of a control station among IMC's addresses.
 _OURS = 0x4001
+
+#: Name of the plan to stay.
+_HOLD = "hold"
+
+#: Who is meant before the vehicle is known.
+_ANYONE = 0xFFFF
 
 #: Bytes of the largest datagram.
 _LARGEST = 65_507
@@ -95,8 +102,7 @@ class ImcVehicle(ListeningLink):
             raise LinkError(f"{address}: {error}") from None
         self._socket.settimeout(0.1)
         self._answers: queue.Queue[Any] = queue.Queue()
-        self._vehicle, self._at = 0xFFFF, -math.inf
-        self._place: Array | None = None
+        self._vehicle, self._at = _ANYONE, -math.inf
         self._speed, self._control, self._words, self._fault = math.nan, None, "", False
         self._request = 0
         self._upload: Upload | None = None  # newest that was handed over
@@ -129,10 +135,14 @@ class ImcVehicle(ListeningLink):
             return
 
     def _take(self, message: Any) -> None:
+        """Take in a message of the vehicle, which is the first that says where it is."""
         imc = self._imc
+        if self._vehicle == _ANYONE and isinstance(message, imc.EstimatedState):
+            self._vehicle = message.src
+        if message.src != self._vehicle or message.dst not in (_OURS, _ANYONE):
+            return
         self._at = time.monotonic()
         if isinstance(message, imc.EstimatedState):
-            self._vehicle = message.src
             longitude, latitude = math.degrees(message.lon), math.degrees(message.lat)
             north, east = self._site.to_local(longitude, latitude)
             offset = np.asarray([message.x, message.y])
@@ -143,7 +153,7 @@ class ImcVehicle(ListeningLink):
                     offset[0] * math.sin(bearing) + offset[1] * math.cos(bearing),
                 ]
             )
-            self._place = np.asarray([float(north) + turned[0], float(east) + turned[1], message.depth])
+            self._put(float(north) + turned[0], float(east) + turned[1], message.depth)
             self._speed = math.hypot(message.vx, message.vy, message.vz)
         elif isinstance(message, imc.PlanControlState):
             self._control = message
@@ -166,10 +176,10 @@ class ImcVehicle(ListeningLink):
         steps, manoeuvre = plan.steps, state.man_id
         if manoeuvre == "end" or (state.state == states.READY and state.last_outcome == outcomes.SUCCESS):
             done = len(steps)
-        elif manoeuvre.startswith(("leg", "task")):
-            number = int(manoeuvre.removeprefix("leg").removeprefix("task"))
+        elif found := re.fullmatch(r"(leg|task)(\d+)", manoeuvre):
+            number = int(found[2])
             done = sum(step.leg < number for step in steps)
-            if manoeuvre.startswith("task"):
+            if found[1] == "task":
                 done += sum(step.leg == number and not step.ends_leg for step in steps)
         else:
             return
@@ -183,10 +193,10 @@ class ImcVehicle(ListeningLink):
         """
         end = time.monotonic() + self._limits.connect
         while time.monotonic() < end:
-            if self._place is not None and self._control is not None:
+            if self._here is not None and self._control is not None:
                 return
             time.sleep(0.02)
-        what = "EstimatedState" if self._place is None else "PlanControlState"
+        what = "EstimatedState" if self._here is None else "PlanControlState"
         raise Lost(f"{self.name}: no {what} within {self._limits.connect:.0f} s")
 
     def upload(self, plan: Upload) -> list[str]:
@@ -290,9 +300,9 @@ class ImcVehicle(ListeningLink):
         Raises:
             Lost, Refused: the vehicle does not say that it does.
         """
-        if self._place is None or self._plan is None:
+        if self._here is None or self._plan is None:
             raise Lost(f"{self.name}: its place is not known")
-        plan = as_message(stay_specification(self._plan.itinerary, self._place, "hold"))
+        plan = as_message(stay_specification(self._plan.itinerary, self._here, _HOLD))
         self._ask(
             self._imc.PlanControl, self._imc.PlanControl.OperationEnum.START, plan.plan_id, plan, "to hold",
             lambda: self._executes(plan.plan_id),
@@ -318,7 +328,7 @@ class ImcVehicle(ListeningLink):
 
     def _report(self) -> Report:
         return Report(
-            time.monotonic() - self._at, self._place, self._speed, self._state(), self._done, self._words
+            time.monotonic() - self._at, self._here, self._speed, self._state(), self._done, self._words
         )
 
     def _state(self) -> State:
@@ -328,6 +338,11 @@ class ImcVehicle(ListeningLink):
         if control is None:
             return State.UNKNOWN
         if control.state == states.EXECUTING:
+            if self._plan is not None and control.plan_id not in (
+                self._identifier(self._plan, self._offset),
+                _HOLD,
+            ):
+                return State.IDLE  # somebody else's
             if control.man_id == "end":
                 return State.FINISHED
             return State.HOLDING if self._holds else State.EXECUTING

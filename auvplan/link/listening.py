@@ -1,13 +1,21 @@
 """What links over the air have in common: a thread takes in what comes, and says that somebody is here."""
 
+import logging
 import math
 import threading
 import time
 from abc import ABC, abstractmethod
 
+import numpy as np
+from numpy.typing import NDArray
+
 from auvplan.link.limits import Limits
 from auvplan.link.vehicle import Report
 from auvplan.site import Site
+
+Array = NDArray[np.floating]
+
+_log = logging.getLogger(__name__)
 
 #: s between two heartbeats.
 _BEAT = 1.0
@@ -26,11 +34,24 @@ class ListeningLink(ABC):
         """
         self._site, self._limits, self.rate = site, limits or Limits(), scale
         self._begin = math.nan  # s, when mission time began
+        self._position: Array | None = None
+        self._placed = -math.inf  # s, when that was heard
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._listen, daemon=True)
 
     def _start_listening(self) -> None:
         self._thread.start()
+
+    @property
+    def _here(self) -> Array | None:
+        """Where the vehicle is, [3] m; None where that was heard too long ago."""
+        return self._position if time.monotonic() - self._placed <= self._limits.silence else None
+
+    def _put(self, north: float, east: float, depth: float) -> None:
+        """Take in where the vehicle is, m; what is no number is left out."""
+        place = np.asarray([north, east, depth], float)
+        if np.isfinite(place).all():
+            self._position, self._placed = place, time.monotonic()
 
     @property
     def now(self) -> float:
@@ -55,7 +76,11 @@ class ListeningLink(ABC):
             if time.monotonic() - beat >= _BEAT:
                 beat = time.monotonic()
                 self._say_hello()
-            self._receive()
+            try:
+                self._receive()
+            except Exception as error:  # whatever comes in, what comes after it is listened to
+                _log.info("a message was left out: %r", error)
+                self._closed.wait(0.01)
 
     @abstractmethod
     def _say_hello(self) -> None:

@@ -4,6 +4,7 @@ Plans go there by the mission protocol (MISSION_COUNT, MISSION_REQUEST_INT, MISS
 the items of its `.plan` file, with the fence; what is there is read back and compared.
 """
 
+import logging
 import math
 import os
 import queue
@@ -15,7 +16,6 @@ from importlib import import_module
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from auvplan.export.qgroundcontrol import qgc_plan
 from auvplan.link.limits import Limits
@@ -23,7 +23,13 @@ from auvplan.link.listening import ListeningLink
 from auvplan.link.vehicle import LinkError, Lost, Refused, Report, State, Upload
 from auvplan.site import Site
 
-Array = NDArray[np.floating]
+_log = logging.getLogger(__name__)
+
+#: Ground station by system and component.
+_OURS = 255, 190
+
+#: s that other vehicles on the link are looked for.
+_OTHERS = 1.5
 
 #: Mission types: waypoints and fences.
 MISSION, FENCE = 0, 1
@@ -153,7 +159,6 @@ class _Heard:
     mode: int = 0
     armed: bool = False
     fault: bool = False
-    position: Array | None = None
     speed: float = math.nan
     current: int = -1
     reached: int = -1
@@ -183,18 +188,21 @@ class MavlinkVehicle(ListeningLink):
         # Types of missions are an extension of MAVLink 2, which pymavlink speaks if this is set.
         os.environ.setdefault("MAVLINK20", "1")
         mavutil: Any = import_module("pymavlink.mavutil")
+        mavutil.print = lambda *words: _log.info("%s", " ".join(map(str, words)))  # not on standard output
 
         super().__init__(site, limits, scale)
         self.name = f"the MAVLink vehicle at {address}"
         try:
             self._port = mavutil.mavlink_connection(
-                address, source_system=255, source_component=190, dialect="ardupilotmega"
-            )
+                address, source_system=_OURS[0], source_component=_OURS[1], dialect="ardupilotmega",
+                autoreconnect=True,
+            )  # fmt: skip
         except (OSError, ValueError) as error:
             raise LinkError(f"{address}: {error}") from None
         self._sending = threading.Lock()
         self._heard = _Heard()
         self._target = 0, 0
+        self._systems: set[int] = set()
         self._items: list[Item] = []
         self._first = 0  # item of the first step
         self._steps = 0
@@ -228,7 +236,12 @@ class MavlinkVehicle(ListeningLink):
     def _take(self, message: Any) -> None:
         kind, heard = message.get_type(), self._heard
         source = message.get_srcSystem(), message.get_srcComponent()
-        if kind == "HEARTBEAT" and message.type != 6 and source[1] == 1 and self._target in ((0, 0), source):
+        if getattr(message, "target_system", 0) not in (0, _OURS[0]):
+            return  # to another ground station
+        vehicle = kind == "HEARTBEAT" and message.type != 6 and source[1] == 1
+        if vehicle:
+            self._systems.add(source[0])
+        if vehicle and self._target in ((0, 0), source):
             self._target = source
             heard.autopilot, heard.mode = message.autopilot, message.custom_mode
             heard.armed, heard.fault = bool(message.base_mode & 128), message.system_status in _FAULTS
@@ -236,8 +249,10 @@ class MavlinkVehicle(ListeningLink):
             return
         heard.at = time.monotonic()
         if kind == "GLOBAL_POSITION_INT":
+            if message.lat == message.lon == 0:
+                return  # which is said before the place is known
             north, east = self._site.to_local(message.lon * 1e-7, message.lat * 1e-7)
-            heard.position = np.asarray([float(north), float(east), -message.relative_alt * 1e-3])
+            self._put(float(north), float(east), -message.relative_alt * 1e-3)
             heard.speed = 0.01 * math.hypot(message.vx, message.vy, message.vz)
         elif kind == "MISSION_CURRENT":
             heard.current = message.seq
@@ -267,14 +282,19 @@ class MavlinkVehicle(ListeningLink):
             self._done = max(self._done, min(item - self._first + 1, self._steps))
 
     def connect(self) -> None:
-        """Wait for the vehicle's heartbeat and position.
+        """Wait for the vehicle's heartbeat and position, and see that no other one is there.
 
         Raises:
             Lost: there is none.
+            Refused: there are several.
         """
-        end = time.monotonic() + self._limits.connect
-        while time.monotonic() < end:
-            if self._target != (0, 0) and self._heard.position is not None:
+        begin = time.monotonic()
+        while time.monotonic() - begin < self._limits.connect:
+            if self._target != (0, 0) and self._here is not None:
+                time.sleep(_OTHERS)
+                if len(self._systems) > 1:
+                    numbers = ", ".join(map(str, sorted(self._systems)))
+                    raise Refused(f"{self.name}: systems {numbers} are on this link: give each its own")
                 return
             time.sleep(0.02)
         what = "no heartbeat" if self._target == (0, 0) else "no GLOBAL_POSITION_INT"
@@ -297,7 +317,7 @@ class MavlinkVehicle(ListeningLink):
         fence = fence_items(plan)
         if self._ardupilot and not math.isnan(self._begin):
             self.hold()  # it goes on by the number of its item, which is another one in the new plan
-        if fence and fence != self._fence:
+        if fence != self._fence or items == self._items:  # which are sent again where it may have lost them
             try:
                 self._place(fence, FENCE, "fence")
                 self._fence = fence
@@ -313,23 +333,28 @@ class MavlinkVehicle(ListeningLink):
         Raises:
             Lost, Refused: that does not come about.
         """
-        problem: LinkError = Lost(f"{self.name}: no answer to the {what}")
-        for _ in range(self._limits.uploads):
-            try:
-                self._offer(items, kind, what)
-            except Lost as error:
-                problem = error  # the answer may have been lost alone
-            try:
+        problem = Lost(f"{self.name}: does not say what it holds of the {what}")
+        try:
+            for _ in range(self._limits.uploads):
+                try:
+                    self._offer(items, kind, what)
+                    broken = None
+                except Lost as error:
+                    broken = error  # the answer may have been lost alone
                 held = self._download(kind)
-            finally:
-                self._expect(())
-            if held is None:
-                continue
-            skip = 1 if kind == MISSION and self._ardupilot else 0  # the vehicle's home is its own
-            pairs = list(zip(items, held, strict=False))[skip:]
-            if len(held) == len(items) and all(a.same(b) for a, b in pairs):
-                return
-            problem = Lost(f"{self.name}: holds {len(held)} of {len(items)} items of the {what}, or others")
+                if held is None:
+                    problem = broken or problem
+                    continue
+                skip = 1 if kind == MISSION and self._ardupilot else 0  # the vehicle's home is its own
+                same = sum(a.same(b) for a, b in list(zip(items, held, strict=False))[skip:]) + skip
+                if len(held) == len(items) == same:
+                    return
+                problem = broken or Lost(
+                    f"{self.name} holds another {what} than was sent: {len(held)} items, "
+                    f"{same} of {len(items)} as planned"
+                )
+        finally:
+            self._expect(())
         raise problem
 
     def _offer(self, items: list[Item], kind: int, what: str) -> None:
@@ -339,9 +364,10 @@ class MavlinkVehicle(ListeningLink):
             Lost, Refused: it does not.
         """
         self._expect(_OFFERED)
-        wanted, tries = -1, 0
-        while tries < self._limits.attempts:
-            if wanted < 0:
+        sent: set[int] = set()
+        unanswered, begin = 0, time.monotonic()
+        while time.monotonic() - begin < self._limits.attempts * self._limits.reply:
+            if not sent:
                 self._send(lambda mav: mav.mission_count_send(*self._target, len(items), kind))
             message = self._answer(
                 lambda m: (
@@ -350,22 +376,24 @@ class MavlinkVehicle(ListeningLink):
                 )
             )
             if message is None:
-                tries += 1
-                if wanted == len(items) - 1 and tries >= _LAST:
+                unanswered += 1
+                if len(sent) == len(items) and unanswered >= _LAST:
                     return  # the acknowledgement may be lost: reading back will tell
             elif message.get_type() == "MISSION_ACK":
-                if message.type == 0 and wanted == len(items) - 1:
+                if message.type == 0 and len(sent) == len(items):
                     return
                 if message.type in _AGAIN:
                     raise Lost(f"{self.name}: the {what} broke off: {_name(_ACKS, message.type)}")
                 if message.type != 0:
                     raise Refused(f"{self.name} refuses the {what}: {_name(_ACKS, message.type)}")
             elif 0 <= message.seq < len(items):
-                tries = 0 if message.seq > wanted else tries + 1
-                wanted = message.seq
+                if message.seq not in sent:
+                    unanswered, begin = 0, time.monotonic()
+                    sent.add(message.seq)
                 # Sent once a request: an item that comes unasked starts the vehicle's own waiting anew.
-                self._send_item(items[wanted], wanted, kind)
-        raise Lost(f"{self.name}: half of the {what} was taken, then no answer")
+                self._send_item(items[message.seq], message.seq, kind)
+        asked = f"{len(sent)} of {len(items)} items were asked for" if sent else "nothing was asked for"
+        raise Lost(f"{self.name}: the {what} broke off: {asked}")
 
     def _send_item(self, item: Item, number: int, kind: int) -> None:
         self._send(
@@ -451,6 +479,7 @@ class MavlinkVehicle(ListeningLink):
         """
         values = [*params, *[0.0] * (7 - len(params))]
         self._expect(_COMMANDED)
+        self._heard.words, said = "", "no answer to"
 
         def acknowledges(message: Any) -> bool:
             return message.get_type() == "COMMAND_ACK" and message.command == command
@@ -462,9 +491,14 @@ class MavlinkVehicle(ListeningLink):
                 return
             if done():
                 return
-            if answer is not None and answer.result != 1:
-                raise Refused(f"{self.name} refuses command {command}: {_name(_RESULTS, answer.result)}")
-        raise Lost(f"{self.name}: no answer to command {command}")
+            if answer is not None:
+                words = f" ({self._heard.words})" if self._heard.words else ""
+                if answer.result != 1:
+                    result = _name(_RESULTS, answer.result)
+                    raise Refused(f"{self.name} refuses command {command}: {result}{words}")
+                said = f"for the time being it rejects{words}"
+                time.sleep(self._limits.reply)
+        raise Lost(f"{self.name}: {said} command {command}")
 
     def _mode(self, ardusub: int, px4: tuple[int, int]) -> None:
         """Set a mode of ArduSub or of PX4."""
@@ -540,7 +574,7 @@ class MavlinkVehicle(ListeningLink):
         heard = self._heard
         return Report(
             time.monotonic() - heard.at,
-            heard.position,
+            self._here,
             heard.speed,
             self._state(),
             self._done,
@@ -553,6 +587,8 @@ class MavlinkVehicle(ListeningLink):
             return State.FAULT
         if heard.progress is not State.UNKNOWN:
             return heard.progress
+        if self._ardupilot and not heard.armed:
+            return State.IDLE
         if self._ardupilot:
             return {3: State.EXECUTING, 16: State.HOLDING, 9: State.SURFACING}.get(heard.mode, State.UNKNOWN)
         return State.UNKNOWN

@@ -1,6 +1,7 @@
 """Addresses of vehicles, as the command takes them."""
 
 import re
+import socket
 
 from auvplan.errors import AuvplanError
 from auvplan.link.limits import Limits
@@ -21,17 +22,23 @@ def check_address(address: str) -> None:
     if address == SIMULATOR:
         return
     if address.startswith(MAVLINK):
-        forms = r"(udpin|udpout|udp|tcp|tcpin):[^:]+:\d+|/dev/\S+|COM\d+(,\d+)?"
-        if not re.fullmatch(forms, address.removeprefix(MAVLINK)):
+        rest = address.removeprefix(MAVLINK)
+        serial = re.fullmatch(r"/dev/\S+|COM\d+(,\d+)?", rest)
+        if not serial and not re.fullmatch(r"(udpin|udpout|udp|tcp|tcpin):[^:]+:\d+", rest):
             raise AuvplanError(
                 f"--link {address}: a MAVLink address is such as mavlink:udpin:0.0.0.0:14550, "
                 "mavlink:tcp:HOST:PORT or mavlink:/dev/ttyUSB0"
             )
         _require("pymavlink")
+        if serial:
+            _require("serial", "pyserial")
+        else:
+            _check_host(address)
     elif address.startswith(IMC):
         if not re.fullmatch(r"[^:]+:\d+", address.removeprefix(IMC)):
             raise AuvplanError(f"--link {address}: an IMC address is such as imc:10.0.10.80:6002")
         _require("imcpy")
+        _check_host(address)
     else:
         raise AuvplanError(f"--link {address}: must be sim, mavlink:ADDRESS or imc:HOST:PORT")
 
@@ -61,8 +68,23 @@ def open_link(address: str, site: Site, limits: Limits | None = None, scale: flo
         raise AuvplanError(f"--link {error}") from None
 
 
-def _require(library: str) -> None:
+def _check_host(address: str) -> None:
+    """Check the host and the port at the end of an address.
+
+    Raises:
+        AuvplanError: the host is not known, or the port is none.
+    """
+    host, port = address.split(":")[-2:]
+    if not 0 < int(port) < 65_536:
+        raise AuvplanError(f"--link {address}: a port is from 1 to 65535")
+    try:
+        socket.gethostbyname(host)
+    except OSError as error:
+        raise AuvplanError(f"--link {address}: host {host}: {error.strerror or error}") from None
+
+
+def _require(library: str, package: str = "'auvplan[link]'") -> None:
     try:
         __import__(library)
     except ImportError:
-        raise AuvplanError(f"--link needs {library}: pip install 'auvplan[link]'") from None
+        raise AuvplanError(f"--link needs {library}: pip install {package}") from None

@@ -107,6 +107,9 @@ def test_home_comes_first_and_modes_start_hold_and_surface(joined):
     assert link.upload(upload) == []
     assert [item.command for item in sub.items[0]] == [16, 178, *[16] * 5, 21]
     assert len(sub.items[1]) == 8
+    sub.mode = AUTO
+    time.sleep(0.3)
+    assert link.wait(0.1).state is State.IDLE, "it is not armed"
     link.start()
     assert sub.armed
     time.sleep(0.3)

@@ -92,3 +92,61 @@ def test_nobody_there(upload):
     with pytest.raises(Lost, match="no EstimatedState within"):
         link.connect()
     link.close()
+
+
+class Tell:
+    """Sends messages to the client of a peer, as a vehicle of some identifier."""
+
+    def __init__(self, peer, source):
+        self.peer, self.source = peer, source
+
+    def __call__(self, message):
+        message.src, message.dst = self.source, 0x4001
+        self.peer._socket.sendto(imcpy.Packet.serialize(message), self.peer._client)
+
+
+def test_another_vehicle_and_damaged_packets_change_nothing(upload, join):
+    link, peer, _ = join()
+    link.upload(upload)
+    link.start()
+    before, tell = link.wait(1.0), Tell(peer, 0x77)
+    for _ in range(10):
+        elsewhere, other = imcpy.EstimatedState(), imcpy.PlanControl()
+        elsewhere.lat = elsewhere.lon = 0.1
+        other.type, other.op = other.TypeEnum.FAILURE, other.OperationEnum.START
+        tell(elsewhere)
+        tell(other)
+        peer._socket.sendto(b"\x54\xfe" + bytes(40), peer._client)
+    time.sleep(0.1)
+    after = link.wait(0.0)
+    assert max(abs(after.position - before.position)) < 1000.0
+    assert after.state is State.EXECUTING
+
+
+@pytest.mark.parametrize("latitude", [float("nan"), 4.0])
+def test_a_place_that_is_none_is_left_out(upload, join, latitude):
+    link, peer, _ = join()
+    state = imcpy.EstimatedState()
+    state.lat = latitude
+    Tell(peer, 0x1C)(state)
+    time.sleep(0.05)
+    assert link.wait(0.0).position is not None
+
+
+def test_odd_names_of_manoeuvres_and_plans_are_no_progress(upload, join):
+    link, peer, _ = join()
+    peer.body.stuck = True
+    link.upload(upload)
+    link.start()
+    for plan, manoeuvre in ((peer.started[-1], "legs"), (peer.started[-1], "leg-1"), ("lawnmower", "end")):
+        control = imcpy.PlanControlState()
+        control.state, control.plan_id, control.man_id = control.StateEnum.EXECUTING, plan, manoeuvre
+        link._take(_from(control))
+        assert link.wait(0.0).done == 0
+    link._take(_from(control))
+    assert link._state() is State.IDLE, "it executes somebody else's plan"
+
+
+def _from(message):
+    message.src, message.dst = 0x1C, 0x4001
+    return message

@@ -45,6 +45,9 @@ def test_the_last_step_stays(upload):
         ("mavlink:udpin:14550", "a MAVLink address is such as"),
         ("imc:host", "an IMC address is such as"),
         ("imc:host:port", "an IMC address is such as"),
+        ("imc:127.0.0.1:99999", "a port is from 1 to 65535"),
+        ("mavlink:udpin:0.0.0.0:0", "a port is from 1 to 65535"),
+        ("mavlink:udpout:no-such-host.invalid:14550", "host no-such-host.invalid: "),
     ],
 )
 def test_addresses_that_are_none(address, words):
