@@ -22,6 +22,15 @@ _CROSSINGS, _RINGS, _CORNERS = 20, 100, 100_000
 _AROUND = 360.0 - 1e-6
 # Edges that are looked up at a time, at most.
 _TOGETHER = 256
+#: What files of other formats begin with, in lower case.
+_FORMATS = {
+    b"<": "XML",
+    b"pk\x03\x04": "an archive or a spreadsheet",
+    b"sqlite format 3": "a GeoPackage or another database",
+    b"fgb": "FlatGeobuf",
+    b"\0\0\x27\x0a": "a Shapefile",
+    b"!table": "a MapInfo table",
+}
 #: Larger files are no charts of a mission's area.
 MAX_BYTES = 200_000_000
 # CRS 84 and WGS 84 by their names in the old member "crs"; RFC 7946 knows no other.
@@ -67,10 +76,11 @@ def read_features(path: str | Path, kinds: tuple[str, ...]) -> list[Feature]:
         GeoError: one line; the file is missing, no GeoJSON, empty, in other coordinates than WGS 84, or holds
             something else.
     """
+    _refuse_other(path)
     try:
         root = json.loads(read_text(path, MAX_BYTES))
     except (json.JSONDecodeError, RecursionError):
-        raise GeoError(f"{path}: not valid JSON{_other_format(path)}") from None
+        raise GeoError(f"{path}: not valid JSON") from None
     if not isinstance(root, dict) or "type" not in root:
         raise GeoError(f"{path}: not GeoJSON: it has no type")
     _check_crs(path, root.get("crs"))
@@ -105,13 +115,19 @@ def read_features(path: str | Path, kinds: tuple[str, ...]) -> list[Feature]:
     return found
 
 
-def _other_format(path: str | Path) -> str:
-    """Return what to do with a file that is of another format, or an empty string."""
-    start = read_text(path, MAX_BYTES).lstrip("\ufeff \r\n\t")[:1000].lower()
-    if not start.startswith("<"):
-        return ""
-    kind = next((name for name in ("gpx", "kml") if f"<{name}" in start), "xml")
-    return f": it is {kind.upper()}, which `ogr2ogr -f GeoJSON` or QGIS brings to GeoJSON"
+def _refuse_other(path: str | Path) -> None:
+    """Refuse a file that is of another known format, with what to do.
+
+    Raises:
+        GeoError: it is.
+    """
+    with Path(path).open("rb") as file:
+        start = file.read(1000).lstrip(b"\xef\xbb\xbf \r\n\t").lower()
+    kind = next((name for first, name in _FORMATS.items() if start.startswith(first)), None)
+    if kind == "XML":
+        kind = next((name for name in ("GPX", "KML", "GML") if f"<{name.lower()}".encode() in start), kind)
+    if kind is not None:
+        raise GeoError(f"{path}: is no GeoJSON but {kind}, which `ogr2ogr -f GeoJSON` or QGIS brings to it")
 
 
 def positions(where: str, coordinates: Any, least: int = 1) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import re
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
@@ -36,6 +37,10 @@ _HEADINGS = {
     "east": "east",
     **{name: name for name in ("depth", "priority", "duration", "name", "line", *_HOURS)},
 }
+#: The first line of a table that tells how its cells are parted.
+_SEPARATOR = re.compile(r"sep=(.)\s*$", re.IGNORECASE)
+#: What numbers that are often written otherwise look like.
+_SUCH = {"lon": " of degrees such as -5.4321", "lat": " of degrees such as 56.1234"}
 #: Speed of the current, m/s, at a place [3] m and times [n] s.
 Speed = Callable[[Position, np.ndarray], np.ndarray]
 #: By how much a depth and an elevation may differ and still say the same, m.
@@ -299,7 +304,9 @@ def _rows(path: Path) -> tuple[list[str], list[tuple[str, dict[str, str]]], Faul
     """The headings; each sound row with what messages call it and its filled cells by their plain heading."""
     text = read_text(path, _MAX_BYTES)
     heading = next((line for line in text.splitlines() if line.strip()), "")
-    separator = next((mark for mark in (";", "\t") if mark in heading), ",")
+    if said := _SEPARATOR.match(heading):  # as some spreadsheets want it
+        text = text.replace(heading, "", 1)
+    separator = said[1] if said else next((mark for mark in (";", "\t", "|") if mark in heading), ",")
     table = list(csv.reader(io.StringIO(text, newline=""), delimiter=separator, skipinitialspace=True))
     filled = [(number, row) for number, row in enumerate(table, 1) if any(cell.strip() for cell in row)]
     if len(filled) < 2:
@@ -326,12 +333,26 @@ def _rows(path: Path) -> tuple[list[str], list[tuple[str, dict[str, str]]], Faul
         cells = {
             name: cell.strip() for name, cell in zip(columns, row, strict=False) if name and cell.strip()
         }
-        if separator == ";":
-            # Where commas do not part cells they part decimals.
-            for name in cells.keys() & {"lon", "lat", "north", "east", "depth", "priority", "duration"}:
-                cells[name] = cells[name].replace(",", ".")
         rows.append((where, cells))
+    if separator != ",":
+        _point_decimals(rows, faults)
     return given, rows, faults
+
+
+def _point_decimals(rows: list[tuple[str, dict[str, str]]], faults: Faults) -> None:
+    """Replace commas in numbers: where they do not part cells they part decimals, and points do not."""
+    numbers = [
+        (where, cells, name)
+        for where, cells in rows
+        for name in cells.keys() & {"lon", "lat", "north", "east", "depth", "priority", "duration"}
+    ]
+    commas = any("," in cells[name] for _, cells, name in numbers)
+    for where, cells, name in numbers:
+        if commas and "." in cells[name]:
+            faults.lines.append(
+                f"{where}: {name} {cells[name]!r} has a point, where other numbers have commas"
+            )
+        cells[name] = cells[name].replace(",", ".")
 
 
 def _place(where: str, row: dict[str, str], site: Site | None) -> tuple[float, float]:
@@ -397,7 +418,8 @@ def _number(where: str, stated: dict[str, Any], name: str, default: Any, least: 
     except (TypeError, ValueError, OverflowError):
         number = float("nan")
     if not np.isfinite(number):
-        raise GeoError(f"{where}: {name} must be a finite number, got {str(value)[:40]!r}")
+        what = f"a finite number{_SUCH.get(name, '')}"
+        raise GeoError(f"{where}: {name} must be {what}, got {str(value)[:40]!r}")
     if number < least:
         raise GeoError(f"{where}: {name} must be at least {least:g}, got {number:g}")
     return number

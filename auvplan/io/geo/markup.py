@@ -15,7 +15,7 @@ _MAX_BYTES = 50_000_000
 
 
 def read_xml(path: Path, kind: str) -> Element:
-    """Return the root of an XML file, or of the first `.kml` in a zip archive.
+    """Return the root of an XML file, or of the one `.kml` in a zip archive.
 
     Args:
         path: of the file.
@@ -73,6 +73,9 @@ def _content(path: Path) -> bytes:
         inside = [entry for entry in archive.infolist() if entry.filename.lower().endswith(".kml")]
         if not inside:
             raise GeoError(f"{path}: has no .kml inside")
+        if len(inside) > 1:
+            listed = ", ".join(entry.filename for entry in inside)[:200]
+            raise GeoError(f"{path}: holds {len(inside)} .kml, {listed}: it must hold one")
         with archive.open(inside[0]) as file:
             content = file.read(_MAX_BYTES + 1)  # whatever size the archive claims
     if len(content) > _MAX_BYTES:

@@ -35,7 +35,7 @@ def named(name):
 
 FAULTS = [
     ("not json", "not valid JSON"),
-    ('<?xml version="1.0"?>\n<gpx version="1.1"/>', "not valid JSON: it is GPX, which `ogr2ogr"),
+    ('<?xml version="1.0"?>\n<gpx version="1.1"/>', "is no GeoJSON but GPX, which `ogr2ogr"),
     ("[" * 100_000, "not valid JSON"),
     (b"\xff\xfe{}", "not UTF-8 text"),
     ([], "not GeoJSON: it has no type"),

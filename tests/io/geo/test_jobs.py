@@ -1,6 +1,7 @@
 """Jobs from GeoJSON and CSV."""
 
 import json
+import zipfile
 
 import numpy as np
 import pytest
@@ -209,3 +210,26 @@ def test_words_of_ones_own_are_left_without_a_word(tmp_path, name):
     table = tmp_path / "jobs.csv"
     table.write_text(f"north,east,{name}\n1,2,3\n")
     assert len(read_jobs(table, SITE).points) == 1
+
+
+def test_separators_and_decimals(tmp_path):
+    head, row = "north{0}east{0}depth\n", "1{1}5{0}2{1}5{0}3{1}5\n"
+    for name, first, mark, decimal in (
+        ("a.csv", "sep=;\n", ";", ","),
+        ("b.tsv", "", "\t", ","),
+        ("c.csv", "", "|", "."),
+        ("d.csv", "SEP=,\n", ",", "."),
+    ):
+        (tmp_path / name).write_text(first + head.format(mark) + row.format(mark, decimal))
+        assert read_jobs(tmp_path / name, None).points[0].position == (1.5, 2.5, 3.5)
+    (tmp_path / "e.csv").write_text("north;east;duration\n1,5;2;1.200\n")
+    with pytest.raises(GeoError, match=r"row 2: duration '1\.200' has a point, where other"):
+        read_jobs(tmp_path / "e.csv", None)
+
+
+def test_an_archive_of_several_kml_is_refused(tmp_path):
+    with zipfile.ZipFile(tmp_path / "j.kmz", "w") as archive:
+        for name in ("a.kml", "doc.kml"):
+            archive.writestr(name, "<kml/>")
+    with pytest.raises(GeoError, match=r"j\.kmz: holds 2 \.kml, a\.kml, doc\.kml: it must hold one"):
+        read_jobs(tmp_path / "j.kmz", SITE)
