@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from auvplan.errors import AuvplanError
 from auvplan.files import MISSION, ResultError, read_mission, read_summary
 from auvplan.io.enc import hazards_of_cells
-from auvplan.io.fields import site_of
-from auvplan.io.geo import GeoError, read_obstacles
+from auvplan.io.errands import Placing, obstacles_of
 from auvplan.io.hours import window_faults
 from auvplan.io.ledger import (
     Leg,
@@ -31,12 +30,11 @@ from auvplan.io.ledger import (
     site_faults,
     time_faults,
 )
-from auvplan.io.originals import path_of, places_of
+from auvplan.io.originals import metres_of, path_of, places_of
 from auvplan.io.sources import Source, read_sources
 from auvplan.io.tally import tally_faults
 from auvplan.io.walk import Array, Bed, Coast, Mask, Walk, events
 from auvplan.ocean.known import KnownObstacle
-from auvplan.site import Site
 from auvplan.words import counted
 
 #: No current is faster, m/s.
@@ -184,23 +182,25 @@ def _require_bed(dataset: xr.Dataset, file: Path) -> None:
 def _known_obstacles(dataset: xr.Dataset, notes: list[str]) -> tuple[KnownObstacle, ...]:
     """Obstacles of the scenario's file and chart, where they are when the run departs."""
     settings = json.loads(str(dataset.attrs["scenario"]))
-    name, site = settings.get("obstacles", {}).get("file"), site_of(dataset)
-    if site is None:
+    name = settings.get("obstacles", {}).get("file")
+    if "site_longitude" not in dataset.attrs:
         return ()
-    found = _charted_obstacles(dataset, settings.get("chart") or {}, site, notes)
+    metres = metres_of(dataset)
+    found = _charted_obstacles(dataset, settings.get("chart") or {}, metres, notes)
     if name is None:
         return found
     try:
-        named = read_obstacles(path_of(dataset, name), site)
-    except GeoError as error:
-        notes.append(f"known obstacles were not looked at: {error}")
+        named = obstacles_of(path_of(dataset, name), metres)
+    except Exception as error:  # whatever a damaged file leads to
+        why = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+        notes.append(f"known obstacles of {name} were not looked at: {why}")
         return found
     departed = float(dataset.attrs.get("departed", 0.0))
     return (*found, *(obstacle.after(departed) for obstacle in named))
 
 
 def _charted_obstacles(
-    dataset: xr.Dataset, chart: dict[str, Any], site: Site, notes: list[str]
+    dataset: xr.Dataset, chart: dict[str, Any], metres: Placing, notes: list[str]
 ) -> tuple[KnownObstacle, ...]:
     """Rocks, wrecks and obstructions of a chart's S-57 cells."""
     if chart.get("source") != "enc":
@@ -213,8 +213,7 @@ def _charted_obstacles(
         return ()
     found = []
     for name, longitude, latitude, top in hazards:
-        north, east = (float(axis) for axis in site.to_local(longitude, latitude))
-        found.append(KnownObstacle(name, (north, east), float(chart["hazard_radius"]), top))
+        found.append(KnownObstacle(name, metres(longitude, latitude), float(chart["hazard_radius"]), top))
     return tuple(found)
 
 

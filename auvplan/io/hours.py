@@ -1,18 +1,17 @@
 """Whether tasks were done within the time windows of the scenario's jobs, read here again by other code."""
 
-import csv
 import json
 import math
 import re
 from collections.abc import Iterator, Mapping
 from datetime import datetime, timedelta
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
+from auvplan.io.errands import errands
 from auvplan.io.ledger import TIME_TOLERANCE, Array, Leg
 from auvplan.io.originals import path_of
 from auvplan.io.streams import speeds_at
@@ -218,16 +217,11 @@ def _jobs(dataset: xr.Dataset) -> Iterator[tuple[str, dict[str, Any]]]:
     name = settings.get("mission", {}).get("jobs")
     if not name:
         return
-    lines: dict[str, dict[str, Any]] = {}
-    for number, row in enumerate(_rows(path_of(dataset, name)), 1):
-        stated = {str(key).strip().lower(): value for key, value in row.items() if key is not None}
-        if line := str(stated.get("line") or "").strip():
-            known = lines.setdefault(line, {})
-            known |= {key: value for key, value in stated.items() if value not in (None, "")}
-            continue
-        job = str(stated.get("name") or number).strip()
-        yield job, stated
-    yield from lines.items()
+    try:
+        found = errands(path_of(dataset, name))
+    except Exception:  # the tally tells that the jobs cannot be read
+        return
+    yield from ((one.name, one.stated) for one in found)
 
 
 def _epoch(dataset: xr.Dataset) -> datetime | None:
@@ -248,22 +242,6 @@ def _spans(stated: Mapping[str, Any], epoch: datetime | None) -> Any:
     if isinstance(pairs, str):
         pairs = [part.split("/") for part in pairs.split(",")]
     return [_span(first, last, epoch) for first, last in pairs]
-
-
-def _rows(path: Path) -> list[dict[str, Any]]:
-    """Properties of the points of a GeoJSON file, or rows of a CSV; nothing of other formats."""
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-        if path.suffix.lower() in (".geojson", ".json"):
-            features = json.loads(text).get("features", [])
-            return [feature.get("properties") or {} for feature in features]
-        if path.suffix.lower() in (".csv", ".txt", ".tsv"):
-            heading = text.lstrip().split("\n", 1)[0]
-            mark = next((mark for mark in (";", "\t") if mark in heading), ",")
-            return list(csv.DictReader(text.lstrip().splitlines(), delimiter=mark, skipinitialspace=True))
-    except (OSError, ValueError):
-        pass  # the tally tells that the jobs cannot be read
-    return []
 
 
 def _span(first: Any, last: Any, epoch: datetime | None) -> tuple[Any, Any]:

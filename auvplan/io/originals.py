@@ -40,18 +40,32 @@ def opened(path: str, **options: Any) -> xr.Dataset:
     return xr.open_dataset(path, engine=engine, **options)
 
 
-def places_of(dataset: xr.Dataset) -> Callable[[Array, Array], tuple[Array, Array]]:
-    """Return the way from m north and east of a run to longitude and latitude, degrees."""
+def _frame(dataset: xr.Dataset) -> Transformer:
+    """Return the way from m east and north of a run's site to longitude and latitude, degrees."""
     attributes = dataset.attrs
     frame = (
         f"+proj=aeqd +lon_0={float(attributes['site_longitude'])!r} "
         f"+lat_0={float(attributes['site_latitude'])!r} +datum=WGS84 +units=m"
     )
-    back = Transformer.from_crs(frame, "EPSG:4326", always_xy=True)
-    origin = np.asarray(attributes["site_origin"], float)
+    return Transformer.from_crs(frame, "EPSG:4326", always_xy=True)
+
+
+def places_of(dataset: xr.Dataset) -> Callable[[Array, Array], tuple[Array, Array]]:
+    """Return the way from m north and east of a run to longitude and latitude, degrees."""
+    back, origin = _frame(dataset), np.asarray(dataset.attrs["site_origin"], float)
 
     def places(north: Array, east: Array) -> tuple[Array, Array]:
         longitude, latitude = back.transform(np.asarray(east) - origin[1], np.asarray(north) - origin[0])
         return np.asarray(longitude), np.asarray(latitude)
 
     return places
+
+
+def metres_of(dataset: xr.Dataset) -> Callable[[float, float], tuple[float, float]]:
+    """Return the way from longitude and latitude, degrees, to m north and east of a run."""
+
+    def metres(longitude: float, latitude: float) -> tuple[float, float]:
+        east, north = _frame(dataset).transform(longitude, latitude, direction="INVERSE")
+        return north + float(dataset.attrs["site_origin"][0]), east + float(dataset.attrs["site_origin"][1])
+
+    return metres

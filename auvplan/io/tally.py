@@ -18,11 +18,10 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from auvplan.files import MISSION, SUMMARY
-from auvplan.io.fields import site_of
-from auvplan.io.geo import GeoError, read_jobs
+from auvplan.io.errands import jobs_of
 from auvplan.io.hours import priority_at
 from auvplan.io.ledger import TIME_TOLERANCE, Leg, near
-from auvplan.io.originals import path_of
+from auvplan.io.originals import metres_of, path_of
 from auvplan.mission.jobs import Jobs
 
 Array = NDArray[np.floating]
@@ -119,16 +118,12 @@ def _book(settings: dict[str, Any], dataset: xr.Dataset, once: bool, notes: list
     if name is not None:
         depth = max(settings["area"]["lower"][2], settings["vehicle"]["depth_min"])
         try:
-            # Windows are looked up elsewhere: here any water is slack.
-            jobs = read_jobs(
-                path_of(dataset, name),
-                site_of(dataset),
-                default_depth=depth,
-                speed=lambda _, times: 0.0 * times,
-            )
-            return _JobBook.of(jobs, dataset)
-        except GeoError as error:
-            notes.append(f"tasks were counted from the graph in {MISSION}, not from the jobs: {error}")
+            return _JobBook.of(jobs_of(path_of(dataset, name), metres_of(dataset), depth), dataset)
+        except (
+            Exception
+        ) as error:  # the run was planned on it: whatever this view lacks is no fault of the run
+            why = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+            notes.append(f"tasks were counted from the graph in {MISSION}, not from the jobs: {why}")
     return _GraphBook.of(dataset, once)
 
 
