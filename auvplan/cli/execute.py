@@ -1,9 +1,12 @@
 """The command that executes a mission on a vehicle."""
 
+import json
 import math
 import sys
+from contextlib import suppress
 from dataclasses import fields, replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -80,6 +83,8 @@ def execute(
     from auvplan.files import output_folder
 
     output_folder(out)
+    if link != SIMULATOR:
+        _check_ended(out)
     with naming(scenario):
         settings, folder = load(scenario, settings=changes)
         from auvplan.compiled import PLANS, preload
@@ -104,7 +109,9 @@ def execute(
         say_notes(area.notes)
         if link != SIMULATOR and scale is None:
             _warn_of_the_date(plan.site.epoch)
-    record = execute(plan, vehicle, limits=limits, notices=heard, tell=_tell(quiet))
+    record = execute(
+        plan, vehicle, limits=limits, notices=heard, tell=_tell(quiet), keep=partial(_keep, out=out)
+    )
     file = record.save(out)
     if as_json:
         print_json(record.summary())
@@ -113,6 +120,34 @@ def execute(
     if not record.success:
         complain(f"mission failed: {record.reason}; {record.safe}")
         raise typer.Exit(1)
+
+
+def _keep(record: "ExecutionRecord", out: Path) -> None:
+    """Write the record as far as it goes; a vehicle under way does not wait for a full disk."""
+    from auvplan.files import OutputError
+
+    with suppress(OutputError):
+        record.save(out)
+
+
+def _check_ended(out: Path) -> None:
+    """See that no execution is under way in a folder, or was broken off.
+
+    Raises:
+        AuvplanError: one is; one line.
+    """
+    from auvplan.link.record import EXECUTION, UNDER_WAY
+
+    file = out / EXECUTION
+    try:
+        reason = json.loads(file.read_text(encoding="utf-8"))["reason"]
+    except (OSError, ValueError, TypeError, KeyError):
+        return
+    if reason == UNDER_WAY:
+        raise AuvplanError(
+            f"{file}: its mission did not end: see to the vehicle, which may be under way, "
+            "and remove the file or give another --out"
+        )
 
 
 def _limits(texts: list[str]) -> "Limits":

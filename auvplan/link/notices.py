@@ -5,6 +5,7 @@ Each line is a JSON object. Other programs append to the file; it is read on as 
 
 import json
 import math
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.errors import AuvplanError
+from auvplan.link.vehicle import one_line
 from auvplan.ocean.known import KnownObstacle
 from auvplan.site import Site
 
@@ -78,6 +80,9 @@ class NoticeFile:
             AuvplanError: the file cannot be read; one line.
         """
         self._path, self._site, self._place, self._line = Path(path), site, 0, 0
+        self._gone = False
+        if self._path.exists() and not self._path.is_file():
+            raise AuvplanError(f"{path}: is no file of lines")
         try:
             self._path.open("rb").close()
         except OSError as error:
@@ -86,14 +91,22 @@ class NoticeFile:
             ) from None
 
     def read(self) -> Iterator[Notice | str]:
-        """Yield what whole lines were added, as notices or as text that says what is wrong."""
+        """Yield what whole lines were added, as notices or as text that says what is wrong.
+
+        A file that has become shorter was begun anew, and is read from its beginning.
+        """
         try:
             with self._path.open("rb") as file:
+                if file.seek(0, os.SEEK_END) < self._place:
+                    self._place = self._line = 0
                 file.seek(self._place)
                 text = file.read()
         except OSError as error:
-            yield f"{self._path}: {error.strerror or error}"
+            if not self._gone:
+                yield f"{self._path}: {error.strerror or error}"
+            self._gone = True
             return
+        self._gone = False
         whole = text[: text.rfind(b"\n") + 1]
         self._place += len(whole)
         for line in whole.splitlines():
@@ -103,7 +116,7 @@ class NoticeFile:
             try:
                 yield self._notice(json.loads(line))
             except (ValueError, TypeError, KeyError, OverflowError, RecursionError) as error:
-                yield f"{self._path}, line {self._line}: {' '.join(str(error).split())[:300]}; not taken in"
+                yield f"{self._path}, line {self._line}: {one_line(str(error))[:300]}; not taken in"
 
     def _notice(self, found: Any) -> Notice:
         if not isinstance(found, dict) or ("obstacle" in found) == ("current" in found):
@@ -121,20 +134,16 @@ class NoticeFile:
         place = self._position(found)
         if place is None:
             raise ValueError("obstacle: needs longitude and latitude, or north and east")
-        course, speed = (
-            math.radians(_number(found, "course", (-360.0, 360.0), 0.0)),
-            _number(found, "speed", (0.0, 50.0), 0.0),
-        )
-        return ObstacleNotice(
-            KnownObstacle(
-                str(found["obstacle"]) or "obstacle",
-                place,
-                _number(found, "radius", (0.1, 100_000.0)),
-                _number(found, "depth_min", (0.0, 12_000.0), 0.0),
-                _number(found, "depth_max", (0.0, 12_000.0), math.inf),
-                (speed * math.cos(course), speed * math.sin(course)),
-            )
-        )
+        course = math.radians(_number(found, "course", (-360.0, 360.0), 0.0))
+        speed = _number(found, "speed", (0.0, 50.0), 0.0)
+        radius = _number(found, "radius", (0.1, 100_000.0))
+        top = _number(found, "depth_min", (0.0, 12_000.0), 0.0)
+        bottom = _number(found, "depth_max", (0.0, 12_000.0), math.inf)
+        if bottom < top:
+            raise ValueError(f"depth_max: {bottom:g} is above depth_min, {top:g}")
+        velocity = speed * math.cos(course), speed * math.sin(course)
+        name = one_line(str(found["obstacle"]))[:100] or "obstacle"
+        return ObstacleNotice(KnownObstacle(name, place, radius, top, bottom, velocity))
 
     def _position(self, found: dict[str, Any]) -> tuple[float, float] | None:
         """Return north and east, m, or None without a place."""

@@ -60,3 +60,39 @@ def test_a_real_vehicle_needs_a_site(tmp_path, call):
     status, _, err = call("execute", path, "--link", "imc:127.0.0.1:9", "--out", tmp_path / "out")
     assert status == 2
     assert "site: is missing" in err
+
+
+@pytest.mark.parametrize("link", ["imc:127.0.0.1:9", "mavlink:udpin:127.0.0.1:14999"])
+def test_a_mission_that_was_broken_off_is_not_begun_again_unseen(tmp_path, call, link):
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "execution.json").write_text('{"reason": "under way"}')
+    before = (out / "execution.json").read_bytes()
+    status, _, err = call("execute", scenario_file(tmp_path), "--link", link, "--out", out)
+    assert status == 2
+    assert "its mission did not end: see to the vehicle" in err
+    assert err.count("\n") == 1
+    assert (out / "execution.json").read_bytes() == before
+
+
+@pytest.mark.slow
+def test_an_interrupted_execution_leaves_its_record(tmp_path, call, light_search, monkeypatch):
+    from auvplan.link.simulated import SimulatedVehicle
+
+    waits = SimulatedVehicle.wait
+    reasons = []
+
+    def wait(vehicle, seconds):
+        if vehicle.now > 300.0:
+            reasons.append(json.loads((tmp_path / "out" / "execution.json").read_text())["reason"])
+            raise KeyboardInterrupt
+        return waits(vehicle, seconds)
+
+    monkeypatch.setattr(SimulatedVehicle, "wait", wait)
+    status, _, err = call("execute", scenario_file(tmp_path), "--seed", 1, "--out", tmp_path / "out")
+    assert status == 130
+    assert "interrupted; the vehicle goes on with upload 1, whose last item is to surface" in err
+    record = json.loads((tmp_path / "out" / "execution.json").read_text())
+    assert reasons == ["under way"]
+    assert record["reason"] == "interrupted"
+    assert record["track"]

@@ -75,6 +75,8 @@ def test_the_file_is_read_on_by_whole_lines(tmp_path):
         ({"obstacle": "x", "radius": 5}, "needs longitude and latitude"),
         ({"obstacle": "x", "north": 0, "east": 0}, "radius: is missing"),
         ({"obstacle": "x", "north": 0, "east": 0, "radius": -5}, "radius: must be from"),
+        ({"obstacle": "x", "north": 0, "east": 0, "radius": 5, "depth_min": 9, "depth_max": 3}, "is above"),
+        ({"obstacle": "x", "north": 0, "east": 0, "radius": float("inf")}, "radius: must be from"),
         ({"obstacle": "x", "longitude": 500, "latitude": 0, "radius": 5}, "longitude: must be from"),
         ('{"current": [NaN, 0]}', "must be a number"),
         ({"current": [10**400, 0]}, "line 1"),
@@ -94,3 +96,25 @@ def test_what_cannot_be_understood_is_one_line_of_text(tmp_path, line, words):
 def test_a_file_that_is_not_there(tmp_path):
     with pytest.raises(AuvplanError, match="create it empty"):
         NoticeFile(tmp_path / "none", SITE)
+
+
+def test_a_file_that_goes_and_comes_back_is_told_of_once_and_read_anew(tmp_path):
+    path = tmp_path / "notices.jsonl"
+    path.write_text('{"current": [1, 0]}\n{"current": [1, 0]}\n')
+    notices = NoticeFile(path, SITE)
+    assert len(list(notices.read())) == 2
+    path.unlink()
+    (said,) = notices.read()
+    assert isinstance(said, str)
+    assert list(notices.read()) == []
+    path.write_text('{"current": [0, 1]}\n')
+    (found,) = notices.read()
+    assert isinstance(found, CurrentNotice)
+
+
+def test_names_are_one_line_and_folders_are_refused(tmp_path):
+    (found,) = stated(tmp_path, {"obstacle": "a\x1b[2J\nb", "north": 0, "east": 0, "radius": 5})
+    assert isinstance(found, ObstacleNotice)
+    assert found.obstacle.name == "a [2J b"
+    with pytest.raises(AuvplanError, match="is no file of lines"):
+        NoticeFile(tmp_path, SITE)
