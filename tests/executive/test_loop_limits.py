@@ -98,6 +98,17 @@ def test_a_route_is_planned_anew_where_its_slack_leaves_the_limits(called, by_cl
     assert planned == ([mission] if cause else [])
 
 
+@pytest.mark.parametrize(("slack", "cause"), [(-29.8, ""), (-30.2, "late")])
+def test_a_route_waits_for_its_ways_to_open(called, slack, cause):
+    """At 2,000 s the vehicle sets out, at 2,260 s its task is done; the way on opens at 3,000 s."""
+    context, mission = on_route(now=2000.0, available=3000.0 + 1200.0 + 300.0 + slack, **RULES)
+    travel = np.full((5, 8, 8), np.inf)
+    travel[:, 0, 1], travel[3:, 1, GOAL] = 200.0, 1200.0
+    mission.graph = mission.graph.with_timetable(Timetable(np.linspace(0.0, 4000.0, 5), travel))
+    loop.step(context, [mission])
+    assert mission.cause == cause
+
+
 def test_by_other_rules_no_route_is_planned_anew_for_its_slack(called):
     context, mission = on_route(available=500.0, replan="late", guard_return=False, **RULES)
     loop.step(context, [mission])

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import auvplan as ap
+from auvplan.budget import Budget
 from auvplan.ocean.gridded import CurrentError
-from auvplan.path import habitats, replan_path
+from auvplan.path import habitats, replan_path, replanner
 from auvplan.path.bspline import basis_matrix
 from auvplan.path.replanner import progress, replan_paths
 
@@ -58,7 +59,14 @@ def test_at_its_beginning_a_followed_plan_is_kept_as_it_is(plan, world):
     assert 0.999 * plan.travel_time < new.travel_time <= plan.travel_time * (1.0 + 1e-6)
 
 
-def test_a_window_searches_its_share_and_keeps_the_size_of_the_population(plan, world):
+def test_a_window_searches_its_share_and_keeps_the_size_of_the_population(plan, world, monkeypatch):
+    budgets = []
+
+    def budget_of(*given):
+        budgets.append(given)
+        return Budget(*given)
+
+    monkeypatch.setattr(replanner, "Budget", budget_of)
     place, now, _ = time_left(plan, 1.0 / 3.0)
     for fresh in (0.0, 0.3):
         config = CONFIG.replace(fresh_share=fresh)
@@ -69,6 +77,7 @@ def test_a_window_searches_its_share_and_keeps_the_size_of_the_population(plan, 
         assert len(new.history.best) == config.window().bbo.iterations + 1
         assert new.population.shape == plan.population.shape
         assert new.travel_time <= 1.001 * unhurried.travel_time
+    assert budgets == [(60.0, 1)] * 2
 
 
 def test_progress_is_that_of_the_nearest_sample():
