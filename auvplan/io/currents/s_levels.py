@@ -67,11 +67,11 @@ def s_levels(series: Series, dim: str, notes: list[str]) -> Callable[[Array, Arr
         raise series.fail(f"levels along {dim} need {curves[0] if curve is None else 'hc'}, which is missing")
     if not ((s >= -1.0001) & (s <= 0.0001) & (curve >= -1.0001) & (curve <= 0.0001)).all():
         raise series.fail(f"{coordinates[0]} or {curves[0]} is not between -1 and 0")
-    transform = _transform(series, own, notes)
+    transform = _transform(series, own, float(critical[0]), notes)
     return lambda floor, rise: s_depths(s, curve, float(critical[0]), transform, floor, rise)
 
 
-def _transform(series: Series, own: str, notes: list[str]) -> int:
+def _transform(series: Series, own: str, critical: float, notes: list[str]) -> int:
     stated = _parameter(series, ("Vtransform",), 1)
     if stated is not None:
         if stated[0] not in (1.0, 2.0):
@@ -81,8 +81,10 @@ def _transform(series: Series, own: str, notes: list[str]) -> int:
         return int(own[-1])
     if str(series.attributes.get("VertCoordType", "")).strip() in ("NEW", "SM09"):
         return 2
-    notes.append("Vtransform is missing: taken as 1")
-    return 1
+    # With the first, levels would cross where the water is shallower than hc, and ROMS does not start.
+    shallow = "h" in series.variables and np.nanmin(series.files[0].coordinate("h", missing=True)) < critical
+    notes.append(f"Vtransform is missing: taken as {2 if shallow else 1}")
+    return 2 if shallow else 1
 
 
 def _parameter(series: Series, names: tuple[str, ...], count: int) -> Array | None:

@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from auvplan.io.currents.opening import File, Pick
+from auvplan.io.currents.opening import File, Pick, text
 from auvplan.io.currents.times import decode_times, find_time, stamp
 from auvplan.ocean.gridded import CurrentError
 
@@ -145,12 +145,26 @@ def _is_fixed(file: File, name: str, time_dim: str | None) -> bool:
     return variable is not None and variable.dtype.kind in "iuf" and time_dim not in variable.dims
 
 
+def _same_kind(where: str, name: str, one: xr.Variable, two: xr.Variable, time_dim: str | None) -> None:
+    """Require the same sizes and units of a variable in two files."""
+    if one.dtype.kind not in "iuf" or time_dim not in one.dims or one.dims == (time_dim,):
+        return
+    sizes = [{dim: size for dim, size in each.sizes.items() if dim != time_dim} for each in (one, two)]
+    if sizes[0] != sizes[1]:
+        raise CurrentError(f"{where}: {name} has other dimensions")
+    units = [text(each.attrs, "units") for each in (two, one)]
+    if units[0] != units[1]:
+        raise CurrentError(f"{where}: {name} is in {units[0]!r} and in {units[1]!r}, which must be one unit")
+
+
 def _same_grid(first: File, other: File, name: str, coordinates: Sequence[str], time_dim: str | None) -> None:
     if first is other:
         return
     where = f"{other.path} and {Path(first.path).name}"
     if first.variables[name].dims != other.variables[name].dims:
         raise CurrentError(f"{where}: {name} has other dimensions")
+    for shared in set(first.variables) & set(other.variables):
+        _same_kind(where, shared, *(file.variables[shared] for file in (first, other)), time_dim)
     levels = {dim for dim in first.variables[name].dims[:-1] if dim != time_dim}
     axes = [axis for axis, stated in first.variables.items() if stated.ndim == 1 and stated.dims[0] in levels]
     fixed = [

@@ -204,6 +204,13 @@ def test_damaged_files_raise_nothing_else(tmp_path, suffix):
     assert all("damaged" in message and "\n" not in message for message in messages)
 
 
+def test_levels_that_would_cross_by_the_first_transform(tmp_path):
+    data = roms(transform=2).drop_vars("Vtransform")
+    data = data.assign(hc=data.hc * 0.0 + 1.5 * float(data.h.min()))
+    with open_ocean(write(data, tmp_path / "roms.nc")) as ocean:
+        assert "Vtransform is missing: taken as 2" in ocean.notes
+
+
 def test_series_that_do_not_fit(tmp_path):
     data = regular(hours=[0.0, 2.0, 4.0])
     first = write(data, tmp_path / "a.nc")
@@ -213,6 +220,7 @@ def test_series_that_do_not_fit(tmp_path):
             time=("time", [6.0, 7.0, 8.0], d.time.attrs)), "the grids differ in longitude"),
         "names": (lambda d: d.rename(uo="u_eastward"), "has no uo, which"),
         "dimensions": (lambda d: d.isel(depth=0), "uo has other dimensions"),
+        "units": (attrs("vo", units="cm s-1"), "vo is in 'cm s-1' and in 'm s-1', which must be one unit"),
     }  # fmt: skip
     for name, (change, words) in cases.items():
         other = write(change(data), tmp_path / f"{name}.nc")
@@ -229,6 +237,15 @@ def test_series_whose_levels_or_directions_differ(tmp_path, name):
     second[name] = (second[name].dims, values[::-1] if values.ndim == 1 else values * 1.1, second[name].attrs)
     paths = [write(data, tmp_path / f"{k}.nc") for k, data in enumerate((first, second))]
     with pytest.raises(CurrentError, match=rf"1\.nc and 0\.nc: the grids differ in {name}"):
+        open_ocean(paths)
+
+
+def test_a_series_whose_second_file_has_fewer_faces(tmp_path):
+    first, second = roms(), roms().isel(eta_v=slice(0, -1))
+    second["ocean_time"] = second["ocean_time"] + 7200.0
+    second["ocean_time"].attrs = first["ocean_time"].attrs
+    paths = [write(data, tmp_path / f"{k}.nc") for k, data in enumerate((first, second))]
+    with pytest.raises(CurrentError, match=r"1\.nc and 0\.nc: v has other dimensions"):
         open_ocean(paths)
 
 
