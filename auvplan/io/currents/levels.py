@@ -12,7 +12,6 @@ from auvplan.io.currents.points import Points
 from auvplan.io.currents.s_levels import s_levels
 from auvplan.io.currents.series import Array
 from auvplan.io.currents.units import length_factor
-from auvplan.ocean.gridded import CurrentError
 
 #: No level lies deeper or higher, m.
 DEEPEST = 20_000.0
@@ -173,9 +172,15 @@ def _downward(points: Points, axis: str, values: Array, notes: list[str]) -> Arr
 def _single(points: Points, name: str, notes: list[str]) -> Levels:
     """One level: at the depth of a scalar coordinate, or else at the surface."""
     file = points.series.files[0]
+    words = standard_name(file, name)
     for candidate, variable in file.variables.items():
-        if variable.size == 1 and variable.ndim == 0 and standard_name(file, candidate) == "depth":
-            return _fixed(points, candidate, None, notes)
+        if variable.ndim == 0 and variable.dtype.kind in "iuf":
+            standard = standard_name(file, candidate)
+            # The height of a wind may stand beside a current.
+            if "depth" in (standard, candidate.lower()) or (
+                standard == "height" and "sea_water" not in words
+            ):
+                return _fixed(points, candidate, None, notes)
     notes.append(f"{name} has no levels: taken as the current at the surface")
     fixed = np.zeros(1)
 
@@ -219,8 +224,7 @@ def _sigma(points: Points, name: str, sigma: str, dim: str, notes: list[str]) ->
     """Shares of the water's depth, the same everywhere or given for each point; FVCOM, SELFE, POM."""
     series = points.series
     if series.dims(sigma) == (dim,):
-        shares = np.abs(series.files[0].coordinate(sigma))
-        _check_shares(series.fail, sigma, shares)
+        shares = _shares(points, sigma)
         return _following(
             points, name, dim, lambda floor, rise: shares[None, :, None] * (floor + rise)[:, None], notes
         )
@@ -230,9 +234,7 @@ def _sigma(points: Points, name: str, sigma: str, dim: str, notes: list[str]) ->
         raise series.fail(f"{name} has levels that follow the sea bed, but h is missing")
     if points.rise_name() is None:
         notes.append("the surface's height zeta is not given: taken as 0")
-    column = np.abs(series.files[0].coordinate(sigma))
-    _check_shares(series.fail, sigma, column)
-    column = np.moveaxis(column, series.dims(sigma).index(dim), 0)
+    column = np.moveaxis(_shares(points, sigma), series.dims(sigma).index(dim), 0)
     order = slice(None, None, 1 if column[0].mean() < column[-1].mean() else -1)
 
     def read(frames: slice, window: Window) -> tuple[Array, Array | None]:
@@ -244,9 +246,23 @@ def _sigma(points: Points, name: str, sigma: str, dim: str, notes: list[str]) ->
     return Levels(dim, order, None, read)
 
 
-def _check_shares(fail: Callable[[str], CurrentError], sigma: str, shares: Array) -> None:
+def _shares(points: Points, sigma: str) -> Array:
+    """Shares of the depth, 0 at the surface, of CF's sigma, which falls from 0 to -1.
+
+    Raises:
+        CurrentError: they reach beyond 1, or count from the bed.
+    """
+    series = points.series
+    values = series.files[0].coordinate(sigma)
+    if text(series.attrs(sigma), "positive").lower() == "up" and (values > 0.0).any():
+        raise series.fail(
+            f"levels {sigma} are positive upward, from the bed: CF's sigma, 0 at the surface and -1 at the "
+            "bed, is needed"
+        )
+    shares = np.abs(values)
     if shares.max() > 1.0 + 1e-6:
-        raise fail(f"levels {sigma} are no shares of the depth: they reach {shares.max():g}")
+        raise series.fail(f"levels {sigma} are no shares of the depth: they reach {shares.max():g}")
+    return shares
 
 
 def _stated(points: Points, heights: str, dim: str, notes: list[str]) -> Levels:

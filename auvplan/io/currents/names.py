@@ -1,5 +1,6 @@
 """Which variables of a file are the current and its places: by CF standard name first, then by name."""
 
+import contextlib
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -37,8 +38,8 @@ _LATITUDES = (
     "latitude", "lat", "nav_lat", "lat_rho", "Latitude", "latc", "LAT", "LATITUDE", "SCHISM_hgrid_node_y",
 )  # fmt: skip
 _DEGREES = {
-    "longitude": re.compile(r"degrees?_?(e|east)", re.IGNORECASE),
-    "latitude": re.compile(r"degrees?_?(n|north)", re.IGNORECASE),
+    "longitude": re.compile(r"degrees?_?(e|east|w|west)", re.IGNORECASE),
+    "latitude": re.compile(r"degrees?_?(n|north|south)|degrees?_s", re.IGNORECASE),
 }
 _FLOOR_NAMES = ("sea_floor_depth_below_sea_level", "sea_floor_depth_below_geoid", "sea_floor_depth",
                 "model_sea_floor_depth_below_geoid")  # fmt: skip
@@ -78,14 +79,17 @@ def find_current(file: File) -> Names:
     for name in file.variables:
         if not _on_network(file, name) and _is_current(file, name):
             by_standard.setdefault(standard_name(file, name), []).append(name)
-    found = _by_standard(file, by_standard, _TRUE) or _by_standard(file, by_standard, _ALONG)
-    found = found or _by_name(file) or _by_standard(file, by_standard, _PART)
-    if found is None:
+    found = [*filter(None, [_by_standard(file, by_standard, _TRUE), _by_standard(file, by_standard, _ALONG)])]
+    with contextlib.suppress(CurrentError) if found else contextlib.nullcontext():
+        found += filter(None, [_by_name(file)])
+    found = found or [*filter(None, [_by_standard(file, by_standard, _PART)])]
+    if not found:
         raise CurrentError(
             f"{file.path}: no current: neither a variable with standard_name eastward_sea_water_velocity "
             f"nor one named {', '.join(east for east, _ in _PAIRS)}{_remedy(file)}"
         )
-    return found
+    # A current at the surface may stand beside that at all levels.
+    return max(found, key=lambda names: file.variables[names.east].ndim - (names.both is not None))
 
 
 def _by_standard(file: File, by_standard: dict[str, list[str]], wanted: re.Pattern[str]) -> Names | None:
@@ -276,6 +280,7 @@ def _place(file: File, of: str, kind: str, names: Iterable[str], hints: Sequence
         if standard or degrees or name in order:
             rank = (name not in hints, not standard, not degrees)
             ranked.append((*rank, order.index(name) if name in order else len(order), name))
+    _require_one(file, of, kind, sorted(ranked)[:2])
     for *_, name in sorted(ranked):
         # Models leave coordinates of grids that they do not write at zero.
         variable = file.variables[name]
@@ -284,6 +289,22 @@ def _place(file: File, of: str, kind: str, names: Iterable[str], hints: Sequence
         if np.nan_to_num(file.coordinate(name, missing=variable.ndim == 2)).any():
             return name
     return None
+
+
+def _require_one(file: File, of: str, kind: str, ranked: Sequence[tuple]) -> None:
+    """Refuse two coordinates that are as likely as each other, by their ranks, but differ."""
+    if len(ranked) < 2 or ranked[0][:-1] != ranked[1][:-1] or not ranked[0][0]:
+        return
+    one, two = (file.variables[entry[-1]] for entry in ranked)
+    if one.ndim < 2 or one.dims != two.dims:
+        return
+    values = [np.nan_to_num(file.coordinate(entry[-1], missing=True)) for entry in ranked]
+    if all(part.any() for part in values) and not np.allclose(*values, rtol=0.0, atol=1e-6):
+        names = [entry[-1] for entry in ranked]
+        raise CurrentError(
+            f"{file.path}: the {kind} of {of} may be {names[0]} or {names[1]}: write which, such as by "
+            f"ncatted -a coordinates,{of},o,c,'{names[0]} ...'"
+        )
 
 
 def find_floor(file: File, dims: Sequence[str]) -> str | None:

@@ -17,6 +17,8 @@ from auvplan.io.currents.units import length_factor
 _SURFACES = ("zeta", "elev", "elevation", "ssh", "zos")
 _SURFACE_NAMES = ("sea_surface_height_above_geoid", "sea_surface_height_above_mean_sea_level",
                   "sea_surface_height", "sea_surface_elevation")  # fmt: skip
+#: No surface, nor land that models give instead, lies so far from the datum, m.
+_HIGHEST = 9_000.0
 #: Masks of land by name, 1 is water: ROMS, NEMO, MITgcm and MOM6; and by standard name.
 MASKS = ("mask_rho", "tmask", "maskC", "hFacC", "wet")
 MASK_NAMES = ("sea_binary_mask", "land_binary_mask")
@@ -96,10 +98,17 @@ class Points:
         name = self.floor_name()
         if name is None:
             return None
-        depth = self.read(name, slice(0, 1), window)[0] * self.metres(name)
-        if standard_name(self.series.files[0], name) == "altitude":
-            depth = -depth
+        depth = self.read(name, slice(0, 1), window)[0] * self.metres(name) * self._downward
         return np.where(self.water(window), depth, np.nan)
+
+    @cached_property
+    def _downward(self) -> float:
+        """1, or -1 where the sea bed is told as a height: so it says, or it is negative everywhere."""
+        name, file = str(self.floor_name()), self.series.files[0]
+        values = file.read(name)
+        up = text(self.series.attrs(name), "positive").lower() == "up" and bool((values < 0.0).any())
+        below = np.fmax.reduce(values, axis=None) < 0.0
+        return -1.0 if up or below or standard_name(file, name) == "altitude" else 1.0
 
     def rise_name(self) -> str | None:
         """Return the variable that tells the height of the surface, or None."""
@@ -117,7 +126,12 @@ class Points:
         name = self.rise_name()
         if name is None:
             return np.zeros((1, window.points))
-        return np.nan_to_num(self.read(name, frames, window) * self.metres(name))
+        rise = np.nan_to_num(self.read(name, frames, window) * self.metres(name))
+        if (far := float(np.abs(rise).max(initial=0.0))) > _HIGHEST:
+            raise self.series.fail(
+                f"{name} reaches {far:g} m, where there is no sea: check _FillValue and units"
+            )
+        return rise
 
     def lowest(self, frames: slice, window: Window) -> Array | None:
         """Return the least height [P] m of the surface above the datum at some times, None if not given."""
@@ -141,7 +155,7 @@ class Points:
             name
             for name in file.variables
             if (name in MASKS or standard_name(file, name) in MASK_NAMES)
-            and set(self.series.dims(name)) == dims
+            and set(file.variables[name].dims) == dims
         ]
 
     @cached_property

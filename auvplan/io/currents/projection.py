@@ -1,5 +1,6 @@
 """Coordinates in metres of a map projection as degrees, and the directions of its axes."""
 
+import re
 from typing import Any
 
 import numpy as np
@@ -46,6 +47,14 @@ def in_degrees(file: File, places: tuple[str, str]) -> tuple[Array, Array, CRS |
     x, y = (file.coordinate(name, missing=file.variables[name].ndim == 2) for name in places)
     if all(text(file.variables[name].attrs, "units").lower().startswith("rad") for name in places):
         return np.rad2deg(x), np.rad2deg(y), None
+    x, y = (
+        -values
+        if re.fullmatch(
+            r"degrees?_?(w|west|south)|degrees?_s", text(file.variables[name].attrs, "units"), re.I
+        )
+        else values
+        for name, values in zip(places, (x, y), strict=True)
+    )
     if not any(_is_projected(file, name) for name in places):
         finite = np.isfinite(x) & np.isfinite(y) if x.shape == y.shape else np.ones(1, bool)
         odd = np.nanmax(np.abs(y), initial=0.0) > 90.0 + 1e-6 or np.nanmax(np.abs(x), initial=0.0) > 720.0

@@ -19,7 +19,12 @@ _REAL_CALENDARS = ("", "standard", "gregorian", "proleptic_gregorian", "julian")
 _WITHOUT_CFTIME = ("", "standard", "gregorian", "proleptic_gregorian")
 #: Misspelt names of calendars.
 _MISSPELT = {"gregorian_proleptic": "proleptic_gregorian", "gregorian-proleptic": "proleptic_gregorian"}
-_JULIAN = "days since -4713-11-24 12:00:00"
+#: Units of astronomers' days, which name no date.
+_JULIAN = {
+    "julian": "days since -4713-11-24 12:00:00",
+    "modified julian": "days since 1858-11-17",
+    "mjd": "days since 1858-11-17",
+}
 #: What may stand for UTC, a time zone at the end of a date, and dates that begin with day or month.
 _UTC = ("Z", "UTC", "GMT", "UT")
 _ZONE = re.compile(r"^\d.*?\d\s*([A-Za-z]+(?:\s*[-+][\d:]*[1-9][\d:]*)?)\s*$")
@@ -88,8 +93,9 @@ def decode_times(file: File, name: str) -> tuple[NDArray[np.float64], list[str]]
     if exact is None:
         exact = _written_out(file, variable.dims, name)
     if exact is None and "since" not in units:
-        units = _JULIAN if units.lower().startswith("julian") else units
-        calendar = "proleptic_gregorian" if units == _JULIAN else calendar
+        for words, days in _JULIAN.items():
+            if units.lower().replace("_", " ").startswith(words):
+                units, calendar = days, "proleptic_gregorian"
     if exact is None and "%Y%m%d" in units:
         exact = _digits(file, name)
     if exact is None and "since" not in units:

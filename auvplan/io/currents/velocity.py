@@ -37,6 +37,7 @@ class Component:
         levels: its depths.
         factor: m/s in its unit.
         limit: m/s, at which it is no velocity of water.
+        valid: least and greatest value, in its unit, beyond which there is none.
     """
 
     name: str
@@ -45,6 +46,7 @@ class Component:
     levels: Levels
     factor: float
     limit: float
+    valid: tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -167,7 +169,9 @@ class Velocity:
         return np.pad(values, pad, constant_values=np.nan)[:, part.levels.order]
 
     def _read(self, part: Component, frames: slice, picks: dict[str, Pick], dims: Sequence[str]) -> Array:
-        values = self.points.series.read(part.name, picks, frames, dims) * part.factor
+        values = self.points.series.read(part.name, picks, frames, dims)
+        low, high = part.valid
+        values = np.where((values < low) | (values > high), np.nan, values) * part.factor
         fastest = float(np.nanmax(np.abs(values), initial=0.0))
         if fastest >= part.limit:
             if part.limit == FASTEST_UNITLESS:
@@ -256,7 +260,22 @@ def _component(
             raise series.fail(
                 f"{name} has levels along {level}, the other component along {levels.dim}, and they differ"
             )
-    return Component(name, own, extra, found, factor, limit)
+    return Component(name, own, extra, found, factor, limit, _valid(series, name))
+
+
+def _valid(series: Series, name: str) -> tuple[float, float]:
+    """Return the stated least and greatest value, and half their span more: fill values lie beyond."""
+    variable = series.variables[name]
+    ends = [variable.attrs.get(f"valid_{end}") for end in ("min", "max")]
+    stated = variable.attrs.get("valid_range", ends)
+    try:
+        low, high = (float(value) for value in np.asarray(stated).ravel())
+    except (TypeError, ValueError):
+        return -np.inf, np.inf
+    # Those of packed values count in the packed unit, or not, as writers please.
+    if not low < high or "scale_factor" in variable.encoding or "add_offset" in variable.encoding:
+        return -np.inf, np.inf
+    return low - (high - low) / 2.0, high + (high - low) / 2.0
 
 
 def _speed(points: Points, name: str, notes: list[str]) -> tuple[float, float]:
@@ -267,8 +286,8 @@ def _speed(points: Points, name: str, notes: list[str]) -> tuple[float, float]:
     factor = speed_factor(units)
     if factor is None:
         raise points.series.fail(
-            f"{name} has units {units!r}, which are no speed that is known: write what they are, such as by "
-            f"ncatted -a units,{name},o,c,'m s-1'"
+            f"{name} has units {units!r}, which are no speed that is known: if they are m/s, write so, such "
+            f"as by ncatted -a units,{name},o,c,'m s-1'"
         )
     return factor, FASTEST
 
@@ -292,7 +311,7 @@ def _turn(
     if isinstance(grid, Triangles) and grid.crs is not None:
         crs = grid.crs
         return lambda window: axes_angle(crs, *_places(grid, window))
-    if not isinstance(grid, Curvilinear):
+    if not isinstance(grid, Curvilinear) or (not staggered and _is_straight(grid)):
         if standard:
             notes.append(f"{names.east} and {names.north} are along x and y: taken as east and north")
         return None
@@ -307,6 +326,18 @@ def _turn(
         "so are a grid_mapping and a standard_name of the components: name the model's grid file beside it "
         "in current.files, or write what they are, such as by ncatted -a "
         f"standard_name,{names.east},o,c,eastward_sea_water_velocity"
+    )
+
+
+def _is_straight(grid: Curvilinear) -> bool:
+    """Return whether the rows of a grid are parallels and its columns meridians."""
+    axes = (grid.longitude, grid.latitude)
+    return grid.crs is None and any(
+        all(
+            np.allclose(axis, axis.take([0], k), rtol=0.0, atol=1e-6)
+            for k, axis in zip(order, axes, strict=True)
+        )
+        for order in ((0, 1), (1, 0))
     )
 
 
@@ -342,7 +373,8 @@ def _x_axis(points: Points) -> tuple[bool, bool]:
         if fits and (stated or text(variable.attrs, "axis") == "X"):
             x = file.coordinate(name)
             return str(variable.dims[0]) == points.geometry.dims[0], bool(x[-1] < x[0])
-    return False, False
+    first, second = (dim.lower().lstrip("n") for dim in points.geometry.dims)
+    return first.startswith(("x", "i", "lon")) and second.startswith(("y", "j", "lat")), False
 
 
 def _indices(window: Window, dim: str) -> NDArray[np.int64]:

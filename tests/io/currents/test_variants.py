@@ -365,3 +365,135 @@ def test_groups_and_archives_are_refused_with_what_would_do(tmp_path):
     with zipfile.ZipFile(archive, "w") as file:
         file.writestr(".zgroup", "{}")
     refused(archive, "a ZIP archive, not a NetCDF file: unpack it first")
+
+
+def test_the_depth_of_a_single_level(tmp_path):
+    data = regular(depth=[10.0]).isel(depth=0)
+    data["depth"].attrs = {"units": "m"}
+    ocean = check(write(data, tmp_path / "a.nc"), depth=10.0)
+    assert ocean.levels == [10.0]
+
+
+def test_a_height_beside_components_without_standard_names_is_that_of_a_wind(tmp_path):
+    data = regular(depth=[0.0]).isel(depth=0, drop=True)
+    data["height"] = ((), 10.0, {"units": "m", "standard_name": "height", "positive": "up"})
+    check(write(data, tmp_path / "current.nc"), depth=0.0)
+    data = described(data).rename(uo="u", vo="v")
+    refused(write(data, tmp_path / "wind.nc"), "height is height, and positive")
+
+
+def test_degrees_west_and_south(tmp_path):
+    data = regular(lon=-20.0 + 0.01 * np.arange(8), about=-20.0)
+    for name, units in (("longitude", "degrees_west"), ("latitude", "degrees_south")):
+        data[name] = (name, -data[name].values, {"units": units})
+    with open_ocean(write(data, tmp_path / "a.nc")) as ocean:
+        np.testing.assert_allclose(ocean.longitude, -20.0 + 0.01 * np.arange(8))
+        found = ocean.at(-20.0 + 0.033, PLACE[1], 0.0, START)[:2]
+        np.testing.assert_allclose(found, flow(LON + 0.033, PLACE[1]), atol=1e-6)
+    for name in ("longitude", "latitude"):
+        data[name] = (name, -data[name].values, {"units": "degrees"})
+    with open_ocean(write(data, tmp_path / "b.nc")) as ocean:
+        np.testing.assert_allclose(ocean.latitude, LAT + 0.01 * np.arange(6))
+
+
+@pytest.mark.parametrize("attributes", [{}, {"positive": "up"}])
+def test_a_bed_that_is_told_as_a_height(tmp_path, attributes):
+    data = regular().rename(depth="sigma")
+    data["sigma"] = ("sigma", [0.0, -1.0 / 3.0, -1.0], {"standard_name": "ocean_sigma_coordinate"})
+    data["h"] = (DIMS[2:], np.full((6, 8), -30.0), {"units": "m"} | attributes)
+    check(write(data, tmp_path / "a.nc"))
+
+
+def test_levels_that_count_from_the_bed_are_refused(tmp_path):
+    data = regular().rename(depth="sigma")
+    data["sigma"] = ("sigma", [1.0, 0.5, 0.0], {"positive": "up"})
+    data["h"] = (DIMS[2:], np.full((6, 8), 30.0), {"units": "m"})
+    refused(write(data, tmp_path / "a.nc"), "sigma are positive upward, from the bed")
+
+
+def test_a_surface_far_from_the_sea_is_refused(tmp_path):
+    data = regular().rename(depth="sigma")
+    data["sigma"] = ("sigma", [0.0, -1.0 / 3.0, -1.0], {"standard_name": "ocean_sigma_coordinate"})
+    data["h"] = (DIMS[2:], np.full((6, 8), 30.0), {"units": "m"})
+    data["zeta"] = (("time", *DIMS[2:]), np.full((3, 6, 8), 9999.0), {"units": "m"})
+    with (
+        open_ocean(write(data, tmp_path / "a.nc")) as ocean,
+        pytest.raises(CurrentError, match="zeta reaches"),
+    ):
+        ocean.at(*PLACE, 0.0, START)
+
+
+def test_a_grid_along_parallels_and_meridians_needs_no_turn(tmp_path):
+    data = described(regular()).rename(uo="u", vo="v", longitude="x", latitude="y")
+    lon, lat = np.meshgrid(data["x"].values, data["y"].values)
+    data = data.drop_vars(["x", "y"])
+    data["lon"] = (("y", "x"), lon, {"units": "degrees_east"})
+    data["lat"] = (("y", "x"), lat, {"units": "degrees_north"})
+    check(write(data, tmp_path / "a.nc"), atol=1e-5)
+
+
+@pytest.mark.parametrize("standard", ["sea_water_{}_velocity", None])
+def test_all_levels_go_before_the_surface(tmp_path, standard):
+    data = regular().rename(uo="u", vo="v")
+    for name, axis, way in (("u", "x", "east"), ("v", "y", "north")):
+        data[f"{name}_top"] = 0.0 * data[name].isel(depth=0, drop=True)
+        data[f"{name}_top"].attrs = {"units": "m/s", "standard_name": f"surface_{way}ward_sea_water_velocity"}
+        data[name].attrs = {"units": "m/s"} | ({"standard_name": standard.format(axis)} if standard else {})
+    check(write(data, tmp_path / "a.nc"))
+
+
+def test_a_mask_that_changes_in_time_is_no_mask_of_land(tmp_path):
+    data = regular()
+    data["wet"] = (("time", *DIMS[2:]), np.zeros((3, 6, 8)))
+    data["wet"][0, 0, 0] = 1.0
+    check(write(data, tmp_path / "a.nc"))
+
+
+def test_two_likely_longitudes_are_refused_until_one_is_named(tmp_path):
+    data = described(regular()).rename(uo="u_eastward", vo="v_northward", longitude="x", latitude="y")
+    lon, lat = np.meshgrid(data["x"].values, data["y"].values)
+    data = data.drop_vars(["x", "y"])
+    for letter, shift in (("T", 0.005), ("U", 0.0)):
+        data[f"{letter}LONG"] = (("y", "x"), lon + shift, {"units": "degrees_east"})
+        data[f"{letter}LAT"] = (("y", "x"), lat + shift, {"units": "degrees_north"})
+    refused(write(data, tmp_path / "a.nc"), "may be TLONG or ULONG", "ncatted -a coordinates,u_eastward")
+    for name in ("u_eastward", "v_northward"):
+        data[name].attrs["coordinates"] = "ULONG ULAT"
+    check(write(data, tmp_path / "b.nc"), atol=1e-5)
+
+
+@pytest.mark.parametrize("dims", [("i", "j"), ("nx", "ny"), ("xi", "eta_y")])
+def test_rows_along_the_first_dimension(tmp_path, dims):
+    """What a dimension is called tells which of them x follows."""
+    lon, lat = turned_grid(angle=0.0)
+    east, north = flow(lon, lat)
+    data = xr.Dataset(coords={"time": ("time", [0.0], HOURS)})
+    for name, values, axis in (("uo", east, "x"), ("vo", north, "y")):
+        attributes = {"units": "m s-1", "standard_name": f"sea_water_{axis}_velocity"}
+        data[name] = (("time", *dims), values.T[None], attributes)
+    data["lon"] = (dims, lon.T + 1e-5 * lat.T, {"units": "degrees_east"})
+    data["lat"] = (dims, lat.T + 1e-5 * lon.T, {"units": "degrees_north"})
+    if dims[1].startswith("eta"):
+        data = data.rename({"eta_y": "y"})
+    with open_ocean(write(data, tmp_path / "a.nc")) as ocean:
+        place = data["lon"].values[5, 4], data["lat"].values[5, 4]
+        np.testing.assert_allclose(ocean.at(*place, 0.0, START)[:2], (east[4, 5], north[4, 5]), atol=1e-3)
+
+
+def test_values_far_beyond_the_valid_range_are_missing(tmp_path):
+    data = regular()
+    for name in ("uo", "vo"):
+        data[name] = data[name].copy(data=100.0 * data[name].values)
+        data[name].values[:, :, 2, 3] = -999.0
+        data[name].attrs |= {"units": "cm/s", "valid_min": -300.0, "valid_max": 300.0}
+    with open_ocean(write(data, tmp_path / "a.nc")) as ocean:
+        assert np.isnan(ocean.at(LON + 0.03, LAT + 0.02, 0.0, START)[0])
+        np.testing.assert_allclose(ocean.at(LON, LAT, 0.0, START)[0], 0.3, atol=1e-6)
+
+
+@pytest.mark.parametrize("units", ["modified julian day", "MJD"])
+def test_modified_julian_days(tmp_path, units):
+    data = regular(hours=[0.0, 1.0])
+    data["time"] = ("time", 58849.0 + np.array([0.0, 1.0]) / 24.0, {"units": units})
+    with open_ocean(write(data, tmp_path / "a.nc")) as ocean:
+        np.testing.assert_allclose(ocean.times, START + np.array([0.0, 3600.0]), atol=0.1)
