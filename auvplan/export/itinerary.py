@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from auvplan.errors import AuvplanError
 from auvplan.export.fences import Fence, fences_around
+from auvplan.export.markup import plain
 from auvplan.export.thin import thin
 from auvplan.motion import Motion
 from auvplan.ocean.chart import Chart
@@ -163,7 +164,8 @@ class Itinerary:
         fence_points: points of fences that the autopilot holds.
 
     Raises:
-        ExportError: there is no leg, or an executed track has a wrong shape or is not finite.
+        ExportError: there is no leg, the speed or a task's time is no number, the mission reaches beyond the
+            calendar, or an executed track has a wrong shape or is not finite.
     """
 
     name: str
@@ -184,6 +186,24 @@ class Itinerary:
     def __post_init__(self) -> None:
         if not self.legs:
             raise ExportError(f"mission {self.name or 'unnamed'}: no leg was planned and executed to its end")
+        if not (np.isfinite(self.speed) and self.speed > 0.0):
+            raise ExportError(f"the vehicle's speed must be positive, got {self.speed:g}")
+        legs = [
+            replace(leg, start_name=plain(leg.start_name), goal_name=plain(leg.goal_name))
+            for leg in self.legs
+        ]
+        for leg in legs:
+            if not (np.isfinite(leg.hold) and leg.hold >= 0.0):
+                raise ExportError(f"leg {leg.number}: a task cannot take {leg.hold:g} s")
+        try:
+            for seconds in (legs[0].times[0], legs[-1].times[-1]):
+                self.site.utc(float(seconds))
+        except OverflowError:
+            raise ExportError(
+                "the mission reaches beyond the calendar: see to the departure's year"
+            ) from None
+        object.__setattr__(self, "name", plain(self.name))
+        object.__setattr__(self, "legs", tuple(legs))
         tracks = []
         for k, track in enumerate(self.executed):
             places, times = _track(f"executed track {k}", track.positions, track.times)

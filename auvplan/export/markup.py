@@ -13,13 +13,18 @@ Element = ElementTree.Element
 _FORBIDDEN = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
+def plain(text: str) -> str:
+    """Return text with question marks for what is no character to XML, and to most other formats."""
+    return _FORBIDDEN.sub("?", text)
+
+
 def child(
     parent: Element, name: str, text: str | None = None, attributes: Mapping[str, str] | None = None
 ) -> Element:
     """Append an element; characters that XML does not know become question marks."""
-    plain = {key: _FORBIDDEN.sub("?", value) for key, value in (attributes or {}).items()}
-    element = ElementTree.SubElement(parent, name, plain)
-    element.text = None if text is None else _FORBIDDEN.sub("?", text)
+    clean = {key: plain(value) for key, value in (attributes or {}).items()}
+    element = ElementTree.SubElement(parent, name, clean)
+    element.text = None if text is None else plain(text)
     return element
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from auvplan.export.itinerary import Itinerary
+from auvplan.export.itinerary import ExportError, Itinerary
 from auvplan.export.places import Waypoint, elevation, waypoints
 from auvplan.files import write_atomically
 from auvplan.site import as_utc
@@ -26,7 +26,11 @@ _FRAME = "wgs84"
 
 
 def geo_path(itinerary: Itinerary) -> bytes:
-    """Return the waypoints with times of arrival, since 1970 or, without a date, since the epoch."""
+    """Return the waypoints with times of arrival, since 1970 or, without a date, since the epoch.
+
+    Raises:
+        ExportError: a time is not one that ROS can tell.
+    """
     rows, cdr = waypoints(itinerary), _Cdr()
     _header(cdr, itinerary, float(itinerary.legs[0].times[0]))
     cdr.number("I", len(rows))
@@ -44,6 +48,7 @@ def write_ros(itinerary: Itinerary, path: str | Path) -> Path:
     """Write a `.cdr` file of one message.
 
     Raises:
+        ExportError: as `geo_path`.
         OutputError: the operating system refused; one line that names the file.
     """
     return write_atomically(path, lambda part: part.write_bytes(geo_path(itinerary)))
@@ -59,6 +64,8 @@ def _courses(rows: list[Waypoint]) -> list[float]:
 def _header(cdr: "_Cdr", itinerary: Itinerary, seconds: float) -> None:
     then = itinerary.site.utc(seconds)
     nanoseconds = round((seconds if then is None else as_utc(then).timestamp()) * 1e6) * 1000
+    if not -(2**31) <= nanoseconds // 10**9 < 2**31:
+        raise ExportError("GeoPath: a ROS time is from 1901 to 2038")
     cdr.number("i", nanoseconds // 10**9)
     cdr.number("I", nanoseconds % 10**9)
     cdr.text(_FRAME)

@@ -1,5 +1,6 @@
 """Exporting in several formats: files, notes, odd names and dates, errors."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
@@ -44,3 +45,35 @@ def test_unknown_formats_and_unwritable_files_are_told_in_one_line(tmp_path: Pat
     (tmp_path / "itinerary.csv").mkdir()
     with pytest.raises(OutputError, match=r"cannot write .*itinerary\.csv"):
         write_csv(make_itinerary(), tmp_path / "itinerary.csv")
+
+
+@pytest.mark.parametrize("name", ["wreck\0", "half \ud800", "\x1b[2J"])
+def test_names_that_are_no_text_do_not_spoil_any_format(name: str, tmp_path: Path):
+    whole = make_itinerary()
+    legs = tuple(replace(leg, start_name=name, goal_name=name) for leg in whole.legs)
+    paths = export(replace(whole, name=name, legs=legs), tmp_path)
+    assert len(paths) == len(FORMATS)
+    assert "?" in json.loads((tmp_path / "itinerary.geojson").read_text())["name"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"speed": 0.0}, "speed must be positive, got 0"),
+        ({"speed": float("nan")}, "speed must be positive, got nan"),
+        ({"site": replace(SITE, epoch=EPOCH.replace(year=9999, month=12, day=31))}, "beyond the calendar"),
+    ],
+)
+def test_itineraries_that_no_file_can_hold_are_refused(changes, words):
+    with pytest.raises(ExportError, match=words):
+        replace(make_itinerary(), **changes)
+    first, *rest = make_itinerary().legs
+    with pytest.raises(ExportError, match="leg 1: a task cannot take -1 s"):
+        replace(make_itinerary(), legs=(replace(first, hold=-1.0), *rest))
+
+
+def test_a_time_beyond_those_of_ros_is_told_in_one_line(tmp_path: Path):
+    itinerary = make_itinerary(replace(SITE, epoch=EPOCH.replace(year=2100)))
+    with pytest.raises(ExportError, match="a ROS time is from 1901 to 2038"):
+        export(itinerary, tmp_path, ["ros"])
+    assert not list(tmp_path.iterdir())
