@@ -165,9 +165,13 @@ class Points:
 
     def mask_along(self, level: str | None) -> str | None:
         """Return `mask`, of the points of all levels where there is a dimension of them."""
-        file = self.series.files[0]
+        # Of many levels the first and the last tell it, one of which is the surface.
+        file, picks = self.series.files[0], {}
+        if level is not None:
+            last = next(v.sizes[level] for v in file.variables.values() if level in v.dims) - 1
+            picks = {level: np.unique([0, last])}
         found = self.masks(level)
-        return next((n for n in found if self._wet(n, file.coordinate(n, missing=True)).any()), None)
+        return next((name for name in found if self._wet(name, file.read(name, picks)).any()), None)
 
     def water(self, window: Window) -> NDArray[np.bool_]:
         """[P], False where a mask of the file says land."""

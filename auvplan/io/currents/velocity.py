@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan.io.currents.geometry import Curvilinear, Geometry, Window
+from auvplan.io.currents.geometry import Curvilinear, Geometry, Regular, Window
 from auvplan.io.currents.levels import Levels, find_levels, is_level
 from auvplan.io.currents.names import Names, find_upward, standard_name
 from auvplan.io.currents.opening import Pick, text
@@ -144,6 +144,7 @@ class Velocity:
         """[T, K, rows, columns] m/s on the edges before and after a window's points along an axis of them."""
         grid = self.points.geometry
         picks: dict[str, Pick] = {}
+        middles = dict(window.picks)
         ends = [False, False]
         for k, dim in enumerate(grid.dims):
             pick = window.picks[dim]
@@ -152,6 +153,7 @@ class Velocity:
                 count = grid.longitude.shape[axis] - 1
                 ends = [pick.start == 0, pick.stop > count]
                 pick = slice(max(pick.start - 1, 0), min(pick.stop, count))
+                middles[dim] = slice(pick.start, pick.stop + 1)
             picks[part.dims[k]] = pick
         values = self._read(part, frames, picks, (*part.extra, *part.dims))
         values = values.reshape(len(values), -1, *values.shape[-2:])
@@ -159,10 +161,9 @@ class Velocity:
         if mask is not None:
             # Without fill values the walls of land hold zeros, which are no current.
             level = [str(self.east.levels.dim)] if self.mask else []
-            water = self.points.is_water(mask, {}, (*level, *grid.dims))
+            water = self.points.is_water(mask, middles, (*level, *grid.dims))
             water = np.moveaxis(water, axis - 2, 0)
-            open_ = np.moveaxis(water[1:] & water[:-1], 0, axis - 2)
-            values = np.where(open_[(..., *(picks[dim] for dim in part.dims))], values, np.nan)
+            values = np.where(np.moveaxis(water[1:] & water[:-1], 0, axis - 2), values, np.nan)
         # The grid's own rim has an edge on one side only.
         pad = [(0, 0)] * 4
         pad[2 + axis] = (int(ends[0]), int(ends[1]))
@@ -301,8 +302,9 @@ def _turn(
     if not (names.along_grid or staggered):
         return None
     words = [text(series.attrs(name), "long_name").lower() for name in (names.east, names.north)]
-    if not standard and "eastward" in words[0] and "northward" in words[1]:
-        notes.append(f"{names.east} and {names.north} are eastward and northward by their long_name")
+    if not (standard or staggered) and "eastward" in words[0] and "northward" in words[1]:
+        if not isinstance(grid, Regular):
+            notes.append(f"{names.east} and {names.north} are eastward and northward by their long_name")
         return None
     named = [name for name in _ANGLES if name in series.variables and points.has(name)]
     if isinstance(grid, Curvilinear) and named:
