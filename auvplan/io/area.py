@@ -540,6 +540,7 @@ def _seabed(
             pixel_size=settings.pixel_size,
             variable=settings.variable,
             positive=settings.positive,
+            crs=settings.crs,
         )
         if not (found.depth > 0.0).any():
             raise ScenarioError(

@@ -433,7 +433,7 @@ def _globe(longitude: Array, latitude: Array) -> Array:
 def _bed(path: str, settings: dict[str, Any]) -> Callable[[Array, Array, Array], Mask]:
     """Below the sea bed, interpolated linearly between the file's values, at its lowest water."""
     with open(path, "rb") as file:
-        raster = file.read(3) not in (b"CDF", b"\x89HD")
+        raster = file.read(3) not in (b"CDF", b"\x89HD") or path.lower().endswith(".bag")
     height = (_raster_heights if raster else _axes_heights)(path, settings)
     level = float(settings.get("water_level") or 0.0)
 

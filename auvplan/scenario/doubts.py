@@ -136,7 +136,7 @@ def _idle(scenario: Scenario, sections: dict[str, dict[str, Any]]) -> Iterator[t
     if chart == "whitsunday" or (chart == "none" and scenario.chart.no_go is None):
         idle["chart.pixel_size"] = "chart.source", chart
     if bed != "file":
-        idle |= {f"bathymetry.{name}": ("bathymetry.source", bed) for name in ("variable", "positive")}
+        idle |= {f"bathymetry.{name}": ("bathymetry.source", bed) for name in ("variable", "positive", "crs")}
     if bed in ("none", "chart"):
         idle["bathymetry.pixel_size"] = "bathymetry.source", bed
     if current.source == "file":

@@ -217,7 +217,10 @@ class BathymetrySettings(Section):
         description="'current': as the current's file has it; 'chart': the least depths of the depth areas "
         "of S-57 cells (chart.source 'enc')",
     )
-    file: str | None = Field(default=None, description="path of a NetCDF file or a GeoTIFF")
+    file: str | None = Field(default=None, description="path of a NetCDF file, a GeoTIFF or another raster")
+    crs: str | None = Field(
+        default=None, description="reference system of a raster that does not tell, such as EPSG:32755"
+    )
     variable: str | None = Field(default=None, description="of the NetCDF file; found by its name if absent")
     positive: Literal["up", "down"] | None = Field(
         default=None, description="direction in which values grow, where the file does not tell"

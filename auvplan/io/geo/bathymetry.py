@@ -1,4 +1,4 @@
-"""Depth of the sea floor on local pixels, from NetCDF (GEBCO, ETOPO, EMODnet, ROMS, CF) and GeoTIFF."""
+"""Depth of the sea floor on local pixels, from NetCDF (GEBCO, ETOPO, EMODnet, ROMS, CF) and rasters."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -14,7 +14,7 @@ from auvplan.io.geo.error import GeoError, reading
 from auvplan.io.geo.field import DOWN, SPELT_OUT, UP, Field, netcdf_field, sense_of_standard_name
 from auvplan.io.geo.geotiff import is_tiff
 from auvplan.io.geo.grid import LocalGrid, local_grid, refuse_beyond, steps
-from auvplan.io.geo.raster import read_raster
+from auvplan.io.geo.raster import is_raster, read_raster
 from auvplan.io.geo.sampling import bilinear
 from auvplan.ocean.picture import MAX_PIXELS
 from auvplan.site import Site
@@ -68,14 +68,15 @@ def read_bathymetry(
     missing. Of NetCDF only the window that is needed is read.
 
     Args:
-        path: NetCDF-3 or -4 with longitude and latitude as two axes or two grids, or GeoTIFF of one band.
+        path: NetCDF-3 or -4 with longitude and latitude as two axes or two grids, or a raster of one band
+            (`read_raster`).
         site: where local coordinates count from.
         lower: south-western corner (north, east), m.
         upper: north-eastern corner, m; the last pixels may reach beyond it.
         pixel_size: m; None for half the file's spacing, from 10 to 500 m and no more than 1024 pixels a side.
         variable: name of the variable in a NetCDF file.
         positive: "up" or "down", which way the file's values count, where it does not tell.
-        crs: coordinate reference system of a GeoTIFF that tells none.
+        crs: coordinate reference system of a raster that tells none.
 
     Raises:
         GeoError: one line; what is wrong with the file, that it does not tell which way its values count, or
@@ -124,8 +125,9 @@ def read_bathymetry(
 @contextmanager
 def _opened(path: Path, variable: str | None, site: Site, grid: LocalGrid, crs: Any) -> Iterator[Field]:
     with path.open("rb") as file:
-        tiff = is_tiff(file.read(4))
-    if not tiff:
+        start = file.read(4)
+    is_a_raster = is_tiff(start) or (is_raster(path) and not start.startswith(b"CDF"))
+    if not is_a_raster:
         with netcdf_field(path, variable, site, grid) as field:
             yield field
         return

@@ -1,5 +1,6 @@
-"""Georeferenced rasters: GeoTIFF (OGC GeoTIFF 1.1), and pictures with a world file (ESRI's six numbers)."""
+"""Georeferenced rasters: GeoTIFF (OGC GeoTIFF 1.1), pictures with a world file, and what GDAL reads."""
 
+import warnings
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -9,11 +10,12 @@ import numpy as np
 from defusedxml.ElementTree import fromstring
 from numpy.typing import NDArray
 from pyproj import CRS, Geod, Transformer
+from pyproj.exceptions import ProjError
 
 from auvplan.io.geo.error import GeoError, read_text, reading, reason
 from auvplan.io.geo.geotiff import Affine, is_tiff, read_geotiff, read_place
 from auvplan.io.geo.grid import Nodes
-from auvplan.ocean.picture import blank, colours, opened
+from auvplan.ocean.picture import MAX_PIXELS, blank, colours, opened
 
 _WORLD_FILES = {
     ".bmp": (".bpw", ".bmpw"),
@@ -24,6 +26,22 @@ _WORLD_FILES = {
     ".tif": (".tfw", ".tifw"),
     ".tiff": (".tfw", ".tiffw"),
 }
+#: GDAL's drivers of formats that are read by it alone, by the ends of names; none leads to other files.
+_DRIVERS = {
+    ".asc": ("AAIGrid", "GSAG"),
+    ".bag": ("BAG",),
+    ".csv": ("XYZ",),
+    ".txt": ("XYZ", "AAIGrid"),
+    ".xyz": ("XYZ",),
+    ".grd": ("GSBG", "GSAG", "GS7BG"),
+    ".img": ("HFA",),
+    ".bil": ("EHdr",),
+    ".flt": ("EHdr",),
+    ".jp2": ("JP2OpenJPEG",),
+    ".gpkg": ("GPKG",),
+}
+# Per cent of confidence with which a spelling without a code is of an EPSG system.
+_CONFIDENCE = 25
 _TEXT_LIMIT = 100_000
 _SIDECAR_LIMIT = 50_000_000  # it may hold tables of colours and histograms
 
@@ -78,7 +96,8 @@ def read_raster(path: str | Path, crs: Any = None, *, indices: bool = False) -> 
 
     GeoTIFF by its own keys; PNG, JPEG and TIFF by a world file beside it (.pgw, .jgw, .tfw, .wld), whose
     coordinates are those of `crs` or of a .prj file. A world file gives the centre of the first pixel.
-    See-through pixels become white, which is noted.
+    See-through pixels become white, which is noted. ESRI and Surfer grids, BAG, XYZ, Erdas Imagine, JPEG 2000
+    and rasters in GeoPackages are read by rasterio.
 
     Args:
         path: of the file.
@@ -99,6 +118,9 @@ def read_raster(path: str | Path, crs: Any = None, *, indices: bool = False) -> 
             affine, own, values = tiff.affine, tiff.crs, tiff.values
             nodata, attributes, empty = tiff.nodata, tiff.attributes, tiff.blank
             trouble = tiff.crs_trouble
+        elif path.suffix.lower() in _DRIVERS:
+            values, empty, affine, own, nodata, attributes = _by_gdal(path, indices)
+            trouble = "tells no coordinate reference system"
         else:
             (values, empty), affine, own, nodata, attributes = _picture(path, indices), None, None, None, {}
             trouble = "no coordinate reference system in a .prj file beside it"
@@ -106,7 +128,9 @@ def read_raster(path: str | Path, crs: Any = None, *, indices: bool = False) -> 
         affine, own = _place(path, affine, own, sidecar)
         nodata = sidecar.nodata if nodata is None else nodata
         attributes = sidecar.attributes | attributes
-        if own is not None and wanted is not None and not own.equals(wanted, ignore_axis_order=True):
+        if own is None and is_tiff(start):
+            own = _system_by_gdal(path)
+        if own is not None and wanted is not None and not _same(own, wanted):
             raise GeoError(f"{path}: is in {own.name}, not in {wanted.name} as crs says")
         system = own or wanted
         if system is None:
@@ -197,6 +221,14 @@ def _measured(path: Path, affine: Affine, crs: CRS | None, rows: int, columns: i
     return PixelSize(size, known, tuple(notes))
 
 
+def _same(one: CRS, other: CRS) -> bool:
+    """Return whether two reference systems are the same, also where one is ESRI's spelling of it."""
+    code = one.to_epsg(_CONFIDENCE)
+    return one.equals(other, ignore_axis_order=True) or (
+        code is not None and code == other.to_epsg(_CONFIDENCE)
+    )
+
+
 def as_crs(given: Any) -> CRS:
     """Return a coordinate reference system of whatever pyproj understands.
 
@@ -208,6 +240,86 @@ def as_crs(given: Any) -> CRS:
     except Exception as error:
         why = f"{given!r} is no coordinate reference system ({reason(error)})"
         raise GeoError(why, field="crs") from None
+
+
+def is_raster(path: Path) -> bool:
+    """Return whether a file's name is that of a format which GDAL reads for `read_raster`.
+
+    NetCDF files may end in `.grd` too, and an HDF5 file of that name is one.
+    """
+    with path.open("rb") as file:
+        start = file.read(4)
+    kind = path.suffix.lower()
+    return kind in _DRIVERS and (kind == ".bag" or start != b"\x89HDF")
+
+
+def _system_by_gdal(path: Path) -> CRS | None:
+    """Return the reference system that a GeoTIFF's keys define themselves, where rasterio is installed."""
+    try:
+        import rasterio
+        from rasterio.errors import RasterioError
+    except ImportError:
+        return None
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of a place on Earth that it does not find
+        try:
+            with rasterio.open(path, driver="GTiff") as file:
+                system = None if file.crs is None else CRS.from_wkt(file.crs.to_wkt())
+                return (
+                    system if system is not None and (system.is_geographic or system.is_projected) else None
+                )
+        except (RasterioError, ProjError):
+            return None
+
+
+def _by_gdal(path: Path, indices: bool) -> tuple[Any, ...]:
+    """Return values, blank, affine, reference system, no data and attributes, as `Raster` has them.
+
+    Raises:
+        GeoError: rasterio is not installed, or GDAL cannot read the file as what its name says.
+    """
+    try:
+        import rasterio
+        from rasterio.errors import RasterioError
+    except ImportError:
+        raise GeoError(f"{path}: needs a further package: pip install 'auvplan[readers]'") from None
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of a place on Earth that it does not find
+        file = why = None
+        for driver in _DRIVERS[path.suffix.lower()]:
+            try:
+                file = rasterio.open(path, driver=driver)
+                break
+            except RasterioError as error:
+                why = error
+        if file is None:
+            assert why is not None
+            raise GeoError(f"{path}: is no {path.suffix[1:].upper()} that can be read ({reason(why)})")
+    with file:
+        if file.width * file.height > MAX_PIXELS:
+            raise GeoError(f"{path}: {file.width} x {file.height} pixels are more than {MAX_PIXELS}")
+        system = None if file.crs is None else CRS.from_wkt(file.crs.to_wkt())
+        affine = None if file.transform.is_identity else tuple(file.transform)[:6]
+        stated = {"scale": str(file.scales[0]), "offset": str(file.offsets[0])}
+        stated |= {"units": file.units[0] or "", "description": file.descriptions[0] or ""}
+        if file.count == 1 or file.driver == "BAG":  # its second band is the uncertainty
+            if file.colorinterp[0].name == "palette" and not indices:
+                table = np.array([file.colormap(1).get(k, (0, 0, 0, 0)) for k in range(256)], np.uint8)
+                values = table[file.read(1)]
+                return values[..., :3], values[..., 3] < 128, affine, system, None, stated
+            return file.read(1), file.read_masks(1) == 0, affine, system, file.nodata, stated
+        if file.count not in (3, 4) or set(file.dtypes) != {"uint8"}:
+            raise GeoError(
+                f"{path}: {file.count} bands of {file.dtypes[0]}: neither one of values nor three of colour"
+            )
+        return (
+            np.moveaxis(file.read([1, 2, 3]), 0, -1),
+            file.dataset_mask() < 128,
+            affine,
+            system,
+            None,
+            stated,
+        )
 
 
 def _picture(path: Path, indices: bool) -> tuple[NDArray, NDArray[np.bool_] | None]:
@@ -284,7 +396,7 @@ def _place(
     if affine is None:
         crs = crs or _projection_file(path)
         affine = sidecar.affine or _world_file(path)
-    if crs is not None and sidecar.crs is not None and not crs.equals(sidecar.crs, ignore_axis_order=True):
+    if crs is not None and sidecar.crs is not None and not _same(crs, sidecar.crs):
         raise GeoError(f"{path}: is in {crs.name}, but by {path.name}.aux.xml in {sidecar.crs.name}")
     return affine, crs or sidecar.crs
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import tifffile
 import xarray as xr
+from pyproj import Transformer
 from scipy.interpolate import RegularGridInterpolator, griddata
 
 from auvplan.io.geo import GeoError, read_bathymetry
@@ -279,3 +280,37 @@ def test_a_vertical_reference_system_tells_unit_and_direction(tmp_path, system, 
     path = floor_tiff(tmp_path / "b.tif", per_metre=per_metre, crs=f"EPSG:4326+{system}")
     found = read_bathymetry(path, SITE, pixel_size=100.0, **AREA)
     np.testing.assert_allclose(found.depth, sea_floor(*expected(found)), atol=2e-3)
+
+
+@pytest.mark.parametrize("name", ["b.xyz", "b.csv", "b.asc", "b.bag"])
+def test_grids_that_gdal_reads(tmp_path, name):
+    shutil = pytest.importorskip("rasterio.shutil")
+    twin = floor_tiff(tmp_path / "t.tif", crs=None if name != "b.bag" else "EPSG:4326")
+    told = read_bathymetry(twin, SITE, pixel_size=100.0, crs="EPSG:4326", **AREA)
+    driver = {".asc": "AAIGrid", ".bag": "BAG"}.get(name[1:], "XYZ")
+    if name == "b.bag":  # metres of a projection, with the uncertainty as second band
+        turned(twin, tmp_path / "u.tif")
+        twin = tmp_path / "u.tif"
+    options = {"ADD_HEADER_LINE": "YES", "COLUMN_SEPARATOR": ","} if name == "b.csv" else {}
+    options |= {"FORCE_CELLSIZE": "YES"} if name == "b.asc" else {}
+    shutil.copy(twin, tmp_path / name, driver=driver, **options)
+    if name != "b.bag":
+        with pytest.raises(GeoError, match="tells no coordinate reference system: set crs, such as"):
+            read_bathymetry(tmp_path / name, SITE, **AREA)
+    found = read_bathymetry(
+        tmp_path / name, SITE, pixel_size=100.0, crs=None if name == "b.bag" else "EPSG:4326", **AREA
+    )
+    np.testing.assert_allclose(found.depth, told.depth, atol=0.05)
+
+
+def turned(path, other):
+    """The sea floor of a raster in metres of UTM, with a second band."""
+    rasterio = pytest.importorskip("rasterio")
+    turn = Transformer.from_crs("EPSG:32630", "EPSG:4326", always_xy=True)
+    west, north = turn.transform(-5.75, 56.49, direction="INVERSE")
+    x, y = west + 100.0 * np.arange(115), north - 100.0 * np.arange(140)
+    heights = -sea_floor(*turn.transform(*np.meshgrid(x, y)))
+    place = rasterio.Affine(100.0, 0.0, west - 50.0, 0.0, -100.0, north + 50.0)
+    size = {"width": 115, "height": 140, "count": 2, "dtype": "float32", "nodata": 1e6}
+    with rasterio.open(other, "w", "GTiff", crs=32630, transform=place, **size) as file:
+        file.write(np.stack([heights, np.ones_like(heights)]).astype(np.float32))

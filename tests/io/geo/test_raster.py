@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import tifffile
 from PIL import Image
-from pyproj import CRS
+from pyproj import CRS, Transformer
 
 from auvplan.io.geo import GeoError, pixel_size, read_raster
 from auvplan.ocean.picture import MAX_PIXELS
@@ -374,3 +374,50 @@ def test_greys_that_count_from_white_are_turned(tmp_path):
     path = write_geotiff(tmp_path / "w.tif", COLOURS[..., 0], photometric="miniswhite")
     np.testing.assert_array_equal(read_raster(path).values, 255 - COLOURS[..., 0])
     np.testing.assert_array_equal(read_raster(path, indices=True).values, COLOURS[..., 0])
+
+
+@pytest.mark.parametrize(
+    ("driver", "name"),
+    [("AAIGrid", "a.asc"), ("GSBG", "s.grd"), ("HFA", "e.img"), ("JP2OpenJPEG", "j.jp2"), ("GPKG", "g.gpkg")],
+)
+def test_formats_that_gdal_reads(tmp_path, driver, name):
+    rasterio = pytest.importorskip("rasterio")
+    shutil_ = pytest.importorskip("rasterio.shutil")
+    colour = driver in ("JP2OpenJPEG", "GPKG")
+    given = np.moveaxis(RNG.integers(0, 255, (64, 80, 3)).astype(np.uint8), -1, 0)
+    if not colour:
+        given = given[:1].astype(np.float32)
+        given[0, 3, 4] = -9999.0
+    size = {"width": 80, "height": 64, "count": len(given), "dtype": given.dtype}
+    where = rasterio.Affine(0.001, 0.0, 148.9, 0.0, -0.001, -20.2)
+    nodata = None if colour else -9999.0
+    size |= {"crs": 4326, "transform": where, "nodata": nodata}
+    with rasterio.open(tmp_path / "t.tif", "w", "GTiff", **size) as one:
+        one.write(given)
+    options = {"quality": 100, "reversible": "YES"} if driver == "JP2OpenJPEG" else {}
+    options |= {"TILE_FORMAT": "PNG"} if driver == "GPKG" else {}
+    shutil_.copy(tmp_path / "t.tif", tmp_path / name, driver=driver, **options)
+    raster = read_raster(tmp_path / name, 4326 if driver in ("GSBG", "AAIGrid") else None)
+    assert raster.crs.to_epsg(25) == 4326
+    np.testing.assert_allclose(raster.affine, tuple(where)[:6], rtol=1e-9, atol=1e-12)
+    if colour:
+        np.testing.assert_array_equal(raster.values, np.moveaxis(given, 0, -1))
+    else:
+        assert raster.blank is not None
+        assert np.argwhere(raster.blank).tolist() == [[3, 4]]
+        np.testing.assert_allclose(raster.values[~raster.blank], given[0][~raster.blank])
+    (tmp_path / name).write_bytes(b"no such thing")
+    with pytest.raises(GeoError, match=rf"{name}: is no {name[2:].upper()} that can be read"):
+        read_raster(tmp_path / name)
+
+
+def test_a_reference_system_of_the_files_own(tmp_path):
+    rasterio = pytest.importorskip("rasterio")
+    system = "+proj=laea +lat_0=-20 +lon_0=149 +datum=WGS84 +units=us-ft"
+    size = {"width": 5, "height": 7, "count": 3, "dtype": "uint8"}
+    where = rasterio.Affine(20.0, 0.0, 0.0, 0.0, -20.0, 0.0)
+    with rasterio.open(tmp_path / "o.tif", "w", "GTiff", crs=system, transform=where, **size) as file:
+        file.write(np.moveaxis(COLOURS, -1, 0))
+    found = read_raster(tmp_path / "o.tif").nodes().find(np.array([149.001]), np.array([-20.001]))
+    x, y = Transformer.from_crs("EPSG:4326", system, always_xy=True).transform(149.001, -20.001)
+    np.testing.assert_allclose(np.ravel(found), [-y / 20.0 - 0.5, x / 20.0 - 0.5], atol=1e-6)
