@@ -35,8 +35,15 @@ WHY = {
 }
 REFUSED = (
     ("GRIB", "convert to NetCDF: the first line of the refusal says what it is"),
-    ("u and v on a curvilinear grid with neither angle, grid_mapping nor standard names",
+    ("u and v on a curvilinear grid with neither angle, grid_mapping nor standard or long names that tell",
      "refused: which way they point is not given"),
+    ("winds, ice drift, Stokes drift, extremes over a time", "passed over: they are no current"),
+    ("speed and direction", "refused with the formula of the components"),
+    ("members of an ensemble, runs of a forecast",
+     "refused until one is taken out, such as by `ncks -d member,0`"),
+    ("numbers of levels, pressures, heights above the bed in place of depths", "refused"),
+    ("stations, moorings, gliders", "refused: between them the current is not known"),
+    ("variables in groups", "refused until one is taken out, such as by `ncks -G : -g group`"),
     ("metres of a projection that the file does not name", "refused until `current.crs` says it"),
     ("times that count from no date", "refused until `current.epoch` says it"),
     ("times that fall, depths or axes that rise and fall, grids and meshes that overlap", "refused"),

@@ -164,7 +164,7 @@ def _same_grid(first: File, other: File, name: str, coordinates: Sequence[str], 
     if first.variables[name].dims != other.variables[name].dims:
         raise CurrentError(f"{where}: {name} has other dimensions")
     for shared in set(first.variables) & set(other.variables):
-        _same_kind(where, shared, *(file.variables[shared] for file in (first, other)), time_dim)
+        _same_kind(where, shared, first.variables[shared], other.variables[shared], time_dim)
     levels = {dim for dim in first.variables[name].dims[:-1] if dim != time_dim}
     axes = [axis for axis, stated in first.variables.items() if stated.ndim == 1 and stated.dims[0] in levels]
     fixed = [
