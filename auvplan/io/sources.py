@@ -479,7 +479,9 @@ def _raster_heights(path: str, settings: dict[str, Any]) -> Callable[[Array, Arr
             raise _UnknownFileError(f"it has {file.count} bands")
         raw = file.read(1, masked=True).astype(float).filled(np.nan)
         stated = {"units": file.units[0] or ""} | {k.lower(): v for k, v in file.tags(1).items()}
-        down = "DOWN" in file.crs.to_wkt().upper().split("VERT_CS")[-1] if file.crs is not None else False
+        # A BAG keeps heights in a system of depths.
+        vertical = str(file.crs.to_wkt()).upper().split("VERT_CS")[1:] if file.crs is not None else []
+        down = file.driver == "GTiff" and "DOWN" in "".join(vertical)
         values = raw * file.scales[0] + file.offsets[0]
         name = file.descriptions[0] or ""
     values = _upward(values, stated | ({"positive": "down"} if down else {}), name, settings)

@@ -164,24 +164,28 @@ def test_a_turned_grid_is_land_among_dry_points(tmp_path):
         assert source.blocked(*(np.array([place]) for place in places), np.zeros(1)).tolist() == [land]
 
 
-@pytest.mark.parametrize("form", ["elevation", "h", "tiff", "fathoms", "utm"])
+@pytest.mark.parametrize("form", ["elevation", "h", "tiff", "fathoms", "utm", "bag"])
 def test_the_sea_bed_and_its_water_level(tmp_path, form):
     latitude, longitude = 56.36 + 0.01 * np.arange(14), -5.74 + 0.02 * np.arange(9)
     if form == "tiff":
         heights = -sea_floor(longitude[None, :], latitude[::-1, None])
         corner = (longitude[0], latitude[-1])
         write_geotiff(tmp_path / "b", heights, corner=corner, scale=(0.02, 0.01), point=True)
-    elif form == "utm":  # in tenths of feet
+    elif form in ("utm", "bag"):  # the first in tenths of feet
         rasterio = pytest.importorskip("rasterio")
+        shutil, feet = pytest.importorskip("rasterio.shutil"), form == "utm"
         turn = Transformer.from_crs("EPSG:4326", "EPSG:32630", always_xy=True)
         west, north = turn.transform(-5.72, 56.48)
         x, y = west + 50.0 * np.arange(200), north - 50.0 * np.arange(200)
         depth = sea_floor(*turn.transform(*np.meshgrid(x, y), direction="INVERSE"))
         place = rasterio.Affine(50.0, 0.0, west - 25.0, 0.0, -50.0, north + 25.0)
-        size = {"width": 200, "height": 200, "count": 1, "dtype": "float32"}
+        size = {"width": 200, "height": 200, "count": 1 if feet else 2, "dtype": "float32"}
         with rasterio.open(tmp_path / "b", "w", "GTiff", crs=32630, transform=place, **size) as file:
-            file.write((-depth / 0.03048).astype(np.float32), 1)
-            file.scales, file.units = (0.1,), ("ft",)
+            file.write((-depth / (0.03048 if feet else 1.0)).astype(np.float32), 1)
+            if feet:
+                file.scales, file.units = (0.1,), ("ft",)
+        if not feet:
+            shutil.copy(tmp_path / "b", tmp_path / "b.bag", driver="BAG")
     elif form == "fathoms":
         write_grid(tmp_path / "b", "depth", sign=1.0 / 1.8288, attributes={"units": "fathoms"})
     else:
@@ -189,7 +193,8 @@ def test_the_sea_bed_and_its_water_level(tmp_path, form):
     places = np.array([[-5.66, 56.42], [-5.615, 56.475]])
     bed = sea_floor(*places.T)
     for level, clear in ((0.0, 0.4), (-2.0, -1.6)):
-        settings = {"source": "file", "file": "b", "water_level": level}
+        name = "b.bag" if form == "bag" else "b"
+        settings = {"source": "file", "file": name, "water_level": level}
         source = only(saved(tmp_path, FLOOR_SITE, bathymetry=settings))
         assert source.kind == "sea bed"
         assert not source.blocked(*places.T, bed + clear).any()
