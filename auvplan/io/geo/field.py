@@ -155,7 +155,8 @@ def _placed(path: Path, dataset: xr.Dataset, array: xr.DataArray, site: Site, gr
     what = f"{path}: {array.name}"
     for kind, found in axes.items():
         if not found:
-            raise GeoError(f"{what} has no {kind} on its dimensions {_listed(array.dims)}")
+            dims = _listed(array.dims)
+            raise GeoError(f"{what} has no {kind} on its dimensions {dims}: use gdalwarp -t_srs EPSG:4326")
     longitude, latitude = (dataset[axes[kind][0]] for kind in ("longitude", "latitude"))
     if longitude.ndim == latitude.ndim == 1 and longitude.dims != latitude.dims:
         array = array.transpose(*latitude.dims, *longitude.dims)

@@ -107,13 +107,15 @@ def read_geotiff(path: Path, indices: bool = False) -> Tiff:
         if width < 1 or height < 1 or page.imagedepth != 1:
             raise GeoError(f"{path}: {width} x {height} x {page.imagedepth} pixels are no picture")
         if bands not in (1, 3, 4):
-            raise GeoError(f"{path}: {bands} bands: neither one of values nor three of colour")
+            raise GeoError(
+                f"{path}: {bands} bands: neither one of values nor three of colour: gdal_translate -b N"
+            )
         tags = {int(tag.code): tag.value for tag in page.tags}
         values = _pixels(path, page)
         table = page.colormap if page.photometric == _PALETTE and not indices else None
         see_through = bands == 4 and bool(set(page.extrasamples) & _ALPHA)
         if bands > 1 and page.photometric not in _COLOURS:
-            raise GeoError(f"{path}: its bands are no red, green and blue")
+            raise GeoError(f"{path}: its bands are no red, green and blue: save it as RGB")
         if page.photometric == _MINISWHITE and not indices and values.dtype.kind in "ub":
             values = ~values if values.dtype == np.bool_ else np.iinfo(values.dtype).max - values
     keys = _geo_keys(path, tags.get(_KEYS))
@@ -180,7 +182,10 @@ def _coloured(path: Path, values: NDArray, table: NDArray | None, see_through: b
     if values.dtype == np.uint16:
         values = (values >> 8).astype(np.uint8)
     if values.dtype != np.uint8:
-        raise GeoError(f"{path}: three bands must be colours of 8 or 16 bit, got {values.dtype}")
+        raise GeoError(
+            f"{path}: three bands must be colours of 8 or 16 bit, got {values.dtype}: "
+            "gdal_translate -ot Byte -scale makes them so"
+        )
     if not see_through:
         return np.ascontiguousarray(values[..., :3])
     opaque = values[..., 3:].astype(np.float32) / 255.0
