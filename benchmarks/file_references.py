@@ -142,7 +142,11 @@ class Table:
                 shapes = self.cells
             else:
                 corners = np.stack([self._turned(self.longitude), self.latitude], axis=-1)[self.triangles]
-                shapes = shapely.polygons(corners)
+                # A place that is not given is a corner of nothing, which keeps its number.
+                shapes = shapely.polygons(
+                    np.where(np.isfinite(corners).all((1, 2), keepdims=True), corners, 0.0)
+                )
+                shapes[~np.isfinite(corners).all((1, 2))] = shapely.Polygon()
             kept[which] = shapely.STRtree(np.asarray(shapes, object))
             object.__setattr__(self, "_trees", kept)
         return kept[which]
@@ -416,6 +420,8 @@ def roms(
             transform = int(raw.values("Vtransform"))
         elif raw.attribute("s_rho", "standard_name").endswith(("g1", "g2")):
             transform = int(raw.attribute("s_rho", "standard_name")[-1])
+        elif np.nanmin(floor) < critical:
+            transform = 2  # ROMS does not start with the first one there
         if transform == 2:
             share = (critical * s + floor * curve) / (critical + floor)
             depth = -share * (floor + rise[:, None])

@@ -394,11 +394,13 @@ def current(
                 table = Unreadable(f"{type(error).__name__}: {error}")
         rng = np.random.default_rng(1)
         base = original if isinstance(table, Unreadable) else table
-        if not (np.isfinite(base.east) & np.isfinite(base.depth)).any():
+        if nothing := not (np.isfinite(base.east) & np.isfinite(base.depth)).any():
             table = Unreadable("no current anywhere")
             base = original
         sample = Sample.of(base, rng)
         found = np.stack(ocean.at(sample.longitude, sample.latitude, sample.depth, sample.moment)[:2])
+        if nothing and np.isnan(found).all():
+            return "right: no current anywhere"
         wanted = None if isinstance(table, Unreadable) else sample.expected(table)
         if wanted is not None and np.isnan(wanted).any():
             known = np.isfinite(wanted).all(axis=0)

@@ -133,6 +133,16 @@ def test_members_and_numbers_of_levels_are_no_depths(tmp_path, axis):
     refused(write(data, tmp_path / "a.nc"), "levels along member, but no depths", "ncks -d member,0")
 
 
+def test_shares_of_the_depth_are_no_metres(tmp_path):
+    data = regular().rename(depth="level")
+    data["level"] = (
+        "level",
+        -(np.arange(data.sizes["level"]) + 0.5) / data.sizes["level"],
+        {"positive": "up"},
+    )
+    refused(write(data, tmp_path / "a.nc"), "level has no units and lies between", "ncatted")
+
+
 def test_members_beside_levels(tmp_path):
     data = regular().expand_dims(member=2)
     refused(write(data, tmp_path / "a.nc"), "member and depth", "ncks -d member,0")
