@@ -18,7 +18,7 @@ from auvplan.link.limits import Limits
 from auvplan.link.notices import CurrentNotice, NoNotices, Notices, ObstacleNotice
 from auvplan.link.record import UNDER_WAY, Event, ExecutionRecord
 from auvplan.link.rolling import Prospect, RollingPlan
-from auvplan.link.vehicle import LinkError, Report, State, Upload, VehicleLink, one_line
+from auvplan.link.vehicle import LinkError, Report, State, Step, Upload, VehicleLink, one_line
 from auvplan.ocean.known import KnownObstacle
 from auvplan.records import LegRecord
 from auvplan.words import counted
@@ -101,6 +101,13 @@ class _Progress:
         speed = _TIMES * self.upload.itinerary.speed + _MORE
         left = seconds - np.maximum(way - 2.0 * reach, 0.0) / speed
         self.stayed = np.where(left >= 0.0, np.maximum(self.stayed, 0.0) + left, self.stayed)
+
+    def stay_on(self, before: "_Progress") -> None:
+        """Take over how long the vehicle was at places that it also goes to by this upload."""
+        known = {
+            _place(step): float(time) for step, time in zip(before.upload.steps, before.stayed, strict=True)
+        }
+        self.stayed = np.asarray([known.get(_place(step), -1.0) for step in self.upload.steps])
 
     def believed(self, number: int) -> bool:
         """Return whether the vehicle can have completed a step, as it says."""
@@ -284,6 +291,7 @@ class _Executor:
         self._link.start(more)
         begun = None if self._sight is None else self._sight[1]
         self._progress = _Progress(fresh, more, more, since=self._now, begun=begun)
+        self._progress.stay_on(before)
         self._plan.followed = new.prospect
         self._new, self._due, self._holding, self._ahead = None, "", False, -math.inf
         steps = [[*map(float, step.position.round(3)), step.hold] for step in fresh.steps]
@@ -294,9 +302,9 @@ class _Executor:
     def _passed(self, upload: Upload) -> int:
         """Return the steps at the beginning of an upload that the vehicle has completed already."""
         progress = self._progress
-        done = {(step.leg, *step.position) for step in progress.upload.steps[: progress.ahead]}
+        done = {_place(step) for step in progress.upload.steps[: progress.ahead]}
         count = 0
-        while count < len(upload.steps) and (upload.steps[count].leg, *upload.steps[count].position) in done:
+        while count < len(upload.steps) and _place(upload.steps[count]) in done:
             count += 1
         return count
 
@@ -713,6 +721,11 @@ class _Executor:
             if report.position is not None and report.position[2] < _SURFACE:
                 self._record.safe = "at the surface"
                 return
+
+
+def _place(step: Step) -> tuple[float, ...]:
+    """Return what tells a step from those of other places and legs."""
+    return step.leg, *step.position.tolist()
 
 
 def _after(leg: LegRecord, late: float) -> float:

@@ -313,7 +313,6 @@ class MavlinkVehicle(ListeningLink):
         notes = []
         items = mission_items(plan, home=self._ardupilot)
         first = 2 if self._ardupilot else 1  # after home, if any, and the speed
-        self._fresh = first, len(plan.steps)
         fence = fence_items(plan)
         if self._ardupilot and not math.isnan(self._begin):
             self.hold()  # it goes on by the number of its item, which is another one in the new plan
@@ -323,11 +322,17 @@ class MavlinkVehicle(ListeningLink):
                 self._fence = fence
             except Refused as error:
                 notes.append(f"{error}: the vehicle goes without a fence")
-        self._place(items, MISSION, "plan")
+        self._place(items, MISSION, "plan", lambda: self._switch(first, len(plan.steps)))
         self._items, self._settled = items, time.monotonic() + self._limits.outdated
         return notes
 
-    def _place(self, items: list[Item], kind: int, what: str) -> None:
+    def _switch(self, first: int, steps: int) -> None:
+        """Count no more items: from now on they may be those of another plan, that is not started."""
+        self._fresh = first, steps
+
+    def _place(
+        self, items: list[Item], kind: int, what: str, sent_all: Callable[[], None] = lambda: None
+    ) -> None:
         """Upload items until they are read back as they are.
 
         Raises:
@@ -337,7 +342,7 @@ class MavlinkVehicle(ListeningLink):
         try:
             for _ in range(self._limits.uploads):
                 try:
-                    self._offer(items, kind, what)
+                    self._offer(items, kind, what, sent_all)
                     broken = None
                 except Lost as error:
                     broken = error  # the answer may have been lost alone
@@ -357,7 +362,7 @@ class MavlinkVehicle(ListeningLink):
             self._expect(())
         raise problem
 
-    def _offer(self, items: list[Item], kind: int, what: str) -> None:
+    def _offer(self, items: list[Item], kind: int, what: str, sent_all: Callable[[], None]) -> None:
         """Answer the vehicle's requests for items until it acknowledges.
 
         Raises:
@@ -390,6 +395,8 @@ class MavlinkVehicle(ListeningLink):
                 if message.seq not in sent:
                     unanswered, begin = 0, time.monotonic()
                     sent.add(message.seq)
+                if len(sent) == len(items):
+                    sent_all()
                 # Sent once a request: an item that comes unasked starts the vehicle's own waiting anew.
                 self._send_item(items[message.seq], message.seq, kind)
         asked = f"{len(sent)} of {len(items)} items were asked for" if sent else "nothing was asked for"

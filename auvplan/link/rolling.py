@@ -214,7 +214,8 @@ class RollingPlan:
             arrived=False,
             t_hold=0.0,
         )
-        if self._set_out_from(state, record, position):
+        back = old.start == old.goal  # it is on such a way already
+        if not back and self._set_out_from(state, record, position):
             state.run.legs.append(record)
             with expecting(PLANS, self._fingerprint):
                 step(self._context, [state])
@@ -225,8 +226,11 @@ class RollingPlan:
 
     def _back_to_start(self, count: int, position: Array, now: float) -> Prospect | None:
         """Return to the waypoint that the leg after the first `count` left, and plan without this leg."""
-        old = self.legs[count]
-        state = _fork(self._state(count))
+        old, before = self.legs[count], _fork(self._state(count))
+        if old.start != old.goal:
+            before.barred |= {(old.start, old.goal), (old.goal, old.start)}
+            before.graph = before.graph.without_edges([(old.start, old.goal)])
+        state = _fork(before)
         state.now = now
         record = LegRecord(old.start, old.start, 0.0, 0.0, 0.0, revisit=True)
         if not self._set_out_from(state, record, position):
@@ -236,10 +240,8 @@ class RollingPlan:
         finish(state.active_leg)
         state.leg = None
         state.run.legs.append(record)
-        state.barred |= {(old.start, old.goal), (old.goal, old.start)}
-        state.graph = state.graph.without_edges([(old.start, old.goal)])
         state.cause = "refused"
-        return self._complete(state, (*self.followed.planned[:count], _Planned(record, self._state(count))))
+        return self._complete(state, (*self.followed.planned[:count], _Planned(record, before)))
 
     def _set_out_from(self, state: Mission, record: LegRecord, position: Array) -> bool:
         """Plan a leg's path from a position instead of its start; return whether it may be gone."""

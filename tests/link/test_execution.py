@@ -378,3 +378,47 @@ def test_currents_that_are_told_all_the_time_do_not_flood_the_vehicle():
     assert record.count("note") == 1
     assert len(record.uploads) < 12
     assert record.success
+
+
+def test_a_way_back_may_be_planned_anew_on_its_way():
+    plan, _ = made()
+    assert plan.plan()
+    leg = plan.legs[1]
+    north, east = np.asarray(leg.positions[-1], float)[:2]
+    plan.add_obstacle(KnownObstacle("wreck", (float(north), float(east)), 40.0))
+    middle = len(leg.times) // 2
+    here, now = np.asarray(leg.positions[middle], float), float(leg.times[middle])
+    for _ in range(2):
+        found = plan.from_position(1, here, now)
+        assert found is not None
+        assert found.legs[1].start == found.legs[1].goal == leg.start
+        assert (leg.start, leg.goal) not in [(part.start, part.goal) for part in found.legs]
+        plan.followed = found
+        here, now = here + np.array([5.0, 5.0, 0.0]), now + 60.0
+
+
+def test_a_task_under_way_when_a_plan_is_handed_over_is_not_done_again():
+    plan, vehicle = made(speed=2.0)
+    takes = vehicle.upload
+
+    def upload(wanted):
+        notes = takes(wanted)
+        if vehicle.now > 0.0:  # it comes to its next task meanwhile, and does most of it
+            while not (vehicle.at and vehicle.plan.steps[vehicle.done].hold):
+                vehicle.now += 1.0
+                vehicle._go(1.0)
+            for _ in range(int(0.8 * vehicle.left)):
+                vehicle.now += 1.0
+                vehicle._go(1.0)
+        return notes
+
+    def start(step=0):
+        known = vehicle.at, vehicle.left
+        begins(step)
+        if vehicle.now > 0.0 and np.linalg.norm(vehicle.place - vehicle.plan.steps[step].position) < 1.0:
+            vehicle.at, vehicle.left = known
+
+    begins, vehicle.upload, vehicle.start = vehicle.start, upload, start
+    record = executed(plan, vehicle)
+    assert len(record.uploads) > 1
+    assert len(record.tasks) == len(vehicle.tasks)
