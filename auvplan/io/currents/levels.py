@@ -125,8 +125,8 @@ def _fixed(points: Points, axis: str, dim: str | None, notes: list[str]) -> Leve
     if not text(series.attrs(axis), "units"):
         if len(values) > 1 and float(np.max(np.abs(values))) <= 1.0:
             raise series.fail(
-                f"{axis} has no units and lies between {values.min():g} and {values.max():g}, as shares of the "
-                f"water's depth do: tell which, such as by ncatted -a units,{axis},c,c,m or its standard_name"
+                f"{axis} has no units and lies between {values.min():g} and {values.max():g}, as shares of "
+                f"the depth do: say which, such as by ncatted -a units,{axis},c,c,m or by its standard_name"
             )
         notes.append(f"{axis} has no units: taken as metres")
     depths = _downward(points, axis, values * points.metres(axis), notes)
