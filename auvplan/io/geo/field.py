@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import LinearNDInterpolator
 
 from auvplan.files import require_whole
+from auvplan.io.currents.geometry import Curvilinear
 from auvplan.io.geo.error import GeoError
 from auvplan.io.geo.grid import LocalGrid, Nodes
 from auvplan.ocean.picture import MAX_PIXELS
@@ -238,6 +239,8 @@ def _scattered(what: str, longitude: Array, latitude: Array, *, site: Site, grid
     known = np.isfinite(north) & np.isfinite(east) & (np.abs(latitude) <= 90.0)
     if known.sum() < 4 or min(longitude.shape) < 2:
         raise GeoError(f"{what}: its longitudes and latitudes are no grid")
+    if Curvilinear(("row", "column"), longitude, latitude).folds:
+        raise GeoError(f"{what}: its longitudes and latitudes contradict each other, the grid folds")
     middle = (np.asarray(grid.lower) + np.asarray(grid.upper)) / 2
     gap = np.where(known, np.hypot(north - middle[0], east - middle[1]), np.inf)
     i, j = np.unravel_index(np.argmin(gap), gap.shape)

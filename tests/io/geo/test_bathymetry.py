@@ -122,6 +122,10 @@ def test_two_dimensional_coordinates_of_a_turned_grid(tmp_path):
     assert any("mask_rho" in note for note in found.notes)
     with pytest.raises(GeoError, match=r"r\.nc: the area reaches beyond the data .* of its edge in the"):
         read_bathymetry(tmp_path / "r.nc", SITE, lower=(-1000.0, -1500.0), upper=(15_000.0, 3000.0))
+    dataset["lat_rho"] = (rho, np.minimum(places[..., 1], places[::-1, ::-1, 1]))
+    dataset.to_netcdf(tmp_path / "folded.nc", engine="h5netcdf")
+    with pytest.raises(GeoError, match="contradict each other, the grid folds"):
+        read_bathymetry(tmp_path / "folded.nc", SITE, **AREA)
 
 
 def test_the_fjord_of_a_roms_file(shared):
