@@ -1,6 +1,7 @@
 """Image files as arrays of colours, with limits on their size."""
 
 import logging
+import re
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -59,16 +60,37 @@ def blank(picture: Image.Image) -> NDArray[np.bool_]:
     return empty
 
 
+#: Tags of TIFF 6.0, GeoTIFF 1.1 and GDAL without which pixels, or their places, would be others.
+_NEEDED = {
+    *(254, 256, 257, 258, 259, 262, 266, 273, 274, 277, 278, 279, 284, 317, 320, 322, 323, 324, 325, 338),
+    *(339, 33550, 33922, 34264, 34735, 34736, 34737, 42112, 42113),
+}
+
+
 @contextmanager
 def opened_tiff(path: Path) -> Iterator[tifffile.TiffFile]:
-    """A TIFF file; what tifffile logs of damage goes nowhere: the reader says what matters, once."""
-    log = logging.getLogger("tifffile")
-    before, log.disabled = log.disabled, True
+    """A TIFF file; what tifffile logs of damage goes nowhere: the reader says what matters, once.
+
+    Raises:
+        ValueError: tags that tell what the pixels are, or where, are damaged. tifffile does without them.
+    """
+    log, said = logging.getLogger("tifffile"), list[str]()
+
+    def heard(record: logging.LogRecord) -> bool:
+        said.append(record.getMessage())
+        return False
+
+    log.addFilter(heard)
     try:
         with tifffile.TiffFile(path) as file:
+            lost = {int(code) for line in said for code in re.findall(r"TiffTag (\d+) ", line)} & _NEEDED
+            if lost:
+                raise ValueError(f"its tag {min(lost)} cannot be read")
+            if any(re.search(r"incorrect Strip\w+ count", line) for line in said):
+                raise ValueError("its strips are not as many as it says")
             yield file
     finally:
-        log.disabled = before
+        log.removeFilter(heard)
 
 
 def hidden(path: Path, shape: tuple[int, ...]) -> NDArray[np.bool_] | None:

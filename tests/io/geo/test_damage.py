@@ -13,6 +13,7 @@ from auvplan.io.geo import (
     read_zones,
 )
 from auvplan.io.geo.geotiff import read_geotiff
+from auvplan.io.geo.raster import read_raster
 from auvplan.ocean.chart import ChartError
 from tests.io.geo import sea_floors
 from tests.io.geo.files import SITE, feature, ring, write_geojson, write_geotiff
@@ -51,6 +52,27 @@ READERS = {
     "zones.geojson": (polygons, lambda path: read_zones(path, SITE)),
     "jobs.csv": (table, lambda path: read_jobs(path, SITE)),
 }
+
+
+def test_tags_that_tifffile_does_without_are_needed(tmp_path):
+    """Without the tag of their format heights are read as unsigned; with fewer strips a part is black."""
+    heights = write_geotiff(tmp_path / "h.tif", np.full((30, 40), -7, np.int16))
+    whole = bytearray(heights.read_bytes())
+    with tifffile.TiffFile(heights) as file:
+        at = file.pages[0].tags[339].offset
+    whole[at + 2 : at + 4] = b"\x03\x9c"
+    heights.write_bytes(whole)
+    with pytest.raises(GeoError, match=r"h\.tif: its tag 339 cannot be read"):
+        read_raster(heights)
+    colours = tmp_path / "c.tif"
+    tifffile.imwrite(colours, np.full((30, 40, 3), 99, np.uint8), rowsperstrip=2, compression="zlib")
+    whole = bytearray(colours.read_bytes())
+    with tifffile.TiffFile(colours) as file:
+        at = file.pages[0].tags[279].offset
+    whole[at + 4] = 9
+    colours.write_bytes(whole)
+    with pytest.raises(GeoError, match=r"c\.tif: its strips are not as many as it says"):
+        read_raster(colours)
 
 
 @pytest.mark.filterwarnings("ignore::auvplan.errors.ScenarioWarning")
