@@ -9,6 +9,7 @@ from pyproj import Transformer
 
 from auvplan.errors import ScenarioWarning
 from auvplan.io.geo import GeoError, chart_from_polygons, read_zones
+from auvplan.io.geo.vector import read_vector_polygons
 from auvplan.ocean.chart import ChartError
 from auvplan.site import Site
 from tests.io.geo.files import SITE, feature, geographic, write_geojson
@@ -128,6 +129,16 @@ def test_layers_of_any_geometry(tmp_path):
         with pytest.raises(GeoError, match=r"feature 2: a \w+, where polygons are wanted"):
             read_zones(path, SITE)
         path.unlink()
+
+
+def test_an_empty_polygon_of_a_projection_is_left_out(tmp_path):
+    pyogrio = pytest.importorskip("pyogrio")
+    square = shapely.box(5e5, 7.7e6, 5.01e5, 7.701e6)
+    for number, shapes in enumerate(([square], [square, shapely.Polygon(), None])):
+        path = tmp_path / f"{number}.gpkg"
+        pyogrio.raw.write(path, shapely.to_wkb(shapes), [], [], driver="GPKG", crs="EPSG:32755",
+                          geometry_type="Unknown")  # fmt: skip
+        assert [number for number, _, _ in read_vector_polygons(path)] == [1]
 
 
 def test_several_layers_of_polygons_are_refused(tmp_path):
