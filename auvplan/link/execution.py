@@ -184,9 +184,8 @@ class _Executor:
         self._cost = 0.0  # s of mission time that planning anew takes
         self._silent = self._over = False
         self._measured = -math.inf  # s, when the rest was last planned anew for a current
-        self._sight: tuple[float, Array] | None = (
-            None  # s and [3] m, when and where the vehicle was last seen
-        )
+        # s and [3] m, when and where the vehicle was last seen.
+        self._sight: tuple[float, Array] | None = None
 
     def run(self) -> ExecutionRecord:
         """Execute the mission."""

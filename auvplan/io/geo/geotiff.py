@@ -23,12 +23,9 @@ _SCALE, _TIEPOINT, _TRANSFORMATION, _KEYS = 33550, 33922, 34264, 34735
 _GDAL_METADATA, _GDAL_NODATA = 42112, 42113
 _MODEL, _RASTER_TYPE, _GEOGRAPHIC, _PROJECTED, _VERTICAL = 1024, 1025, 2048, 3072, 4096
 _POINT, _USER_DEFINED = 2, 32767
-_MINISWHITE, _PALETTE, _COLOURS, _ALPHA = (
-    0,
-    3,
-    (2, 6),
-    {1, 2},
-)  # RGB, YCbCr; associated and unassociated alpha
+#: Photometric interpretations, RGB and YCbCr the colours; associated and unassociated alpha.
+_MINISWHITE, _PALETTE, _COLOURS = 0, 3, (2, 6)
+_ALPHA = {1, 2}
 _EXTRA = "pip install 'auvplan[readers]'"
 
 
