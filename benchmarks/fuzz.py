@@ -72,12 +72,14 @@ class Watch:
         roots: folders whose files may be opened.
         named: text in which files elsewhere may be named; None where none may.
         thread: that is watched; None while no case is under way.
+        removing: whether the reader removes a folder of its own.
     """
 
     found: list[str] = field(default_factory=list)
     roots: tuple[str, ...] = ()
     named: bytes | None = None
     thread: int | None = None
+    removing: bool = False
 
     def install(self) -> None:
         joblib.cpu_count(only_physical_cores=True)  # asks lscpu once, at the first clustering otherwise
@@ -89,7 +91,7 @@ class Watch:
         files = [path for path in sorted(folder.rglob("*")) if path.is_file()] if names else []
         self.named = b"".join(path.read_bytes() for path in files) if names else None
         self.roots = (*_own_folders(), str(folder), str(folder.resolve()))
-        self.found, self.thread = [], threading.get_ident()
+        self.found, self.removing, self.thread = [], False, threading.get_ident()
         try:
             yield
         finally:
@@ -98,19 +100,25 @@ class Watch:
     def _hear(self, event: str, given: tuple[Any, ...]) -> None:
         if self.thread is None or threading.get_ident() != self.thread:
             return
-        if event == "open" and isinstance(given[0], str | bytes | os.PathLike):
-            path = os.path.abspath(os.fsdecode(given[0]))
-            if not self._may_open(path):
-                self.found.append(f"opened {path}")
+        if event == "tempfile.mkdtemp":
+            self.roots += (os.path.abspath(os.fsdecode(given[0])),)  # the reader's own
+        elif event == "shutil.rmtree":
+            self.removing = os.path.abspath(os.fsdecode(given[0])).startswith(self.roots)
+        elif event == "open" and isinstance(given[0], str | bytes | os.PathLike):
+            if not self._may_open(given[0]):
+                self.found.append(f"opened {os.path.abspath(os.fsdecode(given[0]))}")
         elif event in _FORBIDDEN:
-            if event in ("os.remove", "os.rename") and self._may_open(os.path.abspath(os.fsdecode(given[0]))):
+            if event in ("os.remove", "os.rename") and self._may_open(given[0]):
                 return
             self.found.append(f"{event}: {str(given)[:120]}")
             if not event.startswith("pickle"):
                 raise PermissionError("not while files are read")
 
-    def _may_open(self, path: str) -> bool:
-        if path.startswith(self.roots):
+    def _may_open(self, given: Any) -> bool:
+        name = os.fsdecode(given)
+        path = os.path.abspath(name)
+        # What is removed with a folder is named as it is within that.
+        if path.startswith(self.roots) or (self.removing and os.path.basename(name) == name):
             return True
         return (
             self.named is not None and os.path.basename(path).encode(errors="surrogateescape") in self.named

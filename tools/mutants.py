@@ -1,8 +1,8 @@
 """Breaks rules by hand, one at a time, and sees whether the tests notice.
 
-``python tools/mutants.py [-n 12] [--seed 9] [--only FILE] [--out FILE.json]`` draws so many places in each
-file of `TARGETS`, and changes what is there: a comparison, a sum, a product, a condition, a number, the order
-of two arguments; or it leaves out a guard, a call or a change of state. It does so in a copy of the
+``python tools/mutants.py [-n 12] [--seed 9 ...] [--only FILE] [--out FILE.json]`` draws so many places in
+each file of `TARGETS`, and changes what is there: a comparison, a sum, a product, a condition, a number, the
+order of two arguments; or it leaves out a guard, a call or a change of state. It does so in a copy of the
 repository, and runs the tests that go with the file there. A mutant that they pass survives, and is listed.
 ``--list`` prints all mutants that can be drawn, and runs nothing.
 
@@ -222,7 +222,7 @@ def main() -> None:
     """Print which mutants survive."""
     parser = argparse.ArgumentParser(description="Rules broken by hand.")
     parser.add_argument("-n", type=int, default=12, help="mutants of each file")
-    parser.add_argument("--seed", type=int, default=9)
+    parser.add_argument("--seed", type=int, nargs="+", default=[9], help="a draw of so many by each")
     parser.add_argument("--only", choices=TARGETS, help="this file alone")
     parser.add_argument("--list", action="store_true", help="print all mutants, and run nothing")
     parser.add_argument("--out", type=Path, help="JSON file to write, as soon as there is something to say")
@@ -241,7 +241,9 @@ def main() -> None:
                 raise SystemExit(f"{file}: its tests fail as it is")
             source = (copied / file).read_text(encoding="utf-8")
             found = mutants_of(file, source)
-            chosen = random.Random(f"{options.seed}:{file}").sample(found, min(options.n, len(found)))
+            draws = [random.Random(f"{seed}:{file}").sample(range(len(found)), min(options.n, len(found)))
+                     for seed in options.seed]  # fmt: skip
+            chosen = [found[number] for number in dict.fromkeys(number for draw in draws for number in draw)]
             killed = 0
             for mutant in chosen:
                 begin = time.perf_counter()

@@ -329,6 +329,7 @@ def mutants(found: dict[str, Any]) -> list[str]:
     """Rules broken on purpose, which of them the tests notice, and why the others may live."""
     columns = ("file", "mutants", "killed")
     lines = _table(columns, [[row[name] for name in columns] for row in found["files"]])
+    lines = [f"Drawn by `--seed {' '.join(map(str, found['seed']))}`.", "", *lines]
     key = "file", "source", "change"
     stated = tomllib.loads(REASONS.read_text(encoding="utf-8"))["mutant"]
     reasons = {tuple(row[name] for name in key): row["why"] for row in stated}

@@ -29,16 +29,16 @@ def check_address(address: str) -> None:
                 f"--link {address}: a MAVLink address is such as mavlink:udpin:0.0.0.0:14550, "
                 "mavlink:tcp:HOST:PORT or mavlink:/dev/ttyUSB0"
             )
+        if not serial:
+            _check_host(address)
         _require("pymavlink")
         if serial:
             _require("serial", "pyserial")
-        else:
-            _check_host(address)
     elif address.startswith(IMC):
         if not re.fullmatch(r"[^:]+:\d+", address.removeprefix(IMC)):
             raise AuvplanError(f"--link {address}: an IMC address is such as imc:10.0.10.80:6002")
-        _require("imcpy")
         _check_host(address)
+        _require("imcpy")
     else:
         raise AuvplanError(f"--link {address}: must be sim, mavlink:ADDRESS or imc:HOST:PORT")
 

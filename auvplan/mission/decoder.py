@@ -81,7 +81,9 @@ def siv_count(size: int, decoder: DecoderName) -> int:
     return size + (decoder == "rate")
 
 
-def decode(population: jax.Array, problem: Problem, decoder: DecoderName, rate_weight: float) -> Decoded:
+def decode(
+    population: jax.Array, problem: Problem, decoder: DecoderName, rate_weight: float = 100.0
+) -> Decoded:
     """Turn every habitat into a sequence of waypoints.
 
     A waypoint j qualifies at i if an edge leads there, it has not been visited, and, but for "paper", the

@@ -13,7 +13,7 @@ from auvplan.mission import MissionConfig, Timetable
 from auvplan.path import PathConfig
 from auvplan.records import LegRecord
 from auvplan.scenario.area import OperatingArea
-from auvplan.simulation.faults import FaultySea, HeldUp, PlannerOut
+from auvplan.simulation.faults import CurrentStep, FaultySea, HeldUp, PlannerOut
 from tests.executive.small import SMALL, planning, scenario
 from tests.executive.test_visits import GOAL, at_waypoint
 
@@ -495,8 +495,10 @@ def test_a_mission_begins_at_the_first_waypoint_and_ends_at_the_last():
     assert (mission.run.start, mission.run.goal, mission.run.seed) == (0, mission.graph.size - 1, 5)
     assert context.folder == "somewhere"
     assert loop.make_context(scenario()).folder == scenario().folder
-    context.faults = [[], [HeldUp(3.0, 5.0)]]
+    context.faults = [[], [HeldUp(3.0, 5.0), CurrentStep(0.0, (0.25, 0.0))]]
     assert not isinstance(loop.start_mission(context, 0, jax.random.key(0), 5).sea, FaultySea)
     faulty = loop.start_mission(context, 1, jax.random.key(0), 5)
     assert isinstance(faulty.sea, FaultySea)
-    assert faulty.faults.given == [HeldUp(3.0, 5.0)]
+    assert faulty.faults.given == context.faults[1]
+    velocities = [np.stack(start.sea.field(500.0, 500.0, 5.0, 0.0)) for start in (mission, faulty)]
+    assert velocities[1] - velocities[0] == pytest.approx([0.25, 0.0, 0.0], abs=1e-6)

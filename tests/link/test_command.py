@@ -62,8 +62,11 @@ def test_a_real_vehicle_needs_a_site(tmp_path, call):
     assert "site: is missing" in err
 
 
-@pytest.mark.parametrize("link", ["imc:127.0.0.1:9", "mavlink:udpin:127.0.0.1:14999"])
-def test_a_mission_that_was_broken_off_is_not_begun_again_unseen(tmp_path, call, link):
+@pytest.mark.parametrize(
+    ("link", "library"), [("imc:127.0.0.1:9", "imcpy"), ("mavlink:udpin:127.0.0.1:14999", "pymavlink")]
+)
+def test_a_mission_that_was_broken_off_is_not_begun_again_unseen(tmp_path, call, link, library):
+    pytest.importorskip(library, reason=f"needs {library}: pip install 'auvplan[link]'")
     out = tmp_path / "out"
     out.mkdir()
     (out / "execution.json").write_text('{"reason": "under way"}')
