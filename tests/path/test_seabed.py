@@ -195,3 +195,13 @@ def test_a_start_nearer_than_the_clearance_is_stated():
     assert found.status is ap.PathStatus.SEABED
     assert found.reason.startswith("altitude above the sea bed 4.0 m under 6.0 at km 0.0 of 2.6, at ")
     assert found.positions[5, 2] < 116.0
+
+
+def test_usual_lengths_are_no_longer_than_the_last_layer_covers():
+    """Samples 60 m apart: half as much again would reach 45 m over a bed known to 40 m, at its slope."""
+    bed = Seabed.from_depth(100.0 + 0.1 * NORTH, 20.0, reach=40.0)
+    x, y, z = jnp.arange(11.0)[:, None] * 60.0 + 900.0, jnp.full((11, 1), 1000.0), jnp.full((11, 1), 50.0)
+    env = ap.Environment(None, None, None, LOWER, UPPER, bed)
+    found = bed_altitude(x, y, z, jnp.full((10, 1), 60.0), env)
+    ends = bed.shallowest_at(x, y, 80.0) - z
+    np.testing.assert_allclose(found, jnp.minimum(ends[:-1], ends[1:]), atol=1e-3)
