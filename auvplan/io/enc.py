@@ -104,7 +104,11 @@ def hazards_of_cells(path: str) -> list[tuple[str, float, float, float]]:
 
 
 def _by_scale(path: str) -> list[str]:
-    """Return the paths of cells, those of the largest scale first; the latest edition of each."""
+    """Return the paths of cells, those of the largest scale first; the latest edition of each.
+
+    Raises:
+        FileNotFoundError: there is no cell.
+    """
     place = Path(path)
     latest: dict[str, tuple[tuple[int, int], float, Path]] = {}
     for cell in [place] if place.is_file() else sorted(place.rglob("*.000")):
@@ -113,6 +117,8 @@ def _by_scale(path: str) -> list[str]:
         known = latest.get(cell.name)
         if edition[0] > 0 and (known is None or known[0] < edition):  # that of a cancelled cell is 0
             latest[cell.name] = edition, float(stated.get("DSPM_CSCL") or np.inf), cell
+    if not latest:
+        raise FileNotFoundError("no S-57 cell that is not cancelled")
     return [str(cell) for _, _, cell in sorted(latest.values(), key=lambda one: (one[1], one[2].name))]
 
 

@@ -117,10 +117,12 @@ def test_known_obstacles_that_cannot_be_read_are_a_note(tmp_path):
     assert np.isinf(check(run, dataset).obstacle_clearance)
 
 
-def test_cells_that_cannot_be_read_are_a_note(tmp_path):
+@pytest.mark.parametrize("there", [True, False])
+def test_cells_that_cannot_be_read_are_a_note(tmp_path, there):
     """What a file of obstacles names is looked at all the same."""
-    (tmp_path / "cells").mkdir()
-    (tmp_path / "cells" / "XX5BAY01.000").write_bytes(b"no cell")
+    if there:
+        (tmp_path / "cells").mkdir()
+        (tmp_path / "cells" / "XX5BAY01.000").write_bytes(b"no cell")
     run = due_north()
     dataset = with_known_obstacle(run, tmp_path, 60.0, 0.0, radius=20.0)
     stated = json.loads(dataset.attrs["scenario"])
