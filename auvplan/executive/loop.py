@@ -309,7 +309,7 @@ def _by_the_clock(mission: Mission, i: int, j: int, least: float, speed: float) 
     Where nothing says that the leg can be done, `least` is expected.
     """
     leg = mission.timed.itinerary([i, j], speed)  # its times count from now
-    ((hold, arrives),) = zip(leg.leaves.tolist(), leg.arrives.tolist(), strict=True)
+    hold, arrives = leg.leaves.item(), leg.arrives.item()
     if not np.isfinite(arrives):
         return least, 0.0
     mission.now += hold

@@ -31,12 +31,11 @@ def opened(path: str, **options: Any) -> xr.Dataset:
         options: of `xarray.open_dataset`.
 
     Raises:
-        ResultError: its values lie in other files.
+        ResultError: its values lie in other files, or its head goes on beyond its end.
     """
     with open(path, "rb") as file:
         engine = "scipy" if file.read(3) == b"CDF" else "h5netcdf"
-    if engine == "h5netcdf":
-        require_whole(path, ResultError)
+    require_whole(path, ResultError)
     return xr.open_dataset(path, engine=engine, **options)
 
 
@@ -64,8 +63,10 @@ def places_of(dataset: xr.Dataset) -> Callable[[Array, Array], tuple[Array, Arra
 def metres_of(dataset: xr.Dataset) -> Callable[[float, float], tuple[float, float]]:
     """Return the way from longitude and latitude, degrees, to m north and east of a run."""
 
+    back, origin = _frame(dataset), np.asarray(dataset.attrs["site_origin"], float)
+
     def metres(longitude: float, latitude: float) -> tuple[float, float]:
-        east, north = _frame(dataset).transform(longitude, latitude, direction="INVERSE")
-        return north + float(dataset.attrs["site_origin"][0]), east + float(dataset.attrs["site_origin"][1])
+        east, north = back.transform(longitude, latitude, direction="INVERSE")
+        return float(north + origin[0]), float(east + origin[1])
 
     return metres

@@ -1,9 +1,7 @@
 """Opening NetCDF files and Zarr folders: lazily, by the first bytes, with one clear line on what is wrong."""
 
 import contextlib
-import mmap
 import os
-import struct
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -253,12 +251,7 @@ def _engines(path: str) -> list[str]:
             raise CurrentError(f"{path}: not a readable NetCDF file ({_line(error)})") from None
         return ["h5netcdf", *fallback]
     if head[:4] in (b"CDF\x01", b"CDF\x02"):
-        try:
-            _walk_classic_head(place)
-        except (ValueError, struct.error, KeyError):
-            raise CurrentError(
-                f"{path}: not a readable NetCDF file (its head goes on beyond its end)"
-            ) from None
+        require_whole(path, CurrentError)
         return ["scipy"]
     if head[:4] == b"CDF\x05":
         if not fallback:
@@ -266,44 +259,6 @@ def _engines(path: str) -> list[str]:
         return fallback
     kind, remedy = next((words for start, words in _OTHERS.items() if head.startswith(start)), ("", ""))
     raise CurrentError(f"{path}: {kind}not a NetCDF file{remedy}")
-
-
-def _walk_classic_head(path: Path) -> None:
-    """Read past the head of a classic NetCDF file, of which scipy believes every length that it tells.
-
-    Raises:
-        ValueError, struct.error, KeyError: it does not end within the file.
-    """
-    sizes = {1: 1, 2: 1, 3: 2, 4: 4, 5: 4, 6: 8}
-    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
-        begins = 8 if content[3] == 2 else 4
-
-        def number() -> int:
-            return struct.unpack(">I", content.read(4))[0]
-
-        def entries() -> range:
-            number()  # the kind of list
-            return range(number())
-
-        def skip(length: int) -> None:
-            content.seek(-length % 4 + length, os.SEEK_CUR)
-
-        def skip_attributes() -> None:
-            for _ in entries():
-                skip(number())
-                size = sizes[number()]
-                skip(size * number())
-
-        content.seek(8)
-        for _ in entries():
-            skip(number())
-            number()
-        skip_attributes()
-        for _ in entries():
-            skip(number())
-            skip(4 * number())
-            skip_attributes()
-            skip(8 + begins)
 
 
 def _line(error: Exception) -> str:

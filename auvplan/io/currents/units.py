@@ -9,7 +9,7 @@ _LENGTHS = {
     "cm": 0.01, "centimetre": 0.01, "centimeter": 0.01,
     "mm": 0.001, "millimetre": 0.001, "millimeter": 0.001,
     "km": 1000.0, "kilometre": 1000.0, "kilometer": 1000.0,
-    "ft": 0.3048, "foot": 0.3048, "feet": 0.3048, "fathom": 1.8288,
+    "ft": 0.3048, "foot": 0.3048, "feet": 0.3048, "ussurveyfoot": 1200.0 / 3937.0, "fathom": 1.8288,
     "nmi": 1852.0, "nauticalmile": 1852.0,
 }  # fmt: skip
 _TIMES = {

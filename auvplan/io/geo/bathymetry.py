@@ -27,7 +27,6 @@ SMALLEST_PIXEL, LARGEST_PIXEL, MOST_PIXELS = 10.0, 500.0, 1024
 _EXTREME, _SENTINELS = 12_000.0, (-9999.0, 9999.0)
 # Rows of a file that are looked through for the signs of its values.
 _ROWS = 64
-_FEET = {"ft": 0.3048, "foot": 0.3048, "feet": 0.3048, "us survey foot": 1200.0 / 3937.0}
 
 
 @dataclass(frozen=True, eq=False)
@@ -188,7 +187,7 @@ def _factor(path: Path, field: Field) -> tuple[float, tuple[str, ...]]:
     unit = str(field.attributes.get("units", "")).strip()
     if not unit:
         return 1.0, ("units are not given: metres",)
-    factor = _FEET.get(unit.lower().rstrip(".")) or length_factor(unit.rstrip("."))
+    factor = length_factor(unit.rstrip("."))
     if factor is None:
         raise GeoError(f"{path}: {field.name or 'the band'} is in {unit!r}, not in m, km, cm, fathoms or ft")
     return factor, ()

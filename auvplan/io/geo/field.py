@@ -101,9 +101,9 @@ def netcdf_field(path: Path, variable: str | None, site: Site, grid: LocalGrid) 
         # On damage h5netcdf leaves an object that complains when it is collected; h5py fails cleanly.
         with h5py.File(path, "r") as file:
             file.attrs.get("_nc3_strict")
-        require_whole(path, GeoError)
     else:
         raise GeoError(f"{path}: neither NetCDF nor GeoTIFF")
+    require_whole(path, GeoError)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of odd attributes, which is the reader's affair
         with xr.open_dataset(

@@ -134,9 +134,10 @@ def _unrolled(shape: Any, turn: Transformer, piece: float) -> Any:
         return places
 
     polygons = []
-    for part in filter(lambda part: not part.is_empty, shapely.get_parts(shape)):
-        outside = ring(part.exterior, None)
-        polygons.append((outside, [ring(hole, outside[:, 0].mean()) for hole in part.interiors]))
+    for part in shapely.get_parts(shape):
+        if not part.is_empty:
+            outside = ring(part.exterior, None)
+            polygons.append((outside, [ring(hole, outside[:, 0].mean()) for hole in part.interiors]))
     return MultiPolygon(polygons)
 
 
