@@ -62,7 +62,6 @@ def places_of(dataset: xr.Dataset) -> Callable[[Array, Array], tuple[Array, Arra
 
 def metres_of(dataset: xr.Dataset) -> Callable[[float, float], tuple[float, float]]:
     """Return the way from longitude and latitude, degrees, to m north and east of a run."""
-
     back, origin = _frame(dataset), np.asarray(dataset.attrs["site_origin"], float)
 
     def metres(longitude: float, latitude: float) -> tuple[float, float]:
