@@ -61,11 +61,11 @@ def places_of(dataset: xr.Dataset) -> Callable[[Array, Array], tuple[Array, Arra
 
 
 def metres_of(dataset: xr.Dataset) -> Callable[[float, float], tuple[float, float]]:
-    """Return the way from longitude and latitude, degrees, to m north and east of a run."""
-    back, origin = _frame(dataset), np.asarray(dataset.attrs["site_origin"], float)
+    """Return the conversion of longitude, latitude in degrees to m north, east; only calls need a site."""
 
     def metres(longitude: float, latitude: float) -> tuple[float, float]:
-        east, north = back.transform(longitude, latitude, direction="INVERSE")
+        east, north = _frame(dataset).transform(longitude, latitude, direction="INVERSE")
+        origin = np.asarray(dataset.attrs["site_origin"], float)
         return float(north + origin[0]), float(east + origin[1])
 
     return metres
