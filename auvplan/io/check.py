@@ -16,10 +16,11 @@ import xarray as xr
 from numpy.typing import NDArray
 
 from auvplan.errors import AuvplanError
-from auvplan.files import MISSION, ResultError, read_mission, read_summary
+from auvplan.files import MISSION, SUMMARY, ResultError, read_mission, read_summary
 from auvplan.io.enc import hazards_of_cells
 from auvplan.io.errands import Placing, obstacles_of
 from auvplan.io.hours import window_faults
+from auvplan.io.kinematics import motion_faults
 from auvplan.io.ledger import (
     Leg,
     figure_faults,
@@ -27,6 +28,7 @@ from auvplan.io.ledger import (
     place_faults,
     read_legs,
     require,
+    route_faults,
     site_faults,
     time_faults,
 )
@@ -145,6 +147,8 @@ def check_dataset(summary: dict[str, Any], dataset: xr.Dataset) -> CheckReport:
     report.faults += place_faults(dataset, legs)
     report.faults += time_faults(dataset, summary, legs)
     report.faults += figure_faults(summary, dataset, legs)
+    report.faults += route_faults(dataset, legs)
+    report.faults += motion_faults(dataset, legs, report.notes)
     report.faults += tally_faults(summary, dataset, legs, report.notes)
     report.faults += window_faults(dataset, legs, report.notes)
     known = _known_obstacles(dataset, report.notes)
@@ -159,6 +163,8 @@ def check_dataset(summary: dict[str, Any], dataset: xr.Dataset) -> CheckReport:
             if walked is not None and places is not None:
                 walk, booked = walked
                 _look_again(leg, walk, booked, places(*walk.positions[:, :2].T), sources, report)
+    if summary.get("collisions", 0) and not report.collisions:
+        report.faults.append(f"collisions is {summary['collisions']} in {SUMMARY}, none was found")
     return report
 
 

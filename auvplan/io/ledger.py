@@ -27,11 +27,11 @@ _LEG_FIELDS = ("from", "to", "t_expected", "t_path", "t_task", "priority", "arri
 _VARIABLES = {
     "time": ("obs",), "x": ("obs",), "y": ("obs",), "depth": ("obs",), "leg_index": ("obs",),
     "row_size": ("leg",), "leg_from": ("leg",), "leg_to": ("leg",), "leg_t_path": ("leg",),
-    "leg_t_task": ("leg",), "leg_priority": ("leg",), "leg_arrived": ("leg",),
+    "leg_t_expected": ("leg",), "leg_t_task": ("leg",), "leg_priority": ("leg",), "leg_arrived": ("leg",),
     "waypoint_position": ("waypoint", "axis"), "adjacency": ("waypoint", "waypoint_to"),
     "task_priority": ("waypoint", "waypoint_to"), "task_duration": ("waypoint", "waypoint_to"),
     "waypoint_priority": ("waypoint",), "waypoint_duration": ("waypoint",),
-}  # fmt: skip
+} | dict.fromkeys(("course", "yaw", "pitch", "surge", "sway", "heave"), ("obs",))  # fmt: skip
 _OPTIONAL = {
     "obstacle_position": ("obs", "obstacle", "axis"), "obstacle_radius": ("leg", "obstacle"),
     "passability": ("chart_x", "chart_y"), "chart_origin": ("horizontal",), "chart_pixel_size": (),
@@ -57,12 +57,18 @@ class Leg:
     positions: Array  # [n, 3] m
     obstacles: Array  # [n, M, 3] m
     radii: Array  # [M] m
+    t_expected: float = np.nan
     t_hold: float = 0.0
     t_wait: float = 0.0
     missed: bool = False
 
     def __str__(self) -> str:
         return f"leg {self.number} ({self.start} to {self.goal})"
+
+    @property
+    def begins(self) -> float:
+        """When it is begun, s; NaN where it was refused."""
+        return float(self.times[0]) if len(self.times) else np.nan
 
     @property
     def executed(self) -> bool:
@@ -120,7 +126,7 @@ def read_legs(dataset: xr.Dataset) -> Iterator[Leg]:
     radii = np.asarray(table.get("obstacle_radius", np.zeros((len(table["row_size"]), 0))), float)
     ends, still = np.cumsum(table["row_size"]), np.zeros(len(table["row_size"]))
     holds, waits = table.get("leg_t_hold", still), table.get("leg_t_wait", still)
-    missed = table.get("leg_missed", still)
+    missed, expected = table.get("leg_missed", still), table["leg_t_expected"]
     for k, end in enumerate(ends):
         part = slice(int(end - table["row_size"][k]), int(end))
         real = np.isfinite(radii[k])
@@ -128,7 +134,8 @@ def read_legs(dataset: xr.Dataset) -> Iterator[Leg]:
             k, int(table["leg_from"][k]), int(table["leg_to"][k]),
             float(table["leg_t_path"][k]), float(table["leg_t_task"][k]), float(table["leg_priority"][k]),
             bool(table["leg_arrived"][k]), np.asarray(table["time"][part], float), place[part],
-            obstacles[part][:, real], radii[k][real], float(holds[k]), float(waits[k]), bool(missed[k]),
+            obstacles[part][:, real], radii[k][real], float(expected[k]), float(holds[k]),
+            float(waits[k]), bool(missed[k]),
         )  # fmt: skip
 
 
@@ -224,21 +231,111 @@ def time_faults(dataset: xr.Dataset, summary: dict[str, Any], legs: list[Leg]) -
 
 
 def figure_faults(summary: dict[str, Any], dataset: xr.Dataset, legs: list[Leg]) -> Iterator[str]:
-    """Figures of the summary that differ from the file's."""
-    for name, other in (("t_available", "t_available"), ("t_mission", "t_mission")):
-        if not _same(summary[name], dataset.attrs[other]):
-            yield f"{name} is {summary[name]} in {SUMMARY}, {dataset.attrs[other]} in {MISSION}"
-    if not _same(summary["cpu"]["charged_s"], dataset.attrs["charged_compute"]):
-        yield f"charged planning time differs between {SUMMARY} and {MISSION}"
+    """Yield figures of the summary that differ from the legs, plans and routes of the file."""
+    for name in ("t_available", "t_mission"):
+        if not _same(summary[name], dataset.attrs[name]):
+            yield f"{name} is {summary[name]} in {SUMMARY}, {dataset.attrs[name]} in {MISSION}"
     rows = summary["legs"]
     if len(rows) != len(legs):
         yield f"{len(rows)} legs in {SUMMARY}, {len(legs)} in {MISSION}"
-    for row, leg in zip(rows, legs, strict=False):
-        given = (row["from"], row["to"], bool(row["arrived"]), row["priority"])
-        if given != (leg.start, leg.goal, leg.arrived, leg.priority):
-            yield f"{leg}: waypoints, task or arrival differ between {SUMMARY} and {MISSION}"
-        if not (_same(row["t_path"], leg.t_path) and _same(row["t_task"], leg.t_task)):
-            yield f"{leg}: its times differ between {SUMMARY} and {MISSION}"
+    booked = list(_leg_figures(dataset, legs))
+    for row, leg, figures in zip(rows, legs, booked, strict=False):
+        for name, value in figures.items():
+            if not _agrees(row.get(name, value), value):
+                yield f"{leg}: {name} is {row[name]} in {SUMMARY}, {value:g} by {MISSION}"
+    for name, value in _totals(summary, dataset, legs, booked).items():
+        if not _agrees(summary.get(name, value), value):
+            yield f"{name} is {summary[name]} in {SUMMARY}, {value:g} by {MISSION}"
+    for name, value in _computing(summary, dataset, booked).items():
+        if not _agrees(summary["cpu"].get(name, value), value):
+            yield f"cpu.{name} is {summary['cpu'][name]} in {SUMMARY}, {value:g} by {MISSION}"
+    if summary.get("priority_bound", np.inf) < summary["total_priority"] - 1e-6:
+        yield f"priority_bound, {summary['priority_bound']:g}, is less than the total priority"
+
+
+def _leg_figures(dataset: xr.Dataset, legs: list[Leg]) -> Iterator[dict[str, float]]:
+    """Yield what the summary says of a leg, from the file."""
+    count = len(legs)
+    revisits = dataset["leg_revisit"].values if "leg_revisit" in dataset else np.zeros(count)
+    followed = dataset["leg_followed"].values if "leg_followed" in dataset else np.zeros(count, int)
+    owner, cause, cpu, planned = _plans(dataset)
+    for leg in legs:
+        own = np.flatnonzero(owner == leg.number)
+        yield {
+            "from": leg.start, "to": leg.goal, "arrived": leg.arrived, "priority": leg.priority,
+            "revisit": bool(revisits[leg.number]), "t_expected": leg.t_expected, "t_path": leg.t_path,
+            "t_task": leg.t_task, "t_hold": leg.t_hold, "t_wait": leg.t_wait,
+            "t_planned": float(planned[own[followed[leg.number]]]) if len(own) else np.nan,
+            "path_replans": int((cause[own] != "leg").sum()), "cpu_s": float(cpu[own].sum()),
+        }  # fmt: skip
+
+
+def _plans(dataset: xr.Dataset) -> tuple[NDArray[Any], ...]:
+    """Return of every plan the leg [P], why it was made [P], s of wall-clock time [P] and s planned [P]."""
+    if "plan_leg" not in dataset:
+        return np.zeros(0, int), np.zeros(0, str), np.zeros(0), np.zeros(0)
+    codes, times = dataset["plan_cause"], dataset["plan_time"].values
+    names = np.array(str(codes.attrs["flag_meanings"]).split())
+    ends = np.nanmax(times, axis=1) - np.nanmin(times, axis=1)
+    return dataset["plan_leg"].values, names[codes.values], dataset["plan_cpu"].values, ends
+
+
+def _totals(
+    summary: dict[str, Any], dataset: xr.Dataset, legs: list[Leg], booked: list[dict[str, float]]
+) -> dict[str, float]:
+    """Return what the summary says of the whole mission, from the file."""
+    made = dataset["route_cpu"].values if "route_cpu" in dataset else np.zeros(0)
+    found: dict[str, float] = {
+        "path_calls": len(legs),
+        "path_replans": sum(figures["path_replans"] for figures in booked),
+        "mission_replans": max(len(made) - 1, 0),
+        "revisits": sum(figures["revisit"] for figures in booked if figures["arrived"]),
+        "seed": int(dataset.attrs["seed"]),
+    }
+    reserve = json.loads(str(dataset.attrs["scenario"])).get("planning", {}).get("reserve")
+    if reserve is not None:
+        found["reserve_used"] = float(np.clip(reserve - summary["t_residual"], 0.0, reserve))
+    if "cost_mission" in summary:
+        found["cost_total"] = summary["cost_mission"] + made[1:].sum()
+    return found
+
+
+def _computing(
+    summary: dict[str, Any], dataset: xr.Dataset, booked: list[dict[str, float]]
+) -> dict[str, float]:
+    """Return s of wall-clock time that the summary says were computed, from the file."""
+    made = dataset["route_cpu"].values if "route_cpu" in dataset else np.zeros(0)
+    return {
+        "charged_s": float(dataset.attrs["charged_compute"]),
+        "path_s": sum(figures["cpu_s"] for figures in booked),
+        "mission_s": made.sum(),
+        "mission_replans_s": made[1:].sum(),
+    }
+
+
+def route_faults(dataset: xr.Dataset, legs: list[Leg]) -> Iterator[str]:
+    """Yield routes whose time is not their legs', and legs that expect another time than their route."""
+    if "route_leg_time" not in dataset:
+        return
+    routes, made_at = dataset["route_leg_time"].values, dataset["route_made_at"].values
+    for number, (route, total) in enumerate(zip(routes, dataset["route_time"].values, strict=True)):
+        if np.isfinite(route).any() and not _same(np.nansum(route), total):
+            yield f"route {number}: its legs add up to {np.nansum(route):.2f} s, its time is {total:.2f} s"
+    nodes, waits = dataset["route_nodes"].values, np.nan_to_num(dataset["route_wait"].values)
+    for leg in legs:
+        # A leg that begins when its route is made expects what the route says.
+        for number in np.flatnonzero(np.abs(made_at + leg.t_hold - leg.begins) <= TIME_TOLERANCE)[-1:]:
+            expected = routes[number, 0] - waits[number, 0] - leg.t_hold
+            same = tuple(nodes[number, :2]) == (leg.start, leg.goal) and np.isfinite(expected)
+            if same and not _same(expected, leg.t_expected):
+                yield f"{leg}: expects {leg.t_expected:.2f} s, its route {expected:.2f} s"
+
+
+def _agrees(stated: Any, value: float) -> bool:
+    """Return whether a figure of the summary is that of the file; NaN is stored as null."""
+    if stated is None or np.isnan(value):
+        return stated is None and np.isnan(value)
+    return bool(abs(float(stated) - value) <= TIME_TOLERANCE)
 
 
 def near(a: Array, b: Array) -> bool:

@@ -1,4 +1,4 @@
-"""The checker's own view of a current at places and times: files by xarray, tides by utide."""
+"""The checker's own view of a current at places and times: files, tides and vortices."""
 
 import json
 from datetime import datetime, timedelta
@@ -22,18 +22,22 @@ class UnknownCurrentError(Exception):
     """A current that this view cannot look at; the message says why."""
 
 
-def speeds_at(dataset: xr.Dataset, places: Array, moments: Array) -> Array:
-    """Return the speed of the forecast current, m/s, at times, [n].
+def speeds_at(dataset: xr.Dataset, places: Array, moments: Array, true: bool = False) -> Array:
+    """Return the horizontal speed of the current, m/s, at times, [n].
 
     Args:
         dataset: `mission.nc`, whose scenario names the current.
         places: [1 or n, 3] m north, east, depth.
         moments: [n] s since the departure.
+        true: return the current that a simulated vehicle was in, NaN where the file does not hold it; the
+            forecast otherwise.
 
     Raises:
         UnknownCurrentError: it is of a kind that this view does not know.
     """
-    settings = json.loads(str(dataset.attrs["scenario"]))["current"]
+    settings = json.loads(str(dataset.attrs["scenario"])).get("current", {})
+    if true and settings.get("source", "vortices") == "vortices":
+        return _of_vortices(dataset, settings, np.broadcast_to(places, (len(moments), 3)), moments)
     if "site_longitude" not in dataset.attrs or "site_epoch" not in dataset.attrs:
         raise UnknownCurrentError("the run has no site or date")
     epoch = datetime.fromisoformat(str(dataset.attrs["site_epoch"]))
@@ -47,12 +51,47 @@ def speeds_at(dataset: xr.Dataset, places: Array, moments: Array) -> Array:
         return _of_tide(path, dataset.attrs, longitude, latitude, places, when)
     if settings.get("source") != "file":
         raise UnknownCurrentError(f"a current of source {settings.get('source')!r}")
-    files = settings["files"]
+    simulated = true and bool(dataset.attrs.get("simulated", 1))
+    files = (settings.get("truth") if simulated else None) or settings["files"]
     paths = [str(path_of(dataset, name)) for name in ([files] if isinstance(files, str) else files)]
     names = matching(paths)
     if len(names) != 1:
         raise UnknownCurrentError("a current of several files")
     return _of_file(names[0], longitude, latitude, places[:, 2], when)
+
+
+def _of_vortices(dataset: xr.Dataset, settings: dict[str, Any], places: Array, moments: Array) -> Array:
+    """Speeds of the Lamb vortices that a run holds of every plan: known until the field changes (Eqs 1-2)."""
+    if "vortex_center" not in dataset:
+        raise UnknownCurrentError("the run holds no vortices")
+    planning = json.loads(str(dataset.attrs["scenario"])).get("planning", {})
+    by_window = planning.get("preset") == "paper" or planning.get("current_updates") == "window"
+    made_at, interval = dataset["plan_made_at"].values, float(settings.get("update_interval", np.inf))
+    until = (np.floor(made_at / interval) + 1.0) * interval
+    if not dataset.attrs.get("simulated", 1):
+        until = np.full(len(made_at), np.inf)
+    elif by_window:
+        until = made_at
+    fields = [dataset[f"vortex_{name}"].values.astype(float) for name in ("center", "strength", "radius")]
+    speeds = np.full(len(moments), np.nan)
+    for plan, (begin, end) in enumerate(zip(made_at, until, strict=True)):
+        inside = (moments >= begin) & (moments < max(end, begin + 1e-3))
+        if not inside.any():
+            continue
+        x, y, z = places[inside].T
+        centre, strength, radius = (field[plan] for field in fields)
+        offset = np.stack([x, y], axis=1)[:, None, None] - centre  # [n, layers, K, 2]
+        square = np.maximum((offset**2).sum(axis=-1), 1e-12)
+        factor = strength / (2.0 * np.pi * square) * -np.expm1(-square / radius**2)
+        layers = np.stack([(-factor * offset[..., 1]).sum(axis=-1), (factor * offset[..., 0]).sum(axis=-1)])
+        depths = dataset["vortex_depth"].values[plan].astype(float)
+        level = np.interp(z, depths, np.arange(len(depths)))
+        below = np.minimum(level.astype(int), max(len(depths) - 2, 0))
+        above, share, row = np.minimum(below + 1, len(depths) - 1), level - below, np.arange(len(z))
+        velocity = (1.0 - share) * layers[:, row, below] + share * layers[:, row, above]
+        uniform = dataset["vortex_uniform"].values[plan][:2].astype(float)
+        speeds[inside] = np.hypot(*(velocity + uniform[:, None]))
+    return speeds
 
 
 def _of_tide(

@@ -6,7 +6,7 @@ the scenario's file of jobs where there is one, else from the graph that the see
 
 import json
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
 from typing import Any, Protocol
@@ -86,6 +86,27 @@ def tally_faults(
     if summary["tasks"] != tasks or not abs(summary["total_priority"] - total) <= _PRIORITY_TOLERANCE:
         given = f"{summary['tasks']} tasks of priority {summary['total_priority']:g}"
         yield f"{given} in {SUMMARY}, {tasks} of {total:g} were done"
+    yield from _route_faults(dataset, legs, once)
+
+
+def _route_faults(dataset: xr.Dataset, legs: list[Leg], once: bool) -> Iterator[str]:
+    """Yield routes whose priority is not that of their tasks; where tasks have hours it may be less."""
+    if "route_nodes" not in dataset or not legs:
+        return
+    timed = any(name in dataset for name in ("edge_enters", "edge_falls", "window_opens"))
+    start = int(dataset.attrs["start"])
+    for number, nodes in enumerate(dataset["route_nodes"].values):
+        made_at = float(dataset["route_made_at"].values[number])
+        book, visited, total = _GraphBook.of(dataset, once), {start}, 0.0
+        done = [leg for leg in legs if leg.arrived and leg.begins < made_at]
+        ahead = [replace(legs[0], start=i, goal=j) for i, j in pairwise(nodes[nodes >= 0].tolist())]
+        for place, leg in enumerate((*done, *ahead)):
+            earned = book.earn(leg, leg.goal in visited).priority
+            total += earned if place >= len(done) else 0.0
+            visited |= {leg.start, leg.goal}
+        given = float(dataset["route_priority"].values[number])
+        if given - total > _PRIORITY_TOLERANCE or (not timed and total - given > _PRIORITY_TOLERANCE):
+            yield f"route {number}: its tasks are worth {total:g}, its priority is given as {given:g}"
 
 
 def _visits(settings: dict[str, Any]) -> str:

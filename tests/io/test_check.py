@@ -16,6 +16,7 @@ from auvplan.io.results import to_dataset
 from auvplan.motion import Motion
 from auvplan.records import MissionRun
 from auvplan.site import Site
+from benchmarks.alterations import KINDS, altered
 from tests.io.sample_run import WAYPOINTS, make_leg, make_run, refused_leg
 
 
@@ -63,6 +64,23 @@ def test_good_run(tmp_path):
     assert 0 < report.obstacle_clearance < 200
     assert report.coast_clearance == pytest.approx(346.5, abs=0.1)
     assert "no faults" in str(report)
+
+
+@pytest.fixture(scope="module")
+def placed():
+    """Summary and dataset of the sample run at a site."""
+    run = make_run()
+    run.site = Site(148.9, -20.2)
+    summary = json.loads(json.dumps(run.summary()))
+    assert check_dataset(summary, to_dataset(run)).ok
+    return summary, to_dataset(run)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_an_altered_figure_is_found(kind, placed):
+    for draw in range(2):
+        report = check_dataset(*altered(kind, *placed, np.random.default_rng(draw)))
+        assert report.faults, f"draw {draw}"
 
 
 @pytest.mark.parametrize("nodes", [(0, 1), (0, 1, 3, 2)])
@@ -226,7 +244,7 @@ def test_leg_time_in_the_summary(saved):
     rows = json.loads((saved / "summary.json").read_text())["legs"]
     rows[1]["t_path"] += 1.0
     edit_summary(saved, legs=rows)
-    assert any("times differ" in fault for fault in check_run(saved).faults)
+    assert any("t_path is" in fault for fault in check_run(saved).faults)
 
 
 def test_edge_used_twice():
@@ -343,6 +361,8 @@ def test_a_visited_waypoint_may_be_passed_on_the_only_way():
     run.t_mission -= leg.t_task
     run.legs[3].times = run.legs[3].times - leg.t_task
     leg.priority = leg.t_task = 0.0
+    for route in run.routes:  # it was known beforehand
+        route.priority -= 3.0
     report = check(run)
     assert report.ok, report
 
@@ -386,6 +406,7 @@ def test_a_survey_line_counts_when_all_of_it_is_done(tmp_path):
         run.t_mission += late
     run.legs[1].times = run.legs[1].times + run.legs[0].t_task - 60.0
     run.names = ["survey[1]", "survey[2]", "goal", "survey[3]"]
+    run.saved_bound = 9.0
     report = check(run)
     assert report.ok, report
     assert run.summary()["tasks"] == 1

@@ -1,0 +1,172 @@
+"""Whether a saved track, its velocities, its hull and the current agree with each other. Plain NumPy."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+
+from auvplan.io.ledger import TIME_TOLERANCE, Array, Leg
+from auvplan.io.originals import places_of
+from auvplan.io.streams import speeds_at
+
+#: m by which a position may differ from where the stored velocity leads in one step, on a straight track.
+POSITION_TOLERANCE = 0.3
+#: Share of what the velocity changes by within a step that its mean may be off, on a curved one.
+_CURVATURE = 0.25
+#: m/s by which the speed through the water may differ from the vehicle's where the current is known, beyond
+#: what two ways to interpolate a current differ by.
+SPEED_TOLERANCE = 0.03
+#: Degrees between the stored course and that of the stored velocity.
+COURSE_TOLERANCE = 0.1
+#: m between x, y and longitude, latitude.
+PLACE_TOLERANCE = 0.1
+#: Moments a leg at which the current is asked for.
+_MOMENTS = 200
+
+
+@dataclass(frozen=True)
+class Velocities:
+    """Velocities of n moments, or of n segments of each plan.
+
+    Attributes:
+        ground: [..., n, 3] m/s over ground north, east, down, from body velocities and attitude (Eq. 7).
+        heading: [..., n, 3] unit vectors of the hull.
+        course: [..., n] degrees, as stored.
+    """
+
+    ground: Array
+    heading: Array
+    course: Array
+
+    @classmethod
+    def of(cls, dataset: xr.Dataset, prefix: str = "") -> "Velocities":
+        """Return those of all observations of a saved run, or with the prefix "plan_" of all plans."""
+        names = ("yaw", "pitch", "course", "surge", "sway", "heave")
+        yaw, pitch, course, surge, sway, heave = (
+            np.asarray(dataset[prefix + name].values, float) for name in names
+        )
+        cy, sy, cp, sp = (f(np.radians(angle)) for angle in (yaw, pitch) for f in (np.cos, np.sin))
+        ahead = np.stack([cy * cp, sy * cp, -sp], axis=-1)
+        aside = np.stack([-sy, cy, 0.0 * cy], axis=-1)
+        under = np.stack([cy * sp, sy * sp, cp], axis=-1)
+        parts = zip((surge, sway, heave), (ahead, aside, under), strict=True)
+        return cls(sum(size[..., None] * axis for size, axis in parts), ahead, course)  # type: ignore[arg-type]
+
+    def __getitem__(self, part: slice) -> "Velocities":
+        return Velocities(self.ground[part], self.heading[part], self.course[part])
+
+
+def motion_faults(dataset: xr.Dataset, legs: list[Leg], notes: list[str]) -> Iterator[str]:
+    """Yield where positions, times, velocities, attitude and the current of a track contradict each other.
+
+    Args:
+        dataset: `mission.nc`.
+        legs: of the run.
+        notes: what could not be looked at is added.
+    """
+    velocities, first = Velocities.of(dataset), 0
+    simulated = bool(dataset.attrs.get("simulated", 1))
+    for leg in legs:
+        own = velocities[first : first + len(leg.times)]
+        first += len(leg.times)
+        if len(leg.times) < 2:
+            continue
+        if not np.isfinite(own.ground).all():
+            yield f"{leg}: a velocity is not a number"
+            continue
+        yield from _step_faults(str(leg), leg.times, leg.positions, own.ground, simulated)
+        turned = np.degrees(np.arctan2(own.ground[:, 1], own.ground[:, 0])) - own.course
+        turned = np.abs((turned + 180.0) % 360.0 - 180.0)
+        level = np.hypot(own.ground[:, 0], own.ground[:, 1]) > 0.05
+        for k in np.flatnonzero(level & ~(turned <= COURSE_TOLERANCE))[:1]:
+            yield (
+                f"{leg}: the course at {leg.times[k]:.2f} s is {own.course[k]:.1f} deg, "
+                f"{turned[k]:.1f} deg off the velocity"
+            )
+    yield from _plan_faults(dataset)
+    yield from _speed_faults(dataset, legs, velocities, notes)
+    yield from _geographic_faults(dataset)
+
+
+def _step_faults(
+    name: str, times: Array, positions: Array, velocity: Array, simulated: bool = False
+) -> Iterator[str]:
+    """Yield the first of n - 1 steps that its velocity does not lead along.
+
+    Args:
+        name: of the leg or plan.
+        times: [n] s.
+        positions: [n, 3] m.
+        velocity: [n or n - 1, 3] m/s over ground, from each moment on.
+        simulated: whether a velocity is that at the begin of its step, and not the mean of it.
+    """
+    elapsed = np.diff(times)[:, None]
+    moved, begin = np.diff(positions, axis=0), velocity[: len(elapsed)] * elapsed
+    apart = np.linalg.norm(moved - begin, axis=1)
+    allowed = np.full(len(apart), POSITION_TOLERANCE)
+    if simulated:
+        # On a curve the mean with the next velocity leads closer; where a new path begins the next one says
+        # nothing.
+        change = np.diff(velocity, axis=0) * elapsed
+        apart = np.minimum(apart, np.linalg.norm(moved - begin - 0.5 * change, axis=1))
+        allowed += _CURVATURE * np.linalg.norm(change, axis=1)
+    for k in np.flatnonzero(~(apart <= allowed))[:1]:
+        yield (
+            f"{name}: the velocity at {times[k]:.2f} s leads {apart[k]:.1f} m off the next position, "
+            f"{elapsed[k, 0]:.2f} s later"
+        )
+
+
+def _plan_faults(dataset: xr.Dataset) -> Iterator[str]:
+    """Yield path plans that begin at another time than they were made for, or contradict themselves."""
+    if "plan_time" not in dataset or "plan_yaw" not in dataset:
+        return
+    times, positions = dataset["plan_time"].values, dataset["plan_position"].values.astype(float)
+    velocity, made_at = Velocities.of(dataset, "plan_").ground, dataset["plan_made_at"].values
+    for number, count in enumerate(np.isfinite(times).sum(axis=1)):
+        own = times[number, :count]
+        if count and not abs(own[0] - made_at[number]) <= TIME_TOLERANCE:
+            yield f"plan {number}: made at {made_at[number]:.2f} s, it begins at {own[0]:.2f} s"
+        if count > 1 and np.isfinite(velocity[number, : count - 1]).all():
+            places = positions[number, :count]
+            yield from _step_faults(f"plan {number}", own, places, velocity[number, : count - 1])
+
+
+def _speed_faults(
+    dataset: xr.Dataset, legs: list[Leg], velocities: Velocities, notes: list[str]
+) -> Iterator[str]:
+    """Yield legs on which the vehicle's speed through the known current is not its own."""
+    speed, first = float(dataset.attrs["vehicle_speed"]), 0
+    for leg in legs:
+        own = velocities[first : first + len(leg.times)]
+        first += len(leg.times)
+        moments = np.arange(max(len(leg.times) - 1, 0))
+        moving = moments[np.linalg.norm(own.ground[:-1], axis=1) > 0.0] if len(moments) else moments
+        chosen = moving[:: max(len(moving) // _MOMENTS, 1)]
+        if not len(chosen):
+            continue
+        try:
+            known = speeds_at(dataset, leg.positions[chosen], leg.times[chosen], true=True)
+        except Exception as error:  # whatever this view lacks is no fault of the run
+            notes.append(f"the current was not looked at again: {' '.join(str(error).split())}")
+            return
+        water = own.ground[chosen, :2] - speed * own.heading[chosen, :2]
+        apart = np.abs(np.hypot(*water.T) - known)
+        for k in np.flatnonzero(apart > SPEED_TOLERANCE)[:1]:
+            yield (
+                f"{leg}: at {leg.times[chosen[k]]:.2f} s the vehicle makes its {speed:g} m/s in a current of "
+                f"{np.hypot(*water[k]):.2f} m/s, which is {known[k]:.2f} m/s there"
+            )
+
+
+def _geographic_faults(dataset: xr.Dataset) -> Iterator[str]:
+    """Yield that longitudes and latitudes are not those of north and east."""
+    if "longitude" not in dataset or "site_longitude" not in dataset.attrs:
+        return
+    longitude, latitude = places_of(dataset)(dataset["x"].values, dataset["y"].values)
+    metres = 111_320.0 * np.cos(np.radians(latitude)), 110_574.0
+    east = (dataset["longitude"].values - longitude + 180.0) % 360.0 - 180.0
+    apart = np.hypot(metres[0] * east, metres[1] * (dataset["latitude"].values - latitude))
+    for k in np.flatnonzero(~(apart <= PLACE_TOLERANCE))[:1]:
+        yield f"longitude and latitude of observation {k} are {apart[k]:.1f} m from its north and east"

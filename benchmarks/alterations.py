@@ -1,0 +1,214 @@
+"""Altered copies of saved runs: does the checker find each, and nothing in the originals?
+
+``python -m benchmarks.alterations DIR [DIR ...] [-n 40] [--seed 0] [--out FILE.json]`` takes saved runs (of a
+study's ``--save-runs``, missions, plans), checks each, and draws alterations at random from `KINDS`, each of
+one figure by more than the checker's tolerance. It ends with status 1 where an original has a fault or an
+alteration is not found.
+"""
+
+import copy
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from rich.table import Table
+
+from auvplan.files import read_mission, read_summary
+from auvplan.io.check import check_dataset
+from benchmarks.machine import arguments, bars, console, write
+
+Alter = Callable[[dict[str, Any], xr.Dataset, np.random.Generator], None]
+
+
+def _inner(dataset: xr.Dataset, rng: np.random.Generator) -> int:
+    """An observation that begins a step of a moving vehicle and is neither first nor last of its leg."""
+    leg, moving = dataset["leg_index"].values, np.hypot(*(dataset[name] for name in ("surge", "sway"))) > 0.1
+    inner = (leg[1:-1] == leg[:-2]) & (leg[1:-1] == leg[2:]) & moving.values[1:-1] & moving.values[:-2]
+    return int(rng.choice(np.flatnonzero(inner))) + 1
+
+
+def _track(name: str, change: float) -> Alter:
+    """One observation's figure, either way."""
+
+    def alter(summary: dict[str, Any], dataset: xr.Dataset, rng: np.random.Generator) -> None:
+        values = np.array(dataset[name].values)
+        values[_inner(dataset, rng)] += change * rng.choice([-1.0, 1.0])
+        dataset[name] = dataset[name].copy(data=values)
+
+    return alter
+
+
+def _row(name: str, change: float, dims: int = 1) -> Alter:
+    """One leg's, route's or task's figure, either way."""
+
+    def alter(summary: dict[str, Any], dataset: xr.Dataset, rng: np.random.Generator) -> None:
+        values = np.array(dataset[name].values)
+        if dims == 1:
+            values[rng.integers(len(values))] += change * rng.choice([-1.0, 1.0])
+        else:
+            values[rng.integers(len(values)), 0] += change * rng.choice([-1.0, 1.0])
+        dataset[name] = dataset[name].copy(data=values)
+
+    return alter
+
+
+def _flag(name: str) -> Alter:
+    """One leg's yes or no."""
+
+    def alter(summary: dict[str, Any], dataset: xr.Dataset, rng: np.random.Generator) -> None:
+        values = np.array(dataset[name].values)
+        k = rng.integers(len(values))
+        values[k] = 1 - values[k]
+        dataset[name] = dataset[name].copy(data=values)
+
+    return alter
+
+
+def _figure(name: str, change: float) -> Alter:
+    """A figure of the summary."""
+
+    def alter(summary: dict[str, Any], dataset: xr.Dataset, rng: np.random.Generator) -> None:
+        summary[name] += change
+
+    return alter
+
+
+def _leg_figure(name: str, change: float) -> Alter:
+    """A figure of a leg in the summary."""
+
+    def alter(summary: dict[str, Any], dataset: xr.Dataset, rng: np.random.Generator) -> None:
+        rows = [row for row in summary["legs"] if row[name] is not None]
+        rows[rng.integers(len(rows))][name] += change
+
+    return alter
+
+
+def _swapped(summary: dict[str, Any], dataset: xr.Dataset, rng: np.random.Generator) -> None:
+    """Two waypoints of the first route change places."""
+    nodes = np.array(dataset["route_nodes"].values)
+    count = int((nodes[0] >= 0).sum())
+    if count < 4:
+        nodes[0, 0] = nodes[0, 1]
+    else:
+        k = rng.integers(1, count - 2)
+        nodes[0, [k, k + 1]] = nodes[0, [k + 1, k]]
+    dataset["route_nodes"] = dataset["route_nodes"].copy(data=nodes)
+
+
+def _plan_position(summary: dict[str, Any], dataset: xr.Dataset, rng: np.random.Generator) -> None:
+    """A planned place moves north."""
+    places = np.array(dataset["plan_position"].values)
+    places[rng.integers(len(places)), 1, 0] += 10.0
+    dataset["plan_position"] = dataset["plan_position"].copy(data=places)
+
+
+def _attribute(name: str, change: float) -> Alter:
+    """A figure of the whole run."""
+
+    def alter(summary: dict[str, Any], dataset: xr.Dataset, rng: np.random.Generator) -> None:
+        dataset.attrs[name] = dataset.attrs[name] + change
+
+    return alter
+
+
+#: What is altered, by how much it says so.
+KINDS: dict[str, Alter] = {
+    "a position 3 m north": _track("x", 3.0),
+    "a position 3 m east": _track("y", 3.0),
+    "a position 15 m east": _track("y", 15.0),
+    "a depth by 5 m": _track("depth", 5.0),
+    "a time by 0.9 s": _track("time", 0.9),
+    "a surge by 0.5 m/s": _track("surge", 0.5),
+    "a sway by 0.5 m/s": _track("sway", 0.5),
+    "a heave by 0.5 m/s": _track("heave", 0.5),
+    "a yaw by 20 deg": _track("yaw", 20.0),
+    "a pitch by 20 deg": _track("pitch", 20.0),
+    "a course by 5 deg": _track("course", 5.0),
+    "a longitude by 1e-4 deg": _track("longitude", 1e-4),
+    "a latitude by 1e-4 deg": _track("latitude", 1e-4),
+    "a leg's expected time by 10 s": _row("leg_t_expected", 10.0),
+    "a leg's travel time by 10 s": _row("leg_t_path", 10.0),
+    "a leg's task time by 10 s": _row("leg_t_task", 10.0),
+    "a leg's waiting by 10 s": _row("leg_t_wait", 10.0),
+    "a leg's priority by 1": _row("leg_priority", 1.0),
+    "a leg's arrival": _flag("leg_arrived"),
+    "a leg's revisit": _flag("leg_revisit"),
+    "a route's time by 10 s": _row("route_time", 10.0),
+    "a route's priority by 1": _row("route_priority", 1.0),
+    "a route's first leg by 10 s": _row("route_leg_time", 10.0, dims=2),
+    "two waypoints of a route": _swapped,
+    "a plan's first time by 10 s": _row("plan_time", 10.0, dims=2),
+    "a plan's position by 10 m": _plan_position,
+    "the mission's time by 10 s": _attribute("t_mission", 10.0),
+    "the charged planning time by 10 s": _attribute("charged_compute", 10.0),
+    "the speed of the vehicle by 0.2 m/s": _attribute("vehicle_speed", 0.2),
+    "summary: mission time by 10 s": _figure("t_mission", 10.0),
+    "summary: time left by 10 s": _figure("t_residual", 10.0),
+    "summary: tasks by 1": _figure("tasks", 1),
+    "summary: priority by 1": _figure("total_priority", 1.0),
+    "summary: replans of the mission by 1": _figure("mission_replans", 1),
+    "summary: replans of paths by 1": _figure("path_replans", 1),
+    "summary: planning calls by 1": _figure("path_calls", 1),
+    "summary: collisions by 1": _figure("collisions", 1),
+    "summary: revisits by 1": _figure("revisits", 1),
+    "summary: a leg's expected time by 10 s": _leg_figure("t_expected", 10.0),
+    "summary: a leg's planned time by 10 s": _leg_figure("t_planned", 10.0),
+    "summary: a leg's travel time by 10 s": _leg_figure("t_path", 10.0),
+    "summary: a leg's replans by 1": _leg_figure("path_replans", 1),
+    "summary: a leg's waypoint": _leg_figure("to", 1),
+}
+
+
+def altered(
+    kind: str, summary: dict[str, Any], dataset: xr.Dataset, rng: np.random.Generator
+) -> tuple[dict[str, Any], xr.Dataset]:
+    """Return an altered copy of a saved run."""
+    changed = copy.deepcopy(summary), dataset.copy(deep=True)
+    KINDS[kind](*changed, rng)
+    return changed
+
+
+def possible(kind: str, dataset: xr.Dataset) -> bool:
+    """Return whether a run has what is to be altered."""
+    return kind.split(" by ")[0] not in ("a longitude", "a latitude") or "longitude" in dataset
+
+
+def main() -> int:
+    """Check originals and altered copies."""
+    parser = arguments(__doc__)
+    parser.add_argument("runs", nargs="+", type=Path, metavar="DIR")
+    parser.add_argument("-n", type=int, default=40)
+    parser.add_argument("--seed", type=int, default=0)
+    options = parser.parse_args()
+    rng, rows, clean = np.random.default_rng(options.seed), [], 0
+    with bars(console()) as progress:
+        runs = []
+        for folder in progress.track(options.runs, description="originals"):
+            runs.append((folder, read_summary(folder), read_mission(folder)))
+            report = check_dataset(*runs[-1][1:])
+            clean += report.ok
+            if not report.ok:
+                console().print(f"{folder}: {report.faults[0]}")
+        for _ in progress.track(range(options.n), description="alterations"):
+            folder, summary, dataset = runs[rng.integers(len(runs))]
+            kind = str(rng.choice([kind for kind in KINDS if possible(kind, dataset)]))
+            report = check_dataset(*altered(kind, summary, dataset, rng))
+            rows.append({"run": str(folder), "kind": kind, "faults": report.faults})
+    found = sum(bool(row["faults"]) for row in rows)
+    table = Table("alteration", "found", "of", "first fault")
+    for kind in sorted({row["kind"] for row in rows}, key=list(KINDS).index):
+        own = [row["faults"] for row in rows if row["kind"] == kind]
+        table.add_row(kind, str(sum(map(bool, own))), str(len(own)), max(own, key=len, default=[""])[:1][0])
+    console().print(table)
+    console().print(
+        f"originals without a fault: {clean} of {len(runs)}; alterations found: {found} of {len(rows)}"
+    )
+    write(options.out, {"originals": len(runs), "clean": clean, "alterations": rows})
+    return int(clean < len(runs) or found < len(rows))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
