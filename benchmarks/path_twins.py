@@ -5,6 +5,7 @@ steady current and the "track" reading of the speed.
 """
 
 import ctypes
+import math
 import subprocess
 import tempfile
 from collections import namedtuple
@@ -120,7 +121,7 @@ def numba_kernel() -> Callable[[Array, Any], Scores] | None:
         return None
     # Plain Python numbers would turn the arithmetic into double precision.
     one, half, two, zero, tiny, far = (np.float32(v) for v in (1.0, 0.5, 2.0, 0.0, 1e-8, 1e6))
-    lowest, c6, c24, c120, least_share = (np.float32(v) for v in (-126.0, 1 / 6, 1 / 24, 1 / 120, 1e-3))
+    lowest, c6, c24, c120 = (np.float32(v) for v in (-126.0, 1 / 6, 1 / 24, 1 / 120))
     near, to_q, floor_share, beaten_share = (
         np.float32(v) for v in (0.02, -2.0 * np.log(2.0), SPEED_FLOOR, 1.0 - SPEED_FLOOR**2)
     )
@@ -151,9 +152,10 @@ def numba_kernel() -> Callable[[Array, Any], Scores] | None:
                     x[axis, s] += q.basis[s, k] * control[q.first[s] + k]
             for s in range(1, q.samples):
                 w[axis, s - 1] = zero
-            for k in range(q.order + 1):
+            for k in range(q.order):
                 for s in range(1, q.samples):
-                    w[axis, s - 1] += q.step[s, k] * control[q.first_step[s] + k]
+                    first = q.first_step[s] + k
+                    w[axis, s - 1] += q.step[s, k] * (control[first + 1] - control[first])
 
     @compiled
     def current(q, x, u):
@@ -199,12 +201,10 @@ def numba_kernel() -> Callable[[Array, Any], Scores] | None:
     def turns(q, d):
         excess = zero
         for s in range(1, q.samples - 1):
-            cross = abs(d[0, s - 1] * d[1, s] - d[1, s - 1] * d[0, s])
+            cross = d[0, s - 1] * d[1, s] - d[1, s - 1] * d[0, s]
             dot = d[0, s - 1] * d[0, s] + d[1, s - 1] * d[1, s]
-            sides = np.sqrt(d[2, s - 1] * d[2, s] + tiny)
-            above = sides - dot if dot < zero else cross
-            below = max(cross, least_share * sides) if dot < zero else sides + dot
-            rate = two * two * above / (below * (d[4, s - 1] + d[4, s]))
+            fade = one - tiny / (cross * cross + dot * dot + tiny)
+            rate = two * fade * abs(math.atan2(cross, dot)) / (d[4, s - 1] + d[4, s])
             excess += max(rate / q.turn_rate_max - one, zero)
         return excess
 

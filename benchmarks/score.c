@@ -17,6 +17,7 @@
 #define SPEED_FLOOR 0.05f
 #define CLEARANCE_SCALE 50.0f
 #define LIMITS 6
+#define PI 3.14159265f
 
 typedef struct {
     int32_t samples, controls, order, vortices, obstacles, north, east;
@@ -28,7 +29,7 @@ typedef struct {
     const int32_t *first;    /* [samples], first control point that a sample depends on */
     const float *basis;      /* [samples, order], weights of the control points from there on */
     const int32_t *first_step; /* [samples], first control point that the way to a sample depends on */
-    const float *step;       /* [samples, order + 1], weights of the way from the sample before */
+    const float *step;       /* [samples, order], weights of the polygon's sides in the way from the sample before */
     const float *ends;       /* [2, 3] m, start and goal */
     const float *vortex;     /* [vortices, 5]: north, east, -log2(e) / (2 radius^2), scale, vertical scale */
     const float *obstacle;   /* [obstacles, 10]: position, velocity, growth, growth_max, observed_at,
@@ -45,6 +46,12 @@ typedef float Four __attribute__((vector_size(16)));
 static inline float largest(float a, float b) { return a > b ? a : b; }
 static inline float least(float a, float b) { return a < b ? a : b; }
 static inline float square(float a) { return a * a; }
+
+/* Odd polynomial for the arctangent on [0, 1], as in auvplan.path.kinematics. */
+static const float ARCTANGENT[8] = {
+    0.9999999011f, -0.3333199117f, 0.1996972852f, -0.1401950283f,
+    0.0991434463f, -0.0594870867f, 0.0242528623f, -0.0046933976f,
+};
 
 /* 2^x for x <= 0. */
 static inline float power_of_two(float x) {
@@ -86,18 +93,18 @@ static void positions(const Problem *q, Block *b, const Row *control, int sample
     }
 }
 
-/* Ways from sample to sample, as products: differences of positions would lose digits. */
+/* Ways from sample to sample, as products of the polygon's sides: differences of positions would lose digits. */
 static void ways(const Problem *q, Block *b, const Row *control, int sample, int count) {
     int points = q->controls + 2;
     for (int r = 1; r <= count; r++) {
-        const float *weight = q->step + (sample + r) * (q->order + 1);
+        const float *weight = q->step + (sample + r) * q->order;
         const Row *near = control + q->first_step[sample + r];
         Row x = {0}, y = {0}, z = {0};
-        for (int k = 0; k <= q->order; k++)
+        for (int k = 0; k < q->order; k++)
             for (int l = 0; l < LANES; l++) {
-                x[l] += weight[k] * near[k][l];
-                y[l] += weight[k] * near[points + k][l];
-                z[l] += weight[k] * near[2 * points + k][l];
+                x[l] += weight[k] * (near[k + 1][l] - near[k][l]);
+                y[l] += weight[k] * (near[points + k + 1][l] - near[points + k][l]);
+                z[l] += weight[k] * (near[2 * points + k + 1][l] - near[2 * points + k][l]);
             }
         memcpy(b->dx[r], x, sizeof x);
         memcpy(b->dy[r], y, sizeof y);
@@ -160,12 +167,16 @@ static void turns(const Problem *q, Block *b, int from, int count) {
     const float per_rate = 1.0f / q->turn_rate_max;
     EACH(r, from, count) {
         float dx = b->dx[r][l], dy = b->dy[r][l], px = b->dx[r - 1][l], py = b->dy[r - 1][l];
-        float cross = fabsf(px * dy - py * dx), dot = px * dx + py * dy;
-        float sides = sqrtf(b->level[r - 1][l] * b->level[r][l] + TINY);
-        float above = dot < 0.0f ? sides - dot : cross;
-        float below = dot < 0.0f ? largest(cross, 1e-3f * sides) : sides + dot;
-        /* 2 tan(a / 2) over the mean of both durations */
-        float rate = 4.0f * above / (below * (b->duration[r - 1][l] + b->duration[r][l]));
+        float aside = fabsf(px * dy - py * dx), dot = px * dx + py * dy, ahead = fabsf(dot);
+        float share = least(aside, ahead) / largest(largest(aside, ahead), TINY), s = share * share;
+        float angle = ARCTANGENT[7];
+        for (int k = 6; k >= 0; k--) angle = angle * s + ARCTANGENT[k];
+        angle *= share;
+        angle = aside > ahead ? 0.5f * PI - angle : angle;
+        angle = dot < 0.0f ? PI - angle : angle;
+        angle *= 1.0f - TINY / (aside * aside + dot * dot + TINY);
+        /* over the mean of both durations */
+        float rate = 2.0f * angle / (b->duration[r - 1][l] + b->duration[r][l]);
         b->excess[2][l] += largest(rate * per_rate - 1.0f, 0.0f);
     }
 }

@@ -2,9 +2,8 @@
 
 ``python -m benchmarks.scoring`` times 100 and 10,000 paths of 128 samples with 16 free control points, past
 12 vortices, 12 obstacles and a chart of 350 x 350 pixels. The contenders take turns, so that all see the same
-machine; C and Numba run on one thread, JAX on as many as it likes. Before anything is timed all must agree:
-on every path that keeps the turn rate's limit, and on 99 % of all. At a cusp the turn rate is ill-conditioned
-in single precision, for the package's kernel as for its twins.
+machine; C and Numba run on one thread, JAX on as many as it likes. Before anything is timed all must agree,
+cusps included: on 99.9 % of all paths to 1e-5, on every path to 1e-4.
 """
 
 from collections.abc import Callable
@@ -25,7 +24,7 @@ from auvplan.ocean.chart import INTERPOLATION_ERROR
 from auvplan.ocean.vortices import LambVortices
 from auvplan.path import habitats
 from auvplan.path.bspline import basis_matrix
-from auvplan.path.cost import VIOLATIONS, curves, evaluate, score, violations
+from auvplan.path.cost import VIOLATIONS, score
 from auvplan.vehicle import Vehicle
 from benchmarks import path_twins as twins
 from benchmarks.machine import arguments, bars, clock, console, write
@@ -34,8 +33,9 @@ COUNTS = (100, 10_000)
 ROUNDS = 30
 #: s, length of a turn; at least one call.
 TURN = 0.1
-#: Largest relative difference of costs that counts as agreement, and the share of paths that must agree.
-AGREEMENT, AGREEING = 1e-4, 0.99
+#: Relative difference of costs that counts as agreement, the share of paths that must agree, and the largest
+#: difference of any path. A cusp's segments are centimetres long: of 10,000 paths a few lose digits there.
+AGREEMENT, AGREEING, APART = 1e-5, 0.999, 1e-4
 SIDE, PIXEL = 3500.0, 10.0
 
 
@@ -59,12 +59,6 @@ class Problem:
     def cost(self, paths: jax.Array) -> tuple[jax.Array, jax.Array]:
         """Cost [P] s and violation [P] of habitats [P, 3 n] m, by the kernel of the package."""
         return score(paths, self.start, self.goal, jnp.zeros(()), self.env, self.vehicle, self.config)
-
-    def turns(self, paths: jax.Array) -> jax.Array:
-        """[P], mean excess of the turn rate of habitats [P, 3 n] m."""
-        track = curves(paths, self.start, self.goal, self.config)
-        trajectory = evaluate(track, jnp.zeros(()), self.env, self.vehicle, self.config)
-        return violations(trajectory)[VIOLATIONS.index("turn_rate")]
 
     def bounds(self) -> tuple[jax.Array, jax.Array]:
         """Least and largest habitat, [3 n] m each."""
@@ -93,13 +87,13 @@ class Problem:
         order = config.degree + 1
         dense = basis_matrix(config.samples, config.control_points + 2, config.degree)
         first = np.minimum((dense > 0.0).argmax(axis=1), dense.shape[1] - order)
-        between = np.diff(dense, axis=0, prepend=dense[:1])
+        sides = -np.cumsum(np.diff(dense, axis=0, prepend=dense[:1]), axis=1)
         first_step = np.minimum(np.roll(first, 1), dense.shape[1] - order - 1)
         first_step[0] = 0
         ends = np.stack([self.start, self.goal])
         arrays = {
             "basis": np.take_along_axis(dense, first[:, None] + np.arange(order), axis=1),
-            "step": np.take_along_axis(between, first_step[:, None] + np.arange(order + 1), axis=1),
+            "step": np.take_along_axis(sides, first_step[:, None] + np.arange(order), axis=1),
             "ends": ends,
             "vortex": np.stack(vortex, axis=1)[strength != 0.0],
             "chart": np.stack([chart.signed_distance, chart.passability], axis=2),
@@ -164,8 +158,7 @@ class Row:
         least_seconds: the shortest.
         to_c: `seconds` over those of C; None without C.
         to_value: `seconds` over those of the package's kernel.
-        difference: largest relative one to the package's costs, of paths that keep the turn rate's limit.
-        agreeing: share of all paths whose costs agree.
+        difference: largest relative one to the package's costs.
     """
 
     paths: int
@@ -176,7 +169,6 @@ class Row:
     to_c: float | None
     to_value: float
     difference: float
-    agreeing: float
 
 
 Contender = Callable[[jax.Array, twins.Array], Any]
@@ -232,10 +224,9 @@ def rows(screen: Console, progress: Progress, rounds: int = ROUNDS) -> list[Row]
             first[name], scored = clock(partial(call, device, host))
             first[name] += made
             costs[name] = np.asarray(scored[0])
-        smooth = np.asarray(jax.jit(leg.turns)(device)) == 0.0
         apart = {name: np.abs(cost - costs["JAX"]) / costs["JAX"] for name, cost in costs.items()}
         for name, gap in apart.items():
-            if gap[smooth].max() > AGREEMENT or (gap < AGREEMENT).mean() < AGREEING:
+            if gap.max() > APART or (gap < AGREEMENT).mean() < AGREEING:
                 raise RuntimeError(f"{name} and JAX disagree on the costs of {count} paths")
         bar, shuffle = progress.add_task(f"{count:,} paths", total=rounds), np.random.default_rng(0)
         for _ in range(rounds):
@@ -258,8 +249,7 @@ def rows(screen: Console, progress: Progress, rounds: int = ROUNDS) -> list[Row]
                     least_seconds=min(then[name]),
                     to_c=seconds / median["C, 1 thread"] if "C, 1 thread" in median else None,
                     to_value=seconds / median["JAX"],
-                    difference=float(apart[name][smooth].max()),
-                    agreeing=float((apart[name] < AGREEMENT).mean()),
+                    difference=float(apart[name].max()),
                 )
             )
     return result

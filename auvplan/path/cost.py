@@ -120,8 +120,10 @@ def curves(habitats: jax.Array, start: jax.Array, goal: jax.Array, config: PathC
     """
     free = config.control_points
     basis = basis_matrix(config.samples, free + 2, config.degree)
-    # Ways are products as well: so their gradients are products, and not sums of shifted planes.
-    along, between = (jnp.asarray(rows, habitats.dtype) for rows in (basis, np.diff(basis, axis=0)))
+    # Ways are products as well: so their gradients are products, and not sums of shifted planes. They weigh
+    # the polygon's sides, whose digits do not depend on where the origin lies: cusps need them.
+    ways = -np.cumsum(np.diff(basis, axis=0), axis=1)[:, :-1]
+    along, between = (jnp.asarray(rows, habitats.dtype) for rows in (basis, ways))
     product = partial(jnp.matmul, precision=jax.lax.Precision.HIGHEST)
     polygons = []
     for axis, inner in enumerate(jnp.split(habitats.T, 3)):
@@ -129,7 +131,8 @@ def curves(habitats: jax.Array, start: jax.Array, goal: jax.Array, config: PathC
         polygons.append(polygon.at[0].set(start[axis]).at[1:-1].set(inner))
     x, y, z = polygons
     places = product(along, x), product(along, y), product(along, z)
-    return Track(places, (product(between, x), product(between, y), product(between, z)))
+    sides_x, sides_y, sides_z = (jnp.diff(axis, axis=0) for axis in polygons)
+    return Track(places, (product(between, sides_x), product(between, sides_y), product(between, sides_z)))
 
 
 def evaluate(

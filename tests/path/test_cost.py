@@ -1,18 +1,22 @@
 """Path cost (Eqs 10-12) against a naive NumPy twin, closed forms and finite differences."""
 
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import auvplan as ap
 from auvplan.path import VIOLATIONS, habitats
 from auvplan.path import cost as kernel
 from auvplan.path.bspline import basis_at
 from auvplan.path.cost import CLEARANCE_SCALE, Track, curves, evaluate, soft_objective, violations
+from auvplan.path.kinematics import angle_between
 from tests.path.worlds import GOAL, LOWER, START, UPPER, world
 
 CONFIG = ap.PathConfig(control_points=16, samples=48)
@@ -59,8 +63,7 @@ def naive_flight(habitat, env, vehicle, depart, config):
         turn = 0.0
         if last is not None:
             angle = abs((yaw - last[0] + np.pi) % (2 * np.pi) - np.pi)
-            # A turn about counts as a very sharp one, but not as an endless one.
-            turn = 2 * min(np.tan(0.5 * angle), 2000.0) / (0.5 * (lasts + last[1]))
+            turn = angle / (0.5 * (lasts + last[1]))
         coast = 1e6
         if env.chart is not None:
             ends = [float(distance(p[0], p[1])) - 0.2 * float(env.chart.pixel_size) for p in (a, b)]
@@ -245,6 +248,68 @@ def test_turn_rate_limit_catches_every_sharp_turn(degrees, sharp):
     vehicle = ap.Vehicle(turn_rate_max=np.radians(40.0) / 16.0)  # a segment lasts 16 s
     trajectory = evaluate(Track.through(x, y, jnp.zeros_like(x)), 0.0, env, vehicle, CONFIG)
     assert bool(trajectory.excess[VIOLATIONS.index("turn_rate")].max() > 0) is sharp
+
+
+_SIDE = st.floats(-100.0, 100.0)
+
+
+@settings(deadline=None)
+@given(_SIDE, _SIDE, _SIDE, _SIDE)
+def test_turns_are_the_angle_between_segments(ax, ay, bx, by):
+    short, long = sorted([np.hypot(ax, ay), np.hypot(bx, by)])
+    angle, slopes = _angle_of_turn(jnp.array([ax, ay, bx, by]))
+    assert 0.0 <= angle <= np.float32(np.pi)
+    assert np.isfinite(slopes).all()
+    if short * long > 1.0:
+        assert angle == pytest.approx(abs(np.angle(complex(bx, by) / complex(ax, ay))), abs=1e-3)
+
+
+@pytest.mark.parametrize("after", [(-30.0, 0.0), (0.0, 0.0), (-1e-3, 1e-4), (-30.0, 1e-6), (30.0, 0.0)])
+def test_turns_at_cusps_have_finite_slopes(after):
+    angle, slopes = _angle_of_turn(jnp.array([30.0, 0.0, *after]))
+    assert 0.0 <= angle <= np.float32(np.pi)
+    assert np.isfinite(slopes).all()
+    if after[0] <= -30.0:
+        assert angle == pytest.approx(np.pi, abs=1e-6)
+
+
+@pytest.mark.usefixtures("x64")
+def test_slopes_of_turns_are_those_of_differences():
+    for ways in ([30.0, 5.0, -20.0, 1.0], [3.0, 5.0, 2.0, -9.0], [0.01, 0.0, 0.004, 0.01]):
+        ways = jnp.array(ways)
+        slopes = _angle_of_turn(ways)[1]
+        for k, step in enumerate(1e-6 * np.eye(4)):
+            ends = [_angle_of_turn(ways + sign * step)[0] for sign in (1.0, -1.0)]
+            # the polynomial for the arctangent has slopes of its own
+            assert slopes[k] == pytest.approx((ends[0] - ends[1]) / 2e-6, abs=1e-5 * np.abs(slopes).max())
+
+
+@jax.jit
+def _angle_of_turn(ways):
+    def angle(ways):
+        ax, ay, bx, by = ways
+        return angle_between(ax * by - ay * bx, ax * bx + ay * by)
+
+    return jax.value_and_grad(angle)(ways)
+
+
+def test_costs_of_cusps_keep_their_digits():
+    """Single precision against double, on wild paths far from the origin, with segments of centimetres."""
+    env = resolved(world())
+    wild = np.array(population(100, env))
+    wild[:, 5] = wild[:, 4] - 300.0  # a loop or a cusp on every path
+    with_cusps = (wild, START, GOAL, 0.0, env, ap.Vehicle())
+    costs = {}
+    for bits, real in ((32, np.float32), (64, np.float64)):
+        with jax.enable_x64(bits == 64):
+            given = jax.tree.map(lambda leaf, real=real: _as_real(leaf, real), with_cusps)
+            costs[bits] = np.asarray(jax.jit(partial(kernel.score, config=CONFIG))(*given)[0], float)
+    np.testing.assert_allclose(costs[32], costs[64], rtol=1e-5)
+
+
+def _as_real(leaf, real):
+    leaf = np.asarray(leaf)
+    return leaf.astype(real) if np.issubdtype(leaf.dtype, np.floating) else leaf
 
 
 def test_obstacle_counts_at_the_time_of_arrival():
