@@ -6,6 +6,7 @@ import sys
 from contextlib import suppress
 from dataclasses import fields, replace
 from datetime import UTC, datetime
+from enum import StrEnum
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -38,6 +39,13 @@ if TYPE_CHECKING:
 _APART = 600.0
 
 
+class LinkLoss(StrEnum):
+    """What a vehicle does without a link."""
+
+    CONTINUE = "continue"
+    SURFACE = "surface"
+
+
 def execute(
     scenario: ScenarioArgument = "whitsunday",
     link: Annotated[
@@ -56,6 +64,13 @@ def execute(
             "--scale",
             help="Seconds of the vehicle's time in one of the clock's, for simulated vehicles. "
             "1 if absent; for sim as fast as it goes.",
+        ),
+    ] = None,
+    link_loss: Annotated[
+        LinkLoss | None,
+        typer.Option(
+            "--link-loss",
+            help="What ArduSub is set to do when it hears nobody: continue or surface. If absent, as it is.",
         ),
     ] = None,
     notices: Annotated[
@@ -77,7 +92,8 @@ def execute(
     from auvplan.link.opening import SIMULATOR, check_address
 
     limits = _limits(limit or [])
-    check_address(link)
+    loss = link_loss.value if link_loss else ""
+    check_address(link, loss)
     if scale is not None and not (math.isfinite(scale) and scale > 0.0):
         raise AuvplanError(f"--scale: must be positive, got {scale:g}")
     from auvplan.files import output_folder
@@ -104,7 +120,7 @@ def execute(
         if link == SIMULATOR:
             vehicle = SimulatedVehicle(settings, seed, folder, area, scale)
         else:
-            vehicle = open_link(link, plan.site, limits, scale or 1.0)
+            vehicle = open_link(link, plan.site, limits, scale or 1.0, loss)
     if not quiet:
         say_notes(area.notes)
         if link != SIMULATOR and scale is None:

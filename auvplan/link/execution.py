@@ -195,9 +195,7 @@ class _Executor:
         except KeyboardInterrupt:
             record.reason = "interrupted"
             if not record.safe:
-                number, end = self._progress.upload.number, self._progress.upload.itinerary.end
-                goes_on = f"the vehicle goes on with upload {number}, whose last item is to {end}"
-                record.safe = goes_on if self._started else _NOT_STARTED
+                record.safe = self._left_alone if self._started else _NOT_STARTED
             raise KeyboardInterrupt(f"{record.reason}; {record.safe}") from None
         finally:
             record.t_mission = record.t_mission or self._now
@@ -248,8 +246,10 @@ class _Executor:
         whole = Upload(self._plan.itinerary(plan, 0))
         legs, available = counted(len(plan.legs), "leg"), self._record.t_available
         self._say("plan", f"planned: {legs}, {plan.ends:.0f} s of {available:.0f} s")
-        self._link.connect()
+        notes = self._link.connect()
         self._say("connected", f"connected to {self._link.name}")
+        for note in notes:
+            self._say("note", note)
         self._check_ready(self._link.wait(0.0), whole.steps[0].position)
         self._progress = _Progress(whole)
         self._hand_over(_Next(whole, plan, 0, "start"))
@@ -446,12 +446,22 @@ class _Executor:
             return True
         if not self._silent:
             self._silent = True
-            number, end = self._progress.upload.number, self._progress.upload.itinerary.end
-            self._say(
-                "lost", (f"nothing heard for {report.heard:.0f} s" if not heard else "its place is not known")
-                + f": the vehicle goes on with upload {number}, whose last item is to {end}",
-            )  # fmt: skip
+            what = f"nothing heard for {report.heard:.0f} s" if not heard else "its place is not known"
+            self._say("lost", f"{what}: {self._goes_on if heard else self._left_alone}")
         return False
+
+    @property
+    def _goes_on(self) -> str:
+        upload = self._progress.upload
+        return (
+            f"the vehicle goes on with upload {upload.number}, whose last item is to {upload.itinerary.end}"
+        )
+
+    @property
+    def _left_alone(self) -> str:
+        """What the vehicle does when nobody talks to it, in words."""
+        alone = self._link.left_alone
+        return f"by its own settings {alone}" if alone else self._goes_on
 
     def _check_state(self, report: Report) -> None:
         """Give up where the vehicle itself did.

@@ -185,8 +185,11 @@ class ImcVehicle(ListeningLink):
             return
         self._done = max(self._done, done)
 
-    def connect(self) -> None:
+    def connect(self) -> list[str]:
         """Wait for the vehicle's position and for the state of its plans.
+
+        Returns:
+            Nothing: what it does by itself is not asked.
 
         Raises:
             Lost: there is none.
@@ -194,7 +197,7 @@ class ImcVehicle(ListeningLink):
         end = time.monotonic() + self._limits.connect
         while time.monotonic() < end:
             if self._here is not None and self._control is not None:
-                return
+                return []
             time.sleep(0.02)
         what = "EstimatedState" if self._here is None else "PlanControlState"
         raise Lost(f"{self.name}: no {what} within {self._limits.connect:.0f} s")

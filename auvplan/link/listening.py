@@ -17,12 +17,14 @@ Array = NDArray[np.floating]
 
 _log = logging.getLogger(__name__)
 
-#: s between two heartbeats.
+#: s of the vehicle's time between two heartbeats.
 _BEAT = 1.0
 
 
 class ListeningLink(ABC):
     """A vehicle that is listened to in a thread, from `_start_listening` until `close`."""
+
+    left_alone = ""
 
     def __init__(self, site: Site, limits: Limits | None, scale: float) -> None:
         """Begin before mission time does.
@@ -73,7 +75,7 @@ class ListeningLink(ABC):
     def _listen(self) -> None:
         beat = -math.inf
         while not self._closed.is_set():
-            if time.monotonic() - beat >= _BEAT:
+            if time.monotonic() - beat >= _BEAT / self.rate:
                 beat = time.monotonic()
                 self._say_hello()
             try:

@@ -11,13 +11,14 @@ import queue
 import threading
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from typing import Any
 
 import numpy as np
 
 from auvplan.export.qgroundcontrol import qgc_plan
+from auvplan.link import ardusub
 from auvplan.link.limits import Limits
 from auvplan.link.listening import ListeningLink
 from auvplan.link.vehicle import LinkError, Lost, Refused, Report, State, Upload
@@ -57,18 +58,23 @@ _CANCELLED = 15
 _OFFERED = ("MISSION_REQUEST_INT", "MISSION_REQUEST", "MISSION_ACK")
 _READ = ("MISSION_COUNT", "MISSION_ITEM_INT")
 _COMMANDED = ("COMMAND_ACK",)
+_VALUES = ("PARAM_VALUE",)
 
 #: MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION and MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION.
 _CORNER, _CIRCLE = 5002, 5004
 
-#: MAV_FRAME_GLOBAL, of fences.
-_GLOBAL = 0
+#: MAV_FRAME_GLOBAL, of fences, and MAV_FRAME_MISSION, of items without a place.
+_GLOBAL, _NO_PLACE = 0, 2
 
-#: MAV_AUTOPILOT_ARDUPILOTMEGA and MAV_AUTOPILOT_PX4.
-_ARDUPILOT, _PX4 = 3, 12
+#: m by which heights may be off that are held as they were sent.
+_SAME = 1e-3
 
-#: MAV_CMD_COMPONENT_ARM_DISARM, _DO_SET_MODE, _MISSION_START, _DO_PAUSE_CONTINUE and _NAV_LAND.
-_ARM, _SET_MODE, _START, _PAUSE, _LAND = 400, 176, 300, 193, 21
+#: MAV_AUTOPILOT_ARDUPILOTMEGA, MAV_AUTOPILOT_PX4 and MAV_TYPE_SUBMARINE.
+_ARDUPILOT, _PX4, _SUBMARINE = 3, 12, 12
+
+#: MAV_CMD_COMPONENT_ARM_DISARM, _DO_SET_MODE, _MISSION_START, _DO_PAUSE_CONTINUE, _NAV_LAND, _DO_CHANGE_SPEED
+#: and _SET_MESSAGE_INTERVAL.
+_ARM, _SET_MODE, _START, _PAUSE, _LAND, _SPEED, _INTERVAL = 400, 176, 300, 193, 21, 178, 511
 
 #: MAV_MODE_FLAG_CUSTOM_MODE_ENABLED.
 _CUSTOM = 1
@@ -78,6 +84,12 @@ _STATES = {3: State.EXECUTING, 4: State.HOLDING, 5: State.FINISHED}
 
 #: MAV_STATE_CRITICAL, _EMERGENCY, _POWEROFF and _FLIGHT_TERMINATION.
 _FAULTS = (5, 6, 7, 8)
+
+#: MAV_SEVERITY_WARNING.
+_WARNING = 4
+
+#: s within which a message may come behind others that were sent after it.
+_BEHIND = 1.0
 
 
 @dataclass(frozen=True)
@@ -98,23 +110,37 @@ class Item:
     y: int
     z: float
 
-    def same(self, other: "Item") -> bool:
-        """Return whether another item says the same; what is left to the vehicle may have any value."""
-        numbers = zip((*self.params, self.z), (*other.params, other.z), strict=True)
-        return (self.frame, self.command, self.x, self.y) == (
-            other.frame,
-            other.command,
-            other.x,
-            other.y,
-        ) and all(math.isnan(a) or abs(a - b) <= 1e-3 + 1e-6 * abs(a) for a, b in numbers)
+    def same(self, other: "Item", height: float = _SAME) -> bool:
+        """Return whether another item says the same; what is left to the vehicle may have any value.
+
+        Args:
+            other: item.
+            height: m, by which heights may be off each other.
+        """
+        return (
+            (self.frame, self.command, self.x, self.y) == (other.frame, other.command, other.x, other.y)
+            and abs(self.z - other.z) <= height
+            and all(
+                math.isnan(a) or abs(a - b) <= 1e-3 + 1e-6 * abs(a)
+                for a, b in zip(self.params, other.params, strict=True)
+            )
+        )
+
+    @property
+    def kept(self) -> "Item":
+        """Return what ArduPilot keeps of it: the rest is NaN."""
+        kept = ardusub.KEPT.get(self.command, range(4))
+        params = tuple(part if k in kept else math.nan for k, part in enumerate(self.params))
+        return replace(self, frame=_GLOBAL if self.frame == _NO_PLACE else self.frame, params=params)
 
 
-def mission_items(upload: Upload, home: bool = False) -> list[Item]:
+def mission_items(upload: Upload, ardupilot: bool = False) -> list[Item]:
     """Return the items of an upload's `.plan` file.
 
     Args:
         upload: whose itinerary is written.
-        home: whether the planned home comes first, as ArduPilot wants it.
+        ardupilot: whether they are for ArduPilot: the planned home comes first, and of each item there is
+            what it keeps.
     """
     mission = qgc_plan(upload.itinerary)["mission"]
     items = []
@@ -124,10 +150,11 @@ def mission_items(upload: Upload, home: bool = False) -> list[Item]:
         items.append(
             Item(item["frame"], item["command"], values, *_scaled((latitude, longitude)), float(height))
         )
-    if home:
+    if ardupilot:
         latitude, longitude, height = mission["plannedHomePosition"]
         place = round(latitude * 1e7), round(longitude * 1e7), height
         items.insert(0, Item(_GLOBAL, 16, (0.0, 0.0, 0.0, 0.0), *place))
+        items = [item.kept for item in items]
     return items
 
 
@@ -155,15 +182,19 @@ class _Heard:
     """What the vehicle has said."""
 
     at: float = -math.inf
+    order: int = 0  # number of the newest message
     autopilot: int = 0
+    kind: int = 0
     mode: int = 0
     armed: bool = False
     fault: bool = False
+    gave_up: str = ""  # how the mission was ended by somebody else, or by the vehicle itself
     speed: float = math.nan
     current: int = -1
     reached: int = -1
     progress: State = State.UNKNOWN
     words: str = ""
+    alarm: str = ""  # its last words of warning
     answers: "queue.Queue[Any]" = field(default_factory=queue.Queue)
 
 
@@ -172,7 +203,14 @@ class MavlinkVehicle(ListeningLink):
 
     by_legs = False
 
-    def __init__(self, address: str, site: Site, limits: Limits | None = None, scale: float = 1.0) -> None:
+    def __init__(
+        self,
+        address: str,
+        site: Site,
+        limits: Limits | None = None,
+        scale: float = 1.0,
+        link_loss: str = "",
+    ) -> None:
         """Open the connection; the vehicle is looked for by `connect`.
 
         Args:
@@ -180,6 +218,7 @@ class MavlinkVehicle(ListeningLink):
             site: that local coordinates count from.
             limits: of replies and tries.
             scale: s of the vehicle's time in one of wall-clock time, for vehicles that are simulated.
+            link_loss: what ArduSub is set to do without a link, "continue" or "surface"; empty: as it is set.
 
         Raises:
             LinkError: the connection cannot be opened.
@@ -208,6 +247,12 @@ class MavlinkVehicle(ListeningLink):
         self._steps = 0
         self._fresh: tuple[int, int] | None = None  # first item and steps of an upload that is not started
         self._done, self._settled = 0, -math.inf
+        self._speed = math.nan  # m/s over ground, of the last upload
+        self._ours: frozenset[int] = (
+            frozenset()
+        )  # modes that the vehicle may be in because it was asked to be
+        self._link_loss = link_loss
+        self._failsafes: dict[str, float] = {}
         self._fence: list[Item] = []
         self._expected: tuple[str, ...] = ()
         self._start_listening()
@@ -241,13 +286,16 @@ class MavlinkVehicle(ListeningLink):
         vehicle = kind == "HEARTBEAT" and message.type != 6 and source[1] == 1
         if vehicle:
             self._systems.add(source[0])
-        if vehicle and self._target in ((0, 0), source):
-            self._target = source
-            heard.autopilot, heard.mode = message.autopilot, message.custom_mode
-            heard.armed, heard.fault = bool(message.base_mode & 128), message.system_status in _FAULTS
+            self._target = source if self._target == (0, 0) else self._target
         if source != self._target:
             return
+        # Messages overtake each other: an old heartbeat must not say that the vehicle left its mode.
+        late = time.monotonic() - heard.at < _BEHIND and (message.get_seq() - heard.order) % 256 > 128
         heard.at = time.monotonic()
+        if not late:
+            heard.order = message.get_seq()
+            if vehicle:
+                self._take_heartbeat(message)
         if kind == "GLOBAL_POSITION_INT":
             if message.lat == message.lon == 0:
                 return  # which is said before the place is known
@@ -265,7 +313,9 @@ class MavlinkVehicle(ListeningLink):
             self._advance(message.seq)
         elif kind == "STATUSTEXT":
             heard.words = message.text
-        elif kind.startswith("MISSION_") or kind == "COMMAND_ACK":
+            if message.severity <= _WARNING:
+                heard.alarm = message.text
+        elif kind.startswith("MISSION_") or kind in (*_COMMANDED, *_VALUES):
             if kind in self._expected:
                 heard.answers.put(message)
             elif kind in ("MISSION_COUNT", "MISSION_REQUEST", "MISSION_REQUEST_INT"):
@@ -276,17 +326,47 @@ class MavlinkVehicle(ListeningLink):
                     )
                 )
 
+    def _take_heartbeat(self, message: Any) -> None:
+        """Take in mode and state, and keep in mind what has ended the mission, however short it is seen."""
+        heard = self._heard
+        was_armed, heard.armed = heard.armed, bool(message.base_mode & 128)
+        heard.autopilot, heard.kind, heard.mode = message.autopilot, message.type, message.custom_mode
+        heard.fault = message.system_status in _FAULTS
+        if not self._ours or heard.gave_up or self._done >= self._steps:
+            return
+        said = f" ({heard.alarm})" if heard.alarm else ""
+        if heard.fault:
+            heard.gave_up = f"it reports a failsafe{said}"
+        elif was_armed and not heard.armed:
+            heard.gave_up = f"it was disarmed{said}"
+        elif self._ardupilot and heard.mode not in self._ours:
+            heard.gave_up = f"it was set to mode {ardusub.mode_name(heard.mode)}{said}"
+
+    def _check_ours(self) -> None:
+        """See that nobody has ended the mission.
+
+        Raises:
+            Refused: somebody has, or the vehicle itself.
+        """
+        if self._heard.gave_up:
+            raise Refused(f"{self.name}: {self._heard.gave_up}: nothing is started again")
+
     def _advance(self, item: int) -> None:
         """Take note that an item is completed; what is said just after an upload may be of the one before."""
         if self._fresh is None and time.monotonic() >= self._settled:
             self._done = max(self._done, min(item - self._first + 1, self._steps))
 
-    def connect(self) -> None:
+    def connect(self) -> list[str]:
         """Wait for the vehicle's heartbeat and position, and see that no other one is there.
+
+        What ArduSub does without a link is read, and set where that is asked for.
+
+        Returns:
+            Lines for people on what it does by itself.
 
         Raises:
             Lost: there is none.
-            Refused: there are several.
+            Refused: there are several, or it does not let its failsafes be set.
         """
         begin = time.monotonic()
         while time.monotonic() - begin < self._limits.connect:
@@ -295,10 +375,65 @@ class MavlinkVehicle(ListeningLink):
                 if len(self._systems) > 1:
                     numbers = ", ".join(map(str, sorted(self._systems)))
                     raise Refused(f"{self.name}: systems {numbers} are on this link: give each its own")
-                return
+                return self._read_failsafes()
             time.sleep(0.02)
         what = "no heartbeat" if self._target == (0, 0) else "no GLOBAL_POSITION_INT"
         raise Lost(f"{self.name}: {what} within {self._limits.connect:.0f} s")
+
+    def _read_failsafes(self) -> list[str]:
+        """Read what ArduSub does by itself, set what it does without a link, and return lines on both.
+
+        Raises:
+            Refused: it does not take what is set.
+        """
+        if not self._ardupilot or self._heard.kind != _SUBMARINE:
+            if self._link_loss:
+                raise Refused(f"{self.name} is not ArduSub: what it does without a link is set on itself")
+            return []
+        for name in ardusub.FAILSAFES:
+            value = self._parameter(name)
+            if value is not None:
+                self._failsafes[name] = value
+        notes = []
+        if self._link_loss and self._state() is not State.EXECUTING:
+            for name, wanted in ardusub.LINK_LOSS[self._link_loss].items():
+                if self._failsafes.get(name) != wanted:
+                    self._set_parameter(name, wanted)
+                    notes.append(f"{name} is set to {wanted:g}, and stays so")
+        alone = self.left_alone
+        notes.append(f"if the link is lost, {alone}" if alone else "if the link is lost, it goes on")
+        return notes + ardusub.warnings(self._failsafes)
+
+    @property
+    def left_alone(self) -> str:
+        """Return what the vehicle does when the link is lost; empty where it goes on with its plan."""
+        return (
+            ardusub.left_alone(self._failsafes) if self._heard.kind == _SUBMARINE and self._ardupilot else ""
+        )
+
+    def _parameter(self, name: str) -> float | None:
+        """Return a parameter; None where the vehicle does not say."""
+        self._expect(_VALUES)
+        found = self._asked_for(
+            lambda mav: mav.param_request_read_send(*self._target, name.encode(), -1),
+            lambda m: m.param_id == name,
+        )
+        return None if found is None else float(found.param_value)
+
+    def _set_parameter(self, name: str, value: float) -> None:
+        """Set a parameter; ArduPilot takes any as a number of single precision (MAV_PARAM_TYPE_REAL32).
+
+        Raises:
+            Refused: the vehicle does not say that it has the value.
+        """
+        self._expect(_VALUES)
+        found = self._asked_for(
+            lambda mav: mav.param_set_send(*self._target, name.encode(), value, 9),
+            lambda m: m.param_id == name and m.param_value == value,
+        )
+        if found is None:
+            raise Refused(f"{self.name} does not take {name} {value:g}")
+        self._failsafes[name] = value
 
     @property
     def _ardupilot(self) -> bool:
@@ -311,11 +446,13 @@ class MavlinkVehicle(ListeningLink):
             Lost, Refused: the vehicle does not hold the plan.
         """
         notes = []
-        items = mission_items(plan, home=self._ardupilot)
+        self._check_ours()
+        items = mission_items(plan, self._ardupilot)
         first = 2 if self._ardupilot else 1  # after home, if any, and the speed
         fence = fence_items(plan)
-        if self._ardupilot and not math.isnan(self._begin):
-            self.hold()  # it goes on by the number of its item, which is another one in the new plan
+        if self._ardupilot and (self._heard.mode == ardusub.AUTO or not math.isnan(self._begin)):
+            # It goes on by the number of its item, which is another one in the new plan.
+            self._insist(self.hold)
         if fence != self._fence or items == self._items:  # which are sent again where it may have lost them
             try:
                 self._place(fence, FENCE, "fence")
@@ -324,6 +461,7 @@ class MavlinkVehicle(ListeningLink):
                 notes.append(f"{error}: the vehicle goes without a fence")
         self._place(items, MISSION, "plan", lambda: self._switch(first, len(plan.steps)))
         self._items, self._settled = items, time.monotonic() + self._limits.outdated
+        self._speed = plan.itinerary.speed
         return notes
 
     def _switch(self, first: int, steps: int) -> None:
@@ -351,7 +489,9 @@ class MavlinkVehicle(ListeningLink):
                     problem = broken or problem
                     continue
                 skip = 1 if kind == MISSION and self._ardupilot else 0  # the vehicle's home is its own
-                same = sum(a.same(b) for a, b in list(zip(items, held, strict=False))[skip:]) + skip
+                height = ardusub.CENTIMETRE if self._ardupilot else _SAME
+                pairs = list(zip(items, held, strict=False))[skip:]
+                same = sum(a.same(b, height) for a, b in pairs) + skip
                 if len(held) == len(items) == same:
                     return
                 problem = broken or Lost(
@@ -403,6 +543,8 @@ class MavlinkVehicle(ListeningLink):
         raise Lost(f"{self.name}: the {what} broke off: {asked}")
 
     def _send_item(self, item: Item, number: int, kind: int) -> None:
+        if self._ardupilot:  # which refuses NaN in most places, and has 0 for it in the others
+            item = replace(item, params=tuple(0.0 if math.isnan(part) else part for part in item.params))
         self._send(
             lambda mav: mav.mission_item_int_send(
                 *self._target,
@@ -507,37 +649,136 @@ class MavlinkVehicle(ListeningLink):
                 time.sleep(self._limits.reply)
         raise Lost(f"{self.name}: {said} command {command}")
 
-    def _mode(self, ardusub: int, px4: tuple[int, int]) -> None:
-        """Set a mode of ArduSub or of PX4."""
-        if self._ardupilot:
-            self._command(_SET_MODE, _CUSTOM, ardusub, done=lambda: self._heard.mode == ardusub)
-        else:
-            wanted = px4[0] << 16 | px4[1] << 24
-            self._command(_SET_MODE, _CUSTOM, *px4, done=lambda: self._heard.mode == wanted)
+    def _set_px4(self, main: int, sub: int) -> None:
+        """Set a mode of PX4."""
+        wanted = main << 16 | sub << 24
+        self._command(_SET_MODE, _CUSTOM, main, sub, done=lambda: self._heard.mode == wanted)
+
+    def _set_ardusub(self, mode: int, also: int | None = None) -> None:
+        """Set a mode of ArduSub, and see that it is in it, or in one that follows by itself.
+
+        Raises:
+            Lost, Refused: it is not.
+        """
+        heard, wanted = self._heard, frozenset({mode} if also is None else {mode, also})
+        if self._ours:
+            self._ours |= wanted
+        self._command(_SET_MODE, _CUSTOM, mode, done=lambda: heard.mode in wanted)
+        self._see(lambda: heard.mode in wanted, f"mode {ardusub.mode_name(mode)}")
+        if self._ours:
+            self._ours = wanted
+
+    def _see(self, done: Callable[[], bool], what: str) -> None:
+        """Wait until the vehicle says that something is so.
+
+        Raises:
+            Lost: it does not.
+        """
+        end = time.monotonic() + self._limits.attempts * self._limits.reply
+        while not done():
+            if time.monotonic() > end:
+                raise Lost(f"{self.name}: is not seen in {what}")
+            time.sleep(0.005)
+
+    def _insist(self, call: Callable[[], None]) -> None:
+        """Ask again where a vehicle refuses that was not started yet: just after boot it has no position.
+
+        Raises:
+            Lost, Refused: it refuses for too long, or does not answer.
+        """
+        end = time.monotonic() + (self._limits.connect if math.isnan(self._begin) else 0.0)
+        while True:
+            try:
+                return call()
+            except Refused:
+                if time.monotonic() > end:
+                    raise
+            time.sleep(self._limits.reply)
+
+    def _start_ardusub(self, item: int) -> None:
+        """Leave mode AUTO, arm, and enter it again: setting the mode that it is in does nothing.
+
+        The mode of holding needs the position that AUTO needs, so that it is armed only where that is known.
+        AUTO starts with its own speed (ArduSub/mode_auto.cpp): that of the plan is given once more.
+
+        Raises:
+            Lost, Refused: the vehicle does not say that the mission is active.
+        """
+        heard = self._heard
+        self._insist(self._check_sound)
+        self._insist(lambda: self._set_ardusub(ardusub.POSHOLD))
+        own = not heard.armed
+        try:
+            if own:
+                self._insist(lambda: self._command(_ARM, 1, done=lambda: heard.armed))
+            self._set_current(item)
+            heard.progress = State.UNKNOWN
+            self._insist(lambda: self._set_ardusub(ardusub.AUTO))
+            self._see(
+                lambda: heard.armed and heard.mode == ardusub.AUTO and heard.progress is State.EXECUTING,
+                "mode AUTO with an active mission",
+            )
+        except LinkError:
+            if own and math.isnan(self._begin):
+                self._disarm()
+            raise
+        self._command(_SPEED, 1, self._speed, -1)
+        self._ours = frozenset({ardusub.AUTO})
+
+    def _check_sound(self) -> None:
+        """See that no failsafe is on.
+
+        Raises:
+            Refused: one is.
+        """
+        if self._heard.fault:
+            words = f" ({self._heard.alarm})" if self._heard.alarm else ""
+            raise Refused(f"{self.name} reports a failsafe{words}: it is not started")
+
+    def _disarm(self) -> None:
+        """Disarm, where that can be done."""
+        try:
+            self._command(_ARM, 0, done=lambda: not self._heard.armed)
+        except LinkError as error:
+            _log.info("not disarmed: %s", error)
 
     def start(self, step: int = 0) -> None:
         """Arm, execute from a step on.
 
         Raises:
-            Lost, Refused: the vehicle does not say that it does.
+            Lost, Refused: the vehicle does not say that it does, or somebody has ended the mission.
         """
+        self._check_ours()
         first, steps = self._fresh or (self._first, self._steps)
-        if not self._heard.armed:
-            self._command(_ARM, 1, done=lambda: self._heard.armed)
-        under_way = self._heard.progress is State.EXECUTING
-        if under_way and not self._ardupilot and time.monotonic() >= self._settled:
-            # It began the new plan by itself, and may have come some way.
-            step = min(max(step, self._heard.current - first), steps)
-        self._heard.progress = State.UNKNOWN
-        self._set_current(first + step if step else 0)
-        if self._ardupilot or self._heard.autopilot == _PX4:
-            self._mode(3, (4, 4))
+        if self._ardupilot:
+            self._start_ardusub(first + step if step else 0)
         else:
-            self._command(_START, 0, 0, done=lambda: self._heard.progress is State.EXECUTING)
+            step = self._start_other(first, step, steps)
         self._first, self._steps, self._done = first, steps, step
         self._fresh = None
         if math.isnan(self._begin):
             self._begin = time.monotonic()
+
+    def _start_other(self, first: int, step: int, steps: int) -> int:
+        """Start PX4, or another vehicle, and return the step that it begins with.
+
+        Raises:
+            Lost, Refused: the vehicle does not say that it does.
+        """
+        if not self._heard.armed:
+            self._command(_ARM, 1, done=lambda: self._heard.armed)
+        under_way = self._heard.progress is State.EXECUTING
+        if under_way and time.monotonic() >= self._settled:
+            # It began the new plan by itself, and may have come some way.
+            step = min(max(step, self._heard.current - first), steps)
+        self._heard.progress = State.UNKNOWN
+        self._set_current(first + step if step else 0)
+        if self._heard.autopilot == _PX4:
+            self._set_px4(4, 4)
+        else:
+            self._command(_START, 0, 0, done=lambda: self._heard.progress is State.EXECUTING)
+        self._ours = frozenset({self._heard.mode})
+        return step
 
     def _set_current(self, item: int) -> None:
         """Set the item that is executed next.
@@ -550,7 +791,10 @@ class MavlinkVehicle(ListeningLink):
             self._send(lambda mav: mav.mission_set_current_send(*self._target, item))
             end = time.monotonic() + self._limits.reply
             while time.monotonic() < end:
-                if self._heard.current >= item:
+                # A vehicle that is held cannot have come further, and says what it was set to.
+                if self._heard.current == item or (
+                    self._heard.current > item and not (self._ardupilot and item)
+                ):
                     return
                 time.sleep(0.005)
         raise Lost(f"{self.name}: no answer to item {item} as the next")
@@ -559,10 +803,13 @@ class MavlinkVehicle(ListeningLink):
         """Stay where it is.
 
         Raises:
-            Lost, Refused: the vehicle does not say that it does.
+            Lost, Refused: the vehicle does not say that it does, or somebody has ended the mission.
         """
-        if self._ardupilot or self._heard.autopilot == _PX4:
-            self._mode(16, (4, 3))
+        self._check_ours()
+        if self._ardupilot:
+            self._set_ardusub(ardusub.POSHOLD)
+        elif self._heard.autopilot == _PX4:
+            self._set_px4(4, 3)
         else:
             self._command(_PAUSE, 0, done=lambda: self._heard.progress is State.HOLDING)
 
@@ -572,8 +819,9 @@ class MavlinkVehicle(ListeningLink):
         Raises:
             Lost, Refused: the vehicle does not say that it does.
         """
+        self._ours = frozenset()
         if self._ardupilot:
-            self._mode(9, (4, 6))
+            self._set_ardusub(ardusub.SURFACE, ardusub.ALT_HOLD)
         else:
             self._command(_LAND)
 
@@ -585,19 +833,24 @@ class MavlinkVehicle(ListeningLink):
             heard.speed,
             self._state(),
             self._done,
-            heard.words,
+            heard.gave_up or heard.words,
         )
 
     def _state(self) -> State:
         heard = self._heard
-        if heard.fault:
+        if heard.fault or heard.gave_up:
             return State.FAULT
+        if self._ardupilot and not heard.armed and heard.progress is not State.FINISHED:
+            return State.IDLE
         if heard.progress is not State.UNKNOWN:
             return heard.progress
-        if self._ardupilot and not heard.armed:
-            return State.IDLE
         if self._ardupilot:
-            return {3: State.EXECUTING, 16: State.HOLDING, 9: State.SURFACING}.get(heard.mode, State.UNKNOWN)
+            modes = {
+                ardusub.AUTO: State.EXECUTING,
+                ardusub.POSHOLD: State.HOLDING,
+                ardusub.SURFACE: State.SURFACING,
+            }
+            return modes.get(heard.mode, State.UNKNOWN)
         return State.UNKNOWN
 
     def _disconnect(self) -> None:

@@ -13,12 +13,14 @@ SIMULATOR = "sim"
 MAVLINK, IMC = "mavlink:", "imc:"
 
 
-def check_address(address: str) -> None:
-    """Check an address before anything is planned.
+def check_address(address: str, link_loss: str = "") -> None:
+    """Check an address before anything is planned, and what the vehicle is to do without a link.
 
     Raises:
         AuvplanError: it is none that `open_link` knows, or its library is not installed; one line.
     """
+    if link_loss and not address.startswith(MAVLINK):
+        raise AuvplanError(f"--link-loss: is for --link mavlink:ADDRESS, where ArduSub is, not {address}")
     if address == SIMULATOR:
         return
     if address.startswith(MAVLINK):
@@ -43,7 +45,9 @@ def check_address(address: str) -> None:
         raise AuvplanError(f"--link {address}: must be sim, mavlink:ADDRESS or imc:HOST:PORT")
 
 
-def open_link(address: str, site: Site, limits: Limits | None = None, scale: float = 1.0) -> VehicleLink:
+def open_link(
+    address: str, site: Site, limits: Limits | None = None, scale: float = 1.0, link_loss: str = ""
+) -> VehicleLink:
     """Open a link to a vehicle outside of this process.
 
     Args:
@@ -51,16 +55,17 @@ def open_link(address: str, site: Site, limits: Limits | None = None, scale: flo
         site: that local coordinates count from.
         limits: of replies and tries.
         scale: s of mission time in one of wall-clock time, for vehicles that are simulated.
+        link_loss: what ArduSub is set to do without a link, "continue" or "surface"; empty: as it is set.
 
     Raises:
         AuvplanError: the address is none, its library is missing, or it cannot be opened; one line.
     """
-    check_address(address)
+    check_address(address, link_loss)
     try:
         if address.startswith(MAVLINK):
             from auvplan.link.mavlink import MavlinkVehicle
 
-            return MavlinkVehicle(address.removeprefix(MAVLINK), site, limits, scale)
+            return MavlinkVehicle(address.removeprefix(MAVLINK), site, limits, scale, link_loss)
         from auvplan.link.imc import ImcVehicle
 
         return ImcVehicle(address.removeprefix(IMC), site, limits, scale)

@@ -31,6 +31,7 @@ class SimulatedVehicle:
 
     name = "the simulator"
     by_legs = False
+    left_alone = ""
 
     def __init__(
         self,
@@ -74,8 +75,9 @@ class SimulatedVehicle:
         """Return 0: time stands still while the executor plans."""
         return 0.0
 
-    def connect(self) -> None:
+    def connect(self) -> list[str]:
         """Do nothing: it is there."""
+        return []
 
     def upload(self, plan: Upload) -> list[str]:
         """Take a plan."""

@@ -188,12 +188,22 @@ class VehicleLink(Protocol):
         """Return s of mission time in one of wall-clock time; 0 where time stands still between waits."""
         ...
 
-    def connect(self) -> None:
+    @property
+    def left_alone(self) -> str:
+        """Return what the vehicle does when the link is lost; empty where it goes on with its plan."""
+        ...
+
+    def connect(self) -> list[str]:
         """Find the vehicle.
+
+        Returns:
+            Lines for people: what the vehicle does by itself.
 
         Raises:
             Lost: nobody answers.
+            Refused: the vehicle is not as it is asked to be.
         """
+        ...
 
     def upload(self, plan: Upload) -> list[str]:
         """Hand over a plan, whole, and read it back where the vehicle lets that be done.

@@ -43,6 +43,8 @@ class ScriptedVehicle:
     name: str = "a scripted vehicle"
     by_legs: bool = False
     rate: float = 0.0
+    left_alone: str = ""
+    notes: list[str] = field(default_factory=list)
     now: float = 0.0
 
     def __post_init__(self) -> None:
@@ -58,8 +60,9 @@ class ScriptedVehicle:
             raise Lost("no answer")
         self.fails(what)
 
-    def connect(self) -> None:
+    def connect(self) -> list[str]:
         self._ask("connect")
+        return self.notes
 
     def upload(self, plan: Upload) -> list[str]:
         self._ask("upload")
