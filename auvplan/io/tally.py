@@ -98,7 +98,7 @@ def _route_faults(dataset: xr.Dataset, legs: list[Leg], once: bool) -> Iterator[
     for number, nodes in enumerate(dataset["route_nodes"].values):
         made_at = float(dataset["route_made_at"].values[number])
         book, visited, total = _GraphBook.of(dataset, once), {start}, 0.0
-        done = [leg for leg in legs if leg.arrived and leg.begins < made_at]
+        done = [leg for leg in legs if leg.arrived and leg.begins < made_at - TIME_TOLERANCE]
         ahead = [replace(legs[0], start=i, goal=j) for i, j in pairwise(nodes[nodes >= 0].tolist())]
         for place, leg in enumerate((*done, *ahead)):
             earned = book.earn(leg, leg.goal in visited).priority
