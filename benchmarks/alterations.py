@@ -198,15 +198,16 @@ def main() -> int:
             report = check_dataset(*altered(kind, summary, dataset, rng))
             rows.append({"run": str(folder), "kind": kind, "faults": report.faults})
     found = sum(bool(row["faults"]) for row in rows)
-    table = Table("alteration", "found", "of", "first fault")
+    table, kinds = Table("alteration", "found", "of", "first fault"), {}
     for kind in sorted({row["kind"] for row in rows}, key=list(KINDS).index):
         own = [row["faults"] for row in rows if row["kind"] == kind]
-        table.add_row(kind, str(sum(map(bool, own))), str(len(own)), max(own, key=len, default=[""])[:1][0])
+        kinds[kind] = sum(map(bool, own)), len(own)
+        table.add_row(kind, *map(str, kinds[kind]), (max(own, key=len) or [""])[0])
     console().print(table)
     console().print(
         f"originals without a fault: {clean} of {len(runs)}; alterations found: {found} of {len(rows)}"
     )
-    write(options.out, {"originals": len(runs), "clean": clean, "alterations": rows})
+    write(options.out, {"alterations": {"originals": len(runs), "clean": clean, "kinds": kinds}})
     return int(clean < len(runs) or found < len(rows))
 
 

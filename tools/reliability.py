@@ -155,6 +155,7 @@ CAPABILITIES: dict[str, dict[str, tuple[str, ...]]] = {
             "tests/io/test_walk.py",
             "tests/io/test_sources.py",
         ),
+        "fault": ("benchmarks.alterations",),
     },
     "Readers of currents": {
         "tests": ("tests/io/currents/test_reading.py", "tests/io/currents/test_formats.py"),
@@ -312,6 +313,15 @@ def fuzz(found: list[dict[str, Any]]) -> list[str]:
     return lines + (["", "Failures:", "", *dict.fromkeys(failed)] if failed else [])
 
 
+def alterations(found: dict[str, Any]) -> list[str]:
+    """Altered figures of saved runs."""
+    rows = [[kind, *counts] for kind, counts in found["kinds"].items()]
+    found_all, drawn_all = (sum(counts[k] for _, *counts in rows) for k in (0, 1))
+    line = f"{found['clean']} of {found['originals']} saved runs are without a fault, {found_all} of "
+    line += f"{drawn_all} altered copies have one."
+    return [line, "", *_table(("alteration", "found", "of"), rows)]
+
+
 def long_run(found: dict[str, list[dict[str, float]]]) -> list[str]:
     """Memory, programs and files of very many missions."""
     columns = (("memory", "memory, MiB"), ("programs", "programs compiled"), ("files", "files open"))
@@ -354,6 +364,7 @@ SECTIONS: dict[str, tuple[str, str, Callable[[Any], list[str]]]] = {
     "determinism": ("The same seed", "python -m benchmarks.determinism", determinism),
     "crashes": ("Kills and full disks", "python -m benchmarks.crashes", crashes),
     "fuzz": ("Changed files", "python -m benchmarks.fuzz", fuzz),
+    "alterations": ("Altered results", "python -m benchmarks.alterations DIR ...", alterations),
     "long_run": ("Very many missions in one process", "python -m benchmarks.long_run", long_run),
     "mutants": ("Mutants", "python tools/mutants.py", mutants),
     "versions": ("Versions", "python tools/versions.py", versions),
