@@ -3,17 +3,27 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+#: Characters of a line; what a file holds, such as a unit, may be a megabyte.
+_LINE = 1000
+
 
 class AuvplanError(ValueError):
     """Bad input or output; the message is one line that names what is wrong.
 
     Attributes:
+        lines: all that was found wrong, a line each; the message is the first, and how many more there are.
         field: what is at fault: a field of a scenario, dotted, such as "chart.file"; an argument of a reader,
             such as "crs"; empty where none is known.
         reason: the message without the field.
     """
 
-    def __init__(self, reason: str = "", *, field: str = "") -> None:
+    def __init__(self, reason: str = "", *others: str, field: str = "") -> None:
+        self.lines = tuple(
+            line if len(line) <= _LINE else f"{line[: _LINE - 3]}..." for line in (reason, *others)
+        )
+        reason = self.lines[0]
+        if others:
+            reason += f" (and {len(others)} more: auvplan validate lists all)"
         super().__init__(f"{field} {reason}" if field else reason)
         self.field, self.reason = field, reason
 

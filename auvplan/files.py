@@ -28,6 +28,9 @@ REPORT = "report.html"
 #: Figures of a rehearsal, in the folder of its study.
 REHEARSAL = "rehearsal.json"
 
+#: Record of an execution on a vehicle.
+EXECUTION = "execution.json"
+
 #: Departures as a table, and what they were planned from.
 DEPARTURES, DEPARTED = "departures.csv", "departures.json"
 
@@ -376,6 +379,11 @@ def _existing(folder: str | Path, name: str) -> Path:
         raise ResultError(f"{folder}: no such folder")
     path = Path(folder) / name
     if not path.is_file():
+        if (Path(folder) / EXECUTION).is_file():
+            raise ResultError(
+                f"{folder}: holds the record of an execution alone, {EXECUTION}: give the folder of a plan, "
+                "which `auvplan plan` writes of the same scenario, or of a simulated mission"
+            )
         raise ResultError(f"{path}: no such file")
     return path
 

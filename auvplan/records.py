@@ -1,6 +1,7 @@
 """Records of a mission: plain data on the host, for files, figures and statistics."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib.metadata import version
@@ -320,8 +321,12 @@ class MissionRun(Brief):
     @property
     def tasks(self) -> int:
         """Tasks that were done; a survey line of several parts is one, done when all of its parts are."""
-        legs = [(leg.start, leg.goal) for leg in self.earning]
-        return len(jobs_done(self.names, legs)) if self.names else len(legs)
+        return self.count_tasks(self.earning)
+
+    def count_tasks(self, legs: Iterable[LegRecord]) -> int:
+        """Return how many tasks some of the `earning` legs complete."""
+        taken = [(leg.start, leg.goal) for leg in legs]
+        return len(jobs_done(self.names, taken)) if self.names else len(taken)
 
     @cached_property
     def bound(self) -> float:

@@ -62,3 +62,13 @@ def test_a_run_is_animated_into_its_folder(folder, call):
         assert code == 2
         assert stated in err
         assert names(folder) == before
+
+
+@pytest.mark.parametrize("command", ["animate", "check", "export"])
+def test_the_record_of_an_execution_is_refused_in_a_line_that_says_what_would_do(tmp_path, call, command):
+    (tmp_path / "execution.json").write_text("{}")
+    code, out, err = call(command, tmp_path)
+    assert (code, out) == (2, "")
+    assert err.count("\n") == 1
+    assert "record of an execution" in err
+    assert "`auvplan plan`" in err

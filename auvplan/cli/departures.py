@@ -32,7 +32,7 @@ from auvplan.cli.shared import (
     say_notes,
 )
 from auvplan.errors import ScenarioError
-from auvplan.words import counted
+from auvplan.words import counted, figure
 
 #: Departures at most, and the hours from the scenario's own that they may lie away.
 _MOST = 500
@@ -294,7 +294,7 @@ def _table(found: Any, name: str) -> Table:
             rest = (
                 (f"{found.plans.length[k]:.0f}", clear)
                 if leg
-                else (str(found.tasks[k]), f"{found.priority[k]:g}")
+                else (str(found.tasks[k]), figure(found.priority[k]))
             )
             cells[1:5] = ["best" if best else "yes", f"{found.time[k]:.0f}", *rest]
         reason = [] if found.feasible.all() else [found.reasons[k]]

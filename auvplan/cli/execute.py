@@ -28,7 +28,7 @@ from auvplan.cli.shared import (
     say_notes,
 )
 from auvplan.errors import AuvplanError, ScenarioError
-from auvplan.words import counted
+from auvplan.words import counted, figure
 
 if TYPE_CHECKING:
     from auvplan.link import ExecutionRecord, Limits
@@ -152,7 +152,8 @@ def _check_ended(out: Path) -> None:
     Raises:
         AuvplanError: one is; one line.
     """
-    from auvplan.link.record import EXECUTION, UNDER_WAY
+    from auvplan.files import EXECUTION
+    from auvplan.link.record import UNDER_WAY
 
     file = out / EXECUTION
     try:
@@ -207,6 +208,6 @@ def _tell(quiet: bool) -> "Tell":
 def _say_verdict(record: "ExecutionRecord", file: Path) -> None:
     say(
         f"{record.reason}; {record.safe}; {record.t_mission:.0f} s of {record.t_available:.0f} s, "
-        f"{counted(len(record.tasks), 'task')}, total priority {record.total_priority:g}"
+        f"{counted(len(record.tasks), 'task')}, total priority {figure(record.total_priority)}"
     )
     say(f"record in {file}")

@@ -29,6 +29,7 @@ from auvplan.cli.shared import (
 )
 from auvplan.errors import ScenarioError
 from auvplan.plot.painter import Painter, Pictures
+from auvplan.words import figure
 
 
 def mission(
@@ -162,7 +163,7 @@ def _print_certificate(route: Any) -> None:
     except ImportError as missing:
         how = f"linear bound; for a proof: {missing}"
     console.print(
-        f"first route: total priority {route.priority:g}, none has more than {route.bound:g}: "
+        f"first route: total priority {figure(route.priority)}, none has more than {figure(route.bound)}: "
         f"gap {route.gap:.1%} ({how})",
         soft_wrap=True,
     )
@@ -176,8 +177,8 @@ def _print_summary(summary: dict[str, Any]) -> None:
     used = f", {summary['reserve_used']:.0f} s of the reserve used" if summary["reserve_used"] else ""
     table.add_row("time left", f"{summary['t_residual']:.0f} s{used}")
     if summary["priority_bound"]:  # one leg has no task
-        table.add_row("tasks, total priority", f"{summary['tasks']}, {summary['total_priority']:g}")
-        table.add_row("bound on total priority", f"{summary['priority_bound']:g}")
+        table.add_row("tasks, total priority", f"{summary['tasks']}, {figure(summary['total_priority'])}")
+        table.add_row("bound on total priority", figure(summary["priority_bound"]))
     table.add_row("path calls, path re-plans", f"{summary['path_calls']}, {summary['path_replans']}")
     table.add_row("mission re-plans", str(summary["mission_replans"]))
     costs = f"{summary['cost_mission']:.1f}, {summary['cost_total']:.1f}"

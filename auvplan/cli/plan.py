@@ -30,7 +30,7 @@ from auvplan.cli.shared import (
     time_bar,
 )
 from auvplan.plot.painter import Pictures
-from auvplan.words import counted
+from auvplan.words import counted, figure
 
 if TYPE_CHECKING:
     from auvplan.export.sheet import MissionSheet
@@ -155,7 +155,7 @@ def print_sheet(sheet: "MissionSheet") -> None:
     if sheet.left_out:
         left = Table("left out", "priority", "why")
         for job in sheet.left_out:
-            left.add_row(job.name, f"{job.priority:g}", job.reason)
+            left.add_row(job.name, figure(job.priority), job.reason)
         console.print(left)
 
 
@@ -218,7 +218,7 @@ def _rehearsal_table(name: str, found: dict[str, Any]) -> Table:
     table.add_row("on time with all planned tasks done", str(found["all_planned_tasks"]))
     tasks, priority = (figures[of]["mean"] for of in ("tasks", "total_priority"))
     table.add_row("tasks, planned and simulated", f"{plan['tasks']}, {tasks:.1f} on average")
-    priorities = f"{plan['total_priority']:.3g}, {priority:.1f} on average"
+    priorities = f"{figure(plan['total_priority'])}, {figure(priority)} on average"
     table.add_row("total priority, planned and simulated", priorities)
     for job in found["jobs"]:
         if job["planned"] and job["done"] < count:

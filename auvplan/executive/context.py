@@ -290,4 +290,5 @@ class Mission:
         run.t_mission = self.now
         run.arrived = self.here == run.goal and not reason
         late = run.t_mission >= run.t_available
-        run.reason = reason or "destination reached" + (" too late" if late else " in time")
+        arrives = "destination reached" if run.simulated else "planned to reach the destination"
+        run.reason = reason or arrives + (" too late" if late else " in time")

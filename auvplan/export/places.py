@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from auvplan.export.itinerary import Itinerary
 from auvplan.site import Site, as_utc
+from auvplan.words import figure
 
 Array = NDArray[np.floating]
 
@@ -56,7 +57,11 @@ class Waypoint:
     @property
     def task(self) -> str:
         """One line on the task, or nothing."""
-        return f"task of priority {self.priority:g}, {self.hold:.0f} s" if self.hold or self.priority else ""
+        return (
+            f"task of priority {figure(self.priority)}, {self.hold:.0f} s"
+            if self.hold or self.priority
+            else ""
+        )
 
 
 def waypoints(itinerary: Itinerary) -> list[Waypoint]:

@@ -20,7 +20,7 @@ from auvplan.mission.jobs import jobs_done, jobs_of
 from auvplan.records import LegRecord, MissionRun
 from auvplan.scenario.provenance import SourceFile, source_files
 from auvplan.schedule import closures_in_words, spans_in_words, time_in_words
-from auvplan.words import hours
+from auvplan.words import figure, hours
 
 #: m, longest way between two places at which margins are looked up.
 _STEP = 5.0
@@ -138,7 +138,7 @@ class MissionSheet:
                     str(number),
                     stop.name,
                     stop.task,
-                    f"{stop.priority:g}" if stop.priority else "",
+                    figure(stop.priority) if stop.priority else "",
                     hours(stop.arrival),
                     *times,
                     f"{stop.depth:.0f}",
@@ -187,7 +187,7 @@ def sheet_of(run: MissionRun) -> MissionSheet:
         f"{run.t_available:.0f} s)",
         "time left": f"{hours(run.t_residual)}, of which no plan uses {run.planning.reserve:g} s",
         "at the end": END_BEHAVIOURS[run.safety.end],
-        "tasks": f"{run.tasks}, total priority {run.total_priority:g} of at most {run.bound:.3g}",
+        "tasks": f"{run.tasks}, total priority {figure(run.total_priority)} of at most {figure(run.bound)}",
         "way": f"{sum(stop.length for stop in stops) / 1000.0:.1f} km",
     }
     if run.closures:
@@ -420,7 +420,7 @@ def write_html(sheet: MissionSheet, path: str | Path, picture: str | None = None
     facts = "".join(
         f"<tr><th>{html.escape(n)}</th><td>{html.escape(v)}</td></tr>" for n, v in sheet.facts.items()
     )
-    left = [[job.name, f"{job.priority:g}", job.reason] for job in sheet.left_out]
+    left = [[job.name, figure(job.priority), job.reason] for job in sheet.left_out]
     parts = [
         f"<h1>{html.escape(sheet.title)}</h1>",
         *(f'<p class="warning">{html.escape(line)}</p>' for line in sheet.warnings),

@@ -1,7 +1,7 @@
 """Validation of a scenario: all faults of its text, its fields and the files that it names."""
 
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
@@ -15,6 +15,7 @@ from auvplan.errors import AuvplanError, ScenarioError, ScenarioWarning
 from auvplan.io import geo
 from auvplan.scenario.doubts import doubts, unreachable
 from auvplan.scenario.faults import Fault, fault_at, in_order
+from auvplan.scenario.fields import check_what_is_left
 from auvplan.scenario.file import check_scenario
 from auvplan.scenario.provenance import FILE_FIELDS
 from auvplan.scenario.scenario import Scenario
@@ -23,9 +24,11 @@ from auvplan.scenario.settings import (
     ChartSettings,
     CurrentSettings,
     ObstacleSettings,
-    SiteSettings,
 )
 from auvplan.scenario.yaml_lines import Document
+
+#: Fields that no file of their section depends on.
+_APART = {("mission", "start"), ("mission", "goal")}
 
 # Readers, charts and graphs load JAX and more: fields that are at fault are reported without them.
 if TYPE_CHECKING:
@@ -63,9 +66,9 @@ class Examination:
 def examine_scenario(source: str | Path) -> Examination:
     """Look for everything that is wrong with a scenario.
 
-    Its text and fields first, and files that are not there. Where the fields are sound, each file that the
-    scenario names is read by itself, so that all their faults show; then start, goal and jobs are looked up
-    in what could be read, and the files are compared.
+    Its text and fields first, and files that are not there. Each file that the scenario names is read by
+    itself, so that all their faults show, also where fields of other sections are at fault; then, where the
+    fields are sound, start, goal and jobs are looked up in what could be read, and the files are compared.
 
     Args:
         source: path of a scenario file, or the name of a shipped one.
@@ -77,7 +80,7 @@ def examine_scenario(source: str | Path) -> Examination:
     folder = Path(source).parent if Path(source).is_file() else Path(".")
     missing = _missing(document, folder)
     if scenario is None:
-        found = [*faults, *missing.values(), *_job_faults(document, folder, missing)]
+        found = [*faults, *missing.values(), *_file_faults(document, folder, missing)]
         return Examination(str(source), tuple(in_order(found)))
     from auvplan.io.area import load_area
 
@@ -164,23 +167,16 @@ def _missing(document: Document, folder: Path) -> dict[tuple[str, str], Fault]:
     return found
 
 
-def _job_faults(document: Document, folder: Path, missing: dict[tuple[str, str], Fault]) -> list[Fault]:
-    """Faulty rows of the jobs of a scenario whose fields are at fault elsewhere."""
-    data = document.data if isinstance(document.data, dict) else {}
-    mission, site = data.get("mission"), data.get("site")
-    jobs = mission.get("jobs") if isinstance(mission, dict) else None
-    if not isinstance(jobs, str) or ("mission", "jobs") in missing:
+def _file_faults(document: Document, folder: Path, missing: dict[tuple[str, str], Fault]) -> list[Fault]:
+    """Return what is wrong with the files of sections that are sound where fields elsewhere are at fault."""
+    scenario, _, taken = check_what_is_left(document, Scenario)
+    at_fault = {str(path[0]) for path in taken if path not in _APART}
+    if scenario is None or at_fault & {"site", "area"}:
         return []
-    try:
-        known = SiteSettings.model_validate(site).site
-    except ValueError:
-        return []
+    found = _Findings(scenario, document, folder)
     with _heard():
-        try:
-            geo.read_jobs(folder / Path(jobs).expanduser(), known)
-        except geo.GeoError as error:
-            return [fault_at(("mission", "jobs"), line, document) for line in error.lines]
-    return []
+        _read_apart(scenario, found, missing, at_fault)
+    return [fault for fault in found.faults if fault.field.partition(".")[0] not in at_fault]
 
 
 @dataclass
@@ -201,7 +197,7 @@ class _Findings:
             area = action()
         except AuvplanError as error:
             path = self._path(section, settings, error.field)
-            for reason in getattr(error, "lines", (error.reason,)):
+            for reason in error.lines:
                 self.faults.append(fault_at(path, reason, self.document))
             return None
         if area is not None:
@@ -219,22 +215,30 @@ class _Findings:
 
 
 def _read_apart(
-    scenario: Scenario, found: _Findings, missing: dict[tuple[str, str], Fault]
+    scenario: Scenario,
+    found: _Findings,
+    missing: dict[tuple[str, str], Fault],
+    at_fault: Collection[str] = (),
 ) -> "dict[str, OperatingArea | None]":
-    """Return the area of each part of a scenario as far as it can be read, one file after the other."""
+    """Return the area of each part of a scenario as far as it can be read, one file after the other.
+
+    Sections whose fields are `at_fault` are left out.
+    """
     from auvplan.io.area import load_area
 
     parts: dict[str, OperatingArea | None] = {}
     for part, section, settings, alone in _apart(scenario, missing):
+        if section in at_fault:
+            continue
         if section in ("chart", "bathymetry") and settings.source == "current" and not parts.get("current"):
             continue  # its fault is the current's, which is reported
         if section == "bathymetry" and settings.source == "chart" and not parts.get("chart"):
             continue  # or the chart's
-        if section in ("current", "bathymetry") and "chart" in parts and parts["chart"] is None:
+        if section in ("current", "bathymetry", "mission") and "chart" in parts and parts["chart"] is None:
             alone = alone.model_copy(update={"chart": ChartSettings(source="none")})
-        if section == "bathymetry" and not parts.get("current"):
+        if section in ("bathymetry", "mission") and not parts.get("current"):
             bare: dict[str, Any] = {"current": CurrentSettings(vortices=0)}
-            if settings.source != "chart":
+            if section == "mission" or settings.source != "chart":
                 bare["chart"] = ChartSettings(source="none")
             alone = alone.model_copy(update=bare)
         parts[part] = found.attempt(section, settings, partial(load_area, alone, found.folder))

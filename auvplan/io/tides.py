@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from auvplan.io.geo.error import Faults
 from auvplan.ocean.gridded import CurrentError
 from auvplan.ocean.tides import HarmonicCurrent
 from auvplan.scenario.yaml_lines import YamlError, read_yaml
@@ -17,7 +18,6 @@ _EXACT = (False, False, False, False)
 _DAY = 86_400.0
 #: Larger files hold no constituents.
 _MAX_BYTES = 1_000_000
-_EXTRA = "pip install 'auvplan[tides]'"
 
 
 def read_tide(path: str | Path, site: Site, until: float) -> HarmonicCurrent:
@@ -37,13 +37,11 @@ def read_tide(path: str | Path, site: Site, until: float) -> HarmonicCurrent:
         until: s since the epoch, when missions are over.
 
     Raises:
-        CurrentError: one line that names the file and the field, or the package that is missing.
+        CurrentError: one line that names the file and the field.
     """
-    try:
-        from utide._ut_constants import ut_constants
-        from utide.harmonics import FUV
-    except ModuleNotFoundError:
-        raise CurrentError(f"{path}: tidal constituents need a further package: {_EXTRA}") from None
+    from utide._ut_constants import ut_constants
+    from utide.harmonics import FUV
+
     stated = _document(path)
     if site.epoch is None:
         raise CurrentError(
@@ -60,12 +58,15 @@ def read_tide(path: str | Path, site: Site, until: float) -> HarmonicCurrent:
             f"{path}: places must be a list of mappings with longitude, latitude, constituents"
         )
     names = list(dict.fromkeys(str(name) for one in sites for name in _constituents(path, one)))
-    for name in names:
-        if name not in known:
-            raise CurrentError(
-                f"{path}: constituents.{name[:60]}: is none that is known, such as M2, S2, N2, K1, O1"
-            )
-    index = np.array([known[name] for name in names])
+    faults = Faults(
+        [
+            f"{path}: constituents.{name[:60]}: is none that is known, such as M2, S2, N2, K1, O1"
+            for name in names
+            if name not in known
+        ]
+    )
+    names = [name for name in names if name in known]
+    index = np.array([known[name] for name in names], int)
     rate = 2.0 * np.pi * ut_constants.const.freq[index] / 3600.0
     middle = 0.5 * until
     epoch = site.epoch.astimezone(UTC)
@@ -84,10 +85,13 @@ def read_tide(path: str | Path, site: Site, until: float) -> HarmonicCurrent:
         for k, name in enumerate(names):
             if name in given:
                 # The argument at the epoch turns the amplitudes, north and east.
-                complex_ = factor[0, k] * _amplitudes(f"{where}: constituents.{name}", given[name])
-                turned = complex_ * np.exp(1j * phase[k])
-                in_phase[:, p, k], quadrature[:, p, k] = turned.real, -turned.imag
-        mean[:, p] = _pair(where, one.get("mean", [0.0, 0.0]), "mean")[::-1]
+                with faults.kept():
+                    complex_ = factor[0, k] * _amplitudes(f"{where}: constituents.{name}", given[name])
+                    turned = complex_ * np.exp(1j * phase[k])
+                    in_phase[:, p, k], quadrature[:, p, k] = turned.real, -turned.imag
+        with faults.kept():
+            mean[:, p] = _pair(where, one.get("mean", [0.0, 0.0]), "mean")[::-1]
+    faults.refuse(kind=CurrentError)
     depths, shares = (
         np.atleast_1d(np.asarray(stated.get(name, [value]), float))
         for name, value in (("depths", 0.0), ("shares", 1.0))

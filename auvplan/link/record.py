@@ -7,11 +7,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from auvplan.files import output_folder, write_atomically
+from auvplan.files import EXECUTION, output_folder, write_atomically
 from auvplan.scenario.provenance import SourceFile, source_files
-
-#: Name of the record's file.
-EXECUTION = "execution.json"
 
 #: Reason of a record whose mission has not ended.
 UNDER_WAY = "under way"

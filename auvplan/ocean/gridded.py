@@ -21,16 +21,8 @@ _EVEN = 1e-4
 _RESOLVED = 0.01
 
 
-#: Characters of a message.
-_LINE = 1000
-
-
 class CurrentError(AuvplanError):
     """A current that cannot be read or used; the message is one line that names what is wrong."""
-
-    def __init__(self, reason: str = "", *, field: str = "") -> None:
-        # What a file holds, such as a unit, may be of any length.
-        super().__init__(reason if len(reason) <= _LINE else f"{reason[: _LINE - 3]}...", field=field)
 
 
 @register_without_init

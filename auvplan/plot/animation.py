@@ -25,7 +25,7 @@ from auvplan.plot import style
 from auvplan.plot.depths import draw_depths
 from auvplan.records import LegRecord, MissionRun
 from auvplan.site import at_time
-from auvplan.words import counted, hours
+from auvplan.words import counted, figure, hours
 
 #: Longest film and most pictures a second; formats hold no more than a hundredth of a second apart well.
 LONGEST, FASTEST = 120.0, 30
@@ -316,8 +316,8 @@ class _Film:
         when = f"{hours(time)} of {hours(run.t_available)}"
         clock = f"{when}, {at_time(time, epoch, since=0.0)}" if epoch else when
         done = [leg for leg in run.earning if _done_at(leg) <= time]
-        finished = run.tasks if len(done) == len(run.earning) else len(done)
-        tasks = f"{counted(finished, 'task')} done, priority {sum(leg.priority for leg in done):.3g}"
+        priority = figure(sum(leg.priority for leg in done))
+        tasks = f"{counted(run.count_tasks(done), 'task')} done, priority {priority}"
         title = f"{name}, {f'seed {run.seed}' if run.simulated else 'plan'}"
         return f"{title}: {clock}\n{tasks}; {self._doing(time)}"
 

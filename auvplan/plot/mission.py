@@ -11,7 +11,7 @@ from auvplan.plot import style
 from auvplan.plot.depths import draw_depths
 from auvplan.plot.legs import refused_legs
 from auvplan.records import LegRecord, MissionRun
-from auvplan.words import hours
+from auvplan.words import figure, hours
 
 
 def plot_mission(run: MissionRun, *, ax: Axes | None = None) -> Axes:
@@ -59,7 +59,7 @@ def plot_mission(run: MissionRun, *, ax: Axes | None = None) -> Axes:
 def _title(run: MissionRun) -> str:
     name = run.scenario.get("name") or "mission"
     what = f"seed {run.seed}" if run.simulated else "plan"
-    tasks = f"{run.tasks} task{'' if run.tasks == 1 else 's'} of total priority {run.total_priority:.3g}"
+    tasks = f"{run.tasks} task{'' if run.tasks == 1 else 's'} of total priority {figure(run.total_priority)}"
     seconds = f"{run.t_mission:,.0f} of {run.t_available:,.0f} s"
     return f"{name}, {what}: {tasks}, {hours(run.t_mission)} of {hours(run.t_available)} ({seconds})"
 
@@ -177,7 +177,7 @@ def _draw_labels(
     if tasks:
         lines = [style.flat(leg.positions, unit) for leg in tasks]
         middles = np.stack([line[_middle(line)] for line in lines])
-        texts = [f"ρ{leg.priority:.3g}" for leg in tasks]
+        texts = [f"ρ{figure(leg.priority)}" for leg in tasks]
         style.place_labels(
             axes, middles, texts, taken, fontsize=8.5, color=style.BLUE, weight="bold", zorder=8
         )

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from auvplan.plot import style
 from auvplan.plot.sweep import set_title
 from auvplan.study.table import study_chart
-from auvplan.words import counted
+from auvplan.words import counted, figure
 
 #: Routes that get a map.
 _MAPS = 6
@@ -112,7 +112,7 @@ def _route_name(one: xr.Dataset, route: int, number: int) -> str:
     legs = max(len(_nodes(one, route)) - 1, 0)
     at, time, priority = (float(one[f"route_{key}"].values[route]) for key in ("made_at", "time", "priority"))
     return (
-        f"{name}, at {at:,.0f} s\n{counted(legs, 'leg')} left, priority {priority:g}, "
+        f"{name}, at {at:,.0f} s\n{counted(legs, 'leg')} left, priority {figure(priority)}, "
         f"{time:,.0f} s of {float(one['t_available']) - at:,.0f} s"
     )
 

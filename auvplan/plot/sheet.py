@@ -9,6 +9,7 @@ from matplotlib.transforms import Bbox
 
 from auvplan.export.sheet import MissionSheet
 from auvplan.files import write_atomically
+from auvplan.words import figure
 
 #: Inches of an A4 page on its side, and of its margin.
 _PAGE, _MARGIN = (11.69, 8.27), 0.5
@@ -20,24 +21,26 @@ def write_pdf(sheet: MissionSheet, path: str | Path) -> Path:
     Raises:
         OutputError: the file cannot be written.
     """
-    figure = Figure(figsize=_PAGE)
+    page = Figure(figsize=_PAGE)
     left, width = _MARGIN / _PAGE[0], 1.0 - 2.0 * _MARGIN / _PAGE[0]
-    figure.text(left, 0.955, sheet.title, fontsize=15, weight="bold", va="top")
+    page.text(left, 0.955, sheet.title, fontsize=15, weight="bold", va="top")
     facts = [f"{name}: {value}" for name, value in sheet.facts.items()]
     for column, lines in enumerate((facts[::2], facts[1::2])):
-        figure.text(left + 0.5 * width * column, 0.91, "\n".join(lines), fontsize=8, va="top")
+        page.text(left + 0.5 * width * column, 0.91, "\n".join(lines), fontsize=8, va="top")
     notes = [fill(f"! {line}", 170) for line in sheet.warnings]
-    figure.text(left, 0.815, "\n".join(notes), fontsize=8, va="top", color="#a04000")
+    page.text(left, 0.815, "\n".join(notes), fontsize=8, va="top", color="#a04000")
     headings, rows = sheet.table()
     top = 0.80 - 0.018 * len(notes)
     step = min(0.024, (top - 0.08) / (len(rows) + 2 * len(sheet.left_out) + 4))
     height = step * (len(rows) + 1)
-    axes = figure.add_axes((left, top - height, width, height))
+    axes = page.add_axes((left, top - height, width, height))
     _draw(axes, headings, rows)
     if sheet.left_out:
-        lines = [fill(f"{job.name} (priority {job.priority:g}): {job.reason}", 190) for job in sheet.left_out]
-        figure.text(left, top - height - 0.02, "Left out", fontsize=9, weight="bold", va="top")
-        figure.text(left, top - height - 0.045, "\n".join(lines), fontsize=7.5, va="top")
+        lines = [
+            fill(f"{job.name} (priority {figure(job.priority)}): {job.reason}", 190) for job in sheet.left_out
+        ]
+        page.text(left, top - height - 0.02, "Left out", fontsize=9, weight="bold", va="top")
+        page.text(left, top - height - 0.045, "\n".join(lines), fontsize=7.5, va="top")
     foot = [
         f"{file.name} ({file.sha256[:12]}{'; ' if file.fetched else ''}{file.fetched})"
         for file in sheet.files
@@ -45,9 +48,9 @@ def write_pdf(sheet: MissionSheet, path: str | Path) -> Path:
     lines = ["planned on: " + ", ".join(foot)] if foot else []
     lines += [f"assumed: {line}" for line in sheet.assumed]
     text = "\n".join(fill(line, 240) for line in lines)
-    figure.text(left, 0.3 * _MARGIN / _PAGE[1], text, fontsize=5.5, va="bottom", color="0.35")
+    page.text(left, 0.3 * _MARGIN / _PAGE[1], text, fontsize=5.5, va="bottom", color="0.35")
     return write_atomically(
-        path, lambda part: figure.savefig(part, format="pdf", metadata={"CreationDate": None})
+        path, lambda part: page.savefig(part, format="pdf", metadata={"CreationDate": None})
     )
 
 

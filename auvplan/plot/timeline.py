@@ -21,7 +21,7 @@ from auvplan.schedule import (
     stated_closures,
     windows_of,
 )
-from auvplan.words import hours
+from auvplan.words import figure, hours
 
 #: Pale to dark blue: priorities.
 _PRIORITY = LinearSegmentedColormap.from_list("priority", ["#e3eef9", "#6aaed6", "#08306b"])
@@ -150,12 +150,12 @@ def _name(run: MissionRun, number: int) -> str:
     title = f"re-plan R{number} at {route.made_at:,.0f} s, {route.cause}" if number else "first route"
     if route.cause == "late" and (why := lateness(run, route)):
         title += f":\n{why}"
-    return f"{title}\npriority {route.priority:g}, {route.time:,.0f} s"
+    return f"{title}\npriority {figure(route.priority)}, {route.time:,.0f} s"
 
 
 def _executed_name(run: MissionRun) -> str:
     what = "executed" if run.simulated else "plan"
-    return f"{what}\npriority {run.total_priority:g}, {run.t_mission:,.0f} s ({hours(run.t_mission)})"
+    return f"{what}\npriority {figure(run.total_priority)}, {run.t_mission:,.0f} s ({hours(run.t_mission)})"
 
 
 def _legend(run: MissionRun, refused: bool, windows: bool) -> list[Any]:

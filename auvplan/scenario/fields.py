@@ -30,10 +30,22 @@ _Model = TypeVar("_Model", bound=BaseModel)
 
 def check_fields(document: Document, model: type[_Model]) -> tuple[_Model | None, list[Fault]]:
     """Return a document as a model, or all that is wrong with its fields, in their order in the file."""
+    checked, faults, _ = check_what_is_left(document, model)
+    return (None if faults else checked), faults
+
+
+def check_what_is_left(
+    document: Document, model: type[_Model]
+) -> tuple[_Model | None, list[Fault], set[Path]]:
+    """Return a document as a model without the values that are at fault, the faults, and what was taken out.
+
+    The model is None where nothing sound is left.
+    """
     faults = [fault_at(path, reason, document, place) for path, reason, place in document.faults]
     if not isinstance(document.data, dict):
         what = "nothing" if document.data is None else type(document.data).__name__
-        return None, faults or [Fault("", f"must be a mapping of fields, got {what}", document.place(()))]
+        line = f"must be a mapping of fields, got {what}"
+        return None, faults or [Fault("", line, document.place(()))], set()
     plain = deepcopy(document.data)
     bad = _bad_places(plain) | _truths(plain, model)
     faults += [fault_at(path, reason, document) for path, reason in bad.items() if reason]
@@ -43,13 +55,12 @@ def check_fields(document: Document, model: type[_Model]) -> tuple[_Model | None
     taken |= {path[:2] for path in bad}
     while True:
         try:
-            checked = model.model_validate(plain)
-            return (None if faults else checked), in_order(faults)
+            return model.model_validate(plain), in_order(faults), taken
         except ValidationError as error:
             found = _merged(error, plain, model)
         except Exception as error:  # what no rule has foreseen, such as dates at the end of time
             line = f"cannot be understood ({type(error).__name__}: {error})"
-            return None, in_order([*faults, fault_at((), line, document)])
+            return None, in_order([*faults, fault_at((), line, document)]), taken
         before = _count(plain), len(taken)
         for path, reason, kind, concerns in found:
             if not _follows(path, kind, concerns, taken):
@@ -58,7 +69,7 @@ def check_fields(document: Document, model: type[_Model]) -> tuple[_Model | None
         for path, _, kind, _ in found:
             _take_out(plain, path, kind, taken)
         if (_count(plain), len(taken)) == before:
-            return None, in_order(faults)
+            return None, in_order(faults), taken
 
 
 def _bad_places(plain: dict[str, Any]) -> dict[Path, str]:

@@ -170,3 +170,63 @@ def test_warnings_of_a_file_are_told_of_each_scenario_that_names_it(tmp_path):
     stated = [examined.warnings for examined in examine_folder(site.folder)]
     assert len(stated) == 2
     assert all(len(lines) == 1 and "0 everywhere" in lines[0] for lines in stated)
+
+
+BAY = """\
+site: {longitude: 147.4, latitude: -43.06, departure: 2026-03-01T20:30:00Z}
+area: {lower: [-2000, -2000, 0], upper: [2000, 2000, 30]}
+chart: {source: none, no_go: closed.geojson}
+current: {source: harmonic, constituents: tide.yaml}
+obstacles: {file: obstacles.geojson}
+vehicle: {speed: %s}
+mission: {jobs: jobs.csv, start: [0, 0, 5], goal: [500, 500, 5], time_available: 7200}
+"""
+
+#: Two faults a file, and what is said of each.
+FAULTY = {
+    "closed.geojson": '{"type": "FeatureCollection", "features": ['
+    '{"type": "Feature", "properties": {}, "geometry": {"type": "Polygon", "coordinates": [[[147.4, -430],'
+    " [147.5, -43], [147.4, -43.1], [147.4, -430]]]}}, "
+    '{"type": "Feature", "properties": {}, "geometry": null}]}',
+    "tide.yaml": "constituents:\n  M2x: {u: [0.1, 40], v: [0.3, 60]}\n  O1: {u: [0.1], v: [0.1, 120]}\n",
+    "obstacles.geojson": '{"type": "FeatureCollection", "features": ['
+    '{"type": "Feature", "properties": {"radius": -5, "coarse": 3}, "geometry": {"type": "Point", '
+    '"coordinates": [147.41, -43.06]}}]}',
+    "jobs.csv": "lon,lat,depht,priority,name,lat,from,to\n147.4,-43.06,5,2,a,,,\n147.41,-43.06,x,-2,b,,,\n"
+    "147.41,-43.05,5,1,c,,2026-02-01T00:00Z,2026-02-01T02:00Z\n",
+}
+REPORTED = [
+    ("chart.no_go", "feature 2: has no geometry"),
+    ("current.constituents", "M2x: is none that is known"),
+    ("current.constituents", "O1: u must be 2 numbers"),
+    ("obstacles.file", "feature 1: radius must be greater than 0"),
+    ("obstacles.file", "feature 1: coarse means nothing here"),
+    ("mission.jobs", "'depht' means nothing here: 'depth' does"),
+    ("mission.jobs", "two columns tell lat"),
+    ("mission.jobs", "row 3: depth must be a finite number, got 'x'"),
+    ("mission.jobs", "row 3: priority must be at least 0"),
+    ("mission.jobs", "job 'c': all its windows are over at the departure, 2026-03-01 20:30 UTC"),
+]
+
+
+@pytest.mark.parametrize("speed", ["2.0", "fast"])
+def test_faults_of_a_file_hide_neither_each_other_nor_those_of_other_files(tmp_path, speed):
+    (tmp_path / "scenario.yaml").write_text(BAY % speed)
+    for name, text in FAULTY.items():
+        (tmp_path / name).write_text(text)
+    faults = examine_scenario(tmp_path / "scenario.yaml").faults
+    expected = REPORTED + ([("vehicle.speed", "must be a valid number")] if speed == "fast" else [])
+    for field, reason in expected:
+        assert any(fault.field == field and reason in fault.reason for fault in faults), reason
+    assert len(faults) == len(expected)
+
+
+def test_sections_whose_fields_are_at_fault_are_not_blamed_for_what_they_lack(tmp_path):
+    text = BAY.replace("closed.geojson", "closed.geojson, no_go_windows: 3").replace("7200", "soon")
+    (tmp_path / "scenario.yaml").write_text(text % "2.0")
+    for name, content in FAULTY.items():
+        (tmp_path / name).write_text(content)
+    fields = {fault.field for fault in examine_scenario(tmp_path / "scenario.yaml").faults}
+    assert "mission.time_available" in fields
+    assert fields >= {"current.constituents", "obstacles.file"}
+    assert not fields & {"mission.start", "mission.goal"}

@@ -25,6 +25,17 @@ SHOWN = """(() => {
 })()"""
 
 
+#: Whether the bar lies over the vehicle, and whether the vehicle is in the window.
+COVERED = """(() => {
+  const box = (name) => document.querySelector(name).getBoundingClientRect();
+  const [vehicle, bar] = [box(".painted .vehicle"), box(".transport")];
+  return {
+    covered: vehicle.top < bar.bottom && vehicle.bottom > bar.top,
+    seen: vehicle.top >= 0 && vehicle.bottom <= window.innerHeight,
+  };
+})()"""
+
+
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory):
     with Browser(tmp_path_factory.mktemp("profile")) as started:
@@ -138,4 +149,21 @@ def test_a_mission_of_a_study_opens(browser, study_page):
         "auvplan mission whitsunday --seed 4"
     )
     assert "--set vehicle.speed=2.5" in words
+    assert_quiet(browser)
+
+
+def test_the_bar_covers_the_vehicle_at_no_time(browser, run, run_page):
+    browser.show(run_page, 1280, 900)
+    for second in np.linspace(0.0, run.t_mission, 7):
+        set_time(browser, round(second))
+        shown = browser.run(COVERED)
+        assert not shown["covered"], second
+    browser.run("document.getElementById('play').click()")
+    browser.frames(5)
+    browser.run("document.getElementById('play').click()")
+    for second in np.linspace(0.0, run.t_mission, 7):
+        set_time(browser, round(second))
+        shown = browser.run(COVERED)
+        assert not shown["covered"], second
+        assert shown["seen"], second
     assert_quiet(browser)

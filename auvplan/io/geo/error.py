@@ -9,23 +9,9 @@ from pathlib import Path
 from auvplan.errors import AuvplanError
 from auvplan.ocean.chart import ChartError
 
-#: Characters of a line; what a file holds may be a megabyte.
-_LINE = 1000
-
 
 class GeoError(AuvplanError):
-    """A file of places that cannot be used; the message is one line that names it.
-
-    Attributes:
-        lines: all that was found wrong, a line each; the message is the first, and how many more there are.
-    """
-
-    def __init__(self, first: str, *others: str, field: str = "") -> None:
-        self.lines = tuple(
-            line if len(line) <= _LINE else f"{line[: _LINE - 3]}..." for line in (first, *others)
-        )
-        more = f" (and {len(others)} more: auvplan validate lists all)" if others else ""
-        super().__init__(self.lines[0] + more, field=field)
+    """A file of places that cannot be used; the message is one line that names it."""
 
 
 class PlaceError(GeoError):
@@ -47,27 +33,28 @@ class Faults:
 
     @contextmanager
     def kept(self) -> Iterator[None]:
-        """A `GeoError` within is kept, and what follows goes on."""
+        """An error of input within is kept, and what follows goes on."""
         try:
             yield
         except PlaceError as error:
             (self.swapped if error.swapped else self.lines).append(str(error))
-        except GeoError as error:
+        except AuvplanError as error:
             self.lines += error.lines
 
-    def refuse(self, places: int) -> None:
+    def refuse(self, places: int = 0, kind: type[AuvplanError] = GeoError) -> None:
         """Raise what was kept, if anything.
 
         Args:
             places: how many parts of the file have a place; where longitude and latitude are swapped in all
                 of them, that is said once.
+            kind: of the error.
         """
         swapped = self.swapped
         if 1 < len(swapped) == places:
             swapped = [f"{swapped[0]} (so in all {places} places of the file)"]
         found = sorted([*self.lines, *swapped], key=_by_number)
         if found:
-            raise GeoError(*found)
+            raise kind(*found)
 
 
 def _by_number(line: str) -> tuple[int, str]:
@@ -93,7 +80,7 @@ def as_chart() -> Iterator[None]:
     try:
         yield
     except GeoError as error:
-        raise ChartError(error.reason, field=error.field) from None
+        raise ChartError(*error.lines, field=error.field) from None
 
 
 def reason(error: Exception) -> str:

@@ -13,7 +13,7 @@ import shapely
 from shapely.geometry import MultiPolygon, Polygon
 
 from auvplan.errors import ScenarioWarning
-from auvplan.io.geo.error import GeoError, PlaceError, read_text
+from auvplan.io.geo.error import Faults, GeoError, PlaceError, read_text
 from auvplan.io.geo.vector import is_vector_file, read_vector_polygons
 
 #: A shape whose edges cross more often, or with more rings or corners, is refused if it is not valid.
@@ -73,8 +73,8 @@ def read_features(path: str | Path, kinds: tuple[str, ...]) -> list[Feature]:
         kinds: the types of geometry that are wanted, in collections too; any other is refused.
 
     Raises:
-        GeoError: one line; the file is missing, no GeoJSON, empty, in other coordinates than WGS 84, or holds
-            something else.
+        GeoError: the file is missing, no GeoJSON, empty, in other coordinates than WGS 84, or holds something
+            else; its `lines` are all that is wrong.
     """
     _refuse_other(path)
     try:
@@ -97,22 +97,29 @@ def read_features(path: str | Path, kinds: tuple[str, ...]) -> list[Feature]:
     if not features:
         raise GeoError(f"{path}: has no features")
     found: list[Feature] = []
+    faults = Faults()
     for number, feature in enumerate(features, 1):
-        where = f"{path}: feature {number}"
-        if not isinstance(feature, dict) or feature.get("type") != "Feature":
-            raise GeoError(f"{where}: is no Feature")
-        _check_crs(where, feature.get("crs"))
-        properties = feature.get("properties")
-        if properties is not None and not isinstance(properties, dict):
-            raise GeoError(f"{where}: properties must be a mapping, got {type(properties).__name__}")
-        kept = {
-            str(name).strip().lower(): value
-            for name, value in (properties or {}).items()
-            if value is not None
-        }
-        for geometry in _simple(where, feature.get("geometry"), kinds):
-            found.append(Feature(where, number, geometry["type"], geometry.get("coordinates"), kept))
+        with faults.kept():
+            found += _parts(f"{path}: feature {number}", number, feature, kinds)
+    faults.refuse()
     return found
+
+
+def _parts(where: str, number: int, feature: Any, kinds: tuple[str, ...]) -> list[Feature]:
+    """Return the geometries of a feature as features."""
+    if not isinstance(feature, dict) or feature.get("type") != "Feature":
+        raise GeoError(f"{where}: is no Feature")
+    _check_crs(where, feature.get("crs"))
+    properties = feature.get("properties")
+    if properties is not None and not isinstance(properties, dict):
+        raise GeoError(f"{where}: properties must be a mapping, got {type(properties).__name__}")
+    kept = {
+        str(name).strip().lower(): value for name, value in (properties or {}).items() if value is not None
+    }
+    return [
+        Feature(where, number, geometry["type"], geometry.get("coordinates"), kept)
+        for geometry in _simple(where, feature.get("geometry"), kinds)
+    ]
 
 
 def _refuse_other(path: str | Path) -> None:
@@ -197,13 +204,16 @@ def read_polygons(path: str | Path, area: Any = None) -> list[tuple[Feature, Pol
     Warns:
         ScenarioWarning: a ring that was parted or repaired.
     """
-    found = []
+    found, faults = [], Faults()
     for feature, shape in _vector_shapes(path) if is_vector_file(path) else _shapes(path):
         if not shapely.is_valid(shape):
-            near = area is None or shapely.intersects(shapely.box(*shape.bounds), area)
-            shape = _repaired(feature, shape) if near else None
-        if shape is not None:
+            if area is not None and not shapely.intersects(shapely.box(*shape.bounds), area):
+                continue
+            with faults.kept():
+                found.append((feature, _repaired(feature, shape)))
+        else:
             found.append((feature, shape))
+    faults.refuse()
     return found
 
 
@@ -212,7 +222,12 @@ def _shapes(path: str | Path) -> list[tuple[Feature, Polygon | MultiPolygon]]:
     features = [part for part in read_features(path, ("Polygon", "MultiPolygon")) if part.coordinates != []]
     if not features:
         raise GeoError(f"{path}: every polygon is empty")
-    return [(feature, _shape(feature)) for feature in features]
+    found, faults = [], Faults()
+    for feature in features:
+        with faults.kept():
+            found.append((feature, _shape(feature)))
+    faults.refuse(len(features))
+    return found
 
 
 def _vector_shapes(path: str | Path) -> list[tuple[Feature, Polygon | MultiPolygon]]:

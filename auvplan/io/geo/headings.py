@@ -61,7 +61,7 @@ def check_headings(where: str, given: Iterable[str], known: Mapping[str, str]) -
     slips = [
         f"{where}: {name!r} means nothing here: {meant!r} does{_in_words(known[meant])}"
         for name in names
-        if name not in known and (meant := _slip_of(name, known))
+        if name not in known and (meant := slip_of(name, known))
     ]
     if slips:
         raise GeoError(*slips)
@@ -81,7 +81,7 @@ def check_headings(where: str, given: Iterable[str], known: Mapping[str, str]) -
     return doubts
 
 
-def _slip_of(name: str, known: Mapping[str, str]) -> str:
+def slip_of(name: str, known: Mapping[str, str]) -> str:
     """Return the known name that a name all but is, or an empty string."""
     plain = _plain(name)
     if plain in known:

@@ -15,7 +15,7 @@ import numpy as np
 from auvplan.errors import ScenarioWarning
 from auvplan.io.geo.error import Faults, GeoError, read_text, reading
 from auvplan.io.geo.geojson import Feature, check_place, is_place, positions, read_features
-from auvplan.io.geo.headings import check_headings
+from auvplan.io.geo.headings import check_headings, slip_of
 from auvplan.io.geo.places import READERS, read_places
 from auvplan.io.geo.windows import read_falls, read_windows
 from auvplan.mission.jobs import JobLine, JobPoint, Jobs, Position
@@ -129,7 +129,7 @@ def _features(path: Path, site: Site | None, default_depth: float, until: float,
         except GeoError as error:
             slips = {line.removeprefix(feature.where): line for line in error.lines} | slips
         with faults.kept():
-            found += _jobs_of(feature, site, default_depth, until, speed)
+            found += _jobs_of(feature, site, default_depth, until, speed, faults)
     _warn_all(doubts.values())
     faults.lines += slips.values()
     faults.refuse(len(features))
@@ -164,16 +164,18 @@ def _warn_all(lines: Iterable[str]) -> None:
 
 
 def _jobs_of(
-    feature: Feature, site: Site, default_depth: float, until: float, speed: Speed | None
+    feature: Feature, site: Site, default_depth: float, until: float, speed: Speed | None, faults: Faults
 ) -> list[JobPoint | JobLine]:
     where, stated = feature.where, feature.properties
-    depth = _number(where, stated, "depth", None)
-    priority, duration = _number(where, stated, "priority", 1.0), _number(where, stated, "duration", 0.0)
+    numbers = _numbers(where, stated, faults)
+    depth, priority = numbers["depth"], 1.0 if numbers["priority"] is None else numbers["priority"]
+    duration = numbers["duration"] or 0.0
     name = str(stated.get("name", "")).strip() or str(feature.number)
     places = _places(feature, site, depth, default_depth)
-    falls = read_falls(where, stated, site, priority)
+    job = f"{where}, job {name!r}"
+    falls = read_falls(job, stated, site, priority)
     if feature.kind == "LineString":
-        windows = read_windows(where, stated, site, None, until, _fastest(speed, places))
+        windows = read_windows(job, stated, site, None, until, _fastest(speed, places))
         return [_line(where, name, places, priority, duration, windows, falls)]
     names = [name] if feature.kind == "Point" else [f"{name} {k}" for k in range(1, len(places) + 1)]
     return [
@@ -182,7 +184,7 @@ def _jobs_of(
             place,
             priority,
             duration,
-            read_windows(where, stated, site, duration, until, _fastest(speed, [place])),
+            read_windows(job, stated, site, duration, until, _fastest(speed, [place])),
             falls,
         )
         for one, place in zip(names, places, strict=True)
@@ -223,7 +225,9 @@ def _depth(where: str, depth: float | None, elevation: float, default_depth: flo
 
 def _table(path: Path, site: Site | None, default_depth: float, until: float, speed: Speed | None) -> Jobs:
     given, rows, faults = _rows(path)
-    _check_reading(path, given, rows, site)
+    if not faults.lines:
+        with faults.kept():
+            _check_reading(path, given, rows, site)
     points: list[JobPoint] = []
     vertices: dict[str, list[Position]] = {}
     shared: dict[str, dict[str, float | None]] = {}
@@ -234,17 +238,19 @@ def _table(path: Path, site: Site | None, default_depth: float, until: float, sp
         line, before = row.get("line", ""), last
         last = line
         broken.add(line)  # until all of the row is read
+        sound = len(faults.lines)
+        stated = _numbers(where, row, faults)
+        depth = stated.pop("depth")
+        depth = default_depth if depth is None else depth
         with faults.kept():
-            place = *_place(where, row, site), _number(where, row, "depth", default_depth)
-            stated = {name: _number(where, row, name, None) for name in ("priority", "duration")}
+            place = *_place(where, row, site), depth
             if not line:
-                priority, duration = (
-                    1.0 if stated["priority"] is None else stated["priority"],
-                    stated["duration"] or 0.0,
-                )
-                windows = read_windows(where, row, site, duration, until, _fastest(speed, [place]))
+                priority = 1.0 if stated["priority"] is None else stated["priority"]
+                duration = stated["duration"] or 0.0
                 name = row.get("name") or str(len(points) + len(vertices) + 1)
-                falls = read_falls(where, row, site, priority)
+                job = f"{where}, job {name!r}"
+                windows = read_windows(job, row, site, duration, until, _fastest(speed, [place]))
+                falls = read_falls(job, row, site, priority)
                 points.append(JobPoint(name, place, priority, duration, windows, falls))
             elif line in vertices and line != before:
                 raise GeoError(f"{where}: line {line!r} goes on after other rows")
@@ -252,7 +258,8 @@ def _table(path: Path, site: Site | None, default_depth: float, until: float, sp
                 vertices.setdefault(line, []).append(place)
                 _agree(where, line, shared.setdefault(line, dict.fromkeys(stated)), stated)
                 _agree_on_hours(where, line, hours.setdefault(line, {}), row)
-            broken.discard(line)
+            if len(faults.lines) == sound:
+                broken.discard(line)
     lines = []
     for name, places in vertices.items():
         priority, duration = shared[name]["priority"], shared[name]["duration"]
@@ -312,19 +319,25 @@ def _rows(path: Path) -> tuple[list[str], list[tuple[str, dict[str, str]]], Faul
     if len(filled) < 2:
         raise GeoError(f"{path}: has no rows of jobs under a row of headings")
     given = [cell.strip().lower() for cell in filled[0][1]]
-    _warn_all(check_headings(str(path), given, _HEADINGS).values())
+    faults = Faults()
+    with faults.kept():
+        _warn_all(check_headings(str(path), given, _HEADINGS).values())
     columns = [_HEADINGS.get(name) for name in given]
     used = Counter(name for name in columns if name)
-    for name, count in used.items():
-        if count > 1:
-            raise GeoError(f"{path}: two columns tell {name}")
+    faults.lines += [f"{path}: two columns tell {name}" for name, count in used.items() if count > 1]
+    # A column whose heading is all but one that is known is checked as that one.
+    for number, name in enumerate(given):
+        meant = _HEADINGS.get(slip_of(name, _HEADINGS)) if columns[number] is None else None
+        if meant and not used[meant]:
+            columns[number], used[meant] = meant, 1
     pairs = [pair for pair in (("lon", "lat"), ("north", "east")) if set(pair) & used.keys()]
     if len(pairs) != 1 or not set(pairs[0]) <= used.keys():
-        raise GeoError(
+        faults.lines.append(
             f"{path}: needs the columns longitude and latitude, or north and east; "
             f"it has {', '.join(given)[:80]}"
         )
-    rows, faults = [], Faults()
+        faults.refuse()
+    rows = []
     for number, row in filled[1:]:
         where = f"{path}: row {number}"
         if len(row) > len(columns) and any(cell.strip() for cell in row[len(columns) :]):
@@ -406,6 +419,15 @@ def _line(
         if a == b:
             raise GeoError(f"{where}: positions {k} and {k + 1} are the same place")
     return JobLine(name, tuple(places), priority, duration, windows, falls)
+
+
+def _numbers(where: str, stated: dict[str, Any], faults: Faults) -> dict[str, float | None]:
+    """Return what a job tells of its depth, priority and duration; None of what is absent or at fault."""
+    found: dict[str, float | None] = dict.fromkeys(("depth", "priority", "duration"))
+    for name in found:
+        with faults.kept():
+            found[name] = _number(where, stated, name, None)
+    return found
 
 
 def _number(where: str, stated: dict[str, Any], name: str, default: Any, least: float = 0.0) -> Any:

@@ -2,7 +2,7 @@
 
 import difflib
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -65,17 +65,7 @@ def _obstacle(feature: Feature, site: Site) -> KnownObstacle:
     try:
         stated = _Properties.model_validate(feature.properties)
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        name = ".".join(map(str, first["loc"]))
-        what = first["msg"].removeprefix("Value error, ").replace("Input should", "must")
-        known = ", ".join(_Properties.model_fields)
-        if first["type"] == "extra_forbidden":
-            near = difflib.get_close_matches(name, _Properties.model_fields, 1, 0.7)
-            hint = f": did you mean {near[0]!r}?" if near else ""
-            what = f"means nothing here; an obstacle has {known}{hint}"
-        elif first["type"] == "missing":
-            what = "is missing"
-        raise GeoError(f"{feature.where}: {name} {what}".replace(":  ", ": ")) from None
+        raise GeoError(*(_line(feature.where, found) for found in error.errors(include_url=False))) from None
     place = positions(feature.where, [feature.coordinates])[0]
     north, east = (float(axis) for axis in site.to_local(place[0], place[1]))
     if not np.isfinite((north, east)).all():
@@ -90,3 +80,16 @@ def _obstacle(feature: Feature, site: Site) -> KnownObstacle:
         np.inf if stated.depth_max is None else stated.depth_max,
         velocity if stated.speed > 0.0 else (0.0, 0.0),
     )
+
+
+def _line(where: str, found: Any) -> str:
+    """Return one of pydantic's errors in words."""
+    name = ".".join(map(str, found["loc"]))
+    what = found["msg"].removeprefix("Value error, ").replace("Input should", "must")
+    if found["type"] == "extra_forbidden":
+        near = difflib.get_close_matches(name, _Properties.model_fields, 1, 0.7)
+        hint = f": did you mean {near[0]!r}?" if near else ""
+        what = f"means nothing here; an obstacle has {', '.join(_Properties.model_fields)}{hint}"
+    elif found["type"] == "missing":
+        what = "is missing"
+    return f"{where}: {name} {what}".replace(":  ", ": ")

@@ -20,7 +20,6 @@ _TIME_OF_DAY = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2}(?:\.\d+)?))?\s*(Z|[+-]\d
 _SLACK = re.compile(r"slack\s*<\s*(.*?)(?:\s*m/s)?")
 #: s.
 _MINUTE = 60.0
-_EXTRA = "pip install 'auvplan[readers]'"
 _HOW = "write a moment such as 2026-03-01T08:00Z, a time of day such as 08:00+10:00, or seconds"
 
 
@@ -158,6 +157,9 @@ def read_windows(
             )
         spans = [(opens, closes - duration) for opens, closes in spans if closes - opens >= duration]
     if spans and not any(closes >= 0.0 and opens <= until for opens, closes in spans):
+        if all(closes < 0.0 for _, closes in spans):
+            dated = f", {site.epoch:%Y-%m-%d %H:%M} UTC" if site is not None and site.epoch else ""
+            raise GeoError(f"{where}: all its windows are over at the departure{dated}")
         raise GeoError(f"{where}: all its windows lie outside the mission, which may last {until:g} s")
     return tuple(spans)
 
@@ -250,10 +252,7 @@ def _by_sun(where: str, kind: str, site: Site | None, until: float) -> list[tupl
     """Times between sunrise and sunset at the site, or the other ones, to the minute."""
     epoch = _epoch(where, site)
     assert site is not None
-    try:
-        minutes, height = _elevations(site.latitude, site.longitude, epoch, until)
-    except ModuleNotFoundError:
-        raise GeoError(f"{where}: windows by the sun need a further package: {_EXTRA}") from None
+    minutes, height = _elevations(site.latitude, site.longitude, epoch, until)
     wanted = (height > _SUNRISE) == (kind == "daylight")
     if not wanted.any():
         raise GeoError(f"{where}: there is no {kind} at the site in the time of the mission")

@@ -31,7 +31,7 @@
           ]
         : null,
       best && !leg
-        ? ["total priority", report.figure(best.total_priority), report.counted(best.tasks, "task")]
+        ? ["total priority", report.figure(best.total_priority, 3), report.counted(best.tasks, "task")]
         : null,
       best && leg
         ? [

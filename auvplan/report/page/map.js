@@ -279,8 +279,8 @@ report.map = function (host, label, ground, traces, labels, paint) {
     map.wide = wide;
     const margin = { l: wide ? 54 : 42, r: along && wide ? 54 : 8, t: along && wide ? 24 : 8, b: 44 };
     const inner = width - margin.l - margin.r;
-    // All of it is to be seen above the slider.
-    const room = report.printing ? 900 : Math.max(window.innerHeight - 190, 380);
+    // All of it is to be seen below the slider.
+    const room = report.printing ? 900 : Math.max(window.innerHeight - 150, 380);
     const tall = Math.min(Math.max(inner * ((north - south) / (east - west)), 220), 1.25 * inner, 900, room);
     const ranges = [
       [west / map.unit, east / map.unit],

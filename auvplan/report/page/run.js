@@ -198,8 +198,8 @@
         ? null
         : [
             "total priority",
-            report.figure(figures.total_priority),
-            figures.priority_bound ? `at most ${report.figure(figures.priority_bound)} possible` : null,
+            report.figure(figures.total_priority, 3),
+            figures.priority_bound ? `at most ${report.figure(figures.priority_bound, 3)} possible` : null,
           ],
       [
         "way",
@@ -608,18 +608,22 @@
       report.element("option", { value, selected: value === usual }, words),
     ),
   );
-  document
-    .getElementById("main")
-    .append(
-      report.element(
-        "div",
-        { class: "transport", role: "group", "aria-label": "Time" },
-        button,
-        slider,
-        clock,
-        speed,
-      ),
-    );
+  const transport = report.element(
+    "div",
+    { class: "transport", role: "group", "aria-label": "Time" },
+    button,
+    slider,
+    clock,
+    speed,
+  );
+  document.getElementById("where").before(transport);
+
+  /** Scroll until the whole map is seen, right below the bar. */
+  function reveal() {
+    const bar = transport.getBoundingClientRect();
+    const { top, bottom } = stage.getBoundingClientRect();
+    if (top < bar.bottom || bottom > window.innerHeight) window.scrollBy(0, top - bar.height - 4);
+  }
   const jump = Math.max(1, nice);
   slider.addEventListener("keydown", (event) => {
     const moves = {
@@ -651,6 +655,7 @@
     button.textContent = on ? "❚❚ Pause" : "▶ Play";
     button.setAttribute("aria-pressed", String(on));
     if (!on) return;
+    reveal();
     let before = null;
     const advance = (moment) => {
       if (!state.playing) return;
@@ -1087,7 +1092,7 @@
                       "aria-label": `Show leg ${k + 1}`,
                       onclick: () => {
                         show(leg.begin);
-                        document.getElementById("where").scrollIntoView({ behavior: "smooth" });
+                        reveal();
                       },
                     },
                     String(k + 1),
@@ -1165,7 +1170,7 @@
           "div",
           {},
           report.table(
-            `Done: ${report.counted(done.length, "task")}`,
+            `${run.simulated ? "Done" : "Planned"}: ${report.counted(figures.tasks, "task")}`,
             [
               called,
               priority,

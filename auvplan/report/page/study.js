@@ -96,7 +96,7 @@
         ? ["use of the time", `${report.fixed(mean("use_of_time_percent"), 1)} %`, "mean"]
         : null,
       cases.length === 1
-        ? ["total priority", report.figure(mean("total_priority")), "mean of a mission"]
+        ? ["total priority", report.figure(mean("total_priority"), 3), "mean of a mission"]
         : null,
       cases.length === 1 ? ["tasks", report.fixed(mean("tasks"), 1), "mean of a mission"] : null,
       cases.length === 1
@@ -234,7 +234,7 @@
     report.section(
       "plan",
       "The plan and what became of it",
-      `Planned: ${report.counted(plan.tasks, "task")} of total priority ${report.figure(plan.total_priority)} in ${report.hours(plan.time_s)}.`,
+      `Planned: ${report.counted(plan.tasks, "task")} of total priority ${report.figure(plan.total_priority, 3)} in ${report.hours(plan.time_s)}.`,
       report.table(
         `Tasks in ${report.counted(rehearsal.missions, "simulated mission")}`,
         [

@@ -133,7 +133,7 @@ def test_slack_water_is_when_the_current_is_slower_there(tmp_path):
         read_jobs(table, SITE)
     table.write_text("name,north,east,windows\na,100,0,slack < fast\n")
     with pytest.raises(
-        GeoError, match=r"row 2: slack water is given in m/s, such as slack < 0\.2, got 'fast'"
+        GeoError, match=r"row 2, job 'a': slack water is given in m/s, such as slack < 0\.2, got 'fast'"
     ):
         read_jobs(table, SITE, speed=speed)
     with pytest.raises(GeoError, match=r"never below 0\.1 m/s there in the time of the mission: 0\.30 m/s"):
