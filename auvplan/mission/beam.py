@@ -111,7 +111,11 @@ def beam_search(
         mark = (beam.mark[:, None] ^ codes[onward]).reshape(-1)
         node = onward.reshape(-1)
         # Equal visits share a slot; of those that meet in a slot the best goes on, of equal ones the first.
-        slot = node * places + (mark % places).astype(jnp.int32)
+        # Where the vehicle may not wait a later arrival may serve better: only equal times share one too.
+        alike = mark
+        if problem.schedule is not None and not problem.schedule.waiting:
+            alike = mark ^ jax.lax.bitcast_convert_type(time, jnp.uint32).reshape(-1)
+        slot = node * places + (alike % places).astype(jnp.int32)
         highest = jnp.full(size * places, -jnp.inf).at[slot].max(value)
         leads = (value == highest[slot]) & (value > -jnp.inf)
         first = (

@@ -160,7 +160,7 @@ def certify(route: MissionRoute, time_limit: float = 10.0) -> MissionRoute:
 
 
 def _certify_by_the_clock(route: MissionRoute, time_limit: float) -> MissionRoute:
-    """`certify` by labels; where the vehicle may not wait what is proved holds for one that may."""
+    """`certify` by labels."""
     if route.nodes[0] == route.goal:
         return route
     known = route.priority if route.feasible else -np.inf

@@ -1,9 +1,11 @@
 """The route of most total priority by the clock, with its proof: labels of dynamic programming.
 
 A label is a waypoint, the set of waypoints visited, a time and what has been gained. What can still be gained
-is bounded by routes that may repeat waypoints, though not turn straight back, each visit charged with a
-Lagrange multiplier of the rule that none is repeated (Righini and Salani 2009). Where the vehicle may wait no
-later label gains more: it is dropped, and so is one whose bound does not beat the best route known.
+is bounded by routes that may wait and repeat waypoints, though not turn straight back, each visit charged
+with a Lagrange multiplier of the rule that none is repeated (Righini and Salani 2009). Where the vehicle may
+wait no later label gains more: it is dropped. Where it may not, only labels of the same time are compared:
+a later arrival may be in time for what an earlier one comes too early for. A label whose bound does not beat
+the best route known is dropped in either case.
 """
 
 import time
@@ -20,14 +22,14 @@ from auvplan.mission.timetable import Timetable
 _MOMENTS = 128, 2000
 #: Subgradient steps at most, and those in a row without a better bound after which they are halved.
 _ROUNDS, _PATIENCE = 60, 4
-#: Labels of one number of waypoints at most.
-_MOST = 1_000_000
+#: Labels of one number of waypoints at most, in a proof and beside a search.
+_MOST, _FEW = 1_000_000, 20_000
 _TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True)
 class Clocked:
-    """A mission by the clock in double precision; waiting is taken to be allowed.
+    """A mission by the clock in double precision.
 
     Attributes:
         timetable: of N waypoints.
@@ -36,6 +38,7 @@ class Clocked:
         open: [N, N] bool, edges that may be taken.
         start, goal: indices.
         end: s; a route takes less.
+        return_margin: share by which the way to the goal is taken to last longer than expected.
     """
 
     timetable: Timetable
@@ -45,9 +48,15 @@ class Clocked:
     start: int
     goal: int
     end: float
+    return_margin: float = 0.0
+
+    @property
+    def waiting(self) -> "Clocked":
+        """The same mission of a vehicle that may wait: what it can do at the best."""
+        return replace(self, timetable=replace(self.timetable, waiting=True))
 
     def done(self, i: IntArray, j: IntArray, since: Array) -> tuple[Array, Array]:
-        """When tasks are done, s, of edges that are entered at times or later, and what they are worth.
+        """When tasks are done, s, of edges entered at times, or later by waiting, and what they are worth.
 
         Args:
             i, j: waypoints.
@@ -60,6 +69,7 @@ class Clocked:
                 entered = np.maximum(since, table.enters[i, j, k])
                 ends = self._crossed(i, j, np.where(np.isfinite(entered), entered, self.end))
                 kept = (ends + lasts <= table.until[i, j, k]) & np.isfinite(entered)
+                kept &= table.waiting | (entered == since)
                 arrives = np.where(kept, np.minimum(arrives, ends), arrives)
         else:
             arrives = self._crossed(i, j, since)
@@ -68,14 +78,15 @@ class Clocked:
             begins = np.full_like(arrives, np.inf)
             for k in range(table.opens.shape[-1]):
                 first = np.maximum(arrives, table.opens[i, j, k])
-                begins = np.where(arrives <= table.closes[i, j, k], np.minimum(begins, first), begins)
+                kept = (arrives <= table.closes[i, j, k]) & (table.waiting | (first == arrives))
+                begins = np.where(kept, np.minimum(begins, first), begins)
         worth = np.broadcast_to(self.priority[i, j], begins.shape)
         for k in range(table.drops.shape[-1]):
             worth = worth - np.where(begins > table.falls[i, j, k], table.drops[i, j, k], 0.0)
         return np.where(self.open[i, j], begins + lasts, np.inf), worth
 
     def _crossed(self, i: IntArray, j: IntArray, since: Array) -> Array:
-        """When the ends of edges are reached that are entered at times or later."""
+        """When the ends of edges are reached that are entered at times, or later by waiting."""
         table = self.timetable
         departures, travel = table.departures, table.travel_time
         step, final = (departures[1] - departures[0] if len(departures) > 1 else 1.0), len(departures) - 1
@@ -85,12 +96,13 @@ class Clocked:
         a, b = travel[cell, i, j], travel[np.minimum(cell + 1, final), i, j]
         shut = np.isinf(a) | np.isinf(b)
         between = np.where(shut, np.inf, a + share * np.where(shut, 0.0, b - np.where(shut, 0.0, a)))
-        return np.minimum(since + np.where(share == 0.0, a, between), self._later[cell, i, j])
+        arrives = since + np.where(share == 0.0, a, between)
+        return np.minimum(arrives, self._later[cell, i, j]) if table.waiting else arrives
 
     @cached_property
     def _later(self) -> Array:
         """[M, N, N] s, earliest arrivals of those that enter later, see `Timetable.later`."""
-        return replace(self.timetable, waiting=True).later
+        return self.timetable.later
 
 
 @dataclass(frozen=True)
@@ -126,7 +138,7 @@ class _Ahead:
 
 @dataclass(frozen=True)
 class _Grid:
-    """Every edge at every moment.
+    """Every edge at every moment, of a vehicle that may wait.
 
     Attributes:
         step: s between moments; times are rounded down, which keeps bounds bounds.
@@ -141,12 +153,13 @@ class _Grid:
     passes: int
 
     @classmethod
-    def of(cls, mission: Clocked) -> "_Grid":
-        size = len(mission.open)
+    def of(cls, mission: Clocked, moments: tuple[int, int] = _MOMENTS) -> "_Grid":
+        """Look every edge up at so many moments, at least and at most."""
+        mission, size = mission.waiting, len(mission.open)
         table = mission.timetable
         lasts = np.where(mission.open, table.least + mission.duration, np.inf)
         shortest = max(float(lasts.min()), 1e-3)
-        count = int(np.clip(np.ceil(mission.end / shortest), *_MOMENTS))
+        count = int(np.clip(np.ceil(mission.end / shortest), *moments))
         step = mission.end / count
         i, j = np.arange(size)[:, None], np.arange(size)[None]
         at, worth = np.zeros((count, size, size), np.int32), np.zeros((count, size, size), np.float32)
@@ -188,13 +201,23 @@ def prove(mission: Clocked, known: float, time_limit: float) -> Proof:
         time_limit: s.
     """
     stop = time.monotonic() + time_limit
-    values = np.concatenate([mission.priority[mission.open], mission.timetable.drops.ravel()])
-    least = max(common_step(values) * (1.0 - 1e-6), _TOLERANCE)
-    grid = _Grid.of(mission)
+    grid, least = _Grid.of(mission), _least_gain(mission)
     charge, root = _charges(mission, grid, known, least, stop)
     if root < known + least:
         return Proof(np.zeros(0, int), known, proved=True)
-    return _labels(mission, grid, charge, known, least, stop)
+    return _labels(mission, grid, charge, known, least, stop, _MOST)
+
+
+def better(mission: Clocked, known: float) -> Proof:
+    """Search as `prove` does, without charges, as far as few labels reach: the same answer on any machine."""
+    grid = _Grid.of(mission, (_MOMENTS[0], _MOMENTS[0]))
+    return _labels(mission, grid, np.zeros(len(mission.open)), known, _least_gain(mission), np.inf, _FEW)
+
+
+def _least_gain(mission: Clocked) -> float:
+    """By how much the priorities of two routes differ at least, if they do."""
+    values = np.concatenate([mission.priority[mission.open], mission.timetable.drops.ravel()])
+    return max(common_step(values) * (1.0 - 1e-6), _TOLERANCE)
 
 
 def _charges(mission: Clocked, grid: _Grid, known: float, least: float, stop: float) -> tuple[Array, float]:
@@ -237,10 +260,14 @@ def _visits(mission: Clocked, grid: _Grid, ahead: _Ahead) -> Array:
     return counts
 
 
-def _labels(mission: Clocked, grid: _Grid, charge: Array, known: float, least: float, stop: float) -> Proof:
-    """Grow routes by one waypoint at a time."""
+def _labels(
+    mission: Clocked, grid: _Grid, charge: Array, known: float, least: float, stop: float, most: int
+) -> Proof:
+    """Grow routes by one waypoint at a time, until the clock stops or labels are more than `most`."""
     size, goal = len(mission.open), mission.goal
     ahead = grid.ahead(mission, charge)
+    due = grid.step * (np.isfinite(ahead.best) * np.arange(1, len(ahead.best) + 1)[:, None]).max(axis=0)
+    due = mission.end - (1.0 + mission.return_margin) * np.maximum(mission.end - due, 0.0)
     words = -(-size // 64)
     bits = np.zeros((size, words), np.uint64)
     bits[np.arange(size), np.arange(size) // 64] = np.uint64(1) << (np.arange(size) % 64).astype(np.uint64)
@@ -251,22 +278,22 @@ def _labels(mission: Clocked, grid: _Grid, charge: Array, known: float, least: f
     bound = np.array([np.inf])
     nodes = np.arange(size)
     while len(here):
-        if time.monotonic() > stop or len(here) > _MOST:
+        if time.monotonic() > stop or len(here) > most:
             return Proof(route, max(best, float(bound.max())), proved=False)
         parts = []
         for rows in np.array_split(np.arange(len(here)), len(here) // 10_000 + 1):
             done, worth = mission.done(here[rows, None], nodes[None], np.asarray(now, float)[rows, None])
-            fits = (done < mission.end) & ((seen[rows, None] & bits).sum(axis=2) == 0)
+            fits = (done < due) & ((seen[rows, None] & bits).sum(axis=2) == 0)
             total = gained[rows, None] + worth
             ended = np.where(fits[:, goal], total[:, goal], -np.inf)
-            if ended.max() >= best + least or (best == -np.inf and ended.max() > best):
+            if ended.max() >= best + least and ended.max() > -np.inf:
                 best, last = float(ended.max()), int(rows[ended.argmax()])
                 route = _followed_back(trail, last, mission.start, goal)
             moment = np.where(fits, np.where(fits, done, 0.0) / grid.step, len(grid.at)).astype(int)
             left = spare[rows, None] - charge
             limit = total + left + ahead.best[moment, nodes]
             fits[:, goal] = False
-            row, column = np.nonzero(fits & (limit >= best + least))
+            row, column = np.nonzero(fits & (limit >= best + least) & (limit > -np.inf))
             parts.append(
                 (
                     rows[row],
@@ -286,6 +313,8 @@ def _labels(mission: Clocked, grid: _Grid, charge: Array, known: float, least: f
         ends, sets, value = onward[kept], marks[kept], gained[kept]
         fresh = np.ones(len(kept), bool)
         fresh[1:] = (np.diff(ends) != 0) | (sets[1:] != sets[:-1]).any(axis=1)
+        if not mission.timetable.waiting:
+            fresh[1:] |= np.diff(now[kept]) != 0.0
         group = np.cumsum(fresh)
         scale = 1.0 + (value.max() - value.min() if len(value) else 0.0)
         level = value + 2.0 * scale * group
@@ -314,7 +343,7 @@ def least_within_reach(mission: Clocked) -> Array:
 
     It is entered no earlier than its waypoint can be reached, and so that the goal can still be.
     """
-    size, table = len(mission.open), mission.timetable
+    mission, size, table = mission.waiting, len(mission.open), mission.timetable
     i, j = np.arange(size)[:, None], np.arange(size)[None]
     earliest = np.where(np.arange(size) == mission.start, 0.0, np.inf)
     for _ in range(size):

@@ -13,10 +13,12 @@ import numpy as np
 from auvplan.budget import Budget
 from auvplan.deprecation import renamed_arguments
 from auvplan.mission import decoder as decoders
+from auvplan.mission import labels
 from auvplan.mission.config import MissionConfig
 from auvplan.mission.evolution import search_missions, search_within
 from auvplan.mission.exact import certify
 from auvplan.mission.graph import MissionGraph
+from auvplan.mission.labels import Clocked
 from auvplan.mission.problem import Edges, rounding_margin
 from auvplan.mission.route import MissionRoute, MissionRoutes, MissionStatus
 from auvplan.prng import as_key
@@ -277,7 +279,11 @@ def plan_missions(
     result = replace(result, state=replace(result.state, population=population), history=history)
     best = replace(best, nodes=best.nodes[..., :size])
     open_legs = np.where(closed[:, None, :], np.inf, legs)
-    return _collect(result, best, np.asarray(least), graphs, open_legs, starts, goals, available, margins)
+    nodes = np.where(np.asarray(best.reached), np.asarray(best.nodes[:, 0]), -1)
+    nodes[:, 0] = starts
+    if graphs.timetable is not None and not graphs.timetable.waiting and config.objective == "priority":
+        nodes = _without_waiting(nodes, known, graphs, open_legs, goals, available, margins)
+    return _collect(result, nodes, np.asarray(least), graphs, open_legs, goals, available, margins)
 
 
 def _speed(vehicle: Vehicle | None, speed: Any) -> Any:
@@ -296,22 +302,57 @@ def _padded(size: int) -> int:
     return next((most for most in _SIZES if most >= size), -(-size // _SIZES[-1]) * _SIZES[-1])
 
 
+def _without_waiting(
+    nodes: np.ndarray,
+    known: np.ndarray,
+    graphs: MissionGraph,
+    legs: np.ndarray,
+    goals: np.ndarray,
+    budget: np.ndarray,
+    margins: np.ndarray,
+) -> np.ndarray:
+    """Return the best of routes found, known ones and those that few labels reach, each [B, N].
+
+    The search takes an earlier arrival for the better one. Without waiting it need not be.
+    """
+    chosen, most = np.full_like(nodes, -1), np.full(len(nodes), -np.inf)
+    chosen[:, 0] = nodes[:, 0]
+    for routes in (nodes, known):
+        rows = np.arange(len(nodes))[:, None]
+        leg_times, _, lost = _by_the_clock(graphs, routes)
+        taken = routes[:, 1:] >= 0
+        here, there = np.maximum(routes[:, :-1], 0), np.maximum(routes[:, 1:], 0)
+        worth = np.where(taken, graphs.priority[rows, here, there] - lost, 0.0).sum(axis=1)
+        fits = leg_times.sum(axis=1) < budget
+        fits &= (np.isfinite(legs[rows, here, there]) | ~taken).all(axis=1)
+        fits &= (routes == goals[:, None]).any(axis=1)
+        better = fits & (worth > most)
+        chosen[better], most[better] = routes[better], worth[better]
+    for row, route in enumerate(chosen):
+        graph = jax.tree.map(lambda leaf, row=row: leaf[row], graphs)
+        open_, ends = np.isfinite(legs[row]), (int(route[0]), int(goals[row]), float(budget[row]))
+        clocked = Clocked(
+            graph.timetable, graph.duration, graph.priority, open_, *ends, return_margin=float(margins[row])
+        )
+        if ends[0] != ends[1] and len(found := labels.better(clocked, float(most[row])).nodes):
+            route[:] = -1
+            route[: len(found)] = found
+    return chosen
+
+
 def _collect(
     result: Any,
-    best: Any,
+    nodes: np.ndarray,
     least: np.ndarray,
     graphs: MissionGraph,
     legs: np.ndarray,
-    starts: np.ndarray,
     goals: np.ndarray,
     budget: np.ndarray,
     margins: np.ndarray,
 ) -> MissionRoutes:
-    """Return what a search found as routes, added up in double precision."""
+    """Return routes [B, N], padded with -1, that a search found, added up in double precision."""
     batch, size = legs.shape[:2]
-    reached = np.asarray(best.reached[:, 0])
-    nodes = np.where(reached[:, None], best.nodes[:, 0], -1)
-    nodes[:, 0] = starts
+    reached = (nodes == goals[:, None]).any(axis=1)
     late = (1.0 + margins) * least >= budget * (1.0 - 4.0 * rounding_margin(size))
     here, there = nodes[:, :-1], nodes[:, 1:]
     taken = there >= 0
@@ -356,7 +397,8 @@ def _by_the_clock(graphs: MissionGraph, nodes: np.ndarray) -> np.ndarray:
         way = graph.itinerary(route[route >= 0], 1.0)
         count = len(way.ends)
         times[row, :count] = way.ends - way.departs
-        waits[row, :count] = way.begins - way.arrives
+        with np.errstate(invalid="ignore"):  # from a leg that cannot be done on all is infinite
+            waits[row, :count] = way.begins - way.arrives
         for leg, (i, j) in enumerate(pairwise(route[route >= 0].tolist())):
             lost[row, leg] = graph.timetable.lost(i, j, way.begins[leg])
     return found

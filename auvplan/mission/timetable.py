@@ -100,11 +100,9 @@ class Timetable:
     def later(self) -> Array:
         """[..., M, N, N] s, when edges end at the earliest that are entered at a departure after each one.
 
-        Infinite after the last one, and where the vehicle may not wait.
+        Infinite after the last one.
         """
         arrival = self.departures[..., None, None] + self.travel_time
-        if not self.waiting:
-            return np.full_like(arrival, np.inf)
         earliest = np.flip(np.minimum.accumulate(np.flip(arrival, -3), -3), -3)
         last = np.full_like(arrival[..., -1:, :, :], np.inf)
         return np.concatenate([earliest[..., 1:, :, :], last], axis=-3)
@@ -216,7 +214,7 @@ def stages(
             if timetable.enters.shape[-1]:
                 leaves = arrives = np.inf
                 for enters, until in zip(timetable.enters[i, j], timetable.until[i, j], strict=True):
-                    if enters > departs and not timetable.waiting:
+                    if enters > departs and (np.isinf(enters) or not timetable.waiting):
                         continue
                     way = crossed(i, j, max(departs, enters))
                     if way[1] + duration[i, j] <= until and way[1] < arrives:
@@ -312,12 +310,12 @@ class Schedule:
         if self.enters.shape[-1]:
             enters, until = self.enters[node, edge], self.until[node, edge]
             entered = jnp.maximum(time[..., None], enters)
-            ends = self._crossed(node[..., None], edge[..., None], entered)
+            ends = self._crossed(node[..., None], edge[..., None], entered, waits)
             missed = ends + self.duration[node, edge][..., None] > until
             missed = missed if waits else missed | (time[..., None] < enters)
             arrives = jnp.where(missed, jnp.inf, ends).min(axis=-1)
         else:
-            arrives = self._crossed(node, edge, time)
+            arrives = self._crossed(node, edge, time, waits)
         if not self.opens.shape[-1]:
             return arrives, arrives
         opens, closes = self.opens[node, edge], self.closes[node, edge]
@@ -331,8 +329,8 @@ class Schedule:
         late = begins[..., None] > self.falls[node, edge]
         return jnp.where(late, self.drops[node, edge], 0.0).sum(axis=-1)
 
-    def _crossed(self, node: Any, edge: Any, time: Any) -> jax.Array:
-        """Return when edges that are entered at times, or later, are at their ends."""
+    def _crossed(self, node: Any, edge: Any, time: Any, waits: bool) -> jax.Array:
+        """Return when edges are at their ends that are entered at times, or later where the vehicle waits."""
         final = self.travel_time.shape[-1] - 1
         place = jnp.maximum((time - self.origin) / self.step, 0.0)
         cell = jnp.clip(jnp.floor(place), 0, final).astype(jnp.int32)
@@ -342,7 +340,7 @@ class Schedule:
         shut = jnp.isinf(a) | jnp.isinf(b)
         between = jnp.where(shut, jnp.inf, a + share * jnp.where(shut, 0.0, b - a))
         lasts = jnp.where(share == 0.0, a, between)
-        return jnp.minimum(time + lasts, self.later[node, edge, cell])
+        return jnp.minimum(time + lasts, self.later[node, edge, cell]) if waits else time + lasts
 
     def lasts(self, node: Any, edge: Any, time: Any, waiting: bool | None = None) -> jax.Array:
         """Seconds from entering edges until their tasks are done; arguments as in `begins`."""

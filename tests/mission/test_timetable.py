@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from auvplan.compiled import compilations
 from auvplan.mission import MissionConfig, MissionGraph, check_route, plan_mission, plan_missions
-from auvplan.mission.timetable import Timetable
+from auvplan.mission.timetable import Timetable, stages
 
 #: One size of graphs, so that all cases share their programs.
 SIZE, DEPARTURES, HORIZON = 9, 7, 1800.0
@@ -41,6 +41,7 @@ def clocked(
     free = rng.random(SIZE) < 0.3
     free[[0, -1]] = True
     opens[free], closes[free] = -np.inf, np.inf
+    opens, closes = _padded(rng, opens, closes, (np.inf, -np.inf))
     graph = MissionGraph(
         positions,
         adjacency,
@@ -66,13 +67,24 @@ def _along_edges(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.n
     enters = rng.uniform(-300.0, 0.8 * HORIZON, (SIZE, SIZE, count))
     until = enters + rng.uniform(500.0, 1500.0, enters.shape)
     free = rng.random((SIZE, SIZE, 1)) < 0.7
-    return np.where(free, -np.inf, enters), np.where(free, np.inf, until)
+    enters, until = np.where(free, -np.inf, enters), np.where(free, np.inf, until)
+    return _padded(rng, enters, until, (np.inf, -np.inf))
+
+
+def _padded(
+    rng: np.random.Generator, first: np.ndarray, last: np.ndarray, none: tuple[float, float]
+) -> tuple:
+    """Some rows [..., K] with entries for none in their last places, as those of fewer windows have."""
+    count = first.shape[-1]
+    unused = np.arange(count) >= rng.integers(1, max(count, 1), first.shape[:-1], endpoint=True)[..., None]
+    return np.where(unused, none[0], first), np.where(unused, none[1], last)
 
 
 def _falling(rng: np.random.Generator, rho: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     """When priorities fall, and to some whole number less."""
     falls = rng.uniform(0.0, HORIZON, (SIZE, count))
     drops = np.floor(rng.random((SIZE, count)) * rho[:, None] / max(count, 1))
+    falls, drops = _padded(rng, falls, drops, (np.inf, 0.0))
     return tuple(np.broadcast_to(part, (SIZE, SIZE, count)).copy() for part in (falls, drops))
 
 
@@ -138,7 +150,9 @@ def best_priority(graph: MissionGraph, budget: float) -> float:
                         best = max(best, more)
                         continue
                     others = onward.setdefault((seen | 1 << j, j), [])
-                    if not any(t <= done and g >= more for t, g in others):
+                    if not graph.timetable.waiting:
+                        others.append((done, more))  # one that comes later may be in time for a window
+                    elif not any(t <= done and g >= more for t, g in others):
                         others[:] = [(t, g) for t, g in others if t < done or g > more] + [(done, more)]
         fronts = onward
     return best
@@ -189,8 +203,73 @@ def test_500_cases_with_windows_along_edges_and_falling_priorities_equal_the_exh
         check_against_the_exhaustive_search(seed, closing, budget, along=2, falls=2)
 
 
-def check_against_the_exhaustive_search(seed: int, closing: float, budget: float, **more: int) -> None:
-    graph = clocked(seed, closing, 2, **more)
+#: Cases of routes that may not wait, from so many seeds on.
+UNWAITING = 500_000
+
+
+def check_without_waiting(seed: int) -> None:
+    """A case of seven to nine waypoints whose vehicle may not wait, whatever else it knows beforehand."""
+    rng = np.random.default_rng(seed)
+    closing, budget = float(rng.choice([0.0, 0.1, 0.3])), float(rng.uniform(300.0, 1700.0))
+    graph, best = check_against_the_exhaustive_search(
+        seed, closing, budget, along=2, falls=2, waiting=False, absent=int(rng.integers(0, 3))
+    )
+    if not np.isfinite(best) or seed % 8:
+        return
+    # A search that finds nothing by itself keeps the known route, and the exact one proves the best.
+    poor = QUICK.replace(seeds=0, plant=False, local_rounds=0, bbo=QUICK.bbo.replace(iterations=1))
+    common = {"speed": 1.5, "key": jax.random.key(seed)}
+    known = plan_mission(graph, 0, SIZE - 1, budget, **common, config=QUICK)
+    kept = plan_mission(graph, 0, SIZE - 1, budget, **common, config=poor, known_route=known.nodes)
+    assert kept.priority == best
+    proved = plan_mission(graph, 0, SIZE - 1, budget, **common, config=poor, method="exact")
+    assert proved.priority == best == proved.bound
+
+
+@pytest.mark.parametrize("first", range(0, 32, 8))
+def test_routes_without_waiting_are_as_good_as_the_exhaustive_search(first):
+    """An edge that is closed when the mission begins opens later; an earlier arrival need not be better."""
+    for seed in range(first, first + 8):
+        check_without_waiting(UNWAITING + seed)
+
+
+@pytest.mark.slow
+def test_1000_cases_without_waiting_equal_the_exhaustive_search():
+    for seed in range(1000, 2000):
+        check_without_waiting(UNWAITING + seed)
+
+
+def test_a_route_that_may_not_wait_takes_an_edge_that_opens_under_way():
+    """Of two jobs the richer one lies behind an edge that is closed at the departure."""
+    adjacency = np.array([[0, 1, 1, 0], [0, 0, 1, 1], [0, 0, 0, 1], [0, 0, 0, 0]], bool)
+    travel = np.where(adjacency, 100.0, np.inf) * np.ones((3, 1, 1))
+    travel[0, 1, 2] = travel[0, 2, 3] = np.inf
+    priority = np.broadcast_to(np.array([0.0, 1.0, 5.0, 0.0]), (4, 4)).copy()
+    graph = MissionGraph(np.eye(4, 3), adjacency, priority, np.zeros((4, 4)))
+    graph = graph.with_timetable(Timetable(np.array([0.0, 50.0, 100.0]), travel, waiting=False))
+    common = {"speed": 1.0, "key": jax.random.key(0), "config": QUICK}
+    for options in ({}, {"known_route": [0, 1, 2, 3]}, {"method": "exact"}):
+        found = plan_mission(graph, 0, 3, 400.0, **common, **options)
+        assert found.nodes.tolist() == [0, 1, 2, 3]
+        assert found.priority == 6.0
+
+
+def test_a_line_with_two_windows_is_gone_through_beside_edges_with_one():
+    """Rows of fewer windows are padded with plus and minus infinity, which no vehicle enters at."""
+    table = Timetable(
+        np.array([0.0, 600.0]),
+        np.full((2, 2, 2), 100.0),
+        enters=np.broadcast_to([-np.inf, np.inf], (2, 2, 2)),
+        until=np.broadcast_to([np.inf, -np.inf], (2, 2, 2)),
+    )
+    assert stages(table, np.zeros((2, 2)), [0, 1]).ends.tolist() == [100.0]
+
+
+def check_against_the_exhaustive_search(
+    seed: int, closing: float, budget: float, absent: int = 0, **more: int
+) -> tuple[MissionGraph, float]:
+    """Plan a case, of which so many waypoints are absent; return it and its optimum."""
+    graph = clocked(seed, closing, 2, **more).without_waypoints(range(1, 1 + absent))
     found = plan_mission(graph, 0, SIZE - 1, budget, speed=1.5, key=jax.random.key(seed), config=QUICK)
     best = best_priority(graph, budget)
     assert found.feasible == np.isfinite(best)
@@ -205,6 +284,7 @@ def check_against_the_exhaustive_search(seed: int, closing: float, budget: float
         assert check_route(graph, found.nodes, 0, SIZE - 1, budget, 1.5)
         # Sums of the same legs in another order differ in the last digits.
         assert not check_route(graph, found.nodes, 0, SIZE - 1, found.time - 1e-6, 1.5).in_time
+    return graph, best
 
 
 @pytest.mark.parametrize("seed", range(6))
