@@ -40,10 +40,13 @@ _AT_TASK = 15.0
 _AHEAD = 180.0
 
 #: m; a vehicle that is no deeper is at the surface.
-_SURFACE = 2.0
+_SURFACE = 1.0
 
 #: s of mission time between two tries of something that failed.
 _PAUSE = 60.0
+
+#: s of mission time that a plan from a hold may begin later than it was made for.
+_LATE = 20.0
 
 #: How fast a vehicle can be over ground: so many times its speed, and so many m/s more.
 _TIMES, _MORE = 2.0, 2.0
@@ -56,12 +59,17 @@ class _SafeEnd(Exception):
     """The mission cannot go on; the message says why."""
 
 
+class _Left(_SafeEnd):
+    """Somebody else has ended it; the vehicle is theirs."""
+
+
 @dataclass
 class _Progress:
     """How the vehicle gets on with an upload.
 
     Attributes:
         upload: that it executes.
+        first: step that it was started from.
         done: steps that are completed.
         ahead: the step that the vehicle is on its way to, at least `done`.
         place: [3] m and `since` s, where and since when it has not moved.
@@ -71,6 +79,7 @@ class _Progress:
     """
 
     upload: Upload
+    first: int = 0
     done: int = 0
     ahead: int = 0
     place: Array | None = None
@@ -124,12 +133,14 @@ class _Next:
         prospect: that it is from.
         kept: legs that it has in common with the plan before; they must not be over when it is handed over.
         cause: why it was made.
+        begins: s of mission time that it is to be started at; infinite where it joins what is under way.
     """
 
     upload: Upload
     prospect: Prospect
     kept: int
     cause: str
+    begins: float = math.inf
 
 
 def execute(
@@ -208,6 +219,9 @@ class _Executor:
         try:
             self._depart()
             self._follow()
+        except _Left as error:
+            self._record.reason, self._record.safe = str(error), "left to whoever stopped it"
+            self._watch_rise()
         except (_SafeEnd, LinkError, ExportError) as error:
             self._end_safely(str(error))
         except Exception as error:  # a vehicle is under way: whatever is wrong here, it is brought up
@@ -252,6 +266,7 @@ class _Executor:
             self._say("note", note)
         self._check_ready(self._link.wait(0.0), whole.steps[0].position)
         self._progress = _Progress(whole)
+        self._see(self._link.wait(0.0))
         self._hand_over(_Next(whole, plan, 0, "start"))
 
     def _check_ready(self, report: Report, start: Array) -> None:
@@ -262,6 +277,8 @@ class _Executor:
         """
         if report.state is State.EXECUTING:
             raise _SafeEnd("the vehicle executes a plan already: end that first")
+        if report.state is State.FAULT:
+            self._check_state(report)
         if report.position is not None:
             away = float(np.linalg.norm(report.position - start))
             if away > self._limits.away:
@@ -273,13 +290,17 @@ class _Executor:
         Raises:
             Lost, Refused: the vehicle may have this plan or the one before.
         """
+        if self._started:
+            self._check_state(self._link.wait(0.0))
         before = self._progress
         fresh = new.upload if before.upload is new.upload else new.upload.without(self._passed(new.upload))
         known = before.ahead
         for note in self._link.upload(fresh):
             self._say("note", note)
         if self._started:
-            self._book(self._link.wait(0.0))
+            report = self._link.wait(0.0)
+            self._book(report)
+            self._check_state(report)
             if self._count > new.kept:
                 self._say("replan", "the vehicle is past the leg that the new plan begins with: it is held")
                 self._link.hold()
@@ -289,7 +310,7 @@ class _Executor:
         self._started = True
         self._link.start(more)
         begun = None if self._sight is None else self._sight[1]
-        self._progress = _Progress(fresh, more, more, since=self._now, begun=begun)
+        self._progress = _Progress(fresh, more, more, more, since=self._now, begun=begun)
         self._progress.stay_on(before)
         self._plan.followed = new.prospect
         self._new, self._due, self._holding, self._ahead = None, "", False, -math.inf
@@ -323,6 +344,8 @@ class _Executor:
                 self._go_on_past()
                 continue
             self._check_moves(report)
+            if report.state is State.IDLE:
+                continue
             self._check_track(report)
             self._check_ahead(report)
             self._check_time(report)
@@ -348,7 +371,7 @@ class _Executor:
             if step.ends_leg:
                 self._end_leg(step.leg)
         progress.ahead = max(progress.ahead, min(progress.done, len(steps) - 1))
-        if self._link.by_legs and report.position is not None:
+        if self._link.by_legs and report.position is not None and progress.done > progress.first:
             self._pass_corners(progress, report.position)
 
     def _see(self, report: Report) -> None:
@@ -365,7 +388,7 @@ class _Executor:
         steps = progress.upload.steps
         while progress.ahead + 1 < len(steps) and not steps[progress.ahead].ends_leg:
             step, after = steps[progress.ahead], steps[progress.ahead + 1]
-            if _distance(place, after.left, after.position) > _distance(place, step.left, step.position):
+            if _distance(place, after.left, after.position) >= _distance(place, step.left, step.position):
                 return
             progress.ahead += 1
 
@@ -464,14 +487,15 @@ class _Executor:
         return f"by its own settings {alone}" if alone else self._goes_on
 
     def _check_state(self, report: Report) -> None:
-        """Give up where the vehicle itself did.
+        """Give up where the vehicle itself did, or somebody else.
 
         Raises:
-            _SafeEnd: it is in a state of fault, or surfaces.
+            _SafeEnd: it is in a state of fault, or surfaces; `_Left`: it was stopped.
         """
-        if report.state in (State.FAULT, State.SURFACING):
+        if report.state in (State.FAULT, State.SURFACING, State.STOPPED):
             words = f": {report.message}" if report.message else ""
-            raise _SafeEnd(f"the vehicle is {report.state.value}{words}")
+            end = _Left if report.state is State.STOPPED else _SafeEnd
+            raise end(f"the vehicle is {report.state.value}{words}")
 
     def _at_task(self, report: Report) -> bool:
         """Return whether the vehicle is at the place of a task that is not done."""
@@ -495,15 +519,16 @@ class _Executor:
             if report.state not in (State.IDLE, State.HOLDING, State.FINISHED):
                 progress.since = now
                 return
-        allowed = self._limits.stall
-        if self._at_task(report):
+        allowed = self._limits.idle if report.state is State.IDLE else self._limits.stall
+        if self._at_task(report) and report.state is not State.IDLE:
             allowed += progress.upload.steps[progress.ahead].hold
         if now - progress.since <= allowed:
             return
         where = f"{report.state.value}, {report.message}" if report.message else report.state.value
         self._try("stopped", f"no way made for {now - progress.since:.0f} s ({where}): started again")
+        if self._asked(self._start_again):
+            self._failed = now  # it gets under way before what is left is planned anew for its times
         progress.since = now
-        self._asked(self._start_again)
 
     def _start_again(self) -> None:
         """Hand over what the vehicle should have, as it may have lost it, and start it where it was.
@@ -597,19 +622,36 @@ class _Executor:
         self._book(report)  # it may have ended a leg before it held
         if report.position is None or self._count >= len(self._plan.legs):
             return
-        if self._new is not None and self._count > self._new.kept:
+        if self._new is not None and (self._count > self._new.kept or self._now - self._new.begins > _LATE):
             self._new = None
         if self._new is None:
-            found = self._plan.from_position(self._count, report.position, self._now)
+            begins, found = self._plan_from(report.position)
             if found is None:
                 self._failed = self._now
                 self._try("no plan", f"no plan from here: {self._plan.reason}; the vehicle holds")
                 return
             upload = Upload(self._plan.itinerary(found, self._count), self._progress.upload.number + 1)
-            self._new = _Next(upload, found, self._count, cause)
+            self._new = _Next(upload, found, self._count, cause, begins)
+            legs = counted(len(found.legs) - self._count, "leg")
+            self._say("replan", f"{cause}, from {begins:.0f} s: {legs}, planned end {found.ends:.0f} s")
         new = self._new
         if not self._asked(lambda: self._hand_over(new)):
             self._try("failed", "the plan past it was not taken: sent again")
+
+    def _plan_from(self, position: Array) -> tuple[float, Prospect | None]:
+        """Plan from where the vehicle holds, [3] m, for when it can be started, twice where that is missed.
+
+        Returns:
+            s of mission time that the plan begins at, and the plan, or None.
+        """
+        for _ in range(2):
+            asked = self._now
+            begins = asked + self._cost
+            found = self._plan.from_position(self._count, position, begins)
+            self._cost = self._now - asked
+            if found is None or self._now - begins <= _LATE:
+                break
+        return begins, found
 
     def _check_time(self, report: Report) -> None:
         """See whether the vehicle is so far off its plan that the rest is planned anew."""
@@ -625,6 +667,9 @@ class _Executor:
         if report.position is None or progress.done >= len(progress.upload.steps) or self._at_task(report):
             return None
         step = progress.upload.steps[progress.ahead]
+        if progress.ahead == 0 and progress.upload.origin is None:
+            ahead = float(np.linalg.norm(step.position - report.position)) / progress.upload.itinerary.speed
+            return self._now + ahead - step.time
         way = step.position - step.left
         length = float(way @ way)
         share = float(np.clip((report.position - step.left) @ way / length, 0.0, 1.0)) if length else 1.0
@@ -690,9 +735,10 @@ class _Executor:
         while self._now - arrived < self._limits.ending:
             report = self._link.wait(self._limits.look)
             self._book(report)
-            up = report.position is not None and report.position[2] < _SURFACE
-            if report.state is State.FINISHED or up or end != "surface":
-                record.safe = "at the surface" if end == "surface" else f"at the end: {end}"
+            if end != "surface":
+                record.safe = f"at the end: {end}"
+                return
+            if self._is_up(report):
                 return
 
     def _end_safely(self, why: str) -> None:
@@ -720,16 +766,24 @@ class _Executor:
 
     def _watch_rise(self) -> None:
         """See that the vehicle surfaces."""
-        begin = self._now
+        begin, before = self._now, self._record.safe
         while self._now - begin < self._limits.ending:
             try:
                 report = self._link.wait(self._limits.look)
             except LinkError as error:
                 self._say("failed", str(error))
                 return
-            if report.position is not None and report.position[2] < _SURFACE:
-                self._record.safe = "at the surface"
+            if self._is_up(report):
                 return
+            if report.position is not None:
+                self._record.safe = f"{before}, last seen at a depth of {report.position[2]:.1f} m"
+
+    def _is_up(self, report: Report) -> bool:
+        """Return whether the vehicle is at the surface, and say so; its depth alone tells."""
+        up = report.position is not None and bool(report.position[2] < _SURFACE)
+        if up:
+            self._record.safe = "at the surface"
+        return up
 
 
 def _place(step: Step) -> tuple[float, ...]:

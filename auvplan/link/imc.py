@@ -1,4 +1,4 @@
-"""A vehicle that speaks LSTS's IMC over UDP.
+"""A vehicle that speaks LSTS's IMC, over UDP or TCP.
 
 Plans go there by PlanDB, are executed by PlanControl; where the vehicle is comes from EstimatedState.
 
@@ -10,6 +10,7 @@ import queue
 import re
 import socket
 import time
+import zlib
 from collections.abc import Callable
 from dataclasses import replace
 from importlib import import_module
@@ -27,8 +28,17 @@ from auvplan.site import Site
 
 Array = NDArray[np.floating]
 
-#: Identifier of a control station among IMC's addresses.
-_OURS = 0x4001
+#: Identifiers of control stations among IMC's addresses, beyond those that Neptus takes from its own address.
+_STATIONS = 0x5000, 0xFFF
+
+#: Ports that announcements are listened for on.
+_ANNOUNCED = range(30100, 30105)
+
+#: Ports of our own, the first that is free.
+_LOCAL = range(6011, 6021)
+
+#: s between two announcements.
+_ANNOUNCE = 5.0
 
 #: Name of the plan to stay.
 _HOLD = "hold"
@@ -72,8 +82,94 @@ def _value(default: Any, message: Any, child: Element) -> Any:
     return int(text) if isinstance(default, int) else float(text)
 
 
+class _Datagrams:
+    """UDP to a vehicle: announced to it, as DUNE hears and answers none but announced systems.
+
+    The identifier is that of the address and port that answers go to: DUNE keeps those of an identifier for
+    as long as it runs.
+    """
+
+    def __init__(self, host: str, port: int, local: int | None) -> None:
+        self._peer = host, port
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        for own in [local] if local else [*_LOCAL, 0]:
+            try:
+                self._socket.bind(("", own))
+                break
+            except OSError:
+                if local:
+                    self._socket.close()
+                    raise
+        self._socket.settimeout(0.1)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            probe.connect(self._peer)
+            self.address = f"{probe.getsockname()[0]}:{self._socket.getsockname()[1]}"
+        first, most = _STATIONS
+        self.identifier = first + (zlib.crc32(self.address.encode()) & most)
+
+    def send(self, data: bytes) -> None:
+        self._socket.sendto(data, self._peer)
+
+    def announce(self, data: bytes) -> None:
+        for port in _ANNOUNCED:
+            self._socket.sendto(data, (self._peer[0], port))
+
+    def receive(self) -> list[Any]:
+        data, _ = self._socket.recvfrom(_LARGEST)
+        try:
+            return [import_module("imcpy").Packet.deserialize(data)]
+        except RuntimeError:
+            return []  # it is no IMC, or was damaged on its way
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+class _Stream:
+    """TCP to a vehicle, which takes whoever connects; made again where it breaks."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self._peer, self._socket = (host, port), None
+        self.address, self.identifier = f"tcp:{host}:{port}", _STATIONS[0]
+        self._parser: Any = import_module("imcpy").Parser()
+
+    def send(self, data: bytes) -> None:
+        if self._socket is not None:
+            self._socket.sendall(data)
+
+    def announce(self, data: bytes) -> None:
+        """Do nothing: answers come by the connection."""
+
+    def receive(self) -> list[Any]:
+        try:
+            if self._socket is None:
+                self._socket = socket.create_connection(self._peer, timeout=1.0)
+                self._socket.settimeout(0.1)
+                self._parser.reset()
+            data = self._socket.recv(_LARGEST)
+            if not data:
+                raise ConnectionError("closed")
+        except TimeoutError:
+            return []
+        except OSError:
+            self.close()
+            time.sleep(0.1)
+            return []
+        messages = []
+        while data:
+            message, used = self._parser.parse(data)
+            messages += [] if message is None else [message]
+            data = data[used:] if used else b""
+        return messages
+
+    def close(self) -> None:
+        if self._socket is not None:
+            self._socket.close()
+        self._socket = None
+
+
 class ImcVehicle(ListeningLink):
-    """A vehicle behind a UDP port that speaks IMC."""
+    """A vehicle behind a port that speaks IMC."""
 
     by_legs = True
 
@@ -81,7 +177,8 @@ class ImcVehicle(ListeningLink):
         """Open a socket; the vehicle is looked for by `connect`.
 
         Args:
-            address: HOST:PORT of the vehicle.
+            address: HOST:PORT of the vehicle, for UDP, with `?local=PORT` for a port of ours; or
+                tcp:HOST:PORT.
             site: that local coordinates count from.
             limits: of replies and tries.
             scale: s of the vehicle's time in one of wall-clock time, for vehicles that are simulated.
@@ -93,44 +190,51 @@ class ImcVehicle(ListeningLink):
         imcpy: Any = import_module("imcpy")
         super().__init__(site, limits, scale)
         self._imc, self.name = imcpy, f"the IMC vehicle at {address}"
-        host, _, port = address.rpartition(":")
+        place, _, local = address.partition("?local=")
+        host, _, port = place.rpartition(":")
         try:
-            self._peer = socket.gethostbyname(host), int(port)
-            self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-            self._socket.bind(("", 0))
+            peer = socket.gethostbyname(host.removeprefix("tcp:")), int(port)
+            stream = host.startswith("tcp:")
+            self._wire = _Stream(*peer) if stream else _Datagrams(*peer, int(local) if local else None)
         except (OSError, ValueError) as error:
             raise LinkError(f"{address}: {error}") from None
-        self._socket.settimeout(0.1)
+        self._announced = -math.inf  # s, when that was last done
         self._answers: queue.Queue[Any] = queue.Queue()
         self._vehicle, self._at = _ANYONE, -math.inf
-        self._speed, self._control, self._words, self._fault = math.nan, None, "", False
+        self._speed, self._mode, self._words = math.nan, None, ""
+        self._control: Any = None  # PlanControlState that came last
         self._request = 0
         self._upload: Upload | None = None  # newest that was handed over
         self._plan: Upload | None = None  # that is executed, from `_offset` steps on
         self._offset, self._done, self._holds = 0, 0, False
-        self._aborted = False
+        self._started: set[str] = set()  # plans of ours that the vehicle was given to execute
+        self._since = math.inf  # s of the vehicle's clock, when it began to execute the last of them
+        self._ended, self._aborted = "", False
         self._start_listening()
 
     def _say_hello(self) -> None:
+        if time.monotonic() - self._announced >= _ANNOUNCE:
+            self._announced = time.monotonic()
+            announce = self._imc.Announce()
+            announce.sys_name, announce.sys_type = "auvplan", self._imc.SystemType.CCU
+            announce.owner, announce.services = _ANYONE, f"imc+udp://{self._wire.address}/"
+            self._send(announce, self._wire.announce)
         self._send(self._imc.Heartbeat())
 
     def _receive(self) -> None:
         try:
-            data, _ = self._socket.recvfrom(_LARGEST)
+            messages = self._wire.receive()
         except OSError:
             return
-        try:
-            message = self._imc.Packet.deserialize(data)
-        except RuntimeError:
-            return  # it is no IMC, or was damaged on its way
-        self._take(message)
+        for message in messages:
+            self._take(message)
 
-    def _send(self, message: Any) -> None:
+    def _send(self, message: Any, by: Callable[[bytes], None] | None = None) -> None:
         """Send a message; what cannot be sent is as lost as what does not arrive."""
-        message.src, message.dst = _OURS, self._vehicle
+        message.src, message.dst = self._wire.identifier, self._vehicle
         message.set_timestamp_now()
         try:
-            self._socket.sendto(self._imc.Packet.serialize(message), self._peer)
+            (by or self._wire.send)(self._imc.Packet.serialize(message))
         except OSError:
             return
 
@@ -139,7 +243,7 @@ class ImcVehicle(ListeningLink):
         imc = self._imc
         if self._vehicle == _ANYONE and isinstance(message, imc.EstimatedState):
             self._vehicle = message.src
-        if message.src != self._vehicle or message.dst not in (_OURS, _ANYONE):
+        if message.src != self._vehicle or message.dst not in (self._wire.identifier, _ANYONE):
             return
         self._at = time.monotonic()
         if isinstance(message, imc.EstimatedState):
@@ -158,9 +262,9 @@ class ImcVehicle(ListeningLink):
         elif isinstance(message, imc.PlanControlState):
             self._control = message
             self._advance(message)
+            self._latch(message)
         elif isinstance(message, imc.VehicleState):
-            self._fault = message.op_mode == imc.VehicleState.OperationModeEnum.ERROR
-            self._words = message.last_error
+            self._mode, self._words = message.op_mode, message.last_error
         elif isinstance(message, imc.PlanControl | imc.PlanDB):
             self._answers.put(message)
 
@@ -181,33 +285,70 @@ class ImcVehicle(ListeningLink):
             done = sum(step.leg < number for step in steps)
             if found[1] == "task":
                 done += sum(step.leg == number and not step.ends_leg for step in steps)
+            if done <= self._offset and not steps[self._offset].ends_leg:
+                done = self._offset + 1  # it has been at the plan's first place
         else:
             return
         self._done = max(self._done, done)
 
+    def _latch(self, state: Any) -> None:
+        """Keep that the vehicle has left our plan, for however short a moment it says so.
+
+        After an abort DUNE is blocked for 0.2 s, then ready as if nothing were (Supervisors/Vehicle,
+        Plan/Engine); a plan that was replaced by ours leaves the same outcome, but goes on. A vehicle that
+        started anew has no plan.
+        """
+        if self._plan is None or self._aborted or state.timestamp < self._since or not state.plan_id:
+            return
+        states, outcomes = state.StateEnum, state.LastPlanOutcomeEnum
+        ours = state.plan_id in self._started
+        left = state.state == states.BLOCKED or (
+            state.state == states.READY and (not ours or state.last_outcome == outcomes.FAILURE)
+        )
+        if left and not self._ended:
+            self._ended = "it was stopped"
+        elif state.state == states.EXECUTING and not ours:
+            self._ended = f"another plan was started, {state.plan_id}"
+
+    def _check_goes_on(self) -> None:
+        """See that the mission was not ended from outside.
+
+        Raises:
+            Refused: it was.
+        """
+        if self._ended:
+            raise Refused(f"{self.name} has left the plan: {self._words or self._ended}")
+
     def connect(self) -> list[str]:
-        """Wait for the vehicle's position and for the state of its plans.
+        """Wait for the vehicle's position, and for its plan control to be ready or busy.
 
         Returns:
             Nothing: what it does by itself is not asked.
 
         Raises:
             Lost: there is none.
+            Refused: it does not become ready.
         """
-        end = time.monotonic() + self._limits.connect
+        end, known = time.monotonic() + self._limits.connect, False
         while time.monotonic() < end:
-            if self._here is not None and self._control is not None:
+            control: Any = self._control
+            known = self._here is not None and control is not None
+            if known and control.state != control.StateEnum.BLOCKED:
                 return []
             time.sleep(0.02)
+        within = f"within {self._limits.connect:.0f} s"
+        if known:
+            raise Refused(f"{self.name}: was not ready for a plan {within}: {self._words or 'blocked'}")
         what = "EstimatedState" if self._here is None else "PlanControlState"
-        raise Lost(f"{self.name}: no {what} within {self._limits.connect:.0f} s")
+        raise Lost(f"{self.name}: no {what} {within}")
 
     def upload(self, plan: Upload) -> list[str]:
         """Store the plan in the vehicle's data base, and read it back.
 
         Raises:
-            Lost, Refused: the vehicle does not hold the plan.
+            Lost, Refused: the vehicle does not hold the plan, or has left the one before.
         """
+        self._check_goes_on()
         self._store(plan, 0)
         self._upload = plan
         return []
@@ -251,6 +392,7 @@ class ImcVehicle(ListeningLink):
             self._send(request)
             end = time.monotonic() + self._limits.reply
             while (left := end - time.monotonic()) > 0.0:
+                self._check_goes_on()
                 try:
                     answer = self._answers.get(timeout=min(left, 0.05))
                 except queue.Empty:
@@ -283,19 +425,27 @@ class ImcVehicle(ListeningLink):
         assert plan is not None
         if step:
             self._store(plan, step)
-        identifier = self._identifier(plan, step)
-        operation = self._imc.PlanControl.OperationEnum.START
-        self._ask(
-            self._imc.PlanControl,
-            operation,
-            identifier,
-            None,
-            "the start",
-            lambda: self._executes(identifier),
-        )
+        self._execute(self._identifier(plan, step), None, "the start")
         self._plan, self._offset, self._done, self._holds = plan, step, step, False
         if math.isnan(self._begin):
             self._begin = time.monotonic()
+
+    def _execute(self, identifier: str, plan: Any, what: str) -> None:
+        """Have a plan executed.
+
+        Raises:
+            Lost, Refused: the vehicle does not say that it does, or was stopped meanwhile.
+        """
+        self._check_goes_on()
+        self._started.add(identifier)
+        operation = self._imc.PlanControl.OperationEnum.START
+        answer = self._ask(
+            self._imc.PlanControl, operation, identifier, plan, what, lambda: self._executes(identifier)
+        )
+        if self._ended:  # the start may have come after the abort
+            self.abort()
+        self._check_goes_on()
+        self._since = (answer or self._control).timestamp
 
     def hold(self) -> None:
         """Stay where it is, by a plan of that alone.
@@ -306,10 +456,7 @@ class ImcVehicle(ListeningLink):
         if self._here is None or self._plan is None:
             raise Lost(f"{self.name}: its place is not known")
         plan = as_message(stay_specification(self._plan.itinerary, self._here, _HOLD))
-        self._ask(
-            self._imc.PlanControl, self._imc.PlanControl.OperationEnum.START, plan.plan_id, plan, "to hold",
-            lambda: self._executes(plan.plan_id),
-        )  # fmt: skip
+        self._execute(plan.plan_id, plan, "to hold")
         self._holds = True
 
     def abort(self) -> None:
@@ -331,25 +478,27 @@ class ImcVehicle(ListeningLink):
 
     def _report(self) -> Report:
         return Report(
-            time.monotonic() - self._at, self._here, self._speed, self._state(), self._done, self._words
-        )
+            time.monotonic() - self._at, self._here, self._speed, self._state(), self._done,
+            self._words or self._ended,
+        )  # fmt: skip
 
     def _state(self) -> State:
         control, states = self._control, self._imc.PlanControlState.StateEnum
-        if self._fault:
+        if self._aborted:
+            return State.SURFACING
+        if self._ended:
+            return State.STOPPED
+        if self._mode == self._imc.VehicleState.OperationModeEnum.ERROR:
             return State.FAULT
         if control is None:
             return State.UNKNOWN
+        if control.timestamp < self._since < math.inf:
+            return State.EXECUTING  # what it said before it was started
         if control.state == states.EXECUTING:
-            if self._plan is not None and control.plan_id not in (
-                self._identifier(self._plan, self._offset),
-                _HOLD,
-            ):
-                return State.IDLE  # somebody else's
-            if control.man_id == "end":
+            if control.man_id == "end" and control.plan_id in self._started:
                 return State.FINISHED
             return State.HOLDING if self._holds else State.EXECUTING
-        return State.SURFACING if self._aborted else State.IDLE
+        return State.IDLE
 
     def _disconnect(self) -> None:
-        self._socket.close()
+        self._wire.close()

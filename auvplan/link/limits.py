@@ -18,6 +18,7 @@ class Limits:
         outdated: s of wall-clock time after an upload in which progress is taken to be of the plan before.
         look: s of mission time between two looks at the vehicle.
         late: s of mission time that the vehicle may be off its plan before the rest is planned anew.
+        idle: s of mission time that a vehicle may have no plan under way before it is started again.
         stall: s of mission time without `moved` m of way after which the vehicle counts as stopped.
         moved: m.
         corridor: m that the vehicle may be off its track.
@@ -39,6 +40,7 @@ class Limits:
     outdated: float = 1.0
     look: float = 2.0
     late: float = 120.0
+    idle: float = 10.0
     stall: float = 120.0
     moved: float = 5.0
     corridor: float = 50.0

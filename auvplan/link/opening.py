@@ -37,9 +37,12 @@ def check_address(address: str, link_loss: str = "") -> None:
         if serial:
             _require("serial", "pyserial")
     elif address.startswith(IMC):
-        if not re.fullmatch(r"[^:]+:\d+", address.removeprefix(IMC)):
-            raise AuvplanError(f"--link {address}: an IMC address is such as imc:10.0.10.80:6002")
-        _check_host(address)
+        if not re.fullmatch(r"tcp:[^:?]+:\d+|[^:?]+:\d+(\?local=\d+)?", address.removeprefix(IMC)):
+            raise AuvplanError(
+                f"--link {address}: an IMC address is such as imc:10.0.10.80:6002, "
+                "imc:10.0.10.80:6002?local=6011 or imc:tcp:10.0.10.80:6006"
+            )
+        _check_host(address.partition("?")[0])
         _require("imcpy")
     else:
         raise AuvplanError(f"--link {address}: must be sim, mavlink:ADDRESS or imc:HOST:PORT")
@@ -51,7 +54,7 @@ def open_link(
     """Open a link to a vehicle outside of this process.
 
     Args:
-        address: mavlink:ADDRESS or imc:HOST:PORT.
+        address: mavlink:ADDRESS, imc:HOST:PORT, with `?local=PORT` for a port of ours, or imc:tcp:HOST:PORT.
         site: that local coordinates count from.
         limits: of replies and tries.
         scale: s of mission time in one of wall-clock time, for vehicles that are simulated.

@@ -202,9 +202,12 @@ class RollingPlan:
         Returns:
             The plan, or None.
         """
-        old = self.legs[count]
+        old, after = self.legs[count], self._state(count + 1)
         state = _fork(self._state(count))
         state.now, state.cause = now, ""
+        # The route that the leg belongs to may have been made at its beginning, after the state was kept.
+        state.route, state.step, state.slack = after.route, after.step - 1, after.slack
+        state.run.routes[:] = after.run.routes
         record = replace(
             old,
             plans=[],

@@ -36,7 +36,11 @@ class Refused(LinkError):
 
 
 class State(Enum):
-    """What a vehicle says that it does."""
+    """What a vehicle says that it does.
+
+    `STOPPED` is a vehicle whose plan was aborted, stopped or replaced by somebody else: a link says so from
+    then on, for however short a moment the vehicle does. `IDLE` is one that has no plan, as after a restart.
+    """
 
     UNKNOWN = "unknown"
     IDLE = "idle"
@@ -44,6 +48,7 @@ class State(Enum):
     HOLDING = "holding its place"
     FINISHED = "at the end of its plan"
     SURFACING = "surfacing"
+    STOPPED = "no longer on its plan"
     FAULT = "in a state of fault"
 
 

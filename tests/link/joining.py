@@ -22,8 +22,9 @@ def joined(kind: str, site: Site, body: Body, scale: float, faults: Faults, seed
         proxy = FaultyProxy(port, faults, seed)
         return link, MavsdkPeer(proxy.port, body, scale), proxy
     peer = ImcPeer(body, scale)
-    proxy = FaultyProxy(peer.port, faults, seed)
-    return open_link(f"imc:127.0.0.1:{proxy.port}", site, limits, scale), peer, proxy
+    proxy = FaultyProxy(peer.port, faults, seed, peer.host)
+    peer.through = proxy.back
+    return open_link(f"imc:{peer.host}:{proxy.port}", site, limits, scale), peer, proxy
 
 
 def followed(link, steps: int) -> Report:

@@ -6,9 +6,12 @@ which tasks were done. Nothing of `auvplan.link` is used.
 
 import json
 import math
+import os
+import re
 import socket
 import threading
 import time
+from contextlib import suppress
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -21,6 +24,9 @@ _TICK = 0.01
 
 #: m/s at which a body comes up.
 _RISE = 1.0
+
+#: Identifier of the peer among IMC's addresses.
+_IMC_VEHICLE = 0x001C
 
 
 @dataclass
@@ -58,24 +64,27 @@ class Body:
             way = math.hypot(*self.push) * seconds
             self._go(math.degrees(math.atan2(self.push[1], self.push[0])), way)
 
-    def towards(self, latitude: float, longitude: float, depth: float, seconds: float) -> float:
-        """Move; return s that are left after arrival, or -1 on the way."""
+    def towards(
+        self, latitude: float, longitude: float, depth: float, seconds: float, ahead: float = 0.0
+    ) -> float:
+        """Move; return s that are left after arrival, so many s ahead of it, or -1 on the way."""
         bearing, _, level = _GEOD.inv(self.longitude, self.latitude, longitude, latitude)
         gap, speed = math.hypot(level, depth - self.depth), self.pace * self.speed
         if self.stuck:
             self.velocity = np.zeros(3)
             return -1.0
-        if gap <= speed * seconds:
+        way = max(gap - speed * ahead, 0.0)
+        if way <= speed * seconds and not ahead:
             self.latitude, self.longitude, self.depth = latitude, longitude, depth
             return seconds - gap / speed
-        share = speed * seconds / gap
+        share = min(speed * seconds, way) / max(gap, 1e-9)
         angle = math.radians(bearing)
         self.velocity = (
             speed / gap * np.array([level * math.cos(angle), level * math.sin(angle), depth - self.depth])
         )
         self._go(bearing, share * level)
         self.depth += share * (depth - self.depth)
-        return -1.0
+        return seconds - way / speed if way <= speed * seconds else -1.0
 
     def rise(self, seconds: float) -> bool:
         """Come up; return whether it is at the surface."""
@@ -235,12 +244,24 @@ class MavsdkPeer(_Peer):
 
 
 class ImcPeer(_Peer):
-    """A vehicle of imcpy's messages: a plan data base, plan control, estimated state.
+    """A vehicle of imcpy's messages that behaves as LSTS's DUNE does.
+
+    - What comes from a system that has not announced itself is dropped, and nothing is sent to it. Answers
+      go to the first `imc+udp` service that it announced, for good (Transports/UDP, Transports/Discovery).
+    - After an Abort it is in ERROR for 0.2 s and its plans are blocked, then ready, with the outcome FAILURE
+      and the cause as its last error; a stop leaves the outcome alone (Supervisors/Vehicle, Plan/Engine).
+    - A plan that is replaced leaves FAILURE as well, while the next is executed (Plan/Engine, startPlan).
+    - A start is carried out again whenever it comes (Plan/Engine has no memory of requests).
+    - Its back seat takes whoever connects, by TCP (Transports/TCP/Server, etc/auv/transports.ini).
+    - A waypoint counts as reached 5 s ahead ("Time Of Arrival Factor", etc/auv/general.ini); loitering is
+      counted once it is on its circle (Maneuver/Multiplexer/Loiter).
 
     Attributes:
-        port: that it listens on.
+        host, port, back_seat: address that it listens on, one of loopback's, and ports of UDP and TCP.
+        through: that all is sent to instead of the announced address, such as a proxy's.
         stored: plans by identifier, as they came.
         started: identifiers of the plans that were executed, in order.
+        ahead, settles: s that it counts a waypoint as reached ahead, and that it takes to begin to loiter.
     """
 
     def __init__(self, body: Body, scale: float) -> None:
@@ -248,47 +269,129 @@ class ImcPeer(_Peer):
 
         super().__init__(body, scale)
         self._imc = imcpy
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.bind(("127.0.0.1", 0))
+        self.host = ".".join(["127", *(str(1 + part % 254) for part in os.urandom(3))])
+        self._socket, self._discovery = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
+        self._socket.bind((self.host, 0))
+        self._discovery.bind((self.host, 30100))
         self._socket.settimeout(0.1)
+        self._discovery.settimeout(0.1)
         self.port = int(self._socket.getsockname()[1])
-        self._client = None
+        self._server, self._riders = socket.create_server((self.host, 0)), []
+        self.back_seat = int(self._server.getsockname()[1])
+        self._nodes: dict[int, tuple[str, int]] = {}
+        self._heard: set[int] = set()
+        self.through = None
         self.stored: dict = {}
         self.started: list[str] = []
         self.refuse = False
-        self._answered: dict = {}
-        self._plan, self._man, self._points = None, "", []
+        self.ahead = self.settles = 0.0
+        self._plan, self._name, self._man, self._points = None, "", "", []
         self._outcome = imcpy.PlanControlState.LastPlanOutcomeEnum.NONE
-        self._rising = False
+        self._rising, self._error, self._words = False, -math.inf, ""
         self._thread.start()
-        self._listener = threading.Thread(target=self._listen, daemon=True)
-        self._listener.start()
+        self._listeners = [
+            threading.Thread(target=self._listen, args=(end,), daemon=True)
+            for end in (self._socket, self._discovery)
+        ]
+        self._listeners.append(threading.Thread(target=self._carry, daemon=True))
+        for listener in self._listeners:
+            listener.start()
 
-    def _listen(self) -> None:
+    @property
+    def clients(self) -> list[tuple[str, int]]:
+        """Where what it says goes to."""
+        return [self.through or self._nodes[source] for source in self._heard]
+
+    def _listen(self, end) -> None:
         while not self._closed.is_set():
             try:
-                data, self._client = self._socket.recvfrom(65_535)
+                data, (address, _) = end.recvfrom(65_535)
             except OSError:
                 continue
             message = self._imc.Packet.deserialize(data)
             with self.lock:
-                if isinstance(message, self._imc.PlanDB | self._imc.PlanControl):
-                    self._request(message)
-                elif isinstance(message, self._imc.Abort):
-                    self._plan, self._rising = None, True
-                    self._outcome = self._imc.PlanControlState.LastPlanOutcomeEnum.FAILURE
+                if end is self._discovery:
+                    self._announced(message)
+                    continue
+                node = self._nodes.get(message.src)
+                if node is None:
+                    continue
+                if node[0] == address:
+                    self._heard.add(message.src)
+                self._take(message)
+
+    def _take(self, message) -> None:
+        if isinstance(message, self._imc.PlanDB | self._imc.PlanControl):
+            self._request(message)
+        elif isinstance(message, self._imc.Abort) and message.dst == _IMC_VEHICLE:
+            self.abort(message.src)
+
+    def _carry(self) -> None:
+        """Take in what comes by TCP."""
+        self._server.settimeout(0.1)
+        while not self._closed.is_set():
+            try:
+                rider, _ = self._server.accept()
+            except OSError:
+                continue
+            rider.settimeout(0.1)
+            self._riders.append(rider)
+            threading.Thread(target=self._ride, args=(rider, self._imc.Parser()), daemon=True).start()
+
+    def _ride(self, rider, parser) -> None:
+        while not self._closed.is_set():
+            try:
+                data = rider.recv(65_535)
+            except TimeoutError:
+                continue
+            except OSError:
+                return
+            while data:
+                message, used = parser.parse(data)
+                data = data[used:]
+                if message is not None:
+                    with self.lock:
+                        self._take(message)
+
+    def _announced(self, message) -> None:
+        for service in message.services.split(";"):
+            if found := re.match(r"imc\+udp://([^:]+):(\d+)/", service):
+                self._nodes.setdefault(message.src, (found[1], int(found[2])))
+
+    def abort(self, source: int = 0x4101) -> None:
+        """Give the plan up, as any console may ask for."""
+        with self.lock:
+            self._words = f"got abort request from system ccu - 0x{source:04X} @ 0x00"
+            self._error, self._rising = time.monotonic(), True
+            self._end_plan()
+
+    def stop(self) -> None:
+        """Stop the plan, as any console may ask for."""
+        with self.lock:
+            self._end_plan()
+
+    def restart(self) -> None:
+        """Start anew, without a plan."""
+        with self.lock:
+            self._plan, self._name, self._words = None, "", ""
+            self._outcome = self._imc.PlanControlState.LastPlanOutcomeEnum.NONE
+
+    def _end_plan(self) -> None:
+        self._plan, self._outcome = None, self._imc.PlanControlState.LastPlanOutcomeEnum.FAILURE
+        self._tell()
 
     def _request(self, message) -> None:
-        key = type(message).__name__, message.request_id
-        if key not in self._answered:
-            answer = type(message)()
-            answer.op, answer.request_id, answer.plan_id = message.op, message.request_id, message.plan_id
-            good = self._database(message, answer) if key[0] == "PlanDB" else self._control(message)
-            kinds = type(message).TypeEnum
-            answer.type = kinds.SUCCESS if good and not self.refuse else kinds.FAILURE
-            answer.info = "" if good else "unknown plan"
-            self._answered[key] = answer
-        self._send(self._answered[key])
+        answer = type(message)()
+        answer.op, answer.request_id, answer.plan_id = message.op, message.request_id, message.plan_id
+        good = (
+            self._database(message, answer)
+            if isinstance(message, self._imc.PlanDB)
+            else self._control(message)
+        )
+        kinds = type(message).TypeEnum
+        answer.type = kinds.SUCCESS if good and not self.refuse else kinds.FAILURE
+        answer.info = "" if good else "unknown plan"
+        self._send(answer)
 
     def _database(self, message, answer) -> bool:
         operations = self._imc.PlanDB.OperationEnum
@@ -306,9 +409,12 @@ class ImcPeer(_Peer):
         plan = message.arg if message.arg is not None else self.stored.get(message.plan_id)
         if plan is None:
             return False
+        if self._plan is not None:
+            self._outcome = self._imc.PlanControlState.LastPlanOutcomeEnum.FAILURE
         self.started.append(message.plan_id)
-        self._plan, self._rising = plan, False
+        self._plan, self._name, self._rising, self._words = plan, message.plan_id, False, ""
         self._enter(plan.start_man_id)
+        self._tell()
         return True
 
     def _enter(self, name: str) -> None:
@@ -326,7 +432,7 @@ class ImcPeer(_Peer):
                 east, north, _ = _GEOD.fwd(place[1], place[0], bearing, math.hypot(point.x, point.y))
                 self._points.append((north, east, place[2] + point.z))
         elif isinstance(data, imc.Loiter | imc.StationKeeping):
-            self.left = float(data.duration) if data.duration else math.inf
+            self.left = float(data.duration) + self.settles if data.duration else math.inf
 
     def _step(self, seconds: float) -> None:
         body = self.body
@@ -338,7 +444,8 @@ class ImcPeer(_Peer):
         body.drift(seconds)
         while seconds > 0.0:
             while self._points:
-                left = body.towards(*self._points[0], seconds)
+                ahead = 0.0 if self._step_data.msg_name in ("Loiter", "StationKeeping") else self.ahead
+                left = body.towards(*self._points[0], seconds, ahead)
                 if left < 0.0:
                     return
                 seconds = left
@@ -359,30 +466,36 @@ class ImcPeer(_Peer):
 
     def _tell(self) -> None:
         imc, body = self._imc, self.body
-        state, control = imc.EstimatedState(), imc.PlanControlState()
+        place, control, vehicle = imc.EstimatedState(), imc.PlanControlState(), imc.VehicleState()
         with self.lock:
-            state.lat, state.lon = math.radians(body.latitude), math.radians(body.longitude)
-            state.depth = body.depth
-            state.vx, state.vy, state.vz = (float(part) for part in body.velocity)
-            states = imc.PlanControlState.StateEnum
+            place.lat, place.lon = math.radians(body.latitude), math.radians(body.longitude)
+            place.depth = body.depth
+            place.vx, place.vy, place.vz = (float(part) for part in body.velocity)
+            states, modes = control.StateEnum, vehicle.OperationModeEnum
+            error = time.monotonic() - self._error < 0.2
             control.state = states.READY if self._plan is None else states.EXECUTING
-            control.plan_id = self.started[-1] if self.started else ""
+            vehicle.op_mode = modes.SERVICE if self._plan is None else modes.MANEUVER
+            if error:
+                control.state, vehicle.op_mode = states.BLOCKED, modes.ERROR
+            control.plan_id = self._name
             control.man_id = "" if self._plan is None else self._man
-            control.last_outcome = self._outcome
-        self._send(state)
-        self._send(control)
+            control.last_outcome, vehicle.last_error = self._outcome, self._words
+            for message in (place, vehicle, control):
+                self._send(message)
 
     def _send(self, message) -> None:
-        if self._client is None:
-            return
-        message.src, message.dst = 0x001C, 0x4001
+        message.src = _IMC_VEHICLE
         message.set_timestamp_now()
-        try:
-            self._socket.sendto(self._imc.Packet.serialize(message), self._client)
-        except OSError:
-            return
+        data = self._imc.Packet.serialize(message)
+        with suppress(OSError):
+            for client in self.clients:
+                self._socket.sendto(data, client)
+            for rider in self._riders:
+                rider.sendall(data)
 
     def close(self) -> None:
         super().close()
-        self._listener.join(timeout=2.0)
-        self._socket.close()
+        for listener in self._listeners:
+            listener.join(timeout=2.0)
+        for end in (self._socket, self._discovery, self._server, *self._riders):
+            end.close()

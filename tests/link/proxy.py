@@ -32,16 +32,18 @@ class FaultyProxy:
 
     Attributes:
         port: on loopback, that clients write to.
+        back: address that the server is written to from, and may answer to.
         dead: whether nothing passes at all.
         counts: packets by what became of them.
     """
 
-    def __init__(self, server: int, faults: Faults, seed: int) -> None:
+    def __init__(self, server: int, faults: Faults, seed: int, host: str = "127.0.0.1") -> None:
         self._front, self._back = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))
-        for end in (self._front, self._back):
-            end.bind(("127.0.0.1", 0))
+        self._front.bind((host, 0))
+        self._back.bind(("127.0.0.1", 0))
         self.port = int(self._front.getsockname()[1])
-        self._server, self._client = ("127.0.0.1", server), None
+        self.back = self._back.getsockname()
+        self._server, self._client = (host, server), None
         self._faults, self._random = faults, random.Random(seed)
         self._late: list[tuple[float, int, bytes, bool]] = []
         self.dead = False

@@ -29,6 +29,9 @@ class ScriptedVehicle:
         push: m/s, by which it is driven off, while `pushed`.
         fails: called with "upload", "start", "hold" or "abort"; may raise.
         gives_up: when it surfaces by itself.
+        stopped: when somebody else ends its plan.
+        forgets: when it starts anew, without a plan.
+        rises: m/s, from its last step on.
     """
 
     start_at: np.ndarray
@@ -40,6 +43,9 @@ class ScriptedVehicle:
     pushed: Span = NEVER
     fails: Callable[[str], None] = lambda what: None
     gives_up: float = math.inf
+    stopped: float = math.inf
+    forgets: float = math.inf
+    rises: float = math.inf
     name: str = "a scripted vehicle"
     by_legs: bool = False
     rate: float = 0.0
@@ -91,12 +97,18 @@ class ScriptedVehicle:
         end = self.now + seconds
         if self.now >= self.gives_up:
             self.state = State.SURFACING
+        if self.now >= self.stopped:
+            self.state = State.STOPPED
+        if self.now >= self.forgets:
+            self.state, self.forgets = State.IDLE, math.inf
         if self.state is State.SURFACING:
             self.place[2] = max(self.place[2] - 0.5 * seconds, 0.0)
         elif self.state is State.EXECUTING and not within(self.now, self.stuck):
             if within(self.now, self.pushed):
                 self.place = self.place + self.push * seconds
             self._go(seconds)
+        elif self.state is State.FINISHED:
+            self.place[2] = max(self.place[2] - self.rises * seconds, 0.0)
         self.now = end
         if within(self.now, self.silent):
             return replace(self.stated, heard=math.inf)
@@ -123,7 +135,7 @@ class ScriptedVehicle:
                 self.tasks.append(step.position)
             self.done, self.at = self.done + 1, False
         if self.done == len(self.plan.steps):
-            self.state, self.place[2] = State.FINISHED, 0.0
+            self.state = State.FINISHED
 
 
 class Failing:

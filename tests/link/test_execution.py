@@ -422,3 +422,96 @@ def test_a_task_under_way_when_a_plan_is_handed_over_is_not_done_again():
     record = executed(plan, vehicle)
     assert len(record.uploads) > 1
     assert len(record.tasks) == len(vehicle.tasks)
+
+
+def test_a_mission_that_anybody_else_ends_is_not_gone_on_with():
+    plan, vehicle = made(stopped=300.0, speed=2.0, fails=Failing(Refused("stopped"), {"abort": 99}))
+    record = executed(plan, vehicle)
+    assert not record.success
+    assert record.reason == "the vehicle is no longer on its plan"
+    assert record.safe.startswith("left to whoever stopped it, last seen at a depth of ")
+    assert record.count("failed") == 0, "it is not asked for anything"
+    assert all(upload["time"] < 300.0 for upload in record.uploads)
+
+
+def test_a_vehicle_that_is_stopped_while_a_plan_is_made_or_sent_is_not_started():
+    plan, vehicle = made(speed=2.0)
+    sends, starts, started = vehicle.upload, vehicle.start, []
+
+    def upload(wanted):
+        if vehicle.now > 0.0:
+            vehicle.stopped = 0.0
+        return sends(wanted)
+
+    def start(step=0):
+        started.append(vehicle.now)
+        starts(step)
+
+    vehicle.upload, vehicle.start = upload, start
+    record = executed(plan, vehicle)
+    assert record.reason == "the vehicle is no longer on its plan"
+    assert started == [0.0]
+
+
+def test_a_vehicle_is_at_the_surface_only_by_its_depth():
+    plan, vehicle = made(rises=0.1)
+    record = executed(plan, vehicle)
+    assert record.success
+    assert record.safe == "at the surface"
+    assert vehicle.place[2] < 1.0, "it has ended its plan long before"
+    plan, vehicle = made(rises=0.0)
+    assert executed(plan, vehicle).safe == "the vehicle was not seen to surface yet"
+
+
+@pytest.mark.parametrize("away", [[60.0, 0.0, 0.0], [-150.0, 130.0, 0.0]])
+def test_a_vehicle_that_begins_off_the_start_is_not_adrift(away):
+    plan, vehicle = made()
+    start = vehicle.start_at.copy()
+    vehicle = ScriptedVehicle(start + away, by_legs=True, stuck=(0.0, 60.0))
+    record = executed(plan, vehicle)
+    assert record.count("drift") == 0
+    places = np.asarray([row[1:] for row in record.track])
+    assert np.linalg.norm(places - start, axis=1).min() < 5.0, "it goes to the start first"
+    assert len(record.tasks) == len(vehicle.tasks)
+
+
+def test_a_vehicle_without_a_plan_gets_it_once_and_soon():
+    plan, vehicle = made(forgets=301.0)
+    record = executed(plan, vehicle, limits=Limits(late=900.0))
+    (again,) = [event for event in record.events if event.kind == "stopped"]
+    assert 301.0 < again.time < 330.0
+    assert "idle" in again.text
+    assert len(vehicle.uploads) == 2, "neither twice at once, nor planned anew for seconds"
+    assert record.success
+
+
+def test_a_plan_from_a_hold_begins_when_the_vehicle_can_be_started():
+    plan, vehicle = made(push=np.array([1.5, -1.5, 0.0]), pushed=(100.0, 190.0))
+    plans, starts, begun = plan.from_position, vehicle.start, []
+
+    def from_position(count, position, now):
+        found = plans(count, position, now)
+        vehicle.now += 150.0  # as long as planning may take
+        return found
+
+    def start(step=0):
+        starts(step)
+        begun.append((vehicle.now, float(vehicle.uploads[-1].steps[0].left_at)))
+
+    plan.from_position, vehicle.start = from_position, start
+    record = executed(plan, vehicle)
+    assert record.count("drift") >= 1
+    (now, planned) = begun[1]
+    assert now == pytest.approx(planned, abs=21.0)
+
+
+def test_a_hold_on_the_first_leg_keeps_the_route():
+    plan, _ = made()
+    assert plan.plan()
+    before, leg = plan.followed, plan.legs[0]
+    here, now = np.asarray(leg.positions[3], float), float(leg.times[3])
+    found = plan.from_position(0, here, now)
+    assert found is not None
+    assert found.after.run.routes[0] is before.after.run.routes[0]
+    assert (found.legs[0].start, found.legs[0].goal) == (leg.start, leg.goal)
+    assert len(found.after.run.routes) <= len(before.after.run.routes) + 1

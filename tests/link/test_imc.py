@@ -5,15 +5,18 @@ from functools import partial
 
 import pytest
 
+from auvplan.errors import AuvplanError
 from auvplan.export.imc import plan_specification
 from auvplan.link import Limits, Lost, Refused, State, open_link
 
 imcpy = pytest.importorskip("imcpy", reason="needs imcpy: pip install 'auvplan[link]'")
 
 from auvplan.link.imc import as_message  # noqa: E402
+from tests.link.conftest import SCALE  # noqa: E402
 from tests.link.held import held_as_planned  # noqa: E402
-from tests.link.joining import followed  # noqa: E402
-from tests.link.proxy import CLEAN, Faults  # noqa: E402
+from tests.link.joining import body_at, followed  # noqa: E402
+from tests.link.peers import ImcPeer  # noqa: E402
+from tests.link.proxy import CLEAN, Faults, free_port  # noqa: E402
 
 LIMITS = Limits(reply=0.1, attempts=20, connect=5.0)
 
@@ -101,8 +104,8 @@ class Tell:
         self.peer, self.source = peer, source
 
     def __call__(self, message):
-        message.src, message.dst = self.source, 0x4001
-        self.peer._socket.sendto(imcpy.Packet.serialize(message), self.peer._client)
+        message.src = self.source
+        self.peer._socket.sendto(imcpy.Packet.serialize(message), self.peer.clients[0])
 
 
 def test_another_vehicle_and_damaged_packets_change_nothing(upload, join):
@@ -116,7 +119,7 @@ def test_another_vehicle_and_damaged_packets_change_nothing(upload, join):
         other.type, other.op = other.TypeEnum.FAILURE, other.OperationEnum.START
         tell(elsewhere)
         tell(other)
-        peer._socket.sendto(b"\x54\xfe" + bytes(40), peer._client)
+        peer._socket.sendto(b"\x54\xfe" + bytes(40), peer.clients[0])
     time.sleep(0.1)
     after = link.wait(0.0)
     assert max(abs(after.position - before.position)) < 1000.0
@@ -141,12 +144,129 @@ def test_odd_names_of_manoeuvres_and_plans_are_no_progress(upload, join):
     for plan, manoeuvre in ((peer.started[-1], "legs"), (peer.started[-1], "leg-1"), ("lawnmower", "end")):
         control = imcpy.PlanControlState()
         control.state, control.plan_id, control.man_id = control.StateEnum.EXECUTING, plan, manoeuvre
-        link._take(_from(control))
+        control.set_timestamp_now()
+        control.src = 0x1C
+        link._take(control)
         assert link.wait(0.0).done == 0
-    link._take(_from(control))
-    assert link._state() is State.IDLE, "it executes somebody else's plan"
+    report = link.wait(0.0)
+    assert report.state is State.STOPPED
+    assert report.message == "another plan was started, lawnmower"
 
 
-def _from(message):
-    message.src, message.dst = 0x1C, 0x4001
-    return message
+def test_a_vehicle_answers_where_a_run_announced_itself_and_the_next_run_is_heard_too(upload, opened):
+    peer = ImcPeer(body_at(upload.itinerary.site, 0.0, 0.0, 5.0), 1.0)
+    opened.append(peer)
+    first, second = (open_link(f"imc:{peer.host}:{peer.port}", upload.itinerary.site, LIMITS) for _ in "ab")
+    opened.append(second)
+    first.connect()
+    second.connect()
+    assert len(set(peer.clients)) == 2
+    first.close()
+    again = open_link(f"imc:{peer.host}:{peer.port}", upload.itinerary.site, LIMITS)
+    opened.append(again)
+    again.connect()
+    assert len(peer.clients) == 2, "it is the same station, at the same port"
+    assert all(0x4000 <= source < 0x6000 for source in peer._nodes), "a control station among IMC's addresses"
+
+
+def test_a_local_port_is_ours_or_refused(upload, opened):
+    peer, port = ImcPeer(body_at(upload.itinerary.site, 0.0, 0.0, 5.0), 1.0), free_port()
+    address = f"imc:{peer.host}:{peer.port}?local={port}"
+    opened += [open_link(address, upload.itinerary.site, LIMITS), peer]
+    opened[0].connect()
+    assert peer.clients == [("127.0.0.1", port)]
+    with pytest.raises(AuvplanError, match="in use"):
+        open_link(address, upload.itinerary.site, LIMITS)
+
+
+def test_the_back_seat_takes_whoever_connects(upload, opened):
+    first = upload.steps[0].position
+    peer = ImcPeer(body_at(upload.itinerary.site, *first), SCALE)
+    link = open_link(f"imc:tcp:{peer.host}:{peer.back_seat}", upload.itinerary.site, LIMITS, SCALE)
+    opened += [link, peer]
+    link.connect()
+    link.upload(upload)
+    link.start()
+    assert followed(link, len(upload.steps)).state is State.FINISHED
+    assert not peer.clients
+
+
+@pytest.mark.parametrize("how", ["abort", "stop"])
+@pytest.mark.parametrize("faults", [CLEAN, Faults()])
+def test_a_plan_that_anybody_ends_is_left_alone(upload, join, how, faults):
+    link, peer, _ = join(faults)
+    peer.body.stuck = True
+    link.upload(upload)
+    link.start()
+    link.start(1)  # which leaves a failure as the last outcome, and is none
+    time.sleep(0.3)
+    assert link.wait(0.0).state is State.EXECUTING
+    getattr(peer, how)()
+    time.sleep(0.5)
+    assert peer._plan is None
+    report, started = link.wait(0.0), list(peer.started)
+    assert report.state is State.STOPPED
+    assert ("got abort request from system" if how == "abort" else "it was stopped") in report.message
+    for ask in (link.start, link.hold, lambda: link.upload(upload)):
+        with pytest.raises(Refused, match="has left the plan"):
+            ask()
+    assert peer.started == started
+
+
+def test_an_abort_that_comes_with_the_start_of_the_next_plan_is_repeated(upload, join):
+    link, peer, _ = join()
+    peer.body.stuck = True
+    link.upload(upload)
+    link.start()
+    takes = peer._request
+
+    def abort_before_it_starts(message):
+        if isinstance(message, imcpy.PlanControl):
+            peer.abort()
+            time.sleep(0.3)
+        takes(message)
+
+    peer._request = abort_before_it_starts
+    with pytest.raises(Refused, match="has left the plan: got abort"):
+        link.start()
+    time.sleep(0.2)
+    assert peer._plan is None
+    assert link.wait(0.0).state in (State.STOPPED, State.SURFACING)
+
+
+def test_a_vehicle_that_started_anew_is_idle(upload, join):
+    link, peer, _ = join()
+    link.upload(upload)
+    link.start()
+    peer.restart()
+    time.sleep(0.2)
+    assert link.wait(0.0).state is State.IDLE
+
+
+def test_an_outcome_of_the_run_before_is_none_of_this_one(upload, join):
+    link, peer, _ = join()
+    link.upload(upload)
+    link.start()
+    peer.abort()
+    link.close()
+    site = upload.itinerary.site
+    again = open_link(f"imc:{peer.host}:{peer.port}", site, LIMITS, SCALE)
+    try:
+        peer.through = None
+        again.connect()
+        again.upload(upload)
+        again.start()
+        again.wait(50.0)
+        assert again.wait(50.0).state in (State.EXECUTING, State.FINISHED)
+    finally:
+        again.close()
+
+
+def test_a_vehicle_that_is_not_ready_is_waited_for(upload, opened):
+    peer = ImcPeer(body_at(upload.itinerary.site, 0.0, 0.0, 5.0), 1.0)
+    link = open_link(f"imc:{peer.host}:{peer.port}", upload.itinerary.site, Limits(connect=2.0))
+    opened += [link, peer]
+    peer._error, peer._words = time.monotonic() + 2.5, "vehicle errors: GPS"
+    with pytest.raises(Refused, match="was not ready for a plan within 2 s: vehicle errors: GPS"):
+        link.connect()
+    link.connect()
