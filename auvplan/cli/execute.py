@@ -53,7 +53,7 @@ def execute(
         typer.Option(
             "--link",
             help="The vehicle: sim, mavlink:ADDRESS as pymavlink takes it, such as "
-            "mavlink:udpin:0.0.0.0:14550, or imc:HOST:PORT.",
+            "mavlink:udpin:0.0.0.0:14550, imc:HOST:PORT or imc:tcp:HOST:PORT.",
         ),
     ] = "sim",
     out: OutOption = Path("out/execute"),

@@ -696,11 +696,11 @@ class _Executor:
         staying = [_shifted(leg, late) for leg in present.itinerary.legs if leg.number <= kept]
         rest = self._plan.itinerary(found, kept)
         first = present.steps[0]
-        upload = Upload(
-            replace(rest, legs=(*staying, *rest.legs)),
-            self._progress.upload.number + 1,
-            (first.left, first.left_at + late),
-        )
+        origin = first.left, first.left_at + late
+        if self._progress.ahead == 0 and present.origin is None:  # it is on its way to the start
+            origin = self._progress.line[0], first.left_at
+        legs_left = replace(rest, legs=(*staying, *rest.legs))
+        upload = Upload(legs_left, self._progress.upload.number + 1, origin)
         self._new = _Next(upload, found, kept, cause)
         self._cost = self._now - begin
         anew = counted(len(found.legs) - kept, "leg")

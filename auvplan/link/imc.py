@@ -331,10 +331,10 @@ class ImcVehicle(ListeningLink):
         """
         end, known = time.monotonic() + self._limits.connect, False
         while time.monotonic() < end:
-            control: Any = self._control
-            known = self._here is not None and control is not None
-            if known and control.state != control.StateEnum.BLOCKED:
-                return []
+            if self._here is not None and self._control is not None:
+                known = True
+                if self._control.state != self._control.StateEnum.BLOCKED:
+                    return []
             time.sleep(0.02)
         within = f"within {self._limits.connect:.0f} s"
         if known:
