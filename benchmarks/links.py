@@ -5,6 +5,9 @@ messages, each behind a proxy that loses 5 % of the packets, doubles 5 % and del
 slower or faster than planned; in every third mission an obstacle is reported from outside, in every third a
 current. Counted are verdicts, uploads that are what was planned, item by item, and tasks by the vehicles' own
 books.
+
+`python -m benchmarks.links --link ADDRESS -n 5`: missions of three and more tasks on a running vehicle,
+one after another, each from where the one before ended; the end of each leg beside its plan.
 """
 
 import argparse
@@ -20,11 +23,12 @@ from pathlib import Path
 import numpy as np
 
 from auvplan.io.area import load_area
-from auvplan.link import Limits, execute
+from auvplan.link import Limits, execute, open_link
 from auvplan.link.notices import CurrentNotice, ObstacleNotice
 from auvplan.link.rolling import RollingPlan
 from auvplan.ocean.known import KnownObstacle
 from auvplan.scenario.scenario import Scenario
+from auvplan.site import Site
 from tests.link.held import held_as_planned
 from tests.link.joining import body_at, joined
 from tests.link.proxy import Faults
@@ -38,6 +42,20 @@ SCENARIO = {
     "mission": {"waypoints": 8, "neighbours": 4, "time_available": 3000},
     "planning": {"effort": "quick"},
 }
+
+#: For a vehicle that is running, without a current, at a speed of small ones; it begins where that is.
+NEARBY = {
+    "name": "nearby",
+    "area": {"lower": [0, 0, 0], "upper": [420, 420, 30]},
+    "chart": {"source": "none"},
+    "vehicle": {"speed": 1.2, "depth_min": 4.0, "depth_max": 25.0},
+    "current": {"vortices": 0},
+    "mission": {
+        "waypoints": 6, "neighbours": 4, "time_available": 1500, "duration": [20, 60],
+        "start": [60, 60, 5], "goal": [360, 380, 8],
+    },
+    "planning": {"effort": "quick"},
+}  # fmt: skip
 
 #: Known beforehand, and so in the fence.
 WRECK = KnownObstacle("wreck", (1300.0, 1200.0), 60.0)
@@ -115,6 +133,27 @@ def mission(kind: str, seed: int, scale: float, faults: Faults, tell) -> dict:
     }  # fmt: skip
 
 
+def mission_nearby(address: str, seed: int, scale: float, tell) -> dict:
+    """Execute one mission on a vehicle that is running, and set its legs beside the plan."""
+    whole = open_link(address, Site(0.0, 0.0))
+    whole.connect()
+    north, east, _ = whole.wait(0.0).position
+    longitude, latitude = Site(0.0, 0.0).to_geographic(north, east)
+    whole.close()
+    begin = NEARBY["mission"]["start"]
+    corner = Site(float(longitude), float(latitude)).to_geographic(-begin[0], -begin[1])
+    site = dict(zip(("longitude", "latitude"), map(float, corner), strict=True))
+    plan = RollingPlan(Scenario.model_validate(NEARBY | {"site": site}), seed)
+    record = execute(plan, open_link(address, plan.site, scale=scale), tell=tell)
+    ends = [event.time for event in record.events if event.kind == "leg"]
+    planned = [float(leg.times[-1]) + leg.t_wait + leg.t_task for leg in plan.legs]
+    return {
+        "seed": seed, "success": record.success, "reason": record.reason, "safe": record.safe,
+        "tasks": len(record.tasks), "uploads": [upload["cause"] for upload in record.uploads],
+        "planned_s": [round(time) for time in planned], "executed_s": [round(time) for time in ends],
+    }  # fmt: skip
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("-n", type=int, default=20, help="missions a kind")
@@ -126,11 +165,17 @@ def main() -> None:
     parser.add_argument("--loss", type=float, default=0.05)
     parser.add_argument("--out", type=Path, default=None, help="file of JSON lines")
     parser.add_argument("--verbose", action="store_true")
+    parser.add_argument("--link", help="a vehicle that is running: mavlink:ADDRESS or imc:HOST:PORT")
     given = parser.parse_args()
+    tell = _show if given.verbose else _hide
+    if given.link:
+        for seed in range(given.first, given.first + given.n):
+            print(json.dumps(mission_nearby(given.link, seed, given.scale, tell)), flush=True)
+        return
     rows = []
     for kind in given.kind or ["mavlink", "imc"]:
         for seed in range(given.first, given.first + given.n):
-            row = mission(kind, seed, given.scale, Faults(lost=given.loss), _show if given.verbose else _hide)
+            row = mission(kind, seed, given.scale, Faults(lost=given.loss), tell)
             rows.append(row)
             print(json.dumps(row), flush=True)
             if given.out:

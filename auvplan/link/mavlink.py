@@ -189,6 +189,7 @@ class _Heard:
     armed: bool = False
     fault: bool = False
     gave_up: str = ""  # how the mission was ended by somebody else, or by the vehicle itself
+    failed: bool = False  # whether that was a failsafe
     speed: float = math.nan
     current: int = -1
     reached: int = -1
@@ -336,7 +337,7 @@ class MavlinkVehicle(ListeningLink):
             return
         said = f" ({heard.alarm})" if heard.alarm else ""
         if heard.fault:
-            heard.gave_up = f"it reports a failsafe{said}"
+            heard.gave_up, heard.failed = f"it reports a failsafe{said}", True
         elif was_armed and not heard.armed:
             heard.gave_up = f"it was disarmed{said}"
         elif self._ardupilot and heard.mode not in self._ours:
@@ -838,8 +839,10 @@ class MavlinkVehicle(ListeningLink):
 
     def _state(self) -> State:
         heard = self._heard
-        if heard.fault or heard.gave_up:
+        if heard.fault or heard.failed:
             return State.FAULT
+        if heard.gave_up:
+            return State.STOPPED
         if self._ardupilot and not heard.armed and heard.progress is not State.FINISHED:
             return State.IDLE
         if heard.progress is not State.UNKNOWN:
