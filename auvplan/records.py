@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from auvplan.brief import Brief
 from auvplan.mission import MissionConfig, MissionGraph, MissionRoute, trail_bound, upper_bound
 from auvplan.mission.jobs import jobs_done
+from auvplan.mission.survey import Coverage, LinePart
 from auvplan.motion import Motion
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.closures import Closure
@@ -93,6 +94,7 @@ class LegRecord(Brief):
         t_hold: s that the vehicle waited at the waypoint left, for the way to open.
         t_wait: s that it waited at the waypoint reached, for the task's window.
         missed: whether it came too late for the task's window.
+        line: the part of a survey line that it follows, or None.
     """
 
     start: int
@@ -114,6 +116,7 @@ class LegRecord(Brief):
     t_hold: float = 0.0
     t_wait: float = 0.0
     missed: bool = False
+    line: LinePart | None = None
 
     def _facts(self) -> dict[str, str]:
         return {
@@ -124,6 +127,11 @@ class LegRecord(Brief):
             "priority": figure(self.priority, 6),
             "plans": f"{len(self.plans):,}",
         }
+
+    @cached_property
+    def coverage(self) -> Coverage | None:
+        """What its track covers of its survey line, once it is executed; None without one."""
+        return None if self.line is None else self.line.covered(self.positions)
 
     @property
     def t_path(self) -> float:
@@ -224,6 +232,8 @@ class MissionRun(Brief):
         closures: areas that are closed at some hours.
         departed: s from the scenario's own departure, to which files of obstacles refer, to this one's.
         assumed: what was assumed in reading the scenario's files, a line each.
+        followable: [N, N], the share of each edge's own task that can be done, survey lines being blocked in
+            part; None where all of every task can.
         saved_bound: `bound` of a run that comes from files, which do not keep `first_route`; None of others.
     """
 
@@ -253,6 +263,7 @@ class MissionRun(Brief):
     closures: tuple[Closure, ...] = ()
     departed: float = 0.0
     assumed: tuple[str, ...] = ()
+    followable: Array | None = None
     saved_bound: float | None = None
 
     def _facts(self) -> dict[str, str]:
@@ -340,16 +351,22 @@ class MissionRun(Brief):
             return self.saved_bound or 0.0
         times, graph = np.array(self.first_route.edge_times), self.graph
         once, stay = np.asarray(graph.waypoint_priority), np.asarray(graph.waypoint_duration)
+        priority = np.array(graph.priority, float)
+        if self.followable is not None:
+            priority = once + (priority - once) * self.followable
         for leg in self.done:
             # As on a first arrival: what is done at the waypoint itself counts once in any case.
             own = leg.t_task - (0.0 if leg.revisit else stay[leg.goal])
             taken = leg.t_path + own + stay[leg.goal]
-            times[leg.start, leg.goal] = min(times[leg.start, leg.goal], taken)
-        common = (times, graph.priority, self.start, self.goal, self.t_available)
+            edge = leg.start, leg.goal
+            times[edge] = min(times[edge], taken)
+            if leg.line is not None:
+                priority[edge] = max(priority[edge], leg.priority)
+        common = (times, priority, self.start, self.goal, self.t_available)
         if self.planning.visits == "edges":
             return trail_bound(*common, waypoint_priority=once, waypoint_duration=stay)
         if any(leg.revisit for leg in self.done):
-            edges = np.where(graph.adjacency, graph.priority - once, 0.0)
+            edges = np.where(graph.adjacency, priority - once, 0.0)
             return float(np.triu(np.maximum(edges, edges.T), 1).sum() + once.sum())
         return upper_bound(*common)
 
@@ -450,6 +467,7 @@ class MissionRun(Brief):
                     "t_task": leg.t_task,
                     "priority": leg.priority,
                     "revisit": leg.revisit,
+                    "line": None if leg.line is None else leg.line.figures(leg.coverage),
                     "path_replans": leg.path_replans,
                     "arrived": leg.arrived,
                     "cpu_s": leg.cpu,

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from functools import cached_property
+from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -13,6 +14,7 @@ from auvplan import prng
 from auvplan.executive.belief import ObstacleBelief
 from auvplan.executive.clock import Clock
 from auvplan.mission import MissionConfig, MissionGraph, MissionRoute
+from auvplan.mission.survey import LinePart
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.currents import Current
 from auvplan.ocean.environment import Environment
@@ -32,6 +34,13 @@ from auvplan.vehicle import Vehicle
 Array = NDArray[np.floating]
 
 
+class Followed(NamedTuple):
+    """What share of a part of a survey line can be followed, and how long the path is, in its lengths."""
+
+    free: float
+    longer: float
+
+
 @dataclass
 class SimulationContext:
     """What missions in one sea area share.
@@ -46,6 +55,7 @@ class SimulationContext:
         clock: that planning calls are timed by.
         simulated: whether missions meet what no plan knows of; otherwise they go as planned, in the forecast.
         faults: injected into each mission, by its number; empty for none.
+        followed: of each edge along a survey line, how it can be followed; None before it is known.
     """
 
     scenario: Scenario
@@ -57,6 +67,7 @@ class SimulationContext:
     clock: Clock = field(default_factory=Clock)
     simulated: bool = True
     faults: Sequence[Sequence[Fault]] = ()
+    followed: dict[tuple[int, int], Followed] | None = None
 
     @cached_property
     def rules(self) -> PlanningRules:
@@ -215,6 +226,7 @@ class Mission:
         path_calls: planning calls so far, which number the keys.
         pace: share of its speed through the water that the vehicle made on the last leg.
         faults: injected.
+        parts: of survey lines, by the edge (i, j) that follows them.
         ended: whether it is over.
     """
 
@@ -243,6 +255,7 @@ class Mission:
     path_calls: int = 0
     pace: float = 1.0
     faults: Faults = field(default_factory=Faults)
+    parts: dict[tuple[int, int], LinePart] = field(default_factory=dict)
     ended: bool = False
 
     @property

@@ -61,6 +61,7 @@ def set_out(context: SimulationContext, mission: Mission, record: LegRecord) -> 
     record.obstacle_radii, record.obstacle_kinds = truth.radius, truth.kinds
     moves = over_ground(mission.sea.field, *truth.motion, now=mission.now)
     belief = ObstacleBelief(truth, moves, mission.now, context.scenario.sensors, mission.rng)
+    record.line = mission.parts.get((record.start, record.goal))
     mission.leg = Leg(record, origin, target, truth, moves, belief)
 
 
@@ -111,7 +112,7 @@ def advance(context: SimulationContext, missions: list[Mission]) -> None:
         motions = zip(*rows, *rows[:1] * (len(legs) - real), strict=True)
         out: Transit = jax.device_get(
             transit(
-                np.stack([leg.track for leg in legs]),
+                _stacked([leg.track for leg in legs], context.path_config.samples),
                 np.asarray([leg.arc for leg in legs]),
                 np.asarray([_is_moving(mission) for mission in batch]),
                 np.asarray([mission.now for mission in batch]),
@@ -140,6 +141,14 @@ def go_as_planned(context: SimulationContext, missions: list[Mission]) -> None:
         leg.stretches.append((times, places, obstacles, ground, np.asarray(plan.water, float)))
         leg.arc, leg.record.arrived = float(leg.marks[-1]), True
         mission.now = float(times[-1])
+
+
+def _stacked(tracks: list[Array], samples: int) -> Array:
+    """[B, S, 3] m, tracks that keep station at their ends; of few shapes, whatever detours there are."""
+    most = max(len(track) for track in tracks)
+    if most > samples:
+        most = samples * 2 ** int(np.ceil(np.log2(most / samples)))
+    return np.stack([np.pad(track, ((0, most - len(track)), (0, 0)), mode="edge") for track in tracks])
 
 
 def _batches(missions: list[Mission]) -> Iterator[tuple[list[Mission], int]]:

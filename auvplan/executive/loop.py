@@ -18,6 +18,7 @@ from auvplan.compiled import MISSIONS, expecting
 from auvplan.deprecation import renamed_arguments
 from auvplan.executive.context import Leg, Mission, SimulationContext
 from auvplan.executive.legs import advance, begin_legs, finish, go_as_planned, refusal
+from auvplan.executive.lines import count_line, edges_of_lines
 from auvplan.executive.route_calls import plan_routes, time_edges
 from auvplan.executive.warmup import warm_up
 from auvplan.mission import MissionConfig, MissionGraph, time_to_go
@@ -236,7 +237,10 @@ def start_mission(context: SimulationContext, number: int, key: jax.Array, seed:
         sea = FaultySea(sea, faults)
     if scenario.mission.lines == "whole":
         graph = graph.without_edges(ways_off_lines(names, np.asarray(graph.adjacency)))
-    return Mission(number, run, sea, planner_key, _generator(chance_key), graph, graph, faults=faults)
+    parts = edges_of_lines(context, names)
+    return Mission(
+        number, run, sea, planner_key, _generator(chance_key), graph, graph, faults=faults, parts=parts
+    )
 
 
 def _generator(key: jax.Array) -> np.random.Generator:
@@ -376,6 +380,7 @@ def _judge(context: SimulationContext, mission: Mission) -> None:
         return
     _await_window(mission, record)
     mission.now += record.t_wait + record.t_task
+    count_line(mission, record)
     mission.refusals = 0
     mission.here = record.goal
     mission.step += 1

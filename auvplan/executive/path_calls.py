@@ -11,6 +11,7 @@ import numpy as np
 from auvplan import prng
 from auvplan.executive.belief import as_obstacles
 from auvplan.executive.context import Mission, SimulationContext
+from auvplan.executive.lines import follow, rows_of
 from auvplan.ocean.environment import Environment
 from auvplan.path import PathPlan, PathPlans, plan_paths, replan_paths
 from auvplan.records import PlanRecord
@@ -50,8 +51,26 @@ def believed(context: SimulationContext, missions: list[Mission]) -> Environment
 
 def _call(
     context: SimulationContext, missions: list[Mission], env: Environment, keys: jax.Array, cold: bool
+) -> Sequence[PathPlan]:
+    """Return a plan each: along its survey line, or the planner's."""
+    lines = [mission.active_leg.record.line for mission in missions]
+    if not any(lines):
+        return list(_searched(context, missions, env, keys, cold))
+    found = {
+        row: follow(context, line, mission.active_leg.position, mission.now, rows_of(env, [row]), keys[row])
+        for row, (mission, line) in enumerate(zip(missions, lines, strict=True))
+        if line is not None
+    }
+    if free := [row for row, line in enumerate(lines) if line is None]:
+        chosen = [missions[row] for row in free], rows_of(env, free), keys[np.asarray(free)]
+        found |= dict(zip(free, _searched(context, *chosen, cold), strict=True))
+    return [found[row] for row in range(len(missions))]
+
+
+def _searched(
+    context: SimulationContext, missions: list[Mission], env: Environment, keys: jax.Array, cold: bool
 ) -> PathPlans:
-    """Return the planning call."""
+    """Return the planning call of legs that are free to go any way."""
     legs = [mission.active_leg for mission in missions]
     now = np.asarray([mission.now for mission in missions])
     places = np.stack([np.clip(leg.position, *context.box) for leg in legs])

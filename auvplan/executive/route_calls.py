@@ -9,6 +9,7 @@ import numpy as np
 
 from auvplan import prng
 from auvplan.executive.context import Mission, SimulationContext
+from auvplan.executive.lines import as_followed, line_times
 from auvplan.mission import MissionConfig, MissionGraph, MissionRoute, plan_missions
 from auvplan.mission.graph import shortest_way
 from auvplan.mission.jobs import ways_off_lines
@@ -50,10 +51,13 @@ def time_edges(context: SimulationContext, missions: list[Mission]) -> None:
         elif planning.travel_times == "sea":
             mission.sea.advance(mission.now)
             timed, seconds = _timed(context, mission)
-            mission.timed = replace(timed, travel_time=timed.travel_time + detour)
+            mission.timed = _along_lines(
+                context, mission, replace(timed, travel_time=timed.travel_time + detour), detour
+            )
             if timed.timetable is not None:
                 closed = np.where(timed.adjacency, mission.timed.travel_time, np.inf)
                 mission.timed = _with_times(mission.timed, np.zeros(1), closed[None])
+        mission.timed = as_followed(context, mission, mission.timed)
         mission.run.estimate_seconds += seconds
         if seconds and planning.charge_compute:
             mission.charge(seconds)
@@ -91,8 +95,24 @@ def _time_departures(context: SimulationContext, mission: Mission, detour: float
             env, context.vehicle, departures, effort(context.path_config), bends=_BENDS
         )
     )
+    edges, along = line_times(context, mission, departures)
+    for (i, j), lasts in zip(edges, along.T, strict=True):
+        times[:, i, j] = lasts
     mission.departures, mission.travel_time = departures, times + detour
     return seconds
+
+
+def _along_lines(
+    context: SimulationContext, mission: Mission, timed: MissionGraph, detour: float
+) -> MissionGraph:
+    """Return a timed graph with the times of survey lines, longer by a detour; some may be closed or open."""
+    edges, along = line_times(context, mission, np.asarray([mission.now]))
+    if not edges:
+        return timed
+    times, open_ = np.array(timed.travel_time), np.array(timed.adjacency)
+    for edge, lasts in zip(edges, along[0], strict=True):
+        times[edge], open_[edge] = lasts + detour, np.isfinite(lasts)
+    return replace(timed, travel_time=np.where(open_, times, np.nan), adjacency=open_)
 
 
 def _timed(context: SimulationContext, mission: Mission) -> tuple[MissionGraph, float]:

@@ -12,6 +12,7 @@ from auvplan.errors import AuvplanError
 from auvplan.export.fences import Fence, fences_around
 from auvplan.export.markup import plain
 from auvplan.export.thin import thin
+from auvplan.mission.survey import LinePart
 from auvplan.motion import Motion
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.environment import Environment
@@ -117,10 +118,15 @@ class PlannedLeg:
         )  # fmt: skip
 
     def thinned(
-        self, env: Environment, vehicle: Vehicle, tolerance: float = 0.02, margin: float = 10.0
+        self,
+        env: Environment,
+        vehicle: Vehicle,
+        tolerance: float = 0.02,
+        margin: float = 10.0,
+        line: LinePart | None = None,
     ) -> "PlannedLeg":
         """Return the same leg with the fewest waypoints, see `thin`."""
-        few = thin(self.positions, self.times, env, vehicle, tolerance=tolerance, margin=margin)
+        few = thin(self.positions, self.times, env, vehicle, tolerance=tolerance, margin=margin, line=line)
         return replace(
             self,
             kept=few.indices,

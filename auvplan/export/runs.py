@@ -51,7 +51,7 @@ def itinerary_of(
             names=run.names, hold=holds[number - 1], priority=leg.priority, motion=plan.motion,
         )  # fmt: skip
         env = _environment(leg, plan, run)
-        legs.append(whole.thinned(env, run.vehicle, tolerance, margin))
+        legs.append(whole.thinned(env, run.vehicle, tolerance, margin, leg.line))
     executed = run.legs if run.simulated else []
     still = [
         ((*obstacle.position, obstacle.depth_min), obstacle.radius, obstacle.name)

@@ -190,6 +190,8 @@ def sheet_of(run: MissionRun) -> MissionSheet:
         "tasks": f"{run.tasks}, total priority {figure(run.total_priority)} of at most {figure(run.bound)}",
         "way": f"{sum(stop.length for stop in stops) / 1000.0:.1f} km",
     }
+    if lines := _lines(run):
+        facts["survey lines"] = "; ".join(lines)
     if run.closures:
         facts["closed areas"] = "; ".join(closures_in_words(run))
     zone = str((run.scenario.get("site") or {}).get("timezone") or "")
@@ -203,6 +205,27 @@ def sheet_of(run: MissionRun) -> MissionSheet:
         run.assumed,
         zone,
     )
+
+
+def _lines(run: MissionRun) -> list[str]:
+    """Return how much of each survey line that is followed is covered, and how far off it the track is."""
+    followed = {(leg.start, leg.goal): leg for leg in run.done if leg.line is not None and not leg.missed}
+    found = []
+    for job in jobs_of(run.names):
+        parts = [edge for pair in pairwise(job.nodes) for edge in (pair, pair[::-1]) if edge in followed]
+        legs = [(part, leg.coverage) for part in parts if (leg := followed[part]).coverage is not None]
+        if not legs:
+            continue
+        places = np.asarray(run.graph.positions, float)[job.nodes]
+        length = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
+        covered = sum(coverage.length for _, coverage in legs)
+        mean = sum(coverage.length * coverage.mean for _, coverage in legs) / max(covered, 1e-9)
+        worst = max(coverage.worst for _, coverage in legs)
+        found.append(
+            f"{job.name} {covered:,.0f} of {length:,.0f} m ({100.0 * covered / length:.0f} %), "
+            f"{mean:.1f} m off it in the mean and {worst:.1f} m at worst"
+        )
+    return found
 
 
 def waypoint_name(run: MissionRun, node: int) -> str:

@@ -1,40 +1,24 @@
 """The fewest waypoints that stand for a planned path: vehicles take a dozen, not a hundred samples."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
-from auvplan.compiled import compiled
+from auvplan.mission.survey import LinePart
 from auvplan.ocean.environment import Environment
-from auvplan.ocean.vortices import padded, rounded_up
-from auvplan.path.clearance import bed_altitude, closed_clearance, coast_clearance, obstacle_clearance
-from auvplan.path.config import PathConfig
-from auvplan.path.kinematics import Axes, inner, norm
-from auvplan.vehicle import Vehicle, along_track
+from auvplan.path.straight import DISTANCES, Straights
+from auvplan.vehicle import Vehicle
 
 Array = NDArray[np.floating]
-
-#: m, longest step on a straight segment at which current and clearance are looked at.
-STEP = 20.0
-
-#: Steps that one compiled call evaluates: one shape serves paths of every length.
-_TOGETHER = 8192
-
-#: s, by which arrival times may still change when a path is said to be timed; and passes at most.
-_SETTLED, _PASSES = 0.01, 12
 
 #: By how much certified distances, m, and speeds, m/s, may seem less for the steps that a line is cut into.
 _BLUR = 0.1, 0.01
 
-#: Parts of a step at whose ends the distance to the coast is looked up: it is certain to a hair then.
-_LOOKS = 4
-
-_CONFIG = PathConfig()
+#: m of a survey line that a straight line may cover less than the part of the path that it stands for.
+_COVERED = 0.1
 
 
 @dataclass(frozen=True)
@@ -65,6 +49,7 @@ def thin(
     depart: float | None = None,
     tolerance: float = 0.02,
     margin: float = 10.0,
+    line: LinePart | None = None,
 ) -> Thinned:
     """Keep the fewest samples of a path whose straight lines take as long and keep as clear as the path does.
 
@@ -83,6 +68,7 @@ def thin(
         depart: s since the epoch.
         tolerance: share by which the total time may change.
         margin: m.
+        line: part of a survey line that the path follows: the straight lines cover as much of it.
 
     Raises:
         ValueError: there are fewer than two samples, or shapes do not fit.
@@ -93,17 +79,18 @@ def thin(
             f"positions must be [S, 3] with S > 1 and times [S], got {places.shape} and {np.shape(times)}"
         )
     start = float(np.asarray(times)[0]) if depart is None else float(depart)
-    obstacles = env.obstacles.padded(rounded_up(len(env.obstacles)))
-    sea = _Sea(replace(env, current=padded(env.current), obstacles=obstacles), vehicle)
+    sea = Straights.through(env, vehicle)
     path_times, path_room = sea.arrivals(places, start)
-    distances = np.arange(len(path_room)) < _DISTANCES
+    distances = np.arange(len(path_room)) < DISTANCES
     asked = np.where(distances, margin, 0.0)
     if env.seabed is not None:
-        asked[_DISTANCES - 1] = float(env.seabed.clearance)
+        asked[DISTANCES - 1] = float(env.seabed.clearance)
     least = np.minimum(asked, path_room) - np.where(distances, *_BLUR)
     total = path_times[-1] - path_times[0]
 
     i, j = np.triu_indices(len(places), 1)
+    covers = np.ones(len(i), bool) if line is None else _covers(line, places, i, j)
+    i, j = i[covers], j[covers]
     passing = path_times[j] - path_times[i]
     lines, room = sea.pass_lines(places[i], places[j], path_times[i], passing)
     admitted = (room >= least[:, None]).all(axis=0) | (j == i + 1)
@@ -117,8 +104,19 @@ def thin(
         arrivals, clear = sea.arrivals(places[chain], start)
         late = float((arrivals[-1] - arrivals[0]) / total - 1.0)
         if whole or (abs(late) < tolerance and (clear >= least).all()):
-            return Thinned(chain, places[chain], arrivals, late, float(clear[: _DISTANCES - 1].min()))
+            return Thinned(chain, places[chain], arrivals, late, float(clear[: DISTANCES - 1].min()))
     raise AssertionError("the path itself is among the chains")
+
+
+def _covers(line: LinePart, places: Array, i: NDArray[np.intp], j: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Return whether straight lines between samples [L] cover as much of a survey line as the path."""
+
+    def covered(first: Array, last: Array) -> Array:
+        (here, _), (there, _) = line.across(first), line.across(last)
+        return np.diff(line.counted(first, last), axis=1)[:, 0] * np.abs(there - here)
+
+    steps = np.concatenate([[0.0], np.cumsum(covered(places[:-1], places[1:]))])
+    return covered(places[i], places[j]) >= steps[j] - steps[i] - _COVERED
 
 
 def _chains(cost: Array) -> Iterator[NDArray[np.intp]]:
@@ -138,132 +136,3 @@ def _chains(cost: Array) -> Iterator[NDArray[np.intp]]:
         parents = sums.argmin(axis=0)
         came.append(parents)
         best = sums[parents, np.arange(len(cost))]
-
-
-#: How many rows of what `_room` returns are distances: `margin` asks for all but the last, the altitude above
-#: the sea bed.
-_DISTANCES = 3
-
-
-def _room(
-    segments: tuple[Axes, Axes, jax.Array, jax.Array], speeds: Sequence[ArrayLike], env: Environment
-) -> jax.Array:
-    """Return how far steps keep from every limit, [limits, N]: certified distances, m, then speeds, m/s.
-
-    Distances to whatever a vehicle may run into come first, `_DISTANCES` of them.
-
-    Args:
-        segments: first ends x, y, z and ways x, y, z, [N] m; times at the first ends and durations, [N] s.
-        speeds: what is left to the vehicle's limits, [N] m/s each.
-        env: the world, obstacles resolved.
-    """
-    starts, way, begin, duration = segments
-    share = jnp.linspace(0.0, 1.0, _LOOKS + 1)[:, None]
-    x, y, z = (first + share * step for first, step in zip(starts, way, strict=True))
-    parts = jnp.broadcast_to(norm(way[0], way[1]) / _LOOKS, x[1:].shape)
-    coast, _ = coast_clearance(x, y, parts, jnp.broadcast_to(duration / _LOOKS, parts.shape), env, _CONFIG)
-    if env.closures:
-        coast = jnp.minimum(coast, closed_clearance(x, y, parts, begin + share * duration, env))
-    altitude = bed_altitude(x, y, z, parts, env).min(axis=0)
-    return jnp.stack([coast.min(axis=0), obstacle_clearance(segments, env), altitude, *speeds])
-
-
-@compiled
-def _steps(
-    starts: Axes, way: Axes, time: jax.Array, env: Environment, vehicle: Vehicle
-) -> tuple[jax.Array, jax.Array]:
-    """Durations of steps [N] s whose middles are passed at a time [N] s, and `_room`."""
-    env = replace(env, obstacles=env.obstacles.resolved(env.current))
-    x, y, z = (first + 0.5 * step for first, step in zip(starts, way, strict=True))
-    water, gap = env.current(x, y, z, time), norm(*way)
-    along = inner(water, way) / gap
-    across = jnp.sqrt(jnp.maximum(inner(water, water) - along * along, 0.0))
-    ground, shortfall = along_track("track", vehicle.speed, along, across)
-    duration = gap / ground
-    speeds = vehicle.sway_max - across, vehicle.surge_max - ground, -shortfall
-    return duration, _room((starts, way, time - 0.5 * duration, duration), speeds, env)
-
-
-@dataclass(frozen=True)
-class _Sea:
-    """What straight lines lead through.
-
-    Attributes:
-        env: the world.
-        vehicle: speed and limits.
-    """
-
-    env: Environment
-    vehicle: Vehicle
-
-    def arrivals(self, places: Array, depart: float) -> tuple[Array, Array]:
-        """Arrival [K] s at K places in a row, joined by straight lines, and the least room [limits]."""
-        first, last = places[:-1], places[1:]
-        gaps = np.linalg.norm(last - first, axis=1)
-        arrivals = depart + np.concatenate([[0.0], np.cumsum(gaps / float(np.asarray(self.vehicle.speed)))])
-        # Steps depend on when they are taken, and that on those before: each pass gets more of them right.
-        cut = _Cut.of(first, last)
-        ends = np.interp(np.arange(len(cut.line) + 1), [*cut.offsets, len(cut.line)], arrivals)
-        for _ in range(_PASSES):
-            duration, room = self._evaluate(cut, 0.5 * (ends[:-1] + ends[1:]))
-            before, ends = ends, depart + np.concatenate([[0.0], np.cumsum(duration)])
-            if np.abs(ends - before).max() < _SETTLED:
-                break
-        return ends[[*cut.offsets, len(cut.line)]], room.min(axis=1)
-
-    def pass_lines(self, first: Array, last: Array, begin: Array, passing: Array) -> tuple[Array, Array]:
-        """Durations [L] s of L lines, and their least room [limits, L].
-
-        Args:
-            first, last: [L, 3] m, their ends.
-            begin: [L] s since the epoch, when each is begun.
-            passing: [L] s that each is taken to last, which says when its steps are taken.
-        """
-        cut = _Cut.of(first, last)
-        duration, room = self._evaluate(cut, begin[cut.line] + cut.middle * passing[cut.line])
-        return np.add.reduceat(duration, cut.offsets), np.minimum.reduceat(room, cut.offsets, axis=1)
-
-    def _evaluate(self, cut: "_Cut", time: Array) -> tuple[Array, Array]:
-        """Durations [N] s of all steps, and `_room` [limits, N], in calls of one shape."""
-        rows = np.concatenate([cut.start, cut.way, time[:, None]], axis=1)
-        missing = -len(rows) % _TOGETHER
-        # The last step, again and again, fills the last call up.
-        rows = np.concatenate([rows, np.broadcast_to(rows[-1:], (missing, 7))]).astype(np.float32)
-        found = []
-        for part in np.split(rows, len(rows) // _TOGETHER):
-            x, y, z, dx, dy, dz, when = (np.ascontiguousarray(column) for column in part.T)
-            found.append(_steps((x, y, z), (dx, dy, dz), when, self.env, self.vehicle))  # type: ignore[arg-type]
-        duration, room = (
-            np.concatenate(parts, axis=-1) for parts in zip(*jax.device_get(found), strict=True)
-        )
-        return duration[: len(time)].astype(float), room[:, : len(time)].astype(float)
-
-
-@dataclass(frozen=True)
-class _Cut:
-    """Straight lines cut into steps, one line after the other.
-
-    Attributes:
-        line: [N], which line a step belongs to.
-        offsets: [L], the first step of each line.
-        start: [N, 3] m, first ends.
-        way: [N, 3] m, to the last ends.
-        middle: [N], share of the line that is behind in the middle of a step.
-    """
-
-    line: NDArray[np.intp]
-    offsets: NDArray[np.intp]
-    start: Array
-    way: Array
-    middle: Array
-
-    @classmethod
-    def of(cls, first: Array, last: Array) -> "_Cut":
-        """Cut L lines between ends [L, 3] m."""
-        count = np.maximum(np.ceil(np.linalg.norm(last - first, axis=1) / STEP), 1.0).astype(int)
-        offsets = np.concatenate([[0], np.cumsum(count)[:-1]])
-        line = np.repeat(np.arange(len(count)), count)
-        share = (np.arange(len(line)) - offsets[line]) / count[line]
-        way = ((last - first) / count[:, None])[line]
-        start = first[line] + share[:, None] * (last - first)[line]
-        return cls(line, offsets, start, way, share + 0.5 / count[line])

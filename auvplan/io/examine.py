@@ -364,6 +364,10 @@ def _places(
 
 def _graph(scenario: Scenario, folder: Path) -> None:
     from auvplan.io.area import load_area
+    from auvplan.scenario.lines import line_warnings
     from auvplan.scenario.waypoints import make_graph
 
-    make_graph(scenario, load_area(scenario, folder), np.random.default_rng(0))
+    area = load_area(scenario, folder)
+    make_graph(scenario, area, np.random.default_rng(0))
+    for line in line_warnings(scenario, area):
+        warnings.warn(line, ScenarioWarning, stacklevel=1)

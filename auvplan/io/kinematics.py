@@ -110,7 +110,9 @@ def _step_faults(
         # nothing.
         change = np.diff(velocity, axis=0) * elapsed
         apart = np.minimum(apart, np.linalg.norm(moved - begin - 0.5 * change, axis=1))
-        allowed += _CURVATURE * np.linalg.norm(change, axis=1)
+        # A corner within a step is told of by the velocities on either side of it.
+        turned = np.linalg.norm(change, axis=1)
+        allowed += _CURVATURE * np.maximum(turned, np.concatenate([[0.0], turned[:-1]]))
     for k in np.flatnonzero(~(apart <= allowed))[:1]:
         yield (
             f"{name}: the velocity at {times[k]:.2f} s leads {apart[k]:.1f} m off the next position, "
@@ -138,6 +140,8 @@ def _speed_faults(
 ) -> Iterator[str]:
     """Yield legs on which the vehicle's speed through the known current is not its own."""
     speed, first = float(dataset.attrs["vehicle_speed"]), 0
+    # A plan's velocity is that of its segment, in the current in the middle of it.
+    half = 0.0 if dataset.attrs.get("simulated", 1) else 0.5
     for leg in legs:
         own = velocities[first : first + len(leg.times)]
         first += len(leg.times)
@@ -146,8 +150,11 @@ def _speed_faults(
         chosen = moving[:: max(len(moving) // _MOMENTS, 1)]
         if not len(chosen):
             continue
+        places, times = (
+            part[chosen] + half * (part[chosen + 1] - part[chosen]) for part in (leg.positions, leg.times)
+        )
         try:
-            known = speeds_at(dataset, leg.positions[chosen], leg.times[chosen], true=True)
+            known = speeds_at(dataset, places, times, true=True)
         except Exception as error:  # whatever this view lacks is no fault of the run
             notes.append(f"the current was not looked at again: {' '.join(str(error).split())}")
             return

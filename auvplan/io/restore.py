@@ -15,6 +15,7 @@ from auvplan.io.area import load_closures, load_truth
 from auvplan.io.fields import chart_of, history_of, motion_of, seabed_of, site_of, vortices_of
 from auvplan.io.ledger import read_legs, require
 from auvplan.mission import MissionGraph
+from auvplan.mission.survey import LinePart
 from auvplan.mission.timetable import Timetable
 from auvplan.ocean.closures import Closure
 from auvplan.ocean.currents import Current
@@ -83,6 +84,7 @@ def restore_run(folder: str | Path) -> MissionRun:
             ),
             assumed=tuple(json.loads(attributes.get("assumed", "[]"))),
             closures=_closures(settings, dataset, home),
+            followable=dataset["task_followable"].values if "task_followable" in dataset else None,
             saved_bound=float(summary.get("priority_bound", 0.0)),
         )
     except AuvplanError:
@@ -185,9 +187,19 @@ def _legs(dataset: xr.Dataset, settings: dict, home: str) -> list[LegRecord]:
         record.motion = motion[begins[number] : begins[number] + len(leg.times)]
         record.obstacle_radii, record.obstacle_kinds = leg.radii, kinds[number][: len(leg.radii)]
         record.arrived = leg.arrived
+        record.line = _line(dataset, number)
         record.plans = _plans(dataset, number, model)
         legs.append(record)
     return legs
+
+
+def _line(dataset: xr.Dataset, leg: int) -> LinePart | None:
+    """Return the part of a survey line that a leg follows, or None."""
+    if "leg_line_tolerance" not in dataset or np.isnan(dataset["leg_line_tolerance"].values[leg]):
+        return None
+    places = dataset["waypoint_position"].values.astype(float)
+    start, end = (tuple(places[int(dataset[name].values[leg])].tolist()) for name in ("leg_from", "leg_to"))
+    return LinePart(start, end, float(dataset["leg_line_tolerance"].values[leg]))
 
 
 def _plans(dataset: xr.Dataset, leg: int, model: Current | None) -> list[PlanRecord]:

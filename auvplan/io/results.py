@@ -206,6 +206,7 @@ def _legs(run: MissionRun) -> Variables:
             "leg", [leg.revisit for leg in legs], "whether the waypoint headed for had been visited before"
         ),
         "leg_missed": _yes_or_no("leg", [leg.missed for leg in legs], "whether the task's window was missed"),
+        **_lines(legs),
         "leg_arrived": _yes_or_no("leg", [leg.arrived for leg in legs], "whether the waypoint was reached"),
         "leg_followed": column(
             [leg.followed for leg in legs], "which of its plans the leg was begun with", dtype=np.int32
@@ -215,6 +216,24 @@ def _legs(run: MissionRun) -> Variables:
             "root mean square of the current's forecast error along the track",
             "m s-1",
         ),
+    }
+
+
+def _lines(legs: Sequence[LegRecord]) -> Variables:
+    """Return what of survey lines was covered; nothing where there is none."""
+    if not any(leg.line for leg in legs):
+        return {}
+    rows = [{} if leg.line is None else leg.line.figures(leg.coverage) for leg in legs]
+    words = {
+        "length": "length of the part of a survey line that the leg follows, none of others",
+        "tolerance": "distance off the line within which it counts as covered",
+        "covered": "length of it that is covered",
+        "across_mean": "mean distance off the line, where it is covered",
+        "across_worst": "greatest distance off the line, where it is covered",
+    }
+    return {
+        f"leg_line_{name}": variable("leg", [float(row.get(name, np.nan)) for row in rows], words[name], "m")
+        for name in words
     }
 
 
@@ -267,7 +286,16 @@ def _graph(run: MissionRun) -> Variables:
             "waypoint", np.asarray(graph.waypoint_duration, float), "the same part of their time", "s"
         ),
         **_windows(graph),
+        **_followable(run),
     }
+
+
+def _followable(run: MissionRun) -> Variables:
+    """Return what share of tasks along survey lines can be done; nothing where there is no line."""
+    if run.followable is None:
+        return {}
+    words = "share of the edge's own task that can be done, known obstacles and the coast being as they are"
+    return {"task_followable": variable(("waypoint", "waypoint_to"), run.followable, words, "1")}
 
 
 def _windows(graph: MissionGraph) -> Variables:

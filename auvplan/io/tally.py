@@ -21,6 +21,7 @@ from auvplan.files import MISSION, SUMMARY
 from auvplan.io.errands import jobs_of
 from auvplan.io.hours import priority_at
 from auvplan.io.ledger import TIME_TOLERANCE, Leg, near
+from auvplan.io.lines import line_faults, share_of_line
 from auvplan.io.originals import metres_of, path_of
 from auvplan.mission.jobs import Jobs
 
@@ -28,6 +29,8 @@ Array = NDArray[np.floating]
 
 #: Priorities may differ by so much where they should agree.
 _PRIORITY_TOLERANCE = 1e-6
+#: Share of a priority by which one may be off that counts by the length covered of a line.
+_LINE_TOLERANCE = 1e-3
 
 #: A way over waypoints not yet visited counts as open if it takes less than this share of the time left, at
 #: the vehicle's speed in still water: a contrary current may double the time of a way.
@@ -46,8 +49,8 @@ class Earned:
 class Book(Protocol):
     """Tasks that are still to be done."""
 
-    def earn(self, leg: Leg, revisit: bool) -> Earned:
-        """Take what a leg that arrived does off the book."""
+    def earn(self, leg: Leg, revisit: bool, share: float) -> Earned:
+        """Take what a leg that arrived does off the book; of a task along its way a share is done."""
         ...
 
 
@@ -65,7 +68,7 @@ def tally_faults(
     book = _book(settings, dataset, once, notes)
     adjacency = dataset["adjacency"].values.astype(bool)
     visited, refused = {int(dataset.attrs["start"])}, set()
-    total, tasks = 0.0, 0
+    total, tasks, slack = 0.0, 0, _PRIORITY_TOLERANCE
     for leg in legs:
         if not leg.executed:
             refused |= {(leg.start, leg.goal), (leg.goal, leg.start)}
@@ -74,18 +77,23 @@ def tally_faults(
         revisit = leg.goal in visited
         if revisit and once and (way := _way_left(dataset, leg, visited, refused)):
             yield f"{leg}: waypoint {leg.goal} is visited twice, although {way}"
-        earned = book.earn(leg, revisit)
+        share = share_of_line(dataset, leg)
+        earned = book.earn(leg, revisit, share)
         if leg.missed:  # whether its window was, is looked up with the windows
             earned = Earned(0.0, 0.0, 0)
-        if abs(earned.priority - leg.priority) > _PRIORITY_TOLERANCE:
+        allowed = _PRIORITY_TOLERANCE + (0.0 if share == 1.0 else _LINE_TOLERANCE * earned.priority)
+        slack += allowed
+        if abs(earned.priority - leg.priority) > allowed:
             yield f"{leg}: counts a priority of {leg.priority:g}, its tasks are worth {earned.priority:g}"
         if abs(earned.duration - leg.t_task) > TIME_TOLERANCE:
             yield f"{leg}: spends {leg.t_task:.2f} s on tasks that take {earned.duration:.2f} s"
         total, tasks = total + earned.priority, tasks + earned.tasks
         visited |= {leg.start, leg.goal}
-    if summary["tasks"] != tasks or not abs(summary["total_priority"] - total) <= _PRIORITY_TOLERANCE:
+    if summary["tasks"] != tasks or not abs(summary["total_priority"] - total) <= slack:
         given = f"{summary['tasks']} tasks of priority {summary['total_priority']:g}"
         yield f"{given} in {SUMMARY}, {tasks} of {total:g} were done"
+    asked = settings.get("mission", {}).get("line_tolerance")
+    yield from line_faults(summary, dataset, legs, asked)
     yield from _route_faults(dataset, legs, once)
 
 
@@ -95,13 +103,17 @@ def _route_faults(dataset: xr.Dataset, legs: list[Leg], once: bool) -> Iterator[
         return
     timed = any(name in dataset for name in ("edge_enters", "edge_falls", "window_opens"))
     start = int(dataset.attrs["start"])
+    free = np.ones(dataset["adjacency"].shape)
+    if "task_followable" in dataset:
+        free = dataset["task_followable"].values
     for number, nodes in enumerate(dataset["route_nodes"].values):
         made_at = float(dataset["route_made_at"].values[number])
         book, visited, total = _GraphBook.of(dataset, once), {start}, 0.0
         done = [leg for leg in legs if leg.arrived and leg.begins < made_at - TIME_TOLERANCE]
         ahead = [replace(legs[0], start=i, goal=j) for i, j in pairwise(nodes[nodes >= 0].tolist())]
         for place, leg in enumerate((*done, *ahead)):
-            earned = book.earn(leg, leg.goal in visited).priority
+            share = float(free[leg.start, leg.goal])
+            earned = book.earn(leg, leg.goal in visited, share).priority
             total += earned if place >= len(done) else 0.0
             visited |= {leg.start, leg.goal}
         given = float(dataset["route_priority"].values[number])
@@ -174,7 +186,7 @@ class _GraphBook:
         priority, duration = (np.where(open_, own - part, 0.0) for own, part in zip(whole, at, strict=True))
         return cls(priority, duration, at[0], at[1], once)
 
-    def earn(self, leg: Leg, revisit: bool) -> Earned:
+    def earn(self, leg: Leg, revisit: bool, share: float) -> Earned:
         """Both tasks, each the first time; none at all where a waypoint is merely passed."""
         edge = (leg.start, leg.goal)
         if revisit and self.once:
@@ -182,7 +194,7 @@ class _GraphBook:
         priority, duration = float(self.at_priority[leg.goal]), float(self.at_duration[leg.goal])
         self.at_priority[leg.goal] = self.at_duration[leg.goal] = 0.0
         if frozenset(edge) not in self.taken:
-            priority, duration = priority + self.priority[edge], duration + self.duration[edge]
+            priority, duration = priority + share * self.priority[edge], duration + self.duration[edge]
             self.taken.add(frozenset(edge))
         return Earned(float(priority), float(duration), int(priority > 0.0))
 
@@ -223,19 +235,24 @@ class _JobBook:
         parts = [part for line in jobs.lines for part in _parts(line)]
         return cls([*points, *parts], partial(priority_at, dataset), whole)
 
-    def _worth(self, task: _Task, leg: Leg) -> float:
-        """Return the priority of a task at the time when a leg does it."""
+    def _worth(self, task: _Task, leg: Leg, share: float) -> float:
+        """Return the priority of a task at the time when a leg does it, or a share of it along a line."""
         begins = float(leg.times[-1]) + (leg.t_wait if len(task.ends) == 1 else 0.0)
         now = self.now(task.job, begins)
-        return task.priority if now is None else task.priority * now / self.whole[task.job]
+        worth = task.priority if now is None else task.priority * now / self.whole[task.job]
+        return worth if len(task.ends) == 1 else share * worth
 
-    def earn(self, leg: Leg, revisit: bool) -> Earned:
+    def earn(self, leg: Leg, revisit: bool, share: float) -> Earned:
         """Return every task that lies where the leg ends, or along it."""
         done = [task for task in self.left if _does(leg, task.ends)]
+        if share == 0.0:  # the line was passed, and nothing of it done
+            done = [task for task in done if len(task.ends) == 1]
         self.left = [task for task in self.left if not any(task is other for other in done)]
         open_ = {task.job for task in self.left}
         complete = {task.job for task in done if task.priority > 0.0} - open_
-        return Earned(sum(self._worth(t, leg) for t in done), sum(t.duration for t in done), len(complete))
+        return Earned(
+            sum(self._worth(t, leg, share) for t in done), sum(t.duration for t in done), len(complete)
+        )
 
 
 def _parts(line: Any) -> Iterable[_Task]:

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -70,6 +71,11 @@ class JobLine:
     windows: tuple[tuple[float, float], ...] = ()
     falls: tuple[tuple[float, float], ...] = ()
 
+    @property
+    def parts(self) -> list[tuple[Position, Position]]:
+        """Its straight parts, from vertex to vertex."""
+        return list(pairwise(self.positions))
+
 
 @dataclass(frozen=True)
 class Jobs:
@@ -102,7 +108,7 @@ def jobs_graph(
     In between are the points, the vertices of the lines and the waypoints of ways around, in order. A point's
     task is done on arrival, whichever edge leads there. A survey line is a task on each edge between its
     consecutive vertices, in either direction: priority and duration are shared among them by
-    length, so that a line half surveyed earns half.
+    length, so that a line half surveyed earns half. These edges are there whatever stands in their way.
 
     Args:
         points: places to visit.
@@ -122,13 +128,12 @@ def jobs_graph(
         the vertex in brackets, from 1, or "(via 1)", "(via 2)" ... of a way around.
 
     Raises:
-        ValueError: a line has less than two vertices, two in one place or a part that is not clear; a job
-            that no clear line and no way around leads to; numbers that make no graph.
+        ValueError: a line has less than two vertices or two in one place; a job that no clear line and no way
+            around leads to; numbers that make no graph.
     """
     names = ["start", *(point.name for point in points)]
     places = [np.asarray(start, float), *(point.position for point in points)]
     parts: list[tuple[int, int, float, float]] = []
-    of_part: list[tuple[str, int]] = []
     for line in lines:
         shares = _shares(line)
         first = len(places)
@@ -138,7 +143,6 @@ def jobs_graph(
             (first + k, first + k + 1, line.priority * share, line.duration * share)
             for k, share in enumerate(shares)
         ]
-        of_part += [(line.name, k) for k in range(1, len(shares) + 1)]
     names.append("goal")
     places.append(np.asarray(goal, float))
     positions = np.array([_position(place, name) for place, name in zip(places, names, strict=True)])
@@ -147,9 +151,6 @@ def jobs_graph(
         positions = np.concatenate([positions[:-1], via, positions[-1:]])
         names[-1:] = [*(f"(via {k})" for k in range(1, len(via) + 1)), "goal"]
         free = _passable(positions, clear)
-    for (i, j, _, _), (name, k) in zip(parts, of_part, strict=True):
-        if not free[i, j]:
-            raise ValueError(f"line {name!r}: the way from vertex {k} to {k + 1} is not clear")
     line_edges = [(i, j) for i, j, _, _ in parts]
     adjacency = _joined(positions, free, neighbours, line_edges, names)
     if whole:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 #: A cylinder is covered by spheres that are larger by this share of its radius, or by so many metres.
-_EXCESS = 0.12, 1.0
+EXCESS = 0.12, 1.0
 #: What lies farther above or below the vehicle's depths is left out, m.
 _BEYOND = 50.0
 
@@ -82,7 +82,7 @@ def _covering(obstacle: KnownObstacle, depths: tuple[float, float], now: float) 
     bottom = min(obstacle.depth_max, depths[1] + _BEYOND)
     if bottom < top:
         return []
-    radius = obstacle.radius + max(_EXCESS[0] * obstacle.radius, _EXCESS[1])
+    radius = obstacle.radius + max(EXCESS[0] * obstacle.radius, EXCESS[1])
     apart = 2.0 * np.sqrt(radius**2 - obstacle.radius**2)
     count = max(1, int(np.ceil((bottom - top) / apart)))
     part = (bottom - top) / count

@@ -403,6 +403,11 @@ class MissionSettings(Section):
         description="survey lines: 'part': a part of a line earns its share; 'whole': it is begun only to be "
         "surveyed from one end to the other, and left only where nothing else is possible",
     )
+    line_tolerance: Positive = Field(
+        default=10.0,
+        description="m off a survey line within which it is surveyed; what is passed farther off, around an "
+        "obstacle, does not count",
+    )
     wait: Literal["station", "loiter", "none"] = Field(
         default="station",
         description="what a vehicle does that comes before a task's time window: keep station, loiter, or "

@@ -128,11 +128,17 @@ def test_only_clear_lines_become_edges():
     assert not (few.adjacency & ~graph.adjacency).any()
 
 
+def test_a_part_of_a_line_is_an_edge_whatever_stands_in_it():
+    graph, names = jobs_graph(POINTS, [DYKE], START, GOAL, clear=wall(1.0))
+    nodes = [names.index(f"dyke[{k}]") for k in (1, 2, 3)]
+    assert graph.adjacency[nodes[:2], nodes[1:]].all()
+    assert graph.priority[nodes[1], nodes[2]] > 0.0
+
+
 @pytest.mark.parametrize(
     ("lines", "more", "words"),
     [
         ([LINE], {"clear": wall(-200.0)}, "no clear line and no way around leads from the start to 'gate', "),
-        ([DYKE], {"clear": wall(1.0)}, "line 'dyke': the way from vertex 2 to 3 is not clear"),
         ([JobLine("dot", ((1.0, 2, 3),))], {}, "line 'dot' has 1 vertices"),
         ([JobLine("dot", ((1.0, 2, 3), (1.0, 2, 3)))], {}, "line 'dot': vertices 1 and 2 are in one place"),
         ([JobLine("dot", ((1.0, 2, 3), (1.0, 2, np.nan)))], {}, "'dot': a position is finite"),

@@ -1,0 +1,115 @@
+"""Following straight lines, and leaving them around what stands in them."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from auvplan.mission.survey import LinePart
+from auvplan.ocean.chart import Chart
+from auvplan.ocean.currents import UniformCurrent
+from auvplan.ocean.environment import Environment
+from auvplan.ocean.obstacles import Obstacles
+from auvplan.path import PathConfig
+from auvplan.path.cost import VIOLATIONS
+from auvplan.path.follow import blocked_on, follow_line
+from auvplan.path.plan import PathPlan
+from auvplan.path.sensitivity import Conditions
+from auvplan.vehicle import Vehicle
+
+START, END = np.array([200.0, 1000.0, 10.0]), np.array([3200.0, 1000.0, 10.0])
+CONFIG, VEHICLE = PathConfig.quick(), Vehicle(speed=2.0)
+BOX = (0.0, 0.0, 0.0), (4000.0, 2000.0, 50.0)
+
+
+def world(centres=(), radii=(), land=None, current=(0.0, 0.0)):
+    chart = None
+    if land is not None:
+        passability = np.ones((400, 200))
+        passability[land] = 0.0
+        chart = Chart.from_passability(passability, 10.0)
+    known = Obstacles.static(np.array(centres), np.array(radii)) if len(centres) else None
+    return Environment(UniformCurrent(*current), chart, known, *BOX)
+
+
+def around(env):
+    """Stands for the path planner: 200 m aside and back."""
+    calls = []
+
+    def detour(start, goal, depart):
+        calls.append((start, goal, depart))
+        aside = np.array([0.0, 200.0, 0.0])
+        corners = np.stack([start, start + aside, goal + aside, goal])
+        share = np.linspace(0.0, 3.0, CONFIG.samples)
+        places = np.stack([np.interp(share, range(4), axis) for axis in corners.T], axis=1)
+        marks = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))])
+        none = np.zeros((len(VIOLATIONS), CONFIG.samples - 1))
+        return PathPlan(
+            marks[-1] / 2.0, marks[-1], places, depart + marks / 2.0, corners, none.mean(axis=1), 1e6, 1e6,
+            marks[-1] / 2.0, jnp.zeros((0, 3)), None, none, np.zeros((CONFIG.samples - 1, 3)),
+            Conditions(env, VEHICLE, CONFIG),
+        )  # fmt: skip
+
+    detour.calls = calls
+    return detour
+
+
+def followed(env, place=START, depart=500.0):
+    detour = around(env)
+    return follow_line(place, (START, END), env, VEHICLE, CONFIG, depart, detour), detour.calls
+
+
+def test_a_free_line_is_followed_straight_at_the_speed_that_the_current_leaves():
+    plan, calls = followed(world(current=(0.5, 1.2)))
+    assert not calls
+    assert plan.feasible
+    assert len(plan.positions) == CONFIG.samples
+    np.testing.assert_allclose(plan.positions[:, 1:], np.broadcast_to([1000.0, 10.0], (64, 2)), atol=1e-3)
+    assert plan.travel_time == pytest.approx(3000.0 / (0.5 + 1.6), rel=1e-4)
+    np.testing.assert_allclose(plan.ground_velocity[:, 0], 2.1, rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("env", "stands"),
+    [
+        (world([(1500.0, 1020.0, 10.0)], [60.0]), (1500.0, 70.0)),
+        (world(land=(slice(145, 155), slice(60, 104))), (1500.0, 70.0)),
+    ],
+    ids=["obstacle", "land or closed area"],
+)
+def test_a_line_is_left_just_before_what_stands_in_it_and_taken_up_just_after(env, stands):
+    plan, ((leaves, meets, depart),) = followed(env)
+    middle, reach = stands
+    assert middle - reach - 30.0 < leaves[0] < middle < meets[0] < middle + reach + 30.0
+    assert depart == pytest.approx(500.0 + (leaves[0] - 200.0) / 2.0, abs=0.1)
+    part = LinePart(tuple(START), tuple(END), 5.0)
+    covered = part.covered(plan.positions)
+    assert covered.length == pytest.approx(3000.0 - (meets[0] - leaves[0]), abs=6.0 + 5.0)
+    assert covered.worst <= part.tolerance + 1e-3
+    # The plan is one path that ends where the line does, with both corners among its samples.
+    for corner in (leaves, meets, END):
+        assert np.linalg.norm(plan.positions - corner, axis=1).min() < 0.01
+    assert (np.diff(plan.times) > 0.0).all()
+    (low, high), *more = blocked_on(START, END, env, VEHICLE, CONFIG)
+    assert not more
+    assert (200.0 + low, 200.0 + high) == pytest.approx((leaves[0], meets[0]), abs=0.1)
+
+
+def test_two_obstacles_side_by_side_are_passed_in_one_detour_and_others_in_two():
+    near = world([(1500.0, 1000.0, 10.0), (1630.0, 1000.0, 10.0)], [40.0, 40.0])
+    assert len(followed(near)[1]) == 1
+    far = world([(1000.0, 1000.0, 10.0), (2000.0, 1000.0, 10.0)], [40.0, 40.0])
+    plan, calls = followed(far)
+    assert len(calls) == 2
+    assert len(plan.positions) == 3 * CONFIG.samples
+
+
+def test_a_vehicle_off_the_line_joins_it_ahead():
+    plan, ((start, goal, _),) = followed(world(), np.array([1000.0, 1100.0, 10.0]))
+    np.testing.assert_allclose(start, [1000.0, 1100.0, 10.0])
+    np.testing.assert_allclose(goal, [1100.0, 1000.0, 10.0])
+    np.testing.assert_allclose(plan.positions[-1], END, atol=1e-2)
+
+
+def test_a_current_that_beats_the_vehicle_on_the_line_breaks_a_limit():
+    plan, _ = followed(world(current=(0.0, 1.9)))
+    assert plan.broken()[0] == "sway"
