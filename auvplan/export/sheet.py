@@ -209,21 +209,20 @@ def sheet_of(run: MissionRun) -> MissionSheet:
 
 def _lines(run: MissionRun) -> list[str]:
     """Return how much of each survey line that is followed is covered, and how far off it the track is."""
-    followed = {(leg.start, leg.goal): leg for leg in run.done if leg.line is not None and not leg.missed}
+    followed = {frozenset((leg.start, leg.goal)): leg for leg in run.done if leg.line and not leg.missed}
     found = []
     for job in jobs_of(run.names):
-        parts = [edge for pair in pairwise(job.nodes) for edge in (pair, pair[::-1]) if edge in followed]
-        legs = [(part, leg.coverage) for part in parts if (leg := followed[part]).coverage is not None]
-        if not legs:
+        legs = [followed[edge] for edge in map(frozenset, pairwise(job.nodes)) if edge in followed]
+        parts = [leg.coverage for leg in legs if leg.coverage is not None]
+        if not parts:
             continue
         places = np.asarray(run.graph.positions, float)[job.nodes]
         length = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
-        covered = sum(coverage.length for _, coverage in legs)
-        mean = sum(coverage.length * coverage.mean for _, coverage in legs) / max(covered, 1e-9)
-        worst = max(coverage.worst for _, coverage in legs)
+        covered = sum(part.length for part in parts)
+        mean = sum(part.length * part.mean for part in parts) / max(covered, 1e-9)
         found.append(
             f"{job.name} {covered:,.0f} of {length:,.0f} m ({100.0 * covered / length:.0f} %), "
-            f"{mean:.1f} m off it in the mean and {worst:.1f} m at worst"
+            f"{mean:.1f} m off it in the mean and {max(part.worst for part in parts):.1f} m at worst"
         )
     return found
 

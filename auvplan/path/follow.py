@@ -100,7 +100,8 @@ def follow_line(
 
     Returns:
         A plan from `place` to the end of the line. Its samples are `config.samples`, and so many more for
-        each detour; corners between line and detour are among them. It has no population to re-plan from.
+        each detour; corners between line and detour are among them. It has no population to re-plan from, and
+        the history of the last detour.
     """
     sea = Straights.through(env, vehicle, config.speed_reading)
     start, end = (np.asarray(point, float) for point in line)
@@ -259,7 +260,7 @@ def _joined(
         cost=took
         + float(weights @ excess.mean(axis=1)) * float(gaps.sum()) / float(np.asarray(vehicle.speed)),
         population=jnp.zeros((0, 3 * config.control_points)),
-        history=History(none, none, none, none, none, none),
+        history=detours[-1].history if detours else History(*[none] * len(History.__dataclass_fields__)),
         excess=excess,
         water=water,
         conditions=Conditions(env, vehicle, config),

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from auvplan.plot import style
 from auvplan.plot.legs import busiest_leg, leg_title
-from auvplan.records import LegRecord, MissionRun
+from auvplan.records import LegRecord, MissionRun, PlanRecord
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -34,22 +34,30 @@ def plot_convergence(
         [2] axes, of cost and violation.
 
     Raises:
-        ValueError: the run comes from files that do not keep histories.
+        ValueError: nothing was searched for on the leg, or the run comes from files without histories.
     """
     leg = leg or busiest_leg(run)
     if leg is None:
         return np.array([style.say_why(ax, "no path was planned")])
-    if not all(plan.history for plan in leg.plans):
-        raise ValueError("the run's plans have no histories: it was saved without them")
+    if not (plans := searched(leg)):
+        raise ValueError(
+            "the leg's plans have no histories: it follows a survey line with nothing in the way, or the run "
+            "was saved without them"
+        )
     figure = style.room_of(ax, 9.0, 6.6)
     upper, lower = panels = figure.subplots(2, 1, sharex=True)
-    _draw(upper, leg, ("best", "mean", "std"), "cost [s, penalties included]")
-    _draw(lower, leg, ("violation_best", "violation_mean", "violation_std"), "violation [-]")
+    _draw(upper, plans, ("best", "mean", "std"), "cost [s, penalties included]")
+    _draw(lower, plans, ("violation_best", "violation_mean", "violation_std"), "violation [-]")
     lower.set_xlabel("iteration [-]")
     handles, labels = upper.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=5, fontsize=8, frameon=False)
     figure.suptitle(f"Convergence of the path planner, {leg_title(run, leg)}", fontsize=11)
     return panels
+
+
+def searched(leg: LegRecord) -> list[PlanRecord]:
+    """Return the plans of a leg that have a history of how they were searched for."""
+    return [plan for plan in leg.plans if len(plan.history.get("best", ()))]
 
 
 def plot_populations(legs: "xr.Dataset", met: style.Array, least: float) -> Figure:
@@ -113,11 +121,11 @@ def _draw_population(axes: Axes, mean: style.Array, std: style.Array) -> None:
     axes.tick_params(labelsize=8)
 
 
-def _draw(axes: Axes, leg: LegRecord, keys: tuple[str, str, str], label: str) -> None:
+def _draw(axes: Axes, plans: list[PlanRecord], keys: tuple[str, str, str], label: str) -> None:
     best, mean, std = (
-        np.concatenate([np.asarray(plan.history[key], float) for plan in leg.plans]) for key in keys
+        np.concatenate([np.asarray(plan.history[key], float) for plan in plans]) for key in keys
     )
-    count = np.asarray([len(plan.history[keys[0]]) for plan in leg.plans])
+    count = np.asarray([len(plan.history[keys[0]]) for plan in plans])
     first = np.concatenate([[0], np.cumsum(count)[:-1]])
     iteration = np.arange(len(best))
     # The plans of a leg have nothing between them: lines break where one ends.
