@@ -91,6 +91,9 @@ _WARNING = 4
 #: s within which a message may come behind others that were sent after it.
 _BEHIND = 1.0
 
+#: s of wall-clock time without a message in which it may have been taken from us.
+_GAP = 3.0
+
 
 @dataclass(frozen=True)
 class Item:
@@ -183,6 +186,8 @@ class _Heard:
 
     at: float = -math.inf
     order: int = 0  # number of the newest message
+    beat: float = -math.inf  # when the newest heartbeat came
+    again: float = -math.inf  # when it was heard again after it was not for some time
     autopilot: int = 0
     kind: int = 0
     mode: int = 0
@@ -292,6 +297,8 @@ class MavlinkVehicle(ListeningLink):
             return
         # Messages overtake each other: an old heartbeat must not say that the vehicle left its mode.
         late = time.monotonic() - heard.at < _BEHIND and (message.get_seq() - heard.order) % 256 > 128
+        if time.monotonic() - heard.at > _GAP:
+            heard.again = time.monotonic()
         heard.at = time.monotonic()
         if not late:
             heard.order = message.get_seq()
@@ -330,6 +337,7 @@ class MavlinkVehicle(ListeningLink):
     def _take_heartbeat(self, message: Any) -> None:
         """Take in mode and state, and keep in mind what has ended the mission, however short it is seen."""
         heard = self._heard
+        heard.beat = time.monotonic()
         was_armed, heard.armed = heard.armed, bool(message.base_mode & 128)
         heard.autopilot, heard.kind, heard.mode = message.autopilot, message.type, message.custom_mode
         heard.fault = message.system_status in _FAULTS
@@ -353,8 +361,14 @@ class MavlinkVehicle(ListeningLink):
             raise Refused(f"{self.name}: {self._heard.gave_up}: nothing is started again")
 
     def _advance(self, item: int) -> None:
-        """Take note that an item is completed; what is said just after an upload may be of the one before."""
-        if self._fresh is None and time.monotonic() >= self._settled:
+        """Take note that an item is completed; what is said just after an upload may be of the one before.
+
+        A disarmed ArduSub goes through the items of its mission where it is. What is said after a silence
+        counts once a heartbeat has said that the vehicle is still ours.
+        """
+        heard = self._heard
+        ours = not heard.gave_up and heard.beat >= heard.again
+        if ours and self._fresh is None and time.monotonic() >= self._settled:
             self._done = max(self._done, min(item - self._first + 1, self._steps))
 
     def connect(self) -> list[str]:

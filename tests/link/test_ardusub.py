@@ -47,7 +47,7 @@ class Sub:
         )
         self.mode, self.armed, self.modes = 0, False, []
         self.items, self.fence = [], []
-        self.refusal, self.keep, self.starts = 0, kept, True
+        self.refusal, self.keep, self.starts, self.quiet = 0, kept, True, False
         self.sending = None
         self.current, self.mission = 0, STOPPED
         self.located, self.failsafe, self.loses = True, False, 0
@@ -64,7 +64,7 @@ class Sub:
         beat = 0.0
         while not self.closed.is_set():
             mav = self.port.mav
-            if time.monotonic() - beat > 0.1:
+            if time.monotonic() - beat > 0.1 and not self.quiet:
                 beat = time.monotonic()
                 self.beat()
             message = self.port.recv_match(blocking=True, timeout=0.02)
@@ -324,6 +324,19 @@ def test_what_somebody_else_ends_stays_ended(under_way, change, why):
     assert sub.modes == modes
     link.abort()
     assert sub.mode == SURFACE
+
+
+def test_what_a_disarmed_vehicle_goes_through_is_not_done(under_way, monkeypatch):
+    """Its mission begins anew and its waypoints count as reached where it is (Sub::disarm, auto_wp_run)."""
+    link, sub, _ = under_way
+    monkeypatch.setattr("auvplan.link.mavlink._GAP", 0.3)
+    sub.quiet = True
+    time.sleep(0.6)
+    sub.armed, sub.current = False, 6
+    sub.port.mav.mission_item_reached_send(5)
+    changed(sub, quiet=False)
+    report = link.wait(0.1)
+    assert (report.state, report.done) == (State.STOPPED, 0)
 
 
 def test_an_old_heartbeat_is_no_new_mode(under_way):
