@@ -67,7 +67,7 @@ def history_of(dataset: xr.Dataset, plan: int) -> dict[str, Any]:
     if "plan_iterations" not in dataset:
         return {}
     count = int(dataset["plan_iterations"].values[plan])
-    return {name: dataset[f"plan_history_{name}"].values[plan, :count] for name in HISTORIES} if count else {}
+    return {name: dataset[f"plan_history_{name}"].values[plan, :count] for name in HISTORIES}
 
 
 def variable(

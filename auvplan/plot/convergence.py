@@ -34,16 +34,15 @@ def plot_convergence(
         [2] axes, of cost and violation.
 
     Raises:
-        ValueError: nothing was searched for on the leg, or the run comes from files without histories.
+        ValueError: the run comes from files that do not keep histories.
     """
     leg = leg or busiest_leg(run)
     if leg is None:
         return np.array([style.say_why(ax, "no path was planned")])
-    if not (plans := searched(leg)):
-        raise ValueError(
-            "the leg's plans have no histories: it follows a survey line with nothing in the way, or the run "
-            "was saved without them"
-        )
+    if not all(plan.history for plan in leg.plans):
+        raise ValueError("the run's plans have no histories: it was saved without them")
+    if not (plans := [plan for plan in leg.plans if len(plan.history["best"])]):
+        return np.array([style.say_why(ax, "nothing was searched for: the leg follows a survey line")])
     figure = style.room_of(ax, 9.0, 6.6)
     upper, lower = panels = figure.subplots(2, 1, sharex=True)
     _draw(upper, plans, ("best", "mean", "std"), "cost [s, penalties included]")
@@ -53,11 +52,6 @@ def plot_convergence(
     figure.legend(handles, labels, loc="outside lower center", ncols=5, fontsize=8, frameon=False)
     figure.suptitle(f"Convergence of the path planner, {leg_title(run, leg)}", fontsize=11)
     return panels
-
-
-def searched(leg: LegRecord) -> list[PlanRecord]:
-    """Return the plans of a leg that have a history of how they were searched for."""
-    return [plan for plan in leg.plans if len(plan.history.get("best", ()))]
 
 
 def plot_populations(legs: "xr.Dataset", met: style.Array, least: float) -> Figure:

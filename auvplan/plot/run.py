@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from auvplan.files import output_folder
-from auvplan.plot.convergence import plot_convergence, searched
+from auvplan.plot.convergence import plot_convergence
 from auvplan.plot.currents import plot_currents
 from auvplan.plot.legs import busiest_leg, done_leg
 from auvplan.plot.mission import plot_mission
@@ -69,7 +69,7 @@ def draw_run(
             drawn.append((name, lambda plot=_OF_RUN[name]: plot(run)))
             continue
         for ending, one in shown.items():
-            if name != "convergence.png" or searched(one):
+            if name != "convergence.png" or all(plan.history for plan in one.plans):
                 named = name.replace(".png", f"{ending}.png")
                 drawn.append((named, lambda plot=_OF_LEG[name], one=one: plot(run, one)))
     written = []
