@@ -22,9 +22,12 @@ Array = NDArray[np.floating]
 #: m, longest step at which it is asked whether the line is free.
 _STEP = 5.0
 
-#: m by which a detour begins and ends farther off what stands in the line than it must keep, and how far
-#: along the line such a place is looked for.
-_SLACK, _SEARCHED = 5.0, 60.0
+#: m by which a detour begins and ends farther off what stands in the line than it must keep, at least, and how
+#: far along the line such a place is looked for; a metre of altitude counts for so many.
+_SLACK, _SEARCHED, _ALTITUDE = 5.0, 100.0, 10.0
+
+#: Segments that detours have at least, of twice the length that is blocked.
+_SEGMENTS = 64
 
 #: m, shortest stretch between two that are blocked for which the line is taken up again.
 _SHORTEST = 50.0
@@ -48,14 +51,18 @@ def blocked_stretches(steps: Steps, marks: Array, env: Environment, config: Path
         config: margins.
     """
     asked = [config.coast_margin, config.obstacle_margin, float(env.seabed.clearance) if env.seabed else 0.0]
-    least = (steps.room[:DISTANCES] - np.asarray(asked)[:, None]).min(axis=0)
+    left = steps.room[:DISTANCES] - np.asarray(asked)[:, None]
+    least = (left * np.array([1.0, 1.0, _ALTITUDE])[:, None]).min(axis=0)
     runs: list[list[float]] = []
     edges = np.flatnonzero(np.diff(np.concatenate([[False], least < 0.0, [False]]).astype(int)))
     for first, last in edges.reshape(-1, 2):
         low, high = float(marks[first]), float(marks[last])
-        while first > 0 and least[first - 1] < _SLACK and low - marks[first - 1] <= _SEARCHED:
+        # Where a detour sets out along a coast, half a segment's length between its samples is not certain.
+        half = (high - low) / _SEGMENTS
+        slack = max(_SLACK, np.hypot(config.coast_margin, half) - config.coast_margin + 2.0)
+        while first > 0 and least[first - 1] < slack and low - marks[first - 1] <= _SEARCHED:
             first -= 1
-        while last < len(least) and least[last] < _SLACK and marks[last + 1] - high <= _SEARCHED:
+        while last < len(least) and least[last] < slack and marks[last + 1] - high <= _SEARCHED:
             last += 1
         low, high = float(marks[first]), float(marks[last])
         if runs and low - runs[-1][1] < _SHORTEST:
