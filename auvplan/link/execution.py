@@ -253,7 +253,7 @@ class _Executor:
             Lost, Refused: the vehicle is not there, or does not take the plan.
             ExportError: the plan cannot be handed to a vehicle.
         """
-        if not self._plan.plan():
+        if not self._plan.plan(self._link.allowance):
             raise _SafeEnd(f"no plan: {self._plan.reason}")
         self._plan.make_ready()
         plan = self._plan.followed

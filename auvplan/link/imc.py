@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from auvplan.export.imc import plan_identifier, plan_specification, stay_specification
 from auvplan.export.markup import Element
-from auvplan.link.limits import Limits
+from auvplan.link.limits import ALLOWANCES, Limits
 from auvplan.link.listening import ListeningLink
 from auvplan.link.vehicle import LinkError, Lost, Refused, Report, State, Upload
 from auvplan.site import Site
@@ -171,7 +171,7 @@ class _Stream:
 class ImcVehicle(ListeningLink):
     """A vehicle behind a port that speaks IMC."""
 
-    by_legs = True
+    by_legs, allowance = True, ALLOWANCES["imc"]
 
     def __init__(self, address: str, site: Site, limits: Limits | None = None, scale: float = 1.0) -> None:
         """Open a socket; the vehicle is looked for by `connect`.

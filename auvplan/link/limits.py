@@ -1,5 +1,6 @@
-"""How long is waited, and how often is tried again."""
+"""How long is waited, how often is tried again, and what vehicles take longer than planned."""
 
+import math
 from dataclasses import dataclass, fields
 
 from auvplan.errors import AuvplanError
@@ -55,3 +56,36 @@ class Limits:
             value = getattr(self, field.name)
             if not value > 0:
                 raise AuvplanError(f"limit {field.name}: must be positive, got {value}")
+
+
+@dataclass(frozen=True)
+class Allowance:
+    """What a vehicle's own control takes longer than its paths at constant speed.
+
+    Attributes:
+        start: s before the first leg.
+        dive: m/s at which it dives to the start of that; infinite where this is within `start`.
+        stop: s at the end of every leg, to come to rest and to get under way again.
+        by_speed: s more for every m/s of its speed.
+    """
+
+    start: float = 0.0
+    dive: float = math.inf
+    stop: float = 0.0
+    by_speed: float = 0.0
+
+    def begins(self, depth: float) -> float:
+        """Return s, when the first leg begins at a depth, m."""
+        return self.start + depth / self.dive
+
+    def ends(self, speed: float) -> float:
+        """Return s that the end of a leg takes at a speed, m/s."""
+        return self.stop + self.by_speed * speed
+
+
+#: By link, of vehicles as they come: ArduSub stops at every waypoint (jerk of 1 m/s3, arrival within 2 m) and
+#: dives at 1.5 m/s; DUNE counts a place as reached 5 s ahead, and loiters 9.5 s longer (docs/execution.md).
+ALLOWANCES = {
+    "mavlink": Allowance(start=3.3, dive=1.5, stop=3.0, by_speed=2.4),
+    "imc": Allowance(start=20.0, stop=4.5),
+}

@@ -19,7 +19,7 @@ import numpy as np
 
 from auvplan.export.qgroundcontrol import qgc_plan
 from auvplan.link import ardusub
-from auvplan.link.limits import Limits
+from auvplan.link.limits import ALLOWANCES, Limits
 from auvplan.link.listening import ListeningLink
 from auvplan.link.vehicle import LinkError, Lost, Refused, Report, State, Upload
 from auvplan.site import Site
@@ -207,7 +207,7 @@ class _Heard:
 class MavlinkVehicle(ListeningLink):
     """A vehicle behind a MAVLink connection of pymavlink."""
 
-    by_legs = False
+    by_legs, allowance = False, ALLOWANCES["mavlink"]
 
     def __init__(
         self,

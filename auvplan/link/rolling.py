@@ -19,6 +19,7 @@ from auvplan.executive.path_calls import plan_legs
 from auvplan.executive.planning import leaving, load_area_at, planning_context
 from auvplan.export.itinerary import Itinerary
 from auvplan.export.runs import itinerary_of
+from auvplan.link.limits import Allowance
 from auvplan.ocean.currents import Current
 from auvplan.ocean.known import KnownObstacle
 from auvplan.ocean.perturbed import perturbed
@@ -29,6 +30,9 @@ from auvplan.scenario.scenario import Scenario
 from auvplan.site import Site
 
 Array = NDArray[np.floating]
+
+#: Of a vehicle that keeps to its paths.
+_NONE = Allowance()
 
 #: m, radii that reported obstacles may have: programs for as many spheres as cover them are compiled ahead.
 REPORTED = np.geomspace(15.0, 150.0, 12)
@@ -128,7 +132,7 @@ class RollingPlan:
         self._context = planning_context(scenario, folder, known, 0.0)
         (self._first,) = leaving(self._context, seed_keys([seed])[0], [0.0], seed)
         self._first.sea = CorrectedSea(self._first.sea.forecast())
-        self.reason = ""
+        self.reason, self._stop = "", 0.0
 
     @property
     def site(self) -> Site:
@@ -150,9 +154,19 @@ class RollingPlan:
         """Legs that are followed, in order."""
         return self.followed.legs
 
-    def plan(self) -> bool:
-        """Plan the whole mission and follow the plan; return whether it reaches the destination in time."""
-        found = self._complete(_fork(self._first), ())
+    def plan(self, allowance: Allowance = _NONE) -> bool:
+        """Plan the whole mission and follow the plan; return whether it reaches the destination in time.
+
+        Args:
+            allowance: what the vehicle takes longer than its paths: until the first leg, and at the end of
+                every leg, in this plan and in those that are made of it.
+        """
+        first = _fork(self._first)
+        self._stop = allowance.ends(float(np.asarray(self.run.vehicle.speed)))
+        first.now = allowance.begins(float(first.graph.positions[first.here][2]))
+        graph = first.graph
+        first.graph = replace(graph, duration=graph.duration + self._stop * np.asarray(graph.adjacency))
+        found = self._complete(first, ())
         if found is not None:
             self.followed = found
         return found is not None
@@ -284,7 +298,9 @@ class RollingPlan:
 
     def itinerary(self, prospect: Prospect, count: int) -> Itinerary:
         """Return the itinerary of all after the first `count` legs, numbered as in the whole mission."""
-        run = replace(prospect.after.run, legs=prospect.legs[count:], obstacles=self._context.area.obstacles)
+        # What the vehicle takes longer anyway it is not asked to stay.
+        rest = [replace(leg, t_task=max(leg.t_task - self._stop, 0.0)) for leg in prospect.legs[count:]]
+        run = replace(prospect.after.run, legs=rest, obstacles=self._context.area.obstacles)
         found = itinerary_of(run, self.site)
         legs = tuple(replace(leg, number=leg.number + count) for leg in found.legs)
         return replace(found, legs=legs)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from auvplan import prng
 from auvplan.executive.loop import make_context, start_mission
+from auvplan.link.limits import Allowance
 from auvplan.link.vehicle import Report, State, Step, Upload
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.scenario import Scenario
@@ -31,7 +32,7 @@ class SimulatedVehicle:
 
     name = "the simulator"
     by_legs = False
-    left_alone = ""
+    left_alone, allowance = "", Allowance()
 
     def __init__(
         self,

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from auvplan.export.itinerary import Itinerary
 from auvplan.export.places import waypoints
+from auvplan.link.limits import Allowance
 
 Array = NDArray[np.floating]
 
@@ -191,6 +192,11 @@ class VehicleLink(Protocol):
     @property
     def rate(self) -> float:
         """Return s of mission time in one of wall-clock time; 0 where time stands still between waits."""
+        ...
+
+    @property
+    def allowance(self) -> Allowance:
+        """Return what its own control takes longer than planned paths."""
         ...
 
     @property

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from auvplan.link import LinkError, Lost, Report, State, Upload
+from auvplan.link.limits import Allowance
 
 #: A span of mission time, s.
 Span = tuple[float, float]
@@ -50,6 +51,7 @@ class ScriptedVehicle:
     by_legs: bool = False
     rate: float = 0.0
     left_alone: str = ""
+    allowance: Allowance = field(default_factory=Allowance)
     notes: list[str] = field(default_factory=list)
     now: float = 0.0
 

@@ -2,12 +2,14 @@
 
 from collections import Counter
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from auvplan.compiled import compilations
-from auvplan.link import Limits, Lost, Refused, State, execute, rolling
+from auvplan.link import Limits, Lost, Refused, State, Upload, execute, rolling
+from auvplan.link.limits import Allowance
 from auvplan.link.notices import CurrentNotice, ObstacleNotice
 from auvplan.link.rolling import RollingPlan
 from auvplan.link.simulated import SimulatedVehicle
@@ -71,6 +73,23 @@ def test_a_mission_without_faults_is_uploaded_once_and_done():
     assert record.route[0] == "0"
     assert record.count("leg") == len(record.planned)
     assert record.summary()["tasks"] == len(record.tasks)
+
+
+def test_what_the_vehicle_takes_longer_is_in_the_plan_and_not_in_what_it_is_asked():
+    """Stops are counted on at the end of every leg, dives before the first; holds stay those of the tasks."""
+    plan, _ = made()
+    allowance = Allowance(start=4.0, dive=0.5, stop=10.0, by_speed=2.0)
+    assert plan.plan(allowance)
+    stop = 10.0 + 2.0 * float(plan.run.vehicle.speed)
+    depth = float(plan.run.graph.positions[plan.run.start][2])
+    assert float(plan.legs[0].times[0]) == pytest.approx(4.0 + depth / 0.5)
+    for leg, after in pairwise(plan.legs):
+        task = float(plan.run.graph.duration[leg.start, leg.goal])
+        assert float(after.times[0] - leg.times[-1]) == pytest.approx(task + stop, abs=1e-2)
+    steps = Upload(plan.itinerary(plan.followed, 0)).steps
+    holds = [step.hold for step in steps if step.ends_leg]
+    tasks = [float(plan.run.graph.duration[leg.start, leg.goal]) for leg in plan.legs]
+    assert holds == pytest.approx(tasks, abs=1e-2)
 
 
 @pytest.mark.slow
