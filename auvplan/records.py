@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.brief import Brief
-from auvplan.mission import MissionConfig, MissionGraph, MissionRoute, trail_bound, upper_bound
+from auvplan.mission import MissionGraph, MissionRoute, trail_bound, upper_bound
 from auvplan.mission.jobs import jobs_done
 from auvplan.mission.survey import Coverage, LinePart
 from auvplan.motion import Motion
@@ -375,23 +375,25 @@ class MissionRun(Brief):
         """Sum of T_compute over the mission's re-plans, s of wall-clock time; the first route is none."""
         return sum(route.cpu for route in self.routes[1:])
 
-    def cost_mission(self, phi1: float = MissionConfig.phi1, phi2: float = MissionConfig.phi2) -> float:
+    def cost_mission(self, phi1: float | None = None, phi2: float | None = None) -> float:
         """Weigh the mission as it was done: Phi_1 |T_Mission - T_available| + Phi_2 sum(1 / rho) (Eq. 15).
 
         The sum is over the tasks done.
 
         Args:
-            phi1: Phi_1, per second.
-            phi2: Phi_2.
+            phi1: Phi_1, per second; that of `planning.phi` if absent.
+            phi2: Phi_2, the same.
 
         Differences from the paper:
             The path cost of a leg is read as its travel time, T_path; planning time that the mission's clock
             was charged with is left out, since Eq. 16 adds it.
         """
+        given = self.planning.phi
+        phi1, phi2 = given[0] if phi1 is None else phi1, given[1] if phi2 is None else phi2
         used = self.t_mission - self.charged_compute
         return phi1 * abs(used - self.t_available) + phi2 * sum(1.0 / leg.priority for leg in self.earning)
 
-    def cost_total(self, phi1: float = MissionConfig.phi1, phi2: float = MissionConfig.phi2) -> float:
+    def cost_total(self, phi1: float | None = None, phi2: float | None = None) -> float:
         """Add the computing time of the mission's re-plans to `cost_mission` (Eq. 16).
 
         Differences from the paper:

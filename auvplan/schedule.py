@@ -65,7 +65,7 @@ def executed_bars(run: MissionRun) -> list[Bar]:
 def lateness(run: MissionRun, route: RouteRecord) -> str:
     """Return words for the leg that a route was made after; empty where it took no longer than expected."""
     before = [leg for leg in run.done if leg.times[-1] + leg.t_task <= route.made_at + 1.0]
-    if not before or before[-1].t_path + before[-1].t_task <= before[-1].t_expected:
+    if not before or not run.planning.late(before[-1].t_path, before[-1].t_task, before[-1].t_expected):
         return ""
     leg = before[-1]
     return f"{leg.start}→{leg.goal} took {leg.t_path + leg.t_task:,.0f} s, not {leg.t_expected:,.0f} s"

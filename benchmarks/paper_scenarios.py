@@ -62,7 +62,6 @@ def readings() -> dict[str, ap.PathConfig]:
     every_siv = {"mutation_genes": None, "mutation_max": 0.1}
     changed = {
         "the preset": {},
-        "bounds of 50 % of the distance": {},
         "values drawn anew within bounds": {"mutation": "uniform"},
         "m(S) for every SIV": every_siv,
         "m(S) for every SIV, drawn anew": every_siv | {"mutation": "uniform"},
@@ -73,7 +72,10 @@ def readings() -> dict[str, ap.PathConfig]:
         "migration SIV by SIV": {"migration": "siv"},
     }
     made = {name: paper.replace(bbo=bbo.replace(**changes)) for name, changes in changed.items()}
-    made["bounds of 50 % of the distance"] = paper.replace(width=0.5)
+    for width in (0.2, 0.5):
+        made[f"bounds of {width:.0%} of the distance"] = ap.PathConfig.paper(width=width)
+    for points in (6, 10):
+        made[f"{points} control points"] = ap.PathConfig.paper(control_points=points)
     return made
 
 

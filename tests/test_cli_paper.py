@@ -2,6 +2,8 @@
 
 import json
 import sys
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -49,15 +51,21 @@ def asked(monkeypatch):
         progress(design.count, design.count, 1.0)
         return make_study(design.count, first_seed=design.seed)
 
-    def call_times(scenario, seeds):
+    def call_times(scenarios, seeds):
         values = np.full(len(seeds), 0.1)
         variables = {"first_cpu": ("mission", values), "window_cpu": ("mission", values)}
-        return xr.Dataset(variables, {"seed": ("mission", list(seeds))})
+        return [xr.Dataset(variables, {"seed": ("mission", list(seeds))}) for _ in scenarios]
+
+    @contextmanager
+    def process_apart():
+        with ThreadPoolExecutor(1) as pool:
+            yield pool.submit
 
     for name, stand_in in (
         ("execute_legs", execute_legs),
         ("run_study", run_study),
         ("call_times", call_times),
+        ("process_apart", process_apart),
     ):
         monkeypatch.setattr(module, name, stand_in)
     monkeypatch.setattr(module, "draw_paper", lambda legs, found, scenario, folder: [])
@@ -82,7 +90,9 @@ def test_figures_and_claims_are_written(drawn, tmp_path):
     assert {claim["verdict"] for claim in claims} <= {"confirmed", "partly", "not confirmed"}
     assert len((out / "claims.md").read_text(encoding="utf-8").splitlines()) == len(claims) + 2
     assert drawn["missions"] == [("paper", list(range(3, 9))), ("default", list(range(3, 9)))]
-    assert drawn["seeds"][0] == ("paper", [3, 4, 5], list(range(3, 11)))
+    assert sorted(drawn["seeds"]) == [
+        (preset, [3, 4, 5], list(range(3, 11))) for preset in ("default", "paper")
+    ]
     assert "claims.md" in result.output
 
 

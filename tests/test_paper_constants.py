@@ -33,6 +33,16 @@ def test_the_path_search_is_that_of_section_4_1(name):
     assert (config.passages, config.refine_steps, config.fresh_share) == (0, 0, 0.0)
 
 
+def test_paths_are_read_with_four_control_points_and_tasks_in_t_ij_alone(missions):
+    """What the paper leaves open, as docs/paper.md states it."""
+    config = path_config(missions)
+    assert (config.control_points, config.width, config.samples) == (4, 0.35, 160)
+    assert config == PathConfig.paper(control_points=4, width=0.35)
+    rules = missions.planning.resolved
+    assert (rules.task_time, rules.phi) == ("expected", (1.0, 100.0))
+    assert missions.tasks_under_way
+
+
 def test_the_mission_search_is_that_of_section_4_2(missions):
     first, later = mission_configs(missions)
     assert first == later == MissionConfig.paper()

@@ -163,6 +163,8 @@ def path_config(scenario: Scenario) -> PathConfig:
     planning = scenario.planning.resolved
     efforts = {"quick": PathConfig.quick, "full": PathConfig, "plain": PathConfig.plain}
     config = PathConfig.paper() if planning.preset == "paper" else efforts[planning.effort]()
+    given = {"control_points": planning.control_points, "width": planning.path_width}
+    config = config.replace(**{name: value for name, value in given.items() if value is not None})
     safety = scenario.safety
     margins = {"coast_margin": safety.coast, "obstacle_margin": safety.obstacles}
     return config.replace(t_series=planning.t_series, finer=1, **margins)
@@ -174,13 +176,15 @@ def mission_configs(scenario: Scenario) -> tuple[MissionConfig, MissionConfig]:
     First and later routes.
     """
     planning = scenario.planning.resolved
+    phi1, phi2 = planning.phi
+    aim = {"objective": planning.objective, "phi1": phi1, "phi2": phi2}
     if planning.preset == "paper":
-        config = MissionConfig.paper().replace(objective=planning.objective)
+        config = MissionConfig.paper().replace(**aim)
         return config, config
     # Between two waypoints there is one route: the search is that which is soonest compiled.
     alone = scenario.mission.jobs is None and scenario.mission.waypoints == 2
     config = MissionConfig.plain() if planning.effort == "plain" or alone else MissionConfig()
-    config = config.replace(objective=planning.objective)
+    config = config.replace(**aim)
     if planning.effort != "quick":
         return config, config
     # Beams of one width make the first route and later ones one program.
@@ -292,6 +296,8 @@ def _begin(context: SimulationContext, missions: list[Mission]) -> None:
     for mission, times in zip(missions, expected, strict=True):
         i, j = mission.rest[:2]
         task, rho = float(mission.graph.duration[i, j]), float(mission.graph.priority[i, j])
+        if context.scenario.tasks_under_way:
+            task = 0.0
         expects, hold = float(times[i, j]), 0.0
         if mission.timed.timetable is not None:
             expects, hold = _by_the_clock(mission, i, j, expects, context.speed)
@@ -388,7 +394,7 @@ def _judge(context: SimulationContext, mission: Mission) -> None:
     mission.graph = what_is_left(mission.graph, record.start, record.goal, planning.visits)
     if record.goal == run.goal:
         mission.end("")
-    elif planning.replan == "late" and record.t_path + record.t_task > record.t_expected:
+    elif planning.replan == "late" and planning.late(record.t_path, record.t_task, record.t_expected):
         mission.cause = "late"
 
 

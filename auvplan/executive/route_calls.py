@@ -48,6 +48,8 @@ def time_edges(context: SimulationContext, missions: list[Mission]) -> None:
             assert mission.departures is not None
             assert mission.travel_time is not None
             mission.timed = _with_times(mission.graph, mission.departures, mission.travel_time)
+        elif planning.travel_times == "learnt":
+            mission.timed = _as_learnt(mission, context.speed)
         elif planning.travel_times == "sea":
             mission.sea.advance(mission.now)
             timed, seconds = _timed(context, mission)
@@ -67,6 +69,16 @@ def time_edges(context: SimulationContext, missions: list[Mission]) -> None:
             mission.timed = mission.timed.with_travel_time(i, j, seconds)
         if (timetable := mission.timed.timetable) is not None:
             mission.timed = replace(mission.timed, timetable=timetable.since(mission.now))
+
+
+def _as_learnt(mission: Mission, speed: float) -> MissionGraph:
+    """Return the graph with times d / |v| as much longer as the legs so far took than that."""
+    graph, done = mission.graph, mission.run.done
+    straight = np.asarray(graph.leg_times(speed) - graph.duration)
+    still = mission.run.graph.leg_times(speed) - mission.run.graph.duration
+    expected = sum(float(still[leg.start, leg.goal]) for leg in done)
+    share = sum(leg.t_path for leg in done) / expected if expected else 1.0
+    return replace(graph, travel_time=np.where(np.isfinite(straight), share * straight, np.nan))
 
 
 def _slower(graph: MissionGraph, pace: float) -> MissionGraph:

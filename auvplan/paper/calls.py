@@ -2,8 +2,10 @@
 
 import os
 import time
-from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor
+from contextlib import ExitStack, contextmanager
+from functools import partial
 from multiprocessing import get_context
 from typing import Any
 
@@ -17,42 +19,61 @@ from auvplan.study.runner import JAX_SETTINGS
 _REPEATS = 3
 
 
-def call_times(scenario: Scenario, seeds: Sequence[int]) -> xr.Dataset:
-    """Time single path planning calls, one for each mission, in a process of its own on one core.
+@contextmanager
+def process_apart() -> Iterator[Callable[..., Future[Any]]]:
+    """Give a function that calls another one in a process of its own, with this one's settings of JAX."""
+    import jax
+
+    settings = {name: getattr(jax.config, name) for name in JAX_SETTINGS}
+    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
+        yield partial(pool.submit, _with_settings, settings)
+
+
+def _with_settings(settings: dict[str, Any], function: Callable[..., Any], *given: Any) -> Any:
+    import jax
+
+    for name, value in settings.items():
+        jax.config.update(name, value)
+    return function(*given)
+
+
+def call_times(scenarios: Sequence[Scenario], seeds: Sequence[int]) -> list[xr.Dataset]:
+    """Time single path planning calls, one for each mission, in a process on one core for each scenario.
 
     A process bound to one core starts no threads that could share the work. What is counted is its CPU time,
     which other processes of the machine do not lengthen.
 
     Args:
-        scenario: of the missions.
+        scenarios: of the missions.
         seeds: of the missions, in each of which the leg from the start to its nearest neighbour is planned.
 
     Returns:
-        `first_cpu` [mission] s of planning the leg, and `window_cpu` [mission] s of planning it anew.
+        For each scenario `first_cpu` [mission] s of planning the leg, and `window_cpu` [mission] s of
+        planning it anew.
     """
-    import jax
-
-    settings = {name: getattr(jax.config, name) for name in JAX_SETTINGS}
-    with ProcessPoolExecutor(1, get_context("spawn")) as pool:
-        found = pool.submit(_measure, scenario.model_dump(mode="json"), list(seeds), settings).result()
+    with ExitStack() as stack:
+        calls = [
+            stack.enter_context(process_apart())(
+                _measure, scenario.model_dump(mode="json"), list(seeds), core
+            )
+            for core, scenario in enumerate(scenarios)
+        ]
+        found = [call.result() for call in calls]
     attributes = {"units": "s", "comment": "CPU time of a process on one core, host work included"}
-    return xr.Dataset(
-        {
-            "first_cpu": ("mission", found[0], attributes),
-            "window_cpu": ("mission", found[1], attributes),
-        },
-        {"seed": ("mission", list(seeds))},
-    )
+    return [
+        xr.Dataset(
+            {"first_cpu": ("mission", first, attributes), "window_cpu": ("mission", window, attributes)},
+            {"seed": ("mission", list(seeds))},
+        )
+        for first, window in found
+    ]
 
 
-def _measure(plain: dict[str, Any], seeds: list[int], settings: dict[str, Any]) -> list[list[float]]:
+def _measure(plain: dict[str, Any], seeds: list[int], core: int) -> list[list[float]]:
     """CPU seconds of first and of window calls, [2][missions]."""
     if hasattr(os, "sched_setaffinity"):
-        os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
-    import jax
-
-    for name, value in settings.items():
-        jax.config.update(name, value)
+        ours = sorted(os.sched_getaffinity(0))
+        os.sched_setaffinity(0, {ours[core % len(ours)]})
     from auvplan.executive import seed_keys
     from auvplan.executive.legs import begin_legs
     from auvplan.executive.loop import make_context, start_mission
@@ -69,7 +90,8 @@ def _measure(plain: dict[str, Any], seeds: list[int], settings: dict[str, Any]) 
         nearest = int(np.argmin(np.where(np.asarray(mission.graph.adjacency)[0], away, np.inf)))
         begin_legs(context, [mission], [LegRecord(0, nearest, np.inf, 0.0, 0.0)])
         for found, cold in zip(times, (True, False), strict=True):
-            plan_legs(context, [mission], ["leg"], cold=cold)  # compiles where nothing has before
+            if not found:
+                plan_legs(context, [mission], ["leg"], cold=cold)  # compiles
             took = []
             for _ in range(_REPEATS):
                 begin = time.process_time()

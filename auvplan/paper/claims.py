@@ -5,6 +5,7 @@ of its words where it does not. A claim about all missions, legs or seeds is con
 partly where at least half do. Figures of the default preset are shown for comparison and decide nothing.
 """
 
+import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
@@ -12,6 +13,7 @@ from typing import Any, Literal
 import numpy as np
 import xarray as xr
 
+from auvplan.scenario.settings import PlanningRules, PlanningSettings
 from auvplan.study.statistics import leg_times, over_finite, relative_errors, use_of_time
 
 Verdict = Literal["confirmed", "partly", "not confirmed"]
@@ -197,9 +199,14 @@ def _slower_with_updates(evidence: Evidence) -> _Finding:
 
 def _on_time(evidence: Evidence) -> _Finding:
     met = (evidence.missions["success"].values == 1) & (evidence.missions["t_residual"].values > 0.0)
-    left = evidence.missions["t_residual"].values
+    left, cut = evidence.missions["t_residual"].values, cut_off(evidence.missions)
     count, size = _share(met)
-    return _Finding(f"{count} of {size}; least time left {left.min():,.0f} s", _all_or_some(met))
+    words = f"{count} of {size}"
+    if cut.any():
+        words += f", {cut.sum()} cut off by the clock under way"
+    if not cut.all():
+        words += f"; least time left of those that arrived {left[~cut].min():,.0f} s"
+    return _Finding(words, _all_or_some(met))
 
 
 def _use(evidence: Evidence) -> _Finding:
@@ -283,17 +290,33 @@ def _call_counts(evidence: Evidence) -> _Finding:
     return _several(found, ("mission re-plans", "path calls"))
 
 
-def _replans_when_late(evidence: Evidence) -> _Finding:
-    missions = evidence.missions
-    took = missions["leg_t_path"].values + missions["leg_t_task"].values
+def rules_of(missions: xr.Dataset) -> PlanningRules:
+    """Return the rules that missions were planned by."""
+    planning = json.loads(missions.attrs["scenario"]).get("planning", {})
+    return PlanningSettings.model_validate(planning).resolved
+
+
+def cut_off(missions: xr.Dataset) -> np.ndarray:
+    """Return which missions ended on the way, as time ran out: by how much they are late is not known."""
+    return np.asarray(["was not finished: time ran out" in str(why) for why in missions["reason"].values])
+
+
+def late_legs(missions: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
+    """Return numbers by mission: late legs after which something was left to plan, new routes for one."""
     reached = missions["leg_arrived"].values == 1
     count = np.cumsum(reached, axis=-1)
     # After the last leg there is nothing left to plan.
     going_on = reached & ((count < count[..., -1:]) | (missions["success"].values != 1)[..., None])
-    late = (going_on & (took > missions["leg_t_expected"].values)).sum(axis=-1)
+    times = (missions[f"leg_t_{name}"].values for name in ("path", "task", "expected"))
+    late = (going_on & rules_of(missions).late(*times)).sum(axis=-1)
     causes = missions["route_cause"]
     code = dict(zip(causes.attrs["flag_meanings"].split(), causes.attrs["flag_values"], strict=False))["late"]
-    replans = (causes.values == code).sum(axis=-1)
+    return late, (causes.values == code).sum(axis=-1)
+
+
+def _replans_when_late(evidence: Evidence) -> _Finding:
+    missions = evidence.missions
+    late, replans = late_legs(missions)
     failed = missions["success"].values != 1
     words = f"{late.sum()} late legs, {replans.sum()} new routes for one; the same number in "
     words += f"{(late == replans).sum()} of {late.size} missions, {(late == replans)[~failed].sum()} of "
@@ -416,4 +439,11 @@ QUESTIONS = (
         "the paper's figures lie within the middle 90 % of the missions",
         _call_counts,
     ),
+)
+
+#: Those that missions alone decide.
+MISSION_QUESTIONS = tuple(
+    question
+    for question in QUESTIONS
+    if question.ask in (_on_time, _use, _similar_times, _replans_when_late, _first_route, _call_counts)
 )

@@ -5,11 +5,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import xarray as xr
+
 from auvplan.files import output_folder, write_atomically, write_dataset
-from auvplan.paper.calls import call_times
+from auvplan.paper.calls import call_times, process_apart
 from auvplan.paper.claims import Claim, Evidence, as_json, as_markdown, judge
 from auvplan.paper.figures import draw_paper
 from auvplan.paper.legs import Legs, changed, execute_legs, legs_dataset
+from auvplan.scenario import Scenario
 from auvplan.study import Design, run_study
 from auvplan.study.store import is_unfinished
 
@@ -19,8 +22,10 @@ Progress = Callable[[str, float], None]
 #: Where the missions take place.
 MISSIONS = "whitsunday"
 
-#: Calls of `done` in `execute_legs`, and shares of the whole that a preset's legs, missions and calls take.
-_LEG_STEPS, _LEGS, _MISSIONS, _CALLS = 10, 0.2, 0.25, 0.03
+#: Calls of `done` in `execute_legs`, and shares of the whole that all legs and a preset's missions take.
+_LEG_STEPS, _LEGS, _MISSIONS = 10, 0.25, 0.25
+
+PRESETS = "paper", "default"
 
 
 @dataclass(frozen=True)
@@ -38,6 +43,11 @@ class Effort:
     seeds: int = 10
     rate_seeds: int = 40
     seed: int = 0
+
+    @property
+    def mission_seeds(self) -> range:
+        """Seeds of the missions."""
+        return range(self.seed, self.seed + self.missions)
 
     @classmethod
     def quick(cls, seed: int = 0) -> "Effort":
@@ -66,14 +76,33 @@ def reproduce(
         OutputError: a file cannot be written.
     """
     folder = output_folder(out)
-    found: dict[str, tuple[Legs, Evidence]] = {}
-    for number, preset in enumerate(("paper", "default")):
-        begin = number * (_LEGS + _MISSIONS + _CALLS)
-        found[preset] = _gather(folder, preset, effort, begin, progress)
+    scenarios = [changed(MISSIONS, preset) for preset in PRESETS]
+    with process_apart() as call:  # programs of both presets compile side by side
+        others = call(_legs_alone, folder, "default", effort)
+        legs, own = _legs(
+            folder, "paper", effort, lambda words, share: progress(f"legs: {words}", _LEGS * share)
+        )
+        progress("legs of the default", _LEGS)
+        figures = own, others.result()
+    missions = [
+        _missions(
+            folder,
+            preset,
+            scenario,
+            effort,
+            lambda words, share, at=at: progress(words, at + _MISSIONS * share),
+        )
+        for preset, scenario, at in zip(PRESETS, scenarios, (_LEGS, _LEGS + _MISSIONS), strict=True)
+    ]
+    progress("single calls", _LEGS + 2.0 * _MISSIONS)
+    calls = call_times(scenarios, effort.mission_seeds)
+    for preset, times in zip(PRESETS, calls, strict=True):
+        write_dataset(times, folder / f"calls-{preset}.nc")
     progress("figures", 0.97)
-    legs, evidence = found["paper"]
-    pictures = draw_paper(legs, evidence, changed(MISSIONS, "paper"), folder)
-    claims = judge(evidence, found["default"][1])
+    interval = scenarios[0].sensors.interval
+    ours, theirs = (Evidence(*each, interval) for each in zip(figures, missions, calls, strict=True))
+    pictures = draw_paper(legs, ours, scenarios[0], folder)
+    claims = judge(ours, theirs)
     text = json.dumps(as_json(claims), indent=2, ensure_ascii=False) + "\n"
     write_atomically(folder / "claims.json", lambda path: path.write_text(text, encoding="utf-8"))
     table = as_markdown(claims)
@@ -82,35 +111,41 @@ def reproduce(
     return claims, pictures
 
 
-def _gather(
-    folder: Path, preset: str, effort: Effort, begin: float, progress: Progress
-) -> tuple[Legs, Evidence]:
-    """Run legs, missions and single calls of one preset."""
+def _legs(folder: Path, preset: str, effort: Effort, progress: Progress) -> tuple[Legs, xr.Dataset]:
+    """Run the legs of one preset, and write what the claims need of them; return both."""
     steps = 0
 
     def next_leg(words: str) -> None:
         nonlocal steps
-        progress(f"{preset}: {words}", begin + _LEGS * steps / _LEG_STEPS)
+        progress(words, steps / _LEG_STEPS)
         steps += 1
 
     seeds = range(effort.seed, effort.seed + effort.seeds)
     legs = execute_legs(preset, seeds, range(effort.seed, effort.seed + effort.rate_seeds), next_leg)
-    figures = legs_dataset(legs)
-    write_dataset(figures, folder / f"legs-{preset}.nc")
+    dataset = legs_dataset(legs)
+    write_dataset(dataset, folder / f"legs-{preset}.nc")
+    return legs, dataset
+
+
+def _legs_alone(folder: Path, preset: str, effort: Effort) -> xr.Dataset:
+    """Run the legs of a preset that nobody draws, and return what the claims need of them."""
+    return _legs(folder, preset, effort, lambda words, share: None)[1]
+
+
+def _missions(
+    folder: Path, preset: str, scenario: Scenario, effort: Effort, progress: Progress
+) -> xr.Dataset:
+    """Run the missions of one preset, or continue where that was broken off."""
 
     def missions_done(done: int, total: int, share: float) -> None:
-        progress(f"{preset}: {done} of {total} missions", begin + _LEGS + _MISSIONS * share)
+        progress(f"{preset}: {done} of {total} missions", share)
 
-    scenario, study = changed(MISSIONS, preset), folder / f"missions-{preset}"
     missions_done(0, effort.missions, 0.0)
-    missions = run_study(
+    study = folder / f"missions-{preset}"
+    return run_study(
         Design(scenario, effort.missions, effort.seed),
         study,
         resume=is_unfinished(study),
         force=True,
         progress=missions_done,
     )
-    progress(f"{preset}: single calls", begin + _LEGS + _MISSIONS)
-    calls = call_times(scenario, range(effort.seed, effort.seed + effort.missions))
-    write_dataset(calls, folder / f"calls-{preset}.nc")
-    return legs, Evidence(figures, missions, calls, scenario.sensors.interval)

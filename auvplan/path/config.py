@@ -125,7 +125,7 @@ class PathConfig:
             raise ValueError("width must be positive and depth_width not negative")
 
     @classmethod
-    def paper(cls) -> Self:
+    def paper(cls, *, control_points: int = 4, width: float = 0.35) -> Self:
         """Plain BBO as section 4.1 and Fig. 6 have it: 100 habitats, 100 iterations, linear rates, m_max 0.1.
 
         One elite, nothing planted, the whole population kept from window to window. Where the text leaves a
@@ -134,6 +134,12 @@ class PathConfig:
         keep within 35 % of the distance from the straight line. Read as a probability of every SIV, or with
         values drawn anew within the bounds, mutation keeps the mean violation of the population above 1e-3
         (`python -m benchmarks.paper_scenarios --readings`).
+
+        Args:
+            control_points: free ones; the paper gives no number. From random habitats 100 iterations leave
+                paths of ten points so winding that they take a third longer than the straight line
+                (`python -m benchmarks.paper_missions`).
+            width: half-width of their bounds, as a share of the straight distance.
         """
         return cls(
             bbo=BBOConfig(
@@ -145,9 +151,9 @@ class PathConfig:
                 mutation="gaussian",
                 mutation_step=0.05,
             ),
-            control_points=10,
+            control_points=control_points,
             start_shape="uniform",
-            width=0.35,
+            width=width,
             passages=0,
             finer=1,
             refine_steps=0,

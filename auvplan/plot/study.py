@@ -24,7 +24,7 @@ Array = style.Array
 _BOXES = 25
 #: Failed missions that are named.
 _NAMED = 8
-_EXPECTED, _EXECUTED = "expected, $t_{ij}$ − $δ_{ij}$", "executed, $T_{path}$"
+_EXECUTED = "executed, $T_{path}$"
 
 
 def draw_study(dataset: xr.Dataset, folder: str | Path, seed: int | None = None) -> list[Path]:
@@ -111,13 +111,16 @@ def plot_expected_times(dataset: xr.Dataset) -> Figure:
     both = np.isfinite(expected) & np.isfinite(executed)
     if not both.any():
         return style.empty_figure("no leg was executed to its end")
+    # Where tasks are done along the path, t_ij holds their time and no leg takes it.
+    apart = (dataset["leg_t_task"].values[both] > 0.0).any()
+    awaited = "expected, $t_{ij}$ − $δ_{ij}$" if apart else "expected, $t_{ij}$"
     figure = style.new_figure(14.5, 6.0)
     left, right = figure.subplots(1, 2, width_ratios=[2.2, 1])
     count = len(both)
     shown = [mission for mission in range(min(count, _BOXES)) if both[mission].any()]
     for times, name, width, face, edge, alpha in (
         (executed, _EXECUTED, 0.84, style.YELLOW, "#8a7d00", 0.55),
-        (expected, _EXPECTED, 0.34, style.BLUE, style.BLACK, 1.0),
+        (expected, awaited, 0.34, style.BLUE, style.BLACK, 1.0),
     ):
         left.boxplot(
             [times[mission][both[mission]] for mission in shown], positions=shown, widths=width,
@@ -128,13 +131,14 @@ def plot_expected_times(dataset: xr.Dataset) -> Figure:
             flierprops={"marker": "o" if alpha < 1.0 else ".", "ms": 4, "mec": edge},
         )  # fmt: skip
     _mission_axis(left, dataset, _BOXES)
-    left.set_ylabel("travel time of a leg, without its task [s]")
+    left.set_ylabel("travel time of a leg, without its task [s]" if apart else "time of a leg [s]")
     left.legend(loc="upper left", ncols=2, fontsize=8)
     low, high = left.get_ylim()
     left.set_ylim(low, high + 0.1 * (high - low))
     which = f"the first {_BOXES} of {count} missions" if count > _BOXES else counted(count, "mission")
     left.set_title(f"legs of {which} in order of seed", fontsize=10)
     _draw_scatter(right, expected[both], executed[both], relative_errors(dataset)[both])
+    right.set_xlabel(f"{awaited} [s]")
     _dress(left, right)
     set_title(figure, dataset, "travel times of legs as expected and as executed")
     return figure
@@ -228,7 +232,6 @@ def _draw_scatter(axes: Axes, expected: Array, executed: Array, errors: Array) -
     axes.plot(ends, ends, color="black", lw=1.2, ls="--")
     middle, half = 0.5 * ends.sum(), 0.54 * max(float(np.ptp(ends)), 1.0)
     axes.set(xlim=(middle - half, middle + half), ylim=(middle - half, middle + half), box_aspect=1.0)
-    axes.set_xlabel(f"{_EXPECTED} [s]")
     axes.set_ylabel(f"{_EXECUTED} [s]")
     axes.xaxis.set_major_formatter(_seconds)
     varied = len(executed) > 2 and min(np.ptp(expected), np.ptp(executed)) > 0.0

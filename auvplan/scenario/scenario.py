@@ -120,6 +120,9 @@ class Scenario(Section):
         if self.bathymetry.source == "chart" and self.chart.source != "enc":
             reason = "'chart' needs chart.source 'enc'"
             raise RuleError(reason, field="bathymetry.source", concerns=("chart.source",))
+        if self.mission.jobs is not None and self.planning.task_time == "expected":
+            reason = "'expected' leaves out the time that jobs take"
+            raise RuleError(reason, field="planning.task_time", concerns=("mission.jobs",))
         low, high = self.box
         if low[2] > high[2]:
             reason = "leaves, with depth_max, nothing of the area's depths"
@@ -130,6 +133,11 @@ class Scenario(Section):
                 reason = f"{point} lies outside the area or the vehicle's depths"
                 raise RuleError(reason, field=f"mission.{name}", concerns=_BOX_FIELDS)
         return self
+
+    @property
+    def tasks_under_way(self) -> bool:
+        """Whether tasks are done along the path, in no time of their own; jobs from a file never are."""
+        return self.planning.resolved.task_time == "expected" and self.mission.jobs is None
 
     @property
     def box(self) -> tuple[tuple[float, float, float], tuple[float, float, float]]:

@@ -436,7 +436,11 @@ class PlanningRules:
     preset: Literal["default", "paper"]
     effort: Literal["quick", "full", "plain"]
     objective: Literal["priority", "eq15"]
-    travel_times: Literal["sea", "distance"]
+    phi: tuple[float, float]
+    control_points: int | None
+    path_width: float | None
+    travel_times: Literal["sea", "distance", "learnt"]
+    task_time: Literal["whole", "clock", "expected"]
     visits: Literal["once", "edges"]
     departures: int
     detour: float
@@ -456,12 +460,17 @@ class PlanningRules:
     charge_compute: bool
     budget: float | None
 
+    def late(self, t_path: Any, t_task: Any, t_expected: Any) -> Any:
+        """Whether legs took longer than expected (3.3.2); of numbers or arrays, s."""
+        return t_path + (0.0 if self.task_time == "clock" else t_task) > t_expected
+
 
 #: What a preset sets where the scenario is silent: the fields of `PlanningSettings` that default to None.
 PRESETS: dict[str, dict[str, Any]] = {
     "default": {
         "objective": "priority",
         "travel_times": "sea",
+        "task_time": "whole",
         "departures": 24,
         "visits": "once",
         "reserve": 60.0,
@@ -475,6 +484,7 @@ PRESETS: dict[str, dict[str, Any]] = {
     "paper": {
         "objective": "eq15",
         "travel_times": "distance",
+        "task_time": "expected",
         "departures": 1,
         "visits": "edges",
         "reserve": 0.0,
@@ -499,7 +509,7 @@ MOVED = {
 }
 
 #: Share by which the way back is taken to last longer where neither scenario nor preset says it.
-_RETURN_MARGINS = {"sea": 0.2, "distance": 0.4}
+_RETURN_MARGINS = {"sea": 0.2, "distance": 0.4, "learnt": 0.4}
 
 
 class PlanningSettings(Section):
@@ -524,10 +534,28 @@ class PlanningSettings(Section):
     objective: Literal["priority", "eq15"] | None = Field(
         default=None, description="of the route; default 'priority', paper 'eq15'"
     )
-    travel_times: Literal["sea", "distance"] | None = Field(
+    phi: tuple[NotNegative, NotNegative] = Field(
+        default=(1.0, 100.0), description="Phi_1, per second, and Phi_2 of Eq. 15 ('eq15')"
+    )
+    control_points: Annotated[int, Field(ge=2, le=60)] | None = Field(
         default=None,
-        description="of the edges: 'sea' in the forecast current, 'distance' d / |v| as in Eq. 13; default "
-        "'sea', paper 'distance'",
+        description="free control points of a path; if absent 8 to 32 by effort, paper 4",
+    )
+    path_width: Positive | None = Field(
+        default=None,
+        description="share of a leg's length by which control points may lie off its straight line; if "
+        "absent 0.75, paper 0.35",
+    )
+    travel_times: Literal["sea", "distance", "learnt"] | None = Field(
+        default=None,
+        description="of the edges: 'sea' in the forecast current, 'distance' d / |v| as in Eq. 13, 'learnt' "
+        "as much longer as the legs so far took; default 'sea', paper 'distance'",
+    )
+    task_time: Literal["whole", "clock", "expected"] | None = Field(
+        default=None,
+        description="what a task's delta_ij counts in besides t_ij: 'whole' in the time that a leg takes and "
+        "is compared by; 'clock' in the time it takes, while T_path alone is compared; 'expected' in "
+        "neither, as for tasks along the path, but not for jobs; default 'whole', paper 'expected'",
     )
     visits: Literal["once", "edges"] | None = Field(
         default=None,
@@ -606,6 +634,13 @@ class PlanningSettings(Section):
         description="s of wall-clock time that a planning call may take, compilation left out; the best plan "
         "so far is followed then, so that a seed gives other missions on other machines; no limit if absent",
     )
+
+    @model_validator(mode="after")
+    def _tasks_take_their_time(self) -> "PlanningSettings":
+        if self.preset != "paper" and self.task_time not in (None, "whole"):
+            reason = f"'{self.task_time}' goes with preset 'paper' alone"
+            raise RuleError(reason, field="task_time", concerns=("preset",))
+        return self
 
     @property
     def resolved(self) -> "PlanningRules":

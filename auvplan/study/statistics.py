@@ -22,7 +22,7 @@ def sweep_dims(dataset: xr.Dataset) -> list[str]:
 
 
 def leg_times(dataset: xr.Dataset) -> tuple[Array, Array]:
-    """Travel times expected, t_ij - delta_ij, and executed, T_path, of the legs whose goal was reached.
+    """Travel times expected, t_ij less what the task took, and executed, T_path, of legs that were finished.
 
     Returns:
         Two of [..., missions, legs] s; NaN for all other legs.
@@ -33,7 +33,7 @@ def leg_times(dataset: xr.Dataset) -> tuple[Array, Array]:
 
 
 def relative_errors(dataset: xr.Dataset) -> Array:
-    """|T_path / (t_ij - delta_ij) - 1|, [..., missions, legs]; NaN for legs whose goal was not reached."""
+    """|T_path / expected - 1| of `leg_times`, [..., missions, legs]; NaN for legs that were not finished."""
     expected, executed = leg_times(dataset)
     return np.abs(executed / np.where(expected > 0.0, expected, np.nan) - 1.0)
 

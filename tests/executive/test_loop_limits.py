@@ -483,6 +483,11 @@ def test_one_mission_is_a_batch_of_one(monkeypatch):
 def test_settings_of_the_searches_are_those_of_preset_and_effort():
     assert path_config(planning(preset="paper")).bbo == PathConfig.paper().bbo
     assert path_config(planning(effort="plain")).bbo == PathConfig.plain().bbo
+    for preset in ("paper", "default"):
+        readings = planning(preset=preset, control_points=6, path_width=0.2, phi=(2.0, 30.0))
+        config = path_config(readings)
+        assert (config.control_points, config.width) == (6, 0.2)
+        assert [(one.phi1, one.phi2) for one in mission_configs(readings)] == [(2.0, 30.0)] * 2
     first, later = mission_configs(planning(preset="paper"))
     assert first == later == MissionConfig.paper().replace(objective=first.objective)
     jobs = SMALL["mission"] | {"waypoints": 2, "jobs": "a.csv", "start": [9, 9, 5], "goal": [99, 99, 5]}

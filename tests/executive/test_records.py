@@ -16,6 +16,8 @@ def test_cost_of_a_mission_weighs_time_left_and_tasks_done():
     assert run.cost_mission() == pytest.approx(left + 100.0 * 2.0 / 3.0)
     assert run.cost_mission(phi1=0.0, phi2=1.0) == pytest.approx(2.0 / 3.0)
     assert run.cost_mission(phi1=2.0, phi2=0.0) == pytest.approx(2.0 * left)
+    run.scenario = {"planning": {"phi": [0.5, 10.0]}}
+    assert run.cost_mission() == pytest.approx(0.5 * left + 10.0 * 2.0 / 3.0)
 
 
 def test_time_used_beyond_the_available_costs_as_time_left_does():

@@ -1,5 +1,7 @@
 """What the mission planner is given: travel times of the sea or of the distance, refused edges, late legs."""
 
+from dataclasses import replace
+
 import jax
 import numpy as np
 import pytest
@@ -8,7 +10,9 @@ import auvplan as ap
 from auvplan.executive import legs, loop
 from auvplan.executive.context import SimulationContext
 from auvplan.executive.route_calls import effort, time_edges
-from tests.executive.small import SMALL, planning, scenario
+from auvplan.io.check import check_dataset
+from auvplan.io.results import to_dataset
+from tests.executive.small import SMALL, light_config, light_routes, planning, scenario
 
 pytestmark = pytest.mark.usefixtures("light_search")
 
@@ -49,6 +53,44 @@ def test_by_the_papers_rule_every_late_leg_causes_a_new_route(paper):
         else:
             assert not new
     assert seen > 0
+
+
+@pytest.mark.parametrize("task_time", ["whole", "clock", "expected"])
+def test_what_the_time_of_a_task_counts_in(task_time, monkeypatch):
+    """Beside t_ij: in the leg's time and what is compared, in its time alone, or in neither (Fig. 15)."""
+    light = {"path_config": light_config(planning()), "mission_configs": light_routes(planning())}
+    for name, config in light.items():
+        monkeypatch.setattr(loop, name, lambda _, config=config: config)
+    rules = {"preset": "paper", "task_time": task_time, "routes_from": "fresh", "window_change": 0.01}
+    run = ap.run_mission(planning(**rules), key=jax.random.key(1))
+    assert len(run.done) > 2
+    expected = run.graph.leg_times(run.vehicle.speed)
+    for leg in run.done:
+        assert leg.t_expected == pytest.approx(expected[leg.start, leg.goal])
+        takes = 0.0 if task_time == "expected" else float(run.graph.duration[leg.start, leg.goal])
+        assert leg.t_task in (0.0, pytest.approx(takes))  # none is done twice
+    assert run.t_mission == pytest.approx(sum(whole_time(leg) for leg in run.done), abs=0.1)
+    late = [leg for leg in run.done[:-1] if leg.t_path + (task_time == "whole") * leg.t_task > leg.t_expected]
+    assert [route.nodes[0] for route in run.routes if route.cause == "late"] == [leg.goal for leg in late]
+    report = check_dataset(run.summary(), to_dataset(run))
+    assert report.ok, report
+
+
+def test_times_learnt_under_way_are_as_much_longer_as_the_legs_were(paper):
+    context, mission = start_mission(planning(travel_times="learnt"))
+    time_edges(context, [mission])
+    still = mission.graph.leg_times(context.speed)
+    np.testing.assert_allclose(mission.timed.leg_times(context.speed), still)
+    ends = [tuple(map(int, edge)) for edge in np.argwhere(mission.graph.adjacency)[:2]]
+    straight = [still[edge] - mission.graph.duration[edge] for edge in ends]
+    mission.run.legs = [
+        replace(leg, start=i, goal=j, times=np.array([0.0, longer * seconds]))
+        for leg, (i, j), longer, seconds in zip(paper.done, ends, (1.2, 1.4), straight, strict=False)
+    ]
+    time_edges(context, [mission])
+    share = (1.2 * straight[0] + 1.4 * straight[1]) / sum(straight)
+    travel = mission.timed.leg_times(context.speed) - mission.graph.duration
+    np.testing.assert_allclose(travel[ends[0]], share * straight[0])
 
 
 def test_the_preset_of_the_paper_times_by_distance():

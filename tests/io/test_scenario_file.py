@@ -1,5 +1,6 @@
 """Scenario files: every fault at once, each with its line, column and field."""
 
+import re
 from datetime import UTC, datetime
 
 import pytest
@@ -293,6 +294,37 @@ def test_a_setting_that_the_papers_preset_fixes_is_warned_of_with_both_values():
     with pytest.warns(ScenarioWarning, match=r"planning.reserve is 60.0, preset 'paper' has 0.0"):
         scenario = validate_scenario({"planning": {"preset": "paper", "reserve": 60}})
     assert scenario.planning.resolved.reserve == 60.0
+
+
+@pytest.mark.parametrize(
+    ("sections", "words"),
+    [
+        ({"planning": {"task_time": "clock"}}, "planning.task_time: 'clock' goes with preset 'paper' alone"),
+        (
+            {"planning": {"preset": "paper", "control_points": 1}},
+            "planning.control_points: must be greater than or equal to 2, got 1",
+        ),
+        ({"planning": {"path_width": 0}}, "planning.path_width: must be greater than 0, got 0"),
+        ({"planning": {"phi": [1, -1]}}, "planning.phi.1: must be greater than or equal to 0, got -1"),
+        (
+            {
+                "planning": {"preset": "paper", "task_time": "expected"},
+                "mission": {"jobs": "a.csv", "start": [9, 9, 5], "goal": [99, 99, 5]},
+            },
+            "planning.task_time: 'expected' leaves out the time that jobs take",
+        ),
+    ],
+)
+def test_readings_of_the_paper_that_cannot_be_are_refused(sections, words):
+    with pytest.raises(ScenarioError, match=re.escape(words)):
+        validate_scenario(sections)
+
+
+def test_jobs_take_their_time_under_the_papers_preset():
+    drawn = validate_scenario({"planning": {"preset": "paper"}})
+    jobs = {"jobs": "a.csv", "start": [9, 9, 5], "goal": [99, 99, 5]}
+    listed = validate_scenario({"planning": {"preset": "paper"}, "mission": jobs})
+    assert (drawn.tasks_under_way, listed.tasks_under_way) == (True, False)
 
 
 def test_the_papers_preset_alone_is_warned_of_by_nothing():

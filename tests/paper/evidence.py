@@ -1,5 +1,7 @@
 """Hand-made evidence: figures that confirm every claim, to be spoiled one by one."""
 
+import json
+
 import numpy as np
 import xarray as xr
 
@@ -62,8 +64,10 @@ def missions(count: int = 5) -> xr.Dataset:
             "route_time": (("mission", "order"), np.full((count, orders), 13_976.0)),
             "route_made_at": (("mission", "order"), np.full((count, orders), 0.0)),
             "route_cause": (("mission", "order"), np.tile([1, 2, 2, 2], (count, 1))),
+            "reason": ("mission", np.full(count, "destination reached in time", object)),
         },
         {"seed": ("mission", np.arange(count))},
+        {"scenario": json.dumps({"planning": {"preset": "paper", "task_time": "whole"}})},
     )
     dataset["route_cause"].attrs |= {
         "flag_values": np.arange(5, dtype=np.int8), "flag_meanings": "none start late early refused"

@@ -59,7 +59,28 @@ def test_one_late_mission_makes_a_claim_about_all_partly_true():
     found = {claim.claim: claim for claim in judge(changed_missions(success=success, t_residual=left))}
     claim = found["every mission ends on time with time left"]
     assert claim.verdict == "partly"
-    assert claim.paper == "4 of 5; least time left -20 s"
+    assert claim.paper == "4 of 5; least time left of those that arrived -20 s"
+
+
+def test_a_leg_cut_off_by_the_clock_is_not_so_many_seconds_late():
+    base = missions()
+    success, left, reason = (base[name].values.copy() for name in ("success", "t_residual", "reason"))
+    success[0], left[0], reason[0] = 0, -6.0, "leg 3 to 9 was not finished: time ran out"
+    found = judge(changed_missions(success=success, t_residual=left, reason=reason))
+    words = {claim.claim: claim.paper for claim in found}["every mission ends on time with time left"]
+    assert words == "4 of 5, 1 cut off by the clock under way; least time left of those that arrived 400 s"
+
+
+def test_legs_are_late_by_the_rule_that_missions_were_planned_by():
+    """Of legs that take 1.05 of their travel time, none is late by T_path alone: t_ij holds the task."""
+    whole = evidence()
+    for task_time, late in (("whole", 15), ("clock", 0)):
+        scenario = json.dumps({"planning": {"preset": "paper", "task_time": task_time}})
+        times = {"leg_t_path": whole.missions["leg_t_path"].clip(max=1400.0)}
+        spoiled = replace(whole, missions=whole.missions.assign(times).assign_attrs(scenario=scenario))
+        found = {claim.claim: claim.paper for claim in judge(spoiled)}
+        words = found["the mission is planned anew when, and only when, a leg was late"]
+        assert words.startswith(f"{late} late legs, 15 new routes")
 
 
 def test_more_than_half_late_is_not_confirmed():

@@ -149,6 +149,16 @@ def test_expected_times(count):
     assert right.get_xlim() == right.get_ylim()
 
 
+def test_expected_times_are_whole_where_tasks_take_none_of_their_own():
+    study = make_study(3)
+    for task, name in (
+        (study["leg_t_task"], "− $δ_{ij}$"),
+        (0.0 * study["leg_t_task"], "expected, $t_{ij}$ [s]"),
+    ):
+        right = panels(figures.plot_expected_times(study.assign(leg_t_task=task)))[1]
+        assert name in right.get_xlabel()
+
+
 def test_boxes_are_wide_and_transparent_for_the_time_executed():
     study = make_study(3, failed=())
     left = panels(figures.plot_expected_times(study))[0]
