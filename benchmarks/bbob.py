@@ -158,11 +158,8 @@ _compiled_score = partial(lambda compiled: compiled, jax.jit(score))
 
 def searches(dim: int) -> dict[str, Search]:
     """The compared searches by name, pycma's aside."""
-    plain = bbo.BBOConfig(iterations=EVALUATIONS * dim // 100 - 1)
     return {
-        "siv": ours(plain, dim),
-        "differential": ours(bbo.BBOConfig.rotated(dim, EVALUATIONS * dim, "differential"), dim),
-        "covariance": ours(bbo.BBOConfig.rotated(dim, EVALUATIONS * dim), dim),
+        "BBO": ours(bbo.BBOConfig(iterations=EVALUATIONS * dim // 100 - 1), dim),
         "evosax DE": evosax("DifferentialEvolution", 50, dim),
         "evosax PSO": evosax("PSO", 50, dim),
         "evosax CMA-ES": evosax("CMA_ES", 4 + int(3 * np.log(dim)), dim),

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from auvplan.bbo import rates
 
 _CHOICES = {
-    "migration": ("siv", "fig6", "differential", "covariance"),
+    "migration": ("siv", "fig6"),
     "rates": ("linear", "constant"),
     "mutation_law": ("species", "constant"),
-    "mutation": ("uniform", "gaussian"),
+    "mutation": (None, "uniform", "gaussian"),
     "replacement": ("generational", "greedy"),
 }
 
@@ -21,14 +21,13 @@ _CHOICES = {
 class BBOConfig:
     """Settings of biogeography-based optimisation; hashable, so that it is a static argument of `jax.jit`.
 
+    The defaults are those of the path planner's search, with a hundred generations.
+
     Attributes:
         population: number of habitats P.
         iterations: number of generations.
         elites: habitats that survive each generation unchanged.
-        migration: "siv" decides and draws a donor for each SIV; "fig6" is the paper's Fig. 6. Two more favour
-            no axis, for real SIVs: "differential" moves habitats along differences of ranked ones,
-            "covariance" draws them from an adapted normal law. They keep the P best habitats ever met, and
-            use none of the settings of mutation, elites and replacement.
+        migration: "siv" decides and draws a donor for each SIV; "fig6" is the paper's Fig. 6.
         rates: "linear" over the ranks (section 4.1) or "constant" (section 4.2).
         immigration: I of the linear rates, or the constant lambda.
         emigration: E of the linear rates, or the constant mu.
@@ -36,12 +35,11 @@ class BBOConfig:
         mutation_genes: if given, the expected number of mutated SIVs a habitat; replaces `mutation_max`.
         mutation_law: "species" is Eq. 5, from the stationary law of the migration rates; "constant" gives
             every habitat the same rate.
-        mutation: "uniform" draws a new value within bounds; "gaussian" (real SIVs only) takes a step.
+        mutation: "uniform" draws a new value within bounds; "gaussian" (real SIVs only) takes a step; None is
+            "gaussian" where SIVs are real, "uniform" where they are integers.
         mutation_step: standard deviation of the Gaussian step, as a share of each SIV's range.
         replacement: "generational" replaces all but the elites; "greedy" keeps the better of each habitat
             and its candidate.
-        restarts: times that "differential" or "covariance" migration starts from fresh habitats, at most,
-            when it stalls; the best are kept. Each restart of "covariance" pools twice as many habitats.
 
     Raises:
         ValueError: a setting is out of its range.
@@ -50,17 +48,16 @@ class BBOConfig:
     population: int = 100
     iterations: int = 100
     elites: int = 2
-    migration: Literal["siv", "fig6", "differential", "covariance"] = "siv"
+    migration: Literal["siv", "fig6"] = "siv"
     rates: Literal["linear", "constant"] = "linear"
     immigration: float = 1.0
     emigration: float = 1.0
     mutation_max: float = 0.1
     mutation_genes: float | None = None
     mutation_law: Literal["species", "constant"] = "species"
-    mutation: Literal["uniform", "gaussian"] = "uniform"
-    mutation_step: float = 0.1
-    replacement: Literal["generational", "greedy"] = "generational"
-    restarts: int = 0
+    mutation: Literal["uniform", "gaussian"] | None = None
+    mutation_step: float = 0.05
+    replacement: Literal["generational", "greedy"] = "greedy"
 
     def __post_init__(self) -> None:
         if self.population < 2:
@@ -79,36 +76,8 @@ class BBOConfig:
         for name in ("immigration", "emigration", "mutation_max"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise ValueError(f"{name} must be in [0, 1], got {getattr(self, name)}")
-        if self.restarts < 0:
-            raise ValueError(f"restarts must not be negative, got {self.restarts}")
-        if self.restarts and self.migration not in ("differential", "covariance"):
-            raise ValueError('restarts need migration="differential" or "covariance"')
-        if self.migration == "differential" and self.population < 4:
-            raise ValueError(f"population must be at least 4 to take differences, got {self.population}")
         if self.emigration == 0.0:
             raise ValueError("emigration must be positive")
-
-    @classmethod
-    def rotated(
-        cls,
-        dim: int,
-        evaluations: int = 10_100,
-        migration: Literal["differential", "covariance"] = "covariance",
-    ) -> Self:
-        """Settings for a continuous problem whose SIVs act together.
-
-        Args:
-            dim: number of SIVs D.
-            evaluations: of the cost function, at most; the population is small beside it.
-            migration: a variant that favours no axis.
-
-        Raises:
-            ValueError: too few evaluations for one population.
-        """
-        size = 50 if migration == "differential" else 4 + int(3.0 * np.log(dim))
-        if evaluations < size:
-            raise ValueError(f"evaluations must be at least {size}, got {evaluations}")
-        return cls(population=size, iterations=evaluations // size - 1, migration=migration, restarts=9)
 
     def replace(self, **changes: Any) -> Self:
         """Return a copy with some settings changed."""

@@ -156,19 +156,3 @@ def mutate_gaussian(
         step: [D] standard deviations.
     """
     return jnp.where(decide < rate[:, None], candidates + normal * step, candidates)
-
-
-def reflect(candidates: jax.Array, lower: jax.Array, upper: jax.Array) -> jax.Array:
-    """Fold real SIVs back into their bounds as mirrors would.
-
-    Args:
-        candidates: [P, D] real.
-        lower: [D] bounds, inclusive.
-        upper: [D] bounds, inclusive.
-    """
-    span = upper - lower
-    turn = 2.0 * jnp.maximum(span, jnp.finfo(candidates.dtype).tiny)
-    along = jnp.mod(candidates - lower, turn)
-    folded = lower + jnp.minimum(along, turn - along)
-    inside = (candidates >= lower) & (candidates <= upper)
-    return jnp.where(inside, candidates, jnp.clip(folded, lower, upper))

@@ -9,9 +9,7 @@ from auvplan.mission.objective import ObjectiveName
 
 
 def _default_bbo() -> BBOConfig:
-    return BBOConfig(
-        population=150, iterations=200, mutation_genes=2.0, mutation_law="constant", replacement="greedy"
-    )
+    return BBOConfig(population=150, iterations=200, mutation_genes=2.0, mutation_law="constant")
 
 
 @dataclass(frozen=True)
@@ -102,6 +100,7 @@ class MissionConfig:
             immigration=0.8,
             emigration=0.2,
             mutation_genes=0.5,
+            replacement="generational",
         )
         return cls(bbo=bbo, decoder="paper", objective="eq15", plant=False, seeds=0, local_rounds=0)
 

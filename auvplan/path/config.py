@@ -75,11 +75,7 @@ class PathConfig:
         population.
     """
 
-    bbo: BBOConfig = field(
-        default_factory=lambda: BBOConfig(
-            iterations=8, replacement="greedy", mutation="gaussian", mutation_step=0.05
-        )
-    )
+    bbo: BBOConfig = field(default_factory=lambda: BBOConfig(iterations=8))
     control_points: int = 32
     finer: int = 4
     degree: int = 3
@@ -148,8 +144,7 @@ class PathConfig:
                 elites=1,
                 migration="fig6",
                 mutation_genes=0.1,
-                mutation="gaussian",
-                mutation_step=0.05,
+                replacement="generational",
             ),
             control_points=control_points,
             start_shape="uniform",

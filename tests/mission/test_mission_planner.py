@@ -248,7 +248,7 @@ def test_bad_arguments_are_refused(change: dict, message: str) -> None:
         {"local_width": 151},
         {"local_period": 0},
         {"degree": 0},
-        {"bbo": BBOConfig(elites=0)},
+        {"bbo": BBOConfig(elites=0, replacement="generational")},
         {"bbo": BBOConfig(mutation="gaussian")},
     ],
 )
