@@ -32,6 +32,7 @@ from .path import plan_path as plan_path
 from .path import plan_paths as plan_paths
 from .path import replan_path as replan_path
 from .path import replan_paths as replan_paths
+from .path import travel_time as travel_time
 from .records import MissionRun as MissionRun
 from .scenario import Scenario as Scenario
 from .scenario import load_scenario as load_scenario
@@ -81,4 +82,5 @@ __all__ = [
     "run_missions",
     "save_run",
     "study",
+    "travel_time",
 ]

@@ -1,13 +1,15 @@
 """The vehicle: constant speed through the water, limits, and ground speed along a track."""
 
-import math
 from dataclasses import dataclass
 from typing import Any, Literal, TypeVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jax.typing import ArrayLike
+
+from auvplan.pytree import register_without_init
 
 SpeedReading = Literal["track", "eq8", "eq11"]
 
@@ -19,7 +21,7 @@ T = TypeVar("T", jax.Array, np.ndarray)
 SPEED_FLOOR = 0.05
 
 
-@jax.tree_util.register_dataclass
+@register_without_init
 @dataclass(frozen=True)
 class Vehicle:
     """A vehicle of constant thrust.
@@ -31,6 +33,7 @@ class Vehicle:
         turn_rate_max: rad/s, limit on the change of yaw between samples.
 
     Raises:
+        TypeError: a value is not a number or an array of numbers.
         ValueError: a value is not positive and finite.
 
     Differences from the paper:
@@ -43,9 +46,20 @@ class Vehicle:
     turn_rate_max: ArrayLike = 0.1
 
     def __post_init__(self) -> None:
-        for name in ("speed", "surge_max", "sway_max", "turn_rate_max"):
+        for name, unit in (
+            ("speed", "m/s"),
+            ("surge_max", "m/s"),
+            ("sway_max", "m/s"),
+            ("turn_rate_max", "rad/s"),
+        ):
             value = getattr(self, name)
-            if isinstance(value, (int, float)) and not (value > 0 and math.isfinite(value)):
+            if isinstance(value, Tracer):
+                continue
+            if not isinstance(value, int | float | np.generic | np.ndarray | jax.Array) or (
+                np.asarray(value).dtype.kind not in "iuf"
+            ):
+                raise TypeError(f"vehicle {name} must be a number of {unit}, got {value!r}")
+            if not ((np.asarray(value) > 0) & np.isfinite(value)).all():
                 raise ValueError(f"vehicle {name} must be positive and finite, got {value}")
 
 

@@ -48,3 +48,17 @@ def test_beaten_vehicle_is_a_violation_with_finite_gradient(along, across):
 def test_bad_vehicles_are_refused(field, value):
     with pytest.raises(ValueError, match=field):
         Vehicle(**{field: value})
+
+
+@pytest.mark.parametrize("field", ["speed", "surge_max", "sway_max", "turn_rate_max"])
+@pytest.mark.parametrize("value", ["3 kn", None, 2.5j, [2.5], np.array(["2.5"]), object()])
+def test_values_that_are_no_numbers_are_refused(field, value):
+    with pytest.raises(TypeError, match=f"^vehicle {field} must be a number of [^\n]+$"):
+        Vehicle(**{field: value})
+
+
+def test_vehicles_of_arrays_are_checked_and_rebuilt():
+    with pytest.raises(ValueError, match="speed"):
+        Vehicle(speed=jnp.array([2.5, -1.0]))
+    assert jax.tree.map(lambda _: None, Vehicle(), is_leaf=lambda leaf: leaf is None).speed is None
+    assert jax.jit(lambda speed: Vehicle(speed).speed)(3.0) == 3.0

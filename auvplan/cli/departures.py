@@ -41,9 +41,6 @@ _FARTHEST = 366 * 24.0
 #: Columns of a table that is not written to a terminal: long reasons stay on few lines.
 _WIDTH = 160
 
-#: m; a clearance of more is that of open water.
-_OPEN = 1e5
-
 
 def departures(
     scenario: ScenarioArgument = "whitsunday",
@@ -262,7 +259,7 @@ def _rows(found: Any) -> list[dict[str, Any]]:
         else:
             row["length_m"] = round(float(found.plans.length[k]), 1) if feasible else None
             clear = float(found.plans.clearance[k])
-            row["clearance_m"] = round(clear, 1) if feasible and clear < _OPEN else None
+            row["clearance_m"] = round(clear, 1) if feasible and math.isfinite(clear) else None
         rows.append(row | {"current_m_s": round(float(found.current[k]), 3), "reason": found.reasons[k]})
     return rows
 
@@ -290,7 +287,7 @@ def _table(found: Any, name: str) -> Table:
         cells = [found.moment(k), "no", "", "", "", f"{found.current[k]:.2f}"]
         if found.feasible[k]:
             best = k == found.best
-            clear = f"{found.plans.clearance[k]:.0f}" if leg and found.plans.clearance[k] < _OPEN else "open"
+            clear = f"{found.plans.clearance[k]:.0f}".replace("inf", "open") if leg else ""
             rest = (
                 (f"{found.plans.length[k]:.0f}", clear)
                 if leg

@@ -62,7 +62,7 @@ class PlannedLeg:
         kept_times: [k] s since the epoch, when they are reached along straight lines.
         motion: [n], attitude and velocities from each sample to the next, as planned; NaN where not known.
         time_change: share by which the straight lines take longer than the path.
-        clearance: m, least certified distance of the straight lines to coast and obstacles; 1e6 for none.
+        clearance: m, least certified distance of the straight lines to coast and obstacles, or infinite.
         hold: s, the task at the goal; 0 where there is none.
         priority: of the task.
     """
@@ -78,7 +78,7 @@ class PlannedLeg:
     kept_times: Array
     motion: Motion
     time_change: float = 0.0
-    clearance: float = 1e6
+    clearance: float = np.inf
     hold: float = 0.0
     priority: float = 0.0
 

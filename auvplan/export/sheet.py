@@ -297,7 +297,7 @@ def _least(values: ArrayLike) -> float:
 
 def _known(distance: float) -> float | None:
     """Return a distance to the coast, or None where there is no coast."""
-    return distance if distance < 1e5 else None
+    return distance if np.isfinite(distance) else None
 
 
 def _finely(places: NDArray, times: NDArray) -> tuple[NDArray, NDArray]:

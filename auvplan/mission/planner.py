@@ -149,7 +149,7 @@ def replan_mission(
         time_available: s that are left.
         vehicle: as for `plan_mission`.
         key: PRNG key, consumed; the same key gives the same route.
-        config: settings; defaults to `MissionConfig.quick()`.
+        config: settings; defaults to `MissionConfig()`, as for `plan_mission`.
         speed: m/s, instead of `vehicle`.
         budget: s of wall-clock time, as for `plan_mission`.
 
@@ -181,8 +181,8 @@ def replan_mission(
         time_available,
         vehicle,
         key=key,
-        config=config or MissionConfig.quick(),
-        population=route.population[: (config or MissionConfig.quick()).bbo.population],
+        config=config,
+        population=route.population[: (config or MissionConfig()).bbo.population],
         speed=speed,
         known_route=nodes[reached:],
         budget=budget,

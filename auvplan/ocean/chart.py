@@ -25,7 +25,7 @@ from auvplan.ocean.picture import blank, colours, opened
 from auvplan.ocean.raster import Raster
 from auvplan.rows import elementwise
 
-#: Distance to a coast that is nowhere, in pixels.
+#: What the raster of distances holds where there is no coast, in pixels; `Chart.distance` is infinite there.
 FAR = 1e6
 #: Points that one call from the host looks up.
 _POINTS = 16384
@@ -147,7 +147,7 @@ class Chart(Raster):
         return self.passability.shape[-2], self.passability.shape[-1]
 
     def distance(self, x: ArrayLike, y: ArrayLike) -> jax.Array:
-        """Signed distance to the coast, m, positive in water; bilinear, differentiable.
+        """Signed distance to the coast, m, positive in water, infinite without one; bilinear, differentiable.
 
         At pixel centres it never exceeds the true distance. Between them it may, by at most 0.199 pixels, the
         worst being the corner of a coast pixel that stands alone.
@@ -228,7 +228,8 @@ def _distance(chart: Chart, x: jax.Array, y: jax.Array) -> jax.Array:
     dy = y - jnp.clip(y, low[1], high[1])
     out = dx * dx + dy * dy
     outside = jnp.where(out > 0.0, jnp.sqrt(jnp.where(out > 0.0, out, 1.0)), 0.0)
-    return chart.interpolated(chart.signed_distance, x, y) - outside
+    found = chart.interpolated(chart.signed_distance, x, y)
+    return jnp.where(found >= 0.5 * FAR * chart.pixel_size, jnp.inf, found - outside)
 
 
 def _signed_distance(land: NDArray[np.bool_]) -> NDArray[np.floating]:

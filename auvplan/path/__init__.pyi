@@ -8,6 +8,7 @@ from .planner import plan_path as plan_path
 from .planner import plan_paths as plan_paths
 from .replanner import replan_path as replan_path
 from .replanner import replan_paths as replan_paths
+from .sensitivity import travel_time as travel_time
 
 __all__ = [
     "VIOLATIONS",
@@ -20,4 +21,5 @@ __all__ = [
     "plan_paths",
     "replan_path",
     "replan_paths",
+    "travel_time",
 ]

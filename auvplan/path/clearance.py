@@ -20,9 +20,6 @@ from auvplan.path.config import PathConfig
 from auvplan.path.kinematics import TINY, Axes, inner, norm
 from auvplan.tangents import instantiated, is_symbolic_zero
 
-#: m, to what is not there.
-FAR = 1e6
-
 #: Obstacles passed in one go of the loop: fewer, longer steps; more only makes compilation longer.
 _UNROLL = 2
 
@@ -49,7 +46,7 @@ def coast_clearance(
         config: static settings.
     """
     if env.chart is None:
-        return jnp.full_like(gap, FAR), jnp.zeros(gap.shape[1:], gap.dtype)
+        return jnp.full_like(gap, jnp.inf), jnp.zeros(gap.shape[1:], gap.dtype)
     distance = distance_to_land(env.chart, x, y)
     risk = 1.0 - env.chart.passability_at(x, y)
     price = config.uncertain_price * (0.5 * (risk[1:] + risk[:-1]) * duration).sum(axis=0)
@@ -67,11 +64,11 @@ def closed_clearance(
         times: [S, P] s since the epoch, arrival at the samples.
         env: the world.
     """
-    clear = jnp.full_like(gap, FAR)
+    clear = jnp.full_like(gap, jnp.inf)
     for closure in env.closures:
         distance = distance_to_land(closure.chart, x, y)
         near = between_circles(distance[:-1], distance[1:], gap)
-        clear = jnp.minimum(clear, jnp.where(closure.closed(times[:-1], times[1:]), near, FAR))
+        clear = jnp.minimum(clear, jnp.where(closure.closed(times[:-1], times[1:]), near, jnp.inf))
     return clear
 
 
@@ -132,7 +129,7 @@ def bed_altitude(x: jax.Array, y: jax.Array, z: jax.Array, gap: jax.Array, env: 
     """
     bed = env.seabed
     if bed is None:
-        return jnp.full_like(gap, FAR)
+        return jnp.full_like(gap, jnp.inf)
     usual = _USUAL / gap.shape[0] * norm(x[-1] - x[0], y[-1] - y[0])
     longer = jnp.maximum(jnp.concatenate([gap[:1], gap]), jnp.concatenate([gap, gap[-1:]]))
     longer = jnp.maximum(longer, jnp.minimum(usual, 2.0 * bed.reach[-1]))
@@ -145,7 +142,7 @@ def obstacle_clearance(segments: Segments, env: Environment) -> jax.Array:
     """Certified clearance of segments to the collision boundaries at the time of arrival, m, any shape."""
     *_, duration = segments
     if len(env.obstacles) == 0:
-        return jnp.full_like(duration, FAR)
+        return jnp.full_like(duration, jnp.inf)
     # One long row of segments makes longer vector loops than a plane of short ones.
     row = jax.tree.map(jnp.ravel, segments)
     boundary = env.obstacles.boundary(env.obstacles.observed_at)
@@ -154,14 +151,14 @@ def obstacle_clearance(segments: Segments, env: Environment) -> jax.Array:
 
 @jax.custom_jvp
 def _nearest(obstacles: Obstacles, boundary: jax.Array, segments: Segments) -> jax.Array:
-    """Least clearance of N segments to any obstacle, [N] m, 1e6 at most."""
+    """Least clearance of N segments to any obstacle, [N] m, infinite where there is none."""
 
     def nearer(least: jax.Array, sphere: tuple) -> tuple[jax.Array, None]:
         one, reach = sphere
         return jnp.minimum(least, _Encounter.of(one, reach, segments).clearance), None
 
     *_, duration = segments
-    far = jnp.full_like(duration, FAR)
+    far = jnp.full_like(duration, jnp.inf)
     return jax.lax.scan(nearer, far, (obstacles, boundary), unroll=_UNROLL)[0]
 
 
@@ -179,7 +176,7 @@ def _nearest_jvp(primals: tuple, tangents: tuple) -> tuple[jax.Array, jax.Array]
         return (jnp.minimum(least[0], clear), jnp.where(clear < least[0], number, least[1])), None
 
     *_, lasts = segments
-    none = jnp.full_like(lasts, FAR), jnp.full_like(lasts, -1, jnp.int32)
+    none = jnp.full_like(lasts, jnp.inf), jnp.full_like(lasts, -1, jnp.int32)
     numbers = jnp.arange(len(obstacles), dtype=jnp.int32)
     (clear, number), _ = jax.lax.scan(nearer, none, (numbers, obstacles, boundary), unroll=_UNROLL)
     # A product with zeros and ones selects each segment's sphere: far cheaper than looking it up.
@@ -242,5 +239,5 @@ class _Encounter:
         distance, grown = norm(*away), sphere.growth * jnp.maximum(since + duration, 0.0)
         clear = distance - jnp.minimum(grown, sphere.growth_max) - boundary
         growing = jnp.where((grown > 0.0) & (grown < sphere.growth_max), sphere.growth, 0.0)
-        clear = jnp.where(sphere.active, clear, FAR)
+        clear = jnp.where(sphere.active, clear, jnp.inf)
         return cls(clear, distance, share, away, inner(away, (u, v, w)), growing)

@@ -61,9 +61,9 @@ class Trajectory:
         excess: a plane [S - 1, P] for each limit of `VIOLATIONS`, how far each segment breaks it; zero where
             it is kept.
         coast: [S - 1, P] m, certified distance of each segment to the coast, and to areas that are closed
-            when it is passed; 1e6 where there is neither.
+            when it is passed; infinite where there is neither.
         obstacles: [S - 1, P] m, the same to collision boundaries.
-        altitude: [S - 1, P] m, certified altitude of each segment above the sea bed; 1e6 without one.
+        altitude: [S - 1, P] m, certified altitude of each segment above the sea bed; infinite without one.
         price: [P] s, charged for uncertain areas and by `Environment.price`.
     """
 

@@ -1,6 +1,8 @@
 """Checks of the end points of a path."""
 
+import jax
 import numpy as np
+from jax.core import Tracer
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
@@ -24,6 +26,19 @@ def check_given(env: object, vehicle: object) -> None:
     if vehicle is not None and not isinstance(vehicle, Vehicle):
         made = f"ap.Vehicle(speed={vehicle})" if isinstance(vehicle, int | float) else "ap.Vehicle(...)"
         raise TypeError(f"vehicle must be a Vehicle, got {type(vehicle).__name__}: give {made}")
+
+
+def check_concrete(name: str, given: object) -> None:
+    """Refuse what JAX traces: a planner calls many compiled programs, one after the other.
+
+    Raises:
+        TypeError: one line that says what to use.
+    """
+    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(given)):
+        raise TypeError(
+            f"{name} cannot be traced here: give many legs to ap.plan_paths, trace ap.travel_time along a "
+            "given path, or differentiate ap.plan_path once, outside of jax.jit and jax.vmap"
+        )
 
 
 def as_point(name: str, given: ArrayLike) -> NDArray[np.floating]:

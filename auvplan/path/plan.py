@@ -20,9 +20,6 @@ from auvplan.words import counted
 
 Array = NDArray[np.floating]
 
-#: m; clearances and altitudes of more are those of open water.
-_OPEN = 1e5
-
 
 @dataclass(frozen=True, repr=False)
 class PathPlan(Brief):
@@ -35,8 +32,8 @@ class PathPlan(Brief):
         times: [S] s since the epoch.
         control_points: [n, 3] m, ends included.
         violations: [V] mean excess of each limit in `VIOLATIONS`; zero means kept.
-        clearance: m, least certified distance to coast and collision boundaries; 1e6 in open water.
-        altitude: m, least certified altitude above the sea bed; 1e6 where none is given.
+        clearance: m, least certified distance to coast and collision boundaries; infinite in open water.
+        altitude: m, least certified altitude above the sea bed; infinite where none is given.
         cost: s, with price and penalties (Eq. 12).
         population: [P, 3 n] m, habitats to re-plan from.
         history: cost and violation by iteration.
@@ -69,13 +66,12 @@ class PathPlan(Brief):
         return bool(self.violations.sum() == 0.0)
 
     def _facts(self) -> dict[str, str]:
-        open_water = self.clearance >= _OPEN
         return {
             "": "feasible" if self.feasible else f"not feasible ({', '.join(self.broken())})",
             "travel time": f"{self.travel_time:,.0f} s",
             "length": f"{self.length:,.0f} m",
-            "clearance": "open water" if open_water else f"{self.clearance:,.1f} m",
-            **({} if self.altitude >= _OPEN else {"altitude": f"{self.altitude:,.1f} m"}),
+            "clearance": f"{self.clearance:,.1f} m" if np.isfinite(self.clearance) else "open water",
+            **({"altitude": f"{self.altitude:,.1f} m"} if np.isfinite(self.altitude) else {}),
             "departure": f"{float(self.times[0]):,.0f} s",
         }
 

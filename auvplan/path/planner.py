@@ -1,21 +1,23 @@
 """Two points to a timed, checked trajectory, any number of legs by the same programs (section 3.2)."""
 
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from auvplan.budget import Budget
 from auvplan.ocean.environment import Environment
 from auvplan.path.config import PathConfig
-from auvplan.path.ends import as_point, check_ends, check_given, check_water
+from auvplan.path.ends import as_point, check_concrete, check_ends, check_given, check_water
 from auvplan.path.habitats import refitted, without_loop
 from auvplan.path.plan import PathPlan, PathPlans
-from auvplan.path.sensitivity import Conditions
+from auvplan.path.sensitivity import Conditions, differentiable_time
 from auvplan.path.stages import Legs, polish_finely, search_legs, split
 from auvplan.prng import as_key
 from auvplan.rows import batch_map
@@ -30,11 +32,15 @@ def plan_path(
     *,
     key: jax.Array,
     config: PathConfig | None = None,
-    depart: float = 0.0,
+    depart: ArrayLike = 0.0,
     population: ArrayLike | None = None,
     budget: float | None = None,
 ) -> PathPlan:
     """Plan the fastest safe path from start to goal.
+
+    Under `jax.grad` and `jax.jvp` the `travel_time` of a feasible plan has a derivative by every leaf of
+    start, goal, environment, vehicle and departure, along the path found and at the limits that bind
+    (envelope theorem). All else in the plan is constant.
 
     Args:
         start: [3] m, north, east, depth.
@@ -55,7 +61,7 @@ def plan_path(
         ValueError: start or goal lies on land, below the sea bed, outside the chart or outside the box, the
             goal nearer to the sea bed than its clearance, or they coincide; or the current is NaN on the way.
         TypeError: the key is a seed, the environment a function, the vehicle a number, or the current's
-            function cannot be traced by JAX.
+            function cannot be traced by JAX; or the call is traced by `jax.jit` or `jax.vmap`.
 
     Example:
         >>> import jax, auvplan as ap
@@ -65,18 +71,24 @@ def plan_path(
         >>> plan.feasible, round(plan.travel_time)
         (True, 816)
     """
-    given = None if population is None else jnp.asarray(population)[None]
-    return plan_paths(
-        as_point("start", start)[None],
-        as_point("goal", goal)[None],
-        env,
-        vehicle,
-        key=key,
-        config=config,
-        depart=depart,
-        population=given,
-        budget=budget,
-    )[0]
+    kept = None if population is None else jnp.asarray(population)[None]
+
+    def planned(
+        start: ArrayLike, goal: ArrayLike, env: Environment, vehicle: Vehicle | None, depart: ArrayLike
+    ) -> PathPlan:
+        ends = as_point("start", start)[None], as_point("goal", goal)[None]
+        settings = {"key": key, "config": config, "depart": depart, "population": kept, "budget": budget}
+        return plan_paths(*ends, env, vehicle, **settings)[0]
+
+    given = start, goal, env, vehicle, depart
+    if not any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(given)):
+        return planned(*given)
+    check_given(env, vehicle)
+    given = jax.tree.map(
+        jnp.asarray, (jnp.asarray(start), jnp.asarray(goal), env, vehicle or Vehicle(), depart)
+    )
+    time, plan = differentiable_time(planned, given, "plan_path")
+    return replace(plan, travel_time=time)  # type: ignore[arg-type]
 
 
 def plan_paths(
@@ -108,7 +120,9 @@ def plan_paths(
 
     Raises:
         ValueError: as `plan_path`, naming the leg; or shapes do not fit.
+        TypeError: as `plan_path`; or the call is differentiated.
     """
+    check_concrete("plan_paths", (starts, goals, env, vehicle, depart, population))
     config, key = config or PathConfig(), as_key(key)
     watch = None if budget is None else Budget(budget, len(np.atleast_2d(starts)))
     check_given(env, vehicle)

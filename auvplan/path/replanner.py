@@ -47,7 +47,7 @@ def replan_path(
         env: the updated world.
         vehicle: speed and limits.
         key: PRNG key, consumed.
-        config: settings; the search runs for `config.window()`.
+        config: settings; defaults to `PathConfig()`, as for `plan_path`; of them `config.window()` is run.
         budget: s of wall-clock time, as for `plan_path`.
 
     Returns:

@@ -1,20 +1,31 @@
-"""Sensitivities of a planned travel time to departure, speed and current."""
+"""Travel times along tracks, and how planned ones answer to what they were planned for."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
+from jax.typing import ArrayLike
 
 from auvplan.compiled import compiled
 from auvplan.ocean.currents import Current, Velocity, combine, is_steady, partition
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
-from auvplan.path.config import PathConfig
-from auvplan.path.cost import Track, evaluate
-from auvplan.vehicle import Vehicle
+from auvplan.path.config import GUIDE_MARGIN, PathConfig
+from auvplan.path.cost import Track, curves, evaluate
+from auvplan.path.ends import check_concrete, check_given
+from auvplan.path.scaling import WAY, factor_of
+from auvplan.vehicle import SpeedReading, Vehicle
+
+#: Start and goal [3] m, environment, vehicle, and departure, s since the epoch.
+Given = tuple[Any, Any, Environment, Vehicle, Any]
+
+#: Limits bind from so many times the margin of a polish on, and from this share of them on.
+_REACH, _NEARLY = 2.0, 0.995
 
 
 @dataclass(frozen=True)
@@ -92,13 +103,159 @@ def sensitivity(positions: np.ndarray, depart: float, conditions: Conditions) ->
 def _slopes(
     positions: jax.Array, depart: jax.Array, env: Environment, vehicle: Vehicle, config: PathConfig
 ) -> tuple[jax.Array, ...]:
-    x, y, z = (positions[:, axis, None] for axis in range(3))
-    track = Track.through(x, y, z)
-    bare = replace(env, chart=None, obstacles=Obstacles.none(), seabed=None, closures=())
+    def of(depart: jax.Array, speed: jax.Array, factor: jax.Array) -> jax.Array:
+        world = replace(env, current=_Scaled(env.current, factor))
+        return travel_time(positions, world, replace(vehicle, speed=speed), depart, config.speed_reading)
 
-    def travel_time(depart: jax.Array, speed: jax.Array, factor: jax.Array) -> jax.Array:
-        world = replace(bare, current=_Scaled(env.current, factor))
-        return evaluate(track, depart, world, replace(vehicle, speed=speed), config).travel_time[0]
-
-    slopes: Callable[..., tuple[jax.Array, ...]] = jax.grad(travel_time, argnums=(0, 1, 2))
+    slopes: Callable[..., tuple[jax.Array, ...]] = jax.grad(of, argnums=(0, 1, 2))
     return slopes(depart, jnp.asarray(vehicle.speed, positions.dtype), jnp.ones((), positions.dtype))
+
+
+def travel_time(
+    points: ArrayLike,
+    env: Environment,
+    vehicle: Vehicle | None = None,
+    depart: ArrayLike = 0.0,
+    speed_reading: SpeedReading = "track",
+) -> jax.Array:
+    """Compute the time along a track in the current, s: a pure function for `jax.jit`, `vmap` and `grad`.
+
+    Each segment is followed at the ground speed in the current that is met in its middle (Eq. 11), so that
+    points must lie close together where the current changes, as those of `PathPlan.positions` do. Limits,
+    coast, obstacles and sea bed play no part.
+
+    Args:
+        points: [S, 3] m, north, east, depth, in the order in which they are passed.
+        env: the world; of it, the current counts.
+        vehicle: of it, the speed counts; defaults to `Vehicle()`.
+        depart: s since the epoch.
+        speed_reading: as in `PathConfig`.
+
+    Raises:
+        ValueError: points are not [S, 3] with at least two rows.
+        TypeError: the environment or the vehicle is none.
+
+    Example:
+        >>> import jax, auvplan as ap
+        >>> env = ap.Environment(ap.UniformCurrent(0.5, 0.0))
+        >>> points = jax.numpy.array([[0.0, 0.0, 0.0], [1500.0, 0.0, 0.0], [3000.0, 0.0, 0.0]])
+        >>> round(float(ap.travel_time(points, env)))  # 3000 m at 2.5 + 0.5 m/s
+        1000
+        >>> slope = jax.grad(lambda speed: ap.travel_time(points, env, ap.Vehicle(speed)))
+        >>> round(float(slope(2.5)))  # -3000 / 3.0**2 s per m/s
+        -333
+    """
+    check_given(env, vehicle)
+    points = jnp.asarray(points, float)
+    if points.ndim != 2 or points.shape[0] < 2 or points.shape[1] != 3:
+        raise ValueError(f"points must be [S, 3] m, north, east and depth, got shape {points.shape}")
+    track = Track.through(*(points[:, axis, None] for axis in range(3)))
+    bare = replace(env, chart=None, obstacles=Obstacles.none(), seabed=None, closures=(), price=None)
+    config = PathConfig(speed_reading=speed_reading)
+    return evaluate(track, jnp.asarray(depart, float), bare, vehicle or Vehicle(), config).travel_time[0]
+
+
+def differentiable_time(plan: Callable[..., Any], given: Given, name: str) -> tuple[jax.Array, Any]:
+    """Plan while `jax.grad`, `jax.jvp` or the like differentiates, and return the least time and the plan.
+
+    The derivative is that of the envelope theorem: along the path that was found, by everything given, the
+    travel time changes as fast as the least one, plus what the limits that bind cost, each by its multiplier.
+
+    Args:
+        plan: takes what is given, and returns a `PathPlan`.
+        given: start, goal, environment, vehicle and departure, some leaves of which are differentiated.
+        name: of the public function, for messages.
+
+    Raises:
+        TypeError: what is given is traced by `jax.jit` or `jax.vmap`, or differentiated twice.
+        ValueError: the plan breaks a limit, or its path pays a price: its time is not the least of anything.
+    """
+    plans: list[Any] = []
+
+    @jax.custom_jvp
+    def least_time(given: Given) -> jax.Array:
+        check_concrete(name, given)
+        plans.append(plan(*given))
+        return jnp.asarray(plans[-1].travel_time, float)
+
+    @least_time.defjvp
+    def _(primals: tuple[Given], tangents: tuple[Given]) -> tuple[jax.Array, jax.Array]:
+        check_concrete(name, primals)  # traced once more, a second derivative is asked for
+        time = least_time(*primals)
+        pairs = zip(_slopes_of_least(plans[-1], *primals), jax.tree.leaves(tangents), strict=True)
+        terms = [jnp.vdot(slope, of) for slope, of in pairs if of.dtype != jax.dtypes.float0]
+        return time, jnp.asarray(sum(terms), time.dtype)
+
+    return least_time(given), plans[-1]
+
+
+def _slopes_of_least(plan: Any, given: Given) -> list[jax.Array]:
+    """Derivatives of a plan's time by the leaves of what it was planned for."""
+    if not plan.feasible:
+        raise ValueError(f"the time of a plan that breaks a limit has no derivative: {plan.reason}")
+    points, settings = np.asarray(plan.control_points), plan.conditions.config
+    config = settings.only().replace(
+        coast_margin=settings.coast_margin,
+        obstacle_margin=settings.obstacle_margin,
+        uncertain_price=settings.uncertain_price,
+        control_points=len(points) - 2,
+        samples=len(plan.positions),
+    )
+    habitat = jnp.asarray(points[1:-1].T.reshape(-1), float)
+    slope, near, sides, price = _at_optimum(habitat, given, config=config)
+    if float(price) > 0.0:
+        raise ValueError(
+            "the time of a path that pays a price has no derivative: set PathConfig.uncertain_price=0 and "
+            "leave out Environment.price, or differentiate ap.travel_time along plan.positions"
+        )
+    rows = np.concatenate([np.asarray(near, float).reshape(-1, habitat.size), np.asarray(sides, float)])
+    bind = np.flatnonzero(rows.any(axis=1))
+    multipliers = np.zeros(len(rows))
+    multipliers[bind] = scipy.optimize.nnls(rows[bind].T, -np.asarray(slope, float))[0] if len(bind) else 0.0
+    return _by_given(habitat, jnp.asarray(multipliers, float), given, config=config)
+
+
+@partial(compiled, static_argnames=("config",))
+def _at_optimum(
+    habitat: jax.Array, given: Given, config: PathConfig
+) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
+    """Slopes of time, limits and box by the control points, zero where none binds; and the price."""
+    slope = jax.grad(lambda habitat: _followed(habitat, given, config)[0])(habitat)
+    limits, sides = jax.jacfwd(lambda habitat: _followed(habitat, given, config)[1:3])(habitat)
+    return slope, limits, sides, _followed(habitat, given, config)[3]
+
+
+@partial(compiled, static_argnames=("config",))
+def _by_given(
+    habitat: jax.Array, multipliers: jax.Array, given: Given, config: PathConfig
+) -> list[jax.Array]:
+    """Slopes of the Lagrangian by the leaves of what is given."""
+
+    def lagrangian(given: Given) -> jax.Array:
+        time, limits, sides, _ = _followed(habitat, given, config)
+        return time + multipliers @ jnp.concatenate([limits.ravel(), sides])
+
+    slopes = jax.tree.leaves(jax.grad(lagrangian, allow_int=True)(given))
+    return [jnp.zeros(()) if slope.dtype == jax.dtypes.float0 else slope for slope in slopes]
+
+
+def _followed(
+    habitat: jax.Array, given: Given, config: PathConfig
+) -> tuple[jax.Array, jax.Array, jax.Array, jax.Array]:
+    """Time, s, of one path, its limits, what of the box its control points [3 n] touch, and its price, s.
+
+    Limits count from a little before they bind on: a polish settles just inside.
+    """
+    start, goal, env, vehicle, depart = given
+    room = GUIDE_MARGIN * _REACH / factor_of(start, goal)
+    env = replace(env, obstacles=env.obstacles.resolved(env.current))
+    if env.seabed is not None:
+        env = replace(env, seabed=replace(env.seabed, clearance=env.seabed.clearance + room))
+    limits = {name: _NEARLY * getattr(vehicle, name) for name in ("surge_max", "sway_max", "turn_rate_max")}
+    margins = {name: getattr(config, name) + room for name in ("coast_margin", "obstacle_margin")}
+    track = curves(habitat[None], start, goal, config)
+    trajectory = evaluate(track, depart, env, replace(vehicle, **limits), config.replace(**margins))
+    points, touch = habitat.reshape(3, -1), 1e-4 * WAY / factor_of(start, goal)
+    beyond = jnp.stack([env.lower[:, None] - points, points - env.upper[:, None]])
+    sides = jnp.maximum(beyond + touch, 0.0).ravel()
+    return trajectory.travel_time[0], jnp.stack(trajectory.excess)[:, :, 0], sides, trajectory.price[0]

@@ -22,7 +22,6 @@ from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.ocean.vortices import padded, rounded_up
 from auvplan.path import habitats
-from auvplan.path.clearance import FAR
 from auvplan.path.config import PathConfig
 from auvplan.path.cost import (
     SOFTNESS,
@@ -646,7 +645,6 @@ def _in_own_units(
     metres = [name in ("coast", "obstacle", "seabed") for name in VIOLATIONS]
     excess = jnp.stack(trajectory.excess)[:, :, 0]
     excess = jnp.where(np.asarray(metres)[:, None], excess / factor, excess)
-    clearance, altitude = trajectory.clearance.min(), trajectory.altitude.min()
     return {
         "travel_time": trajectory.travel_time[0] / factor,
         "length": trajectory.length[0] / factor,
@@ -654,8 +652,8 @@ def _in_own_units(
         "times": trajectory.times[:, 0] / factor,
         "control_points": jnp.concatenate([leg.start[None], inner, leg.goal[None]]),
         "violations": excess.mean(axis=1),
-        "clearance": jnp.where(clearance < FAR, clearance / factor, FAR),
-        "altitude": jnp.where(altitude < FAR, altitude / factor, FAR),
+        "clearance": trajectory.clearance.min() / factor,
+        "altitude": trajectory.altitude.min() / factor,
         "cost": state.cost[0] / factor,
         "population": state.population / factor,
         "excess": excess,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from auvplan.export.sheet import sheet_of, waypoint_name
 from auvplan.records import LegRecord, MissionRun, PlanRecord
 from auvplan.report.area import current_data, frame, map_data
-from auvplan.report.obstacles import FAR, obstacle_data, sensing_data, to_obstacles
+from auvplan.report.obstacles import obstacle_data, sensing_data, to_obstacles
 from auvplan.report.packing import packed
 from auvplan.report.provenance import changed_settings
 from auvplan.report.tasks import task_data
@@ -122,7 +122,7 @@ class _Way:
         coast = bed = None
         if run.chart is not None and len(times):
             coast = np.asarray(run.chart.distance(places[:, 0], places[:, 1]), float)
-            coast = coast if coast.min() < FAR else None
+            coast = coast if np.isfinite(coast).any() else None
         if run.seabed is not None and len(times):
             bed = run.seabed.altitude(places)
         ends = np.cumsum([0, *(len(leg.times) for leg in run.legs)])
@@ -132,7 +132,7 @@ class _Way:
         """Return the least distance of a leg; None of what is nowhere near."""
         values = getattr(self, name)
         least = np.inf if values is None else float(values[part].min(initial=np.inf))
-        return least if least < FAR else None
+        return least if np.isfinite(least) else None
 
     @property
     def stride(self) -> int:
@@ -154,7 +154,7 @@ def _track(way: _Way) -> dict[str, Any]:
     for name in ("coast", "bed", "obstacle"):
         values = getattr(way, name)
         if values is not None and len(rows) and np.isfinite(values).any():
-            found[name] = np.round(np.where(values < FAR, values, np.nan)[rows], 1)
+            found[name] = np.round(np.where(np.isfinite(values), values, np.nan)[rows], 1)
     return {name: packed(values) for name, values in found.items()}
 
 

@@ -111,8 +111,12 @@ def test_slopes_are_finite_at_cliffs_and_beyond_the_raster():
     x, y = ORIGIN[0] + np.array([0.0, 5.0, 10.0, 1e6]), ORIGIN[1] + np.array([0.0, 5.0, 10.0, -1e6])
     for axis in jax.vmap(jax.grad(bed.shallowest_at, argnums=(0, 1)), (0, 0))(x, y):
         assert np.isfinite(axis).all()
-    with pytest.raises(NotImplementedError, match="sea bed"):
-        jax.grad(lambda bed: bed.depth_at(5.0, 5.0))(bed)
+
+
+def test_slopes_by_pixels_are_their_shares():
+    bed = Seabed.from_depth([[10.0, 20.0], [30.0, 40.0]], 10.0)
+    slopes = jax.grad(lambda bed: bed.depth_at(5.0, 5.0))(bed)
+    assert slopes.depth.sum() == pytest.approx(1.0)
 
 
 def test_made_in_double_precision_it_serves_in_single():

@@ -64,11 +64,11 @@ def naive_flight(habitat, env, vehicle, depart, config):
         if last is not None:
             angle = abs((yaw - last[0] + np.pi) % (2 * np.pi) - np.pi)
             turn = angle / (0.5 * (lasts + last[1]))
-        coast = 1e6
+        coast = np.inf
         if env.chart is not None:
             ends = [float(distance(p[0], p[1])) - 0.2 * float(env.chart.pixel_size) for p in (a, b)]
             coast = naive_between(*ends, np.linalg.norm(step[:2]))
-        clear = 1e6
+        clear = np.inf
         o = env.obstacles
         for m in range(len(o)):
             velocity, since = np.asarray(o.velocity[m]), t - float(o.observed_at[m])

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import auvplan as ap
+from auvplan.bbo import BBOConfig
 from auvplan.ocean.currents import is_quasi_steady
 from auvplan.path.cost import Track, evaluate
 from auvplan.path.kinematics import PacedCurrent
@@ -141,3 +142,138 @@ def test_plans_of_a_batch_know_their_own_world():
             assert slopes.speed == pytest.approx(-3000.0 / (2.5 + stream) ** 2, rel=1e-3)
             assert slopes.current == pytest.approx(-stream * 3000.0 / (2.5 + stream) ** 2, rel=1e-3)
         assert np.sign(slopes.current) == -np.sign(stream)
+
+
+@pytest.mark.usefixtures("x64")
+def test_travel_times_are_traced_and_differentiated():
+    env, vehicle = ap.Environment(world().current), ap.Vehicle(2.0)
+    paths = jnp.stack([jnp.asarray(PATH), jnp.asarray(PATH + np.array([0.0, 30.0, 0.0]))])
+    of_one = jax.jit(ap.travel_time)
+    both = jax.jit(jax.vmap(ap.travel_time, in_axes=(0, None)))(paths, env)
+    np.testing.assert_allclose(both, [of_one(path, env) for path in paths], rtol=1e-12)
+    assert of_one(paths[0], env, vehicle, 50.0) == pytest.approx(
+        travel_time(50.0, 2.0, 1.0, env.current), rel=1e-6
+    )
+    at = paths[0], env.current, vehicle, jnp.asarray(50.0)
+
+    def time(points, current, vehicle, depart):
+        return ap.travel_time(points, replace(env, current=current), vehicle, depart)
+
+    slopes = jax.jit(jax.grad(time, argnums=(0, 1, 2, 3)))(*at)
+    rng = np.random.default_rng(0)
+    for k, given in enumerate(at):
+        aside = jax.tree.map(lambda leaf: jnp.asarray(rng.normal(size=np.shape(leaf)) * np.abs(leaf)), given)
+        ends = [
+            time(*at[:k], jax.tree.map(lambda a, b, step=step: a + step * b, given, aside), *at[k + 1 :])
+            for step in (1e-6, -1e-6)
+        ]
+        along = sum(jnp.vdot(a, b) for a, b in zip(*map(jax.tree.leaves, (slopes[k], aside)), strict=True))
+        assert float(along) == pytest.approx(float(ends[0] - ends[1]) / 2e-6, rel=1e-4, abs=1e-6)
+
+
+def test_travel_time_of_points_that_are_none():
+    for points in (np.zeros((1, 3)), np.zeros((4, 2)), np.zeros(3)):
+        with pytest.raises(ValueError, match=r"points must be \[S, 3\] m"):
+            ap.travel_time(points, ap.Environment(None))
+
+
+#: Converges to far less than what plans differ by when a leaf is changed by some per cent.
+FINE = ap.PathConfig(
+    bbo=BBOConfig(population=16, iterations=2), control_points=16, samples=129, passages=4, field_cells=56,
+    finer=1, refine_steps=300, refine_count=1,
+)  # fmt: skip
+
+
+def rounding(start, goal, current, position, radius, speed):
+    """Plan past an obstacle, through vortices."""
+    sphere = replace(ap.Obstacles.static(np.zeros((1, 3)), np.ones(1)), position=position, radius=radius)
+    env = ap.Environment(current, None, sphere, (-500.0, -2000.0, 20.0), (3500.0, 2000.0, 20.0))
+    return ap.plan_path(start, goal, env, ap.Vehicle(speed), key=jax.random.key(0), config=FINE)
+
+
+def test_slopes_of_a_least_time_by_every_leaf():
+    light = CONFIG.replace(bbo=CONFIG.bbo.replace(population=10, iterations=2), refine_steps=0, passages=0)
+    env = ap.Environment(tide, lower=(-500.0, -500.0, 0.0), upper=(3500.0, 500.0, 0.0))
+
+    def time(start, goal, env, vehicle, depart):
+        return ap.plan_path(
+            start, goal, env, vehicle, key=jax.random.key(0), config=light, depart=depart
+        ).travel_time
+
+    given = (0.0, 0.0, 0.0), (3000.0, 0.0, 0.0), env, ap.Vehicle(), 500.0
+    least, slopes = jax.value_and_grad(time, argnums=tuple(range(5)), allow_int=True)(*given)
+    plan = ap.plan_path(*given[:4], key=jax.random.key(0), config=light, depart=500.0)
+    assert least == plan.travel_time
+    assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(slopes) if leaf.dtype != jax.dtypes.float0)
+    known = plan.sensitivity()
+    assert (slopes[3].speed, slopes[4]) == pytest.approx((known.speed, known.departure), rel=1e-3)
+    assert slopes[0][0] < 0.0 < slopes[1][0]
+
+
+@pytest.mark.slow
+def test_least_times_have_the_slopes_of_plans_made_anew():
+    ends = jnp.array([0.0, 0.0, 20.0]), jnp.array([3000.0, 0.0, 20.0])
+    current = ap.random_vortices(jax.random.key(3), (0, -1500, 0), (3000, 1500, 40), count=2)
+    given = (*ends, current, jnp.array([[1500.0, 60.0, 20.0]]), jnp.array([300.0]), jnp.asarray(2.5))
+
+    def time(*given):
+        return rounding(*given).travel_time
+
+    least, slopes = jax.value_and_grad(time, argnums=tuple(range(6)))(*given)
+    assert least == time(*given)
+    aside = jnp.zeros((1, 3)).at[0, 1].set(40.0)
+    for k, step in (
+        (0, jnp.array([60.0, 0.0, 0.0])),
+        (1, jnp.array([60.0, 0.0, 0.0])),
+        (3, aside),
+        (4, 40.0),
+        (5, 0.1),
+    ):
+        changed = [time(*given[:k], given[k] + sign * step, *given[k + 1 :]) for sign in (1.0, -1.0)]
+        assert float(jnp.vdot(slopes[k], step + 0.0 * given[k])) == pytest.approx(
+            0.5 * (changed[0] - changed[1]), rel=0.02
+        )
+    changed = [
+        time(*given[:2], replace(current, strength=share * current.strength), *given[3:])
+        for share in (1.1, 0.9)
+    ]
+    along = 0.1 * float(jnp.vdot(slopes[2].strength, current.strength))
+    assert along == pytest.approx(0.5 * (changed[0] - changed[1]), rel=0.02)
+    # Forwards too.
+    pushed = jax.jvp(time, given, (*map(jnp.zeros_like, given[:2]), jax.tree.map(jnp.zeros_like, current),
+                                   *map(jnp.zeros_like, given[3:5]), jnp.ones(())))[1]  # fmt: skip
+    assert float(pushed) == pytest.approx(float(slopes[5]), rel=1e-5)
+
+
+def test_what_cannot_be_traced_says_what_can():
+    given = (
+        jnp.zeros(3),
+        jnp.array([3000.0, 0.0, 0.0]),
+        ap.Environment(None, lower=(-500.0, -500.0, 0.0), upper=(3500.0, 500.0, 0.0)),
+    )
+    light = CONFIG.replace(bbo=CONFIG.bbo.replace(population=10, iterations=2), refine_steps=0, passages=0)
+
+    def time(speed):
+        return ap.plan_path(*given, ap.Vehicle(speed), key=jax.random.key(0), config=light).travel_time
+
+    def times(speed):
+        ends = (end[None] for end in given[:2])
+        return ap.plan_paths(
+            *ends, given[2], ap.Vehicle(speed), key=jax.random.key(0), config=light
+        ).travel_time
+
+    second = jax.grad(jax.grad(time))
+    batch = lambda speed: jax.vmap(time)(jnp.stack([speed, speed])).sum()  # noqa: E731
+    for traced in (jax.jit(time), jax.jit(jax.grad(time)), batch, second, jax.grad(times)):
+        with pytest.raises(
+            TypeError, match=r"^plan_paths? cannot be traced here: .*ap\.plan_paths, .*ap\.travel_time "
+        ):
+            traced(jnp.asarray(2.5))
+    slow = ap.Vehicle(2.5, sway_max=1e-3)
+    across = replace(given[2], current=ap.UniformCurrent(0.0, 1.0))
+    with pytest.raises(ValueError, match="breaks a limit"):
+        jax.grad(
+            lambda goal: (
+                ap.plan_path(given[0], goal, across, slow, key=jax.random.key(0), config=light).travel_time
+            )
+        )(given[1])

@@ -258,8 +258,8 @@ def open_ocean(paths: Paths, *, crs: Any = None, epoch: Any = None) -> OceanData
     They may follow CF, or be native ROMS, FVCOM, SCHISM or SELFE output, or UGRID; see `read_current`.
 
     Args:
-        paths: one path, a glob pattern, or a list of such; files may be split over time, and hold the
-            components, the grid and the levels apart.
+        paths: one path, a glob pattern, a dataset, or a list of such; files may be split over time, and hold
+            the components, the grid and the levels apart.
         crs: projection of coordinates in metres, as pyproj takes it, where the files do not name it.
         epoch: the moment that the files' times count from, where they do not tell it; a datetime in UTC.
 

@@ -23,7 +23,8 @@ MAX_COORDINATE = 50_000_000
 #: Up to so many values are read in one piece though only some of them are wanted.
 _AT_ONCE = 20_000_000
 
-Paths = str | Path | Sequence[str | Path]
+Source = str | Path | xr.Dataset
+Paths = Source | Sequence[Source]
 #: Which indices of a dimension are wanted.
 Pick = slice | NDArray[np.int64]
 
@@ -135,33 +136,51 @@ def text(attributes: Mapping[str, Any], name: str) -> str:
 
 
 def open_files(paths: Paths, crs: Any = None, epoch: float | None = None) -> tuple[File, ...]:
-    """Open one file, all files of a glob pattern, or a list of either.
+    """Open one file, all files of a glob pattern, a dataset, or a list of these.
 
     Args:
-        paths: of the files.
+        paths: of the files, or datasets.
         crs, epoch: as in `File`.
 
     Raises:
         CurrentError: there is no such file, or one is no readable NetCDF file or Zarr folder.
     """
-    given = [paths] if isinstance(paths, str | Path) else list(paths)
-    names: list[str] = []
-    for path in map(str, given):
-        found = [path] if os.path.exists(path) else sorted(glob(path))
+    given = [paths] if isinstance(paths, str | Path | xr.Dataset) else list(paths)
+    sources: list[str | xr.Dataset] = []
+    names: set[str] = set()
+    for source in given:
+        if isinstance(source, xr.Dataset):
+            sources.append(source)
+            continue
+        found = [str(source)] if os.path.exists(source) else sorted(glob(str(source)))
         if not found:
-            raise CurrentError(f"{path}: no such file")
-        names += [name for name in found if name not in names]
-    if not names:
+            raise CurrentError(f"{source}: no such file")
+        sources += [name for name in found if name not in names]
+        names.update(found)
+    if not sources:
         raise CurrentError("no file of currents is named")
     files: list[File] = []
     try:
-        for name in names:
-            files.append(_open(name, crs, epoch))
+        for source in sources:
+            opened = _held if isinstance(source, xr.Dataset) else _open
+            files.append(opened(source, crs, epoch))
     except CurrentError:
         for file in files:
             file.close()
         raise
     return tuple(files)
+
+
+def _held(dataset: xr.Dataset, crs: Any, epoch: float | None) -> File:
+    """Return a dataset as if it were opened from a file, with its times as numbers and all its attributes."""
+    variables = {}
+    for name, given in dataset.variables.items():
+        dates = given.dtype.kind in "mMO"
+        variable = xr.conventions.encode_cf_variable(given) if dates else given.copy(deep=False)
+        kept = {key: given.encoding[key] for key in ("coordinates", "grid_mapping") if key in given.encoding}
+        variable.attrs = kept | variable.attrs
+        variables[str(name)] = variable.to_base_variable()
+    return File("dataset", variables, dataset.attrs, lambda: None, crs, epoch)
 
 
 def _open(path: str, crs: Any, epoch: float | None) -> File:

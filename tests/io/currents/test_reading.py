@@ -45,6 +45,23 @@ def test_files_split_over_time(tmp_path):
     np.testing.assert_array_equal(whole.field.times, 3600.0 * np.array([1.0, 3.0, 4.0, 6.0]))
 
 
+@pytest.mark.parametrize("make", [regular, roms])
+@pytest.mark.parametrize("decode", [True, False])
+def test_a_dataset_goes_in_where_a_file_does(make, decode, tmp_path):
+    path = tmp_path / "a.nc"
+    make().to_netcdf(path)
+    of_file = read_current(path, SITE, outside="clamp", **BOX)
+    with xr.open_dataset(path, decode_times=decode) as dataset:
+        for given in (dataset, [dataset]):
+            found = read_current(given, SITE, outside="clamp", **BOX)
+            np.testing.assert_array_equal(found.field.u, of_file.field.u)
+            np.testing.assert_array_equal(found.field.times, of_file.field.times)
+            assert found.epoch == of_file.epoch
+    bare = xr.Dataset({"u": ("x", [0.0])})
+    with pytest.raises(CurrentError, match=r"^dataset: [^\n]+$"):
+        read_current(bare, SITE, **BOX)
+
+
 def test_single_time_is_steady(tmp_path):
     path = write(regular(hours=[0.0]), tmp_path / "a.nc")
     found = read_current(path, SITE, **BOX)
