@@ -15,6 +15,7 @@ from auvplan.executive.belief import ObstacleBelief
 from auvplan.executive.clock import Clock
 from auvplan.mission import MissionConfig, MissionGraph, MissionRoute
 from auvplan.mission.survey import LinePart
+from auvplan.mission.travel_times import ONE_PLACE
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.currents import Current
 from auvplan.ocean.environment import Environment
@@ -25,6 +26,7 @@ from auvplan.records import LegRecord, MissionRun
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.scenario import Scenario
 from auvplan.scenario.settings import PlanningRules
+from auvplan.scenario.ways import WaysAround
 from auvplan.simulation.faults import Fault, Faults, Obstacle
 from auvplan.simulation.sea import Sea
 from auvplan.simulation.world import TrueObstacles
@@ -92,6 +94,11 @@ class SimulationContext:
         rules, forecast = self.rules, self.area.forecast
         changes = (forecast is not None and not forecast.steady) or bool(self.area.closures)
         return rules.travel_times == "sea" and rules.departures > 1 and changes
+
+    @cached_property
+    def around(self) -> WaysAround:
+        """Paths round what is in the way between jobs."""
+        return WaysAround(self.scenario, self.area)
 
     @property
     def chart(self) -> Chart | None:
@@ -170,6 +177,11 @@ class Leg:
     def position(self) -> Array:
         """[3] m, where the vehicle is."""
         return self.stretches[-1][1][-1] if self.stretches else self.origin
+
+    @property
+    def stays(self) -> bool:
+        """Whether both waypoints are one place: there is no path, but another task."""
+        return float(np.linalg.norm(self.target - self.origin)) <= ONE_PLACE
 
     @property
     def speed_made(self) -> float:

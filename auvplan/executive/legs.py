@@ -11,6 +11,7 @@ from auvplan.executive.belief import ObstacleBelief
 from auvplan.executive.context import Leg, Mission, SimulationContext
 from auvplan.executive.evasion import escape_track
 from auvplan.executive.path_calls import plan_legs
+from auvplan.mission.travel_times import ONE_PLACE
 from auvplan.motion import Motion
 from auvplan.path.outlook import outlook
 from auvplan.records import LegRecord
@@ -55,8 +56,9 @@ def set_out(context: SimulationContext, mission: Mission, record: LegRecord) -> 
     mission.sea.advance(mission.now)
     origin, target = (np.asarray(mission.graph.positions[k]) for k in (record.start, record.goal))
     truth = TrueObstacles.known(context.known_obstacles(mission.now))
-    if context.simulated:
+    if context.simulated and float(np.linalg.norm(target - origin)) > ONE_PLACE:
         truth = draw_obstacles(context.scenario, origin, target, mission.rng) + truth
+    if context.simulated:
         truth += absent(mission.faults.places)
     record.obstacle_radii, record.obstacle_kinds = truth.radius, truth.kinds
     moves = over_ground(mission.sea.field, *truth.motion, now=mission.now)

@@ -218,7 +218,7 @@ def start_mission(context: SimulationContext, number: int, key: jax.Array, seed:
     """Build a mission's world; nothing is planned yet."""
     scenario = context.scenario
     graph_key, field_key, sea_key, planner_key, chance_key = prng.parts(key, 5)
-    graph, names = make_graph(scenario, context.area, _generator(graph_key))
+    graph, names = make_graph(scenario, context.area, _generator(graph_key), context.around)
     run = MissionRun(
         scenario.model_dump(mode="json"),
         seed,
@@ -263,7 +263,9 @@ def step(context: SimulationContext, missions: list[Mission]) -> None:
     plan_routes(context, [mission for mission in waiting if mission.cause])
     _begin(context, [mission for mission in waiting if not mission.ended])
     under_way = [mission for mission in missions if mission.leg is not None]
-    (advance if context.simulated else go_as_planned)(context, under_way)
+    executed = [context.simulated and not mission.active_leg.stays for mission in under_way]
+    go_as_planned(context, [mission for mission, so in zip(under_way, executed, strict=True) if not so])
+    advance(context, [mission for mission, so in zip(under_way, executed, strict=True) if so])
     for mission in under_way:
         if not mission.active_leg.under_way:
             _judge(context, mission)

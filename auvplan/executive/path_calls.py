@@ -6,14 +6,20 @@ from functools import partial
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from auvplan import prng
+from auvplan.bbo import History
 from auvplan.executive.belief import as_obstacles
 from auvplan.executive.context import Mission, SimulationContext
 from auvplan.executive.lines import follow, rows_of
+from auvplan.mission.travel_times import TURN_TO
+from auvplan.ocean.currents import evaluated
 from auvplan.ocean.environment import Environment
 from auvplan.path import PathPlan, PathPlans, plan_paths, replan_paths
+from auvplan.path.cost import VIOLATIONS
+from auvplan.path.sensitivity import Conditions
 from auvplan.records import PlanRecord
 from auvplan.simulation.sea import stacked
 
@@ -34,6 +40,13 @@ def plan_legs(
         cold: search afresh; otherwise from the kept population.
         growing: whether the boundaries of obstacles grow until they are seen again.
     """
+    for mission in missions:
+        if mission.active_leg.stays:
+            _follow(mission, _staying(context, mission), "leg", 0.0)
+    going = [k for k, mission in enumerate(missions) if not mission.active_leg.stays]
+    missions, causes = [missions[k] for k in going], [causes[k] for k in going]
+    if not missions:
+        return
     keys = prng.stacked([mission.path_key() for mission in missions])
     env = believed(context, missions)
     if not growing:
@@ -41,6 +54,31 @@ def plan_legs(
     plans, seconds = context.clock.time(partial(_call, context, missions, env, keys, cold))
     for mission, plan, cause in zip(missions, plans, causes, strict=True):
         _follow(mission, plan, cause, seconds / len(missions))
+
+
+def _staying(context: SimulationContext, mission: Mission) -> PathPlan:
+    """Return the plan of a leg between two waypoints in one place: station is kept there for a moment."""
+    leg, config, forecast = mission.active_leg, context.path_config, mission.sea.forecast()
+    share = np.linspace(0.0, 1.0, config.samples)
+    positions = leg.origin + share[:, None] * (leg.target - leg.origin)
+    times, middle = mission.now + TURN_TO * share, 0.5 * (positions[1:] + positions[:-1])
+    none, limits = jnp.zeros(0), len(VIOLATIONS)
+    return PathPlan(
+        travel_time=TURN_TO,
+        length=float(np.linalg.norm(leg.target - leg.origin)),
+        positions=positions,
+        times=times,
+        control_points=positions[[0, -1]],
+        violations=np.zeros(limits),
+        clearance=np.inf,
+        altitude=np.inf,
+        cost=TURN_TO,
+        population=jnp.zeros((0, 3 * config.control_points)),
+        history=History(*[none] * len(History.__dataclass_fields__)),
+        excess=np.zeros((limits, config.samples - 1)),
+        water=np.stack(evaluated(forecast, *middle.T, t=times[:-1]), axis=1),
+        conditions=Conditions(context.environment(forecast), context.vehicle, config),
+    )
 
 
 def believed(context: SimulationContext, missions: list[Mission]) -> Environment:

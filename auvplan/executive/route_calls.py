@@ -47,7 +47,7 @@ def time_edges(context: SimulationContext, missions: list[Mission]) -> None:
                 seconds = _time_departures(context, mission, detour)
             assert mission.departures is not None
             assert mission.travel_time is not None
-            mission.timed = _with_times(mission.graph, mission.departures, mission.travel_time)
+            mission.timed = _with_times(context, mission.graph, mission.departures, mission.travel_time)
         elif planning.travel_times == "learnt":
             mission.timed = _as_learnt(mission, context.speed)
         elif planning.travel_times == "sea":
@@ -58,7 +58,7 @@ def time_edges(context: SimulationContext, missions: list[Mission]) -> None:
             )
             if timed.timetable is not None:
                 closed = np.where(timed.adjacency, mission.timed.travel_time, np.inf)
-                mission.timed = _with_times(mission.timed, np.zeros(1), closed[None])
+                mission.timed = _with_times(context, mission.timed, np.zeros(1), closed[None])
         mission.timed = as_followed(context, mission, mission.timed)
         mission.run.estimate_seconds += seconds
         if seconds and planning.charge_compute:
@@ -89,11 +89,14 @@ def _slower(graph: MissionGraph, pace: float) -> MissionGraph:
     return graph if graph.travel_time is None else replace(graph, travel_time=graph.travel_time / pace)
 
 
-def _with_times(graph: MissionGraph, departures: Array, travel_time: Array) -> MissionGraph:
+def _with_times(
+    context: SimulationContext, graph: MissionGraph, departures: Array, travel_time: Array
+) -> MissionGraph:
     """Return a graph with times by departure, s since the epoch, and the windows that its tasks have."""
     windows = graph.timetable
     if windows is None:
-        return graph.with_timetable(Timetable(departures, travel_time))
+        waiting = context.scenario.mission.wait != "none"
+        return graph.with_timetable(Timetable(departures, travel_time, waiting=waiting))
     return graph.with_timetable(replace(windows, departures=departures, travel_time=travel_time))
 
 
@@ -104,7 +107,12 @@ def _time_departures(context: SimulationContext, mission: Mission, detour: float
     departures = np.linspace(mission.now, mission.run.t_available, context.rules.departures)
     times, seconds = context.clock.time(
         lambda: mission.run.graph.times_at(
-            env, context.vehicle, departures, effort(context.path_config), bends=_BENDS
+            env,
+            context.vehicle,
+            departures,
+            effort(context.path_config),
+            bends=_BENDS,
+            around=context.around.paths if mission.run.names else None,
         )
     )
     edges, along = line_times(context, mission, departures)
@@ -131,8 +139,9 @@ def _timed(context: SimulationContext, mission: Mission) -> tuple[MissionGraph, 
     """Return the timed graph and the wall-clock seconds that took, free of compilation."""
     env = context.environment(mission.sea.forecast())
     config = effort(context.path_config)
+    around = context.around.paths if mission.run.names else None
     return context.clock.time(
-        lambda: mission.graph.with_travel_times(env, context.vehicle, mission.now, config)
+        lambda: mission.graph.with_travel_times(env, context.vehicle, mission.now, config, around=around)
     )
 
 

@@ -4,9 +4,9 @@ import html
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import datetime
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from zoneinfo import ZoneInfo
 
 import numpy as np
@@ -16,7 +16,10 @@ from scipy.sparse.csgraph import shortest_path
 
 from auvplan.export.itinerary import END_BEHAVIOURS
 from auvplan.files import write_atomically
+from auvplan.mission.graph import shortest_way, time_to_go
 from auvplan.mission.jobs import jobs_done, jobs_of
+from auvplan.mission.timetable import Timetable, stages
+from auvplan.mission.travel_times import ONE_PLACE
 from auvplan.records import LegRecord, MissionRun
 from auvplan.scenario.provenance import SourceFile, source_files
 from auvplan.schedule import closures_in_words, spans_in_words, time_in_words
@@ -346,40 +349,90 @@ def _left_out(run: MissionRun) -> list[LeftOut]:
 
 
 def _why(run: MissionRun, nodes: Sequence[int]) -> str:
-    """Return why a job is left out.
-
-    It is the time that the shortest detour to it takes, or that there is no way.
-    """
+    """Return why a job is left out: what the route comes to with it."""
     if run.first_route is None:
         return "no route was found"
-    times, route = np.asarray(run.first_route.edge_times, float), run.route
+    first, route = run.first_route, run.route
+    times = np.asarray(first.edge_times, float)
     if all(node in route for node in nodes):
         return "its waypoints are passed, not the line between them"
-    edges = np.nonzero(np.isfinite(times))
-    ways = shortest_path(csr_array((times[edges], edges), shape=times.shape))
-    there, back = (sum(times[edge] for edge in pairwise(way)) for way in (nodes, nodes[::-1]))
-    first, last = nodes[0], nodes[-1]
-    extra = min(
-        (
-            min(ways[i, first] + there + ways[last, j], ways[i, last] + back + ways[first, j]) - times[i, j]
-            for i, j in pairwise(route)
-        ),
-        default=np.inf,
-    )
-    if not np.isfinite(extra):
+    with_it = _with_job(run, nodes)
+    if with_it is None:
         return "no open way leads there: the current, the coast or the sea bed closes every leg"
-    if len(nodes) > 1 and (words := _windows(run, nodes[1], nodes[0])):
-        return f"its window is {words}: no better route is in it"
-    if why := _out_of_window(run, first, ways):
-        return why
-    left = run.t_residual
-    if extra > left:
-        needed = run.t_available + extra - left
-        return (
-            f"the detour takes about {hours(extra)}, {hours(left)} are left: "
-            f"about {hours(needed)} ({needed:.0f} s) would do"
+    if not np.isfinite(with_it.ends[-1]):
+        if len(nodes) == 1 and (why := _out_of_window(run, nodes[0], shortest_path(_entries(times)))):
+            return why
+        words = _windows(run, nodes[-1], nodes[0] if len(nodes) > 1 else None)
+        return f"its window is {words}: from no place of the route on are it and the other tasks in theirs"
+    end, needs = float(with_it.ends[-1]), with_it.needs
+    more = "with it, the others in their order, the route takes"
+    if needs < first.time_available:
+        lost = run.total_priority - with_it.others
+        if lost > 1e-9:
+            return f"with it, the others in their order, they begin later and lose {lost:g} of their priority"
+        return f"{more} {hours(end)}, which is in time: the search found no better route than this one"
+    # The time that a route is given is less than all of it by the reserve and an allowance.
+    needed = run.t_available + (needs - first.time_available) * run.t_available / first.time_available
+    if end >= run.t_available:
+        return f"{more} {hours(end)}, {hours(run.t_available)} are available: {needed:.0f} s would do"
+    return (
+        f"{more} {hours(end)} of {hours(run.t_available)}, too long for the reserve and the margin that are "
+        f"kept for the way back: {needed:.0f} s would do"
+    )
+
+
+class _WithJob(NamedTuple):
+    """The route with one more job in its best place, the others in their order.
+
+    Attributes:
+        ends: [n] s, when each leg is done.
+        needs: s, the time that it must be given, with the margin that its route was made with.
+        others: priority that the other tasks are worth then.
+    """
+
+    ends: NDArray
+    needs: float
+    others: float
+
+
+def _with_job(run: MissionRun, nodes: Sequence[int]) -> _WithJob | None:
+    """Put a job into the route where that ends soonest, by the clock; None where no open leg leads there."""
+    first, route = run.first_route, run.route
+    assert first is not None
+    times = np.asarray(first.edge_times, float)
+    table, duration = first.timetable, first.duration
+    if table is None or duration is None:
+        table, duration = Timetable(np.zeros(1), times[None]), np.zeros_like(times)
+    back = (1.0 + first.return_margin) * time_to_go(times, first.goal)
+    found: _WithJob | None = None
+    for k, job in product(range(1, len(route)), {tuple(nodes), tuple(nodes[::-1])}):
+        legs = [shortest_way(times, i, j) for i, j in ((route[k - 1], job[0]), (job[-1], route[k]))]
+        if not all(legs):
+            continue
+        whole = [
+            *route[: k - 1],
+            *legs[0],
+            *job[1:-1],
+            *(legs[1] if len(job) > 1 else legs[1][1:]),
+            *route[k + 1 :],
+        ]
+        done = stages(table, duration, whole)
+        if found is not None and not done.ends[-1] < found.ends[-1]:
+            continue
+        others = [leg for leg in pairwise(whole) if leg[1] not in job]
+        worth = sum(
+            float(first.edge_priority[leg]) - table.lost(*leg, float(begins))
+            for leg, begins in zip(pairwise(whole), done.begins, strict=True)
+            if leg in others
         )
-    return f"the detour of about {hours(extra)} leaves too little for reserve and way back"
+        found = _WithJob(done.ends, float(np.max(done.ends + back[whole[1:]])), worth)
+    return found
+
+
+def _entries(times: NDArray) -> csr_array:
+    """[N, N] times with entries for the finite ones alone."""
+    edges = np.nonzero(np.isfinite(times))
+    return csr_array((times[edges], edges), shape=times.shape)
 
 
 def _out_of_window(run: MissionRun, node: int, ways: NDArray) -> str:
@@ -420,7 +473,7 @@ def _warnings(run: MissionRun, stops: Sequence[Stop]) -> list[str]:
         warnings.append(f"the mission does not end as it should: {run.reason}")
     speed = float(np.asarray(run.vehicle.speed))
     for stop in stops[1:]:
-        if stop.slowest < 0.3 * speed:
+        if stop.length > ONE_PLACE and stop.slowest < 0.3 * speed:
             warnings.append(
                 f"on the way to {stop.name} the speed over ground falls to {stop.slowest:.1f} m/s"
             )

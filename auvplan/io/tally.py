@@ -225,23 +225,27 @@ class _JobBook:
         left: tasks still to be done.
         now: what a job whose priority falls is worth at a time, s since the departure; None of others.
         whole: priorities of the jobs, by name.
+        names: of the waypoints, empty where they have none.
+        start: [3] m, where a mission begins: what has no name there is never arrived at.
     """
 
     left: list[_Task]
     now: Callable[[str, float], float | None]
     whole: dict[str, float]
+    names: list[str]
+    start: Array
 
     @classmethod
     def of(cls, jobs: Jobs, dataset: xr.Dataset) -> "_JobBook":
         start = dataset["waypoint_position"].values[int(dataset.attrs["start"])]
+        names = json.loads(str(dataset.attrs.get("waypoint_names", "[]")))
         points = [
             _Task(point.name, (np.asarray(point.position),), point.priority, point.duration)
             for point in jobs.points
-            if not near(np.asarray(point.position), start)  # what lies at the start is never arrived at
         ]
         whole = {job.name: job.priority for job in (*jobs.points, *jobs.lines)}
         parts = [part for line in jobs.lines for part in _parts(line)]
-        return cls([*points, *parts], partial(priority_at, dataset), whole)
+        return cls([*points, *parts], partial(priority_at, dataset), whole, names, start)
 
     def _worth(self, task: _Task, leg: Leg, share: float) -> float:
         """Return the priority of a task at the time when a leg does it, or a share of it along a line."""
@@ -251,8 +255,16 @@ class _JobBook:
         return worth if len(task.ends) == 1 else share * worth
 
     def earn(self, leg: Leg, revisit: bool, share: float) -> Earned:
-        """Return every task that lies where the leg ends, or along it."""
+        """Return every task that lies where the leg ends, or along it.
+
+        Of tasks in one place it is the one that the leg's last waypoint is named after.
+        """
         done = [task for task in self.left if _does(leg, task.ends)]
+        here = [task for task in done if len(task.ends) == 1]
+        own = [task for task in here if leg.goal < len(self.names) and task.job == self.names[leg.goal]]
+        at_start = near(leg.positions[-1], self.start)
+        others = [task for task in here if not any(task is one for one in own)] if own or at_start else []
+        done = [task for task in done if not any(task is other for other in others)]
         if share == 0.0:  # the line was passed, and nothing of it done
             done = [task for task in done if len(task.ends) == 1]
         self.left = [task for task in self.left if not any(task is other for other in done)]

@@ -11,7 +11,7 @@ import scipy
 from numpy.typing import NDArray
 
 from auvplan.mission.timetable import Stages, Timetable, stages
-from auvplan.mission.travel_times import TravelTimeConfig, travel_times
+from auvplan.mission.travel_times import PathsRound, TravelTimeConfig, travel_times
 from auvplan.ocean.environment import Environment
 from auvplan.vehicle import Vehicle
 
@@ -206,12 +206,14 @@ class MissionGraph:
         departures: NDArray[np.floating],
         config: TravelTimeConfig | None = None,
         bends: int = 0,
+        around: PathsRound | None = None,
     ) -> NDArray[np.float64]:
         """Return the travel time of every edge at several departures, without tasks.
 
         Args:
             env, vehicle, config: as for `with_travel_times`, of one graph.
             departures: [M] s since the epoch.
+            around: finds paths round what is in the way, as for `travel_times`.
             bends: departures among these, evenly spread, at which lines are bent to the current too; fewer
                 where edges are very many. The share of time that this saves is taken linear between them.
 
@@ -235,6 +237,7 @@ class MissionGraph:
                 np.repeat(moments, len(i)),
                 effort,
                 detour=detour,
+                around=around,
             )
             return np.where(passable, seconds, np.inf).reshape(count, len(i))
 
@@ -289,6 +292,7 @@ class MissionGraph:
         depart: Any = 0.0,
         config: TravelTimeConfig | None = None,
         world_per_graph: bool = False,
+        around: PathsRound | None = None,
     ) -> Self:
         """A copy whose `travel_time` is estimated for the sea as it is, and without edges that it closes.
 
@@ -303,6 +307,7 @@ class MissionGraph:
             depart: s since the epoch, when every edge is taken to be entered, one or [B].
             config: effort; defaults to `TravelTimeConfig()`.
             world_per_graph: whether the current differs by graph; needs stacked graphs [B, N, ...].
+            around: finds paths round what is in the way, as for `travel_times`.
 
         Raises:
             ValueError: `world_per_graph` is asked for a single graph, or more than one axis is stacked.
@@ -326,6 +331,7 @@ class MissionGraph:
             np.broadcast_to(np.asarray(depart, float), len(stacked))[graph],
             config or TravelTimeConfig(),
             graph if world_per_graph else None,
+            around=around,
         )
         place = edges if positions.ndim == 3 else (i, j)
         travel_time[place] = np.where(passable, seconds, np.nan)

@@ -102,6 +102,7 @@ def jobs_graph(
     clear: Callable[[NDArray[np.float64]], Any] | None = None,
     whole: bool = False,
     around: Callable[[NDArray[np.float64], NDArray[np.float64]], Any] | None = None,
+    length: Callable[[NDArray[np.float64], NDArray[np.float64]], float] | None = None,
 ) -> tuple[MissionGraph, list[str]]:
     """Return the operation graph of jobs: node 0 is the start, the last one the goal.
 
@@ -121,7 +122,9 @@ def jobs_graph(
         whole: whether the ends of lines are joined to the rest as if no way led off between them, for
             missions without `ways_off_lines`.
         around: for two places [3] m with no clear line between them, waypoints [K, 3] m of a way around, with
-            clear lines between them, or None. They join the graph where it would fall apart.
+            clear lines between them, or None. They join the graph where clear lines alone leave it in parts.
+        length: of the path between two places [3] m with no clear line between them, m; infinite where there
+            is none. Such pairs have an edge as well, but for those of waypoints of ways around.
 
     Returns:
         The graph, and the name of each node: "start", "goal", a point's name, a line's with the number of
@@ -146,18 +149,19 @@ def jobs_graph(
     names.append("goal")
     places.append(np.asarray(goal, float))
     positions = np.array([_position(place, name) for place, name in zip(places, names, strict=True)])
-    free = _passable(positions, clear)
+    free, own = _passable(positions, clear), len(positions) - 1
     if around is not None and len(via := _ways_around(positions, free, clear, around)):
         positions = np.concatenate([positions[:-1], via, positions[-1:]])
         names[-1:] = [*(f"(via {k})" for k in range(1, len(via) + 1)), "goal"]
         free = _passable(positions, clear)
     line_edges = [(i, j) for i, j, _, _ in parts]
-    adjacency = _joined(positions, free, neighbours, line_edges, names)
+    distance = _distances(positions, free, np.r_[:own, len(positions) - 1], length)
+    adjacency = _joined(distance, neighbours, line_edges, names)
     if whole:
-        outward = free & ~_off_lines(names)
+        outward = np.where(_off_lines(names), np.inf, distance)
         for job in jobs_of(names):
-            outward[np.ix_(job.nodes, job.nodes)] = False
-        adjacency |= _joined(positions, outward, neighbours, line_edges, names)
+            outward[np.ix_(job.nodes, job.nodes)] = np.inf
+        adjacency |= _joined(outward, neighbours, line_edges, names)
     tasks = [(k, point.priority, point.duration) for k, point in enumerate(points, 1)]
     edges = [(int(i), int(j)) for i, j in np.argwhere(np.triu(adjacency, 1))]
     return task_graph(positions, edges, parts, tasks), names
@@ -333,21 +337,41 @@ def _ways_around(
         free = _passable(places, clear)
 
 
+def _distances(
+    positions: NDArray, free: NDArray[np.bool_], own: NDArray[np.int_], length: Callable | None
+) -> NDArray[np.float64]:
+    """[N, N] m along clear lines `free`, or along paths between the waypoints `own`; infinite without either.
+
+    Of many waypoints, paths are looked for to so many of the nearest as are joined by default.
+    """
+    straight = scipy.spatial.distance.cdist(positions, positions)
+    distance = np.where(free, straight, np.inf)
+    np.fill_diagonal(distance, np.inf)
+    if length is None or free.all():
+        return distance
+    blocked = np.where(free, np.inf, straight)[np.ix_(own, own)]
+    np.fill_diagonal(blocked, np.inf)
+    most = len(own) if len(own) <= COMPLETE else NEIGHBOURS
+    for row, nearest in enumerate(np.argsort(blocked, axis=1, kind="stable")[:, :most]):
+        for column in nearest[np.isfinite(blocked[row, nearest])]:
+            i, j = sorted((int(own[row]), int(own[column])))
+            if not np.isfinite(distance[i, j]):
+                distance[i, j] = distance[j, i] = length(positions[i], positions[j])
+    return distance
+
+
 def _joined(
-    positions: NDArray,
-    free: NDArray[np.bool_],
+    distance: NDArray[np.float64],
     neighbours: int | None,
     kept: list[tuple[int, int]],
     names: list[str],
 ) -> NDArray[np.bool_]:
     """[N, N]: each waypoint joined to its nearest ones, all connected, besides the edges that are kept."""
-    size = len(positions)
+    size = len(distance)
     if neighbours is None:
         neighbours = size if size <= COMPLETE else NEIGHBOURS
     if neighbours < 1:
         raise ValueError(f"neighbours must be positive, got {neighbours}")
-    distance = np.where(free, scipy.spatial.distance.cdist(positions, positions), np.inf)
-    np.fill_diagonal(distance, np.inf)
     adjacency = np.zeros((size, size), bool)
     nearest = np.argsort(distance, axis=1, kind="stable")[:, : min(neighbours, size - 1)]
     adjacency[np.arange(size)[:, None], nearest] = True

@@ -1,10 +1,12 @@
 """Travel times of a graph's edges in the sea as it is now: every line scored at once, the blocked ones bent.
 
 The search for a path would cost tens of milliseconds an edge. Between waypoints with open water between them
-the straight line, with the current along and across it, is as good within a fraction of a per cent; only
-where it breaks a limit is a fan of detours scored and polished.
+the straight line, with the current along and across it, is as good within a fraction of a per cent; where it
+is blocked the shortest path round is. Only where neither is known, or the current closes both, is a fan of
+detours scored and polished.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, Self
@@ -22,13 +24,22 @@ from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.ocean.vortices import padded
 from auvplan.path import PathConfig, habitats
-from auvplan.path.cost import curves, evaluate, score, violations
+from auvplan.path.cost import VIOLATIONS, Track, curves, evaluate, score, violations
 from auvplan.rows import padded_batches
 from auvplan.vehicle import Vehicle
 
-#: Edges that one call takes, of straight lines and of fans: larger calls gain little, and one program each
-#: serves every graph.
+#: Edges that one call takes, of straight lines and paths round, and of fans: larger calls gain little, and
+#: one program each serves every graph.
 _LINES, _FANS = 64, 16
+
+#: Takes two places [3] m; returns polylines [K, 3] m from the one to the other, clear of the coast, each with
+#: whether it keeps clear of all areas as well that are closed at some hours.
+PathsRound = Callable[
+    [NDArray[np.floating], NDArray[np.floating]], Sequence[tuple[NDArray[np.floating], bool]]
+]
+
+#: Waypoints no farther apart, m, are one place; from the one's task to the other's takes so many seconds.
+ONE_PLACE, TURN_TO = 0.5, 1.0
 
 #: Best detours of a fan that are polished, and the first step of the polish as a share of the bounds.
 _POLISHED = 4
@@ -79,6 +90,7 @@ def travel_times(
     config: TravelTimeConfig,
     world: NDArray[np.int_] | None = None,
     detour: bool = True,
+    around: PathsRound | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Travel times of E edges in a few compiled calls.
 
@@ -91,6 +103,7 @@ def travel_times(
         config: effort.
         world: [E] index into the leading axis of the current's leaves; None for one current for all.
         detour: whether detours are tried where the line breaks a limit; else such an edge is not passable.
+        around: finds paths round what is in the way, which come before detours.
 
     Returns:
         ``(seconds [E], passable [E])``; an edge is not passable where no path tried keeps every limit, or
@@ -126,6 +139,31 @@ def travel_times(
         return seconds, passable
 
     seconds, passable = estimated(np.arange(len(starts)), _LINES, 0, config.steps)
+    here = np.linalg.norm(goals - starts, axis=1) <= ONE_PLACE
+    seconds[here], passable[here] = TURN_TO, True
+    if detour and around is not None and (blocked := np.flatnonzero(~passable & inside)).size:
+        ways = [around(starts[edge], goals[edge]) for edge in blocked]
+        edges = np.repeat(blocked, [len(found) for found in ways])
+        tracks = [_sampled(way, config.path.samples) for found in ways for way, _ in found]
+        clear = np.array([always for found in ways for _, always in found], bool)
+        for part, real in padded_batches(len(edges), (_LINES,)) if len(edges) else ():
+            chosen = edges[part]
+            current = shared
+            if world is not None:
+                current = tree.unflatten([jnp.asarray(leaf[world[chosen]]) for leaf in hosted])
+            out = _follow(
+                np.stack([tracks[k] for k in part]).astype(np.float32),
+                clear[part],
+                np.asarray(depart[chosen], np.float32),
+                currents=current,
+                sea=sea,
+                vehicle=vehicle,
+                config=config,
+                world_per_edge=world is not None,
+            )
+            for edge, lasts, good in zip(chosen[:real], *(np.asarray(a) for a in out), strict=False):
+                if good and (not passable[edge] or lasts < seconds[edge]):
+                    seconds[edge], passable[edge] = lasts, True
     if detour and (blocked := np.flatnonzero(~passable & inside)).size:
         seconds[blocked], passable[blocked] = estimated(blocked, _FANS, config.detours, config.detour_steps)
     return seconds, passable & inside
@@ -139,6 +177,45 @@ def _inside(points: np.ndarray, env: Environment) -> NDArray[np.bool_]:
     if env.seabed is not None:
         inside &= env.seabed.altitude(points) >= float(env.seabed.clearance)
     return np.asarray(inside)
+
+
+def _sampled(way: NDArray[np.floating], count: int) -> NDArray[np.floating]:
+    """Return [S, 3] m, places evenly along a polyline [K, 3] m."""
+    marks = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])
+    along = np.linspace(0.0, marks[-1], count)
+    return np.stack([np.interp(along, marks, axis) for axis in way.T], axis=1)
+
+
+@partial(compiled, static_argnames=("config", "world_per_edge"))
+def _follow(
+    tracks: Any,
+    clear: Any,
+    departs: Any,
+    currents: Current,
+    sea: Environment,
+    vehicle: Vehicle,
+    config: TravelTimeConfig,
+    world_per_edge: bool,
+) -> tuple[jax.Array, jax.Array]:
+    """Time [E] s of tracks [E, S, 3] m that keep clear of the coast, and whether they keep every limit [E].
+
+    Those that are `clear` [E] keep clear of closed areas as well. Their corners are rounded by a path.
+    """
+
+    def one(
+        track: jax.Array, clear: jax.Array, depart: jax.Array, current: Current
+    ) -> tuple[jax.Array, jax.Array]:
+        env = Environment(current, None, Obstacles.none(), sea.lower, sea.upper, sea.seabed, sea.closures)
+        x, y, z = (axis[:, None] for axis in track.T)
+        if sea.seabed is not None:
+            length = jnp.sqrt(jnp.diff(x, axis=0) ** 2 + jnp.diff(y, axis=0) ** 2).max()
+            z = jnp.minimum(z, habitats.deepest(env, x, y, jnp.broadcast_to(2.0 * length, x.shape)))
+        trajectory = evaluate(Track.through(x, y, z), depart, env, vehicle, config.path)
+        excess = dict(zip(VIOLATIONS, violations(trajectory)[:, 0], strict=True))
+        broken = excess["surge"] + excess["sway"] + excess["current"] + excess["seabed"]
+        return trajectory.travel_time[0], broken + jnp.where(clear, 0.0, excess["coast"]) == 0.0
+
+    return jax.vmap(one, in_axes=(0, 0, 0, 0 if world_per_edge else None))(tracks, clear, departs, currents)
 
 
 @partial(compiled, static_argnames=("config", "detours", "steps", "world_per_edge"))

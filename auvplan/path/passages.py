@@ -57,7 +57,7 @@ _MOST, _SHALLOW = 3.0, 1.5
 _SLIGHT = 0.1
 
 #: The surroundings reach as many distances beyond start and goal, the finer grid at least so many of them.
-_SURROUNDINGS, _BESIDE = 2.0, 0.1
+SURROUNDINGS, _BESIDE = 2.0, 0.1
 
 #: Paths that take longer than the best one by this share do not matter to where the finer grid lies.
 _SLOWER = 0.25
@@ -129,7 +129,7 @@ def trace_passages(
     inner = ends[:, :2].min(axis=0), ends[:, :2].max(axis=0)
     box = env.lower[:2], env.upper[:2]
     around = [
-        corner + sign * _SURROUNDINGS * distance for corner, sign in zip(inner, (-1.0, 1.0), strict=True)
+        corner + sign * SURROUNDINGS * distance for corner, sign in zip(inner, (-1.0, 1.0), strict=True)
     ]
     low, high = _proportioned(jnp.maximum(around[0], box[0]), jnp.minimum(around[1], box[1]))
     cells = config.field_cells

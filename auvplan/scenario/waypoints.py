@@ -18,12 +18,13 @@ _TRIES = 200
 
 
 def make_graph(
-    scenario: Scenario, area: OperatingArea, rng: np.random.Generator
+    scenario: Scenario, area: OperatingArea, rng: np.random.Generator, ways: WaysAround | None = None
 ) -> tuple[MissionGraph, list[str]]:
     """Waypoints in the water, the edges between them whose straight line is clear, and the waypoints' names.
 
     Waypoint 0 is the start, the last one the destination. The names are empty where waypoints are drawn. Two
-    waypoints are one leg, without a task.
+    waypoints are one leg, without a task. Between jobs a path round what is in the way is an edge too, known
+    to `ways` from then on.
 
     Raises:
         ScenarioError: a given start, goal or job lies on land or too deep, or no connected set of waypoints
@@ -40,7 +41,7 @@ def make_graph(
             raise ScenarioError(f"{point} {fault}", field=f"mission.{name}")
     if area.jobs is not None:
         with blaming("mission", "jobs"):
-            return _jobs_graph(scenario, area, area.jobs)
+            return _jobs_graph(scenario, area, area.jobs, ways or WaysAround(scenario, area))
     ends = {0: settings.start, settings.waypoints - 1: settings.goal}
     for _ in range(_TRIES):
         positions = _drawn_waypoints(scenario, area, rng)
@@ -94,7 +95,9 @@ def _drawn_waypoints(scenario: Scenario, area: OperatingArea, rng: np.random.Gen
     return positions
 
 
-def _jobs_graph(scenario: Scenario, area: OperatingArea, jobs: Jobs) -> tuple[MissionGraph, list[str]]:
+def _jobs_graph(
+    scenario: Scenario, area: OperatingArea, jobs: Jobs, ways: WaysAround
+) -> tuple[MissionGraph, list[str]]:
     """Return the graph of the jobs of a file.
 
     Raises:
@@ -117,10 +120,18 @@ def _jobs_graph(scenario: Scenario, area: OperatingArea, jobs: Jobs) -> tuple[Mi
             neighbours=settings.neighbours,
             clear=lambda positions: lines_clear(positions, scenario, area),
             whole=settings.lines == "whole",
-            around=WaysAround(scenario, area),
+            around=ways,
+            length=ways.length,
         )
     except ValueError as error:
         raise ScenarioError(f"{source}: {error}") from None
+    positions, travel_time = np.asarray(graph.positions), np.array(graph.travel_time)
+    blocked = np.asarray(graph.adjacency) & ~lines_clear(positions, scenario, area)
+    for i, j in np.argwhere(np.triu(blocked)):
+        seconds = ways.length(positions[i], positions[j]) / scenario.vehicle.speed
+        if np.isfinite(seconds):  # what of a survey line nothing leads round is not passed
+            travel_time[i, j] = travel_time[j, i] = seconds
+    graph = replace(graph, travel_time=travel_time)
     if hours := task_hours(jobs.points, jobs.lines, graph.size):
         still = graph.leg_times(scenario.vehicle.speed) - graph.duration
         waiting = settings.wait != "none"

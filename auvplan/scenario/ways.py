@@ -1,12 +1,14 @@
-"""Ways around land and shallows between two places that no clear straight line joins."""
+"""Ways around land, shallows and closed areas between two places that no clear straight line joins."""
 
-from functools import cached_property
+from dataclasses import dataclass
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 
+from auvplan.path.passages import SURROUNDINGS
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.scenario import Scenario
 
@@ -18,41 +20,71 @@ _CELLS = (150, 500)
 _SAMPLES = 200
 #: A second near land counts so many times, fading over this share of the area's longer side.
 _SHUN, _FADES = 3.0, 0.01
+#: Rounds that pull a path taut, and shares of each leg between which corners are cut off.
+_ROUNDS = 6
+_CUTS = np.array([0.5**5, 0.5**4, 0.5**3, 0.25, 0.5, 0.75, 1 - 0.5**3, 1 - 0.5**4, 1 - 0.5**5])[None, :, None]
+#: A round that shortens a path by less than this share is the last.
+_SETTLED = 1e-4
 
 
-def room(positions: Array, gap: float | Array, scenario: Scenario, area: OperatingArea) -> Array:
-    """Distance [m] to what a straight line may not come near, at places [..., 2]; positive where it is clear.
+@dataclass(frozen=True, eq=False)
+class Clearance:
+    """What straight lines keep clear of.
 
-    Args:
-        positions: north and east, m.
-        gap: m, around each place within which the sea bed is looked up.
-        scenario: the clearances.
-        area: chart and sea bed.
+    Attributes:
+        scenario: the box and the clearance of the sea bed.
+        area: chart, sea bed and closed areas.
+        margin: m, to the coast.
+        closed: whether areas that are closed at some hours count as coast.
     """
-    x, y = positions[..., 0], positions[..., 1]
-    free = np.full(x.shape, np.inf)
-    if area.chart is not None:
-        free = np.asarray(area.chart.distance(x, y)) - 0.3 * scenario.mission.waypoint_clearance
-    if area.seabed is not None:
-        shallowest = np.asarray(area.seabed.shallowest_at(x, y, gap))
-        deep_enough = shallowest - float(area.seabed.clearance) - scenario.box[0][2]
-        free = np.minimum(free, np.where(deep_enough > 0.0, np.inf, deep_enough))
-    return free
+
+    scenario: Scenario
+    area: OperatingArea
+    margin: float
+    closed: bool = False
+
+    def room(self, positions: Array, gap: float | Array) -> Array:
+        """Distance [m] to what a line may not come near, at places [..., 2]; positive where it is clear.
+
+        Args:
+            positions: north and east, m.
+            gap: m, around each place within which the sea bed is looked up.
+        """
+        x, y = positions[..., 0], positions[..., 1]
+        free = np.full(x.shape, np.inf)
+        charts = [closure.chart for closure in self.area.closures] if self.closed else []
+        for chart in charts if self.area.chart is None else [self.area.chart, *charts]:
+            free = np.minimum(free, np.asarray(chart.distance(x, y)) - self.margin)
+        if (seabed := self.area.seabed) is not None:
+            shallowest = np.asarray(seabed.shallowest_at(x, y, gap))
+            deep_enough = shallowest - float(seabed.clearance) - self.scenario.box[0][2]
+            free = np.minimum(free, np.where(deep_enough > 0.0, np.inf, deep_enough))
+        return free
+
+    def lines(self, starts: Array, ends: Array) -> NDArray[np.bool_]:
+        """Return whether the straight lines between places [..., 3] m keep clear, [...]."""
+        share = np.linspace(0.0, 1.0, _SAMPLES).reshape(-1, *(1,) * max(np.ndim(starts), np.ndim(ends)))
+        line = starts * (1.0 - share) + ends * share
+        gap = np.hypot(*np.moveaxis(line[1] - line[0], -1, 0)[:2])
+        return np.asarray((self.room(line, gap) > 0.0).all(axis=0))
 
 
 def clear_lines(starts: Array, ends: Array, scenario: Scenario, area: OperatingArea) -> NDArray[np.bool_]:
     """Return whether the straight lines between places [..., 3] m keep clear of coast and shallows, [...]."""
-    share = np.linspace(0.0, 1.0, _SAMPLES).reshape(-1, *(1,) * max(np.ndim(starts), np.ndim(ends)))
-    line = starts * (1.0 - share) + ends * share
-    gap = np.hypot(*np.moveaxis(line[1] - line[0], -1, 0)[:2])
-    return np.asarray((room(line, gap, scenario, area) > 0.0).all(axis=0))
+    return Clearance(scenario, area, 0.3 * scenario.mission.waypoint_clearance).lines(starts, ends)
 
 
 class WaysAround:
-    """Finds ways around land and shallows over a grid of the area."""
+    """Finds ways around land, shallows and closed areas over a grid of the area."""
 
     def __init__(self, scenario: Scenario, area: OperatingArea) -> None:
         self._scenario, self._area = scenario, area
+        self._roomy = Clearance(scenario, area, 0.3 * scenario.mission.waypoint_clearance)
+        self._tight = [
+            Clearance(scenario, area, scenario.safety.coast, closed)
+            for closed in ((False, True) if area.closures else (False,))
+        ]
+        self._grid, self._known = cache(_Grid), dict[bytes, list[tuple[Array, bool]]]()
 
     def __call__(self, start: Array, goal: Array) -> Array | None:
         """Return waypoints [K, 3] m that clear straight lines join to each other and to both ends; or None.
@@ -61,21 +93,44 @@ class WaysAround:
             start: [3] m, north, east, depth.
             goal: [3] m.
         """
-        for grid in (self._coarse, self._fine):
-            cells = grid.path(start, goal)
-            if cells is not None and (way := self._pulled(start, goal, cells)) is not None:
+        way = self._path(start, goal, self._roomy)
+        return None if way is None else way[1:-1]
+
+    def paths(self, start: Array, goal: Array) -> list[tuple[Array, bool]]:
+        """Return taut polylines [K, 3] m from the one place to the other that have corners.
+
+        All keep clear of the coast; beside each stands whether it keeps clear of areas as well that are
+        closed at some hours. What leads farther off than the path planner looks is left out.
+        """
+        return [(way, clear) for way, clear in self._taut_ways(start, goal) if len(way) > 2]
+
+    def length(self, start: Array, goal: Array) -> float:
+        """Return the length of the shortest path clear of the coast, m; infinite where there is none.
+
+        Arguments as for `paths`.
+        """
+        return min((_length(way) for way, _ in self._taut_ways(start, goal)), default=np.inf)
+
+    def _taut_ways(self, start: Array, goal: Array) -> list[tuple[Array, bool]]:
+        key, back = (np.stack(ends).tobytes() for ends in ((start, goal), (goal, start)))
+        if back in self._known:
+            return [(way[::-1], clear) for way, clear in self._known[back]]
+        if key not in self._known:
+            ways = [(self._path(start, goal, clearance), clearance) for clearance in self._tight]
+            taut = [(_taut(way, clearance), clearance.closed) for way, clearance in ways if way is not None]
+            always = not self._area.closures
+            self._known[key] = [(way, always or closed) for way, closed in taut if _near(way)]
+        return self._known[key]
+
+    def _path(self, start: Array, goal: Array, clearance: Clearance) -> Array | None:
+        """Return a polyline [K, 3] m between two places, over the coarsest grid that has one."""
+        for size in _CELLS:
+            cells = self._grid(clearance, size).path(start, goal)
+            if cells is not None and (way := self._pulled(start, goal, cells, clearance)) is not None:
                 return way
         return None
 
-    @cached_property
-    def _coarse(self) -> "_Grid":
-        return _Grid(self._scenario, self._area, _CELLS[0])
-
-    @cached_property
-    def _fine(self) -> "_Grid":
-        return _Grid(self._scenario, self._area, _CELLS[1])
-
-    def _pulled(self, start: Array, goal: Array, cells: Array) -> Array | None:
+    def _pulled(self, start: Array, goal: Array, cells: Array, clearance: Clearance) -> Array | None:
         """Return the corners of a path over cells [C, 2] m, each as far along it as a clear line leads."""
         share = np.linspace(0.0, 1.0, len(cells) + 2)[1:-1, None]
         depths = start[2] * (1.0 - share) + goal[2] * share
@@ -84,32 +139,77 @@ class WaysAround:
             deepest = shallowest - float(self._area.seabed.clearance) - 0.5
             depths = np.minimum(depths, np.maximum(deepest, self._scenario.box[0][2])[:, None])
         places = np.concatenate([np.concatenate([cells, depths], axis=1), np.asarray(goal)[None]])
-        way, here, at = [], np.asarray(start), -1
+        way, at = [np.asarray(start)], -1
         while at < len(places) - 1:
             ahead = places[at + 1 :]
-            seen = np.flatnonzero(clear_lines(here[None], ahead, self._scenario, self._area))
+            seen = np.flatnonzero(clearance.lines(way[-1][None], ahead))
             if not seen.size:
                 return None
             at += 1 + int(seen[-1])
-            here = places[at]
-            way.append(here)
-        return np.array(way[:-1]).reshape(-1, 3)
+            way.append(places[at])
+        return np.array(way)
+
+
+def _taut(way: Array, clearance: Clearance) -> Array:
+    """Return a clear polyline [K, 3] m pulled taut: corners are cut off as far as clear lines lead."""
+    for _ in range(_ROUNDS):
+        length = _length(way)
+        between = way[:-1, None] * (1.0 - _CUTS) + way[1:, None] * _CUTS
+        places = np.concatenate([np.concatenate([way[:-1, None], between], axis=1).reshape(-1, 3), way[-1:]])
+        i, j = np.triu_indices(len(places), 1)
+        leg = 1 + _CUTS.shape[1]
+        clear = (j <= (i // leg + 1) * leg) | clearance.lines(places[i], places[j])
+        gaps = np.maximum(np.linalg.norm(places[j] - places[i], axis=1), 1e-9)
+        lines = csr_array((gaps[clear], (i[clear], j[clear])), shape=(len(places),) * 2)
+        before, nodes = dijkstra(lines, indices=0, return_predecessors=True)[1], [len(places) - 1]
+        while nodes[-1]:
+            nodes.append(int(before[nodes[-1]]))
+        way = _corners(places[nodes[::-1]])
+        if _length(way) > (1.0 - _SETTLED) * length:
+            break
+    return way
+
+
+def _corners(way: Array) -> Array:
+    """Return a polyline without the corners that lie on the line between their neighbours."""
+    kept = [0]
+    for corner in range(1, len(way) - 1):
+        before, here, after = way[kept[-1]], way[corner], way[corner + 1]
+        chord = np.linalg.norm(after - before)
+        if np.linalg.norm(here - before) + np.linalg.norm(after - here) > chord + 1e-4:
+            kept.append(corner)
+    return way[[*kept, len(way) - 1]]
+
+
+def _length(way: Array) -> float:
+    return float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
+
+
+def _near(way: Array) -> bool:
+    """Return whether a polyline stays within what the path planner looks at between its ends."""
+    ends = way[[0, -1], :2]
+    beyond = SURROUNDINGS * float(np.linalg.norm(way[-1] - way[0]))
+    low, high = ends.min(axis=0) - beyond, ends.max(axis=0) + beyond
+    return bool(((way[:, :2] >= low) & (way[:, :2] <= high)).all())
 
 
 class _Grid:
     """Cells of the area that a vehicle may pass, and moves between neighbours."""
 
-    def __init__(self, scenario: Scenario, area: OperatingArea, cells: int) -> None:
-        low, high = (np.asarray(corner[:2], float) for corner in scenario.box)
+    def __init__(self, clearance: Clearance, cells: int) -> None:
+        low, high = (np.asarray(corner[:2], float) for corner in clearance.scenario.box)
         self._size = float((high - low).max()) / cells
         north, east = (max(int(np.ceil(side / self._size - 1e-9)), 1) for side in high - low)
         self._shape = north, east
         index = np.indices(self._shape).reshape(2, -1).T
         self._places = np.minimum(low + (index + 0.5) * self._size, high)
-        free = room(self._places, self._size, scenario, area)
+        free = clearance.room(self._places, self._size)
         fades = _FADES * float((high - low).max())
         self._shunned = 1.0 + _SHUN * np.exp(-np.clip(free, 0.0, None) / fades)
         self._open = free > 0.0
+        self._before = cache(
+            lambda first: dijkstra(self._moves, directed=False, indices=first, return_predecessors=True)[1]
+        )
 
     @cached_property
     def _moves(self) -> csr_array:
@@ -136,8 +236,7 @@ class _Grid:
         first, last = (self._nearest_open(np.asarray(place)[:2]) for place in (start, goal))
         if first is None or last is None or self._water[first] != self._water[last]:
             return None
-        _, before = dijkstra(self._moves, directed=False, indices=first, return_predecessors=True)
-        nodes = [last]
+        before, nodes = self._before(first), [last]
         while nodes[-1] != first:
             nodes.append(int(before[nodes[-1]]))
         return self._places[nodes[::-1]]

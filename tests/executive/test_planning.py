@@ -1,6 +1,7 @@
 """Plans without a simulation: exact repetition, known obstacles, departures, what reaches a vehicle."""
 
 import json
+import re
 from dataclasses import replace
 
 import jax
@@ -35,13 +36,14 @@ def past(*obstacles):
     return plan_scenario(channel(), area=area)
 
 
-def jobs_in_the_channel():
-    """A mission with a point, a line and a job that is too far away for the time."""
+def jobs_in_the_channel(available=3000.0):
+    """A mission with a point, a line and a job that takes too long for the time."""
     jobs = Jobs(
         (JobPoint("buoy", (300.0, 40.0, 5.0), 3.0, 60.0), JobPoint("far", (1000.0, 55.0, 5.0), 1.0, 9000.0)),
         (JobLine("line", ((500.0, -40.0, 8.0), (700.0, -40.0, 8.0)), 2.0, 0.0),),
     )
-    return plan_scenario(channel(), area=replace(tidal_area(0.4, 0.0), jobs=jobs, obstacles=(ROCK,)))
+    settings = channel(mission=CHANNEL["mission"] | {"time_available": available})
+    return plan_scenario(settings, area=replace(tidal_area(0.4, 0.0), jobs=jobs, obstacles=(ROCK,)))
 
 
 @pytest.fixture(scope="module")
@@ -156,7 +158,9 @@ def test_the_sheet_names_every_job_and_says_why_one_is_left_out(jobs):
     assert done == {"buoy", "line"}
     (left,) = sheet.left_out
     assert left.name == "far"
-    assert "would do" in left.reason
+    needed = float(re.search(r"(\d+) s would do", left.reason)[1])
+    longer = jobs_in_the_channel(1.01 * needed)
+    assert {stop.task for stop in sheet_of(longer).stops if stop.task} == {"buoy", "line", "far"}
     assert sheet.plain()["stops"][0]["utc"] == "2026-03-01T06:00:00Z"
     headings, rows = sheet.table()
     assert {len(row) for row in rows} == {len(headings)}
@@ -205,3 +209,33 @@ def test_the_checker_takes_known_obstacles_from_their_file(tmp_path, obstacle, d
         faults = check_dataset(run.summary(), to_dataset(run)).faults
         assert any(f"inside {obstacle.name!r}" in fault for fault in faults) == hit
         assert hit or not faults
+
+
+def test_two_jobs_in_one_place_are_one_visit(tmp_path):
+    """Both tasks are done one after the other, with nothing between them but the clock."""
+    jobs = Jobs(
+        (
+            JobPoint("sample", (300.0, 40.0, 5.0), 3.0, 60.0),
+            JobPoint("float", (700.0, -40.0, 8.0), 1.0, 30.0),
+            JobPoint("photo", (300.0, 40.0, 5.0), 2.0, 90.0),
+        )
+    )
+    rows = ["name,north,east,depth,priority,duration"]
+    rows += ["sample,300,40,5,3,60", "float,700,-40,8,1,30", "photo,300,40,5,2,90"]
+    (tmp_path / "jobs.csv").write_text("\n".join(rows))
+    mission = CHANNEL["mission"] | {"jobs": "jobs.csv"}
+    settings = channel(mission=mission, planning={"effort": "plain", "departures": 4})
+    run = plan_scenario(settings, area=replace(tidal_area(0.4, 0.0), jobs=jobs), folder=tmp_path)
+    assert run.success
+    assert run.total_priority == 6.0
+    places = [run.names[leg.goal] for leg in run.done]
+    assert {places[0], places[1]} == {"sample", "photo"}
+    stay = run.done[1]
+    assert stay.t_path == pytest.approx(1.0, abs=1e-6)
+    assert np.linalg.norm(np.diff(stay.positions, axis=0), axis=1).sum() == 0.0
+    assert check_dataset(run.summary(), to_dataset(run)).faults == []
+    sheet = sheet_of(run)
+    assert {stop.task for stop in sheet.stops if stop.task} == {"sample", "float", "photo"}
+    assert not [line for line in sheet.warnings if "speed over ground" in line]
+    holds = {leg.goal_name: leg.hold for leg in itinerary_of(run).legs}
+    assert (holds["sample"], holds["photo"]) == pytest.approx((60.0, 90.0))

@@ -3,8 +3,13 @@
 import numpy as np
 import pytest
 
+import auvplan as ap
 from auvplan.mission.jobs import JobPoint, Jobs, jobs_of
+from auvplan.mission.travel_times import TravelTimeConfig, travel_times
 from auvplan.ocean.chart import Chart
+from auvplan.ocean.closures import Closure
+from auvplan.ocean.currents import UniformCurrent
+from auvplan.ocean.environment import Environment
 from auvplan.scenario import OperatingArea, Scenario
 from auvplan.scenario.waypoints import lines_clear, make_graph
 from auvplan.scenario.ways import WaysAround, clear_lines
@@ -44,15 +49,18 @@ def test_a_job_behind_land_is_joined_by_a_way_around(mouth):
     assert all(name.startswith("(via ") for name in names[2:-1])
     assert [job.name for job in jobs_of(names)] == ["inside"]
     free = lines_clear(np.asarray(graph.positions), scenario, area)
-    assert (free | ~np.asarray(graph.adjacency)).all(), "every edge is a clear straight line"
     assert not free[0, 1]
-    times = graph.leg_times(2.0) - graph.duration
+    assert graph.adjacency[0, 1], "the way round is an edge of its own"
+    among_jobs = ~np.array([name.startswith("(via ") for name in names])
+    assert (free | ~np.asarray(graph.adjacency) | np.outer(among_jobs, among_jobs)).all()
+    speed = scenario.vehicle.speed
+    times = graph.leg_times(speed) - graph.duration
     from_start = np.where(np.asarray(graph.adjacency), times, np.inf)
     for middle in range(graph.size):  # Floyd and Warshall
         from_start = np.minimum(from_start, from_start[:, middle, None] + from_start[None, middle])
     corner = 4000.0 - mouth * SIZE
     shortest = np.hypot(corner - 500.0, 1400.0) + np.hypot(corner - 500.0, 900.0) + 200.0
-    assert shortest / 2.0 < from_start[0, 1] < 1.25 * (shortest + 400.0) / 2.0
+    assert shortest / speed < from_start[0, 1] < 1.02 * shortest / speed
 
 
 def test_water_without_an_outlet_is_still_refused():
@@ -68,3 +76,52 @@ def test_the_waypoints_of_a_way_see_each_other():
     assert clear_lines(places[:-1], places[1:], scenario, area).all()
     assert ((places[:, 2] >= 5.0) & (places[:, 2] <= 15.0)).all()
     assert WaysAround(scenario, bay(0))(*ends) is None
+
+
+def exercise_area(**closed) -> OperatingArea:
+    """An area of 800 m by 1200 m in open water, on the chart or closed at some hours."""
+    water = np.ones((CELLS, CELLS), bool)
+    water[80:120, 70:130] = False
+    chart = Chart.from_mask(water, SIZE)
+    return OperatingArea(closures=(Closure(chart, **closed),)) if closed else OperatingArea(chart=chart)
+
+
+def round_the_corners(margin: float) -> float:
+    """Length of the shortest path from 1400 m to 2600 m east of the north-western corner's outside, m."""
+    corners = [(2000.0, 1000.0), (2400.0 + margin, 1400.0 - margin), (2400.0 + margin, 2600.0 + margin)]
+    return float(np.linalg.norm(np.diff([*corners, (2000.0, 3000.0)], axis=0), axis=1).sum())
+
+
+def test_a_path_round_an_area_in_open_water_is_taut():
+    ends = np.array([[2000.0, 1000.0, 5.0], [2000.0, 3000.0, 5.0]])
+    ways = WaysAround(settings(), exercise_area())
+    ((way, clear),) = ways.paths(*ends)
+    assert clear
+    margin = settings().safety.coast
+    assert round_the_corners(0.0) < ways.length(*ends) < 1.005 * round_the_corners(margin)
+    np.testing.assert_array_equal(way[[0, -1]], ends)
+    share = np.linspace(0.0, 1.0, 400)[:, None, None]
+    fine = (way[:-1] * (1.0 - share) + way[1:] * share).reshape(-1, 3)
+    assert np.asarray(exercise_area().chart.distance(fine[:, 0], fine[:, 1])).min() > margin - 1e-3
+    np.testing.assert_array_equal(ways.paths(*ends[::-1])[0][0], way[::-1])
+
+
+def test_an_edge_is_timed_round_an_area_while_it_is_closed_and_through_it_before():
+    area = exercise_area(begins=np.array([3000.0]), ends=np.array([9000.0]))
+    ends = np.array([[2000.0, 1000.0, 5.0], [2000.0, 3000.0, 5.0]])
+    box = (np.asarray(corner, float) for corner in settings().box)
+    env = Environment(UniformCurrent(0.0, 0.0), None, None, *box, closures=area.closures)
+    vehicle, departs = ap.Vehicle(speed=2.0), np.array([0.0, 4000.0, 9500.0])
+    seconds, passable = travel_times(
+        np.tile(ends[0], (3, 1)),
+        np.tile(ends[1], (3, 1)),
+        env,
+        vehicle,
+        departs,
+        TravelTimeConfig(),
+        around=WaysAround(settings(), area).paths,
+    )
+    assert passable.all()
+    margin = settings().safety.coast
+    assert seconds[[0, 2]] == pytest.approx(1000.0, rel=1e-3)
+    assert seconds[1] == pytest.approx(0.5 * round_the_corners(margin), rel=0.005)

@@ -1,0 +1,351 @@
+"""Plans among closed areas, islands and jobs in one place, against exhaustive search over paths round them.
+
+    python -m benchmarks.detours --cases 30 --first 7000
+
+Each case is a folder of files as an operator writes them: seven jobs and up to two more in the places of
+others, one to four closed areas, up to two islands and a tide off Hobart, Tasmania. The optimum is worked out
+beside the package: shortest paths over the corners of the areas, widened by the clearance (shapely), timed
+along the tide in steps, and every sequence of jobs by dynamic programming over sets.
+"""
+
+import argparse
+import csv
+import json
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import shapely
+import yaml
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+
+import auvplan as ap
+from auvplan.executive.planning import load_area_at, plan_scenario
+from auvplan.export import export, itinerary_of
+from auvplan.export.sheet import sheet_of
+from auvplan.io import save_run
+from auvplan.io.check import check_run
+from auvplan.mission.travel_times import TURN_TO
+from auvplan.ocean.currents import evaluated
+from auvplan.records import MissionRun
+from auvplan.report.run import run_data
+from auvplan.site import Site
+from benchmarks.machine import machine
+
+#: Off Hobart, in Storm Bay.
+SITE = Site(147.55, -43.12)
+HALF, SPEED, COAST = 4000.0, 1.5, 20.0
+#: Degrees, m/s east and north, and Greenwich phases of the tide.
+TIDE = {"M2": (0.12, 0.22, 40.0), "K1": (0.03, 0.06, 100.0)}
+Array = NDArray[np.floating]
+
+
+@dataclass(frozen=True)
+class Case:
+    """A day's work.
+
+    Attributes:
+        jobs: name to (place [2] m north and east, priority, seconds).
+        closed, islands: outlines [n, 2] m north and east, by name.
+        obstacles: [n, 3] north, east and radius, m.
+        start, goal: [2] m.
+        available: s.
+    """
+
+    jobs: dict[str, tuple[Array, int, int]]
+    closed: dict[str, Array]
+    islands: dict[str, Array]
+    obstacles: Array
+    start: Array
+    goal: Array
+    available: int
+
+
+def hobart() -> Case:
+    """Seven jobs about a closed area of 1.6 x 2.2 km in open water, past two known obstacles."""
+    north, east = (-1500, 300, 1900, 900, -300, -1600, -2800), (-1300, -1100, -400, 1000, 1500, 700, 2200)
+    places, worth = zip(north, east, strict=True), [5, 4, 3, 4, 3, 4, 3]
+    jobs = {
+        f"station {k}": (np.array(place, float), rho, 180)
+        for k, (place, rho) in enumerate(zip(places, worth, strict=True), 1)
+    }
+    area = np.array([(-1100, -800), (1100, -800), (1100, 800), (-1100, 800)], float)
+    obstacles = np.array([(1400.0, -700.0, 60.0), (-900.0, 1150.0, 45.0)])
+    ends = np.array([(-3200.0, -600.0), (-3100.0, 200.0)])
+    return Case(jobs, {"exercise area": area}, {}, obstacles, *ends, 11_600)
+
+
+def drawn(seed: int) -> Case:
+    """A random case: one to four closed areas, up to two islands, up to two jobs in the place of another."""
+    rng = np.random.default_rng(seed)
+    blocks: list[Array] = []
+    wanted = int(rng.integers(1, 5)), int(rng.integers(0, 3))
+    while len(blocks) < sum(wanted):
+        middle, size = rng.uniform(-2600.0, 2600.0, 2), rng.uniform(300.0, 1100.0, 2)
+        turn, corners = rng.uniform(0.0, np.pi), int(rng.integers(4, 8))
+        angle = turn + np.linspace(0.0, 2.0 * np.pi, corners, endpoint=False)
+        ring = middle + size * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        if all(shapely.distance(shapely.Polygon(ring), shapely.Polygon(other)) > 300.0 for other in blocks):
+            blocks.append(ring)
+    shapes = shapely.union_all([shapely.Polygon(ring) for ring in blocks])
+    places: list[Array] = []
+    while len(places) < 9:
+        place = rng.uniform(-3500.0, 3500.0, 2)
+        apart = min((float(np.hypot(*(place - other))) for other in places), default=np.inf)
+        if shapely.distance(shapes, shapely.Point(place)) > 150.0 and apart > 500.0:
+            places.append(np.round(place, 1))
+    jobs = {
+        f"job {k}": (place, int(rng.integers(1, 6)), int(rng.integers(1, 6)) * 60)
+        for k, place in enumerate(places[2:], 1)
+    }
+    for k in range(int(rng.integers(1, 3))):
+        place = places[2 + int(rng.integers(7))]
+        jobs[f"again {k + 1}"] = place, int(rng.integers(1, 6)), int(rng.integers(1, 6)) * 60
+    closed = {f"area {k}": ring for k, ring in enumerate(blocks[: wanted[0]], 1)}
+    islands = {f"island {k}": ring for k, ring in enumerate(blocks[wanted[0] :], 1)}
+    available = int(rng.uniform(6000.0, 16_000.0))
+    return Case(jobs, closed, islands, np.zeros((0, 3)), places[0], places[1], available)
+
+
+def written(case: Case, folder: Path) -> Path:
+    """Write a case as a scenario and its files; return the scenario's path."""
+    folder.mkdir(parents=True, exist_ok=True)
+
+    def at(place: Array) -> list[float]:
+        longitude, latitude = SITE.to_geographic(place[0], place[1])
+        return [round(float(longitude), 7), round(float(latitude), 7)]
+
+    def collection(name: str, parts: list[tuple[dict, dict]]) -> str:
+        features = [{"type": "Feature", "properties": stated, "geometry": shape} for stated, shape in parts]
+        (folder / name).write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+        return name
+
+    def areas(name: str, rings: dict[str, Array]) -> str:
+        outlines = {each: [at(place) for place in [*ring, ring[0]]] for each, ring in rings.items()}
+        shapes = {each: {"type": "Polygon", "coordinates": [ring]} for each, ring in outlines.items()}
+        return collection(name, [({"name": each}, shape) for each, shape in shapes.items()])
+
+    collection(
+        "jobs.geojson",
+        [
+            (
+                {"name": name, "priority": rho, "duration": stay, "depth": 10},
+                {"type": "Point", "coordinates": at(place)},
+            )
+            for name, (place, rho, stay) in case.jobs.items()
+        ],
+    )
+    chart: dict = {"source": "none", "pixel_size": 20}
+    if case.islands:
+        chart |= {"source": "polygons", "file": areas("coast.geojson", case.islands)}
+    constituents = {
+        name: {"u": [east, phase], "v": [north, phase]} for name, (east, north, phase) in TIDE.items()
+    }
+    (folder / "tide.yaml").write_text(yaml.safe_dump({"source": "made up", "constituents": constituents}))
+    content = {
+        "name": "detours",
+        "site": {
+            "longitude": SITE.longitude, "latitude": SITE.latitude, "departure": "2026-03-10T21:00:00Z",
+            "timezone": "Australia/Hobart",
+        },
+        "area": {"lower": [-HALF, -HALF, 0], "upper": [HALF, HALF, 30]},
+        "chart": chart | {"no_go": areas("no_go.geojson", case.closed)},
+        "vehicle": {"speed": SPEED, "surge_max": 3.0, "sway_max": 1.4},
+        "current": {"source": "harmonic", "constituents": "tide.yaml"},
+        "safety": {"coast": COAST, "obstacles": 10},
+        "simulation": {"obstacles": {"static": 0, "afloat": 0, "self_motivated": 0}},
+        "mission": {
+            "jobs": "jobs.geojson",
+            "start": [*case.start.tolist(), 5.0], "goal": [*case.goal.tolist(), 5.0],
+            "time_available": case.available,
+        },
+        "planning": {"return_margin": 0.0, "reserve": 0.0},
+    }  # fmt: skip
+    if len(case.obstacles):
+        known = [({"radius": row[2]}, {"type": "Point", "coordinates": at(row)}) for row in case.obstacles]
+        content["obstacles"] = {"file": collection("obstacles.geojson", known)}
+    path = folder / "scenario.yaml"
+    path.write_text(yaml.safe_dump(content, sort_keys=False))
+    return path
+
+
+def _round_polygons(case: Case) -> shapely.Geometry:
+    """What paths keep out of: closed areas and islands, widened by the clearance."""
+    rings = [*case.closed.values(), *case.islands.values()]
+    return shapely.union_all([shapely.buffer(shapely.Polygon(ring), COAST, quad_segs=4) for ring in rings])
+
+
+def shortest_paths(case: Case, places: Array) -> dict[tuple[int, int], Array]:
+    """Shortest polylines [K, 2] m between all pairs of places [N, 2], over corners of what is in the way."""
+    shapes = _round_polygons(case)
+    corners = np.concatenate([shapely.get_coordinates(part)[:-1] for part in shapely.get_parts(shapes)])
+    nodes, inner = np.concatenate([places, corners]), shapely.buffer(shapes, -0.05)
+    shapely.prepare(inner)
+    i, j = np.triu_indices(len(nodes), 1)
+    clear = ~shapely.intersects(inner, shapely.linestrings(np.stack([nodes[i], nodes[j]], axis=1)))
+    length = np.where(clear, np.maximum(np.hypot(*(nodes[j] - nodes[i]).T), 1e-9), 0.0)
+    graph = csr_array((length[clear], (i[clear], j[clear])), shape=(len(nodes),) * 2)
+    count = len(places)
+    _, before = dijkstra(graph, directed=False, indices=np.arange(count), return_predecessors=True)
+    found = {}
+    for start in range(count):
+        for goal in range(count):
+            way = [goal]
+            while way[-1] != start:
+                way.append(int(before[start, way[-1]]))
+            found[start, goal] = nodes[way[::-1]]
+    return found
+
+
+def seconds_along(path: Array, depart: float, stream: Callable[[float], Array]) -> float:
+    """Time along a polyline in a stream that is the same everywhere, by steps of 50 m."""
+    now = depart
+    for begin, end in pairwise(path):
+        way = float(np.hypot(*(end - begin)))
+        for _ in range(steps := int(np.ceil(way / 50.0))):
+            ahead, water = (end - begin) / way, stream(now)
+            along = float(water @ ahead)
+            across = float(np.hypot(*(water - along * ahead)))
+            now += way / steps / (along + np.sqrt(SPEED**2 - across**2))
+    return now - depart
+
+
+def optimum(case: Case, stream: Callable[[float], Array]) -> tuple[float, float]:
+    """Most priority that can be had in time, and the least time in which it can."""
+    stops = list(case.jobs.values())
+    places = np.array([case.start, *(place for place, _, _ in stops), case.goal])
+    count, final = len(stops), len(places) - 1
+    moments = np.arange(0.0, case.available + 1200.0, 600.0)
+    lasts = {
+        pair: np.array([max(seconds_along(path, moment, stream), TURN_TO) for moment in moments])
+        for pair, path in shortest_paths(case, places).items()
+        if pair[0] != pair[1] and pair[0] != final and pair[1] != 0
+    }
+    soonest, best = {(0, 0): 0.0}, (0.0, np.inf)
+    for _ in range(count + 1):
+        onward: dict[tuple[int, int], float] = {}
+        for (done, here), now in soonest.items():
+            home = now + float(np.interp(now, moments, lasts[here, final]))
+            worth = float(sum(stops[k][1] for k in range(count) if done >> k & 1))
+            if home < case.available and (worth > best[0] or (worth == best[0] and home < best[1])):
+                best = worth, home
+            for k in range(count):
+                if not done >> k & 1:
+                    then = now + float(np.interp(now, moments, lasts[here, k + 1])) + stops[k][2]
+                    key = done | 1 << k, k + 1
+                    if then < min(onward.get(key, np.inf), case.available):
+                        onward[key] = then
+        soonest = onward
+    return best
+
+
+def disagreements(run: MissionRun, folder: Path) -> list[str]:
+    """Say where plan, sheet, page and exports of a plan do not have the same figures.
+
+    Args:
+        run: the plan.
+        folder: that `auvplan plan` wrote it to.
+    """
+    summary = json.loads((folder / "summary.json").read_text())
+    sheet = sheet_of(run).plain()
+    page = run_data(run, summary | {"sheet": sheet})
+    stops = [stop for stop in sheet["stops"] if stop["task"]]
+    done = [task for task in page["tasks"] if task["done"]]
+    with (folder / "itinerary.csv").open(newline="") as file:
+        rows = [row for row in csv.DictReader(file) if float(row["task"])]
+    epoch = run.site.epoch if run.site else None
+    exported = [
+        ((datetime.fromisoformat(row["time"]) - epoch).total_seconds(), float(row["task"])) for row in rows
+    ]
+    ends = [(leg.t_wait + float(leg.times[-1]), leg.priority) for leg in run.earning]
+    found = []
+
+    def same(what: str, values: Sequence[float], others: Sequence[float], within: float) -> None:
+        if len(values) != len(others) or not np.allclose(values, others, rtol=0.0, atol=within):
+            found.append(f"{what}: {values} and {others}")
+
+    total = float(sum(leg.priority for leg in run.earning))
+    for name, other in (("summary", summary), ("page", page["figures"])):
+        same(f"priority, {name}", [total], [other["total_priority"]], 1e-9)
+        same(f"tasks, {name}", [len(ends)], [other["tasks"]], 0.0)
+        same(f"time, {name}", [run.t_mission], [other["t_mission"]], 0.01)
+    for name, others in (
+        ("sheet", [(stop["arrival"], stop["priority"]) for stop in stops]),
+        ("page", [(task["at"], task["priority"]) for task in done]),
+        ("export", exported),
+    ):
+        same(f"arrivals, {name}", [end for end, _ in ends], [end for end, _ in others], 1.0)
+        same(f"priorities, {name}", [rho for _, rho in ends], [rho for _, rho in others], 1e-6)
+    names = sorted(run.names[leg.goal] for leg in run.earning)
+    left = sorted(job["name"] for job in sheet["left_out"])
+    if sorted(stop["task"] for stop in stops) != names or sorted(names + left) != sorted(
+        name for name in run.names[1:-1] if not name.startswith("(via")
+    ):
+        found.append(f"jobs: {names} done, {left} left out")
+    return found
+
+
+@dataclass(frozen=True)
+class Row:
+    """How a plan fared.
+
+    Attributes:
+        seed: of the case; None for the one off Hobart.
+        priority, best: of the plan and the most that can be had.
+        time, least: s, of the plan and the least that the optimum needs.
+        faults: what `auvplan check` finds and figures that do not agree.
+    """
+
+    seed: int | None
+    priority: float
+    best: float
+    time: float
+    least: float
+    faults: tuple[str, ...]
+
+
+def planned(case: Case, seed: int | None, folder: Path) -> Row:
+    """Plan a case as `auvplan plan` does and compare."""
+    path = written(case, folder)
+    scenario = ap.load_scenario(str(path))
+    area = load_area_at(scenario, [0.0], folder)
+    run = plan_scenario(scenario, area=area, folder=folder)
+    out = folder / "plan"
+    save_run(run, out, sheet=sheet_of(run).plain())
+    export(itinerary_of(run), out)
+    every = np.arange(0.0, case.available + 2401.0, 300.0)
+    water = np.stack(evaluated(area.forecast, 0.0 * every, 0.0 * every, 10.0 + 0.0 * every, every)[:2])
+    best, least = optimum(case, lambda now: np.array([np.interp(now, every, axis) for axis in water]))
+    faults = (*check_run(out).faults, *disagreements(run, out))
+    return Row(seed, run.total_priority, best, run.t_mission, least, tuple(map(str, faults)))
+
+
+def main() -> None:
+    """Plan the cases and print a row each."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--cases", type=int, default=30)
+    parser.add_argument("--first", type=int, default=7000, help="first seed")
+    parser.add_argument("--out", type=Path, help="folder to keep the cases in")
+    chosen = parser.parse_args()
+    with tempfile.TemporaryDirectory() as scratch:
+        home, rows = chosen.out or Path(scratch), []
+        for seed in (None, *range(chosen.first, chosen.first + chosen.cases)):
+            case = hobart() if seed is None else drawn(seed)
+            rows.append(planned(case, seed, home / f"case-{'hobart' if seed is None else seed}"))
+            print(rows[-1], flush=True)
+    own = rows[1:]
+    equal = sum(row.priority >= row.best for row in own)
+    first, sound = rows[0], sum(not row.faults for row in own)
+    print(f"Hobart: {first.priority:g} of {first.best:g}, {first.time / first.least - 1.0:+.1%} in time")
+    print(f"{equal} of {len(own)} have the priority of the optimum, {sound} are without faults")
+    print(machine()["processor"])
+
+
+if __name__ == "__main__":
+    main()
