@@ -33,7 +33,7 @@ STUDIES: dict[str, dict[str, Any]] = {
     "no windows": {"t_series": 1},
     "paths anew at every window, kept population": {"window_change": 0.0},
     "paths anew at every window, fresh population": {"window_change": 0.0, "replan_from": "fresh"},
-    "paper's preset, both layers": {"preset": "paper"},
+    "paper's planners, ten control points": {"preset": "paper", "control_points": 10, "task_time": "whole"},
 }
 
 
