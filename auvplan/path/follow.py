@@ -213,14 +213,15 @@ def _excess(steps: Steps, env: Environment, vehicle: Vehicle, config: PathConfig
     """[V, N], how far steps break each limit of `VIOLATIONS`; a straight line does not turn."""
     coast, obstacle, altitude, across, ground, made = steps.room
     sway, surge = (float(np.asarray(getattr(vehicle, f"{name}_max"))) for name in ("sway", "surge"))
+    bed = 0.0 if env.seabed is None else float(env.seabed.clearance)
     found = {
         "surge": -ground / surge - 1e-6,
         "sway": -across / sway - 1e-6,
-        "turn_rate": np.zeros_like(coast),
+        "turn_rate": 0.0 * made,
         "coast": (config.coast_margin - coast) / CLEARANCE_SCALE,
         "obstacle": (config.obstacle_margin - obstacle) / CLEARANCE_SCALE,
         "current": -made,
-        "seabed": (float(env.seabed.clearance) - altitude) / ALTITUDE_SCALE if env.seabed else 0.0 * coast,
+        "seabed": (bed - altitude) / ALTITUDE_SCALE,
     }
     return np.maximum(np.stack([found[name] for name in VIOLATIONS]), 0.0)
 
