@@ -13,6 +13,7 @@ from typing import Any
 import h5py
 import numpy as np
 import xarray as xr
+from xarray import conventions
 from numpy.typing import NDArray
 
 from auvplan.files import require_whole
@@ -162,8 +163,10 @@ def open_files(paths: Paths, crs: Any = None, epoch: float | None = None) -> tup
     files: list[File] = []
     try:
         for source in sources:
-            opened = _held if isinstance(source, xr.Dataset) else _open
-            files.append(opened(source, crs, epoch))
+            if isinstance(source, xr.Dataset):
+                files.append(_held(source, crs, epoch))
+            else:
+                files.append(_open(source, crs, epoch))
     except CurrentError:
         for file in files:
             file.close()
@@ -176,7 +179,7 @@ def _held(dataset: xr.Dataset, crs: Any, epoch: float | None) -> File:
     variables = {}
     for name, given in dataset.variables.items():
         dates = given.dtype.kind in "mMO"
-        variable = xr.conventions.encode_cf_variable(given) if dates else given.copy(deep=False)
+        variable = conventions.encode_cf_variable(given) if dates else given.copy(deep=False)
         kept = {key: given.encoding[key] for key in ("coordinates", "grid_mapping") if key in given.encoding}
         variable.attrs = kept | variable.attrs
         variables[str(name)] = variable.to_base_variable()
