@@ -13,8 +13,8 @@ from typing import Any
 import h5py
 import numpy as np
 import xarray as xr
-from xarray import conventions
 from numpy.typing import NDArray
+from xarray import conventions
 
 from auvplan.files import require_whole
 from auvplan.ocean.gridded import CurrentError
