@@ -67,10 +67,14 @@ class Contender:
     plans: int = 1
 
 
+#: The paper's planner, with as many control points as the peers are given.
+_PAPER = ap.PathConfig.paper(control_points=10)
+
+
 def contenders(leg: Problem, screen: Console) -> list[Contender]:
     """The presets and the peers that are installed; a line for each that is not."""
     found = []
-    for name, config in (("paper", ap.PathConfig.paper()), ("default", ap.PathConfig())):
+    for name, config in (("paper", _PAPER), ("default", ap.PathConfig())):
         bbo = config.bbo.replace(population=POPULATION, iterations=ITERATIONS)
         sized = config.replace(bbo=bbo)
         found.append(Contender(name, partial(_plan, leg, sized, 1)))
@@ -100,8 +104,8 @@ def _judged(leg: Problem, habitats: np.ndarray) -> np.ndarray:
 
 def rows(screen: Console, progress: Progress, seeds: int = SEEDS) -> list[Row]:
     """All contenders with all seeds."""
-    # The peers search the space of the paper's preset; the default's splines have more control points.
-    leg = replace(problem(), config=ap.PathConfig(control_points=ap.PathConfig.paper().control_points))
+    # The peers search the space of the paper's planner; the default's splines have more control points.
+    leg = replace(problem(), config=ap.PathConfig(control_points=_PAPER.control_points))
     known = contenders(leg, screen)
     bar = progress.add_task("plans", total=len(known) * (seeds + 1))
     first: dict[str, float] = {}
