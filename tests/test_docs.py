@@ -35,6 +35,7 @@ SLOW = {
     "docs/how-to/jobs.md",
     "docs/how-to/replan.md",
     "docs/how-to/vehicle.md",
+    "docs/paths.md",
 }
 
 
