@@ -38,6 +38,7 @@ def test_the_simulator_is_executed_and_recorded(tmp_path, call, light_search):
     ("options", "words"),
     [
         (["--link", "boat"], "--link boat: must be sim"),
+        (["--link-loss", "surface"], "--link-loss: is for --link mavlink:ADDRESS, where ArduSub is, not sim"),
         (["--link", "mavlink:x"], "a MAVLink address is such as"),
         (["--scale", "0"], "--scale: must be positive"),
         (["--limit", "patience=3"], "with a name of reply"),

@@ -534,3 +534,13 @@ def test_a_hold_on_the_first_leg_keeps_the_route():
     assert found.after.run.routes[0] is before.after.run.routes[0]
     assert (found.legs[0].start, found.legs[0].goal) == (leg.start, leg.goal)
     assert len(found.after.run.routes) <= len(before.after.run.routes) + 1
+
+
+def test_what_the_vehicle_does_alone_is_said():
+    """A vehicle that does not go on without a link is not said to."""
+    alone = "it surfaces 5 s after the last heartbeat"
+    plan, vehicle = made(silent=(100.0, 160.0), left_alone=alone, notes=[f"if the link is lost, {alone}"])
+    record = executed(plan, vehicle)
+    said = {event.kind: event.text for event in reversed(record.events)}
+    assert said["note"] == vehicle.notes[0]
+    assert said["lost"].endswith(f"by its own settings {alone}")
