@@ -264,13 +264,21 @@ class _Executor:
         self._say("connected", f"connected to {self._link.name}")
         for note in notes:
             self._say("note", note)
-        self._check_ready(self._link.wait(0.0), whole.steps[0].position)
+        level = self._check_ready(self._link.wait(0.0), whole.steps[0].position)
+        away = level / whole.itinerary.speed
+        if away > _LATE and self._plan.plan(self._link.allowance, away):
+            plan = self._plan.followed
+            whole = Upload(self._plan.itinerary(plan, 0))
+            self._say("plan", f"the vehicle is {away:.0f} s from the start: planned end {plan.ends:.0f} s")
         self._progress = _Progress(whole)
         self._see(self._link.wait(0.0))
         self._hand_over(_Next(whole, plan, 0, "start"))
 
-    def _check_ready(self, report: Report, start: Array) -> None:
+    def _check_ready(self, report: Report, start: Array) -> float:
         """See that the vehicle is where the mission starts, [3] m, and does nothing else.
+
+        Returns:
+            m that it is from there, depth apart; 0 where its place is not known.
 
         Raises:
             _SafeEnd: it is not so.
@@ -279,10 +287,11 @@ class _Executor:
             raise _SafeEnd("the vehicle executes a plan already: end that first")
         if report.state is State.FAULT:
             self._check_state(report)
-        if report.position is not None:
-            away = float(np.linalg.norm(report.position - start))
-            if away > self._limits.away:
-                raise _SafeEnd(f"the vehicle is {away:,.0f} m from the mission's start")
+        gap = np.zeros(3) if report.position is None else report.position - start
+        away = float(np.linalg.norm(gap))
+        if away > self._limits.away:
+            raise _SafeEnd(f"the vehicle is {away:,.0f} m from the mission's start")
+        return float(np.linalg.norm(gap[:2]))
 
     def _hand_over(self, new: _Next) -> None:
         """Upload and start; what the vehicle has completed of it is not done again.

@@ -265,6 +265,7 @@ class ImcVehicle(ListeningLink):
             self._latch(message)
         elif isinstance(message, imc.VehicleState):
             self._mode, self._words = message.op_mode, message.last_error
+            self._latch_mode(message)
         elif isinstance(message, imc.PlanControl | imc.PlanDB):
             self._answers.put(message)
 
@@ -296,19 +297,26 @@ class ImcVehicle(ListeningLink):
 
         After an abort DUNE is blocked for 0.2 s, then ready as if nothing were (Supervisors/Vehicle,
         Plan/Engine); a plan that was replaced by ours leaves the same outcome, but goes on. A vehicle that
-        started anew has no plan.
+        started anew has no plan, and one that was halted has it without a failure.
         """
         if self._plan is None or self._aborted or state.timestamp < self._since or not state.plan_id:
             return
         states, outcomes = state.StateEnum, state.LastPlanOutcomeEnum
         ours = state.plan_id in self._started
-        left = state.state == states.BLOCKED or (
-            state.state == states.READY and (not ours or state.last_outcome == outcomes.FAILURE)
-        )
-        if left and not self._ended:
-            self._ended = "it was stopped"
-        elif state.state == states.EXECUTING and not ours:
+        ready = state.state in (states.READY, states.BLOCKED)
+        if state.state == states.EXECUTING and not ours:
             self._ended = f"another plan was started, {state.plan_id}"
+        elif ready and (not ours or state.last_outcome == outcomes.FAILURE):
+            self._ended = self._ended or "it was stopped"
+
+    def _latch_mode(self, state: Any) -> None:
+        """Keep that the vehicle was aborted or is driven by hand, whatever its plan control makes of it."""
+        modes = state.OperationModeEnum
+        aborted = "abort" in state.last_error and state.last_error_time >= self._since
+        if self._plan is None or self._aborted or state.timestamp < self._since:
+            return
+        if aborted or state.op_mode in (modes.EXTERNAL, modes.CALIBRATION):
+            self._ended = self._ended or "it is driven from outside"
 
     def _check_goes_on(self) -> None:
         """See that the mission was not ended from outside.

@@ -67,12 +67,14 @@ class Allowance:
         dive: m/s at which it dives to the start of that; infinite where this is within `start`.
         stop: s at the end of every leg, to come to rest and to get under way again.
         by_speed: s more for every m/s of its speed.
+        task: s more at the end of a leg that has a task.
     """
 
     start: float = 0.0
     dive: float = math.inf
     stop: float = 0.0
     by_speed: float = 0.0
+    task: float = 0.0
 
     def begins(self, depth: float) -> float:
         """Return s, when the first leg begins at a depth, m."""
@@ -84,8 +86,8 @@ class Allowance:
 
 
 #: By link, of vehicles as they come: ArduSub stops at every waypoint (jerk of 1 m/s3, arrival within 2 m) and
-#: dives at 1.5 m/s; DUNE counts a place as reached 5 s ahead, and loiters 9.5 s longer (docs/execution.md).
+#: dives at 1.5 m/s; DUNE counts a place as reached 5 s ahead, and loiters 10 s longer (docs/execution.md).
 ALLOWANCES = {
     "mavlink": Allowance(start=3.3, dive=1.5, stop=3.0, by_speed=2.4),
-    "imc": Allowance(start=20.0, stop=4.5),
+    "imc": Allowance(task=7.0),
 }

@@ -132,7 +132,7 @@ class RollingPlan:
         self._context = planning_context(scenario, folder, known, 0.0)
         (self._first,) = leaving(self._context, seed_keys([seed])[0], [0.0], seed)
         self._first.sea = CorrectedSea(self._first.sea.forecast())
-        self.reason, self._stop = "", 0.0
+        self.reason, self._stop, self._task = "", 0.0, 0.0
 
     @property
     def site(self) -> Site:
@@ -154,18 +154,20 @@ class RollingPlan:
         """Legs that are followed, in order."""
         return self.followed.legs
 
-    def plan(self, allowance: Allowance = _NONE) -> bool:
+    def plan(self, allowance: Allowance = _NONE, away: float = 0.0) -> bool:
         """Plan the whole mission and follow the plan; return whether it reaches the destination in time.
 
         Args:
             allowance: what the vehicle takes longer than its paths: until the first leg, and at the end of
                 every leg, in this plan and in those that are made of it.
+            away: s that it takes to the start.
         """
         first = _fork(self._first)
-        self._stop = allowance.ends(float(np.asarray(self.run.vehicle.speed)))
-        first.now = allowance.begins(float(first.graph.positions[first.here][2]))
+        self._stop, self._task = allowance.ends(float(np.asarray(self.run.vehicle.speed))), allowance.task
+        first.now = away + allowance.begins(float(first.graph.positions[first.here][2]))
         graph = first.graph
-        first.graph = replace(graph, duration=graph.duration + self._stop * np.asarray(graph.adjacency))
+        more = self._stop * np.asarray(graph.adjacency) + self._task * (np.asarray(graph.duration) > 0.0)
+        first.graph = replace(graph, duration=graph.duration + more)
         found = self._complete(first, ())
         if found is not None:
             self.followed = found
@@ -299,11 +301,16 @@ class RollingPlan:
     def itinerary(self, prospect: Prospect, count: int) -> Itinerary:
         """Return the itinerary of all after the first `count` legs, numbered as in the whole mission."""
         # What the vehicle takes longer anyway it is not asked to stay.
-        rest = [replace(leg, t_task=max(leg.t_task - self._stop, 0.0)) for leg in prospect.legs[count:]]
+        rest = [replace(leg, t_task=self._own_time(leg)) for leg in prospect.legs[count:]]
         run = replace(prospect.after.run, legs=rest, obstacles=self._context.area.obstacles)
         found = itinerary_of(run, self.site)
         legs = tuple(replace(leg, number=leg.number + count) for leg in found.legs)
         return replace(found, legs=legs)
+
+    def _own_time(self, leg: LegRecord) -> float:
+        """Return s that a leg's task takes itself."""
+        own = leg.t_task - self._stop
+        return max(own - self._task, 0.0) if own > 0.0 else 0.0
 
     def clearance(self, positions: Array, times: Array) -> float:
         """Return m, least distance of timed positions [n, 3] m, [n] s to the known obstacles' spheres."""

@@ -287,7 +287,7 @@ class ImcPeer(_Peer):
         self.ahead = self.settles = 0.0
         self._plan, self._name, self._man, self._points = None, "", "", []
         self._outcome = imcpy.PlanControlState.LastPlanOutcomeEnum.NONE
-        self._rising, self._error, self._words = False, -math.inf, ""
+        self._rising, self._error, self._words, self._worded = False, -math.inf, "", -1.0
         self._thread.start()
         self._listeners = [
             threading.Thread(target=self._listen, args=(end,), daemon=True)
@@ -362,13 +362,18 @@ class ImcPeer(_Peer):
         """Give the plan up, as any console may ask for."""
         with self.lock:
             self._words = f"got abort request from system ccu - 0x{source:04X} @ 0x00"
-            self._error, self._rising = time.monotonic(), True
+            self._error, self._worded, self._rising = time.monotonic(), time.time(), True
             self._end_plan()
 
     def stop(self) -> None:
         """Stop the plan, as any console may ask for."""
         with self.lock:
             self._end_plan()
+
+    def halt(self) -> None:
+        """Forget what it does, as after its processes were halted: the plan is blocked, and did not fail."""
+        with self.lock:
+            self._plan = None
 
     def restart(self) -> None:
         """Start anew, without a plan."""
@@ -480,6 +485,7 @@ class ImcPeer(_Peer):
             control.plan_id = self._name
             control.man_id = "" if self._plan is None else self._man
             control.last_outcome, vehicle.last_error = self._outcome, self._words
+            vehicle.last_error_time = self._worded
             for message in (place, vehicle, control):
                 self._send(message)
 

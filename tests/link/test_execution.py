@@ -78,11 +78,11 @@ def test_a_mission_without_faults_is_uploaded_once_and_done():
 def test_what_the_vehicle_takes_longer_is_in_the_plan_and_not_in_what_it_is_asked():
     """Stops are counted on at the end of every leg, dives before the first; holds stay those of the tasks."""
     plan, _ = made()
-    allowance = Allowance(start=4.0, dive=0.5, stop=10.0, by_speed=2.0)
-    assert plan.plan(allowance)
-    stop = 10.0 + 2.0 * float(plan.run.vehicle.speed)
+    allowance = Allowance(start=4.0, dive=0.5, stop=10.0, by_speed=2.0, task=3.0)
+    assert plan.plan(allowance, 60.0)
+    stop = 10.0 + 2.0 * float(plan.run.vehicle.speed) + 3.0
     depth = float(plan.run.graph.positions[plan.run.start][2])
-    assert float(plan.legs[0].times[0]) == pytest.approx(4.0 + depth / 0.5)
+    assert float(plan.legs[0].times[0]) == pytest.approx(60.0 + 4.0 + depth / 0.5)
     for leg, after in pairwise(plan.legs):
         task = float(plan.run.graph.duration[leg.start, leg.goal])
         assert float(after.times[0] - leg.times[-1]) == pytest.approx(task + stop, abs=1e-2)
@@ -491,6 +491,7 @@ def test_a_vehicle_that_begins_off_the_start_is_not_adrift(away):
     assert record.count("drift") == 0
     places = np.asarray([row[1:] for row in record.track])
     assert np.linalg.norm(places - start, axis=1).min() < 5.0, "it goes to the start first"
+    assert record.count("plan") == 2, "its way there is in the plan before it is started"
     assert len(record.tasks) == len(vehicle.tasks)
 
 

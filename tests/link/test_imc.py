@@ -234,13 +234,18 @@ def test_an_abort_that_comes_with_the_start_of_the_next_plan_is_repeated(upload,
     assert link.wait(0.0).state in (State.STOPPED, State.SURFACING)
 
 
-def test_a_vehicle_that_started_anew_is_idle(upload, join):
+@pytest.mark.parametrize("how", ["halt", "restart"])
+def test_a_vehicle_that_started_anew_is_idle_and_may_still_be_aborted(upload, join, how):
     link, peer, _ = join()
     link.upload(upload)
     link.start()
-    peer.restart()
+    getattr(peer, how)()
     time.sleep(0.2)
     assert link.wait(0.0).state is State.IDLE
+    peer._words, peer._worded = "got abort request from system ccu", time.time()
+    time.sleep(0.2)
+    report = link.wait(0.0)
+    assert (report.state, report.message) == (State.STOPPED, peer._words)
 
 
 def test_an_outcome_of_the_run_before_is_none_of_this_one(upload, join):
