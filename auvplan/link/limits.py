@@ -86,7 +86,7 @@ class Allowance:
 
 
 #: By link, of vehicles as they come (docs/execution.md): ArduSub stops at every waypoint (jerk of 1 m/s3,
-#: arrival within 2 m) and dives at 1.5 m/s; DUNE is 10.4 s longer at a task than it is told, and takes 2 s to
+#: arrival within 2 m) and dives at 1.5 m/s; DUNE is 10.6 s longer at a task than it is told, and takes 2 s to
 #: turn back onto its path.
 ALLOWANCES = {
     "mavlink": Allowance(start=3.3, dive=1.5, stop=3.0, by_speed=2.4),
