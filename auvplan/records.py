@@ -16,7 +16,7 @@ from auvplan.mission.jobs import jobs_done
 from auvplan.mission.survey import Coverage, LinePart
 from auvplan.motion import Motion
 from auvplan.ocean.chart import Chart
-from auvplan.ocean.closures import Closure
+from auvplan.ocean.closures import Closure, Zone
 from auvplan.ocean.currents import Current
 from auvplan.ocean.known import KnownObstacle
 from auvplan.ocean.seabed import Seabed
@@ -209,7 +209,7 @@ class MissionRun(Brief):
         seed: that the world and the planners were made from.
         vehicle: speed and limits.
         graph: waypoints and tasks, as they were at the start.
-        chart: coast, or None.
+        chart: coast and closed areas as one, or None.
         start, goal: waypoint indices.
         t_available: s.
         routes: the first route and every re-plan.
@@ -230,6 +230,8 @@ class MissionRun(Brief):
             executed below is what is planned, in the forecast.
         obstacles: that were known beforehand, where they are at the departure.
         closures: areas that are closed at some hours.
+        coast: the coast alone, also beyond the area; or None.
+        zones: areas that are closed at all times.
         departed: s from the scenario's own departure, to which files of obstacles refer, to this one's.
         assumed: what was assumed in reading the scenario's files, a line each.
         followable: [N, N], the share of each edge's own task that can be done, survey lines being blocked in
@@ -261,10 +263,16 @@ class MissionRun(Brief):
     simulated: bool = True
     obstacles: tuple[KnownObstacle, ...] = ()
     closures: tuple[Closure, ...] = ()
+    coast: Chart | None = None
+    zones: tuple[Zone, ...] = ()
     departed: float = 0.0
     assumed: tuple[str, ...] = ()
     followable: Array | None = None
     saved_bound: float | None = None
+
+    def __post_init__(self) -> None:
+        if not self.zones:  # what is coast on the chart is nothing else
+            self.coast = self.coast or self.chart
 
     def _facts(self) -> dict[str, str]:
         return {
@@ -278,6 +286,19 @@ class MissionRun(Brief):
             "re-plans": f"{sum(leg.path_replans for leg in self.legs):,} of paths, "
             f"{max(len(self.routes) - 1, 0):,} of the mission",
         }
+
+    @cached_property
+    def coast_reach(self) -> float:
+        """How far beyond the chart land is known, m: the greatest distance to the coast that is stated.
+
+        Infinite where the coast is known no farther than the chart: its edge is then the end of the world.
+        """
+        if self.coast is None or self.chart is None:
+            return math.inf
+        sides = [np.asarray(self.chart.lower) - np.asarray(self.coast.lower)]
+        sides += [np.asarray(self.coast.upper) - np.asarray(self.chart.upper)]
+        reach = float(np.min(sides))
+        return reach if reach > 1.0 else math.inf
 
     @property
     def planning(self) -> PlanningRules:

@@ -39,3 +39,24 @@ def hours(seconds: float) -> str:
     """
     sign, minutes = ("-" if seconds < 0.0 else ""), round(abs(seconds) / 60.0)
     return f"{sign}{minutes // 60} h {minutes % 60:02d} min"
+
+
+def clearance(metres: float | None, accuracy: float = 0.0, reach: float = math.inf) -> str:
+    """Return a least distance in whole metres, no finer than what it is to is known; empty for None.
+
+    Args:
+        metres: the distance.
+        accuracy: m, of what it is to; the distance is rounded down to it.
+        reach: m, greatest distance that is looked for.
+
+    Example:
+        >>> clearance(467.9), clearance(467.9, 1000.0), clearance(3725.0, 1000.0), clearance(5e3, reach=5e3)
+        ('468', '< 1,000', '3,000', '> 5,000')
+    """
+    if metres is None:
+        return ""
+    if metres >= reach:
+        return f"> {reach:,.0f}"
+    if 0.0 <= metres < accuracy:
+        return f"< {accuracy:,.0f}"
+    return f"{accuracy * (metres // accuracy) if accuracy > 0.0 else metres:,.0f}"

@@ -235,6 +235,7 @@ def start_mission(context: SimulationContext, number: int, key: jax.Array, seed:
     )
     run.simulated, run.obstacles = context.simulated, context.area.obstacles
     run.assumed, run.closures = context.area.notes, context.area.closures
+    run.coast, run.zones = context.area.coast, context.area.zones
     sea = make_sea(scenario, context.area, field_key, sea_key, context.simulated)
     faults = context.faults_of(number)
     if faults:

@@ -168,6 +168,7 @@ class Itinerary:
         sources: files of the forecast that it was planned in, with run and hash, a line each.
         warnings: what a vehicle may not be able to follow, a line each.
         fence_points: points of fences that the autopilot holds.
+        assumed: what was assumed or warned of in the scenario and its files, a line each.
 
     Raises:
         ExportError: there is no leg, the speed or a task's time is no number, the mission reaches beyond the
@@ -188,6 +189,7 @@ class Itinerary:
     sources: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     fence_points: int = FENCE_POINTS
+    assumed: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.legs:
@@ -232,7 +234,7 @@ class Itinerary:
             f"{kept} of {samples} samples kept as waypoints; "
             f"travel times of legs change by {100.0 * worst:+.2f} % at most; "
             f"at the end: {END_BEHAVIOURS[self.end]}"
-            + "".join(f"; {line}" for line in (*self.warnings, *self.sources))
+            + "".join(f"; {line}" for line in (*self.assumed, *self.warnings, *self.sources))
         )
 
 

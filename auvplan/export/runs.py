@@ -73,7 +73,7 @@ def itinerary_of(
         end=run.safety.end,
     )
     warnings = track_notes(legs, speed, float(np.asarray(run.vehicle.turn_rate_max)), slow)
-    return replace(found, sources=_sources(run), warnings=tuple(warnings))
+    return replace(found, sources=_sources(run), warnings=tuple(warnings), assumed=run.assumed)
 
 
 def _sources(run: MissionRun) -> tuple[str, ...]:

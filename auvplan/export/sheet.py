@@ -1,6 +1,7 @@
 """The mission sheet: one page for the person who hands a plan to the vehicle."""
 
 import html
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import datetime
@@ -15,6 +16,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import shortest_path
 
 from auvplan.export.itinerary import END_BEHAVIOURS
+from auvplan.export.margins import Margins
 from auvplan.files import write_atomically
 from auvplan.mission.graph import shortest_way, time_to_go
 from auvplan.mission.jobs import jobs_done, jobs_of
@@ -23,10 +25,8 @@ from auvplan.mission.travel_times import ONE_PLACE
 from auvplan.records import LegRecord, MissionRun
 from auvplan.scenario.provenance import SourceFile, source_files
 from auvplan.schedule import closures_in_words, spans_in_words, time_in_words
-from auvplan.words import figure, hours
-
-#: m, longest way between two places at which margins are looked up.
-_STEP = 5.0
+from auvplan.site import Site
+from auvplan.words import clearance, figure, hours
 
 
 @dataclass(frozen=True)
@@ -45,8 +45,10 @@ class Stop:
         window: the task's time windows in words, or empty.
         length: m, of the path to it.
         ground_speed, slowest: m/s over ground on the way, mean and least.
-        coast, bed, obstacle: m, least distance on the way to the coast, above the sea bed and to a known
-            obstacle; None where there is none.
+        coast, closed, bed, obstacle: m, least distance on the way to the coast, to areas closed then, above
+            the sea bed and to an obstacle; None where there is none. See `Margins`.
+        place: longitude and latitude, degrees; None without a site.
+        travel: s, on the way to it.
     """
 
     name: str
@@ -62,8 +64,11 @@ class Stop:
     ground_speed: float
     slowest: float
     coast: float | None
+    closed: float | None
     bed: float | None
     obstacle: float | None
+    place: tuple[float, float] | None = None
+    travel: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -94,6 +99,8 @@ class MissionSheet:
         files: that the mission was planned on.
         assumed: what was assumed in reading them, a line each.
         zone: name of the local time zone, or empty.
+        accuracy: m, of the coast: no distance to it is stated finer.
+        reach: m, greatest distance to the coast that is known.
     """
 
     title: str
@@ -104,6 +111,8 @@ class MissionSheet:
     files: tuple[SourceFile, ...] = ()
     assumed: tuple[str, ...] = ()
     zone: str = ""
+    accuracy: float = 0.0
+    reach: float = math.inf
 
     def plain(self) -> dict[str, Any]:
         """Return the sheet ready for JSON."""
@@ -118,19 +127,19 @@ class MissionSheet:
             "warnings": list(self.warnings),
             "files": [asdict(file) for file in self.files],
             "assumed": list(self.assumed),
+            "accuracy": self.accuracy,
         }
 
     def table(self, brief: bool = False) -> tuple[list[str], list[list[str]]]:
         """Headings and cells of the stops, as people read them; in `brief`, what fits a terminal."""
         dated = any(stop.utc for stop in self.stops)
         if brief:
-            return _brief(self.stops, dated)
+            return self._brief(dated)
         local = ZoneInfo(self.zone) if self.zone else None
-        headings = ["", "waypoint", "task", "priority", "after", *(["UTC"] if dated else [])]
-        headings += [self.zone.split("/")[-1]] if dated and local else []
-        windows = any(stop.window for stop in self.stops)
-        headings += ["depth, m", *(["window"] if windows else []), "wait, s", "hold, s", "way, m"]
-        headings += ["speed, m/s", "coast, m", "bed, m", "obstacle, m"]
+        headings = ["", "waypoint", "latitude, longitude", "task", "priority", "after"]
+        headings += [*(["UTC"] if dated else []), *([self.zone.split("/")[-1]] if dated and local else [])]
+        headings += ["depth, m", "window", "wait, s", "hold, s", "leg, s", "leg, m"]
+        headings += ["speed, m/s", "coast, m", "closed, m", "bed, m", "obstacle, m"]
         rows = []
         for number, stop in enumerate(self.stops):
             times = [] if stop.utc is None else [f"{stop.utc:%H:%M:%S}"]
@@ -140,38 +149,57 @@ class MissionSheet:
                 [
                     str(number),
                     stop.name,
-                    stop.task,
+                    "" if stop.place is None else f"{stop.place[1]:.5f}, {stop.place[0]:.5f}",
+                    "done" if stop.task and stop.task == stop.name else stop.task,
                     figure(stop.priority) if stop.priority else "",
                     hours(stop.arrival),
                     *times,
                     f"{stop.depth:.0f}",
-                    *([stop.window] if windows else []),
+                    stop.window,
                     f"{stop.wait:.0f}" if stop.wait else "",
                     f"{stop.hold:.0f}" if stop.hold else "",
+                    f"{stop.travel:,.0f}" if number else "",
                     f"{stop.length:,.0f}" if number else "",
                     f"{stop.ground_speed:.1f} ({stop.slowest:.1f})" if number else "",
-                    *(_margin(value) for value in (stop.coast, stop.bed, stop.obstacle)),
+                    self._coast(stop),
+                    *(clearance(value) for value in (stop.closed, stop.bed, stop.obstacle)),
                 ]
             )
-        return headings, rows
+        return _filled(headings, rows)
 
+    def _coast(self, stop: Stop) -> str:
+        """Return the distance to the coast as finely as it is known."""
+        return clearance(stop.coast, self.accuracy, self.reach)
 
-def _brief(stops: Sequence[Stop], dated: bool) -> tuple[list[str], list[list[str]]]:
-    """Headings and cells for a terminal."""
-    hold = "wait + hold" if any(stop.wait for stop in stops) else "hold"
-    headings = ["", "waypoint", "task", "UTC" if dated else "after", "depth", hold, "coast", "bed"]
-    return headings, [
-        [
-            str(number),
-            stop.name,
-            ("done" if stop.task == stop.name else stop.task) if stop.task else "",
-            hours(stop.arrival) if stop.utc is None else f"{stop.utc:%H:%M:%S}",
-            f"{stop.depth:.0f} m",
-            " + ".join(f"{part:.0f} s" for part in (stop.wait, stop.hold) if part),
-            *(f"{_margin(value)} m" if value is not None else "" for value in (stop.coast, stop.bed)),
+    def _brief(self, dated: bool) -> tuple[list[str], list[list[str]]]:
+        """Headings and cells for a terminal."""
+        hold = "wait + hold" if any(stop.wait for stop in self.stops) else "hold"
+        headings = ["", "waypoint", "task", "UTC" if dated else "after", "depth", hold]
+        headings += ["coast, m", "closed, m", "bed, m"]
+        rows = [
+            [
+                str(number),
+                stop.name,
+                ("done" if stop.task == stop.name else stop.task) if stop.task else "",
+                hours(stop.arrival) if stop.utc is None else f"{stop.utc:%H:%M:%S}",
+                f"{stop.depth:.0f} m",
+                " + ".join(f"{part:.0f} s" for part in (stop.wait, stop.hold) if part),
+                self._coast(stop),
+                *(clearance(value) for value in (stop.closed, stop.bed)),
+            ]
+            for number, stop in enumerate(self.stops)
         ]
-        for number, stop in enumerate(stops)
-    ]
+        return _filled(headings, rows)
+
+
+#: Columns of the sheet that are left out where they have nothing to say.
+_OPTIONAL = ("latitude, longitude", "window", "wait, s", "hold, s", "closed, m", "bed, m", "obstacle, m")
+
+
+def _filled(headings: list[str], rows: list[list[str]]) -> tuple[list[str], list[list[str]]]:
+    """Return a table without the optional columns that are empty."""
+    kept = [k for k, name in enumerate(headings) if name not in _OPTIONAL or any(row[k] for row in rows)]
+    return [headings[k] for k in kept], [[row[k] for k in kept] for row in rows]
 
 
 def sheet_of(run: MissionRun) -> MissionSheet:
@@ -184,20 +212,19 @@ def sheet_of(run: MissionRun) -> MissionSheet:
     epoch = None if run.site is None else run.site.utc(0.0)
     facts = {
         "outcome": run.reason,
-        "departure": "no date" if epoch is None else f"{epoch:%Y-%m-%d %H:%M} UTC",
+        "departure": "no date" if epoch is None else _moment(run, 0.0),
         "arrival": _moment(run, run.t_mission),
         "time": f"{hours(run.t_mission)} of {hours(run.t_available)} ({run.t_mission:.0f} of "
         f"{run.t_available:.0f} s)",
         "time left": f"{hours(run.t_residual)}, of which no plan uses {run.planning.reserve:g} s",
         "at the end": END_BEHAVIOURS[run.safety.end],
         "tasks": f"{run.tasks}, total priority {figure(run.total_priority)} of at most {figure(run.bound)}",
-        "way": f"{sum(stop.length for stop in stops) / 1000.0:.1f} km",
+        "length": f"{sum(stop.length for stop in stops) / 1000.0:.1f} km",
     }
     if lines := _lines(run):
         facts["survey lines"] = "; ".join(lines)
     if run.closures:
         facts["closed areas"] = "; ".join(closures_in_words(run))
-    zone = str((run.scenario.get("site") or {}).get("timezone") or "")
     return MissionSheet(
         str(run.scenario.get("name") or "mission"),
         facts,
@@ -206,7 +233,9 @@ def sheet_of(run: MissionRun) -> MissionSheet:
         tuple(_warnings(run, stops)),
         source_files(run.scenario, run.folder),
         run.assumed,
-        zone,
+        _zone(run),
+        float((run.scenario.get("chart") or {}).get("accuracy") or 0.0),
+        run.coast_reach,
     )
 
 
@@ -230,6 +259,10 @@ def _lines(run: MissionRun) -> list[str]:
     return found
 
 
+def _zone(run: MissionRun) -> str:
+    return str((run.scenario.get("site") or {}).get("timezone") or "")
+
+
 def waypoint_name(run: MissionRun, node: int) -> str:
     """Return a waypoint for people: its name, or its number where it has none."""
     if run.names:
@@ -239,11 +272,11 @@ def waypoint_name(run: MissionRun, node: int) -> str:
 
 def _moment(run: MissionRun, seconds: float) -> str:
     moment = None if run.site is None else run.site.utc(60.0 * round(seconds / 60.0))
-    return f"after {hours(seconds)}" if moment is None else f"{moment:%Y-%m-%d %H:%M} UTC"
-
-
-def _margin(value: float | None) -> str:
-    return "" if value is None else f"{value:.0f}"
+    if moment is None:
+        return f"after {hours(seconds)}"
+    zone = _zone(run)
+    local = f", {moment.astimezone(ZoneInfo(zone)):%Y-%m-%d %H:%M} {zone.split('/')[-1]}" if zone else ""
+    return f"{moment:%Y-%m-%d %H:%M} UTC{local}"
 
 
 def _stop(run: MissionRun, leg: LegRecord | None, arrival: float) -> Stop:
@@ -253,7 +286,7 @@ def _stop(run: MissionRun, leg: LegRecord | None, arrival: float) -> Stop:
     steps = np.linalg.norm(np.diff(places, axis=0), axis=1)
     times = np.zeros(1) if leg is None else leg.times
     speeds = steps[np.diff(times) > 0.0] / np.diff(times)[np.diff(times) > 0.0]
-    fine, when = _finely(places, times)
+    margins = Margins.along(run, times, places) if leg is None else Margins.of(run, leg)
     task = "" if leg is None or not leg.priority else _task_name(run, leg)
     if leg is not None and leg.missed:
         task = "out of its window"
@@ -270,10 +303,16 @@ def _stop(run: MissionRun, leg: LegRecord | None, arrival: float) -> Stop:
         float(steps.sum()),
         float(steps.sum() / max(times[-1] - times[0], 1e-9)),
         float(speeds.min()) if len(speeds) else 0.0,
-        None if run.chart is None else _known(_least(run.chart.distance(fine[:, 0], fine[:, 1]))),
-        None if run.seabed is None else _least(run.seabed.altitude(fine)),
-        _to_obstacles(run, fine, when),
+        **margins.least(),
+        place=None if run.site is None else _degrees(run.site, run.graph.positions[node]),
+        travel=float(times[-1] - times[0]),
     )
+
+
+def _degrees(site: Site, position: ArrayLike) -> tuple[float, float]:
+    """Longitude and latitude of a position, m, to a tenth of a metre."""
+    longitude, latitude = site.to_geographic(*np.asarray(position, float)[:2])
+    return round(float(longitude), 6), round(float(latitude), 6)
 
 
 def _windows(run: MissionRun, node: int, start: int | None = None) -> str:
@@ -291,31 +330,6 @@ def _windows(run: MissionRun, node: int, start: int | None = None) -> str:
     if not table.opens.shape[-1]:
         return ""
     return spans_in_words(run, zip(table.opens[node - 1, node], table.closes[node - 1, node], strict=True))
-
-
-def _least(values: ArrayLike) -> float:
-    """Return the least of values, taken on the host: their number is another one for every leg."""
-    return float(np.asarray(values).min())
-
-
-def _known(distance: float) -> float | None:
-    """Return a distance to the coast, or None where there is no coast."""
-    return distance if np.isfinite(distance) else None
-
-
-def _finely(places: NDArray, times: NDArray) -> tuple[NDArray, NDArray]:
-    """Return places and times along a path, no farther apart than `_STEP`."""
-    marks = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))])
-    along = np.linspace(0.0, marks[-1], int(marks[-1] / _STEP) + 2)
-    fine = np.stack([np.interp(along, marks, axis) for axis in places.T], axis=1)
-    return fine, np.interp(along, marks, times)
-
-
-def _to_obstacles(run: MissionRun, places: NDArray, times: NDArray) -> float | None:
-    """Least distance to the surface of a known obstacle, m, 0 inside; None without one."""
-    if not run.obstacles:
-        return None
-    return max(0.0, min(float(obstacle.distance(places, times).min()) for obstacle in run.obstacles))
 
 
 def _task_name(run: MissionRun, leg: LegRecord) -> str:
@@ -499,6 +513,7 @@ def write_html(sheet: MissionSheet, path: str | Path, picture: str | None = None
     parts = [
         f"<h1>{html.escape(sheet.title)}</h1>",
         *(f'<p class="warning">{html.escape(line)}</p>' for line in sheet.warnings),
+        *(f'<p class="warning">{html.escape(line)}</p>' for line in sheet.assumed),
         f"<table>{facts}</table>",
         _html_table(headings, rows),
         "<p>Speed over ground: the mean on the way and, in brackets, the least. Distances: the least.</p>",
@@ -509,7 +524,6 @@ def write_html(sheet: MissionSheet, path: str | Path, picture: str | None = None
         files = [[file.field, file.name, f"{file.size:,}", file.sha256[:16]] for file in sheet.files]
         parts += ["<h2>Planned on</h2>", _html_table(["field", "file", "bytes", "SHA-256 begins"], files)]
         parts += [f"<p>{html.escape(line)}</p>" for line in _fetched(sheet.files)]
-    parts += [f"<p>Assumed: {html.escape(line)}.</p>" for line in sheet.assumed]
     if picture:
         parts.append(f'<img src="{html.escape(picture)}" alt="map of the mission">')
     page = _PAGE.format(title=html.escape(sheet.title), body="\n".join(parts))
@@ -538,9 +552,9 @@ _PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
 <title>{title}</title>
 <style>
-body {{ font: 15px/1.4 system-ui, sans-serif; margin: 2rem auto; max-width: 72rem; padding: 0 1rem; }}
+body {{ font: 14px/1.4 system-ui, sans-serif; margin: 1.5rem auto; max-width: 80rem; padding: 0 1rem; }}
 table {{ border-collapse: collapse; margin: 0 0 1.5rem; }}
-th, td {{ border-bottom: 1px solid #ccc; padding: .25rem .6rem; text-align: left; vertical-align: top; }}
+th, td {{ border-bottom: 1px solid #ccc; padding: .25rem .4rem; text-align: left; vertical-align: top; }}
 .warning {{ background: #fff3cd; border-left: 4px solid #d98c00; padding: .4rem .8rem; color: #222; }}
 img {{ max-width: 100%; }}
 @media print {{ body {{ font-size: 10pt; margin: 0; }} }}

@@ -1,7 +1,7 @@
 """Reads the area of a scenario from its files."""
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -30,6 +30,8 @@ from auvplan.scenario.settings import BathymetrySettings, ChartSettings
 from auvplan.site import Site
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+#: m, farthest and least that land is read beyond the area, and pixels of it from which on less is read.
+_LOOK, _NEAR, _WIDE_PIXELS = 5000.0, 500.0, 4_000_000
 #: Pixels of a raster made from a current's file at most.
 _MAX_PIXELS = 16_000_000
 
@@ -164,6 +166,37 @@ def _end(scenario: Scenario, until: float | None) -> float:
 def load_area(
     scenario: Scenario, folder: str | Path | None = None, until: float | None = None
 ) -> OperatingArea:
+    """`read_area` whose notes are all that was assumed or warned of, in the scenario and its files.
+
+    Sheets, pages and the vehicle's files state them.
+    """
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", ScenarioWarning)
+        area = read_area(scenario, folder, until)
+    heard = []
+    for one in caught:
+        if issubclass(one.category, ScenarioWarning):
+            heard.append(" ".join(str(one.message).split()))
+        warnings.warn_explicit(one.message, one.category, one.filename, one.lineno, registry=_shown)
+    noted = (*scenario.doubts, *scenario.planning.overrides, *heard, *_lacking(scenario), *area.notes)
+    return replace(area, notes=tuple(dict.fromkeys(noted)))
+
+
+def _lacking(scenario: Scenario) -> Iterator[str]:
+    """Yield what is not known of a place on Earth and missions are planned without."""
+    if scenario.site is None:
+        return
+    if scenario.chart.source == "none":
+        yield "no coast is known: chart.source is 'none', which is open water"
+    elif scenario.chart.accuracy > 0.0:
+        yield f"the coast is good to {scenario.chart.accuracy:,.0f} m at best: no chart for navigation"
+    if scenario.bathymetry.source == "none":
+        yield "no sea bed is known, bathymetry.source is 'none': nothing keeps the vehicle off the bottom"
+
+
+def read_area(
+    scenario: Scenario, folder: str | Path | None = None, until: float | None = None
+) -> OperatingArea:
     """Chart, sea bed, current files and jobs of a scenario; files are read once and kept.
 
     Args:
@@ -179,7 +212,8 @@ def load_area(
     """
     home, box = scenario.folder if folder is None else str(folder), scenario.box
     site, forecast_file, truth_file = _currents(scenario, home, until)
-    plain, chart, seen = _charts(scenario.chart, _timeless(site), box, forecast_file, home)  # type: ignore[arg-type] - frozen models hash
+    charts = _charts(scenario.chart, _timeless(site), box, forecast_file, home)  # type: ignore[arg-type] - frozen models hash
+    coast, plain, chart, seen = charts
     _require_area_on_chart(scenario, chart)
     seabed, found = _seabed(scenario, site, box, forecast_file, home)
     cells = _cells(scenario.chart, _timeless(site), box, home) if scenario.chart.source == "enc" else None
@@ -201,8 +235,6 @@ def load_area(
             obstacles = (*obstacles, *named)
     notes = [note for file in (forecast_file, truth_file) if file is not None for note in file.notes]
     notes += () if jobs is None else jobs.notes
-    if cells is not None and seabed is None:
-        notes.append("nothing keeps the vehicle off the bottom in open water: bathymetry.source is 'none'")
     return OperatingArea(
         chart,
         seabed,
@@ -213,7 +245,20 @@ def load_area(
         obstacles,
         load_closures(scenario, site, home, until),
         tuple(dict.fromkeys((*notes, *seen, *found))),
+        coast,
+        _always_closed(scenario, site, cells, home),
     )
+
+
+def _always_closed(
+    scenario: Scenario, site: Site | None, cells: geo.Cells | None, home: str
+) -> tuple[geo.Zone, ...]:
+    """Return the areas that are closed at all times."""
+    charted = () if cells is None else cells.closed
+    if scenario.chart.no_go is None:
+        return charted
+    assert site is not None
+    return (*charted, *(zone for zone in _zones(scenario.chart, site, home) if not zone.hours))
 
 
 def _tide(scenario: Scenario, site: Site | None, home: str, until: float | None) -> HarmonicCurrent:
@@ -298,7 +343,7 @@ def _land(settings: ChartSettings, site: Site, box: Corners, home: str) -> Any:
     """Return where a chart tells land, as `read_current` takes it."""
     if settings.source == "current":
         return "mesh"
-    chart, _ = _plain_chart(settings, _timeless(site), box, None, home)
+    _, chart, _ = _plain_chart(settings, _timeless(site), box, None, home)
     if chart is None:
         return None
     low, high = (np.asarray(corner, float) for corner in (chart.lower, chart.upper))
@@ -346,8 +391,11 @@ def _plain_chart(
     box: Corners,
     current: "CurrentFile | None",
     home: str,
-) -> tuple[Chart | None, tuple[str, ...]]:
-    """Return the chart without its closed areas, and what was assumed of its file."""
+) -> tuple[Chart | None, Chart | None, tuple[str, ...]]:
+    """Return the coast, the chart without the closed areas of its own file, and what was assumed.
+
+    Both reach beyond the area, as far as their file and `_beyond` do.
+    """
     plain = settings.model_copy(update={"no_go": None, "no_go_windows": None})
     return _read_chart(plain, site, box, current, home)
 
@@ -359,26 +407,27 @@ def _read_chart(
     box: Corners,
     current: "CurrentFile | None",
     home: str,
-) -> tuple[Chart | None, tuple[str, ...]]:
+) -> tuple[Chart | None, Chart | None, tuple[str, ...]]:
     """`_plain_chart` of settings that name no closed areas."""
     lower, upper = box[0][:2], box[1][:2]
+    coast: Chart | None = None
     notes: tuple[str, ...] = ()
     size = settings.pixel_size
     if settings.source in ("whitsunday", "image", "none"):
         with blaming("chart", "image"):
-            chart, notes = _picture_chart(settings, home)  # type: ignore[arg-type] - frozen models hash
+            coast, chart, notes = _picture_chart(settings, home)  # type: ignore[arg-type] - frozen models hash
         if settings.source == "image":
             notes += _other_size(settings, home)
     elif settings.source == "enc":
         cells = _cells(settings, site, box, home)
-        chart, notes = cells.chart, cells.notes
+        coast, chart, notes = cells.coast, cells.chart, cells.notes
     elif settings.source == "current":
         assert current is not None
         chart = _water_chart(current, box, size)
     else:
         assert site is not None
         assert settings.file is not None
-        place = {"lower": lower, "upper": upper, "pixel_size": size}
+        place = {"lower": lower, "upper": upper, "pixel_size": size, "beyond": _beyond(box, size)}
         file = _path(home, settings.file)
         uncertain = None if settings.uncertain is None else _path(home, settings.uncertain)
         with blaming("chart", "file"):
@@ -391,8 +440,30 @@ def _read_chart(
                     file, site, fringe=settings.fringe, uncertain=uncertain, **place
                 )
     if settings.source in ("raster", "image") and chart is not None:
-        _warn_of_one_kind(settings, chart)
-    return chart, notes
+        _warn_of_one_kind(settings, _cropped(chart, settings, box))
+    return coast or chart, chart, notes
+
+
+def _beyond(box: Corners, size: float) -> float:
+    """Return how far beyond the area land is read, m: as far as a distance to it is stated.
+
+    That is as far as the area is wide, and fewer pixels than make a chart slow.
+    """
+    sides = np.subtract(box[1][:2], box[0][:2])
+    metres = min(float(sides.max()), _LOOK)
+    while metres > _NEAR and np.prod((sides + 2.0 * metres) / size) > _WIDE_PIXELS:
+        metres *= 0.8
+    return metres
+
+
+def _cropped(chart: Chart, settings: ChartSettings, box: Corners) -> Chart:
+    """Return what a chart of a file with a place has of the area; distances to what lies beyond it stay."""
+    if settings.source not in ("polygons", "raster", "enc", "none"):
+        return chart
+    size, low = float(chart.pixel_size), np.asarray(box[0][:2])
+    i, j = np.rint((low - np.asarray(chart.lower, float)) / size).astype(int).tolist()
+    north, east = np.maximum(np.ceil((np.asarray(box[1][:2]) - low) / size - 1e-6).astype(int), 1).tolist()
+    return replace(chart.crop(i, j, north, east), origin=jnp.asarray(low, jnp.float32))
 
 
 def _cells(settings: ChartSettings, site: Site | None, box: Corners, home: str) -> geo.Cells:
@@ -416,6 +487,7 @@ def _read_cells(
         pixel_size=size,
         safety_depth=safety_depth,
         hazard_radius=hazard_radius,
+        beyond=_beyond(box, size),
     )
 
 
@@ -439,18 +511,21 @@ def _charts(
     box: Corners,
     current: "CurrentFile | None",
     home: str,
-) -> tuple[Chart | None, Chart | None, tuple[str, ...]]:
-    """Return the chart without its closed areas and with them, and what was assumed of its file."""
-    plain, notes = _plain_chart(settings, site, box, current, home)
+) -> tuple[Chart | None, Chart | None, Chart | None, tuple[str, ...]]:
+    """Return the coast beyond the area, the chart without its closed areas and with them, and its notes."""
+    coast, wide, notes = _plain_chart(settings, site, box, current, home)
+    plain = None if wide is None else _cropped(wide, settings, box)
     if settings.no_go is None:
-        return plain, plain, notes
+        return coast, plain, plain, notes
     assert site is not None
     lower, upper = box[0][:2], box[1][:2]
     with blaming("chart", "no_go"):
         zones = _zones(settings, site, home, lower=lower, upper=upper)
-        always = [zone for zone in zones if not zone.hours]
-        closed = geo.with_no_go(plain, always, lower=lower, upper=upper, pixel_size=settings.pixel_size)
-    return plain, closed, notes
+        always, more = [zone for zone in zones if not zone.hours], _beyond(box, settings.pixel_size)
+        more = settings.pixel_size * np.ceil(more / settings.pixel_size)
+        area = {"lower": np.subtract(lower, more), "upper": np.add(upper, more)}
+        closed = geo.with_no_go(wide, always, **area, pixel_size=settings.pixel_size)
+    return coast, plain, _cropped(closed, settings, box), notes
 
 
 def _warn_of_one_kind(settings: ChartSettings, chart: Chart) -> None:
@@ -525,7 +600,7 @@ def _seabed(
         return Seabed.from_depth(depth, size, np.asarray(box[0][:2]), clearance=clearance), water
     if settings.source == "chart":
         cells = _cells(scenario.chart, _timeless(site), box, home)
-        corner, size = np.asarray(cells.chart.lower), float(cells.chart.pixel_size)
+        corner, size = np.asarray(cells.land.lower), float(cells.land.pixel_size)
         depth = cells.depth + np.float32(low)
         return Seabed.from_depth(depth, size, corner, clearance=clearance), water
     assert site is not None
@@ -574,8 +649,10 @@ def _low_water(settings: BathymetrySettings, current: "CurrentFile | None") -> t
 
 
 @lru_cache(maxsize=4)
-def _picture_chart(settings: ChartSettings, folder: str) -> tuple[Chart | None, tuple[str, ...]]:
-    """Return the chart of a picture, or none, and what was assumed of the picture, a line each.
+def _picture_chart(
+    settings: ChartSettings, folder: str
+) -> tuple[Chart | None, Chart | None, tuple[str, ...]]:
+    """Return all of a picture as a chart, or none, its window, and what was assumed of it, a line each.
 
     Raises:
         ScenarioError: the window does not fit the picture.
@@ -583,7 +660,7 @@ def _picture_chart(settings: ChartSettings, folder: str) -> tuple[Chart | None, 
     """
     notes: tuple[str, ...] = ()
     if settings.source == "none":
-        return None, notes
+        return None, None, notes
     if settings.source == "whitsunday":
         chart = whitsunday.whitsunday_chart()
     else:
@@ -607,9 +684,11 @@ def _picture_chart(settings: ChartSettings, folder: str) -> tuple[Chart | None, 
             raise ScenarioError(
                 f"{settings.window} does not fit a chart of {chart.shape} pixels", field="chart.window"
             )
-        chart = chart.crop(north - row - rows, column, rows, columns)
-        chart = replace(chart, origin=jnp.zeros_like(chart.origin))  # local metres from the window's corner
-    return chart, notes
+        part = chart.crop(north - row - rows, column, rows, columns)
+        # Local metres count from the window's corner.
+        whole = replace(chart, origin=chart.origin - part.origin)
+        return whole, replace(part, origin=jnp.zeros_like(part.origin)), notes
+    return chart, chart, notes
 
 
 def _require_area_on_chart(scenario: Scenario, chart: Chart | None) -> None:

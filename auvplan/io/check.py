@@ -65,7 +65,8 @@ class CheckReport:
         obstacle_metres: m travelled inside one.
         seabed_hits: separate stretches below the sea bed.
         seabed_metres: m travelled below it.
-        coast_clearance: m, least distance to a coast pixel's edge; infinite without a coast.
+        coast_clearance: m, least distance to a coast pixel's edge, closed areas being none; infinite
+            without a coast.
         obstacle_clearance: m, least distance to a true obstacle's surface, negative inside; infinite
             without obstacles.
         seabed_altitude: m, least altitude above the sea bed, negative below it; infinite where none is known.
@@ -155,11 +156,15 @@ def check_dataset(summary: dict[str, Any], dataset: xr.Dataset) -> CheckReport:
     sources = read_sources(dataset, report.notes)
     places = places_of(dataset) if sources else None
     coast = Coast.of(dataset) if "passability" in dataset else None
+    shore = None if coast is None else Coast.beyond(dataset)
     bed = Bed.of(dataset) if "seabed_depth" in dataset else None
     for leg in legs:
         if leg.executed:
             speed = float(dataset.attrs["vehicle_speed"]) + CURRENT_MAX
-            walked = _walk(leg, coast, bed, known, speed, report)
+            walked = _walk(leg, coast, bed, known, _met(dataset, leg), speed, report)
+            if walked is not None and shore is not None:
+                nearest = float(shore.distances(leg.positions).min())
+                report.coast_clearance = min(report.coast_clearance, nearest)
             if walked is not None and places is not None:
                 walk, booked = walked
                 _look_again(leg, walk, booked, places(*walk.positions[:, :2].T), sources, report)
@@ -223,11 +228,21 @@ def _charted_obstacles(
     return tuple(found)
 
 
+def _met(dataset: xr.Dataset, leg: Leg) -> Mask:
+    """[M] whether an obstacle of a leg was not known before."""
+    if "obstacle_kind" not in dataset:
+        return np.ones(len(leg.radii), bool)
+    names = str(dataset["obstacle_kind"].attrs["flag_meanings"]).split()
+    codes = dataset["obstacle_kind"].values[leg.number][: len(leg.radii)]
+    return np.array([names[int(code)] != "known" for code in codes], bool)
+
+
 def _walk(
     leg: Leg,
     coast: Coast | None,
     bed: Bed | None,
     known: Sequence[KnownObstacle],
+    met: Mask,
     speed: float,
     report: CheckReport,
 ) -> tuple[Walk, dict[str, Mask]] | None:
@@ -256,14 +271,15 @@ def _walk(
     booked = {kind: np.zeros(len(walk.positions), bool) for kind in ("land", "sea bed")}
     if coast is not None:
         booked["land"] = coast.on_land(walk.positions)
-        report.coast_clearance = min(report.coast_clearance, coast.clearance(walk.positions))
         _book(leg, walk, "land", booked["land"], "", report)
         for first, last in events(coast.outside(walk.positions)):
             report.faults.append(f"{leg}: outside the chart {walk.between(first, last)}")
     if bed is not None:
         booked["sea bed"] = _sound(leg, walk, bed, report)
     clearance = np.linalg.norm(walk.obstacles - walk.positions[:, None], axis=2) - leg.radii
-    report.obstacle_clearance = min(report.obstacle_clearance, clearance.min(initial=np.inf))
+    # What stands for a known obstacle encloses it: that itself is looked at below.
+    apart = clearance[:, met] if known else clearance
+    report.obstacle_clearance = min(report.obstacle_clearance, apart.min(initial=np.inf))
     report.obstacle_metres += float(walk.metres[(clearance < 0.0).any(axis=1)].sum())
     for number, inside in enumerate((clearance < 0.0).T):
         for first, last in events(inside):

@@ -32,6 +32,7 @@ _APART = {("mission", "start"), ("mission", "goal")}
 
 # Readers, charts and graphs load JAX and more: fields that are at fault are reported without them.
 if TYPE_CHECKING:
+    from auvplan.ocean.chart import Chart
     from auvplan.scenario.area import OperatingArea
 
 
@@ -224,7 +225,7 @@ def _read_apart(
 
     Sections whose fields are `at_fault` are left out.
     """
-    from auvplan.io.area import load_area
+    from auvplan.io.area import read_area
 
     parts: dict[str, OperatingArea | None] = {}
     for part, section, settings, alone in _apart(scenario, missing):
@@ -241,7 +242,7 @@ def _read_apart(
             if section == "mission" or settings.source != "chart":
                 bare["chart"] = ChartSettings(source="none")
             alone = alone.model_copy(update=bare)
-        parts[part] = found.attempt(section, settings, partial(load_area, alone, found.folder))
+        parts[part] = found.attempt(section, settings, partial(read_area, alone, found.folder))
     return parts
 
 
@@ -337,6 +338,7 @@ def _places(
     scenario: Scenario, area: "OperatingArea", closed: "OperatingArea | None", document: Document
 ) -> Iterator[Fault]:
     """Start, goal and jobs that no vehicle can go to."""
+    from auvplan.path.clearance import distance_to_land
     from auvplan.scenario.area import OperatingArea
     from auvplan.scenario.waypoints import misplaced
 
@@ -346,20 +348,34 @@ def _places(
         at = np.asarray(point)
         wrong = misplaced(at, scenario, area)
         if not wrong and closed is not None and misplaced(at, scenario, OperatingArea(chart=closed.chart)):
-            wrong = f"lies on land or in a closed area ({scenario.chart.no_go})"
-        return wrong
+            wrong = f"lies in a closed area ({scenario.chart.no_go})"
+        return wrong or too_near(at, area.chart, "the coast")
+
+    def too_near(at: np.ndarray, chart: "Chart | None", what: str) -> str:
+        asked = scenario.safety.coast
+        if chart is None or (away := float(distance_to_land(chart, *at[:2]))) >= asked:  # type: ignore[arg-type]
+            return ""
+        return f"lies {max(away, 0.0):.0f} m from {what}: safety.coast asks for {asked:g} m"
+
+    def stated(position: Any) -> str:
+        north, east, depth = (float(axis) for axis in position)
+        local = f"({round(north)}, {round(east)}, {round(depth)}) m"
+        if scenario.site is None:
+            return local
+        longitude, latitude = (float(a) for a in scenario.site.site.to_geographic(north, east))
+        return f"longitude {longitude:.5f}, latitude {latitude:.5f}, {depth:.0f} m deep, {local},"
 
     for name, point in (("start", mission.start), ("goal", mission.goal)):
         if point is not None and (wrong := wrong_with(point)):
-            yield fault_at(("mission", name), f"{point} {wrong}", document)
+            yield fault_at(("mission", name), f"{stated(point)} {wrong}", document)
     if area.jobs is None:
         return
     places = [(job.name, job.position) for job in area.jobs.points]
     places += [(job.name, position) for job in area.jobs.lines for position in job.positions]
     for name, position in places:
         if wrong := wrong_with(position):
-            where = "({:.0f}, {:.0f}, {:.0f}) m".format(*position)
-            yield fault_at(("mission", "jobs"), f"{mission.jobs}: job {name!r} at {where} {wrong}", document)
+            line = f"{mission.jobs}: job {name!r} at {stated(position)} {wrong}"
+            yield fault_at(("mission", "jobs"), line, document)
 
 
 def _graph(scenario: Scenario, folder: Path) -> None:

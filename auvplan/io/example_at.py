@@ -25,8 +25,12 @@ CAUTION = (
     "navigation; put a chart of your own in its place"
 )
 _COAST, _JOBS = "coast.geojson", "jobs.geojson"
+#: m, of that coast.
+_ACCURACY = 1000.0
 #: Least and greatest size of the area, km, and the latitude that its middle may lie at.
 _SIZES, _FARTHEST = (2.0, 100.0), 80.0
+#: m beyond the area from which the coast is written: farther than distances to it are stated.
+_BEYOND = 6000.0
 #: Places along a side of the area that may become jobs, the share of it that they lie in, and their number.
 _ALONG, _INNER, _COUNT = 61, 0.8, 6
 #: Distance of jobs to the coast, as a share of the area's side.
@@ -77,7 +81,7 @@ def write_example_at(
         raise ScenarioError(f"--size {size:g}: must be between {_SIZES[0]:g} and {_SIZES[1]:g} km")
     site = Site(longitude, latitude)
     half = 500.0 * size
-    shapes = land_within(*_bounds(site, 1.2 * half))
+    shapes = land_within(*_bounds(site, half + _BEYOND))
     land = shapely.union_all([to_local(shape, site) for shape in shapes])
     places = _places(land, half)
     if places is None:
@@ -86,14 +90,13 @@ def write_example_at(
     away = float(np.hypot(*places[0]))
     if shapely.intersects(land, shapely.Point(0.0, 0.0)):
         notes.append(f"the place itself is on land: the start is {away / 1000.0:.1f} km from it, in water")
-    inside = shapely.intersects(land, shapely.box(-half, -half, half, half))
-    notes.append(CAUTION if inside else "the packaged coast has no land in the area, which is open water")
+    notes.append(CAUTION if shapes else "the packaged coast has no land in the area, which is open water")
     content = {
-        SCENARIO: _scenario(site, size, places, bool(inside)),
+        SCENARIO: _scenario(site, size, places, bool(shapes)),
         _JOBS: _jobs(site, places[2:]),
         "NOTICE.md": notice("world_land.npz"),
     }
-    if inside:
+    if shapes:
         content[_COAST] = _coast(shapes)
     home = Path(folder)
     there = [name for name in content if (home / name).exists()]
@@ -202,7 +205,8 @@ def _scenario(site: Site, size: float, places: Array, coast: bool) -> str:
     (start, goal), wide = (_place(site, place) for place in places[:2]), [round(axis, 3) for axis in box]
     land = (
         "source: polygons                    # land as GeoJSON, GeoPackage or Shapefile\n"
-        f"  file: {_COAST}\n  pixel_size: {max(10, round(2.0 * size))}                      # m"
+        f"  file: {_COAST}\n  pixel_size: {max(10, round(2.0 * size))}                      # m\n"
+        f"  accuracy: {_ACCURACY:.0f}                      # m; distances to this coast are stated no finer"
     )
     values = {
         "LONGITUDE": f"{site.longitude:.7g}",

@@ -89,20 +89,33 @@ def site_of(dataset: xr.Dataset) -> Site | None:
     return Site(float(attributes["site_longitude"]), float(attributes["site_latitude"]), epoch, (north, east))
 
 
-def chart_variables(chart: Chart) -> Variables:
-    """Return the passability raster in steps of 1/255, and the centres of its pixels."""
+def _passability(chart: Chart, dims: tuple[str, str], name: str) -> xr.Variable:
+    """Return the passability raster in steps of 1/255."""
     passability = np.asarray(chart.passability, float)
     steps = np.where(passability > 0.0, np.clip(np.rint(passability * LEVELS), 1, LEVELS), 0)
-    size = float(np.asarray(chart.pixel_size))
-    corner = np.asarray(chart.origin, float)
-    north, east = (corner[k] + size * (np.arange(passability.shape[k]) + 0.5) for k in range(2))
-    raster = variable(
-        ("chart_x", "chart_y"), steps.astype(np.uint8), "passability", "1",
+    return variable(
+        dims, steps.astype(np.uint8), name, "1",
         scale_factor=1.0 / LEVELS, valid_range=np.asarray([0, LEVELS], np.uint8),
         comment="0 coast, up to 0.35 uncertain, 1 water; stored in steps of 1/255, coast alone is 0",
     )  # fmt: skip
+
+
+def coast_variables(coast: Chart) -> Variables:
+    """Return the passability without closed areas, also beyond the area, and where it lies."""
+    corner, size = np.asarray(coast.origin, float)[:2], float(np.asarray(coast.pixel_size))
     return {
-        "passability": raster,
+        "coast": _passability(coast, ("coast_x", "coast_y"), "passability without closed areas"),
+        "coast_origin": variable("horizontal", corner, "south-west corner of the coast: north, east", "m"),
+        "coast_pixel_size": variable((), size, "edge of a pixel of the coast", "m"),
+    }
+
+
+def chart_variables(chart: Chart) -> Variables:
+    """Return the passability raster in steps of 1/255, and the centres of its pixels."""
+    size, corner = float(np.asarray(chart.pixel_size)), np.asarray(chart.origin, float)
+    north, east = (corner[k] + size * (np.arange(chart.shape[k]) + 0.5) for k in range(2))
+    return {
+        "passability": _passability(chart, ("chart_x", "chart_y"), "passability"),
         "chart_x": variable("chart_x", north, "north of the pixel's centre", "m"),
         "chart_y": variable("chart_y", east, "east of the pixel's centre", "m"),
         "chart_origin": variable(
@@ -112,14 +125,13 @@ def chart_variables(chart: Chart) -> Variables:
     }
 
 
-def chart_of(dataset: xr.Dataset) -> Chart | None:
-    """Return the chart that `chart_variables` wrote, or None."""
-    if "passability" not in dataset:
+def chart_of(dataset: xr.Dataset, name: str = "passability", place: str = "chart") -> Chart | None:
+    """Return the chart that `chart_variables` wrote, or that of `coast_variables` by its names; or None."""
+    if name not in dataset:
         return None
-    passability = np.asarray(dataset["passability"].values, np.float32)
-    corner = dataset["chart_origin"].values
-    origin = (float(corner[0]), float(corner[1]))
-    return Chart.from_passability(passability, float(dataset["chart_pixel_size"]), origin)
+    north, east = (float(axis) for axis in dataset[f"{place}_origin"].values)
+    raster = np.asarray(dataset[name].values, np.float32)
+    return Chart.from_passability(raster, float(dataset[f"{place}_pixel_size"]), (north, east))
 
 
 def seabed_variables(seabed: Seabed) -> Variables:

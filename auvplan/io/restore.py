@@ -6,6 +6,7 @@ from datetime import timedelta
 from pathlib import Path
 
 import numpy as np
+import shapely
 import xarray as xr
 from numpy.typing import NDArray
 
@@ -17,7 +18,7 @@ from auvplan.io.ledger import read_legs, require
 from auvplan.mission import MissionGraph
 from auvplan.mission.survey import LinePart
 from auvplan.mission.timetable import Timetable
-from auvplan.ocean.closures import Closure
+from auvplan.ocean.closures import Closure, Zone
 from auvplan.ocean.currents import Current
 from auvplan.ocean.known import KnownObstacle
 from auvplan.records import LegRecord, MissionRun, PlanRecord, RouteRecord
@@ -56,12 +57,14 @@ def restore_run(folder: str | Path) -> MissionRun:
             waypoint_duration=dataset["waypoint_duration"].values,
         )
         graph = _with_windows(graph, dataset, settings, vehicle["speed"])
+        closed = json.loads(attributes.get("closed_areas", "[]"))
+        chart = chart_of(dataset)
         run = MissionRun(
             settings,
             int(attributes["seed"]),
             Vehicle(**vehicle),
             graph,
-            chart_of(dataset),
+            chart,
             int(attributes["start"]),
             int(attributes["goal"]),
             float(attributes["t_available"]),
@@ -85,6 +88,8 @@ def restore_run(folder: str | Path) -> MissionRun:
             assumed=tuple(json.loads(attributes.get("assumed", "[]"))),
             closures=_closures(settings, dataset, home),
             followable=dataset["task_followable"].values if "task_followable" in dataset else None,
+            coast=chart_of(dataset, "coast", "coast") or (None if closed else chart),
+            zones=tuple(Zone(name, shapely.from_wkt(text)) for name, text in closed),
             saved_bound=float(summary.get("priority_bound", 0.0)),
         )
     except AuvplanError:

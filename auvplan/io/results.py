@@ -1,6 +1,7 @@
 """An executed mission as files: figures in `summary.json`, the rest in `mission.nc` (CF trajectories)."""
 
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from importlib.metadata import version
@@ -8,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import shapely
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
@@ -15,6 +17,7 @@ from auvplan.files import MISSION, SUMMARY, output_folder, read_mission, write_a
 from auvplan.io.fields import (
     Variables,
     chart_variables,
+    coast_variables,
     history_variables,
     motion_variables,
     seabed_variables,
@@ -75,6 +78,8 @@ def to_dataset(run: MissionRun) -> xr.Dataset:
     variables |= _routes(run) | _executed_motion(run.legs) | _plans(run.legs) | vortex_variables(run.legs)
     if run.chart is not None:
         variables |= chart_variables(run.chart)
+    if run.coast is not None and run.coast is not run.chart:
+        variables |= coast_variables(run.coast)
     if run.seabed is not None:
         variables |= seabed_variables(run.seabed)
     if run.site is not None:
@@ -119,6 +124,10 @@ def _attributes(run: MissionRun) -> dict[str, Any]:
         "charged_compute": float(run.charged_compute),
         "scenario_folder": run.folder,
         "assumed": json.dumps(run.assumed),
+        "coast_reach": run.coast_reach if math.isfinite(run.coast_reach) else 0.0,
+        "closed_areas": json.dumps(
+            [(zone.name, shapely.to_wkt(zone.polygon, rounding_precision=2)) for zone in run.zones]
+        ),
         "waypoint_names": json.dumps(run.names),
         **vehicle,
         **({} if run.site is None else _site_attributes(run.site)),

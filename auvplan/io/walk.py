@@ -1,12 +1,16 @@
-"""The checker's own view of coast, sea bed and moving obstacles. Plain NumPy."""
+"""The checker's own view of coast, sea bed and moving obstacles, by NumPy and shapely."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Self
 
 import numpy as np
+import shapely
 import xarray as xr
 from numpy.typing import NDArray
+
+from auvplan.ocean.chart import Chart
 
 Array = NDArray[np.floating]
 Mask = NDArray[np.bool_]
@@ -17,8 +21,6 @@ STEP = 1.0
 _STEPS_MAX = 10_000
 #: Positions are stored in single precision, which may put them beyond the chart's edge by so much, m.
 _EDGE = 0.01
-#: Steps between the points at which the distance to the coast is looked up, coarse ones first.
-_STRIDES = (400, 40, 1)
 
 
 @dataclass(frozen=True)
@@ -79,22 +81,42 @@ class Coast:
         land: [nx, ny] bool, indexed [north, east].
         corner: [2] m.
         size: m.
-        edge: [k, 2] m, centres of the land pixels that touch other pixels.
+        reach: m, greatest distance that is told: farther away land is not looked for.
     """
 
     land: Mask
     corner: Array
     size: float
-    edge: Array
+    reach: float = np.inf
 
     @classmethod
     def of(cls, dataset: xr.Dataset) -> Self:
-        """Return the coast of a saved run: pixels whose passability is exactly zero."""
+        """Return where a saved run must not be: pixels whose passability is exactly zero."""
         land = dataset["passability"].values == 0.0
-        corner, size = dataset["chart_origin"].values.astype(float), float(dataset["chart_pixel_size"])
-        framed = np.pad(land, 1)
+        return cls(land, dataset["chart_origin"].values.astype(float), float(dataset["chart_pixel_size"]))
+
+    @classmethod
+    def beyond(cls, dataset: xr.Dataset) -> Self:
+        """Return the coast of a saved run alone, without closed areas, also beyond its area."""
+        if "coast" not in dataset:
+            return cls.of(dataset)
+        corner, size = dataset["coast_origin"].values.astype(float), float(dataset["coast_pixel_size"])
+        reach = float(dataset.attrs["coast_reach"])
+        return cls(dataset["coast"].values == 0.0, corner, size, reach if reach > 0.0 else np.inf)
+
+    @classmethod
+    def of_chart(cls, chart: Chart, reach: float = np.inf) -> Self:
+        """Return the coast of a chart."""
+        land, corner = np.asarray(chart.passability) == 0.0, np.asarray(chart.lower, float)
+        return cls(land, corner, float(chart.pixel_size), reach)
+
+    @cached_property
+    def _edge(self) -> shapely.STRtree:
+        """Land pixels that touch other pixels, as squares (north, east) m."""
+        framed = np.pad(self.land, 1)
         inland = framed[:-2, 1:-1] & framed[2:, 1:-1] & framed[1:-1, :-2] & framed[1:-1, 2:]
-        return cls(land, corner, size, corner + size * (np.argwhere(land & ~inland) + 0.5))
+        low = self.corner + self.size * np.argwhere(self.land & ~inland)
+        return shapely.STRtree(shapely.box(*low.T, *(low + self.size).T))
 
     def outside(self, positions: Array) -> Mask:
         """Return whether positions [n, 3] lie beyond the chart, [n]."""
@@ -108,35 +130,18 @@ class Coast:
         i, j = np.clip(pixel, 0, np.asarray(self.land.shape) - 1).T
         return self.land[i, j] & ~self.outside(positions)
 
-    def clearance(self, positions: Array) -> float:
-        """Least distance of positions [n, 3] to a land pixel, m; zero on land, infinite without any."""
-        if not len(self.edge):
-            return np.inf
-        if self.on_land(positions).any():
-            return 0.0
-        # No edge further from the walk than the first point's nearest can be the nearest of all.
-        bound = self._distance(positions[:1], self.edge)[0] + self.size
-        low, high = positions[:, :2].min(axis=0) - bound, positions[:, :2].max(axis=0) + bound
-        edge = self.edge[((self.edge >= low) & (self.edge <= high)).all(axis=1)]
-        # Distance changes by no more than the way walked: around a coarse point only what that point cannot
-        # rule out is looked at more closely.
-        points, reach = np.arange(0, len(positions), _STRIDES[0]), _STRIDES[0]
-        for stride in _STRIDES[1:]:
-            distance = self._distance(positions[points], edge)
-            near = points[distance - reach * STEP <= distance.min()]
-            offsets = np.arange(0, reach, stride)
-            points = np.unique(np.minimum(near[:, None] + offsets, len(positions) - 1))
-            reach = stride
-        return float(self._distance(positions[points], edge).min())
+    def distances(self, positions: Array) -> Array:
+        """Return the least distance [n] m to land on the straight way from each of n positions to the next.
 
-    def _distance(self, positions: Array, edge: Array) -> Array:
-        """[n] m to the nearest of some land pixels, given by their centres [k, 2]."""
-        nearest = np.full(len(positions), np.inf)
-        for first in range(0, len(positions), 64):
-            part = slice(first, first + 64)
-            offset = np.maximum(np.abs(positions[part, None, :2] - edge) - 0.5 * self.size, 0.0)
-            nearest[part] = np.sqrt((offset**2).sum(axis=2).min(axis=1))
-        return nearest
+        The last is at its place. 0 on land, `reach` at most.
+        """
+        if not self.land.any():
+            return np.full(len(positions), self.reach)
+        ends = np.concatenate([positions[1:, :2], positions[-1:, :2]])
+        ways = shapely.linestrings(np.stack([positions[:, :2], ends], axis=1))
+        found = self._edge.query_nearest(ways, return_distance=True, all_matches=False)[1]
+        found = np.where(self.on_land(positions), 0.0, found)
+        return np.minimum(found, self.reach)
 
 
 #: Depth of pixels whose depth is not known, m: the surface.

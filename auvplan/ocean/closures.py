@@ -1,5 +1,6 @@
 """Areas that are closed at some hours."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -10,6 +11,28 @@ import shapely
 from numpy.typing import NDArray
 
 from auvplan.ocean.chart import Chart
+
+
+@dataclass(frozen=True)
+class Zone:
+    """A closed area.
+
+    Attributes:
+        name: as in the file, or its number there.
+        polygon: shapely Polygon or MultiPolygon in local (north, east), m.
+        where: the file and the feature, as messages name it.
+        hours: when it is closed, as the file tells it by `from`, `to` and `windows`; empty for always.
+    """
+
+    name: str
+    polygon: Any
+    where: str = ""
+    hours: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def rings(self) -> list[NDArray[np.floating]]:
+        """Outlines, [n, 2] (north, east) m each; holes are left out."""
+        return [shapely.get_coordinates(part.exterior) for part in shapely.get_parts(self.polygon)]
 
 
 @jax.tree_util.register_dataclass

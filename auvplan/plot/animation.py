@@ -153,7 +153,8 @@ class _Film:
         axes.tick_params(labelsize=7)
         axes.set_xlabel(axes.get_xlabel(), fontsize=8)
         axes.set_ylabel(axes.get_ylabel(), fontsize=8)
-        handles: list[Any] = list(style.draw_coast(axes, run.chart, unit))[:1]
+        handles: list[Any] = list(style.draw_coast(axes, run.coast, unit))[:1]
+        handles += style.draw_closures(axes, run, unit)
         draw_depths(axes, run.seabed, unit)
         places = style.flat(self._waypoints, unit)
         style.draw_compass(axes, unit, np.concatenate([places, self._track]))

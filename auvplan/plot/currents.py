@@ -54,7 +54,7 @@ def plot_currents(
     for axes, index, field in zip(grid, chosen, fields, strict=False):
         style.map_axes(axes, low, high, unit)
         image = field.draw(axes, unit, slowest, fastest)
-        coast = style.draw_coast(axes, run.chart, unit, see_through=True)
+        coast = style.draw_coast(axes, run.coast, unit, see_through=True)
         _draw_paths(axes, leg, index, unit)
         axes.set_title(plan_name(leg, index), fontsize=9)
     for axes in grid[len(chosen) :]:

@@ -32,7 +32,7 @@ def plot_mission(run: MissionRun, *, ax: Axes | None = None) -> Axes:
     tall, wide = high - low
     axes = style.own_axes(ax, 9.4, float(np.clip(7.9 * tall / wide, 4.0, 11.0)) + 1.1)
     style.map_axes(axes, low, high, unit)
-    handles: list[Any] = list(style.draw_coast(axes, run.chart, unit))
+    handles: list[Any] = list(style.draw_coast(axes, run.coast, unit))
     handles += draw_depths(axes, run.seabed, unit)
     handles += style.draw_closures(axes, run, unit)
     handles += _draw_graph(axes, run, unit)

@@ -27,7 +27,7 @@ def write_pdf(sheet: MissionSheet, path: str | Path) -> Path:
     facts = [f"{name}: {value}" for name, value in sheet.facts.items()]
     for column, lines in enumerate((facts[::2], facts[1::2])):
         page.text(left + 0.5 * width * column, 0.91, "\n".join(lines), fontsize=8, va="top")
-    notes = [fill(f"! {line}", 170) for line in sheet.warnings]
+    notes = [fill(f"! {line}", 170) for line in (*sheet.warnings, *sheet.assumed)]
     page.text(left, 0.815, "\n".join(notes), fontsize=8, va="top", color="#a04000")
     headings, rows = sheet.table()
     top = 0.80 - 0.018 * len(notes)
@@ -46,7 +46,6 @@ def write_pdf(sheet: MissionSheet, path: str | Path) -> Path:
         for file in sheet.files
     ]
     lines = ["planned on: " + ", ".join(foot)] if foot else []
-    lines += [f"assumed: {line}" for line in sheet.assumed]
     text = "\n".join(fill(line, 240) for line in lines)
     page.text(left, 0.3 * _MARGIN / _PAGE[1], text, fontsize=5.5, va="bottom", color="0.35")
     return write_atomically(

@@ -218,9 +218,10 @@ CLOSED: dict[str, Any] = {"facecolor": "#d55e0022", "edgecolor": RED, "hatch": "
 
 
 def draw_closures(axes: Axes, run: MissionRun, unit: Unit) -> list[Patch]:
-    """Draw areas that are closed at some hours, with their names and hours; return what a legend says."""
-    for closure, words in zip(stated_closures(run), closures_in_words(run), strict=True):
-        rings = [flat(ring, unit) for ring in closure.rings]
+    """Draw closed areas with their names, and their hours if they have any; return what a legend says."""
+    areas = [*zip(stated_closures(run), closures_in_words(run), strict=True)]
+    for area, words in [*areas, *((zone, zone.name) for zone in run.zones)]:
+        rings = [flat(ring, unit) for ring in area.rings]
         for ring in rings:
             axes.add_patch(Polygon(ring, closed=True, zorder=1.0, **CLOSED))
         if rings:
@@ -228,7 +229,8 @@ def draw_closures(axes: Axes, run: MissionRun, unit: Unit) -> list[Patch]:
             kind: dict[str, Any] = {"fontsize": 8.5, "ha": "center", "va": "center", "color": "#a8320f"}
             kind |= {"weight": "bold", "path_effects": halo(3.5), "zorder": 6, "clip_on": True}
             axes.text(east, north, words, **kind)
-    return [Patch(label="closed at the hours stated", **CLOSED)] if run.closures else []
+    label = "closed area" + (", at the hours stated" if run.closures and not run.zones else "")
+    return [Patch(label=label, **CLOSED)] if areas or run.zones else []
 
 
 def draw_compass(axes: Axes, unit: Unit, taken: Array | None = None) -> None:

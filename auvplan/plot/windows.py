@@ -33,7 +33,7 @@ def plot_windows(run: MissionRun, leg: LegRecord | None = None) -> Figure:
     figure = style.new_figure(8.6, float(np.clip(7.6 * tall / wide, 4.0, 10.0)) + 1.4)
     axes = figure.subplots()
     style.map_axes(axes, low, high, unit)
-    handles: list[Any] = list(style.draw_coast(axes, run.chart, unit))
+    handles: list[Any] = [*style.draw_coast(axes, run.coast, unit), *style.draw_closures(axes, run, unit)]
     handles += _draw_obstacles(axes, run, leg, [plan.made_at for plan in plans], unit)
     for number, plan in enumerate(plans):
         if number == 0:

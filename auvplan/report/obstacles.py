@@ -1,51 +1,18 @@
 """Obstacles of a run: how near they came, where they were, and when the vehicle measured them."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from auvplan.export.margins import shown_obstacles, true_obstacles
 from auvplan.ocean.obstacles import CONFIDENCE
 from auvplan.records import LegRecord, MissionRun
 from auvplan.report.packing import packed
 from auvplan.scenario.settings import SensorSettings
 from auvplan.simulation.simulator import TIME_STEP
-from auvplan.simulation.world import KNOWN
 
 Array = NDArray[np.floating]
-
-#: m; what is farther away is not there.
-FAR = 1e5
-
-
-def to_obstacles(run: MissionRun, leg: LegRecord) -> Array:
-    """Distance to the surface of the nearest obstacle, true or known, [n] m; infinite without one."""
-    least = np.full(len(leg.times), np.inf)
-    tracks, radii = _truth(leg)
-    for m in _shown(leg):
-        away = np.linalg.norm(leg.positions - tracks[:, m], axis=1)
-        least = np.minimum(least, away - radii[m])
-    for obstacle in run.obstacles:
-        least = np.minimum(least, obstacle.distance(np.reshape(leg.positions, (-1, 3)), leg.times))
-    return least
-
-
-def _truth(leg: LegRecord) -> tuple[Array, Array]:
-    """Places [n, M, 3] m and radii [M] m, as single precision has them: that is how files keep them."""
-    tracks, radii = (np.asarray(part, np.float32) for part in (leg.obstacle_positions, leg.obstacle_radii))
-    return tracks.astype(float), radii.astype(float)
-
-
-def _shown(leg: LegRecord) -> list[int]:
-    """Numbers of the obstacles that were not known before and are anywhere near.
-
-    The simulator puts those that find no room on a leg out of the way.
-    """
-    if not len(leg.times):
-        return []
-    away = np.abs(leg.obstacle_positions[0] - leg.positions[0]).max(axis=1, initial=0.0)
-    return [m for m, kind in enumerate(leg.obstacle_kinds) if kind != KNOWN and away[m] < FAR]
 
 
 def obstacle_data(run: MissionRun, leg: LegRecord, rows: NDArray[np.int_]) -> dict[str, Any]:
@@ -56,20 +23,20 @@ def obstacle_data(run: MissionRun, leg: LegRecord, rows: NDArray[np.int_]) -> di
         leg: as executed.
         rows: [k] records of the leg at which places are given.
     """
-    shown = _shown(leg)
+    shown = shown_obstacles(leg)
     if not shown or not len(rows):
         return {"kinds": [], "radii": [], "times": None, "places": None, "looks": []}
-    tracks, radii = _truth(leg)
+    tracks, radii = true_obstacles(leg)
     return {
         "kinds": [leg.obstacle_kinds[m] for m in shown],
-        "radii": radii[shown],
+        "radii": radii,
         "times": packed(leg.times[rows]),
-        "places": packed(tracks[rows][:, shown]),
-        "looks": _looks(run, leg, shown),
+        "places": packed(tracks[rows]),
+        "looks": _looks(run, leg),
     }
 
 
-def _looks(run: MissionRun, leg: LegRecord, shown: Sequence[int]) -> list[Array]:
+def _looks(run: MissionRun, leg: LegRecord) -> list[Array]:
     """Return the moments, s, at which the vehicle measured each obstacle within sensor range on its way."""
     sensors = _sensors(run)
     apart = max(1, round(sensors.interval / TIME_STEP)) * TIME_STEP
@@ -78,8 +45,8 @@ def _looks(run: MissionRun, leg: LegRecord, shown: Sequence[int]) -> list[Array]
     def at(track: Array) -> Array:
         return np.stack([np.interp(times, leg.times, axis) for axis in np.asarray(track, float).T], axis=1)
 
-    vehicle, (tracks, radii) = at(leg.positions), _truth(leg)
-    away = [np.linalg.norm(at(tracks[:, m]) - vehicle, axis=1) - radii[m] for m in shown]
+    vehicle, (tracks, radii) = at(leg.positions), true_obstacles(leg)
+    away = [np.linalg.norm(at(tracks[:, m]) - vehicle, axis=1) - radii[m] for m in range(len(radii))]
     return [times[distance <= sensors.range] for distance in away]
 
 

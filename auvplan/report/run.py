@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from auvplan.export.margins import FAR, Margins
 from auvplan.export.sheet import sheet_of, waypoint_name
 from auvplan.records import LegRecord, MissionRun, PlanRecord
 from auvplan.report.area import current_data, frame, map_data
-from auvplan.report.obstacles import obstacle_data, sensing_data, to_obstacles
+from auvplan.report.obstacles import obstacle_data, sensing_data
 from auvplan.report.packing import packed
 from auvplan.report.provenance import changed_settings
 from auvplan.report.tasks import task_data
@@ -69,7 +70,9 @@ def run_data(run: MissionRun, summary: Mapping[str, Any]) -> dict[str, Any]:
         "figures": {name: summary[name] for name in _FIGURES},
         "facts": dict(stated.get("facts", {})),
         "warnings": list(stated.get("warnings", [])),
-        "map": map_data(low, high, run.chart, run.seabed, run.site),
+        "map": map_data(low, high, run.coast, run.seabed, run.site),
+        "accuracy": stated.get("accuracy", 0.0),
+        "reach": None if np.isinf(run.coast_reach) else run.coast_reach,
         "current": current_data(run, low, high, way.times, way.places[:, 2]),
         "waypoints": _waypoints(run),
         "start": run.start,
@@ -84,6 +87,10 @@ def run_data(run: MissionRun, summary: Mapping[str, Any]) -> dict[str, Any]:
                 "rings": [np.round(ring, 1) for ring in closure.rings],
             }
             for closure, words in zip(stated_closures(run), closures_in_words(run), strict=True)
+        ]
+        + [
+            {"name": zone.name, "spans": [[-1e9, 1e9]], "rings": [np.round(ring, 1) for ring in zone.rings]}
+            for zone in run.zones
         ],
         "known": [asdict(obstacle) for obstacle in run.obstacles],
         "sensing": sensing_data(run),
@@ -101,38 +108,27 @@ class _Way:
     Attributes:
         times: [n] s.
         places: [n, 3] m.
-        coast: [n] m to the coast, or None without one.
-        bed: [n] m above the sea bed, or None without one.
-        obstacle: [n] m to the nearest obstacle; infinite without one.
+        margins: [n], see `Margins`.
         parts: the records of each leg.
     """
 
     times: Array
     places: Array
-    coast: Array | None
-    bed: Array | None
-    obstacle: Array
+    margins: Margins
     parts: list[slice]
 
     @classmethod
     def of(cls, run: MissionRun) -> "_Way":
         times = np.concatenate([np.zeros(0), *(leg.times for leg in run.legs)])
         places = np.concatenate([np.zeros((0, 3)), *(np.reshape(leg.positions, (-1, 3)) for leg in run.legs)])
-        near = np.concatenate([np.zeros(0), *(to_obstacles(run, leg) for leg in run.legs)])
-        coast = bed = None
-        if run.chart is not None and len(times):
-            coast = np.asarray(run.chart.distance(places[:, 0], places[:, 1]), float)
-            coast = coast if np.isfinite(coast).any() else None
-        if run.seabed is not None and len(times):
-            bed = run.seabed.altitude(places)
+        margins = Margins.joined([Margins.of(run, leg) for leg in run.legs])
         ends = np.cumsum([0, *(len(leg.times) for leg in run.legs)])
-        return cls(times, places, coast, bed, near, [slice(*pair) for pair in pairwise(ends.tolist())])
+        return cls(times, places, margins, [slice(*pair) for pair in pairwise(ends.tolist())])
 
     def least(self, name: str, part: slice) -> float | None:
         """Return the least distance of a leg; None of what is nowhere near."""
-        values = getattr(self, name)
-        least = np.inf if values is None else float(values[part].min(initial=np.inf))
-        return least if np.isfinite(least) else None
+        least = float(getattr(self.margins, name)[part].min(initial=np.inf))
+        return least if least < FAR else None
 
     @property
     def stride(self) -> int:
@@ -151,10 +147,10 @@ def _track(way: _Way) -> dict[str, Any]:
     rows = np.concatenate([np.zeros(0, int), *kept])
     north, east, depth = way.places[rows].T
     found = {"time": way.times[rows], "north": north, "east": east, "depth": depth}
-    for name in ("coast", "bed", "obstacle"):
-        values = getattr(way, name)
-        if values is not None and len(rows) and np.isfinite(values).any():
-            found[name] = np.round(np.where(np.isfinite(values), values, np.nan)[rows], 1)
+    for name in ("coast", "closed", "bed", "obstacle"):
+        values = getattr(way.margins, name)
+        if len(rows) and np.isfinite(values).any():
+            found[name] = np.round(np.where(values < FAR, values, np.nan)[rows], 1)
     return {name: packed(values) for name, values in found.items()}
 
 
@@ -194,7 +190,7 @@ def _leg(run: MissionRun, leg: LegRecord, way: _Way, part: slice) -> dict[str, A
         "task": leg.t_task,
         "replans": {cause: causes.count(cause) for cause in dict.fromkeys(causes)},
         "length": float(np.linalg.norm(np.diff(way.places[part], axis=0), axis=1).sum()),
-        **{name: way.least(name, part) for name in ("coast", "obstacle", "bed")},
+        **{name: way.least(name, part) for name in ("coast", "closed", "obstacle", "bed")},
         "followed": leg.followed_numbers,
         "obstacles": obstacle_data(run, leg, _kept(len(leg.times), _EVERY * way.stride)),
     }
@@ -252,7 +248,8 @@ def _bar(bar: Bar) -> list[float]:
 def _limits(run: MissionRun, way: _Way) -> list[dict[str, Any]]:
     """Margins of the plans, and the least distances on the whole way."""
     safety = run.safety
-    margins = {"coast": safety.coast, "obstacle": safety.obstacles, "bed": safety.seabed}
+    margins = {"coast": safety.coast, "closed": safety.coast, "obstacle": safety.obstacles}
+    margins["bed"] = safety.seabed
     return [
         {"name": name, "margin": margin, "least": way.least(name, slice(None))}
         for name, margin in margins.items()

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from auvplan.mission.jobs import Jobs
 from auvplan.ocean.chart import Chart
-from auvplan.ocean.closures import Closure
+from auvplan.ocean.closures import Closure, Zone
 from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.ocean.known import KnownObstacle
 from auvplan.ocean.seabed import Seabed
@@ -17,7 +17,9 @@ class OperatingArea:
     """What is known of a sea area.
 
     Attributes:
-        chart: coast and uncertain areas, or None for open water.
+        chart: coast, closed and uncertain areas, or None for open water; closed areas count as coast.
+        coast: coast and uncertain areas alone, as far beyond the area as distances to it are stated; or None.
+        zones: areas that are closed at all times.
         seabed: or None where it is out of reach.
         site: where and when, or None for local metres alone.
         forecast: the current as planners know it, from files or of tides; None where it is vortices.
@@ -37,3 +39,5 @@ class OperatingArea:
     obstacles: tuple[KnownObstacle, ...] = ()
     closures: tuple[Closure, ...] = ()
     notes: tuple[str, ...] = ()
+    coast: Chart | None = None
+    zones: tuple[Zone, ...] = ()

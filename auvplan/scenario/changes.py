@@ -49,7 +49,7 @@ def change_scenario(
         source = (sources or {}).get(given[0][1], source) if given else source
         raise ScenarioError(first_of(faults, source, is_file=False))
     warn_of_overrides(changed)
-    return changed.in_folder(scenario.folder)
+    return changed.in_folder(scenario.folder, scenario.doubts)
 
 
 def _concerns(fault: Fault, name: str) -> bool:

@@ -50,10 +50,11 @@ def read_scenario(source: str | Path) -> Scenario:
     scenario, faults, document = check_scenario(source)
     if scenario is None:
         raise ScenarioError(first_of(faults, str(source), is_file=True))
-    for doubt in doubts(scenario, document):
-        warnings.warn(first_of([doubt], str(source), is_file=True), ScenarioWarning, stacklevel=1)
+    doubtful = tuple(first_of([doubt], str(source), is_file=True) for doubt in doubts(scenario, document))
+    for line in doubtful:
+        warnings.warn(line, ScenarioWarning, stacklevel=1)
     path = Path(source)
-    return scenario.in_folder(path.resolve().parent) if path.is_file() else scenario
+    return scenario.in_folder(path.resolve().parent if path.is_file() else scenario.folder, doubtful)
 
 
 def check_scenario(source: str | Path) -> tuple[Scenario | None, list[Fault], Document]:

@@ -52,6 +52,7 @@ class Scenario(Section):
     planning: PlanningSettings = PlanningSettings()
 
     _folder: str = PrivateAttr(default=".")
+    _doubts: tuple[str, ...] = PrivateAttr(default=())
 
     @property
     def folder(self) -> str:
@@ -59,14 +60,19 @@ class Scenario(Section):
         return self._folder
 
     @property
+    def doubts(self) -> tuple[str, ...]:
+        """What can hardly be meant in the scenario's file, a line each."""
+        return self._doubts
+
+    @property
     def fingerprint(self) -> str:
         """All settings as text."""
         return self.model_dump_json()
 
-    def in_folder(self, folder: str | Path) -> "Scenario":
-        """Return the same settings with relative paths that start from `folder`."""
+    def in_folder(self, folder: str | Path, doubts: tuple[str, ...] = ()) -> "Scenario":
+        """Return the same settings with relative paths from `folder`, and what is doubtful in them."""
         moved = self.model_copy()
-        moved._folder = str(folder)
+        moved._folder, moved._doubts = str(folder), doubts
         return moved
 
     def with_(self, changes: Mapping[str, Any]) -> "Scenario":

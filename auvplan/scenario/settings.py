@@ -192,6 +192,9 @@ class ChartSettings(Section):
         "windows of jobs; always if absent",
     )
     pixel_size: Positive = Field(default=10.0, description="m")
+    accuracy: NotNegative = Field(
+        default=0.0, description="m, of the coast; distances to it are stated no finer. 0: not known"
+    )
     window: tuple[int, int, int, int] | None = Field(
         default=None, description="first row (north), first column (east), rows, columns to cut out, pixels"
     )

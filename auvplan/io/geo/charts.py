@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ from auvplan.io.geo.shapes import around, near, to_local, touched
 from auvplan.io.geo.windows import read_spans
 from auvplan.ocean.chart import Chart, ChartError, settled
 from auvplan.ocean.classify import UNCERTAIN_MAX, classify_picture
-from auvplan.ocean.closures import Closure
+from auvplan.ocean.closures import Closure, Zone
 from auvplan.ocean.palette import UNTOLD, ChartColours
 from auvplan.scenario.swapped import swapped_hint
 from auvplan.site import Site
@@ -32,23 +32,6 @@ from auvplan.site import Site
 _SLACK = 1.0
 #: Properties that tell when an area is closed.
 _HOURS = ("from", "to", "windows")
-
-
-@dataclass(frozen=True)
-class Zone:
-    """A closed area.
-
-    Attributes:
-        name: as in the file, or its number there.
-        polygon: shapely Polygon or MultiPolygon in local (north, east), m.
-        where: the file and the feature, as messages name it.
-        hours: when it is closed, as the file tells it by `from`, `to` and `windows`; empty for always.
-    """
-
-    name: str
-    polygon: Any
-    where: str = ""
-    hours: Mapping[str, Any] = field(default_factory=dict)
 
 
 def chart_and_notes(
@@ -61,6 +44,7 @@ def chart_and_notes(
     crs: Any = None,
     classes: Mapping[int, float] | None = None,
     colours: ChartColours = UNTOLD,
+    beyond: float = 0.0,
 ) -> tuple[Chart, tuple[str, ...]]:
     """Return a chart of a local rectangle from a georeferenced picture, or from a raster of classes.
 
@@ -81,6 +65,7 @@ def chart_and_notes(
         classes: pixel value to passability (0 coast, (0, 0.35] uncertain, 1 water) of a single-band raster.
             What the file marks as no data is coast, unless it is named here.
         colours: what the picture's colours stand for; with them a band of greys is a picture too.
+        beyond: m around the rectangle that the chart covers as well; water where the picture ends before.
 
     Returns:
         The chart, and what was assumed of the picture, a line each.
@@ -102,8 +87,12 @@ def chart_and_notes(
         refuse_beyond(path, "picture", site, find, grid, nodes, _SLACK)
         passability, notes, outside = _passability(path, raster, classes, colours)
         if outside is not None and outside.any():
-            _refuse_outside(path, _least(1.0 - outside, find, grid, nodes) == 0.0, grid)
-        return _chart(_least(passability, find, grid, nodes), grid), notes
+            _refuse_outside(path, _least(1.0 - outside, find, grid, nodes, 1.0) == 0.0, grid)
+        wide = grid.widened(beyond)
+        found = _least(passability, find, wide, nodes, 1.0)
+        if outside is not None:
+            found = np.where(_least(1.0 - outside, find, wide, nodes, 0.0) == 0.0, 1.0, found)
+        return _chart(found, wide), notes
 
 
 def chart_from_raster(path: str | Path, site: Site, **options: Any) -> Chart:
@@ -120,10 +109,11 @@ def chart_from_polygons(
     pixel_size: float = 10.0,
     fringe: float = 0.0,
     uncertain: str | Path | None = None,
+    beyond: float = 0.0,
 ) -> Chart:
     """Return a chart of a local rectangle from polygons of land: every pixel that land reaches into is coast.
 
-    Land just beyond the rectangle has its fringe inside it, but is not in the chart's distance to the coast.
+    Land beyond what the chart covers has its fringe in it, but is not in its distance to the coast.
 
     Args:
         path: GeoJSON of Polygon or MultiPolygon, in features and collections or bare.
@@ -133,6 +123,7 @@ def chart_from_polygons(
         pixel_size: m.
         fringe: m; water within so far of land is uncertain.
         uncertain: a second such file, of reefs and shoals, which are uncertain.
+        beyond: m around the rectangle that the chart covers as well.
 
     Raises:
         ChartError: one line that names the file and the number of the feature that is at fault.
@@ -144,21 +135,22 @@ def chart_from_polygons(
         grid = local_grid(lower, upper, pixel_size)
         if not (np.isfinite(fringe) and fringe >= 0.0):
             raise GeoError(f"fringe must not be negative, got {fringe}")
-        area = around(site, grid, fringe + pixel_size)
+        wide = grid.widened(beyond)
+        area = around(site, wide, fringe + pixel_size)
         shapes = [polygon for _, polygon in read_polygons(path, area)]
-        land = near(shapes, site, grid, fringe + pixel_size)
+        land = near(shapes, site, wide, fringe + pixel_size)
         if shapely.is_empty(land):
             _warn_beyond(path, "land", shapes, site, grid)
-        doubtful = touched(land.buffer(fringe), grid) if fringe > 0.0 else np.zeros(grid.shape, bool)
+        doubtful = touched(land.buffer(fringe), wide) if fringe > 0.0 else np.zeros(wide.shape, bool)
         if uncertain is not None:
             with blaming("", "uncertain"):
                 reefs = [polygon for _, polygon in read_polygons(uncertain, area)]
-            shoals = near(reefs, site, grid, pixel_size)
+            shoals = near(reefs, site, wide, pixel_size)
             if shapely.is_empty(shoals):
                 _warn_beyond(uncertain, "uncertain area", reefs, site, grid)
-            doubtful |= touched(shoals, grid)
-        coast = touched(land, grid)
-        return _chart(np.where(coast, 0.0, np.where(doubtful, UNCERTAIN_MAX, 1.0)), grid)
+            doubtful |= touched(shoals, wide)
+        coast = touched(land, wide)
+        return _chart(np.where(coast, 0.0, np.where(doubtful, UNCERTAIN_MAX, 1.0)), wide)
 
 
 def with_no_go(
@@ -350,8 +342,13 @@ def _refuse_outside(path: str | Path, reached: NDArray[np.bool_], grid: LocalGri
     )
 
 
-def _least(passability: NDArray, find: Any, grid: LocalGrid, nodes: Nodes) -> NDArray[np.float32]:
-    """[nx, ny]: the nearest pixel's, or the least over as many as a pixel of the chart covers."""
+def _least(
+    passability: NDArray, find: Any, grid: LocalGrid, nodes: Nodes, nothing: float
+) -> NDArray[np.float32]:
+    """[nx, ny]: the nearest pixel's, or the least over as many as a pixel of the chart covers.
+
+    Where there is no pixel within `_SLACK` it is `nothing`.
+    """
     ratio = grid.pixel_size / np.hypot(*steps(find, grid).T)
     # A tenth of a pixel more or less, as between two projections, is no reason to look at its neighbours.
     window = tuple(2 * max(int(np.ceil((r - 1.0) / 2.0 - 0.1)), 0) + 1 for r in ratio)
@@ -360,7 +357,10 @@ def _least(passability: NDArray, find: Any, grid: LocalGrid, nodes: Nodes) -> ND
     out = np.empty(grid.shape, np.float32)
     for rows, north, east in grid.blocks():
         row, column = find(north, east)
-        out[rows] = nearest(passability, row, column, nodes.cyclic)
+        there = (row > -1.0 - _SLACK) & (row < nodes.shape[0] + _SLACK)
+        there &= nodes.cyclic | ((column > -1.0 - _SLACK) & (column < nodes.shape[1] + _SLACK))
+        row, column = (np.where(there, axis, 0.0) for axis in (row, column))
+        out[rows] = np.where(there, nearest(passability, row, column, nodes.cyclic), nothing)
     return out
 
 

@@ -35,6 +35,13 @@ class LocalGrid:
     pixel_size: float
     shape: tuple[int, int]
 
+    def widened(self, metres: float) -> "LocalGrid":
+        """Return the grid with so many metres of whole pixels more on every side."""
+        more = max(int(np.ceil(metres / self.pixel_size - 1e-6)), 0)
+        lower = (self.lower[0] - more * self.pixel_size, self.lower[1] - more * self.pixel_size)
+        upper = (self.upper[0] + more * self.pixel_size, self.upper[1] + more * self.pixel_size)
+        return LocalGrid(lower, upper, self.pixel_size, (self.shape[0] + 2 * more, self.shape[1] + 2 * more))
+
     def outline(self) -> tuple[Array, Array]:
         """North and east of points around the rectangle asked for, m."""
         (south, west), (north, east) = self.lower, self.upper

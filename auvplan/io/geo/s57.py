@@ -77,8 +77,10 @@ class Cells:
 
     Attributes:
         chart: coast where a vehicle cannot or must not be: land, water that may be shallower than the safety
-            depth, what is not surveyed, areas of hazards, closed areas; all else is water.
-        land: the same of land alone.
+            depth, what is not surveyed, areas of hazards, closed areas; all else is water. It covers what was
+            asked for `beyond` too.
+        coast: the same without closed areas.
+        land: of the rectangle, land alone.
         depth: [nx, ny] m below the chart's datum, the least that the depth areas around a pixel leave open; 0
             where there are none.
         hazards: rocks, wrecks and obstructions that are points on the chart.
@@ -87,6 +89,7 @@ class Cells:
     """
 
     chart: Chart
+    coast: Chart
     land: Chart
     depth: NDArray[np.float32]
     hazards: tuple[KnownObstacle, ...]
@@ -157,6 +160,7 @@ def read_cells(
     pixel_size: float = 10.0,
     safety_depth: float = SAFETY_DEPTH,
     hazard_radius: float = HAZARD_RADIUS,
+    beyond: float = 0.0,
 ) -> Cells:
     """Read what S-57 cells tell of a local rectangle.
 
@@ -176,6 +180,7 @@ def read_cells(
         pixel_size: of the charts, m.
         safety_depth: m below the chart's datum.
         hazard_radius: m, of what is a point or a line on the chart.
+        beyond: m around the rectangle that `Cells.chart` covers as well; water where no cell covers it.
 
     Raises:
         ChartError: one line; no cell is there, one is damaged or in other units, or the rectangle reaches
@@ -188,7 +193,8 @@ def read_cells(
     path = Path(path)
     with as_chart(), reading(path), TemporaryDirectory() as staging:
         grid = local_grid(lower, upper, pixel_size)
-        margin = hazard_radius + pixel_size
+        wide = grid.widened(beyond)
+        margin = beyond + hazard_radius + pixel_size
         cells = [_header(*one) for one in _staged(_files(path), Path(staging))]
         if not cells:
             raise GeoError(f"{path}: is cancelled by an update: get the cell that replaces it")
@@ -200,18 +206,18 @@ def read_cells(
             own = _areas(coverage.difference(covered))
             if own.buffer(-_GAP / 2.0).is_empty:
                 continue
-            _collect(cell, own, found, site, grid, deepest, safety_depth, hazard_radius)
+            _collect(cell, own, found, site, grid, deepest, safety_depth, hazard_radius, margin)
             covered = _areas(covered.union(coverage))
             notes.append(f"{cell.path.name}: {cell.edition}")
         _refuse_uncovered(path, covered, [cell.coverage for cell in cells], site, grid)
         dry = touched(shapely.union_all(found.dry), grid)
-        shut = dry | touched(shapely.union_all(found.shut), grid)
-        for zone in found.closed:
-            shut |= touched(zone.polygon, grid)
+        shut = touched(shapely.union_all([*found.dry, *found.shut]), wide)
+        closed = touched(shapely.union_all([zone.polygon for zone in found.closed]), wide)
         hazards = _in_water(found.hazards, shapely.union_all([*found.dry, *found.shut]), grid)
         notes += _notes(path, found, hazards, safety_depth, hazard_radius)
         return Cells(
-            _chart(shut, grid),
+            _chart(shut | closed, wide),
+            _chart(shut, wide),
             _chart(dry, grid),
             _depth(found, dry, grid),
             hazards,
@@ -469,9 +475,9 @@ def _collect(
     deepest: float,
     safety_depth: float,
     radius: float,
+    margin: float,
 ) -> None:
     """Add what a cell tells of its own part, which is in local metres, to what was found."""
-    margin = radius + grid.pixel_size
     box, part = around(site, grid, margin), own.buffer(_LINE)
     skin: list[Any] = []
     unknown: list[Any] = []

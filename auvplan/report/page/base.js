@@ -38,6 +38,14 @@ report.figure = function (value, digits = 4) {
   return value.toLocaleString("en", form).replace("-", "−");
 };
 
+/** A least distance in metres, as `auvplan.words.clearance` states it: no finer than what it is to is known. */
+report.clearance = function (value, accuracy = 0, reach = null) {
+  if (!report.isNumber(value)) return "–";
+  if (reach !== null && value >= reach) return `> ${report.fixed(reach)}`;
+  if (value >= 0 && value < accuracy) return `< ${report.fixed(accuracy)}`;
+  return report.fixed(accuracy > 0 ? accuracy * Math.floor(value / accuracy) : value);
+};
+
 /** Seconds as hours and minutes. */
 report.hours = function (seconds) {
   if (!report.isNumber(seconds)) return "–";

@@ -3,7 +3,7 @@
 (function () {
   const run = report.data;
   const track = Object.fromEntries(
-    ["time", "north", "east", "depth", "coast", "bed", "obstacle"].map((name) => [
+    ["time", "north", "east", "depth", "coast", "closed", "bed", "obstacle"].map((name) => [
       name,
       report.unpack(run.track[name]),
     ]),
@@ -78,7 +78,7 @@
       course: moved > 0 ? (Math.atan2(de, dn) * 180) / Math.PI : 0,
       index: at[0],
     };
-    for (const name of ["north", "east", "depth", "coast", "bed", "obstacle"])
+    for (const name of ["north", "east", "depth", "coast", "closed", "bed", "obstacle"])
       found[name] = track[name] ? between(track[name], at) : null;
     return found;
   }
@@ -92,6 +92,10 @@
     });
     return found;
   }
+
+  /** A least distance in metres: to the coast no finer than it is known. */
+  const distance = (name, value) =>
+    name === "coast" ? report.clearance(value, run.accuracy, run.reach) : report.clearance(value);
 
   function doing(time) {
     const number = legAt(time);
@@ -223,7 +227,7 @@
           ]
         : null,
     ],
-    warnings: run.warnings,
+    warnings: [...run.warnings, ...run.provenance.assumed],
   });
 
   // --- map -------------------------------------------------------------------------------------------
@@ -273,7 +277,7 @@
 
   const layers = [
     run.map.chart && ["chart", run.map.chart.uncertain ? "coast, uncertain area" : "coast", "area", "coast"],
-    run.closures.length && ["closures", "closed areas, dashed while open", "area", "closed"],
+    run.closures.length && ["closures", run.closures.some(({ spans }) => spans[0][0] > -1e8) ? "closed areas, dashed while open" : "closed areas", "area", "closed"],
     run.map.depths && ["depths", "depth of the sea bed, m", "thin", "depth"],
     current && ["current", "current", "arrow", "current"],
     run.kind !== "leg" && run.routes.length > 1 && ["route", "route, to come", "dot", "route"],
@@ -703,7 +707,7 @@
     const here = vehicle(state.time),
       level = current ? current.depths[Math.max(latest(current.times, state.time), 0)] : null;
     const place = state.map.place(here.north, here.east);
-    const apart = (value) => (report.isNumber(value) ? `${report.fixed(value)} m` : null);
+    const apart = (name) => (report.isNumber(here[name]) ? `${distance(name, here[name])} m` : null);
     const entries = [
       ["depth", `${report.fixed(here.depth)} m`],
       [
@@ -712,9 +716,10 @@
           ? `${report.fixed(here.speed, 2)} m/s`
           : "on station",
       ],
-      ["to the coast", apart(here.coast)],
-      ["to an obstacle", legAt(state.time) >= 0 ? apart(here.obstacle) : null],
-      ["above the sea bed", apart(here.bed)],
+      ["to the coast", apart("coast")],
+      ["to a closed area", apart("closed")],
+      ["to an obstacle", legAt(state.time) >= 0 ? apart("obstacle") : null],
+      ["above the sea bed", apart("bed")],
       ["position", place || `${report.fixed(here.north)} N, ${report.fixed(here.east)} E m`],
     ];
     document.getElementById("doing").textContent = doing(state.time);
@@ -767,6 +772,7 @@
     );
   const CLEARANCES = [
     ["coast", "to the coast", "left"],
+    ["closed", "to a closed area", "closed"],
     ["obstacle", "to the nearest obstacle", "earlier"],
     ["bed", "above the sea bed", "task"],
   ];
@@ -1067,7 +1073,7 @@
     run.legs.some((leg) => report.isNumber(leg[name])) && {
       title,
       key: (leg) => leg[name],
-      text: (leg) => (report.isNumber(leg[name]) ? report.fixed(leg[name]) : "–"),
+      text: (leg) => distance(name, leg[name]),
       class: (leg) => (report.isNumber(leg[name]) && leg[name] < 0 ? "bad-cell" : ""),
     };
   if (run.legs.length) {
@@ -1123,6 +1129,7 @@
           { title: "task", key: (leg) => leg.task, text: seconds("task") },
           { title: "way", key: (leg) => leg.length, text: (leg) => report.fixed(leg.length) },
           clearance("coast", "coast"),
+          clearance("closed", "closed area"),
           clearance("obstacle", "obstacle"),
           clearance("bed", "bed"),
           run.simulated && {
@@ -1207,7 +1214,7 @@
 
   const cpu = figures.cpu;
   const forecast = figures.forecast;
-  const words = { coast: "coast", obstacle: "obstacle", bed: "sea bed" };
+  const words = { coast: "coast", closed: "closed area", obstacle: "obstacle", bed: "sea bed" };
   const broken = plans.filter((plan) => !plan.feasible).length;
   report.section(
     "costs",
@@ -1260,7 +1267,7 @@
             { title: "margin of plans", text: (row) => report.fixed(row.margin) },
             {
               title: "least",
-              text: (row) => (report.isNumber(row.least) ? report.fixed(row.least, 1) : "none near"),
+              text: (row) => (report.isNumber(row.least) ? distance(row.name, row.least) : "none near"),
               class: (row) => (report.isNumber(row.least) && row.least < 0 ? "bad-cell" : ""),
             },
           ],

@@ -1,0 +1,120 @@
+"""How far a run keeps off coast, closed areas, sea bed and obstacles, also between its records."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+
+from auvplan.io.walk import Coast, Walk
+from auvplan.records import LegRecord, MissionRun
+from auvplan.schedule import stated_closures
+from auvplan.simulation.world import KNOWN
+
+Array = NDArray[np.floating]
+
+#: m; what is farther away is not there.
+FAR = 1e5
+
+
+@dataclass(frozen=True)
+class Margins:
+    """Least distances on the straight way from each of n records to the next, m; of the last, at its place.
+
+    Attributes:
+        coast: [n] to the edge of the nearest pixel of land, at most `MissionRun.coast_reach`; 0 on land.
+        closed: [n] to areas that are closed then; 0 within one.
+        bed: [n] above the sea bed.
+        obstacle: [n] to the surface of an obstacle, known or met; negative inside.
+
+    What there is none of is infinitely far away.
+    """
+
+    coast: Array
+    closed: Array
+    bed: Array
+    obstacle: Array
+
+    @classmethod
+    def of(cls, run: MissionRun, leg: LegRecord) -> "Margins":
+        """Return those of a leg, whose records are its own."""
+        return cls.along(run, leg.times, np.reshape(leg.positions, (-1, 3)), *true_obstacles(leg))
+
+    @classmethod
+    def along(
+        cls, run: MissionRun, times: Array, places: Array, tracks: Array | None = None, radii: ArrayLike = ()
+    ) -> "Margins":
+        """Return those of a track.
+
+        Args:
+            run: that it belongs to.
+            times: [n] s, rising.
+            places: [n, 3] m.
+            tracks: [n, M, 3] m, of obstacles that are not known; None for none.
+            radii: [M] m.
+        """
+        nothing = np.full(len(times), np.inf)
+        if not len(times):
+            return cls(nothing, nothing, nothing, nothing)
+        walk = Walk.of(times, places, np.zeros((len(times), 0, 3)) if tracks is None else tracks)
+        record = np.clip(np.searchsorted(times, walk.times, side="right") - 1, 0, len(times) - 1)
+
+        def least(values: Array) -> Array:
+            found = nothing.copy()
+            np.minimum.at(found, record, values)
+            # The way to the next record ends there.
+            arrivals = values[np.searchsorted(record, np.arange(1, len(times)))]
+            return np.minimum(found, np.append(arrivals, np.inf))
+
+        coast = nothing if run.coast is None else Coast.of_chart(run.coast, run.coast_reach).distances(places)
+        bed = nothing if run.seabed is None else least(np.asarray(run.seabed.altitude(walk.positions), float))
+        near = [obstacle.distance(walk.positions, walk.times) for obstacle in run.obstacles]
+        near += list((np.linalg.norm(walk.obstacles - walk.positions[:, None], axis=2) - np.asarray(radii)).T)
+        obstacle = least(np.min(near, axis=0)) if near else nothing
+        return cls(coast, _to_closed(run, times, places), bed, obstacle)
+
+    @classmethod
+    def joined(cls, parts: Sequence["Margins"]) -> "Margins":
+        """Return those of legs in a row."""
+        names = [field.name for field in fields(cls)]
+        return cls(*(np.concatenate([np.zeros(0), *(getattr(p, name) for p in parts)]) for name in names))
+
+    def least(self) -> dict[str, float | None]:
+        """Return the least of each; None of what there is none of."""
+        found = {field.name: float(getattr(self, field.name).min(initial=np.inf)) for field in fields(self)}
+        return {name: value if value < FAR else None for name, value in found.items()}
+
+
+def _to_closed(run: MissionRun, times: Array, places: Array) -> Array:
+    """[n] m on the way from each record to the next to areas that are closed then."""
+    last = np.concatenate([places[1:], places[-1:]])
+    ways = shapely.linestrings(np.stack([places, last], axis=1)[..., :2])
+    until = np.append(times[1:], times[-1])
+    found = np.full(len(times), np.inf)
+    for zone in run.zones:
+        found = np.minimum(found, shapely.distance(ways, zone.polygon))
+    for closure in stated_closures(run):
+        area = shapely.union_all([shapely.Polygon(ring) for ring in closure.rings])
+        shut = np.any([(until >= begins) & (times <= ends) for begins, ends in closure.spans], axis=0)
+        found = np.where(shut, np.minimum(found, shapely.distance(ways, area)), found)
+    return found
+
+
+def true_obstacles(leg: LegRecord) -> tuple[Array, Array]:
+    """Places [n, M, 3] m and radii [M] m of what was not known before, as single precision has them.
+
+    That is how files keep them. The simulator puts obstacles that find no room on a leg out of the way: they
+    are left out.
+    """
+    shown = shown_obstacles(leg)
+    tracks, radii = (np.asarray(part, np.float32) for part in (leg.obstacle_positions, leg.obstacle_radii))
+    return tracks[:, shown].astype(float), radii[shown].astype(float)
+
+
+def shown_obstacles(leg: LegRecord) -> list[int]:
+    """Numbers of the obstacles that were not known before and are anywhere near."""
+    if not len(leg.times):
+        return []
+    away = np.abs(leg.obstacle_positions[0] - leg.positions[0]).max(axis=1, initial=0.0)
+    return [m for m, kind in enumerate(leg.obstacle_kinds) if kind != KNOWN and away[m] < FAR]

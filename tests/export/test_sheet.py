@@ -1,0 +1,174 @@
+"""The mission sheet: coast and closed areas apart, land beyond the area, and what was assumed."""
+
+import json
+from datetime import UTC, datetime
+
+import numpy as np
+import pytest
+import shapely
+
+from auvplan.errors import ScenarioWarning
+from auvplan.export import export_notes, itinerary_of
+from auvplan.export.sheet import sheet_of, write_html
+from auvplan.io import save_run
+from auvplan.io.area import load_area
+from auvplan.io.check import check_run
+from auvplan.io.examine import examine_scenario
+from auvplan.io.restore import restore_run
+from auvplan.ocean.chart import Chart
+from auvplan.ocean.closures import Zone
+from auvplan.report.run import run_data
+from auvplan.scenario.file import load_scenario
+from auvplan.scenario.scenario import Scenario
+from auvplan.site import Site
+from auvplan.words import clearance
+from tests.io.sample_run import make_run
+
+SITE = Site(147.4, -43.06, datetime(2026, 3, 1, 20, 30, tzinfo=UTC))
+BAY = """\
+site: {longitude: 147.4, latitude: -43.06, departure: 2026-03-01T20:30:00Z, timezone: Australia/Hobart}
+area: {lower: [-1000, -1000, 0], upper: [1000, 1000, 30]}
+chart: {source: polygons, file: coast.geojson, pixel_size: 10, accuracy: 300, no_go: closed.geojson}
+current: {source: vortices, vortices: 0, forecast_error: 0}
+safety: {coast: 200}
+mission: {jobs: jobs.geojson, start: [0, 0, 5], goal: [100, 100, 5], time_available: 7200}
+"""
+
+
+def polygon(low, high, **stated):
+    north, east = ((low[0], low[0], high[0], high[0], low[0]), (low[1], high[1], high[1], low[1], low[1]))
+    ring = np.stack(SITE.to_geographic(np.asarray(north), np.asarray(east)), axis=-1).tolist()
+    return {"type": "Feature", "properties": stated, "geometry": {"type": "Polygon", "coordinates": [ring]}}
+
+
+def point(place, **stated):
+    at = [float(axis) for axis in SITE.to_geographic(*map(float, place))]
+    return {"type": "Feature", "properties": stated, "geometry": {"type": "Point", "coordinates": at}}
+
+
+def write(folder, name, *features):
+    (folder / name).write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+
+
+@pytest.fixture
+def bay(tmp_path):
+    """Land 33 m east of the area, a closed area in open water, and a job in the east."""
+    (tmp_path / "scenario.yaml").write_text(BAY)
+    write(tmp_path, "coast.geojson", polygon((-3000, 1033), (3000, 3000)))
+    write(tmp_path, "closed.geojson", polygon((-600, -600), (-300, -200), name="range"))
+    write(tmp_path, "jobs.geojson", point((0, 700), name="near"))
+    return tmp_path
+
+
+def test_land_beyond_the_area_is_as_near_as_it_is(bay):
+    area = load_area(load_scenario(bay / "scenario.yaml"))
+    for east in (400.0, 700.0, 990.0):
+        away = float(area.chart.distance(900.0, east))
+        assert 1033.0 - east - 20.0 <= away <= 1033.0 - east
+    assert area.chart.shape == (200, 200)
+
+
+def test_a_job_too_near_to_land_beyond_the_edge_is_refused_in_degrees(bay):
+    write(bay, "jobs.geojson", point((0, 950), name="near"), point((0, 0), name="on land"))
+    write(bay, "coast.geojson", polygon((-3000, 1033), (3000, 3000)), polygon((-50, -50), (50, 50)))
+    lines = examine_scenario(bay / "scenario.yaml").lines
+    longitude, _ = SITE.to_geographic(0.0, 950.0)
+    assert any(f"'near' at longitude {float(longitude):.5f}, latitude -43.0600" in line for line in lines)
+    assert any("m from the coast: safety.coast asks for 200 m" in line for line in lines)
+    assert any("'on land' at longitude 147.40000" in line and "lies on land" in line for line in lines)
+
+
+def test_coast_and_closed_areas_are_different_things(bay):
+    assert examine_scenario(bay / "scenario.yaml").lines == []
+    area = load_area(load_scenario(bay / "scenario.yaml"))
+    assert [zone.name for zone in area.zones] == ["range"]
+    inside = (-450.0, -400.0)
+    assert not area.chart.is_water(*inside)
+    assert area.coast.is_water(*inside)
+    assert area.coast.is_water(0.0, 1020.0)
+    assert not area.coast.is_water(0.0, 1100.0)
+
+
+def bay_run(bay):
+    """The made run of three legs, by a coast east of it and a closed area north of it."""
+    run = make_run()
+    settings = Scenario().model_dump(mode="json")
+    settings["site"] = {"longitude": 147.4, "latitude": -43.06, "timezone": "Australia/Hobart"}
+    settings["chart"] |= {"accuracy": 300.0}
+    run.scenario, run.site = settings, SITE
+    places = np.concatenate([leg.positions for leg in run.legs])
+    low, high = places.min(axis=0)[:2], places.max(axis=0)[:2]
+    shape = tuple(np.ceil((high - low) / 20.0).astype(int) + 100)
+    passability = np.ones(shape, np.float32)
+    corner = tuple((low - 1000.0).tolist())
+    run.chart = Chart.from_passability(passability, 20.0, corner)
+    beyond = np.ones((shape[0] + 100, shape[1] + 100), np.float32)
+    beyond[:, -60:] = 0.0
+    run.coast = Chart.from_passability(beyond, 20.0, (corner[0] - 1000.0, corner[1] - 1000.0))
+    run.zones = (Zone("range", shapely.box(high[0] + 150.0, low[1], high[0] + 400.0, high[1])),)
+    run.assumed = ("no sea bed is known",)
+    run.__dict__.pop("coast_reach", None)
+    return run, corner[1] - 1000.0 + 20.0 * (beyond.shape[1] - 60)
+
+
+def test_one_clearance_has_one_value_on_sheet_page_and_in_the_checker(bay, tmp_path):
+    run, shore = bay_run(bay)
+    sheet = sheet_of(run)
+    fine = np.concatenate([np.linspace(a, b, 50) for leg in run.done for a, b in
+                           zip(leg.positions[:-1], leg.positions[1:], strict=True)])  # fmt: skip
+    expected = min(shore - fine[:, 1].max(), run.coast_reach)
+    least = min(stop.coast for stop in sheet.stops)
+    assert least == pytest.approx(expected, abs=0.01)
+    away = shapely.distance(run.zones[0].polygon, shapely.linestrings(fine[:, :2]))
+    assert min(stop.closed for stop in sheet.stops) == pytest.approx(away, abs=0.01)
+    plain = sheet.plain()
+    folder = save_run(run, tmp_path / "run", sheet=plain)
+    again = sheet_of(restore_run(folder))
+    for one, other in zip(sheet.stops, again.stops, strict=True):
+        assert (one.coast, one.closed) == pytest.approx((other.coast, other.closed), abs=0.01)
+    data = run_data(restore_run(folder), run.summary() | {"sheet": plain})
+    limits = {row["name"]: row["least"] for row in data["limits"]}
+    assert limits["coast"] == pytest.approx(least, abs=0.01)
+    assert [closed["name"] for closed in data["closures"]] == ["range"]
+    report = check_run(folder)
+    assert report.coast_clearance == pytest.approx(least, abs=0.01)
+    near = [stop.obstacle for stop in sheet.stops if stop.obstacle is not None]
+    assert report.obstacle_clearance == pytest.approx(min(near), abs=0.01)
+
+
+def test_no_distance_is_stated_finer_than_it_is_known(bay):
+    run, _ = bay_run(bay)
+    headings, rows = sheet_of(run).table()
+    column = headings.index("coast, m")
+    for row in rows:
+        value = row[column].strip("<> ").replace(",", "")
+        assert row[column].startswith(">") or float(value) % 300.0 == 0.0
+    assert clearance(3640.0, 1000.0) == "3,000"
+
+
+def test_places_times_and_priorities_are_on_the_sheet(bay):
+    run, _ = bay_run(bay)
+    run.simulated, run.legs[0].priority = False, 2.85391
+    sheet = sheet_of(run)
+    headings, rows = sheet.table()
+    assert rows[1][headings.index("leg, s")] == f"{run.legs[0].t_path:,.0f}"
+    longitude, latitude = SITE.to_geographic(*np.asarray(run.graph.positions[run.start], float)[:2])
+    assert rows[0][headings.index("latitude, longitude")] == f"{float(latitude):.5f}, {float(longitude):.5f}"
+    assert rows[1][headings.index("priority")] == "2.85"
+    assert sheet.facts["departure"] == "2026-03-01 20:30 UTC, 2026-03-02 07:30 Hobart"
+    assert "Hobart" in sheet.facts["arrival"]
+
+
+def test_what_was_assumed_stands_everywhere(bay, tmp_path):
+    (bay / "scenario.yaml").write_text(BAY.replace("20:30:00Z", "20:30:00"))
+    with pytest.warns(ScenarioWarning, match="no zone of time"):
+        area = load_area(load_scenario(bay / "scenario.yaml").with_({"vehicle.speed": 1.5}))
+    assert any("no zone of time" in note for note in area.notes)
+    assert any("good to 300 m at best: no chart for navigation" in note for note in area.notes)
+    assert any("no sea bed is known" in note for note in area.notes)
+    run, _ = bay_run(bay)
+    sheet = sheet_of(run)
+    assert "no sea bed is known" in write_html(sheet, tmp_path / "sheet.html").read_text()
+    assert "no sea bed is known" in sheet.plain()["assumed"]
+    run.simulated = False
+    assert any("no sea bed is known" in note for note in export_notes(itinerary_of(run), ["kml"]))
