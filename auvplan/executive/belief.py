@@ -50,6 +50,11 @@ class ObstacleBelief:
         """[M] m/s, growth of the boundaries between two looks."""
         return self._sensors.growth * self._unknown
 
+    def within(self, vehicle: Array, seconds: float, speed: float) -> NDArray[np.bool_]:
+        """[M], whether a vehicle at [3] m may meet them in so many seconds at a speed, m/s."""
+        away = np.linalg.norm(self.position - vehicle, axis=1) - self.radius
+        return away <= seconds * (speed + np.linalg.norm(self.velocity, axis=1))
+
     def look(
         self, vehicle: Array, truth: TrueObstacles, moves: Array, now: float, blind: bool = False
     ) -> None:

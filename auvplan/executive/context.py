@@ -1,7 +1,7 @@
 """Missions under way together: what they share, how far each one is, and the leg that it is on."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import datetime
 from functools import cached_property
 from typing import NamedTuple
@@ -34,6 +34,9 @@ from auvplan.site import at_time
 from auvplan.vehicle import Vehicle
 
 Array = NDArray[np.floating]
+
+#: Seconds ahead within which a believed collision makes the vehicle re-plan at once.
+HORIZON = 180.0
 
 
 class Followed(NamedTuple):
@@ -133,6 +136,11 @@ class SimulationContext:
         return spheres(self.area.obstacles, (lower[2], upper[2]), now)
 
     @property
+    def lookahead(self) -> float:
+        """S ahead within which a plan must be clear: what is further away is seen from near before."""
+        return max(HORIZON, self.scenario.sensors.range / self.speed)
+
+    @property
     def speed(self) -> float:
         """|v|, m/s."""
         return float(self.vehicle.speed)  # type: ignore[arg-type]
@@ -202,6 +210,11 @@ class Leg:
         self.plan, self.marks = plan, np.concatenate([[0.0], np.cumsum(gaps)])
         self.track, self.arc = plan.positions, 0.0
         self.moving, self.escaping = True, False
+
+    def keep(self, times: Array) -> None:
+        """Go on with the plan in hand, at times [S] s."""
+        self.plan = replace(self.followed, times=times)
+        self.moving = True
 
     @property
     def under_way(self) -> bool:

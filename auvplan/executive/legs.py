@@ -11,9 +11,9 @@ from auvplan.executive.belief import ObstacleBelief
 from auvplan.executive.context import Leg, Mission, SimulationContext
 from auvplan.executive.evasion import escape_track
 from auvplan.executive.path_calls import plan_legs
+from auvplan.executive.replans import Review, detours, hazard, holds, replan, review
 from auvplan.mission.travel_times import ONE_PLACE
 from auvplan.motion import Motion
-from auvplan.path.outlook import outlook
 from auvplan.records import LegRecord
 from auvplan.rows import padded_batches
 from auvplan.simulation.faults import HeldUp, PlannerOut, SensorOut, absent, appear
@@ -22,12 +22,6 @@ from auvplan.simulation.simulator import TIME_STEP, WIDTH, Transit, over_ground,
 from auvplan.simulation.world import TrueObstacles, draw_obstacles
 
 Array = NDArray[np.floating]
-
-#: Seconds ahead within which a believed collision makes the vehicle re-plan at once.
-HORIZON = 180.0
-
-#: A path that takes this many times as long as its leg was expected to is planned again.
-DETOUR = 1.2
 
 #: Within this distance of its goal, m, a vehicle goes on without re-planning.
 CLOSE = 40.0
@@ -44,7 +38,7 @@ def begin_legs(context: SimulationContext, missions: list[Mission], records: Seq
     for mission in missions:
         mission.active_leg.record.followed = len(mission.active_leg.record.plans) - 1
     if context.rules.second_look and context.simulated:
-        _replan_optimistically(context, [mission for mission in missions if _detours(mission.active_leg)])
+        _replan_optimistically(context, [mission for mission in missions if detours(mission.active_leg)])
     parts = context.path_config.t_series
     for mission in missions:
         share = mission.active_leg.followed.travel_time / parts
@@ -64,12 +58,9 @@ def set_out(context: SimulationContext, mission: Mission, record: LegRecord) -> 
     moves = over_ground(mission.sea.field, *truth.motion, now=mission.now)
     belief = ObstacleBelief(truth, moves, mission.now, context.scenario.sensors, mission.rng)
     record.line = mission.parts.get((record.start, record.goal))
+    if context.simulated:
+        belief.look(origin, truth, moves, mission.now, mission.faults.left(SensorOut, mission.now) > 0.0)
     mission.leg = Leg(record, origin, target, truth, moves, belief)
-
-
-def _detours(leg: Leg) -> bool:
-    """Return whether the planned path takes much longer than was expected of the leg."""
-    return leg.followed.travel_time > DETOUR * (leg.record.t_expected - leg.record.t_task)
 
 
 def _replan_optimistically(context: SimulationContext, missions: list[Mission]) -> None:
@@ -198,7 +189,8 @@ def finish(leg: Leg) -> None:
 
 def _react(context: SimulationContext, missions: list[Mission]) -> None:
     """Look, and re-plan where a window asks for it or where the belief sees a collision ahead."""
-    due: list[tuple[Mission, str]] = []
+    due: list[Review] = []
+    without: list[Mission] = []
     for mission in missions:
         leg = mission.active_leg
         if leg.stretches:
@@ -210,22 +202,20 @@ def _react(context: SimulationContext, missions: list[Mission]) -> None:
         if window:
             leg.windows = [t for t in leg.windows if t > mission.now]
             mission.sea.begin_window()
-        if _hazard(mission) or not leg.moving or leg.escaping:
-            due.append((mission, "hazard"))
-        elif window and not _holds(context, mission):
-            due.append((mission, "window"))
-    # Without a plan a vehicle goes on with the one that it has, or gives way.
-    without = [mission for mission, _ in due if mission.faults.left(PlannerOut, mission.now)]
-    due = [(mission, cause) for mission, cause in due if mission not in without]
+        urgent = hazard(mission) or not leg.moving or leg.escaping
+        if not urgent and not window:
+            continue
+        if mission.faults.left(PlannerOut, mission.now):
+            without.append(mission)
+            continue
+        one = review(context, mission, "hazard" if urgent else "window")
+        if urgent or not holds(context, one):
+            due.append(one)
     if due:
-        cold = context.rules.replan_from == "fresh"
-        plan_legs(context, [mission for mission, _ in due], [cause for _, cause in due], cold)
-    # What a warm plan cannot clear, a cold one may; what neither can, the vehicle waits for.
-    stuck = [mission for mission, _ in due if _hazard(mission)]
-    if stuck:
-        plan_legs(context, stuck, ["hazard"] * len(stuck), cold=True)
-    for mission in stuck + without:
-        if _hazard(mission) or not mission.active_leg.moving or mission.active_leg.escaping:
+        replan(context, due)
+    # What no plan can clear the vehicle waits for; without a planner it goes on, or gives way.
+    for mission in [one.mission for one in due] + without:
+        if hazard(mission) or not mission.active_leg.moving or mission.active_leg.escaping:
             _give_way(context, mission)
 
 
@@ -246,33 +236,6 @@ def _let_appear(mission: Mission) -> None:
 def _is_moving(mission: Mission) -> bool:
     """Return whether the vehicle follows its track; otherwise it keeps station."""
     return mission.active_leg.moving and not mission.faults.left(HeldUp, mission.now)
-
-
-def _holds(context: SimulationContext, mission: Mission) -> bool:
-    """Return whether the followed plan still does what it was planned to do, by the forecast of now."""
-    scenario, leg = context.scenario, mission.active_leg
-    least = context.rules.window_change
-    if least == 0.0 or _detours(leg):
-        return False
-    sample = float(np.interp(leg.arc, leg.marks, np.arange(len(leg.marks))))
-    forecast, closures = mission.sea.forecast(), context.area.closures
-    rest = outlook(leg.followed, sample, forecast, context.vehicle, context.path_config, closures)
-    # What is further away comes into sensor range before the vehicle is there.
-    near = max(HORIZON, scenario.sensors.range / context.speed)
-    return rest.change < least and not rest.broken and not _hazard(mission, near)
-
-
-def _hazard(mission: Mission, horizon: float = HORIZON) -> bool:
-    """Return whether the belief sees the followed plan inside a collision boundary within so many seconds."""
-    leg, now = mission.active_leg, mission.now
-    plan = leg.followed
-    arc = 0.0 if leg.escaping else leg.arc
-    # The sea may have made the vehicle late: what counts is the time left on the plan from where it is.
-    times = now + plan.times - np.interp(arc, leg.marks, plan.times)
-    ahead = (leg.marks >= arc - 1.0) & (times <= now + horizon)
-    if not ahead.any():
-        return False
-    return bool(leg.belief.clearance(plan.positions[ahead], times[ahead]).min() < 0.0)
 
 
 def _give_way(context: SimulationContext, mission: Mission) -> None:

@@ -1,13 +1,14 @@
 """Batched calls of the path planner on what the vehicles believe, timed and booked."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from numpy.typing import NDArray
 
 from auvplan import prng
 from auvplan.bbo import History
@@ -15,13 +16,22 @@ from auvplan.executive.belief import as_obstacles
 from auvplan.executive.context import Mission, SimulationContext
 from auvplan.executive.lines import follow, rows_of
 from auvplan.mission.travel_times import TURN_TO
-from auvplan.ocean.currents import evaluated
+from auvplan.ocean.currents import Current, evaluated
 from auvplan.ocean.environment import Environment
 from auvplan.path import PathPlan, PathPlans, plan_paths, replan_paths
 from auvplan.path.cost import VIOLATIONS
 from auvplan.path.sensitivity import Conditions
 from auvplan.records import PlanRecord
 from auvplan.simulation.sea import stacked
+
+
+@dataclass(frozen=True)
+class Offer:
+    """A path that a vehicle may follow: the plan, "leg", "window" or "hazard", and s that it took to make."""
+
+    plan: PathPlan
+    cause: str
+    seconds: float
 
 
 def plan_legs(
@@ -31,29 +41,53 @@ def plan_legs(
     cold: bool = False,
     growing: bool = True,
 ) -> None:
-    """Plan paths from where the vehicles are, and follow them.
+    """Plan paths from where the vehicles are, and follow them; arguments as `offered`."""
+    for mission, offer in zip(missions, offered(context, missions, causes, cold, growing), strict=True):
+        take(mission, offer)
+
+
+def offered(
+    context: SimulationContext,
+    missions: list[Mission],
+    causes: Sequence[str],
+    cold: bool = False,
+    growing: bool = True,
+    forecasts: Sequence[Current] | None = None,
+) -> list[Offer]:
+    """Plan paths from where the vehicles are; none is followed yet.
 
     Args:
         context: what the missions share.
         missions: B missions on a leg that needs a path.
         causes: [B], "leg", "window" or "hazard", for the record.
         cold: search afresh; otherwise from the kept population.
-        growing: whether the boundaries of obstacles grow until they are seen again.
+        growing: whether boundaries of all obstacles grow until they are seen again; otherwise of those alone
+            that the vehicle may meet before it has looked at them from near.
+        forecasts: B currents to plan in; drawn if absent.
     """
-    for mission in missions:
-        if mission.active_leg.stays:
-            _follow(mission, _staying(context, mission), "leg", 0.0)
-    going = [k for k, mission in enumerate(missions) if not mission.active_leg.stays]
-    missions, causes = [missions[k] for k in going], [causes[k] for k in going]
-    if not missions:
-        return
-    keys = prng.stacked([mission.path_key() for mission in missions])
-    env = believed(context, missions)
-    if not growing:
-        env = replace(env, obstacles=replace(env.obstacles, growth=np.zeros_like(env.obstacles.growth)))
-    plans, seconds = context.clock.time(partial(_call, context, missions, env, keys, cold))
-    for mission, plan, cause in zip(missions, plans, causes, strict=True):
-        _follow(mission, plan, cause, seconds / len(missions))
+    found = {
+        row: Offer(_staying(context, mission), "leg", 0.0)
+        for row, mission in enumerate(missions)
+        if mission.active_leg.stays
+    }
+    if going := [row for row in range(len(missions)) if row not in found]:
+        those = [missions[row] for row in going]
+        currents = None if forecasts is None else [forecasts[row] for row in going]
+        keys = prng.stacked([mission.path_key() for mission in those])
+        env = believed(context, those, currents)
+        if not growing:
+            env = replace(env, obstacles=replace(env.obstacles, growth=_growth_of_near(context, those)))
+        plans, seconds = context.clock.time(partial(_call, context, those, env, keys, cold))
+        for row, plan in zip(going, plans, strict=True):
+            found[row] = Offer(plan, causes[row], seconds / len(going))
+    return [found[row] for row in range(len(missions))]
+
+
+def _growth_of_near(context: SimulationContext, missions: list[Mission]) -> NDArray[np.floating]:
+    """[B, M] m/s, growth of the boundaries that vehicles may meet before they have seen them from near."""
+    legs = [mission.active_leg for mission in missions]
+    near = [leg.belief.within(leg.position, context.lookahead, context.speed) for leg in legs]
+    return np.stack([leg.belief.growth * soon for leg, soon in zip(legs, near, strict=True)])
 
 
 def _staying(context: SimulationContext, mission: Mission) -> PathPlan:
@@ -81,10 +115,13 @@ def _staying(context: SimulationContext, mission: Mission) -> PathPlan:
     )
 
 
-def believed(context: SimulationContext, missions: list[Mission]) -> Environment:
+def believed(
+    context: SimulationContext, missions: list[Mission], forecasts: Sequence[Current] | None = None
+) -> Environment:
     """Return the world as the vehicles know it now; current and obstacles have a leading axis."""
     obstacles = as_obstacles([mission.active_leg.belief for mission in missions], context.scenario.sensors)
-    return context.environment(stacked([mission.sea.forecast() for mission in missions]), obstacles)
+    currents = [mission.sea.forecast() for mission in missions] if forecasts is None else forecasts
+    return context.environment(stacked(currents), obstacles)
 
 
 def _call(
@@ -120,13 +157,13 @@ def _searched(
     return replan_paths([leg.followed for leg in legs], places, now, env, context.vehicle, **common)
 
 
-def _follow(mission: Mission, plan: PathPlan, cause: str, seconds: float) -> None:
-    """Take a new plan and book it."""
+def take(mission: Mission, offer: Offer) -> None:
+    """Follow a new plan, and book it."""
+    plan, leg = offer.plan, mission.active_leg
     history = {
         name: np.asarray(getattr(plan.history, name))
         for name in ("best", "mean", "std", "violation_best", "violation_mean", "violation_std")
     }
-    leg = mission.active_leg
     leg.record.plans.append(
         PlanRecord(
             mission.now,
@@ -134,8 +171,8 @@ def _follow(mission: Mission, plan: PathPlan, cause: str, seconds: float) -> Non
             plan.times,
             float(plan.cost),
             plan.feasible,
-            cause,
-            seconds,
+            offer.cause,
+            offer.seconds,
             history,
             mission.sea.field,
             plan.motion,

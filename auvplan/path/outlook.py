@@ -6,6 +6,7 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 import numpy as np
+from numpy.typing import NDArray
 
 from auvplan.compiled import compiled
 from auvplan.ocean.closures import Closure
@@ -26,11 +27,13 @@ class Outlook:
         time_left: s from the vehicle's place to the goal.
         planned: s, the same as it was planned.
         broken: whether the current breaks a limit on the way, or an area is closed by then.
+        times: [S] s since the epoch, at the samples of the plan; of those ahead they say when it is there.
     """
 
     time_left: float
     planned: float
     broken: bool
+    times: NDArray[np.floating]
 
     @property
     def change(self) -> float:
@@ -41,6 +44,7 @@ class Outlook:
 def outlook(
     plan: PathPlan,
     sample: float,
+    now: float,
     current: Current,
     vehicle: Vehicle,
     config: PathConfig,
@@ -51,19 +55,24 @@ def outlook(
     Args:
         plan: the plan being followed.
         sample: where the vehicle is, in samples from the plan's start: in [0, S - 1], fractions between two.
+        now: s since the epoch.
         current: as it is known now.
         vehicle: speed and limits.
         config: the settings that it was planned by.
         closures: areas that are closed at some hours.
     """
     sea = current, vehicle, closures
-    times, excess = jax.device_get(_executed(plan.positions, plan.times[0], *sea, config=config))
-    count = np.arange(len(times))
+    count = np.arange(len(plan.times))
+    # The vehicle may be later than planned: it is where it is now.
+    depart = now - (np.interp(sample, count, plan.times) - plan.times[0])
+    times, excess = jax.device_get(_executed(plan.positions, np.float32(depart), *sea, config=config))
+    times = np.asarray(times, float) + now - np.interp(sample, count, times)
     ahead = count[:-1] >= np.floor(sample)
     return Outlook(
-        float(times[-1] - np.interp(sample, count, times)),
+        float(times[-1] - now),
         float(plan.times[-1] - np.interp(sample, count, plan.times)),
         bool((excess[:, ahead] > 0.0).any()),
+        times,
     )
 
 

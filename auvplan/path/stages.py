@@ -134,7 +134,8 @@ def search_legs(
         shared: what of the world is the same for all legs.
         vehicle: speed and limits.
         config: settings.
-        window: whether to make the effort of one window alone (`PathConfig.window`).
+        window: whether to make the effort of one window alone (`PathConfig.window`), from the population of
+            a path in hand, the best first, whose rest is bent round what has come.
         budget: of which this takes one row's share; what does not fit into it is left out.
 
     Returns:
@@ -145,7 +146,7 @@ def search_legs(
     effort = config.window() if window else config
     world = _world(legs, shared, vehicle, config)
     if budget is not None:
-        return _search_within(budget.next_row(), keys, legs, population, world, config, effort)
+        return _search_within(budget.next_row(), keys, legs, population, world, config, effort, window)
     found = None
     if config.passages:
         passages, _, *found = _trace(**world, config=config.only("field_cells"), count=config.passages)
@@ -163,6 +164,10 @@ def search_legs(
         half = -(-count // 2)
         better = descended(rows[:, :half], effort.passage_steps - first, step_size)[0]
         population = np.concatenate([population[:, :-count], better, rows[:, half:]], axis=1)
+        if window:
+            # The rest of the path in hand, bent round what has come.
+            bent = descended(population[:, :1], config.passage_steps, step_size)[0]
+            population = np.concatenate([bent, population[:, 1:]], axis=1)
 
     iterations = np.int32(effort.bbo.iterations)
     state, history = _evolve(keys, population, *bounds, iterations, **world, config=config.only("bbo"))
@@ -189,6 +194,7 @@ def _search_within(
     world: dict[str, Any],
     config: PathConfig,
     effort: PathConfig,
+    window: bool,
 ) -> dict[str, Any]:
     """`search_legs` by the same programs in chunks, as far as the time goes; arguments as there."""
     size = config.bbo.population
@@ -210,6 +216,9 @@ def _search_within(
     if (count := effort.passages) and effort.passage_steps:
         rows = descended(population[:, -count:], None, effort.passage_steps, config.refine_step_size)
         population = np.concatenate([population[:, :-count], rows[0]], axis=1)
+        if window:
+            rows = descended(population[:, :1], None, config.passage_steps, config.refine_step_size)
+            population = np.concatenate([rows[0], population[:, 1:]], axis=1)
 
     state, history = _evolved_within(share, work("evolve"), keys, population, bounds, world, config, effort)
     before, polished = np.asarray(history.best)[:, -1], None

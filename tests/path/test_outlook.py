@@ -21,9 +21,15 @@ def plan():
     return ap.plan_path(START, GOAL, env, VEHICLE, key=jax.random.key(0), config=LIGHT, depart=100.0)
 
 
+def rest_of(plan, sample, current, late=0.0):
+    """The outlook of a vehicle that is at a sample so many seconds later than planned."""
+    due = np.interp(sample, np.arange(len(plan.times)), plan.times)
+    return outlook(plan, sample, due + late, current, VEHICLE, LIGHT)
+
+
 def test_in_the_sea_it_was_planned_for_nothing_changes(plan):
     for sample in (0.0, 10.5, 62.9):
-        rest = outlook(plan, sample, ap.UniformCurrent(), VEHICLE, LIGHT)
+        rest = rest_of(plan, sample, ap.UniformCurrent())
         assert rest.time_left == pytest.approx(rest.planned, rel=1e-4, abs=0.01)
         assert rest.change < 1e-3
         assert not rest.broken
@@ -31,7 +37,7 @@ def test_in_the_sea_it_was_planned_for_nothing_changes(plan):
 
 def test_a_stream_along_the_way_changes_the_time_left_as_the_closed_form_has_it(plan):
     for stream in (-0.5, 0.5):
-        rest = outlook(plan, 0.0, ap.UniformCurrent(stream), VEHICLE, LIGHT)
+        rest = rest_of(plan, 0.0, ap.UniformCurrent(stream))
         straight = 2000.0 / (2.5 + stream)
         assert rest.time_left == pytest.approx(straight * plan.length / 2000.0, rel=0.01)
         assert rest.change == pytest.approx(abs(rest.time_left / plan.travel_time - 1.0), rel=1e-3)
@@ -42,14 +48,29 @@ def test_a_current_that_wins_breaks_a_limit_only_where_it_is_still_ahead(plan):
         return jnp.where(x < 500.0, -3.0, 0.0), 0.0 * y, 0.0 * z
 
     current = ap.Environment(at_first, lower=(0, 0, 0), upper=(1, 1, 1)).current
-    assert outlook(plan, 0.0, current, VEHICLE, LIGHT).broken
+    assert rest_of(plan, 0.0, current).broken
     past = float(np.argmax(plan.positions[:, 0] > 600.0))
-    rest = outlook(plan, past, current, VEHICLE, LIGHT)
+    rest = rest_of(plan, past, current)
     assert not rest.broken
     assert rest.change < 1e-3
 
 
 def test_at_the_goal_nothing_is_left(plan):
-    rest = outlook(plan, len(plan.times) - 1.0, ap.UniformCurrent(1.0), VEHICLE, LIGHT)
+    rest = rest_of(plan, len(plan.times) - 1.0, ap.UniformCurrent(1.0))
     assert rest.time_left == pytest.approx(0.0, abs=1e-3)
     assert not rest.broken
+
+
+def test_a_late_vehicle_meets_the_current_of_the_time_when_it_is_there(plan):
+    turns = float(plan.times[-1]) + 1.0
+
+    def later(x, y, z, t):
+        return jnp.where(t > turns, 1.0, 0.0) + 0.0 * x, 0.0 * y, 0.0 * z
+
+    current = ap.Environment(later, lower=(0, 0, 0), upper=(1, 1, 1)).current
+    assert rest_of(plan, 20.0, current).change < 1e-3
+    late = rest_of(plan, 20.0, current, late=plan.travel_time)
+    assert late.time_left == pytest.approx(late.planned * 2.5 / 3.5, rel=0.01)
+    samples = np.arange(len(plan.times))
+    assert np.interp(20.0, samples, late.times) == pytest.approx(plan.times[20] + plan.travel_time, abs=0.01)
+    assert late.times[-1] - late.time_left == pytest.approx(plan.times[20] + plan.travel_time, abs=0.01)

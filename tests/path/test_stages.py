@@ -8,6 +8,7 @@ import pytest
 
 import auvplan as ap
 from auvplan.compiled import compilations, drop_programs
+from auvplan.path import stages
 from auvplan.path.cost import Track, evaluate
 from tests.path.worlds import CONFIG, GOAL, START, world
 
@@ -84,3 +85,26 @@ def test_other_numbers_of_vortices_and_obstacles_compile_nothing(planned):
     trajectory = evaluate(track, np.float32(0.0), resolved, plan.conditions.vehicle, config)
     assert float(trajectory.travel_time[0]) == pytest.approx(other.travel_time, rel=1e-4)
     assert float(trajectory.clearance.min()) == pytest.approx(other.clearance, abs=0.1)
+
+
+@pytest.mark.parametrize("aside", [-30.0, 20.0])
+def test_the_old_path_is_bent_round_what_lies_on_it(planned, monkeypatch, aside):
+    """Where no passage is found, the rest of the old path is polished out of an obstacle that came."""
+
+    def none(legs, common, config, count):
+        passages, *rest = stages._no_passages(legs, planned[0].conditions.config)
+        return passages, None, *rest
+
+    monkeypatch.setattr(stages, "_trace", none)
+    plan = planned[0]
+    env, config = plan.conditions.env, plan.conditions.config
+    here, there = plan.positions[10], plan.positions[40]
+    along = (plan.positions[41] - plan.positions[39])[:2]
+    across = np.array([-along[1], along[0]]) / np.linalg.norm(along)
+    position = np.array(env.obstacles.position)
+    position[0] = there + np.append(aside * across, 0.0)
+    env = replace(env, obstacles=replace(env.obstacles, position=position))
+    left = float(plan.times[-1] - plan.times[10])
+    new = ap.replan_path(plan, here, float(plan.times[10]), env, key=jax.random.key(1), config=config)
+    assert new.feasible
+    assert new.travel_time < 1.1 * left

@@ -1,0 +1,146 @@
+"""Re-plans of paths under way (section 3.2.2): what is offered, and when it replaces the plan in hand.
+
+A plan in hand is replaced by one that is faster by more than a share, both judged in one forecast from where
+the vehicle is, or because it breaks a limit that the new one keeps.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from auvplan.executive.context import HORIZON, Leg, Mission, SimulationContext
+from auvplan.executive.path_calls import Offer, offered, take
+from auvplan.ocean.currents import Current
+from auvplan.path import PathPlan
+from auvplan.path.outlook import Outlook, outlook
+
+#: A path that takes this many times as long as its leg was expected to is planned again.
+DETOUR = 1.2
+
+#: A re-plan that takes this many times as long as what was left is polished further before it is followed.
+FURTHER = 1.3
+
+#: Whether a plan meets an obstacle within the look-ahead, and whether it breaks another limit.
+_Standing = tuple[bool, bool]
+
+
+@dataclass
+class Review:
+    """A plan in hand that is looked at again.
+
+    Attributes:
+        mission: at a place on its leg.
+        cause: "window" or "hazard".
+        forecast: in which all plans are made and judged.
+        rest: of the plan in hand; None where the vehicle has left its path.
+        standing: of the plan in hand.
+        offers: plans that may replace it.
+    """
+
+    mission: Mission
+    cause: str
+    forecast: Current
+    rest: Outlook | None
+    standing: _Standing
+    offers: list[Offer] = field(default_factory=list)
+
+
+def review(context: SimulationContext, mission: Mission, cause: str) -> Review:
+    """Judge the plan in hand in the forecast of now, from where the vehicle is."""
+    leg, forecast = mission.active_leg, mission.sea.forecast()
+    if leg.escaping:
+        return Review(mission, cause, forecast, None, (True, True))
+    sample = float(np.interp(leg.arc, leg.marks, np.arange(len(leg.marks))))
+    common = context.vehicle, context.path_config, context.area.closures
+    rest = outlook(leg.followed, sample, mission.now, forecast, *common)
+    return Review(mission, cause, forecast, rest, (hazard(mission, context.lookahead), rest.broken))
+
+
+def holds(context: SimulationContext, one: Review) -> bool:
+    """Return whether the plan in hand still does what it was planned to do, by the forecast of now."""
+    least = context.rules.window_change
+    if least == 0.0 or one.rest is None or detours(one.mission.active_leg):
+        return False
+    return one.rest.change < least and not any(one.standing)
+
+
+def detours(leg: Leg) -> bool:
+    """Return whether the followed path takes much longer than was expected of the leg."""
+    return leg.followed.travel_time > DETOUR * (leg.record.t_expected - leg.record.t_task)
+
+
+def hazard(mission: Mission, horizon: float = HORIZON) -> bool:
+    """Return whether the belief sees the followed plan inside a collision boundary within so many seconds."""
+    leg, plan = mission.active_leg, mission.active_leg.followed
+    arc = 0.0 if leg.escaping else leg.arc
+    # The sea may have made the vehicle late: what counts is the time left on the plan from where it is.
+    times = mission.now + plan.times - np.interp(arc, leg.marks, plan.times)
+    ahead = leg.marks >= arc - 1.0
+    return _meets(leg, plan.positions[ahead], times[ahead], mission.now + horizon)
+
+
+def _meets(leg: Leg, positions: np.ndarray, times: np.ndarray, until: float) -> bool:
+    """Return whether timed positions [n, 3] m, [n] s are in a believed collision boundary by a time, s."""
+    soon = times <= until
+    return bool(soon.any()) and bool(leg.belief.clearance(positions[soon], times[soon]).min() < 0.0)
+
+
+def replan(context: SimulationContext, reviews: Sequence[Review]) -> None:
+    """Offer plans in place of those in hand, and follow them where they are better.
+
+    Differences from the paper:
+        It follows what a window finds. Here a path that is slower than the rest of the old one is left,
+        under the paper's preset either: a few generations from a transferred population may lose to it.
+    """
+    growing = not context.rules.second_look
+    _offer(context, reviews, context.rules.replan_from == "fresh", growing)
+    further = [one for one in reviews if _wants_more(context, one)]
+    if further:
+        _offer(context, further, True, growing)
+    for one in reviews:
+        _settle(context, one)
+
+
+def _offer(context: SimulationContext, reviews: Sequence[Review], cold: bool, growing: bool) -> None:
+    """Make one more offer in each review."""
+    missions, causes = [one.mission for one in reviews], [one.cause for one in reviews]
+    forecasts = [one.forecast for one in reviews]
+    for one, offer in zip(reviews, offered(context, missions, causes, cold, growing, forecasts), strict=True):
+        one.offers.append(offer)
+
+
+def _best(context: SimulationContext, one: Review) -> tuple[_Standing, Offer]:
+    """Return the fastest of the offers that stand best, and how it stands."""
+
+    def standing(plan: PathPlan) -> _Standing:
+        # Obstacles further away do not count: they move, and are known better from near.
+        until = one.mission.now + context.lookahead
+        others = set(plan.broken()) - {"obstacle"}
+        return _meets(one.mission.active_leg, plan.positions, plan.times, until), bool(others)
+
+    known = [(standing(offer.plan), offer) for offer in one.offers]
+    return min(known, key=lambda pair: (pair[0], pair[1].plan.travel_time))
+
+
+def _wants_more(context: SimulationContext, one: Review) -> bool:
+    """Return whether what would be followed is a long way round, or meets an obstacle."""
+    standing, offer = _best(context, one)
+    if standing[0]:
+        return True
+    slow = one.rest is not None and offer.plan.travel_time > FURTHER * one.rest.time_left
+    return slow and standing < one.standing
+
+
+def _settle(context: SimulationContext, one: Review) -> None:
+    """Follow the best offer, or keep the plan in hand."""
+    leg, (standing, offer) = one.mission.active_leg, _best(context, one)
+    seconds = sum(other.seconds for other in one.offers)
+    if one.rest is not None:
+        enough = (1.0 - context.rules.window_change) * one.rest.time_left
+        faster = offer.plan.travel_time < enough
+        if standing > one.standing or (standing == one.standing and not faster):
+            leg.keep(one.rest.times)
+            leg.record.plans[-1].cpu += seconds
+            return
+    take(one.mission, replace(offer, seconds=seconds))
