@@ -264,9 +264,11 @@ def step(context: SimulationContext, missions: list[Mission]) -> None:
     plan_routes(context, [mission for mission in waiting if mission.cause])
     _begin(context, [mission for mission in waiting if not mission.ended])
     under_way = [mission for mission in missions if mission.leg is not None]
-    executed = [context.simulated and not mission.active_leg.stays for mission in under_way]
-    go_as_planned(context, [mission for mission, so in zip(under_way, executed, strict=True) if not so])
-    advance(context, [mission for mission, so in zip(under_way, executed, strict=True) if so])
+    executed = [mission for mission in under_way if context.simulated and not mission.active_leg.stays]
+    if planned := [mission for mission in under_way if mission not in executed]:
+        go_as_planned(context, planned)
+    if executed:
+        advance(context, executed)
     for mission in under_way:
         if not mission.active_leg.under_way:
             _judge(context, mission)

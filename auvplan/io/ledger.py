@@ -57,10 +57,10 @@ class Leg:
     positions: Array  # [n, 3] m
     obstacles: Array  # [n, M, 3] m
     radii: Array  # [M] m
-    t_expected: float = np.nan
     t_hold: float = 0.0
     t_wait: float = 0.0
     missed: bool = False
+    t_expected: float = np.nan
 
     def __str__(self) -> str:
         return f"leg {self.number} ({self.start} to {self.goal})"
@@ -134,8 +134,8 @@ def read_legs(dataset: xr.Dataset) -> Iterator[Leg]:
             k, int(table["leg_from"][k]), int(table["leg_to"][k]),
             float(table["leg_t_path"][k]), float(table["leg_t_task"][k]), float(table["leg_priority"][k]),
             bool(table["leg_arrived"][k]), np.asarray(table["time"][part], float), place[part],
-            obstacles[part][:, real], radii[k][real], float(expected[k]), float(holds[k]),
-            float(waits[k]), bool(missed[k]),
+            obstacles[part][:, real], radii[k][real], float(holds[k]), float(waits[k]),
+            bool(missed[k]), float(expected[k]),
         )  # fmt: skip
 
 

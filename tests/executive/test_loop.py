@@ -42,7 +42,9 @@ def on_the_way(monkeypatch, edges, available, now=0.0, fault=(), timetable=None,
         plan = SimpleNamespace(travel_time=200.0, broken=lambda: fault, explain=lambda *_: "is on land")
         for mission, record in zip(missions, records, strict=True):
             belief = SimpleNamespace(certain=True)
-            mission.leg = SimpleNamespace(record=record, followed=plan, belief=belief, under_way=True)
+            mission.leg = SimpleNamespace(
+                record=record, followed=plan, belief=belief, under_way=True, stays=False
+            )
 
     monkeypatch.setattr(loop, "begin_legs", begin_legs)
     monkeypatch.setattr(loop, "advance", lambda context, missions: None)

@@ -61,6 +61,7 @@ def leg_of(record, travel_time=200.0, broken=(), speed_made=SPEED, stopped="", u
         speed_made=speed_made,
         stopped=stopped,
         under_way=under_way,
+        stays=False,
     )
 
 

@@ -149,4 +149,5 @@ def test_settings_of_cells_count_for_nothing_with_other_charts(tmp_path):
 def test_without_a_sea_bed_the_plan_notes_it(scenario):
     area = ap.load_area(ap.load_scenario(scenario).with_({"bathymetry": {"source": "none"}}))
     assert area.seabed is None
-    assert "nothing keeps the vehicle off the bottom in open water: bathymetry.source is 'none'" in area.notes
+    words = "no sea bed is known, bathymetry.source is 'none': nothing keeps the vehicle off the bottom"
+    assert words in area.notes
