@@ -280,7 +280,9 @@ def disagreements(run: MissionRun, folder: Path) -> list[str]:
         ("page", [(task["at"], task["priority"]) for task in done]),
         ("export", exported),
     ):
-        same(f"arrivals, {name}", [end for end, _ in ends], [end for end, _ in others], 1.0)
+        # A vehicle's file has straight lines between its waypoints, which are some seconds shorter.
+        slack = 5.0 if name == "export" else 1.0
+        same(f"arrivals, {name}", [end for end, _ in ends], [end for end, _ in others], slack)
         same(f"priorities, {name}", [rho for _, rho in ends], [rho for _, rho in others], 1e-6)
     names = sorted(run.names[leg.goal] for leg in run.earning)
     left = sorted(job["name"] for job in sheet["left_out"])

@@ -14,6 +14,8 @@ from auvplan.io.streams import speeds_at
 POSITION_TOLERANCE = 0.3
 #: Share of what the velocity changes by within a step that its mean may be off, on a curved one.
 _CURVATURE = 0.25
+#: Share of the turn at a corner by which a velocity there may lie off the middle of those beside it.
+_CORNER = 0.6
 #: m/s by which the speed through the water may differ from the vehicle's where the current is known, beyond
 #: what two ways to interpolate a current differ by.
 SPEED_TOLERANCE = 0.03
@@ -106,13 +108,18 @@ def _step_faults(
     apart = np.linalg.norm(moved - begin, axis=1)
     allowed = np.full(len(apart), POSITION_TOLERANCE)
     if simulated:
-        # On a curve the mean with the next velocity leads closer; where a new path begins the next one says
-        # nothing.
+        # On a curve half of the change to the next velocity leads there; where a new path begins the next one
+        # says nothing. At a corner, where a velocity lies between those beside it, all of it may.
         change = np.diff(velocity, axis=0) * elapsed
-        apart = np.minimum(apart, np.linalg.norm(moved - begin - 0.5 * change, axis=1))
-        # A corner within a step is told of by the velocities on either side of it.
         turned = np.linalg.norm(change, axis=1)
-        allowed += _CURVATURE * np.maximum(turned, np.concatenate([[0.0], turned[:-1]]))
+        around = np.diff(velocity[[0, *range(len(elapsed))]], axis=0) * elapsed + change
+        aside = np.linalg.norm(change - 0.5 * around, axis=1) / np.maximum(
+            np.linalg.norm(around, axis=1), 1e-9
+        )
+        share = ((moved - begin) * change).sum(axis=1) / np.maximum(turned, 1e-9) ** 2
+        share = np.clip(share, 0.0, np.where(aside < _CORNER, 1.0, 0.5))
+        apart = np.linalg.norm(moved - begin - share[:, None] * change, axis=1)
+        allowed += _CURVATURE * turned
     for k in np.flatnonzero(~(apart <= allowed))[:1]:
         yield (
             f"{name}: the velocity at {times[k]:.2f} s leads {apart[k]:.1f} m off the next position, "

@@ -51,7 +51,8 @@ class Sweep:
             values = None
         names = [name.strip() for name in field.split(".")]
         if not mark or len(names) < 2 or not all(names) or not isinstance(values, list) or not values:
-            raise StudyError(f"sweep {text!r}: give it as section.name=value,value,...")
+            shown = text if len(text) <= 200 else f"{text[:197]}..."
+            raise StudyError(f"sweep {shown!r}: give it as section.name=value,value,...")
         values = [_number(value) for value in values]
         if any(value in values[:place] for place, value in enumerate(values)):
             raise StudyError(f"sweep {text!r}: a value is given twice")

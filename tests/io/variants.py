@@ -571,7 +571,12 @@ VARIANTS = {
         "'wreck' lies on land",
         "no path is changed",
     ),
-    "a diameter for a radius": (obstacles([X, Y], diameter=50), REFUSED, "obstacles.geojson", "feature 1"),
+    "a diameter for a radius": (
+        obstacles([X, Y], diameter=50),
+        REFUSED,
+        "feature 1",
+        "diameter means nothing",
+    ),
     "a slip of an obstacle": (obstacles([X, Y], radius=5, depthmax=9), REFUSED, "depthmax", "'depth_max'"),
     # charts
     "land in another place": (

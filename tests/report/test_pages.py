@@ -70,9 +70,18 @@ def test_a_run_is_in_its_page(run, run_page):
     np.testing.assert_allclose(
         np.stack([track["north"], track["east"], track["depth"]], 1), places, atol=1e-2
     )
-    np.testing.assert_allclose(track["bed"], run.seabed.altitude(places), atol=0.06)
-    coast = np.asarray(run.chart.distance(places[:, 0], places[:, 1]))
-    np.testing.assert_allclose(track["coast"], coast, atol=0.06)
+    # The least on the way to the next record.
+    ways = [np.linspace(leg.positions, [*leg.positions[1:], leg.positions[-1]], 61) for leg in run.legs]
+    beds = [run.seabed.altitude(way.reshape(-1, 3)).reshape(way.shape[:2]).min(axis=0) for way in ways]
+    np.testing.assert_allclose(track["bed"], np.concatenate(beds), atol=0.06)
+    size, corner = float(run.chart.pixel_size), np.asarray(run.chart.origin)[:2]
+    land = corner + size * (np.argwhere(np.asarray(run.chart.passability) == 0.0) + 0.5)
+
+    def to_land(way):
+        beyond = np.maximum(np.abs(way[..., None, :2] - land) - 0.5 * size, 0.0)
+        return np.linalg.norm(beyond, axis=-1).min(axis=(0, 2))
+
+    np.testing.assert_allclose(track["coast"], np.concatenate([to_land(way) for way in ways]), atol=0.06)
     assert data["tasks"][0]["done"]
     assert [route["cause"] for route in data["routes"]] == ["start", "late", "done"]
     assert len(data["routes"][-1]["bars"]) == len(run.legs)
