@@ -19,7 +19,7 @@ from auvplan.ocean.currents import is_steady
 from auvplan.ocean.vortices import LambVortices
 from auvplan.vehicle import SPEED_FLOOR
 from benchmarks.path_problems import PathProblem
-from benchmarks.path_ruler import World, current_at
+from benchmarks.path_ruler import Spheres, World, current_at
 from benchmarks.water_problems import TidalCurrent
 
 Array = NDArray[np.floating]
@@ -58,8 +58,7 @@ class Grid:
         moment: s from one table of the current to the next.
         tide: [F] factors of the current; one where it has no tide.
         tidal_moment: s from one factor to the next.
-        movers: [K, 7]: of each obstacle that moves its place at departure [m], velocity [m/s], boundary at
-            departure with the margin [m], growth [m/s] and where that ends [m].
+        movers: [K, 9], obstacles that move, see `movers_of`.
         start, goal: flat index of the node at the start and of the one nearest to the goal.
     """
 
@@ -78,11 +77,11 @@ class Grid:
     @classmethod
     def of(cls, problem: PathProblem, world: World, nodes: int = NODES) -> "Grid":
         """Lay nodes all over the box, one of them at the start."""
-        spacing = float((world.high - world.low).max() / nodes)
+        spacing = float((world.high - world.low)[:2].max() / nodes)
         start, goal = (np.asarray(end)[:2] for end in (problem.start, problem.goal))
-        before = np.floor((start - world.low) / spacing).astype(int)
+        before = np.floor((start - world.low[:2]) / spacing).astype(int)
         low = start - before * spacing
-        shape = tuple(int(n) for n in np.floor((world.high - low) / spacing).astype(int) + 1)
+        shape = tuple(int(n) for n in np.floor((world.high[:2] - low) / spacing).astype(int) + 1)
         x, y = np.meshgrid(*(low[k] + spacing * np.arange(shape[k]) for k in range(2)), indexing="ij")
         straight = problem.distance / float(problem.vehicle.speed)  # type: ignore[arg-type]
         current, tide, tidal_moment = problem.environment.current, np.ones(1), 1.0
@@ -97,11 +96,12 @@ class Grid:
             for k in range(count)
         ]
         u, v = (np.stack([table[k].reshape(shape) for table in tables]) for k in range(2))
+        moving = world.spheres.chosen(world.spheres.moving)
         i, j = np.minimum(np.rint((goal - low) / spacing).astype(int), np.array(shape) - 1)
         nearest = before[0] * shape[1] + before[1], i * shape[1] + j
         return cls(
             low, spacing, world.clearance(x, y), u, v, moment, np.asarray(tide, float), tidal_moment,
-            _movers(problem, world), int(nearest[0]), int(nearest[1]),
+            movers_of(problem, moving), int(nearest[0]), int(nearest[1]),
         )  # fmt: skip
 
     def places(self, nodes: Index) -> Array:
@@ -109,13 +109,17 @@ class Grid:
         return self.low + self.spacing * np.stack(np.unravel_index(nodes, self.clear.shape), axis=1)
 
 
-def _movers(problem: PathProblem, world: World) -> Array:
-    discs = world.discs.chosen(world.discs.moving)
-    since = problem.depart - discs.observed_at
-    grown = np.minimum(discs.growth * np.maximum(since, 0.0), discs.growth_max)
-    centres = discs.centres + since[:, None] * discs.velocity
+def movers_of(problem: PathProblem, spheres: Spheres) -> Array:
+    """Return what is known of each of K obstacles, [K, 9].
+
+    Place at departure [m], velocity [m/s], boundary at departure with the margin [m], growth [m/s] and where
+    that ends [m].
+    """
+    since = problem.depart - spheres.observed_at
+    grown = np.minimum(spheres.growth * np.maximum(since, 0.0), spheres.growth_max)
+    centres = spheres.centres + since[:, None] * spheres.velocity
     return np.column_stack(
-        [centres, discs.velocity, discs.reach + grown, discs.growth, discs.growth_max - grown]
+        [centres, spheres.velocity, spheres.reach + grown, spheres.growth, spheres.growth_max - grown]
     )
 
 
@@ -138,9 +142,9 @@ def passages(
     limits = [float(limit) for limit in (vehicle.speed, vehicle.surge_max, vehicle.sway_max)]  # type: ignore[arg-type]
     strongest = np.hypot(grid.u, grid.v).max() * np.abs(grid.tide).max()
     water = (grid.u, grid.v, grid.moment, grid.tide, grid.tidal_moment, *limits, limits[0] + strongest)
-    things = packed(world, grid)
+    things = packed(world, grid.movers)
     none = np.zeros(grid.clear.shape)
-    table = grid.clear, grid.low, grid.spacing, water, things
+    table = grid.clear, np.r_[grid.low, world.low[2]], grid.spacing, water, things
     ahead, before, settled = _field(grid.start, grid.goal, False, none, *table)
     best = ahead.flat[grid.goal]
     if not np.isfinite(best):
@@ -168,17 +172,18 @@ def passages(
         yield float(total.flat[nodes[first]]), points
 
 
-def packed(world: World, grid: Grid, extra: float = 0.0) -> tuple:
+def packed(world: World, movers: Array, extra: float = 0.0) -> tuple:
     """Return what `strikes` must know, with so much clearance [m] beyond the margins."""
-    fixed, movers = world.discs.chosen(~world.discs.moving), grid.movers.copy()
-    movers[:, 4] += extra
+    fixed, movers = world.spheres.chosen(~world.spheres.moving), movers.copy()
+    movers[:, 6] += extra
     coast = world.distance, world.origin, world.pixel, world.margin + extra
-    return movers, fixed.centres, fixed.reach + extra, *coast
+    bed = world.bed - extra, world.bed_origin, world.bed_pixel
+    return movers, fixed.centres, fixed.reach + extra, *coast, *bed
 
 
 def _landmarks(problem: PathProblem, world: World, grid: Grid) -> Array:
     """Return [K, 2] m, what a path may pass on either side: obstacles, islands, vortices, else a lattice."""
-    marks = [world.discs.centres[~world.discs.moving]]
+    marks = [world.spheres.centres[~world.spheres.moving, :2]]
     if problem.environment.chart is not None:
         labels, count = ndimage.label(grid.clear < 0.0)  # type: ignore[misc]
         marks += [grid.low + grid.spacing * np.argwhere(labels == k)[:1] for k in range(1, count + 1)]
@@ -190,7 +195,7 @@ def _landmarks(problem: PathProblem, world: World, grid: Grid) -> Array:
         marks.append(centers[strength != 0.0])
     else:
         shares = np.stack(np.meshgrid(*[np.linspace(0.05, 0.95, 8)] * 2), axis=-1).reshape(-1, 2)
-        marks.append(world.low + shares * (world.high - world.low))
+        marks.append(world.low[:2] + shares * (world.high - world.low)[:2])
     return np.concatenate(marks)
 
 
@@ -207,11 +212,20 @@ def _route(node: int, before: Index, after: Index) -> Index:
 
 
 @njit(cache=True)
-def _too_near(x, y, centres, reach, distance, origin, pixel, margin):
-    """Whether a place lies within the margins of a fixed obstacle or the coast."""
+def _too_near(x, y, z, centres, reach, distance, origin, pixel, margin, bed, bed_origin, bed_pixel):
+    """Whether a place lies within the margins of a fixed obstacle, the coast or the sea bed."""
     for k in range(len(reach)):
-        if (x - centres[k, 0]) ** 2 + (y - centres[k, 1]) ** 2 < reach[k] ** 2:
+        away = (x - centres[k, 0]) ** 2 + (y - centres[k, 1]) ** 2 + (z - centres[k, 2]) ** 2
+        if away < reach[k] ** 2:
             return True
+    if _bilinear(bed, bed_origin, bed_pixel, x, y) < z:
+        return True
+    return _bilinear(distance, origin, pixel, x, y) < margin
+
+
+@njit(cache=True)
+def _bilinear(distance, origin, pixel, x, y):
+    """Look up a raster between pixel centres; beyond them the nearest holds."""
     north, east = distance.shape
     i = min(max((x - origin[0]) / pixel - 0.5, 0.0), north - 1.0)
     j = min(max((y - origin[1]) / pixel - 0.5, 0.0), east - 1.0)
@@ -219,7 +233,7 @@ def _too_near(x, y, centres, reach, distance, origin, pixel, margin):
     a, b = i - i0, j - j0
     south = (1.0 - b) * distance[i0, j0] + b * distance[i0, j0 + 1]
     northern = (1.0 - b) * distance[i0 + 1, j0] + b * distance[i0 + 1, j0 + 1]
-    return (1.0 - a) * south + a * northern < margin
+    return (1.0 - a) * south + a * northern
 
 
 @njit(cache=True)
@@ -269,36 +283,40 @@ def _move_time(i, j, a, b, depart, spacing, water):
 
 
 @njit(cache=True)
-def strikes(x0, y0, x1, y1, clear, begin, lasts, step, things):
+def strikes(x0, y0, z0, x1, y1, z1, clear, begin, lasts, step, things):
     """Whether a straight move comes too near to anything.
 
     Args:
-        x0, y0, x1, y1: m, its ends.
+        x0, y0, z0, x1, y1, z1: m, its ends.
         clear: m, clearance at both ends together, without obstacles that move.
         begin: s since departure.
         lasts: s.
         step: m, between the places at which it is judged.
         things: obstacles that move, fixed ones and the coast, as `passages` packs them.
     """
-    movers, centres, reach, distance, origin, pixel, margin = things
-    way_x, way_y = x1 - x0, y1 - y0
-    length = hypot(way_x, way_y)
-    if clear <= 1.5 * length:
+    movers, centres, reach, distance, origin, pixel, margin, bed, bed_origin, bed_pixel = things
+    way_x, way_y, way_z = x1 - x0, y1 - y0, z1 - z0
+    length = np.sqrt(way_x * way_x + way_y * way_y + way_z * way_z)
+    anything = len(reach) > 0 or distance.shape[0] > 2 or bed.shape[0] > 2
+    if anything and clear <= 1.5 * length:
         parts = int(np.ceil(length / step))
         for part in range(1, parts):
             share = part / parts
+            x, y, z = x0 + share * way_x, y0 + share * way_y, z0 + share * way_z
             if _too_near(
-                x0 + share * way_x, y0 + share * way_y, centres, reach, distance, origin, pixel, margin
+                x, y, z, centres, reach, distance, origin, pixel, margin, bed, bed_origin, bed_pixel
             ):
                 return True
     for n in range(len(movers)):
-        x, y, u, v, boundary, growth, growth_max = movers[n]
-        away_x, away_y = x0 - x - u * begin, y0 - y - v * begin
-        to_x, to_y = way_x - u * lasts, way_y - v * lasts
-        share = -(away_x * to_x + away_y * to_y) / (to_x * to_x + to_y * to_y + 1e-12)
+        x, y, z, u, v, w, boundary, growth, growth_max = movers[n]
+        away_x, away_y, away_z = x0 - x - u * begin, y0 - y - v * begin, z0 - z - w * begin
+        to_x, to_y, to_z = way_x - u * lasts, way_y - v * lasts, way_z - w * lasts
+        square = to_x * to_x + to_y * to_y + to_z * to_z
+        share = -(away_x * to_x + away_y * to_y + away_z * to_z) / (square + 1e-12)
         share = min(max(share, 0.0), 1.0)
         kept = boundary + min(growth * (begin + lasts), growth_max)
-        if (away_x + share * to_x) ** 2 + (away_y + share * to_y) ** 2 < kept * kept:
+        away_x, away_y, away_z = away_x + share * to_x, away_y + share * to_y, away_z + share * to_z
+        if away_x * away_x + away_y * away_y + away_z * away_z < kept * kept:
             return True
     return False
 
@@ -359,7 +377,8 @@ def _field(source, target, backward, departs, clear, low, spacing, water, things
             if backward:
                 x0, y0, x1, y1 = x1, y1, x0, y0
             both = clear[i, j] + clear[k, m]
-            if not strikes(x0, y0, x1, y1, both, begin, lasts, 0.25 * spacing, things):
+            z = low[2]
+            if not strikes(x0, y0, z, x1, y1, z, both, begin, lasts, 0.25 * spacing, things):
                 times[k, m] = arrival
                 towards[k * ny + m] = node
                 heappush(heap, (arrival, k * ny + m))

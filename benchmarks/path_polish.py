@@ -97,12 +97,18 @@ def polish(
     return result
 
 
-def resampled(positions: Array, segments: int) -> Array:
-    """Return the polyline [n, 2] as so many segments of one length, [segments + 1, 2]."""
-    gaps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
+def resampled(positions: Array, segments: int, stretched: tuple[float, ...] | float = 1.0) -> Array:
+    """Return the polyline [n, d] as so many segments of one length, [segments + 1, d].
+
+    Args:
+        positions: [n, d] m.
+        segments: wanted.
+        stretched: [d], factors of the axes by which lengths count.
+    """
+    gaps = np.linalg.norm(np.diff(positions, axis=0) * np.asarray(stretched), axis=1)
     marks = np.concatenate([[0.0], np.cumsum(gaps)])
     even = np.linspace(0.0, marks[-1], segments + 1)
-    return np.stack([np.interp(even, marks, positions[:, k]) for k in range(2)], axis=1)
+    return np.stack([np.interp(even, marks, axis) for axis in positions.T], axis=1)
 
 
 def _descended(positions: Array, stage: Stage, extra: float, slack: float, data: tuple) -> Array:
@@ -142,12 +148,12 @@ def _shapes(segments: int) -> Array:
 
 def _data(problem: PathProblem, world: World) -> tuple:
     """What the descent needs of a problem, of one shape for all problems with a chart and for all without."""
-    discs, count = world.discs, len(world.discs)
+    spheres, count = world.spheres, len(world.spheres)
     centres, velocity = np.zeros((OBSTACLES, 2)), np.zeros((OBSTACLES, 2))
     reach, growth, growth_max, seen = np.full(OBSTACLES, -np.inf), *np.zeros((3, OBSTACLES))
     for padded, field in (
-        (centres, discs.centres), (velocity, discs.velocity), (reach, discs.reach),
-        (growth, discs.growth), (growth_max, discs.growth_max), (seen, discs.observed_at),
+        (centres, spheres.centres[:, :2]), (velocity, spheres.velocity[:, :2]), (reach, spheres.reach),
+        (growth, spheres.growth), (growth_max, spheres.growth_max), (seen, spheres.observed_at),
     ):  # fmt: skip
         padded[:count] = field
     coast = world.distance, world.origin, world.pixel, world.margin

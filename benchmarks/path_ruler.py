@@ -1,8 +1,8 @@
 """One ruler for all paths, apart from the planner: travel time, clearance and limits in float64.
 
 The vehicle crabs: over ground it makes the current along the track plus what is left of its speed after the
-current across the track is held. Coast and obstacles are kept off by the margins of the planner's settings;
-obstacles that move are where they are when the vehicle arrives.
+current across the track is held. Coast, obstacles and sea bed are kept off by the margins of the planner's
+settings; obstacles that move are where they are when the vehicle arrives.
 """
 
 from dataclasses import dataclass
@@ -39,6 +39,9 @@ _SWEEPS = 40
 #: A distance to coast that is nowhere, m.
 _FAR = 1e6
 
+#: m, level length below which a segment has no yaw.
+_UPRIGHT = 0.01
+
 
 @dataclass(frozen=True)
 class Score:
@@ -61,12 +64,12 @@ class Score:
 
 
 @dataclass(frozen=True, eq=False)
-class Discs:
-    """M obstacles in linear motion at the surface.
+class Spheres:
+    """M obstacles in linear motion.
 
     Attributes:
-        centres: [M, 2] m, when last observed.
-        velocity: [M, 2] m/s, drift included.
+        centres: [M, 3] m, when last observed.
+        velocity: [M, 3] m/s, drift included.
         reach: [M] m, collision boundaries when last observed plus the margin.
         growth: [M] m/s.
         growth_max: [M] m.
@@ -81,7 +84,7 @@ class Discs:
     observed_at: Array
 
     @classmethod
-    def of(cls, problem: PathProblem) -> "Discs":
+    def of(cls, problem: PathProblem) -> "Spheres":
         """Return the active obstacles; the current where and when they were last observed carries them on."""
         found, config = problem.environment.obstacles, PathConfig(**problem.changes)
         active = np.asarray(found.active)
@@ -92,12 +95,13 @@ class Discs:
                 "growth_max", "observed_at",
             )
         )  # fmt: skip
-        carried = np.zeros((len(radius), 2))
+        carried = np.zeros((len(radius), 3))
         if drift.any():
-            u, v = current_at(problem.environment.current, position[:, 0], position[:, 1], observed_at)
-            carried = drift[:, None] * np.stack([u, v], axis=1)
+            x, y, z = position.T
+            water = velocity_at(problem.environment.current, x, y, z, observed_at)
+            carried = drift[:, None] * np.stack(water, axis=1)
         reach = radius + CONFIDENCE * np.hypot(position_std, radius_std) + config.obstacle_margin
-        return cls(position[:, :2], own[:, :2] + carried, reach, growth, growth_max, observed_at)
+        return cls(position, own + carried, reach, growth, growth_max, observed_at)
 
     def __len__(self) -> int:
         return len(self.reach)
@@ -107,15 +111,15 @@ class Discs:
         """[M], whether each moves or grows."""
         return (np.abs(self.velocity).sum(axis=1) > 0.0) | ((self.growth > 0.0) & (self.growth_max > 0.0))
 
-    def chosen(self, which: NDArray[np.bool_]) -> "Discs":
+    def chosen(self, which: NDArray[np.bool_]) -> "Spheres":
         """Return some of them."""
         fields = (self.centres, self.velocity, self.reach, self.growth, self.growth_max, self.observed_at)
-        return Discs(*(field[which] for field in fields))
+        return Spheres(*(field[which] for field in fields))
 
-    def clearance(self, x: Array, y: Array, t: ArrayLike) -> Array:
+    def clearance(self, x: Array, y: Array, z: ArrayLike, t: ArrayLike) -> Array:
         """Return m to the nearest, at the times t [s]; `_FAR` without any."""
         clear = np.full(np.shape(x), _FAR)
-        for (a, b), (u, v), reach, growth, most, seen in zip(
+        for (a, b, c), (u, v, w), reach, growth, most, seen in zip(
             self.centres,
             self.velocity,
             self.reach,
@@ -126,7 +130,8 @@ class Discs:
         ):
             since = np.asarray(t) - seen
             grown = np.minimum(growth * np.maximum(since, 0.0), most)
-            clear = np.minimum(clear, np.hypot(x - a - u * since, y - b - v * since) - reach - grown)
+            level = np.hypot(x - a - u * since, y - b - v * since)
+            clear = np.minimum(clear, np.hypot(level, z - c - w * since) - reach - grown)
         return clear
 
 
@@ -135,21 +140,27 @@ class World:
     """What must be kept off, in NumPy float64.
 
     Attributes:
-        low, high: [2] m, the box.
-        discs: the obstacles, the margin included.
+        low, high: [3] m, the box.
+        spheres: the obstacles, the margin included.
         distance: [nx, ny] m to the coast at pixel centres; [2, 2] far away where there is no chart.
         origin: [2] m, corner of the chart.
         pixel: m.
         margin: m, to be kept from the coast, the error of interpolation included.
+        bed: [nx, ny] m, greatest depth that the sea bed allows at pixel centres; [2, 2] far down without.
+        bed_origin: [2] m, corner of the sea bed's raster.
+        bed_pixel: m.
     """
 
     low: Array
     high: Array
-    discs: Discs
+    spheres: Spheres
     distance: Array
     origin: Array
     pixel: float
     margin: float
+    bed: Array
+    bed_origin: Array
+    bed_pixel: float
 
     @classmethod
     def of(cls, problem: PathProblem) -> "World":
@@ -160,19 +171,27 @@ class World:
         else:
             distance = np.asarray(env.chart.signed_distance, float)
             origin, pixel = np.asarray(env.chart.origin, float), float(env.chart.pixel_size)
+        if env.seabed is None:
+            bed, bed_origin, bed_pixel = np.full((2, 2), _FAR), np.zeros(2), 1.0
+        else:
+            bed = np.asarray(env.seabed.depth, float) - float(env.seabed.clearance)
+            bed_origin, bed_pixel = np.asarray(env.seabed.origin, float), float(env.seabed.pixel_size)
         return cls(
-            np.asarray(env.lower, float)[:2],
-            np.asarray(env.upper, float)[:2],
-            Discs.of(problem),
+            np.asarray(env.lower, float),
+            np.asarray(env.upper, float),
+            Spheres.of(problem),
             distance,
             origin,
             pixel,
             config.coast_margin + INTERPOLATION_ERROR * pixel,
+            bed,
+            bed_origin,
+            bed_pixel,
         )
 
     @property
     def side(self) -> float:
-        """Longer side of the box, m."""
+        """Longest side of the box, m."""
         return float((self.high - self.low).max())
 
     @property
@@ -180,29 +199,46 @@ class World:
         """Clearance that may be missed, m."""
         return TOLERANCE * self.side
 
-    def clearance(self, x: Array, y: Array, t: ArrayLike | None = None) -> Array:
-        """Return m beyond the margins to the nearest obstacle, coast or edge of the box, any shape.
+    def clearance(self, x: Array, y: Array, t: ArrayLike | None = None, z: Array | None = None) -> Array:
+        """Return m beyond the margins to the nearest obstacle, coast, sea bed or edge of the box, any shape.
 
         Args:
             x, y: m.
             t: s; None leaves out obstacles that move.
+            z: m; None for the box's least depth.
         """
+        z = np.full(np.shape(x), self.low[2]) if z is None else z
         clear = np.minimum(self.coast_distance(x, y) - self.margin, _FAR)
-        discs = self.discs.chosen(~self.discs.moving) if t is None else self.discs
-        clear = np.minimum(clear, discs.clearance(x, y, 0.0 if t is None else t))
-        for line, low, high in ((x, self.low[0], self.high[0]), (y, self.low[1], self.high[1])):
-            clear = np.minimum(clear, np.minimum(line - low, high - line) + self.tolerance / 2)
+        clear = np.minimum(clear, self.altitude(x, y, z))
+        spheres = self.spheres.chosen(~self.spheres.moving) if t is None else self.spheres
+        clear = np.minimum(clear, spheres.clearance(x, y, z, 0.0 if t is None else t))
+        for line, low, high in zip((x, y, z), self.low, self.high, strict=True):
+            inside = np.minimum(line - low, high - line)
+            # A box of one depth leaves no room: there is nothing to be near to.
+            least = _FAR if low == high else 0.0
+            clear = np.minimum(
+                clear, np.where(inside >= 0.0, np.maximum(inside, least), inside) + self.tolerance / 2
+            )
         return clear
 
     def coast_distance(self, x: Array, y: Array) -> Array:
         """Return m to the coast, bilinear between pixel centres."""
-        north, east = self.distance.shape
-        i = np.clip((x - self.origin[0]) / self.pixel - 0.5, 0.0, north - 1.0)
-        j = np.clip((y - self.origin[1]) / self.pixel - 0.5, 0.0, east - 1.0)
-        i0, j0 = np.minimum(i.astype(int), north - 2), np.minimum(j.astype(int), east - 2)
-        a, b, d = i - i0, j - j0, self.distance
-        south = (1.0 - b) * d[i0, j0] + b * d[i0, j0 + 1]
-        return (1.0 - a) * south + a * ((1.0 - b) * d[i0 + 1, j0] + b * d[i0 + 1, j0 + 1])
+        return _bilinear(self.distance, self.origin, self.pixel, x, y)
+
+    def altitude(self, x: Array, y: Array, z: Array) -> Array:
+        """Return m above what the sea bed allows, bilinear between pixel centres."""
+        return _bilinear(self.bed, self.bed_origin, self.bed_pixel, x, y) - z
+
+
+def _bilinear(raster: Array, origin: Array, pixel: float, x: Array, y: Array) -> Array:
+    """Look up a raster between pixel centres; beyond them the nearest holds."""
+    north, east = raster.shape
+    i = np.clip((x - origin[0]) / pixel - 0.5, 0.0, north - 1.0)
+    j = np.clip((y - origin[1]) / pixel - 0.5, 0.0, east - 1.0)
+    i0, j0 = np.minimum(i.astype(int), north - 2), np.minimum(j.astype(int), east - 2)
+    a, b = i - i0, j - j0
+    south = (1.0 - b) * raster[i0, j0] + b * raster[i0, j0 + 1]
+    return (1.0 - a) * south + a * ((1.0 - b) * raster[i0 + 1, j0] + b * raster[i0 + 1, j0 + 1])
 
 
 def evaluate(problem: PathProblem, positions: ArrayLike, world: World | None = None) -> Score:
@@ -212,11 +248,13 @@ def evaluate(problem: PathProblem, positions: ArrayLike, world: World | None = N
 
     Args:
         problem: what to travel.
-        positions: [n, 2] or [n, 3] m, from start to goal; depth does not matter.
+        positions: [n, 3] m, from start to goal; [n, 2] where the box has one depth only.
         world: `World.of(problem)`, where it is at hand.
     """
     world = world or World.of(problem)
-    points = np.asarray(positions, float)[:, :2]
+    points = np.asarray(positions, float)
+    if points.shape[1] == 2:
+        points = np.column_stack([points, np.full(len(points), world.low[2])])
     gaps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     points, gaps = points[np.r_[True, gaps > 0.0]], gaps[gaps > 0.0]
     step = min(STEP * world.side, STEP_SHARE * gaps.sum())
@@ -229,17 +267,17 @@ def evaluate(problem: PathProblem, positions: ArrayLike, world: World | None = N
     heading, length = way / gaps[segment][:, None], (gaps / parts)[segment]
 
     pieces = _traversed(problem, middle, heading, length)
-    ends = np.asarray([problem.start, problem.goal])[:, :2]
+    ends = np.asarray([problem.start, problem.goal])
     joined = np.abs(points[[0, -1]] - ends).max() < world.tolerance
     times = problem.depart + np.concatenate([[0.0], np.cumsum(pieces.duration)])
     marks = np.concatenate([begin, middle, points[-1:]])
     when = np.concatenate([times[:-1], 0.5 * (times[:-1] + times[1:]), times[-1:]])
-    clearance = float(world.clearance(*marks.T, when).min())
+    x, y, z = marks.T
+    clearance = float(world.clearance(x, y, when, z).min())
 
     vehicle = problem.vehicle
     spent = np.bincount(segment, pieces.duration)
-    turn = np.diff(np.arctan2(*np.diff(points, axis=0).T[::-1]))
-    turn = np.abs((turn + np.pi) % (2.0 * np.pi) - np.pi) / (0.5 * (spent[1:] + spent[:-1]))
+    turn = _turns(np.diff(points, axis=0)) / (0.5 * (spent[1:] + spent[:-1]))
     excess = max(
         float(np.max(value, initial=0.0)) / float(limit) - 1.0  # type: ignore[arg-type]
         for value, limit in (
@@ -251,6 +289,14 @@ def evaluate(problem: PathProblem, positions: ArrayLike, world: World | None = N
     feasible = pieces.held and joined and clearance > -world.tolerance and excess <= LIMIT_TOLERANCE
     travel_time = float(pieces.duration.sum()) if pieces.held else np.inf
     return Score(travel_time, bool(feasible), clearance, float(gaps.sum()), excess)
+
+
+def _turns(way: Array) -> Array:
+    """Angle of yaw [n - 1] rad between segments [n, 3] m; none where one of them is upright."""
+    turn = np.diff(np.arctan2(way[:, 1], way[:, 0]))
+    upright = np.hypot(way[:, 0], way[:, 1]) < _UPRIGHT
+    turn = np.abs((turn + np.pi) % (2.0 * np.pi) - np.pi)
+    return np.where(upright[1:] | upright[:-1], 0.0, turn)
 
 
 @dataclass(frozen=True, eq=False)
@@ -275,18 +321,19 @@ def _traversed(problem: PathProblem, middle: Array, heading: Array, length: Arra
 
     Args:
         problem: current, speed and departure.
-        middle: [K, 2] m, of each piece.
-        heading: [K, 2], unit vectors.
+        middle: [K, 3] m, of each piece.
+        heading: [K, 3], unit vectors.
         length: [K] m.
     """
     speed, current = float(problem.vehicle.speed), problem.environment.current  # type: ignore[arg-type]
+    x, y, z = middle.T
     found = _Pieces(length / speed, np.full_like(length, speed), np.zeros_like(length), True)
     for _ in range(1 if is_steady(current) else _SWEEPS):
         last = found.duration
         when = problem.depart + np.cumsum(last) - 0.5 * last
-        u, v = current_at(current, middle[:, 0], middle[:, 1], when)
-        along = u * heading[:, 0] + v * heading[:, 1]
-        across = np.abs(u * heading[:, 1] - v * heading[:, 0])
+        water = np.stack(velocity_at(current, x, y, z, when), axis=1)
+        along = (water * heading).sum(axis=1)
+        across = np.linalg.norm(water - along[:, None] * heading, axis=1)
         ground = along + np.sqrt(np.maximum(speed**2 - across**2, 0.0))
         held = bool((across <= speed).all() and (ground > 0.0).all())
         found = _Pieces(length / np.maximum(ground, 1e-3 * speed), ground, across, held)
@@ -297,15 +344,20 @@ def _traversed(problem: PathProblem, middle: Array, heading: Array, length: Arra
 
 def current_at(current: Any, x: Array, y: Array, t: Array) -> tuple[Array, Array]:
     """Current in float64 at the surface, m/s north and east; x, y, t [K] m, m, s."""
+    u, v, _ = velocity_at(current, x, y, np.zeros(len(x)), t)
+    return u, v
+
+
+def velocity_at(current: Any, x: Array, y: Array, z: Array, t: Array) -> tuple[Array, Array, Array]:
+    """Current in float64, m/s north, east and down; x, y, z, t [K] m and s."""
     count = len(x)
     missing = -count % _BLOCK
-    padded = (np.pad(np.asarray(a, float), (0, missing)) for a in (x, y, t))
+    padded = (np.pad(np.asarray(a, float), (0, missing)) for a in (x, y, z, t))
     with jax.enable_x64(True):
-        u, v = _velocity(current, *padded)
-        return np.asarray(u)[:count], np.asarray(v)[:count]
+        u, v, w = (np.asarray(part)[:count] for part in _velocity(current, *padded))
+    return u, v, w
 
 
 @jax.jit
-def _velocity(current: Any, x: jax.Array, y: jax.Array, t: jax.Array) -> tuple[jax.Array, jax.Array]:
-    u, v, _ = current(x, y, jnp.zeros_like(x), t)
-    return u, v
+def _velocity(current: Any, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> tuple[jax.Array, ...]:
+    return tuple(jnp.broadcast_to(part, x.shape) for part in current(x, y, z, t))

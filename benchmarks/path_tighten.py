@@ -1,26 +1,32 @@
 """Tightening of a path: the quickest one on a narrow lattice about it, again and again on finer ones.
 
-Stations lie along the path, and at each of them nodes to both sides. Dynamic programming finds the quickest
-way from station to station with the times of arrival as they come, and keeps limits and clearances without
-any penalty; turns are free. The lattice is then laid about what was found, half as wide where that gains
-nothing.
+Stations lie along the path, and at each of them nodes to both sides, and above and below where the box has
+depth. Dynamic programming finds the quickest way from station to station with the times of arrival as they
+come, and keeps limits and clearances without any penalty; turns are free. The lattice is then laid about what
+was found, half as wide where that gains nothing.
 """
+
+from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from auvplan.vehicle import SPEED_FLOOR
-from benchmarks.path_grid import Grid, packed, strikes, tabulated
+from benchmarks.path_grid import packed, strikes, tabulated
 from benchmarks.path_polish import Polished, resampled
 from benchmarks.path_problems import PathProblem
-from benchmarks.path_ruler import World, current_at, evaluate
+from benchmarks.path_ruler import World, evaluate, velocity_at
 from benchmarks.water_problems import TidalCurrent
 
 Array = NDArray[np.floating]
 
 #: Segments of a path, and nodes to each side of it.
 SEGMENTS, _ASIDE = 256, 8
+
+#: Nodes to each side, and above and below, where the box has depth.
+_ROUND = 2, 4
 
 #: Times that the lattice is made half as wide, and lattices of one width at most.
 _HALVINGS, _SWEEPS = 9, 6
@@ -34,56 +40,112 @@ _SLACK = 0.002
 #: How often more clearance is asked for, where the ruler finds too little.
 _TRIES = 4
 
+#: Share of a path's stretched length that its dives and climbs are, so that they have stations enough.
+_DIVES = 0.4
+
+
+class Tables(Protocol):
+    """What a grid knows of a problem besides its nodes, see `path_grid.Grid`."""
+
+    @property
+    def spacing(self) -> float: ...
+    @property
+    def tide(self) -> Array: ...
+    @property
+    def tidal_moment(self) -> float: ...
+    @property
+    def movers(self) -> Array: ...
+
+
+@dataclass(frozen=True, eq=False)
+class _Lattices:
+    """What lattices are laid by.
+
+    Attributes:
+        problem: what to travel.
+        world: what to keep off.
+        tables: of the problem.
+        moments: [T] s since departure, at which the current is looked up.
+    """
+
+    problem: PathProblem
+    world: World
+    tables: Tables
+    moments: Array
+
+    @property
+    def deep(self) -> bool:
+        """Whether the box has depth."""
+        return bool(self.world.high[2] > self.world.low[2])
+
+    @property
+    def offsets(self) -> Array:
+        """Nodes of a station about its middle, [K, 2] steps aside and up or down."""
+        aside, upright = _ROUND if self.deep else (_ASIDE, 0)
+        steps = np.meshgrid(np.arange(-aside, aside + 1), np.arange(-upright, upright + 1), indexing="ij")
+        return np.stack([line.ravel() for line in steps], axis=1).astype(float)
+
+    def spread(self, points: Array, segments: int) -> Array:
+        """Return a path [n, 3] m with stations spread evenly, but closer where it dives or climbs."""
+        way = np.abs(np.diff(points, axis=0))
+        level, upright = np.hypot(way[:, 0], way[:, 1]).sum(), way[:, 2].sum()
+        factor = max(1.0, _DIVES / (1.0 - _DIVES) * level / upright) if upright > 0.0 else 1.0
+        return resampled(points, segments, (1.0, 1.0, factor))
+
 
 def tighten(
     problem: PathProblem,
     world: World,
-    grid: Grid,
+    tables: Tables,
     positions: Array,
     segments: int = SEGMENTS,
-    width: float | None = None,
+    width: float | tuple[float, float] | None = None,
+    moments: Array | None = None,
 ) -> Polished | None:
-    """Tighten a path [n, 2] m; None where no path nearby is feasible.
-
-    Args:
-        problem: with a steady current or one with a tide.
-        world: what to keep off.
-        grid: of the problem, of any spacing.
-        positions: [n, 2] m, from start to goal.
-        segments: of the path.
-        width: m, of the first lattice to each side; None for two spacings of the grid.
-    """
-    width, extra = 2.0 * grid.spacing if width is None else width, 0.2 * world.tolerance
-    points = resampled(positions, segments)
-    for _ in range(_TRIES):
-        found = _settled(problem, world, grid, points, width, extra)
-        if found is None:
-            return None
-        result = Polished(found, evaluate(problem, found, world))
-        if result.score.clearance > -world.tolerance:
-            return result
-        extra += 0.2 * world.tolerance - result.score.clearance
-        points, width = found, 0.25 * grid.spacing
-    return result
-
-
-def _settled(
-    problem: PathProblem, world: World, grid: Grid, points: Array, width: float, extra: float
-) -> Array | None:
-    """Lay lattices until nothing is gained, [n, 2] m; None where the widest holds no path.
+    """Tighten a path; None where no path nearby is feasible.
 
     Args:
         problem: what to travel.
         world: what to keep off.
-        grid: of the problem.
-        points: [n, 2] m.
-        width: m, of the first lattice to each side.
+        tables: a grid of the problem, of any spacing.
+        positions: [n, 2] m, or [n, 3] where the box has depth, from start to goal.
+        segments: of the path.
+        width: m, of the first lattice to each side, and up and down; None for two spacings of the grid.
+        moments: [T] s since departure, even, at which a current that is neither steady nor a tide is looked
+            up.
+    """
+    width = 2.0 * tables.spacing if width is None else width
+    size = np.broadcast_to(np.asarray(width, float), 2)
+    lattices = _Lattices(problem, world, tables, np.zeros(1) if moments is None else moments)
+    points = positions
+    if points.shape[1] == 2:
+        points = np.column_stack([points, np.full(len(points), world.low[2])])
+    points, extra = lattices.spread(points, segments), 0.2 * world.tolerance
+    for _ in range(_TRIES):
+        found = _settled(lattices, points, size, extra)
+        if found is None:
+            return None
+        result = Polished(found if lattices.deep else found[:, :2], evaluate(problem, found, world))
+        if result.score.clearance > -world.tolerance:
+            return result
+        extra += 0.2 * world.tolerance - result.score.clearance
+        points, size = found, size / 8.0
+    return result
+
+
+def _settled(lattices: _Lattices, points: Array, size: Array, extra: float) -> Array | None:
+    """Lay lattices until nothing is gained, [n, 3] m; None where the widest holds no path.
+
+    Args:
+        lattices: of the problem.
+        points: [n, 3] m.
+        size: [2] m, of the first lattice to each side, and up and down.
         extra: m of clearance beyond the margins.
     """
     last = np.inf
     for halving in range(_HALVINGS):
         for _ in range(_SWEEPS):
-            found = _sweep(problem, world, grid, points, width / _ASIDE, extra)
+            found = _sweep(lattices, points, size, extra)
             if found is None:
                 if np.isfinite(last):
                     break
@@ -91,56 +153,71 @@ def _settled(
             time, moved = found
             gained = 1.0 - time / last if np.isfinite(last) else 1.0
             # Stations that drifted apart are spread evenly, while there is room to make good what that costs.
-            points, last = resampled(moved, len(moved) - 1) if halving < 4 else moved, time
+            points, last = lattices.spread(moved, len(moved) - 1) if halving < 4 else moved, time
             if gained < _GAIN:
                 break
-        width *= 0.5
+        size = 0.5 * size
     return points
 
 
-def _sweep(
-    problem: PathProblem, world: World, grid: Grid, points: Array, apart: float, extra: float
-) -> tuple[float, Array] | None:
-    """Find the quickest path on one lattice: its time [s] and positions [n, 2] m; None without any.
+def _sweep(lattices: _Lattices, points: Array, size: Array, extra: float) -> tuple[float, Array] | None:
+    """Find the quickest path on one lattice: its time [s] and positions [n, 3] m; None without any.
 
     Args:
-        problem: what to travel.
-        world: what to keep off.
-        grid: of the problem.
-        points: [n, 2] m, the stations.
-        apart: m from a node to the next one of its station.
+        lattices: of the problem.
+        points: [n, 3] m, the stations.
+        size: [2] m, from a station's middle to its outermost nodes aside, and up or down.
         extra: m of clearance beyond the margins.
     """
+    problem, world, tables, offsets = lattices.problem, lattices.world, lattices.tables, lattices.offsets
     tangent = np.gradient(points, axis=0)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
-    normal = np.stack([-tangent[:, 1], tangent[:, 0]], axis=1)
-    offsets = apart * np.arange(-_ASIDE, _ASIDE + 1)
-    nodes = points[:, None] + offsets[:, None] * normal[:, None]
-    current = problem.environment.current
+    level = np.hypot(tangent[:, 0], tangent[:, 1])
+    level_way = np.where(level[:, None] > 1e-6, tangent[:, :2], (points[-1] - points[0])[:2] + 1e-9)
+    level_way /= np.linalg.norm(level_way, axis=1, keepdims=True)
+    aside = np.stack([-level_way[:, 1], level_way[:, 0], np.zeros(len(points))], axis=1)
+    apart = size / np.maximum(offsets.max(axis=0), 1.0) * offsets
+    nodes = points[:, None] + apart[:, :1] * aside[:, None] + apart[:, 1:] * np.cross(tangent, aside)[:, None]
+    shape, current = nodes.shape[:2], problem.environment.current
     current = current.current if isinstance(current, TidalCurrent) else current
-    x, y = (nodes[..., k].ravel() for k in range(2))
-    u, v = (
-        part.reshape(nodes.shape[:2]) for part in current_at(current, x, y, np.full(x.size, problem.depart))
+    x, y, z = nodes.reshape(-1, 3).T
+    water = np.stack(
+        [
+            np.stack(velocity_at(current, x, y, z, np.full(x.size, problem.depart + t)))
+            for t in lattices.moments
+        ]
     )
-    clear = world.clearance(nodes[..., 0], nodes[..., 1]) - extra
-    vehicle = problem.vehicle
-    speed, surge_max, sway_max = (
-        float(limit)  # type: ignore[arg-type]
-        for limit in (vehicle.speed, vehicle.surge_max, vehicle.sway_max)
-    )
-    limits = speed, (1.0 - _SLACK) * surge_max, min((1.0 - _SLACK) * sway_max, 0.999 * speed)
-    tables = grid.tide, grid.tidal_moment, 0.25 * grid.spacing, packed(world, grid, extra)
-    chosen, time = _lattice(nodes, u, v, clear, limits, *tables)
+    u, v, w = (water[:, k].reshape(-1, *shape) for k in range(3))
+    clear = world.clearance(nodes[..., 0], nodes[..., 1], z=nodes[..., 2]) - extra
+    moment = float(lattices.moments[1] - lattices.moments[0]) if len(lattices.moments) > 1 else 1.0
+    step = 0.25 * tables.spacing
+    chosen, time = _lattice(
+        nodes, u, v, w, moment, clear, limits_of(problem, _SLACK), tables.tide, tables.tidal_moment, step,
+        packed(world, tables.movers, extra),
+    )  # fmt: skip
     if not np.isfinite(time):
         return None
     return time, nodes[np.arange(len(nodes)), chosen]
 
 
+def limits_of(problem: PathProblem, slack: float) -> tuple[float, float, float, float]:
+    """Return speed, and limits on ground speed, current across and speed up or down through water, m/s."""
+    vehicle = problem.vehicle
+    speed, surge_max, sway_max = (
+        float(limit)  # type: ignore[arg-type]
+        for limit in (vehicle.speed, vehicle.surge_max, vehicle.sway_max)
+    )
+    pitch: Any = getattr(vehicle, "pitch_max", None)
+    upright = np.inf if pitch is None else (1.0 - slack) * speed * float(np.sin(pitch))
+    return speed, (1.0 - slack) * surge_max, min((1.0 - slack) * sway_max, 0.999 * speed), upright
+
+
 @njit(cache=True)
-def _lattice(nodes, u, v, clear, limits, tide, tidal_moment, step, things):
+def _lattice(nodes, u, v, w, moment, clear, limits, tide, tidal_moment, step, things):
     """Chosen node of each of N stations, [N], and the travel time, s; infinite where no way is found."""
-    speed, surge_max, sway_max = limits
+    speed, surge_max, sway_max, upright_max = limits
     stations, count = clear.shape
+    last_table = len(u) - 1
     times = np.full((stations, count), np.inf)
     before = np.zeros((stations, count), np.int64)
     middle = count // 2
@@ -155,25 +232,38 @@ def _lattice(nodes, u, v, clear, limits, tide, tidal_moment, step, things):
                     continue
                 way_x = nodes[n, k, 0] - nodes[n - 1, j, 0]
                 way_y = nodes[n, k, 1] - nodes[n - 1, j, 1]
-                length = np.sqrt(way_x * way_x + way_y * way_y)
+                way_z = nodes[n, k, 2] - nodes[n - 1, j, 2]
+                length = np.sqrt(way_x * way_x + way_y * way_y + way_z * way_z)
                 if length == 0.0:
                     continue
-                strength = 0.5 * tabulated(tide, tidal_moment, begin + 0.5 * length / speed)
-                cu = strength * (u[n - 1, j] + u[n, k])
-                cv = strength * (v[n - 1, j] + v[n, k])
-                along = (cu * way_x + cv * way_y) / length
-                across = abs(cu * way_y - cv * way_x) / length
+                half_way = begin + 0.5 * length / speed
+                strength = 0.5 * tabulated(tide, tidal_moment, half_way)
+                when = min(half_way / moment, float(last_table))
+                a = min(int(when), max(last_table - 1, 0))
+                cu = strength * (u[a, n - 1, j] + u[a, n, k])
+                cv = strength * (v[a, n - 1, j] + v[a, n, k])
+                cw = strength * (w[a, n - 1, j] + w[a, n, k])
+                if last_table > 0:
+                    share = when - a
+                    cu = (1.0 - share) * cu + share * strength * (u[a + 1, n - 1, j] + u[a + 1, n, k])
+                    cv = (1.0 - share) * cv + share * strength * (v[a + 1, n - 1, j] + v[a + 1, n, k])
+                    cw = (1.0 - share) * cw + share * strength * (w[a + 1, n - 1, j] + w[a + 1, n, k])
+                along = (cu * way_x + cv * way_y + cw * way_z) / length
+                across = np.sqrt(max(cu * cu + cv * cv + cw * cw - along * along, 0.0))
                 if across > sway_max:
                     continue
                 ground = along + np.sqrt(speed * speed - across * across)
                 if ground <= SPEED_FLOOR * speed or ground > surge_max:
                     continue
+                if abs(ground * way_z / length - cw) > upright_max:
+                    continue
                 lasts = length / ground
                 if begin + lasts >= times[n, k]:
                     continue
                 both = clear[n - 1, j] + clear[n, k]
-                x0, y0, x1, y1 = nodes[n - 1, j, 0], nodes[n - 1, j, 1], nodes[n, k, 0], nodes[n, k, 1]
-                if not strikes(x0, y0, x1, y1, both, begin, lasts, step, things):
+                x0, y0, z0 = nodes[n - 1, j]
+                x1, y1, z1 = nodes[n, k]
+                if not strikes(x0, y0, z0, x1, y1, z1, both, begin, lasts, step, things):
                     times[n, k] = begin + lasts
                     before[n, k] = j
     chosen = np.zeros(stations, np.int64)

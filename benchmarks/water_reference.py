@@ -112,7 +112,7 @@ def _candidates(problem: PathProblem, world: World, grid: Grid) -> Iterator[tupl
     if not len(grid.movers):
         return found
     smaller = grid.movers.copy()
-    smaller[:, 4] *= _SMALLER
+    smaller[:, 6] *= _SMALLER
     others = (replace(grid, movers=smaller), replace(grid, movers=smaller[:0]))
     return chain(found, *(passages(problem, world, PASSAGES, other) for other in others))
 
