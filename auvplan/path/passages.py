@@ -27,6 +27,7 @@ from auvplan.path.config import PathConfig
 from auvplan.path.cost import ALTITUDE_SCALE
 from auvplan.path.habitats import deepest, raise_above_seabed, straight_line
 from auvplan.path.kinematics import Axes
+from auvplan.path.profile import STATIONS, profiles
 from auvplan.vehicle import Vehicle, along_track
 
 #: Moves towards a greater first index that are no steeper than a diagonal, in cells; with their opposites and
@@ -105,6 +106,7 @@ def trace_passages(
     vehicle: Vehicle,
     count: int,
     config: PathConfig,
+    deep: bool = False,
 ) -> tuple[jax.Array, ...]:
     """Trace the best paths through `count` passages, as habitats.
 
@@ -116,6 +118,8 @@ def trace_passages(
         vehicle: speed and limits.
         count: of paths.
         config: static settings; `field_cells` sets the grid.
+        deep: whether each path takes the depths at which it is quickest (`profiles`), not those of the straight
+            line.
 
     Returns:
         ``(habitats [count, 3 n] m, fine [count, 3 m] m, times [count] s, closed [] m, known [] s)``, quickest
@@ -148,8 +152,12 @@ def trace_passages(
     traced = fine.traced(count)
     closed = jnp.where((traced.broken == 2.0).all(), fine.spacing.max(), 0.0)
     known = jnp.where(traced.broken[0] == 0.0, traced.times[0], jnp.inf)
+    depths = None
+    if deep:
+        line = _evenly(traced.x, traced.y)
+        depths = profiles(*line, start, goal, depart, env, vehicle, config)
     habitats = (
-        raise_above_seabed(_fitted(traced, start, goal, own), start, goal, env)
+        raise_above_seabed(_fitted(traced, depths, start, goal, own), start, goal, env)
         for own in (config, config.fine())
     )
     return *habitats, traced.times, closed, known
@@ -645,8 +653,26 @@ def _walk(cells: jax.Array, previous: jax.Array, steps: int) -> jax.Array:
 _DENSEST = 8.0
 
 
-def _fitted(traced: _Traced, start: jax.Array, goal: jax.Array, config: PathConfig) -> jax.Array:
+def _run(x: jax.Array, y: jax.Array) -> jax.Array:
+    """Length of polylines [count, L] m up to each of their points, as a share of all of it."""
+    run = jnp.cumsum(jnp.sqrt(jnp.diff(x, axis=1) ** 2 + jnp.diff(y, axis=1) ** 2), axis=1)
+    return jnp.pad(run, [(0, 0), (1, 0)]) / jnp.maximum(run[:, -1:], 1e-20)
+
+
+def _evenly(x: jax.Array, y: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """Places x, y [count, `STATIONS` + 1] m that lie evenly on polylines [count, L] m."""
+    share = jnp.linspace(0.0, 1.0, STATIONS + 1)
+    run = _run(x, y)
+    x, y = (jax.vmap(lambda r, axis: jnp.interp(share, r, axis))(run, axis) for axis in (x, y))
+    return x, y
+
+
+def _fitted(
+    traced: _Traced, depths: jax.Array | None, start: jax.Array, goal: jax.Array, config: PathConfig
+) -> jax.Array:
     """Habitats [count, 3 n] m of B-splines along traced polylines, by least squares.
+
+    Depths are those given, [count, K] m evenly along each, or the straight line's.
 
     Where there is little room, samples and control points are denser: clearance is certified between samples,
     and a bend is followed by control points.
@@ -659,11 +685,16 @@ def _fitted(traced: _Traced, start: jax.Array, goal: jax.Array, config: PathConf
     marks = jnp.cumsum(jnp.pad(legs * density, [(0, 0), (1, 0)]), axis=1)
     share = jnp.linspace(0.0, 1.0, config.samples)
     fit = jnp.asarray(fit_matrix(config.samples, config.control_points + 2, config.degree), x.dtype)
+    lines = [x, y]
+    if depths is not None:
+        even = jnp.linspace(0.0, 1.0, depths.shape[1])
+        lines.append(jax.vmap(lambda r, d: jnp.interp(r, even, d))(_run(x, y), depths))
     planes = []
-    for axis, line in enumerate((x, y)):
+    for axis, line in enumerate(lines):
         curve = jax.vmap(lambda m, p: jnp.interp(share * m[-1], m, p))(marks, line)
         ends = jnp.broadcast_to(jnp.stack([start[axis], goal[axis]]), (len(x), 2))
         planes.append(jnp.concatenate([curve, ends], axis=1) @ fit.T)
-    depth = straight_line(start, goal, config).reshape(3, -1)[2]
-    planes.append(jnp.broadcast_to(depth, planes[0].shape))
+    if depths is None:
+        depth = straight_line(start, goal, config).reshape(3, -1)[2]
+        planes.append(jnp.broadcast_to(depth, planes[0].shape))
     return jnp.stack(planes, axis=1).reshape(len(x), -1)

@@ -36,6 +36,7 @@ from auvplan.path.cost import (
 )
 from auvplan.path.kinematics import PacedCurrent, norm
 from auvplan.path.passages import trace_passages
+from auvplan.path.profile import varies_with_depth
 from auvplan.path.scaling import WAY, factor_of, scaled
 from auvplan.vehicle import Vehicle
 
@@ -149,7 +150,7 @@ def search_legs(
         return _search_within(budget.next_row(), keys, legs, population, world, config, effort, window)
     found = None
     if config.passages:
-        passages, _, *found = _trace(**world, config=config.only("field_cells"), count=config.passages)
+        passages, _, *found = _trace(**world, config=config.only("field_cells"), **_traced(world, config))
         found = passages, *found
     fresh = config.only("start_shape", "width", "depth_width")
     size = config.bbo.population
@@ -204,7 +205,7 @@ def _search_within(
     if config.passages:
         found = _no_passages(legs, config)
         if share.allows(work("trace")):
-            trace = partial(_trace, **world, config=config.only("field_cells"), count=config.passages)
+            trace = partial(_trace, **world, config=config.only("field_cells"), **_traced(world, config))
             passages, _, *known = share.spend(work("trace"), trace)
             found = passages, *known
     fresh = config.only("start_shape", "width", "depth_width")
@@ -353,7 +354,7 @@ def polish_finely(
     polished = partial(_polished, keys, world=world)
     if again:
         dense = config.only("finer").replace(field_cells=config.dense_cells)
-        passages, few, _, *outcome = _trace(**world, config=dense, count=config.passages)
+        passages, few, _, *outcome = _trace(**world, config=dense, **_traced(world, config))
         rows = np.concatenate([rows, passages], axis=1)
         settings = config.replace(refine_steps=config.passage_steps)
         rows = _ranked(*polished(rows, settings, together=rows.shape[1]))[0][:, :1]
@@ -389,6 +390,14 @@ def _world(legs: Legs, shared: Environment, vehicle: Vehicle, config: PathConfig
     """Arguments that all programs take."""
     numbers = config.coast_margin, config.obstacle_margin, config.uncertain_price
     return {"legs": legs, "common": Common(shared, vehicle, *numbers)}
+
+
+def _traced(world: dict[str, Any], config: PathConfig) -> dict[str, Any]:
+    """Return how many passages are traced, and whether each at depths of its own."""
+    env = world["common"].env
+    depths = np.asarray(env.upper)[2] > np.asarray(env.lower)[2]
+    current = combine(env.current, world["legs"].own[0]) if world["legs"].own is not None else env.current
+    return {"count": config.passages, "deep": bool(depths) and varies_with_depth(current)}
 
 
 def _polished(
@@ -452,13 +461,13 @@ def _posed(leg: Legs, common: Common, config: PathConfig) -> tuple[Problem, Path
     return (leg.start * factor, leg.goal * factor, leg.depart * factor, env, vehicle), config, factor
 
 
-@partial(compiled, static_argnames=("config", "count"), wide=True)
-def _trace(legs: Legs, common: Common, config: PathConfig, count: int) -> tuple[jax.Array, ...]:
+@partial(compiled, static_argnames=("config", "count", "deep"), wide=True)
+def _trace(legs: Legs, common: Common, config: PathConfig, count: int, deep: bool) -> tuple[jax.Array, ...]:
     """Paths through passages, as `trace_passages` returns them."""
 
     def one(leg: Legs) -> tuple[jax.Array, ...]:
         problem, own, _ = _posed(leg, common, config)
-        return trace_passages(*problem, count=count, config=own)
+        return trace_passages(*problem, count=count, config=own, deep=deep)
 
     return jax.vmap(one)(legs)
 

@@ -1,0 +1,224 @@
+"""Depth along a way: the quickest profile, by a dynamic programme over distance and depth.
+
+A way is given from above, as stations x, y from start to goal. From each station the vehicle moves to the next
+one at any of a few depths, in the current that it meets there and then; the best arrival at every depth of every
+station is kept, so that a hill between two good depths is no obstacle, as it is to a descent.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from auvplan.ocean.currents import Current
+from auvplan.ocean.environment import Environment
+from auvplan.path.clearance import obstacle_clearance
+from auvplan.path.config import PathConfig
+from auvplan.path.habitats import deepest
+from auvplan.path.kinematics import TINY
+from auvplan.vehicle import Vehicle, along_track
+
+#: Moves from station to station on each way, and depths to choose from at each.
+STATIONS, LEVELS = 64, 24
+
+#: Share of the depths that lie where the current changes with depth; the others lie evenly.
+_SHEARED = 0.5
+
+#: Depths at which the current is looked up to find where it changes.
+_FINE = 48
+
+#: A move that breaks a limit costs this many times its own time for each unit of excess.
+_PENALTY_WEIGHT = 30.0
+
+#: Excess of a move at most.
+_MOST = 3.0
+
+#: Metres beyond what is allowed that count as an excess of one: of clearance, and of depth over a sea bed.
+_TOO_NEAR, _TOO_DEEP = 20.0, 5.0
+
+
+def varies_with_depth(current: Current) -> bool:
+    """Return whether a current may depend on depth, as far as its program shows."""
+    leaves, tree = jax.tree.flatten(current)
+    kinds = tuple(jax.ShapeDtypeStruct(jnp.shape(leaf), jnp.result_type(leaf)) for leaf in leaves)
+    return _varies(tree, kinds)
+
+
+@lru_cache(maxsize=256)
+def _varies(tree: Any, kinds: tuple[jax.ShapeDtypeStruct, ...]) -> bool:
+    """`varies_with_depth` of a current with these leaves: whether the derivative by depth is no constant zero."""
+    place = jax.ShapeDtypeStruct((), jnp.result_type(float))
+
+    def level(leaves: Sequence[jax.Array], x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array):
+        return tree.unflatten(leaves)(x, y, z, t)[:2]
+
+    program = jax.make_jaxpr(level)(list(kinds), place, place, place, place).jaxpr
+    depends = {program.invars[len(kinds) + 2]}
+    for equation in program.eqns:
+        if any(not hasattr(var, "val") and var in depends for var in equation.invars):
+            depends |= set(equation.outvars)
+    return any(not hasattr(var, "val") and var in depends for var in program.outvars)
+
+
+def levels(
+    places: tuple[jax.Array, jax.Array, jax.Array],
+    top: jax.Array,
+    bottom: jax.Array,
+    count: int,
+    current: Current,
+) -> jax.Array:
+    """Choose depths [count] m from the top to the bottom, denser where the current changes with depth.
+
+    Args:
+        places: x, y [A] m, and times [A] s, where the current is looked up.
+        top, bottom: m.
+        count: of depths.
+        current: the current.
+    """
+    share = jnp.linspace(0.0, 1.0, _FINE)
+    depth = top + (bottom - top) * share
+    x, y, when = (axis[:, None] for axis in places)
+    u, v, _ = (
+        jnp.broadcast_to(part, (len(x), _FINE)) for part in current(x, y, jnp.broadcast_to(depth, (len(x), _FINE)), when)
+    )
+    change = jnp.sqrt(jnp.diff(u, axis=1) ** 2 + jnp.diff(v, axis=1) ** 2).max(axis=0)
+    even = 1.0 / (_FINE - 1)
+    total = change.sum()
+    density = jnp.where(
+        total > 1e-6, (1.0 - _SHEARED) * even + _SHEARED * change / jnp.maximum(total, 1e-6), even
+    )
+    marks = jnp.concatenate([jnp.zeros(1, density.dtype), jnp.cumsum(density)])
+    return jnp.interp(jnp.linspace(0.0, 1.0, count), marks / marks[-1], depth)
+
+
+@dataclass(frozen=True)
+class _Leg:
+    """What the stations of P ways share: start and goal [3] m, departure s, world, vehicle, settings."""
+
+    start: jax.Array
+    goal: jax.Array
+    depart: jax.Array
+    env: Environment
+    vehicle: Vehicle
+    config: PathConfig
+
+
+def profiles(
+    x: jax.Array,
+    y: jax.Array,
+    start: jax.Array,
+    goal: jax.Array,
+    depart: jax.Array,
+    env: Environment,
+    vehicle: Vehicle,
+    config: PathConfig,
+) -> jax.Array:
+    """Find the depths at which P ways are quickest, [P, K + 1] m.
+
+    Args:
+        x, y: [P, K + 1] m, stations of the ways.
+        start, goal: [3] m.
+        depart: s since the epoch.
+        env: the world, obstacles resolved.
+        vehicle: speed and limits.
+        config: static settings.
+    """
+    leg = _Leg(start, goal, depart, env, vehicle, config)
+    dx, dy = jnp.diff(x, axis=1), jnp.diff(y, axis=1)
+    step = jnp.sqrt(dx * dx + dy * dy + TINY)
+    limit = jnp.full_like(x, env.upper[2])
+    if env.seabed is not None:
+        longer = jnp.maximum(jnp.pad(step, [(0, 0), (1, 0)]), jnp.pad(step, [(0, 0), (0, 1)]))
+        limit = jnp.minimum(limit, deepest(env, x, y, 2.0 * longer))
+    at = slice(None, None, max(1, x.shape[1] // 8))
+    run = jnp.cumsum(step, axis=1)[:, at] / vehicle.speed
+    seen = tuple(plane.ravel() for plane in (x[:, :-1][:, at], y[:, :-1][:, at], depart + run))
+    ends = jnp.stack([start[2], goal[2]])
+    bottom = jnp.maximum(jnp.minimum(limit.max(), env.upper[2]), ends.max())
+    depth = levels(seen, jnp.minimum(env.lower[2], ends.min()), bottom, LEVELS - 2, env.current)
+    depth = jnp.sort(jnp.concatenate([depth, ends]))
+    first, last = (jnp.argmin(jnp.abs(depth - end)) for end in ends)
+
+    def move(carry: tuple[jax.Array, jax.Array], station: tuple) -> tuple[tuple, jax.Array]:
+        cost, time = carry
+        moves, excess, arrived = _moves(leg, depth, time, station)
+        total = cost[:, :, None] + moves * (1.0 + _PENALTY_WEIGHT * excess)
+        best = jnp.argmin(total, axis=1)
+        kept = jnp.take_along_axis(total, best[:, None], axis=1)[:, 0]
+        when = jnp.take_along_axis(arrived, best[:, None], axis=1)[:, 0]
+        return (kept, when), best
+
+    begin = jnp.where(jnp.arange(LEVELS) == first, 0.0, jnp.inf)
+    cost = jnp.broadcast_to(begin, (x.shape[0], LEVELS)).astype(x.dtype)
+    stations = (x[:, :-1].T, y[:, :-1].T, dx.T, dy.T, step.T, limit[:, 1:].T)
+    carry = cost, jnp.full_like(cost, depart)
+    _, back = jax.lax.scan(move, carry, stations)
+
+    def before(level: jax.Array, best: jax.Array) -> tuple[jax.Array, jax.Array]:
+        level = jnp.take_along_axis(best, level[:, None], axis=1)[:, 0]
+        return level, level
+
+    last = jnp.full(x.shape[0], last)
+    _, chosen = jax.lax.scan(before, last, back, reverse=True)
+    return depth[jnp.concatenate([chosen, last[None]]).T]
+
+
+def _moves(
+    leg: _Leg, depth: jax.Array, time: jax.Array, station: tuple[jax.Array, ...]
+) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """Durations [P, L, L] s of moves from each depth of a station to each of the next, excess, and arrivals.
+
+    Args:
+        leg: what stations share.
+        depth: [L] m, rising.
+        time: [P, L] s, of arrival at the station.
+        station: x, y, dx, dy, level length [P] m of the moves from it, and greatest depth [P] m at the next.
+    """
+    x, y, dx, dy, step, limit = (part[:, None] for part in station)
+    vehicle, config = leg.vehicle, leg.config
+    half = time + 0.5 * step / vehicle.speed
+    there = jnp.broadcast_to(depth, half.shape)
+    u, v, w = (
+        jnp.broadcast_to(part, half.shape)
+        for part in leg.env.current(x + 0.5 * dx + 0.0 * there, y + 0.5 * dy + 0.0 * there, there, half)
+    )
+    rise = depth[None, :] - depth[:, None]
+    u, v, w = (_mean_between(part, depth, rise) for part in (u, v, w))
+    dx, dy, step = dx[:, :, None], dy[:, :, None], step[:, :, None]
+    gap = jnp.sqrt(step * step + rise * rise)
+    along = (u * dx + v * dy + w * rise) / gap
+    across = jnp.sqrt(jnp.maximum(u * u + v * v + w * w - along * along, 0.0) + TINY)
+    ground, shortfall = along_track(config.speed_reading, vehicle.speed, along, across)
+    duration = gap / ground
+    excess = shortfall
+    excess = excess + jnp.maximum(ground / vehicle.surge_max - 1.0, 0.0)
+    excess = excess + jnp.maximum(across / vehicle.sway_max - 1.0, 0.0)
+    pitch = getattr(vehicle, "pitch_max", None)
+    if pitch is not None:
+        vertical = jnp.abs(rise * ground / gap - w) if config.speed_reading == "track" else jnp.abs(rise) / gap * vehicle.speed
+        excess = excess + jnp.maximum(vertical / (vehicle.speed * jnp.sin(pitch)) - 1.0, 0.0)
+    for name, sign in (("climb_rate_max", -1.0), ("dive_rate_max", 1.0)):
+        rate = getattr(vehicle, name, None)
+        if rate is not None:
+            excess = excess + jnp.maximum(sign * rise * ground / gap / rate - 1.0, 0.0)
+    arrived = time[:, :, None] + duration
+    near = jnp.maximum(depth - limit, 0.0) / _TOO_DEEP
+    if len(leg.env.obstacles):
+        still = jnp.zeros_like(half)
+        met = (x + station[2][:, None] + still, y + station[3][:, None] + still, there)
+        then = time + station[4][:, None] / vehicle.speed
+        clear = obstacle_clearance((met, (still, still, still), then, still), leg.env)
+        near = near + jnp.maximum(config.obstacle_margin - clear, 0.0) / _TOO_NEAR
+    return duration, jnp.minimum(excess + near[:, None, :], _MOST), arrived
+
+
+def _mean_between(plane: jax.Array, depth: jax.Array, rise: jax.Array) -> jax.Array:
+    """[P, L, L], means of a plane [P, L] over the depths [L] m between each two, linear between them."""
+    parts = 0.5 * (plane[:, 1:] + plane[:, :-1]) * jnp.diff(depth)
+    sums = jnp.pad(jnp.cumsum(parts, axis=1), [(0, 0), (1, 0)])
+    between = sums[:, None, :] - sums[:, :, None]
+    same = jnp.abs(rise) < 1e-3
+    return jnp.where(same, plane[:, :, None], between / jnp.where(same, 1.0, rise))
