@@ -27,7 +27,7 @@ from auvplan.path.config import PathConfig
 from auvplan.path.cost import ALTITUDE_SCALE
 from auvplan.path.habitats import deepest, raise_above_seabed, straight_line
 from auvplan.path.kinematics import Axes
-from auvplan.path.profile import STATIONS, profiles
+from auvplan.path.profile import STATIONS, levels, profiles
 from auvplan.vehicle import Vehicle, along_track
 
 #: Moves towards a greater first index that are no steeper than a diagonal, in cells; with their opposites and
@@ -68,6 +68,9 @@ _COARSE = 0.375
 
 #: The longer side of a grid is at most so many times the shorter one.
 _ASPECT = 2.0
+
+#: Depths at which the coarse grid is laid out where the current changes with depth.
+_LAYERS = 6
 
 #: Rounds of sweeps at most; each follows a path around one more bend.
 _ROUNDS = 40
@@ -139,16 +142,20 @@ def trace_passages(
     cells = config.field_cells
     build = partial(_Grid.of, ends=ends, depart=depart, env=env, vehicle=vehicle, config=config)
 
-    coarse = build(low, high, max(round(_COARSE * cells), 8), _straight_times)
-    ahead, back = coarse.fields()
-    total = ahead + back
+    count_coarse = max(round(_COARSE * cells), 8)
+    if deep:
+        coarse, ahead, total, depth = _layered(low, high, count_coarse, build, ends, depart, env, vehicle)
+    else:
+        coarse, depth = build(low, high, count_coarse, _straight_times), None
+        ahead, back = _fields(coarse.times, coarse.source, coarse.sink)
+        total = ahead + back
     matters = total <= (1.0 + _SLOWER) * total[coarse.source]
     part = coarse.bounds_of(matters)
     least = [corner + sign * _BESIDE * distance for corner, sign in zip(inner, (-1.0, 1.0), strict=True)]
     low = jnp.maximum(jnp.minimum(part[0], least[0]), low)
     high = jnp.minimum(jnp.maximum(part[1], least[1]), high)
     low, high = _proportioned(low, high)
-    fine = build(low, high, cells, partial(_known_times, coarse=coarse, ahead=ahead, total=total))
+    fine = build(low, high, cells, partial(_known_times, coarse=coarse, ahead=ahead, total=total, depth=depth))
     traced = fine.traced(count)
     closed = jnp.where((traced.broken == 2.0).all(), fine.spacing.max(), 0.0)
     known = jnp.where(traced.broken[0] == 0.0, traced.times[0], jnp.inf)
@@ -173,9 +180,10 @@ def _proportioned(low: jax.Array, high: jax.Array) -> tuple[jax.Array, jax.Array
 def _straight_times(
     x: jax.Array, y: jax.Array, ends: jax.Array, depart: jax.Array, vehicle: Vehicle
 ) -> tuple[jax.Array, jax.Array]:
-    """Time of arrival at each place, s, and share of the way that is behind, as on straight lines."""
+    """Time of arrival at each place, s, and depth there, m, as on straight lines."""
     from_start, to_goal = (jnp.sqrt((x - end[0]) ** 2 + (y - end[1]) ** 2) for end in ends)
-    return depart + from_start / vehicle.speed, from_start / jnp.maximum(from_start + to_goal, 1e-20)
+    share = from_start / jnp.maximum(from_start + to_goal, 1e-20)
+    return depart + from_start / vehicle.speed, ends[0, 2] + share * (ends[1, 2] - ends[0, 2])
 
 
 def _known_times(
@@ -187,13 +195,18 @@ def _known_times(
     coarse: "_Grid",
     ahead: jax.Array,
     total: jax.Array,
+    depth: jax.Array | None,
 ) -> tuple[jax.Array, jax.Array]:
-    """As `_straight_times`, by the fields of a coarse grid."""
+    """As `_straight_times`, by the fields of a coarse grid and, where they have one, the depth of the best ways."""
     taken = coarse.looked_up(ahead, x, y)
-    share = taken / jnp.maximum(coarse.looked_up(total, x, y), 1e-20)
+    if depth is None:
+        share = taken / jnp.maximum(coarse.looked_up(total, x, y), 1e-20)
+        z = ends[0, 2] + share * (ends[1, 2] - ends[0, 2])
+    else:
+        z = coarse.looked_up(depth, x, y)
     usual = _straight_times(x, y, ends, depart, vehicle)
     known = jnp.isfinite(taken)
-    return jnp.where(known, depart + taken, usual[0]), jnp.where(known, share, usual[1])
+    return jnp.where(known, depart + taken, usual[0]), jnp.where(known, z, usual[1])
 
 
 @dataclass(frozen=True)
@@ -239,8 +252,7 @@ class _Grid:
         spacing = (high - low) / cells
         probes = (jnp.arange(_PROBES * cells) + 0.5) / _PROBES
         lattice = jnp.meshgrid(low[0] + spacing[0] * probes, low[1] + spacing[1] * probes, indexing="ij")
-        when, share = arrivals(*lattice, ends, depart, vehicle)
-        z = ends[0, 2] + share * (ends[1, 2] - ends[0, 2])
+        when, z = arrivals(*lattice, ends, depart, vehicle)
         places = lattice[0], lattice[1], z
         room = _clearance(places, when, 1e-3 * spacing.min(), env, config)
         chosen = _clearest(room, _ROOM * spacing.min())
@@ -290,35 +302,9 @@ class _Grid:
             highs.append(self.low[axis] + self.spacing[axis] * (last + 1.0))
         return jnp.stack(lows), jnp.stack(highs)
 
-    def fields(self) -> tuple[jax.Array, jax.Array]:
-        """Least times [N, N] s from the start to every cell, and from every cell to the goal.
-
-        Sweeps to and fro along both indices: one sweep follows every path as far as it advances along its
-        index (fast sweeping, Zhao 2005, with moves in place of an upwind scheme).
-        """
-        cells = self.times.shape[1]
-        fields = jnp.full((2, cells, cells), jnp.inf, self.times.dtype)
-        fields = fields.at[0, *self.source].set(0.0).at[1, *self.sink].set(0.0)
-
-        def along(fields: jax.Array, times: jax.Array) -> tuple[jax.Array, None]:
-            """Sweep along the first index, and turn the grid over."""
-            return _swept(fields, times).transpose(2, 1, 0), None
-
-        def round_(carry: tuple[jax.Array, jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array, jax.Array]:
-            fields, _, count = carry
-            new = jax.lax.scan(along, fields.swapaxes(0, 1), self.times)[0].swapaxes(0, 1)
-            changed = new < fields * (1.0 - _SETTLED)
-            # Cells that are farther from an end than the other end is lie on no path that matters.
-            best = jnp.minimum(new[0][self.sink], new[1][self.source]) * (1.0 + _SLOWER)
-            return new, (changed & (new <= best)).any() | ~jnp.isfinite(best), count + 1
-
-        carry = fields, jnp.array(True), jnp.array(0)
-        fields = jax.lax.while_loop(lambda c: c[1] & (c[2] < _ROUNDS), round_, carry)[0]
-        return fields[0], fields[1]
-
     def traced(self, count: int) -> _Traced:
         """Return the best paths through `count` passages."""
-        fields = self.fields()
+        fields = _fields(self.times, self.source, self.sink)
         total = fields[0] + fields[1]
         nearer, broken = self.previous(jnp.stack(fields))
         sides = _sides(total, total[self.source], nearer)
@@ -372,6 +358,90 @@ class _Grid:
 
         ends = jnp.stack([row * cells + column for row, column in (self.source, self.sink)])
         return jax.lax.map(towards, (fields, jnp.arange(2), ends))
+
+
+def _fields(
+    times: jax.Array, source: tuple[jax.Array, ...], sink: tuple[jax.Array, ...], shift: jax.Array | None = None
+) -> tuple[jax.Array, jax.Array]:
+    """Least times [N, N] s from the start to every cell, and from every cell to the goal.
+
+    Sweeps to and fro along both indices: one sweep follows every path as far as it advances along its index
+    (fast sweeping, Zhao 2005, with moves in place of an upwind scheme).
+
+    Args:
+        times: of moves, as `_Grid.times` has them; with a leading axis L for grids one below the other.
+        source, sink: cells of start and goal.
+        shift: [L, L] s, from grid to grid within a cell; None for a single grid.
+
+    Returns:
+        Fields [N, N] s, or [L, N, N] s.
+    """
+    layers, cells = (() if shift is None else shift.shape[:1]), times.shape[-1]
+    fields = jnp.full((*layers, 2, cells, cells), jnp.inf, times.dtype)
+    fields = fields.at[..., 0, *source].set(0.0).at[..., 1, *sink].set(0.0)
+
+    def along(fields: jax.Array, times: jax.Array) -> tuple[jax.Array, None]:
+        """Sweep along the first index, and turn the grid over."""
+        return _swept(fields, times).transpose(2, 1, 0), None
+
+    def swept(fields: jax.Array, times: jax.Array) -> jax.Array:
+        return jax.lax.scan(along, fields.swapaxes(0, 1), times)[0].swapaxes(0, 1)
+
+    def round_(carry: tuple[jax.Array, jax.Array, jax.Array]) -> tuple[jax.Array, jax.Array, jax.Array]:
+        fields, _, count = carry
+        if shift is None:
+            new = swept(fields, times)
+        else:
+            new = jax.vmap(swept)(fields, times)
+            new = reduce(jnp.minimum, (new[k] + shift[k][:, None, None, None] for k in range(len(shift))))
+        changed = new < fields * (1.0 - _SETTLED)
+        # Cells that are farther from an end than the other end is lie on no path that matters.
+        best = jnp.minimum(new[..., 0, *sink], new[..., 1, *source]).min() * (1.0 + _SLOWER)
+        return new, (changed & (new <= best)).any() | ~jnp.isfinite(best), count + 1
+
+    carry = fields, jnp.array(True), jnp.array(0)
+    fields = jax.lax.while_loop(lambda c: c[1] & (c[2] < _ROUNDS), round_, carry)[0]
+    return fields[..., 0, :, :], fields[..., 1, :, :]
+
+
+def _layered(
+    low: jax.Array,
+    high: jax.Array,
+    cells: int,
+    build: Callable[..., "_Grid"],
+    ends: jax.Array,
+    depart: jax.Array,
+    env: Environment,
+    vehicle: Vehicle,
+) -> tuple["_Grid", jax.Array, jax.Array, jax.Array]:
+    """Return a grid, and of the best ways over it at `_LAYERS` depths what they take, [N, N].
+
+    That is the time from the start, s, the time of the best way through each cell, s, and its depth there, m.
+    """
+    share = jnp.linspace(0.0, 1.0, 5)
+    x, y = jnp.meshgrid(*(low[axis] + (high[axis] - low[axis]) * share for axis in (0, 1)))
+    line = ends[0] + share[:, None] * (ends[1] - ends[0])
+    x, y = jnp.concatenate([x.ravel(), line[:, 0]]), jnp.concatenate([y.ravel(), line[:, 1]])
+    bottom = env.upper[2]
+    if env.seabed is not None:
+        bottom = jnp.minimum(bottom, deepest(env, x, y, jnp.zeros_like(x)).max())
+    when = _straight_times(x, y, ends, depart, vehicle)[0]
+    bottom = jnp.maximum(bottom, ends[:, 2].max())
+    depth = levels((x, y, when), jnp.minimum(env.lower[2], ends[:, 2].min()), bottom, _LAYERS, env.current)
+
+    def at(depth: jax.Array) -> tuple[jax.Array, tuple]:
+        grid = build(low, high, cells, lambda *rest: (_straight_times(*rest)[0], jnp.full_like(rest[0], depth)))
+        return grid.times, (grid.spacing, grid.source, grid.sink)
+
+    times, (spacing, source, sink) = jax.lax.map(at, depth)
+    spacing, source, sink = jax.tree.map(lambda leaf: leaf[0], (spacing, source, sink))
+    steep = jnp.pi / 4.0 if getattr(vehicle, 'pitch_max', None) is None else vehicle.pitch_max
+    shift = jnp.abs(depth[:, None] - depth) * jnp.tan(0.5 * steep) / vehicle.speed
+    ahead, back = _fields(times, source, sink, shift)
+    best = jnp.argmin(ahead + back, axis=0)
+    ahead, total = (jnp.take_along_axis(field, best[None], axis=0)[0] for field in (ahead, ahead + back))
+    grid = _Grid(low, spacing, *(jnp.zeros_like(ahead),) * 3, times, times, source, sink)
+    return grid, ahead, total, depth[best]
 
 
 def _clearance(

@@ -396,7 +396,9 @@ def _traced(world: dict[str, Any], config: PathConfig) -> dict[str, Any]:
     """Return how many passages are traced, and whether each at depths of its own."""
     env = world["common"].env
     depths = np.asarray(env.upper)[2] > np.asarray(env.lower)[2]
-    current = combine(env.current, world["legs"].own[0]) if world["legs"].own is not None else env.current
+    current, own = env.current, world["legs"].own
+    if own is not None:
+        current = combine(current, jax.tree.map(lambda leaf: leaf[0], own[0]))
     return {"count": config.passages, "deep": bool(depths) and varies_with_depth(current)}
 
 
