@@ -8,7 +8,7 @@ detours scored and polished.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import partial, reduce
 from typing import Any, Self
 
 import jax
@@ -24,7 +24,8 @@ from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.ocean.vortices import padded
 from auvplan.path import PathConfig, habitats
-from auvplan.path.cost import VIOLATIONS, Track, curves, evaluate, score, violations
+from auvplan.path.cost import VIOLATIONS, Track, Trajectory, curves, evaluate, score, violations
+from auvplan.path.profile import profiles, varies_with_depth
 from auvplan.rows import padded_batches
 from auvplan.vehicle import Vehicle
 
@@ -44,6 +45,13 @@ ONE_PLACE, TURN_TO = 0.5, 1.0
 #: Best detours of a fan that are polished, and the first step of the polish as a share of the bounds.
 _POLISHED = 4
 _STEP_SIZE = 0.03
+
+#: Stations of an edge and depths at each among which the quickest are found where the current changes with
+#: depth.
+_STATIONS, _LEVELS = 16, 12
+
+#: Limits in the vertical, which a profile of so few stations keeps only about.
+_VERTICAL = "pitch", "climb", "dive"
 
 #: Gradient steps that bend a line of three control points to the current.
 _BEND_STEPS = 6
@@ -113,6 +121,8 @@ def travel_times(
     inside = _inside(starts, env) & _inside(goals, env)
 
     shared = padded(env.current)
+    one = jax.tree.map(lambda leaf: leaf[0], shared) if world is not None else shared
+    deep = float(np.asarray(env.upper)[2]) > float(np.asarray(env.lower)[2]) and varies_with_depth(one)
     leaves, tree = jax.tree.flatten(shared)
     hosted = [np.asarray(leaf) for leaf in leaves] if world is not None else []
 
@@ -134,6 +144,7 @@ def travel_times(
                 detours=detours,
                 steps=steps,
                 world_per_edge=world is not None,
+                deep=deep,
             )
             seconds[part[:real]], passable[part[:real]] = (np.asarray(a)[:real] for a in out)
         return seconds, passable
@@ -160,6 +171,7 @@ def travel_times(
                 vehicle=vehicle,
                 config=config,
                 world_per_edge=world is not None,
+                deep=deep,
             )
             for edge, lasts, good in zip(chosen[:real], *(np.asarray(a) for a in out), strict=False):
                 if good and (not passable[edge] or lasts < seconds[edge]):
@@ -186,7 +198,7 @@ def _sampled(way: NDArray[np.floating], count: int) -> NDArray[np.floating]:
     return np.stack([np.interp(along, marks, axis) for axis in way.T], axis=1)
 
 
-@partial(compiled, static_argnames=("config", "world_per_edge"))
+@partial(compiled, static_argnames=("config", "world_per_edge", "deep"))
 def _follow(
     tracks: Any,
     clear: Any,
@@ -196,6 +208,7 @@ def _follow(
     vehicle: Vehicle,
     config: TravelTimeConfig,
     world_per_edge: bool,
+    deep: bool,
 ) -> tuple[jax.Array, jax.Array]:
     """Time [E] s of tracks [E, S, 3] m that keep clear of the coast, and whether they keep every limit [E].
 
@@ -210,15 +223,44 @@ def _follow(
         if sea.seabed is not None:
             length = jnp.sqrt(jnp.diff(x, axis=0) ** 2 + jnp.diff(y, axis=0) ** 2).max()
             z = jnp.minimum(z, habitats.deepest(env, x, y, jnp.broadcast_to(2.0 * length, x.shape)))
-        trajectory = evaluate(Track.through(x, y, z), depart, env, vehicle, config.path)
-        excess = dict(zip(VIOLATIONS, violations(trajectory)[:, 0], strict=True))
+        tracks = Track.through(x, y, z)
+        if deep:
+            tracks = _at_depths(tracks, track[0], track[-1], depart, env, vehicle, config.path)
+        trajectory = evaluate(tracks, depart, env, vehicle, config.path)
+        excess = dict(zip(VIOLATIONS, violations(trajectory), strict=True))
         broken = excess["surge"] + excess["sway"] + excess["current"] + excess["seabed"]
-        return trajectory.travel_time[0], broken + jnp.where(clear, 0.0, excess["coast"]) == 0.0
+        return _quickest(trajectory, broken + jnp.where(clear, 0.0, excess["coast"]))
 
     return jax.vmap(one, in_axes=(0, 0, 0, 0 if world_per_edge else None))(tracks, clear, departs, currents)
 
 
-@partial(compiled, static_argnames=("config", "detours", "steps", "world_per_edge"))
+def _at_depths(
+    track: Track,
+    start: jax.Array,
+    goal: jax.Array,
+    depart: jax.Array,
+    env: Environment,
+    vehicle: Vehicle,
+    config: PathConfig,
+) -> Track:
+    """Return a track, [S, 1], and the same one at the depths at which it is quickest, [S, 2] together."""
+    x, y, z = track.places
+    at = np.linspace(0, len(x) - 1, _STATIONS + 1).round().astype(int)
+    found = profiles(x[at].T, y[at].T, start, goal, depart, env, vehicle, config, _LEVELS)[0]
+    depth = jnp.interp(np.arange(len(x)), at, found)[:, None]
+    return Track.through(*(jnp.tile(axis, 2) for axis in (x, y)), jnp.concatenate([z, depth], axis=1))
+
+
+def _quickest(trajectory: Trajectory, broken: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """Return the time [s] of the quickest path that breaks no limit, and whether there is one.
+
+    Without one it is that of the first path.
+    """
+    lasts = jnp.where(broken == 0.0, trajectory.travel_time, jnp.inf)
+    return jnp.where((broken == 0.0).any(), lasts.min(), trajectory.travel_time[0]), (broken == 0.0).any()
+
+
+@partial(compiled, static_argnames=("config", "detours", "steps", "world_per_edge", "deep"))
 def _estimate(
     starts: Any,
     goals: Any,
@@ -230,6 +272,7 @@ def _estimate(
     detours: int,
     steps: int,
     world_per_edge: bool,
+    deep: bool,
 ) -> tuple[jax.Array, jax.Array]:
     """Time [E] s and whether it keeps every limit [E], of the straight lines or of the best detours."""
 
@@ -256,8 +299,13 @@ def _estimate(
             tried, costs, _ = refine(cost, tried, lower, upper, steps, problem, _STEP_SIZE)
             tried = tried[jnp.argmin(costs)][None]
         track = curves(tried[:1], start, goal, config.path)
+        if deep:
+            track = _at_depths(track, start, goal, depart, env, vehicle, config.path)
         trajectory = evaluate(track, depart, env, vehicle, config.path)
-        return trajectory.travel_time[0], violations(trajectory).sum() == 0.0
+        excess = dict(zip(VIOLATIONS, violations(trajectory), strict=True))
+        return _quickest(
+            trajectory, reduce(jnp.add, (plane for name, plane in excess.items() if name not in _VERTICAL))
+        )
 
     return jax.vmap(one, in_axes=(0, 0, 0, 0 if world_per_edge else None, None))(
         starts, goals, departs, currents, sea.chart

@@ -121,8 +121,7 @@ def trace_passages(
         vehicle: speed and limits.
         count: of paths.
         config: static settings; `field_cells` sets the grid.
-        deep: whether each path takes the depths at which it is quickest (`profiles`), not those of the straight
-            line.
+        deep: whether paths take the depths at which they are quickest (`profiles`), not the straight line's.
 
     Returns:
         ``(habitats [count, 3 n] m, fine [count, 3 m] m, times [count] s, closed [] m, known [] s)``, quickest
@@ -147,7 +146,7 @@ def trace_passages(
         coarse, ahead, total, depth = _layered(low, high, count_coarse, build, ends, depart, env, vehicle)
     else:
         coarse, depth = build(low, high, count_coarse, _straight_times), None
-        ahead, back = _fields(coarse.times, coarse.source, coarse.sink)
+        ahead, back = coarse.fields()
         total = ahead + back
     matters = total <= (1.0 + _SLOWER) * total[coarse.source]
     part = coarse.bounds_of(matters)
@@ -155,7 +154,9 @@ def trace_passages(
     low = jnp.maximum(jnp.minimum(part[0], least[0]), low)
     high = jnp.minimum(jnp.maximum(part[1], least[1]), high)
     low, high = _proportioned(low, high)
-    fine = build(low, high, cells, partial(_known_times, coarse=coarse, ahead=ahead, total=total, depth=depth))
+    fine = build(
+        low, high, cells, partial(_known_times, coarse=coarse, ahead=ahead, total=total, depth=depth)
+    )
     traced = fine.traced(count)
     closed = jnp.where((traced.broken == 2.0).all(), fine.spacing.max(), 0.0)
     known = jnp.where(traced.broken[0] == 0.0, traced.times[0], jnp.inf)
@@ -197,7 +198,7 @@ def _known_times(
     total: jax.Array,
     depth: jax.Array | None,
 ) -> tuple[jax.Array, jax.Array]:
-    """As `_straight_times`, by the fields of a coarse grid and, where they have one, the depth of the best ways."""
+    """As `_straight_times`, by the fields of a coarse grid; `depth` [N, N] m is that of the best paths."""
     taken = coarse.looked_up(ahead, x, y)
     if depth is None:
         share = taken / jnp.maximum(coarse.looked_up(total, x, y), 1e-20)
@@ -302,9 +303,13 @@ class _Grid:
             highs.append(self.low[axis] + self.spacing[axis] * (last + 1.0))
         return jnp.stack(lows), jnp.stack(highs)
 
+    def fields(self) -> tuple[jax.Array, jax.Array]:
+        """Least times [N, N] s from the start to every cell, and from every cell to the goal."""
+        return _fields(self.times, self.source, self.sink)
+
     def traced(self, count: int) -> _Traced:
         """Return the best paths through `count` passages."""
-        fields = _fields(self.times, self.source, self.sink)
+        fields = self.fields()
         total = fields[0] + fields[1]
         nearer, broken = self.previous(jnp.stack(fields))
         sides = _sides(total, total[self.source], nearer)
@@ -361,7 +366,10 @@ class _Grid:
 
 
 def _fields(
-    times: jax.Array, source: tuple[jax.Array, ...], sink: tuple[jax.Array, ...], shift: jax.Array | None = None
+    times: jax.Array,
+    source: tuple[jax.Array, ...],
+    sink: tuple[jax.Array, ...],
+    shift: jax.Array | None = None,
 ) -> tuple[jax.Array, jax.Array]:
     """Least times [N, N] s from the start to every cell, and from every cell to the goal.
 
@@ -430,12 +438,14 @@ def _layered(
     depth = levels((x, y, when), jnp.minimum(env.lower[2], ends[:, 2].min()), bottom, _LAYERS, env.current)
 
     def at(depth: jax.Array) -> tuple[jax.Array, tuple]:
-        grid = build(low, high, cells, lambda *rest: (_straight_times(*rest)[0], jnp.full_like(rest[0], depth)))
+        grid = build(
+            low, high, cells, lambda *rest: (_straight_times(*rest)[0], jnp.full_like(rest[0], depth))
+        )
         return grid.times, (grid.spacing, grid.source, grid.sink)
 
     times, (spacing, source, sink) = jax.lax.map(at, depth)
     spacing, source, sink = jax.tree.map(lambda leaf: leaf[0], (spacing, source, sink))
-    steep = jnp.pi / 4.0 if getattr(vehicle, 'pitch_max', None) is None else vehicle.pitch_max
+    steep = jnp.pi / 4.0 if getattr(vehicle, "pitch_max", None) is None else vehicle.pitch_max
     shift = jnp.abs(depth[:, None] - depth) * jnp.tan(0.5 * steep) / vehicle.speed
     ahead, back = _fields(times, source, sink, shift)
     best = jnp.argmin(ahead + back, axis=0)

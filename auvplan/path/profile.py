@@ -1,8 +1,9 @@
 """Depth along a way: the quickest profile, by a dynamic programme over distance and depth.
 
-A way is given from above, as stations x, y from start to goal. From each station the vehicle moves to the next
-one at any of a few depths, in the current that it meets there and then; the best arrival at every depth of every
-station is kept, so that a hill between two good depths is no obstacle, as it is to a descent.
+A path is given from above, as stations x, y from start to goal. From each station the vehicle moves to the
+next one at any of a few depths, in the current that it meets there and then. The best arrival at every depth
+of every station is kept, so that an adverse current between two good depths does not end the search, as it
+ends a descent by gradients.
 """
 
 from collections.abc import Sequence
@@ -21,7 +22,7 @@ from auvplan.path.habitats import deepest
 from auvplan.path.kinematics import TINY
 from auvplan.vehicle import Vehicle, along_track
 
-#: Moves from station to station on each way, and depths to choose from at each.
+#: Moves from station to station on each path of a search, and depths to choose from at each.
 STATIONS, LEVELS = 64, 24
 
 #: Share of the depths that lie where the current changes with depth; the others lie evenly.
@@ -49,7 +50,7 @@ def varies_with_depth(current: Current) -> bool:
 
 @lru_cache(maxsize=256)
 def _varies(tree: Any, kinds: tuple[jax.ShapeDtypeStruct, ...]) -> bool:
-    """`varies_with_depth` of a current with these leaves: whether the derivative by depth is no constant zero."""
+    """Return whether horizontal components of a current with leaves of these kinds use the depth at all."""
     place = jax.ShapeDtypeStruct((), jnp.result_type(float))
 
     def level(leaves: Sequence[jax.Array], x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array):
@@ -82,7 +83,8 @@ def levels(
     depth = top + (bottom - top) * share
     x, y, when = (axis[:, None] for axis in places)
     u, v, _ = (
-        jnp.broadcast_to(part, (len(x), _FINE)) for part in current(x, y, jnp.broadcast_to(depth, (len(x), _FINE)), when)
+        jnp.broadcast_to(part, (len(x), _FINE))
+        for part in current(x, y, jnp.broadcast_to(depth, (len(x), _FINE)), when)
     )
     change = jnp.sqrt(jnp.diff(u, axis=1) ** 2 + jnp.diff(v, axis=1) ** 2).max(axis=0)
     even = 1.0 / (_FINE - 1)
@@ -96,7 +98,7 @@ def levels(
 
 @dataclass(frozen=True)
 class _Leg:
-    """What the stations of P ways share: start and goal [3] m, departure s, world, vehicle, settings."""
+    """What the stations of P paths share: start and goal [3] m, departure s, world, vehicle, settings."""
 
     start: jax.Array
     goal: jax.Array
@@ -115,16 +117,18 @@ def profiles(
     env: Environment,
     vehicle: Vehicle,
     config: PathConfig,
+    count: int = LEVELS,
 ) -> jax.Array:
-    """Find the depths at which P ways are quickest, [P, K + 1] m.
+    """Find the depths at which P paths given from above are quickest, [P, K + 1] m.
 
     Args:
-        x, y: [P, K + 1] m, stations of the ways.
+        x, y: [P, K + 1] m, their stations.
         start, goal: [3] m.
         depart: s since the epoch.
         env: the world, obstacles resolved.
         vehicle: speed and limits.
         config: static settings.
+        count: of depths to choose from; start's and goal's are two of them.
     """
     leg = _Leg(start, goal, depart, env, vehicle, config)
     dx, dy = jnp.diff(x, axis=1), jnp.diff(y, axis=1)
@@ -138,7 +142,7 @@ def profiles(
     seen = tuple(plane.ravel() for plane in (x[:, :-1][:, at], y[:, :-1][:, at], depart + run))
     ends = jnp.stack([start[2], goal[2]])
     bottom = jnp.maximum(jnp.minimum(limit.max(), env.upper[2]), ends.max())
-    depth = levels(seen, jnp.minimum(env.lower[2], ends.min()), bottom, LEVELS - 2, env.current)
+    depth = levels(seen, jnp.minimum(env.lower[2], ends.min()), bottom, count - 2, env.current)
     depth = jnp.sort(jnp.concatenate([depth, ends]))
     first, last = (jnp.argmin(jnp.abs(depth - end)) for end in ends)
 
@@ -151,8 +155,8 @@ def profiles(
         when = jnp.take_along_axis(arrived, best[:, None], axis=1)[:, 0]
         return (kept, when), best
 
-    begin = jnp.where(jnp.arange(LEVELS) == first, 0.0, jnp.inf)
-    cost = jnp.broadcast_to(begin, (x.shape[0], LEVELS)).astype(x.dtype)
+    begin = jnp.where(jnp.arange(count) == first, 0.0, jnp.inf)
+    cost = jnp.broadcast_to(begin, (x.shape[0], count)).astype(x.dtype)
     stations = (x[:, :-1].T, y[:, :-1].T, dx.T, dy.T, step.T, limit[:, 1:].T)
     carry = cost, jnp.full_like(cost, depart)
     _, back = jax.lax.scan(move, carry, stations)
@@ -198,7 +202,11 @@ def _moves(
     excess = excess + jnp.maximum(across / vehicle.sway_max - 1.0, 0.0)
     pitch = getattr(vehicle, "pitch_max", None)
     if pitch is not None:
-        vertical = jnp.abs(rise * ground / gap - w) if config.speed_reading == "track" else jnp.abs(rise) / gap * vehicle.speed
+        vertical = (
+            jnp.abs(rise * ground / gap - w)
+            if config.speed_reading == "track"
+            else jnp.abs(rise) / gap * vehicle.speed
+        )
         excess = excess + jnp.maximum(vertical / (vehicle.speed * jnp.sin(pitch)) - 1.0, 0.0)
     for name, sign in (("climb_rate_max", -1.0), ("dive_rate_max", 1.0)):
         rate = getattr(vehicle, name, None)

@@ -1,0 +1,139 @@
+"""Depths along a path against closed forms, a plain programme and the limits of the vehicle."""
+
+from itertools import pairwise
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import auvplan as ap
+from auvplan.path.profile import levels, profiles, varies_with_depth
+
+WAY, SPEED = 4000.0, 1.5
+LAYERED = ap.LambVortices(np.zeros((2, 1, 2)), np.zeros((2, 1)), np.ones((2, 1)), [20.0, 60.0])
+
+
+def two_layers(x, y, z, t):
+    """Half the vehicle's speed against it above 40 m, with it below."""
+    return 0.8 * jnp.tanh((z - 40.0) / 3.0), 0.0, 0.0
+
+
+def sea(current=two_layers, obstacles=None, bottom=100.0):
+    return ap.Environment(
+        current, obstacles=obstacles, lower=(-1000, -2000, 0), upper=(WAY + 1000, 2000, bottom)
+    )
+
+
+def straight_profile(env, start_depth=10.0, goal_depth=10.0, vehicle=None, stations=64, count=24):
+    x = jnp.linspace(0.0, WAY, stations + 1)[None]
+    ends = jnp.array([0.0, 0.0, start_depth]), jnp.array([WAY, 0.0, goal_depth])
+    vehicle = vehicle or ap.Vehicle(SPEED, surge_max=50.0, sway_max=50.0)
+    args = (x, jnp.zeros_like(x), *ends, jnp.zeros(()), env, vehicle, ap.PathConfig(), count)
+    return np.asarray(profiles(*args))[0]
+
+
+@pytest.mark.parametrize(
+    ("current", "varies"),
+    [
+        (ap.UniformCurrent(0.5, 0.1), False),
+        (lambda x, y, z, t: (0.4, 0.2 * (t > 600), 0.0), False),
+        (lambda x, y, z, t: (0.4 + 0.0 * x, y * 1e-4, 0.01 * z), False),
+        (two_layers, True),
+        (LAYERED, True),
+        (
+            LAYERED.__class__(*(part[:1] for part in (LAYERED.centers, LAYERED.strength, LAYERED.radius))),
+            False,
+        ),
+    ],
+)
+def test_currents_that_depend_on_depth_are_told_from_others(current, varies):
+    env = ap.Environment(current, lower=(0, 0, 0), upper=(1, 1, 1))
+    assert varies_with_depth(env.current) is varies
+
+
+def test_levels_rise_and_lie_where_the_current_changes():
+    places = jnp.zeros(3), jnp.zeros(3), jnp.zeros(3)
+    current = ap.Environment(two_layers, lower=(0, 0, 0), upper=(1, 1, 1)).current
+    found = np.asarray(levels(places, jnp.float32(0.0), jnp.float32(100.0), 20, current))
+    assert (np.diff(found) > 0.0).all()
+    assert found[[0, -1]] == pytest.approx([0.0, 100.0])
+    assert ((found > 30.0) & (found < 50.0)).sum() >= 10
+    still = ap.Environment(None, lower=(0, 0, 0), upper=(1, 1, 1)).current
+    evenly = np.asarray(levels(places, jnp.float32(0.0), jnp.float32(100.0), 20, still))
+    np.testing.assert_allclose(evenly, np.linspace(0.0, 100.0, 20), atol=1e-3)
+
+
+def test_the_quicker_layer_is_taken_on_the_way():
+    """Below, the ground speed is 2.3 m/s instead of 0.7."""
+    found = straight_profile(sea())
+    assert found[[0, -1]] == pytest.approx([10.0, 10.0])
+    assert np.median(found) > 45.0
+
+
+def test_a_path_that_is_quickest_level_stays_level():
+    upside_down = sea(lambda x, y, z, t: (-0.8 * jnp.tanh((z - 40.0) / 3.0), 0.0, 0.0))
+    found = straight_profile(upside_down)
+    assert found.max() < 30.0
+
+
+def test_an_obstacle_on_the_way_is_passed_below_or_above():
+    obstacle = ap.Obstacles.static([[WAY / 2, 0.0, 60.0]], [25.0])
+    still = ap.Environment(None, obstacles=obstacle, lower=(-1000, -2000, 0), upper=(WAY + 1000, 2000, 120.0))
+    found = straight_profile(still, 60.0, 60.0)
+    x = np.linspace(0.0, WAY, 65)
+    near = np.abs(x - WAY / 2) < 20.0
+    assert (np.abs(found[near] - 60.0) > 20.0).all()
+
+
+def naive_time(depths, stations, start, goal, current, speed):
+    """Least time over the same depths and stations, in plain loops."""
+    step = WAY / stations
+    times = np.where(np.arange(len(depths)) == start, 0.0, np.inf)
+    for _ in range(stations):
+        new = np.full(len(depths), np.inf)
+        for here, there in np.ndindex(len(depths), len(depths)):
+            between = np.linspace(depths[here], depths[there], 400)
+            water = current(between).mean()
+            gap = np.hypot(step, depths[there] - depths[here])
+            along, across = water * step / gap, abs(water) * abs(depths[there] - depths[here]) / gap
+            ground = along + np.sqrt(speed**2 - across**2)
+            new[there] = min(new[there], times[here] + gap / ground)
+        times = new
+    return times[goal]
+
+
+def test_profile_is_as_quick_as_a_plain_programme_finds():
+    vehicle = ap.Vehicle(SPEED, surge_max=50.0, sway_max=50.0)
+    found = straight_profile(sea(), vehicle=vehicle, stations=16, count=8)
+
+    def current(depth):
+        return 0.8 * np.tanh((depth - 40.0) / 3.0)
+
+    def seconds(profile):
+        step, total = WAY / 16.0, 0.0
+        for first, last in pairwise(profile):
+            gap, water = np.hypot(step, last - first), current(np.linspace(first, last, 400)).mean()
+            across = abs(water) * abs(last - first) / gap
+            total += gap / (water * step / gap + np.sqrt(SPEED**2 - across**2))
+        return total
+
+    depths = np.unique(np.r_[found, np.linspace(0.0, 100.0, 12)])
+    start, goal = (int(np.argmin(np.abs(depths - 10.0))),) * 2
+    best = naive_time(depths, 16, start, goal, current, SPEED)
+    assert seconds(found) <= best * 1.03
+
+
+def test_a_path_in_two_layers_is_as_quick_as_the_best_profile():
+    """Of the vertical plane: down at once, along below the interface, up at the end."""
+    env = sea()
+    vehicle = ap.Vehicle(SPEED, surge_max=50.0, sway_max=50.0)
+    plan = ap.plan_path(
+        (0, 0, 10), (WAY, 0, 10), env, vehicle, key=jax.random.key(0), config=ap.PathConfig.quick()
+    )
+    assert plan.feasible
+    depths = np.r_[10.0, np.arange(4.0, 100.0, 6.0)]
+    depths.sort()
+    start = int(np.argmin(np.abs(depths - 10.0)))
+    best = naive_time(depths, 40, start, start, lambda z: 0.8 * np.tanh((z - 40.0) / 3.0), SPEED)
+    assert plan.travel_time < 1.01 * best
