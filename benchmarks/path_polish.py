@@ -53,6 +53,9 @@ FINE_STAGES = Stage(256, 8, 1.0, 400), Stage(256, 8, 30.0, 400)
 #: Price of a squared relative excess of a limit of the vehicle, to that of a squared unit of length.
 _LIMIT_PRICE = 1000.0
 
+#: Share of a path's segments that its dives and climbs have.
+_DIVES = 0.4
+
 #: Units of clearance to ask for at first, and how often to ask for more.
 _EXTRA, _TRIES = 0.02, 6
 
@@ -109,6 +112,14 @@ def resampled(positions: Array, segments: int, stretched: tuple[float, ...] | fl
     marks = np.concatenate([[0.0], np.cumsum(gaps)])
     even = np.linspace(0.0, marks[-1], segments + 1)
     return np.stack([np.interp(even, marks, axis) for axis in positions.T], axis=1)
+
+
+def spread(positions: Array, segments: int) -> Array:
+    """Return the polyline [n, 3] as so many segments, even but for shorter ones where it dives or climbs."""
+    way = np.abs(np.diff(positions, axis=0))
+    level, upright = np.hypot(way[:, 0], way[:, 1]).sum(), way[:, 2].sum()
+    factor = max(1.0, _DIVES / (1.0 - _DIVES) * level / upright) if upright > 0.0 else 1.0
+    return resampled(positions, segments, (1.0, 1.0, factor))
 
 
 def _descended(positions: Array, stage: Stage, extra: float, slack: float, data: tuple) -> Array:

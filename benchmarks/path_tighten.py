@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from auvplan.vehicle import SPEED_FLOOR
 from benchmarks.path_grid import packed, strikes, tabulated
-from benchmarks.path_polish import Polished, resampled
+from benchmarks.path_polish import Polished, spread
 from benchmarks.path_problems import PathProblem
 from benchmarks.path_ruler import World, evaluate, velocity_at
 from benchmarks.water_problems import TidalCurrent
@@ -39,9 +39,6 @@ _SLACK = 0.002
 
 #: How often more clearance is asked for, where the ruler finds too little.
 _TRIES = 4
-
-#: Share of a path's stretched length that its dives and climbs are, so that they have stations enough.
-_DIVES = 0.4
 
 
 class Tables(Protocol):
@@ -85,13 +82,6 @@ class _Lattices:
         steps = np.meshgrid(np.arange(-aside, aside + 1), np.arange(-upright, upright + 1), indexing="ij")
         return np.stack([line.ravel() for line in steps], axis=1).astype(float)
 
-    def spread(self, points: Array, segments: int) -> Array:
-        """Return a path [n, 3] m with stations spread evenly, but closer where it dives or climbs."""
-        way = np.abs(np.diff(points, axis=0))
-        level, upright = np.hypot(way[:, 0], way[:, 1]).sum(), way[:, 2].sum()
-        factor = max(1.0, _DIVES / (1.0 - _DIVES) * level / upright) if upright > 0.0 else 1.0
-        return resampled(points, segments, (1.0, 1.0, factor))
-
 
 def tighten(
     problem: PathProblem,
@@ -120,7 +110,7 @@ def tighten(
     points = positions
     if points.shape[1] == 2:
         points = np.column_stack([points, np.full(len(points), world.low[2])])
-    points, extra = lattices.spread(points, segments), 0.2 * world.tolerance
+    points, extra = spread(points, segments), 0.2 * world.tolerance
     for _ in range(_TRIES):
         found = _settled(lattices, points, size, extra)
         if found is None:
@@ -153,7 +143,7 @@ def _settled(lattices: _Lattices, points: Array, size: Array, extra: float) -> A
             time, moved = found
             gained = 1.0 - time / last if np.isfinite(last) else 1.0
             # Stations that drifted apart are spread evenly, while there is room to make good what that costs.
-            points, last = lattices.spread(moved, len(moved) - 1) if halving < 4 else moved, time
+            points, last = spread(moved, len(moved) - 1) if halving < 4 else moved, time
             if gained < _GAIN:
                 break
         size = 0.5 * size
@@ -207,7 +197,7 @@ def limits_of(problem: PathProblem, slack: float) -> tuple[float, float, float, 
         float(limit)  # type: ignore[arg-type]
         for limit in (vehicle.speed, vehicle.surge_max, vehicle.sway_max)
     )
-    pitch: Any = getattr(vehicle, "pitch_max", None)
+    pitch: Any = getattr(vehicle, "pitch_max", problem.pitch_max)
     upright = np.inf if pitch is None else (1.0 - slack) * speed * float(np.sin(pitch))
     return speed, (1.0 - slack) * surge_max, min((1.0 - slack) * sway_max, 0.999 * speed), upright
 

@@ -251,7 +251,7 @@ def _drawn(rng: Rng, kind: Kind, family: str, name: str) -> PathProblem | None:
     straight = float(np.linalg.norm(ends[1] - ends[0])) / float(vehicle.speed)  # type: ignore[arg-type]
     # Moving obstacles are met at the times of a steady current.
     tidal = rng.random() < _TIDAL and not kind.moving
-    current, factors = _tide(rng, steady, straight) if tidal else (steady, (1.0,))
+    current, factors = tide(rng, steady, straight) if tidal else (steady, (1.0,))
     centres, radii = _obstacles(rng, kind, ends, side, coast)
     fixed = ap.Obstacles.static(np.c_[centres, np.zeros(len(radii))], radii)
     grid = _Grid.of(coast, pixel, steady, factors, vehicle).without(centres, radii)
@@ -325,7 +325,7 @@ def _at_pixels(current: Current, pixel: float) -> tuple[Array, Array]:
     return np.asarray(u, float), np.asarray(v, float)
 
 
-def _tide(rng: Rng, steady: Current, straight: float) -> tuple[TidalCurrent, tuple[float, float]]:
+def tide(rng: Rng, steady: Current, straight: float) -> tuple[TidalCurrent, tuple[float, float]]:
     """Return the current with a tide, and the factors between which it swings.
 
     Args:
@@ -335,8 +335,8 @@ def _tide(rng: Rng, steady: Current, straight: float) -> tuple[TidalCurrent, tup
     """
     mean = rng.uniform(0.3, 0.8)
     period, phase = straight * rng.uniform(0.7, 4.0), rng.uniform(0.0, 2.0 * np.pi)
-    tide = TidalCurrent(steady, mean, 1.0 - mean, period, phase)
-    return jax.tree.map(lambda leaf: jnp.asarray(leaf, float), tide), (2.0 * mean - 1.0, 1.0)
+    turning = TidalCurrent(steady, mean, 1.0 - mean, period, phase)
+    return jax.tree.map(lambda leaf: jnp.asarray(leaf, float), turning), (2.0 * mean - 1.0, 1.0)
 
 
 def _obstacles(rng: Rng, kind: Kind, ends: Array, side: float, coast: Array) -> tuple[Array, Array]:

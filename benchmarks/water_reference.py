@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.path_grid import Grid, passages
-from benchmarks.path_polish import Polished, Stage, polish, resampled
+from benchmarks.path_polish import Polished, Stage, polish, resampled, spread
 from benchmarks.path_problems import PathProblem
 from benchmarks.path_ruler import LIMIT_TOLERANCE, World
 from benchmarks.path_tighten import tighten
@@ -40,8 +40,8 @@ _FINEST = 512
 #: How paths that turn too sharply are polished, and how many of them.
 _STAGES, _POLISHED = (Stage(128, 4, 1.0, 150), Stage(256, 4, 30.0, 200)), 3
 
-#: Positions of each path that are stored.
-_STORED_POINTS = 24
+#: Positions of each path that are stored, and of those with depth.
+_STORED_POINTS, _DEEP_POINTS = 24, 48
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,14 +51,16 @@ class WaterReference:
     Attributes:
         travel_time: s, by the ruler; None where no path was found.
         error: relative difference of what the two grids lead to; None where only one of them leads to a path.
-        positions: [n, 2] m, north and east.
+        positions: [n, 2] m, north and east; [n, 3] with depth for problems that have it.
         seconds: it took to find.
+        plane: s, of the quickest path in the vertical plane, another search; None where there is none.
     """
 
     travel_time: float | None
     error: float | None
     positions: Array
     seconds: float
+    plane: float | None = None
 
 
 def water_reference(problem: PathProblem) -> WaterReference:
@@ -131,16 +133,21 @@ def stored_reference(problem: PathProblem, entries: dict[str, dict[str, Any]]) -
     if entry is None or abs(entry["distance"] / problem.distance - 1.0) > 1e-5:
         return None
     return WaterReference(
-        entry["travel_time"], entry["error"], np.asarray(entry["positions"], float), entry["seconds"]
+        entry["travel_time"],
+        entry["error"],
+        np.asarray(entry["positions"], float),
+        entry["seconds"],
+        entry.get("plane"),
     )
 
 
 def store(problem: PathProblem, reference: WaterReference, path: Path = STORED) -> None:
     """Add a reference to the file, a line for each."""
     entries = load(path)
-    thinned = (
-        resampled(reference.positions, _STORED_POINTS - 1) if len(reference.positions) else np.zeros((0, 2))
-    )
+    thinned = reference.positions
+    if len(thinned):
+        deep = thinned.shape[1] == 3
+        thinned = spread(thinned, _DEEP_POINTS - 1) if deep else resampled(thinned, _STORED_POINTS - 1)
     digits = max(0, 4 - int(np.log10(problem.distance)))
     entries[problem.name] = {
         "travel_time": None if reference.travel_time is None else round(reference.travel_time, 4),
@@ -149,6 +156,8 @@ def store(problem: PathProblem, reference: WaterReference, path: Path = STORED) 
         "seconds": round(reference.seconds, 1),
         "positions": np.round(thinned, digits).tolist(),
     }
+    if reference.plane is not None:
+        entries[problem.name]["plane"] = round(reference.plane, 4)
     lines = [f"{json.dumps(name)}: {json.dumps(entry)}" for name, entry in sorted(entries.items())]
     partial = path.with_suffix(".partial")
     partial.write_text("{\n" + ",\n".join(lines) + "\n}\n")

@@ -5,6 +5,10 @@ for each family and preset. The gap of a plan is travel time / reference - 1, bo
 plan that breaks a limit has no gap and lowers the feasible share. Where a feasible plan is quicker than the
 reference, it takes its place for all presets. Times are of one plan, the compilation apart.
 
+The families shear, ekman, ridge, spheres and file have depth, see `depth_problems`; the last one needs the
+shared files of currents. Where they are among the families, there is a row of the vehicles that may pitch as
+they like, and one of those that may not.
+
 Seeds below 100 are for development. What is reported comes from seeds of 1000 and more. References that are
 not stored are computed first; ``--references`` does nothing else. ``--scales`` poses problems with sides from
 2 m to 200 km instead, and compares their plans.
@@ -23,11 +27,12 @@ from rich.progress import Progress
 from rich.table import Table
 
 import auvplan as ap
+from benchmarks.depth_problems import DEPTH_FAMILIES, depth_problem, have_levels
 from benchmarks.machine import arguments, bars, clock, console, machine, write
 from benchmarks.path_problems import PathProblem, have_charts, literature
 from benchmarks.path_ruler import World, evaluate
 from benchmarks.water_problems import FAMILIES, KINDS, scaled, water_problem
-from benchmarks.water_reference import WaterReference, load, store, stored_reference, water_reference
+from benchmarks.water_reference import STORED, WaterReference, load, store, stored_reference, water_reference
 
 __all__ = ["FAMILIES", "KINDS", "scaled", "water_problem"]
 
@@ -38,6 +43,9 @@ SIDES = 10_000.0, 2.0, 20.0, 200.0, 2000.0, 50_000.0, 200_000.0
 
 #: Families whose first problem is posed at all sides, beside the problems of the literature.
 SCALED_FAMILIES = "open", "coast", "sounds"
+
+#: References of problems in depth.
+STORED_DEEP = STORED.with_name("depth_references.json")
 
 
 @dataclass(frozen=True)
@@ -55,6 +63,7 @@ class Run:
         feasible: whether the ruler does.
         status: of the plan.
         seconds: the plan took.
+        pitched: whether the vehicle's pitch is limited; None where the problem has no depth.
     """
 
     problem: str
@@ -67,6 +76,7 @@ class Run:
     feasible: bool
     status: str
     seconds: float
+    pitched: bool | None = None
 
     @property
     def gap(self) -> float | None:
@@ -140,6 +150,25 @@ class Row:
         )
 
 
+def posed(family: str, seed: int) -> PathProblem:
+    """Make a problem of any family."""
+    return depth_problem(family, seed) if family in DEPTH_FAMILIES else water_problem(family, seed)
+
+
+def has_way(family: str) -> bool:
+    """Whether problems of a family have a way."""
+    return family in DEPTH_FAMILIES or KINDS[family].way
+
+
+def _computed(problem: PathProblem) -> WaterReference:
+    if problem.family not in DEPTH_FAMILIES:
+        return water_reference(problem)
+    # Numba is needed where references are computed alone.
+    from benchmarks.depth_reference import depth_reference
+
+    return depth_reference(problem)
+
+
 def references(
     families: Sequence[str], seeds: Iterable[int], progress: Progress, most: int | None = None
 ) -> list[tuple[PathProblem, WaterReference | None]]:
@@ -151,13 +180,14 @@ def references(
     bar = progress.add_task("references", total=len(chosen))
     found: list[tuple[PathProblem, WaterReference | None]] = []
     for family, seed in chosen:
-        problem = water_problem(family, seed)
+        problem = posed(family, seed)
         reference = None
-        if KINDS[family].way:
-            reference = stored_reference(problem, load())
+        if has_way(family):
+            path = STORED_DEEP if family in DEPTH_FAMILIES else STORED
+            reference = stored_reference(problem, load(path))
             if reference is None:
-                reference = water_reference(problem)
-                store(problem, reference)
+                reference = _computed(problem)
+                store(problem, reference, path)
         found.append((problem, reference))
         progress.advance(bar)
     progress.remove_task(bar)
@@ -182,7 +212,7 @@ def plan_all(
             progress.advance(bar)
         quickest = min((run.travel_time for run in own if run.feasible and run.travel_time), default=np.inf)
         known = own[0].reference
-        if KINDS[problem.family].way and quickest < (np.inf if known is None else known):
+        if has_way(problem.family) and quickest < (np.inf if known is None else known):
             replaced.add(problem.name)
             own = [replace(run, reference=quickest) for run in own]
         runs += own
@@ -207,17 +237,20 @@ def _planned(problem: PathProblem, preset: str, reference: WaterReference | None
         feasible=score.feasible,
         status=made.status.name,
         seconds=seconds,
+        pitched=problem.pitch_max is not None if problem.family in DEPTH_FAMILIES else None,
     )
 
 
 def rows(runs: Sequence[Run], replaced: set[str]) -> list[Row]:
-    """Return a row for each family and preset, and for all families together."""
+    """Return a row for each family and preset, for limited pitch and any pitch, and for all together."""
+    together = {None: (), True: ("pitch limited",), False: ("any pitch",)}
     groups: dict[tuple[str, str], list[Run]] = {}
     for run in runs:
-        groups.setdefault((run.family, run.preset), []).append(run)
-        groups.setdefault(("all", run.preset), []).append(run)
+        for name in (run.family, *together[run.pitched], "all"):
+            groups.setdefault((name, run.preset), []).append(run)
+    last = ["", *(name for names in together.values() for name in names), "all"]
     found = [Row.of(family, members, replaced) for (family, _), members in groups.items()]
-    return sorted(found, key=lambda row: (row.family == "all", row.family))
+    return sorted(found, key=lambda row: (last.index(row.family) if row.family in last else 0, row.family))
 
 
 def table(shown: Sequence[Row]) -> Table:
@@ -313,7 +346,7 @@ def main() -> None:
     """Compute what references are missing, plan, print the tables and write the file."""
     parser = arguments("Paths in random waters against references.")
     parser.add_argument("--seeds", type=_seeds, default=range(0, 4), help="FIRST:END, the end left out")
-    parser.add_argument("--families", nargs="+", choices=list(KINDS), default=list(KINDS))
+    parser.add_argument("--families", nargs="+", choices=[*KINDS, *DEPTH_FAMILIES], default=list(KINDS))
     parser.add_argument("--preset", nargs="+", choices=list(PRESETS), default=["default", "quick"])
     parser.add_argument("--most", type=int, help="problems that have a way, the first of the seeds in order")
     parser.add_argument("--references", action="store_true", help="compute references and end")
@@ -341,11 +374,22 @@ def _scaled_content(options: argparse.Namespace, screen: Console, progress: Prog
 
 def _content(options: argparse.Namespace, screen: Console, progress: Progress) -> dict[str, Any]:
     """Compute references, and plan unless they alone are wanted."""
-    open_, shut = ([name for name in options.families if KINDS[name].way is way] for way in (True, False))
+    families = options.families
+    if "file" in families and not have_levels():
+        screen.print("file: left out, the shared currents with levels were not found")
+        families = [name for name in families if name != "file"]
+    open_, shut = ([name for name in families if has_way(name) is way] for way in (True, False))
     cases = references(open_, options.seeds, progress, options.most)
     spent = [reference.seconds for _, reference in cases if reference is not None]
     unknown = sum(reference is None or reference.travel_time is None for _, reference in cases)
     screen.print(f"{len(cases)} references, {unknown} without a path, {sum(spent):.0f} s to compute")
+    planes = [(one.plane, one.travel_time) for _, one in cases if one is not None and one.plane is not None]
+    if planes:
+        apart = [plane / best - 1.0 for plane, best in planes if best is not None]
+        screen.print(
+            f"{len(apart)} of them found in the vertical plane as well: {np.mean(apart):+.3%} in the mean, "
+            f"{max(apart):+.3%} at most"
+        )
     if options.references:
         return {}
     runs, replaced = plan_all(cases, options.preset, progress)

@@ -1,0 +1,186 @@
+"""References of the problems in depth: two grids, the best ways of each tightened, and a vertical plane.
+
+The relative difference of both grids is the error of the reference, the quickest path of all. Where nothing
+leads a path out of the vertical plane through start and goal - no obstacles, no current across, a bed that is
+alike on both sides - dynamic programming in that plane is another search, which shares no code with the first
+ones. Nothing of the planner takes part. References are kept in `depth_references.json`.
+"""
+
+import time
+from pathlib import Path
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from benchmarks.depth_grid import DepthGrid, ways
+from benchmarks.path_polish import Polished
+from benchmarks.path_problems import PathProblem
+from benchmarks.path_ruler import World, evaluate, velocity_at
+from benchmarks.path_tighten import limits_of, tighten
+from benchmarks.water_problems import TidalCurrent
+from benchmarks.water_reference import WaterReference
+
+Array = NDArray[np.floating]
+
+STORED = Path(__file__).parent / "depth_references.json"
+
+#: Cells of the two grids ahead, aside and down.
+CELLS = (64, 16, 24), (88, 24, 36)
+
+#: Ways of each grid that are tightened at most, and how much slower than the best path so far one may be.
+WAYS, _SLOWER = 4, 0.04
+
+#: Segments of a tightened path, and of the best one in the end.
+_SEGMENTS, _FINEST = 96, 224
+
+#: Stations and levels of the vertical plane; stations that a move passes; its slope at most.
+_STATIONS, _LEVELS, _PASSED, _STEEPEST = 240, 161, np.array([1, 2, 3, 5, 8]), 4.0
+
+#: Share of the vehicle's speed, and of the leg, by which a plane may differ beside it and still be one.
+_ALIKE = 1e-3
+
+
+def depth_reference(problem: PathProblem) -> WaterReference:
+    """Find the quickest path of a problem on both grids, and in the vertical plane where there is one."""
+    begin = time.perf_counter()
+    world = World.of(problem)
+    found: list[Polished] = []
+    for cells in CELLS:
+        grid = DepthGrid.of(problem, world, cells)
+        tightened = _best(problem, world, grid)
+        if tightened is not None:
+            found.append(tightened)
+    times = sorted(path.score.travel_time for path in found)
+    error = times[1] / times[0] - 1.0 if len(times) == 2 else None
+    if found:
+        best = min(found, key=lambda path: path.score.travel_time)
+        narrow = 0.25 * grid.width[0], 0.25 * grid.width[1]
+        finest = tighten(problem, world, grid, best.positions, _FINEST, narrow, grid.moments)
+        if finest is not None and finest.score.feasible:
+            found.append(finest)
+    upright = vertical(problem, world)
+    plane = None if upright is None else upright.score.travel_time
+    if upright is not None and upright.score.feasible:
+        found.append(upright)
+    best = min(found, key=lambda path: path.score.travel_time, default=None)
+    return WaterReference(
+        None if best is None else best.score.travel_time,
+        error,
+        np.zeros((0, 3)) if best is None else best.positions,
+        time.perf_counter() - begin,
+        plane,
+    )
+
+
+def _best(problem: PathProblem, world: World, grid: DepthGrid) -> Polished | None:
+    """Return the quickest feasible path that a grid leads to; None where it leads to none."""
+    found: list[Polished] = []
+    for grid_time, path in ways(problem, world, grid, WAYS):
+        quickest = min((one.score.travel_time for one in found), default=np.inf)
+        if grid_time <= quickest * (1.0 + _SLOWER):
+            tightened = tighten(problem, world, grid, path, _SEGMENTS, grid.width, grid.moments)
+            if tightened is not None and tightened.score.feasible:
+                found.append(tightened)
+    return min(found, key=lambda one: one.score.travel_time, default=None)
+
+
+def vertical(problem: PathProblem, world: World) -> Polished | None:
+    """Find the quickest path in the vertical plane through start and goal; None where paths may leave it."""
+    start, goal = np.asarray(problem.start), np.asarray(problem.goal)
+    length = float(np.linalg.norm((goal - start)[:2]))
+    along = (goal - start)[:2] / length
+    right = np.array([-along[1], along[0]])
+    current = problem.environment.current
+    factor = current.factor if isinstance(current, TidalCurrent) else lambda t: np.ones_like(t)
+    current = current.current if isinstance(current, TidalCurrent) else current
+    arc = np.linspace(0.0, length, _STATIONS + 1)
+    levels = np.linspace(world.low[2], world.high[2], _LEVELS)
+    speed, _, _, upright_max = limits_of(problem, 0.0)
+    a, z = np.meshgrid(arc, levels, indexing="ij")
+    tables, beds = [], []
+    for beside in (0.0, -0.05 * length, 0.05 * length):
+        x, y = (start[k] + arc * along[k] + beside * right[k] for k in range(2))
+        beds.append(world.altitude(x, y, np.zeros_like(x)))
+        x, y = (start[k] + a.ravel() * along[k] + beside * right[k] for k in range(2))
+        u, v, w = velocity_at(current, x, y, z.ravel(), np.full(x.size, problem.depart))
+        if max(np.abs(u * right[0] + v * right[1]).max(), np.abs(w).max()) > _ALIKE * speed:
+            return None
+        tables.append((u * along[0] + v * along[1]).reshape(a.shape))
+    apart = max(np.abs(table - tables[0]).max() for table in tables)
+    uneven = max(np.abs(bed - beds[0]).max() for bed in beds)
+    steady = getattr(current, "steady", False)
+    if not steady or len(world.spheres) or apart > _ALIKE * speed or uneven > 0.1:
+        return None
+    moments = np.linspace(0.0, 30.0 * length / speed, 6001)
+    ends = [int(np.argmin(np.abs(levels - end[2]))) for end in (goal, start)]
+    for level, end in zip(ends, (goal, start), strict=True):
+        levels[level] = end[2]
+    chain = _plane(
+        arc, levels, tables[0], beds[0], factor(problem.depart + moments), moments[1], speed, upright_max,
+        ends[1], ends[0], _PASSED, _STEEPEST,
+    )  # fmt: skip
+    if not len(chain):
+        return None
+    nodes = np.array(chain[::-1])
+    i, k = nodes // _LEVELS, nodes % _LEVELS
+    points = np.column_stack([start[:2] + np.outer(arc[i], along), levels[k]])
+    points[0], points[-1] = start, goal
+    return Polished(points, evaluate(problem, points, world))
+
+
+@njit(cache=True)
+def _plane(arc, levels, ahead, bed, tide, moment, speed, upright_max, first, last, passed, steepest):
+    """Nodes of the quickest way from station to station, the last first; none where there is no way."""
+    stations, count = len(arc), len(levels)
+    times = np.full((stations, count), np.inf)
+    before = np.full(stations * count, -1)
+    times[0, first] = 0.0
+    for i in range(1, stations):
+        for step in passed:
+            if step > i:
+                continue
+            h = i - step
+            level = arc[i] - arc[h]
+            for k in range(count):
+                for j in range(count):
+                    begin = times[h, j]
+                    if begin >= times[i, k]:
+                        continue
+                    down = levels[k] - levels[j]
+                    if abs(down) > steepest * level:
+                        continue
+                    length = np.sqrt(level * level + down * down)
+                    cos, sin = level / length, down / length
+                    parts = max(2, step)
+                    if abs(k - j) > 4:
+                        parts = max(parts, 6)
+                    now, held = begin, True
+                    for part in range(parts):
+                        share = (part + 0.5) / parts
+                        x, z = h + share * step, j + share * (k - j)
+                        x0, z0 = min(int(x), stations - 2), min(int(z), count - 2)
+                        p, q = x - x0, z - z0
+                        low = (1.0 - p) * bed[x0] + p * bed[x0 + 1]
+                        if levels[j] + share * down > low:
+                            held = False
+                            break
+                        c = (1.0 - p) * ((1.0 - q) * ahead[x0, z0] + q * ahead[x0, z0 + 1])
+                        c += p * ((1.0 - q) * ahead[x0 + 1, z0] + q * ahead[x0 + 1, z0 + 1])
+                        c *= tide[min(int(now / moment), len(tide) - 1)]
+                        ground = c * cos + np.sqrt(speed * speed - c * c * sin * sin)
+                        if ground <= 0.0 or abs(ground * sin) > upright_max:
+                            held = False
+                            break
+                        now += length / parts / ground
+                    if held and levels[k] <= bed[i] and now < times[i, k]:
+                        times[i, k] = now
+                        before[i * count + k] = h * count + j
+    chain = [int(x) for x in range(0)]
+    if not np.isfinite(times[-1, last]):
+        return chain
+    node = (stations - 1) * count + last
+    while node >= 0:
+        chain.append(node)
+        node = before[node]
+    return chain
