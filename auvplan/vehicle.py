@@ -1,6 +1,7 @@
 """The vehicle: constant speed through the water, limits, and ground speed along a track."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeVar
 
 import jax
@@ -21,6 +22,23 @@ T = TypeVar("T", jax.Array, np.ndarray)
 SPEED_FLOOR = 0.05
 
 
+#: Limits in the vertical, which a vehicle may be without, and the fields that have them.
+VERTICAL_LIMITS = {"pitch": "pitch_max", "climb": "climb_rate_max", "dive": "dive_rate_max"}
+
+#: rad, pitch that common torpedo-shaped vehicles keep.
+PITCH_MAX = math.radians(30.0)
+
+_UNITS = {
+    "speed": "m/s",
+    "surge_max": "m/s",
+    "sway_max": "m/s",
+    "turn_rate_max": "rad/s",
+    "pitch_max": "rad",
+    "climb_rate_max": "m/s",
+    "dive_rate_max": "m/s",
+}
+
+
 @register_without_init
 @dataclass(frozen=True)
 class Vehicle:
@@ -31,29 +49,31 @@ class Vehicle:
         surge_max: u_max, m/s, limit on the ground speed along the track.
         sway_max: v_max, m/s, limit on the current across the track.
         turn_rate_max: rad/s, limit on the change of yaw between samples.
+        pitch_max: rad, limit on the pitch theta of the hull, nose up or down; None for no limit.
+        climb_rate_max: m/s, limit on the vertical speed over ground upwards; None for no limit.
+        dive_rate_max: m/s, the same downwards.
 
     Raises:
         TypeError: a value is not a number or an array of numbers.
-        ValueError: a value is not positive and finite.
+        ValueError: a value is not positive and finite, or a pitch greater than a right angle.
 
     Differences from the paper:
-        Eq. 12 limits |psi| itself, which on a map forbids a direction; here the limit is on the turn rate.
+        Eq. 12 limits |psi| itself, which on a map forbids a direction; here the limit is on the turn rate. It
+        has no limit in the vertical: those here are ours, and preset "paper" goes without them.
     """
 
     speed: ArrayLike = 2.5
     surge_max: ArrayLike = 5.0
     sway_max: ArrayLike = 1.5
     turn_rate_max: ArrayLike = 0.1
+    pitch_max: ArrayLike | None = PITCH_MAX
+    climb_rate_max: ArrayLike | None = None
+    dive_rate_max: ArrayLike | None = None
 
     def __post_init__(self) -> None:
-        for name, unit in (
-            ("speed", "m/s"),
-            ("surge_max", "m/s"),
-            ("sway_max", "m/s"),
-            ("turn_rate_max", "rad/s"),
-        ):
+        for name, unit in _UNITS.items():
             value = getattr(self, name)
-            if isinstance(value, Tracer):
+            if isinstance(value, Tracer) or (value is None and name in VERTICAL_LIMITS.values()):
                 continue
             if not isinstance(value, int | float | np.generic | np.ndarray | jax.Array) or (
                 np.asarray(value).dtype.kind not in "iuf"
@@ -61,6 +81,33 @@ class Vehicle:
                 raise TypeError(f"vehicle {name} must be a number of {unit}, got {value!r}")
             if not ((np.asarray(value) > 0) & np.isfinite(value)).all():
                 raise ValueError(f"vehicle {name} must be positive and finite, got {value}")
+            if name == "pitch_max" and (np.asarray(value) > 0.5 * np.pi + 1e-6).any():
+                raise ValueError(f"vehicle {name} must be at most a right angle, pi / 2 rad, got {value}")
+
+    @property
+    def vertical_limits(self) -> dict[str, jax.Array]:
+        """Greatest vertical speeds, m/s, by names of `VERTICAL_LIMITS`, of the limits that there are.
+
+        "pitch" is |v| sin(pitch_max), through the water; "climb" and "dive" are over ground.
+        """
+        limits = {
+            name: jnp.asarray(getattr(self, field))
+            for name, field in VERTICAL_LIMITS.items()
+            if getattr(self, field) is not None
+        }
+        if "pitch" in limits:
+            limits["pitch"] = jnp.asarray(self.speed * jnp.sin(limits["pitch"]))
+        return limits
+
+    def stricter(self, share: float, *names: str) -> "Vehicle":
+        """Return the same with some limits so many times as great; those that it does not have stay absent.
+
+        Args:
+            share: in (0, 1].
+            names: of the limits.
+        """
+        limits = {name: getattr(self, name) for name in names}
+        return replace(self, **{name: share * limit for name, limit in limits.items() if limit is not None})
 
 
 def along_track(reading: SpeedReading, speed: ArrayLike, along: T, across: T) -> tuple[T, T]:

@@ -160,7 +160,8 @@ def _from_paper(point: Iterable[float]) -> tuple[float, float, float]:
 
 def unlimited_vehicle(speed: float) -> ap.Vehicle:
     """A vehicle that is held back by nothing but its speed, m/s."""
-    return ap.Vehicle(speed, surge_max=UNLIMITED, sway_max=UNLIMITED, turn_rate_max=UNLIMITED)
+    limits = dict.fromkeys(("surge_max", "sway_max", "turn_rate_max"), UNLIMITED)
+    return ap.Vehicle(speed, **limits, pitch_max=None)
 
 
 def random_problems(count: int = 24, seed: int = 0) -> list[PathProblem]:

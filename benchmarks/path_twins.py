@@ -1,7 +1,7 @@
 """The path cost of `auvplan.path.cost.score` written again in C and in Numba, to compare times with.
 
 Both twins take what the benchmark's problem has: one layer of vortices, spheres in linear motion, a chart, a
-steady current and the "track" reading of the speed.
+steady current, the "track" reading of the speed and, in the vertical, a limit on pitch.
 """
 
 import ctypes
@@ -33,14 +33,14 @@ FLAGS = ("-O3", "-ffast-math", "-fno-associative-math", "-shared", "-fPIC")
 TARGETS = (("-march=native", "-mprefer-vector-width=512"), ("-march=native",), ("-mcpu=native",), ())
 
 
-#: Limits that the twins know: the first of `VIOLATIONS`, all but the sea bed.
-LIMITS = 6
+#: Limits that the twins know, in the order of score.c.
+LIMITS = "surge", "sway", "turn_rate", "coast", "obstacle", "current", "pitch"
 
 #: Members of `Packed`, in the order of score.c.
 INTEGERS = "samples controls order vortices obstacles north east"
 REALS = (
-    "depart speed surge_max sway_max turn_rate_max coast_margin obstacle_margin uncertain_price chart_error "
-    "origin_north origin_east pixel_size straight"
+    "depart speed surge_max sway_max turn_rate_max pitch_speed coast_margin obstacle_margin uncertain_price "
+    "chart_error origin_north origin_east pixel_size straight"
 )
 ARRAYS = "first basis first_step step ends vortex obstacle chart"
 
@@ -52,7 +52,7 @@ class Packed(ctypes.Structure):
         *((name, ctypes.c_int32) for name in INTEGERS.split()),
         *((name, ctypes.c_float) for name in REALS.split()),
         ("uniform", ctypes.c_float * 3),
-        ("weights", ctypes.c_float * LIMITS),
+        ("weights", ctypes.c_float * len(LIMITS)),
         *((name, ctypes.c_void_p) for name in ARRAYS.split()),
     )
 
@@ -87,7 +87,7 @@ def in_c(problem: "Problem") -> Callable[[Array], Scores] | None:
     for name in ARRAYS.split():
         setattr(packed, name, values[name].ctypes.data)
     packed.uniform[:] = values["uniform"].tolist()
-    packed.weights[:] = values["weights"].tolist()[:LIMITS]
+    packed.weights[:] = values["weights"].tolist()
 
     def call(paths: Array, keep: dict[str, Any] = values) -> Scores:
         cost, violation = np.empty(len(paths), np.float32), np.empty(len(paths), np.float32)
@@ -176,8 +176,8 @@ def numba_kernel() -> Callable[[Array, Any], Scores] | None:
 
     @compiled
     def kinematics(q, w, u, d, t):
-        """Rows of d: dx, dy, squared level way, way, duration. Returns the excess of surge, sway, current."""
-        surge = sway = beaten = zero
+        """Rows of d: dx, dy, squared level way, way, duration. Excess of surge, sway, current and pitch."""
+        surge = sway = beaten = steep = zero
         floor = floor_share * q.speed
         for s in range(q.samples - 1):
             dx, dy, dz = w[0, s], w[1, s], w[2, s]
@@ -192,10 +192,11 @@ def numba_kernel() -> Callable[[Array, Any], Scores] | None:
             surge += max(ground / q.surge_max - one, zero)
             sway += max(across / q.sway_max - one, zero)
             beaten += max(floor - progress, zero) + max(across - beaten_share * q.speed, zero)
+            steep += max(abs(dz * ground / gap - u[2, s]) / q.pitch_speed - one, zero)
         t[0] = q.depart
         for s in range(q.samples - 1):
             t[s + 1] = t[s] + d[4, s]
-        return surge, sway, beaten / q.speed
+        return surge, sway, beaten / q.speed, steep
 
     @compiled
     def turns(q, d):
@@ -278,12 +279,13 @@ def numba_kernel() -> Callable[[Array, Any], Scores] | None:
         for p in range(len(paths)):
             positions(q, paths[p], control, x, way)
             current(q, x, u)
-            surge, sway, beaten = kinematics(q, way, u, d, t)
+            surge, sway, beaten, steep = kinematics(q, way, u, d, t)
             turn = turns(q, d)
             shore, price = coast(q, x, d, c) if q.north else (zero, zero)
             near = obstacles(q, x, t, u, c)
-            w, total = q.weights, surge + sway + turn + shore + near + beaten
-            weighted = w[0] * surge + w[1] * sway + w[2] * turn + w[3] * shore + w[4] * near + w[5] * beaten
+            w, total = q.weights, surge + sway + turn + shore + near + beaten + steep
+            weighted = w[0] * surge + w[1] * sway + w[2] * turn + w[3] * shore + w[4] * near
+            weighted += w[5] * beaten + w[6] * steep
             violation[p] = total / segments
             cost[p] = t[-1] - q.depart + q.uncertain_price * price + q.straight * weighted / segments
         return cost, violation

@@ -16,13 +16,13 @@
 #define FAR 1e6f
 #define SPEED_FLOOR 0.05f
 #define CLEARANCE_SCALE 50.0f
-#define LIMITS 6
+#define LIMITS 7
 #define PI 3.14159265f
 
 typedef struct {
     int32_t samples, controls, order, vortices, obstacles, north, east;
     float depart;
-    float speed, surge_max, sway_max, turn_rate_max;
+    float speed, surge_max, sway_max, turn_rate_max, pitch_speed; /* |v| sin(pitch_max), m/s */
     float coast_margin, obstacle_margin, uncertain_price, chart_error;
     float origin_north, origin_east, pixel_size, straight;
     float uniform[3], weights[LIMITS];
@@ -144,6 +144,7 @@ static void current(const Problem *q, Block *b, int count) {
 static void kinematics(const Problem *q, Block *b, int count) {
     const float speed = q->speed, floor = SPEED_FLOOR * speed;
     const float per_surge = 1.0f / q->surge_max, per_sway = 1.0f / q->sway_max, per_speed = 1.0f / speed;
+    const float per_pitch = 1.0f / q->pitch_speed;
     EACH(r, 1, count) {
         float dx = b->dx[r][l], dy = b->dy[r][l], dz = b->dz[r][l];
         float u = b->u[r][l], v = b->v[r][l], w = b->w[r][l];
@@ -160,6 +161,7 @@ static void kinematics(const Problem *q, Block *b, int count) {
         b->excess[0][l] += largest(ground * per_surge - 1.0f, 0.0f);
         b->excess[1][l] += largest(across * per_sway - 1.0f, 0.0f);
         b->excess[5][l] += (largest(floor - progress, 0.0f) + beaten) * per_speed;
+        b->excess[6][l] += largest(fabsf(dz / duration - w) * per_pitch - 1.0f, 0.0f);
     }
 }
 

@@ -24,7 +24,7 @@ from auvplan.ocean.chart import INTERPOLATION_ERROR
 from auvplan.ocean.vortices import LambVortices
 from auvplan.path import habitats
 from auvplan.path.bspline import basis_matrix
-from auvplan.path.cost import VIOLATIONS, score
+from auvplan.path.cost import score
 from auvplan.vehicle import Vehicle
 from benchmarks import path_twins as twins
 from benchmarks.machine import arguments, bars, clock, console, write
@@ -115,6 +115,7 @@ class Problem:
             "east": chart.shape[1],
             "depart": 0.0,
             **{name: float(np.asarray(getattr(vehicle, name))) for name in limits},
+            "pitch_speed": float(vehicle.vertical_limits["pitch"]),
             **{name: getattr(config, name) for name in prices},
             "chart_error": INTERPOLATION_ERROR * pixel,
             "origin_north": float(origin[0]),
@@ -122,7 +123,7 @@ class Problem:
             "pixel_size": pixel,
             "straight": float(np.linalg.norm(ends[1] - ends[0])) / float(speed),
             "uniform": np.asarray(current.uniform, np.float32),
-            "weights": np.array([getattr(config.penalties, name) for name in VIOLATIONS], np.float32),
+            "weights": np.array([getattr(config.penalties, name) for name in twins.LIMITS], np.float32),
         }
 
 

@@ -11,6 +11,7 @@ from auvplan.ocean.classify import UNCERTAIN_MAX
 from auvplan.ocean.whitsunday import EXTENT, PIXELS, whitsunday_chart
 from auvplan.paper import Effort
 from auvplan.paper.legs import SCENARIOS, changed
+from auvplan.simulation.world import make_vehicle
 
 
 @pytest.fixture(scope="module")
@@ -41,6 +42,12 @@ def test_paths_are_read_with_four_control_points_and_tasks_in_t_ij_alone(mission
     rules = missions.planning.resolved
     assert (rules.task_time, rules.phi) == ("expected", (1.0, 100.0))
     assert missions.tasks_under_way
+
+
+def test_there_is_no_limit_in_the_vertical(missions):
+    vehicle = make_vehicle(missions)
+    assert (vehicle.pitch_max, vehicle.climb_rate_max, vehicle.dive_rate_max) == (None, None, None)
+    assert make_vehicle(changed("whitsunday", "default")).pitch_max == ap.Vehicle().pitch_max
 
 
 def test_the_mission_search_is_that_of_section_4_2(missions):

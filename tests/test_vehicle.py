@@ -57,6 +57,24 @@ def test_values_that_are_no_numbers_are_refused(field, value):
         Vehicle(**{field: value})
 
 
+@pytest.mark.parametrize("field", ["pitch_max", "climb_rate_max", "dive_rate_max"])
+def test_limits_in_the_vertical_may_be_absent(field):
+    assert getattr(Vehicle(**{field: None}), field) is None
+    assert field not in {path[-1].name for path, _ in jax.tree.leaves_with_path(Vehicle(**{field: None}))}
+    for value in (0.0, -1.0, float("nan"), float("inf")):
+        with pytest.raises(ValueError, match=field):
+            Vehicle(**{field: value})
+    with pytest.raises(TypeError, match=field):
+        Vehicle(**{field: "30 deg"})
+
+
+def test_pitch_is_at_most_a_right_angle():
+    assert Vehicle(pitch_max=0.5 * np.pi).pitch_max == 0.5 * np.pi
+    assert Vehicle().pitch_max == pytest.approx(np.radians(30.0))
+    with pytest.raises(ValueError, match="pitch_max must be at most a right angle"):
+        Vehicle(pitch_max=30.0)
+
+
 def test_vehicles_of_arrays_are_checked_and_rebuilt():
     with pytest.raises(ValueError, match="speed"):
         Vehicle(speed=jnp.array([2.5, -1.0]))

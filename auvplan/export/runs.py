@@ -72,7 +72,9 @@ def itinerary_of(
         configuration=json.dumps(run.scenario),
         end=run.safety.end,
     )
-    warnings = track_notes(legs, speed, float(np.asarray(run.vehicle.turn_rate_max)), slow)
+    pitch = run.vehicle.pitch_max
+    turn, most = float(np.asarray(run.vehicle.turn_rate_max)), None if pitch is None else float(pitch)  # type: ignore[arg-type]
+    warnings = track_notes(legs, speed, turn, slow, most)
     return replace(found, sources=_sources(run), warnings=tuple(warnings), assumed=run.assumed)
 
 
@@ -98,6 +100,14 @@ def _notes(run: MissionRun) -> list[str]:
         notes.append(f"obstacles that move have no fence: {', '.join(moving)}")
     if closed := [closure.name for closure in run.closures]:
         notes.append(f"areas that are closed at some hours have no fence: {', '.join(closed)}")
+    stated = run.scenario.get("vehicle") or {}
+    limits = [
+        f"{name} {float(limit):g} {unit}"  # type: ignore[arg-type]
+        for name, unit in (("pitch_max", "rad"), ("climb_rate_max", "m/s"), ("dive_rate_max", "m/s"))
+        if (limit := getattr(run.vehicle, name)) is not None and stated.get(name) is not None
+    ]
+    if limits:
+        notes.append(f"no file carries {', '.join(limits)}: the paths keep them, the vehicle must be set to")
     return notes
 
 

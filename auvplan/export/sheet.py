@@ -221,6 +221,8 @@ def sheet_of(run: MissionRun) -> MissionSheet:
         "tasks": f"{run.tasks}, total priority {figure(run.total_priority)} of at most {figure(run.bound)}",
         "length": f"{sum(stop.length for stop in stops) / 1000.0:.1f} km",
     }
+    if steep := _steepest(run):
+        facts["in depth"] = steep
     if lines := _lines(run):
         facts["survey lines"] = "; ".join(lines)
     if run.closures:
@@ -257,6 +259,22 @@ def _lines(run: MissionRun) -> list[str]:
             f"{mean:.1f} m off it in the mean and {max(part.worst for part in parts):.1f} m at worst"
         )
     return found
+
+
+def _steepest(run: MissionRun) -> str:
+    """Return the steepest pitch on the way, and the limits in the vertical; empty where all is level."""
+    pitch = np.concatenate([np.zeros(1), *(leg.motion.pitch for leg in run.done)])
+    steepest = float(np.degrees(np.nanmax(np.abs(pitch))))
+    if steepest < 0.5:
+        return ""
+    vehicle, limits = run.vehicle, []
+    if vehicle.pitch_max is not None:
+        limits.append(f"{np.degrees(vehicle.pitch_max):.0f} degrees")
+    for verb, rate in (("climbs", vehicle.climb_rate_max), ("dives", vehicle.dive_rate_max)):
+        if rate is not None:
+            limits.append(f"{verb} of {float(rate):g} m/s")  # type: ignore[arg-type]
+    allowed = f"; the vehicle's limits: {', '.join(limits)}" if limits else ""
+    return f"up to {steepest:.0f} degrees steep{allowed}"
 
 
 def _zone(run: MissionRun) -> str:

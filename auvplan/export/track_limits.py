@@ -17,6 +17,9 @@ SLOW = 0.5
 #: Degrees, steepest dive of common vehicles.
 STEEPEST = 30.0
 
+#: Degrees by which a line may be steeper: it is as steep as the vehicle's own limit where that binds.
+_HAIR = 0.05
+
 
 def ground_share(leg: "PlannedLeg", speed: float) -> float:
     """Return the least share of a speed, m/s, that a leg's straight lines are planned to make over ground."""
@@ -29,7 +32,7 @@ def track_notes(
     speed: float,
     turn_rate_max: float,
     slow: float = SLOW,
-    steepest: float = STEEPEST,
+    pitch_max: float | None = None,
 ) -> list[str]:
     """Return lines on legs that are slow over ground, turn too sharply or dive too steeply.
 
@@ -40,9 +43,11 @@ def track_notes(
         speed: through the water, m/s.
         turn_rate_max: rad/s.
         slow: share of the speed.
-        steepest: degrees.
+        pitch_max: rad, the vehicle's; that of common vehicles counts where it has none.
     """
     notes, radius = [], speed / turn_rate_max
+    steepest = STEEPEST if pitch_max is None else float(np.degrees(pitch_max))
+    whose = "common vehicles do" if pitch_max is None else "the vehicle's pitch_max is"
     for leg in legs:
         share = ground_share(leg, speed)
         if share < slow:
@@ -60,12 +65,12 @@ def track_notes(
                 "the vehicle leaves its lines"
             )
         angles = np.degrees(np.arctan2(sink, level))
-        steep = np.flatnonzero(angles > steepest)
+        steep = np.flatnonzero(angles > steepest + _HAIR)
         if len(steep):
             rate = speed * np.sin(np.radians(angles.max()))
             notes.append(
                 f"leg {leg.number} dives or climbs at {angles.max():.0f} degrees, {rate:.1f} m/s, after "
-                f"{_at(steep)}: common vehicles do {steepest:.0f}"
+                f"{_at(steep)}: {whose} {steepest:.0f}"
             )
     return notes
 

@@ -178,7 +178,7 @@ def load_area(
         if issubclass(one.category, ScenarioWarning):
             heard.append(" ".join(str(one.message).split()))
         warnings.warn_explicit(one.message, one.category, one.filename, one.lineno, registry=_shown)
-    noted = (*scenario.doubts, *scenario.planning.overrides, *heard, *_lacking(scenario), *area.notes)
+    noted = (*scenario.doubts, *scenario.overrides, *heard, *_lacking(scenario), *area.notes)
     return replace(area, notes=tuple(dict.fromkeys(noted)))
 
 

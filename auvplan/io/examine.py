@@ -104,7 +104,7 @@ def examine_scenario(source: str | Path) -> Examination:
         str(source),
         tuple(in_order(found.faults)),
         tuple(dict.fromkeys((*doubtful, *heard))),
-        (*scenario.planning.overrides, *(note for note in notes if note not in heard)),
+        (*scenario.overrides, *(note for note in notes if note not in heard)),
         scenario,
         area,
         closed,
@@ -381,9 +381,11 @@ def _places(
 def _graph(scenario: Scenario, folder: Path) -> None:
     from auvplan.io.area import load_area
     from auvplan.scenario.lines import line_warnings
-    from auvplan.scenario.waypoints import make_graph
+    from auvplan.scenario.waypoints import make_graph, slope_warnings
 
     area = load_area(scenario, folder)
-    make_graph(scenario, area, np.random.default_rng(0))
-    for line in line_warnings(scenario, area):
+    graph, names = make_graph(scenario, area, np.random.default_rng(0))
+    stated = area.jobs is not None or graph.size == 2
+    steep = slope_warnings(scenario, graph, names or ["start", "goal"]) if stated else []
+    for line in [*line_warnings(scenario, area), *steep]:
         warnings.warn(line, ScenarioWarning, stacklevel=1)

@@ -21,6 +21,12 @@ _CORNER = 0.6
 SPEED_TOLERANCE = 0.03
 #: Degrees between the stored course and that of the stored velocity.
 COURSE_TOLERANCE = 0.1
+#: Degrees by which the pitch of a planned path may exceed the vehicle's limit, and the share of the speed
+#: through the water by which its vertical speed may.
+PITCH_TOLERANCE, RATE_TOLERANCE = 0.5, 0.01
+#: Share of the speed through the water by which the vertical speed, through it and over ground, of a track
+#: that was executed may exceed what the limits allow: the current was not quite the one planned in.
+SURPRISE = 0.1
 #: m between x, y and longitude, latitude.
 PLACE_TOLERANCE = 0.1
 #: Moments a leg at which the current is asked for.
@@ -87,6 +93,7 @@ def motion_faults(dataset: xr.Dataset, legs: list[Leg], notes: list[str]) -> Ite
                 f"{turned[k]:.1f} deg off the velocity"
             )
     yield from _plan_faults(dataset)
+    yield from _vertical_faults(dataset, legs)
     yield from _speed_faults(dataset, legs, velocities, notes)
     yield from _geographic_faults(dataset)
 
@@ -140,6 +147,73 @@ def _plan_faults(dataset: xr.Dataset) -> Iterator[str]:
         if count > 1 and np.isfinite(velocity[number, : count - 1]).all():
             places = positions[number, :count]
             yield from _step_faults(f"plan {number}", own, places, velocity[number, : count - 1])
+
+
+def _vertical_faults(dataset: xr.Dataset, legs: list[Leg]) -> Iterator[str]:
+    """Yield plans, and legs as they were executed, that are steeper or faster in depth than the vehicle is.
+
+    Plans that are stored as breaking a limit are left out, and limits that are not stored.
+    """
+    attributes = dataset.attrs
+    speed = float(attributes["vehicle_speed"])
+    limits = {
+        name: float(attributes[f"vehicle_{name}"])
+        for name in ("pitch_max", "climb_rate_max", "dive_rate_max")
+        if f"vehicle_{name}" in attributes
+    }
+    simulated = bool(attributes.get("simulated", 1))
+    if "plan_pitch" in dataset:
+        times, depths = dataset["plan_time"].values, dataset["plan_position"].values[..., 2].astype(float)
+        pitch, kept = np.radians(dataset["plan_pitch"].values.astype(float)), dataset["plan_feasible"].values
+        for number in np.flatnonzero(kept):
+            count = int(np.isfinite(times[number]).sum())
+            own = times[number, :count], depths[number, :count], pitch[number, : max(count - 1, 0)]
+            yield from _steep(f"plan {number}", *own, speed, limits, False)
+    pitch, first = np.radians(dataset["pitch"].values.astype(float)), 0
+    for leg in legs:
+        own = pitch[first : first + len(leg.times)]
+        first += len(leg.times)
+        yield from _steep(str(leg), leg.times, leg.positions[:, 2], own[:-1], speed, limits, simulated)
+
+
+def _steep(
+    name: str,
+    times: Array,
+    depths: Array,
+    pitch: Array,
+    speed: float,
+    limits: dict[str, float],
+    surprised: bool,
+) -> Iterator[str]:
+    """Yield the first of n - 1 steps of n moments that breaks each of the limits in the vertical.
+
+    Args:
+        name: of the leg or plan.
+        times: [n] s.
+        depths: [n] m.
+        pitch: [n - 1] rad, nose up.
+        speed: through the water, m/s.
+        limits: rad or m/s, of those there are.
+        surprised: whether the current may have been another than was planned in.
+    """
+    if len(times) < 2:
+        return
+    down = np.diff(depths) / np.maximum(np.diff(times), 1e-9)
+    if "pitch_max" in limits:
+        most = limits["pitch_max"]
+        allowed = most + np.radians(PITCH_TOLERANCE)
+        if surprised:
+            allowed = np.arcsin(min(np.sin(most) + SURPRISE, 1.0))
+        for k in np.flatnonzero(np.abs(pitch) > allowed)[:1]:
+            yield (
+                f"{name}: the pitch at {times[k]:.2f} s is {np.degrees(pitch[k]):.1f} deg, the vehicle's "
+                f"limit {np.degrees(most):.1f}"
+            )
+    more = speed * (SURPRISE if surprised else RATE_TOLERANCE)
+    for kind, rate in (("climb", -down), ("dive", down)):
+        most = limits.get(f"{kind}_rate_max", np.inf)
+        for k in np.flatnonzero(rate > most + more)[:1]:
+            yield f"{name}: {kind}s at {rate[k]:.2f} m/s at {times[k]:.2f} s, the vehicle's limit is {most:g}"
 
 
 def _speed_faults(

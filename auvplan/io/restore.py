@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import shapely
@@ -23,7 +24,7 @@ from auvplan.ocean.currents import Current
 from auvplan.ocean.known import KnownObstacle
 from auvplan.records import LegRecord, MissionRun, PlanRecord, RouteRecord
 from auvplan.scenario.file import validate_scenario
-from auvplan.vehicle import Vehicle
+from auvplan.vehicle import VERTICAL_LIMITS, Vehicle
 
 
 def restore_run(folder: str | Path) -> MissionRun:
@@ -48,6 +49,8 @@ def restore_run(folder: str | Path) -> MissionRun:
         names = [name for name in json.loads(attributes["waypoint_names"]) if isinstance(name, str)]
         home = str(attributes["scenario_folder"])
         vehicle = {name.removeprefix("vehicle_"): float(attributes[name]) for name in _limits(attributes)}
+        # A limit in the vertical that is not stated is one that the vehicle does not have.
+        limits: dict[str, Any] = dict.fromkeys(VERTICAL_LIMITS.values()) | vehicle
         graph = MissionGraph(
             dataset["waypoint_position"].values,
             dataset["adjacency"].values.astype(bool),
@@ -62,7 +65,7 @@ def restore_run(folder: str | Path) -> MissionRun:
         run = MissionRun(
             settings,
             int(attributes["seed"]),
-            Vehicle(**vehicle),
+            Vehicle(**limits),
             graph,
             chart,
             int(attributes["start"]),

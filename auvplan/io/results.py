@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -96,10 +96,8 @@ def to_dataset(run: MissionRun) -> xr.Dataset:
 
 
 def _attributes(run: MissionRun) -> dict[str, Any]:
-    vehicle = {
-        f"vehicle_{name}": float(getattr(run.vehicle, name))
-        for name in ("speed", "surge_max", "sway_max", "turn_rate_max")
-    }
+    limits = {limit.name: getattr(run.vehicle, limit.name) for limit in fields(run.vehicle)}
+    vehicle = {f"vehicle_{name}": float(limit) for name, limit in limits.items() if limit is not None}
     return {
         "Conventions": "CF-1.11",
         "featureType": "trajectory",

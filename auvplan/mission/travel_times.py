@@ -27,7 +27,7 @@ from auvplan.path import PathConfig, habitats
 from auvplan.path.cost import VIOLATIONS, Track, Trajectory, curves, evaluate, score, violations
 from auvplan.path.profile import profiles, varies_with_depth
 from auvplan.rows import padded_batches
-from auvplan.vehicle import Vehicle
+from auvplan.vehicle import VERTICAL_LIMITS, Vehicle
 
 #: Edges that one call takes, of straight lines and paths round, and of fans: larger calls gain little, and
 #: one program each serves every graph.
@@ -228,7 +228,7 @@ def _follow(
             tracks = _at_depths(tracks, track[0], track[-1], depart, env, vehicle, config.path)
         trajectory = evaluate(tracks, depart, env, vehicle, config.path)
         excess = dict(zip(VIOLATIONS, violations(trajectory), strict=True))
-        broken = excess["surge"] + excess["sway"] + excess["current"] + excess["seabed"]
+        broken = sum(excess[name] for name in ("surge", "sway", "current", "seabed", *VERTICAL_LIMITS))
         return _quickest(trajectory, broken + jnp.where(clear, 0.0, excess["coast"]))
 
     return jax.vmap(one, in_axes=(0, 0, 0, 0 if world_per_edge else None))(tracks, clear, departs, currents)

@@ -24,6 +24,9 @@ class Penalties:
     obstacle: float = 1000.0
     current: float = 1000.0
     seabed: float = 1000.0
+    pitch: float = 1000.0
+    climb: float = 1000.0
+    dive: float = 1000.0
 
 
 #: Settings that the form of a path's cost depends on.

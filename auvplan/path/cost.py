@@ -16,16 +16,23 @@ from auvplan.ocean.environment import Environment
 from auvplan.path.bspline import basis_matrix
 from auvplan.path.clearance import bed_altitude, closed_clearance, coast_clearance, obstacle_clearance
 from auvplan.path.config import GUIDE_MARGIN, PathConfig
-from auvplan.path.kinematics import TINY, Axes, elapsed, middle_times, norm, over_ground, turn_rate
-from auvplan.vehicle import Vehicle
+from auvplan.path.kinematics import (
+    TINY,
+    Axes,
+    elapsed,
+    middle_times,
+    norm,
+    over_ground,
+    turn_rate,
+    vertical_speeds,
+)
+from auvplan.vehicle import VERTICAL_LIMITS, Vehicle
 
-#: Limits of Eq. 12, in the order of every violation array. What an excess of 1 means: surge, sway, turn rate,
-#: twice the limit; coast, obstacle, `CLEARANCE_SCALE` metres too close; current, slower than the floor by the
-#: speed through the water; sea bed, `ALTITUDE_SCALE` metres too low.
-VIOLATIONS = ("surge", "sway", "turn_rate", "coast", "obstacle", "current", "seabed")
-
-#: Place of the coast in `VIOLATIONS`; the obstacles come next, the sea bed is the last.
-_COAST = VIOLATIONS.index("coast")
+#: Limits of Eq. 12 and ours, in the order of every violation array. What an excess of 1 means: surge, sway,
+#: turn rate, climb and dive, twice the limit; coast, obstacle, `CLEARANCE_SCALE` metres too close; current,
+#: slower than the floor by the speed through the water; sea bed, `ALTITUDE_SCALE` metres too low; pitch,
+#: twice the sine of the limit.
+VIOLATIONS = ("surge", "sway", "turn_rate", "coast", "obstacle", "current", "seabed", *VERTICAL_LIMITS)
 
 #: Metres of missing clearance that count as an excess of one.
 CLEARANCE_SCALE = 50.0
@@ -150,7 +157,8 @@ def evaluate(
     Differences from the paper:
         Eq. 11 divides the length by |v|; here each segment has its ground speed in the current that is met
         there, but for the speed reading "eq11". Eq. 12 tests points of the path against obstacles; here the
-        clearance of every segment is certified, against obstacles at the time of arrival.
+        clearance of every segment is certified, against obstacles at the time of arrival. It has no limit in
+        the vertical.
     """
     (x, y, z), (dx, dy, dz) = track.places, track.way
     starts = x[:-1], y[:-1], z[:-1]
@@ -160,6 +168,7 @@ def evaluate(
     u, v, w = (jnp.broadcast_to(component, gap.shape) for component in env.current(*middle, middle_time))
     water = u, v, w
     ground, across, shortfall = over_ground(water, track.way, gap, vehicle, config)
+    vertical = vertical_speeds(water, track.way, gap, ground, vehicle, config.speed_reading)
     duration = gap / ground
     times = depart + elapsed(duration)
 
@@ -172,15 +181,18 @@ def evaluate(
     obstacle_clear = obstacle_clearance((starts, track.way, times[:-1], duration), env)
     altitude = bed_altitude(x, y, z, level, env)
     turning = turn_rate(dx, dy, duration)
-    excess = (
-        _beyond(ground, vehicle.surge_max),
-        _beyond(across, vehicle.sway_max),
-        _beyond(turning, vehicle.turn_rate_max),
-        _too_near(coast_clear, config.coast_margin),
-        _too_near(obstacle_clear, config.obstacle_margin),
-        shortfall,
-        _too_low(altitude, env, 0.0),
-    )
+    found = {
+        "surge": _beyond(ground, vehicle.surge_max),
+        "sway": _beyond(across, vehicle.sway_max),
+        "turn_rate": _beyond(turning, vehicle.turn_rate_max),
+        "coast": _too_near(coast_clear, config.coast_margin),
+        "obstacle": _too_near(obstacle_clear, config.obstacle_margin),
+        "current": shortfall,
+        "seabed": _too_low(altitude, env, 0.0),
+        **{name: _beyond(*pair) for name, pair in vertical.items()},
+    }
+    # Zeros cost a compiled program nothing.
+    excess = tuple(found.get(name, jnp.zeros_like(gap)) for name in VIOLATIONS)
     length = gap.sum(axis=0)
     return Trajectory(x, y, z, times, length, water, excess, coast_clear, obstacle_clear, altitude, price)
 
@@ -205,7 +217,7 @@ def _too_low(altitude: jax.Array, env: Environment, margin: float) -> jax.Array:
 def judged_within(
     trajectory: Trajectory, env: Environment, vehicle: Vehicle, config: PathConfig
 ) -> Trajectory:
-    """Return a trajectory whose limits on speed, current across and way made hold within segments too.
+    """Return a trajectory whose limits hold within segments too, but for those on turns and distances.
 
     `evaluate` meets the current in the middle of each segment. Here it is looked up at the shares `JUDGED_AT`
     of them as well; an excess there counts where it is greater than `_WITHIN`.
@@ -223,10 +235,12 @@ def judged_within(
     way, gap = tuple(map(again, way)), again(gap)
     water = tuple(jnp.broadcast_to(component, gap.shape) for component in env.current(*places))
     ground, across, shortfall = over_ground(water, way, gap, vehicle, config)  # type: ignore[arg-type]
+    vertical = vertical_speeds(water, way, gap, ground, vehicle, config.speed_reading)  # type: ignore[arg-type]
     within = {
         "surge": _beyond(ground, vehicle.surge_max),
         "sway": _beyond(across, vehicle.sway_max),
         "current": shortfall,
+        **{name: _beyond(*pair) for name, pair in vertical.items()},
     }
     shape = (len(JUDGED_AT), *trajectory.excess[0].shape)
     most = {
@@ -307,13 +321,12 @@ def soft_objective(
     track = curves(habitats, start, goal, config)
     trajectory = evaluate(track, depart, env, vehicle, config)
     straight = _straight_time(start, goal, vehicle)
-    near = (
-        _too_near(trajectory.coast, config.coast_margin + GUIDE_MARGIN),
-        _too_near(trajectory.obstacles, config.obstacle_margin + GUIDE_MARGIN),
-    )
-    low = _too_low(trajectory.altitude, env, GUIDE_MARGIN)
-    wider = (*trajectory.excess[:_COAST], *near, *trajectory.excess[_COAST + 2 : -1], low)
-    soft = softness * straight * _penalty(wider, config)
+    wider = dict(zip(VIOLATIONS, trajectory.excess, strict=True)) | {
+        "coast": _too_near(trajectory.coast, config.coast_margin + GUIDE_MARGIN),
+        "obstacle": _too_near(trajectory.obstacles, config.obstacle_margin + GUIDE_MARGIN),
+        "seabed": _too_low(trajectory.altitude, env, GUIDE_MARGIN),
+    }
+    soft = softness * straight * _penalty(tuple(wider.values()), config)
     return trajectory.travel_time + trajectory.price + soft, _cost(trajectory, straight, config)
 
 

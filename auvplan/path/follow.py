@@ -15,7 +15,7 @@ from auvplan.path.cost import ALTITUDE_SCALE, CLEARANCE_SCALE, VIOLATIONS
 from auvplan.path.plan import PathPlan
 from auvplan.path.sensitivity import Conditions
 from auvplan.path.straight import DISTANCES, Steps, Straights
-from auvplan.vehicle import Vehicle
+from auvplan.vehicle import VERTICAL_LIMITS, Vehicle
 
 Array = NDArray[np.floating]
 
@@ -211,8 +211,9 @@ def _met(water: Array, ground: Array, unit: Array, vehicle: Vehicle, config: Pat
 
 def _excess(steps: Steps, env: Environment, vehicle: Vehicle, config: PathConfig) -> Array:
     """[V, N], how far steps break each limit of `VIOLATIONS`; a straight line does not turn."""
-    coast, obstacle, altitude, across, ground, made = steps.room
+    coast, obstacle, altitude, across, ground, made, *vertical = steps.room
     sway, surge = (float(np.asarray(getattr(vehicle, f"{name}_max"))) for name in ("sway", "surge"))
+    limits = vehicle.vertical_limits
     bed = 0.0 if env.seabed is None else float(env.seabed.clearance)
     found = {
         "surge": -ground / surge - 1e-6,
@@ -222,6 +223,10 @@ def _excess(steps: Steps, env: Environment, vehicle: Vehicle, config: PathConfig
         "obstacle": (config.obstacle_margin - obstacle) / CLEARANCE_SCALE,
         "current": -made,
         "seabed": (bed - altitude) / ALTITUDE_SCALE,
+        **{
+            name: -left / float(limits.get(name, 1.0)) - 1e-6
+            for name, left in zip(VERTICAL_LIMITS, vertical, strict=True)
+        },
     }
     return np.maximum(np.stack([found[name] for name in VIOLATIONS]), 0.0)
 

@@ -9,7 +9,7 @@ import numpy as np
 from auvplan.ocean.currents import Current, Velocity, is_steady
 from auvplan.ocean.environment import Environment
 from auvplan.path.config import PathConfig
-from auvplan.vehicle import Vehicle, along_track
+from auvplan.vehicle import SpeedReading, Vehicle, along_track
 
 #: Squared metres added under square roots: keeps gradients finite at coinciding samples.
 TINY = 1e-8
@@ -44,6 +44,33 @@ def over_ground(
     across = jnp.sqrt(jnp.maximum(inner(water, water) - along * along, 0.0) + TINY)
     ground, shortfall = along_track(config.speed_reading, vehicle.speed, along, across)
     return ground, across, shortfall
+
+
+def vertical_speeds(
+    water: Velocity, way: Axes, gap: jax.Array, ground: jax.Array, vehicle: Vehicle, reading: SpeedReading
+) -> dict[str, tuple[jax.Array, jax.Array]]:
+    """Vertical speeds of segments and the vehicle's limits on them, m/s, by `VERTICAL_LIMITS` that it has.
+
+    The pitch theta is the hull's: |v| sin(theta) is the vertical speed through the water in the reading
+    "track"; in the others the hull points along the segment (see `Motion.along`). Climbs and dives are those
+    over ground.
+
+    Args:
+        water: u, v, w, m/s; any shape, the same for all.
+        way: x, y, z, m, from segments' first to their last ends.
+        gap: m, their lengths.
+        ground: m/s, speed over ground.
+        vehicle: speed and limits.
+        reading: of the speed.
+    """
+    limits = vehicle.vertical_limits
+    if not limits:
+        return {}
+    slope = way[2] / gap
+    down = ground * slope
+    sinking = down - water[2] if reading == "track" else vehicle.speed * slope
+    speeds = {"pitch": jnp.abs(sinking), "climb": -down, "dive": down}
+    return {name: (speeds[name], limit) for name, limit in limits.items()}
 
 
 def middle_times(

@@ -9,6 +9,7 @@ import numpy as np
 
 from auvplan.path.cost import ALTITUDE_SCALE, CLEARANCE_SCALE, JUDGED_AT, VIOLATIONS
 from auvplan.site import at_time
+from auvplan.vehicle import VERTICAL_LIMITS
 
 if TYPE_CHECKING:
     from auvplan.path.plan import PathPlan
@@ -27,6 +28,9 @@ class PathStatus(Enum):
     OBSTACLE = "no way clear of the obstacles was found: widen the search, raise iterations, or wait"
     CURRENT = "the current is stronger than the vehicle: wait for slack water or choose a faster vehicle"
     SEABED = "no way clear of the sea bed was found: raise the waypoints or ask for less clearance"
+    PITCH = "the path is too steep: raise vehicle.pitch_max or change depth over a longer way"
+    CLIMB = "the path climbs too fast: raise vehicle.climb_rate_max or change depth over a longer way"
+    DIVE = "the path dives too fast: raise vehicle.dive_rate_max or change depth over a longer way"
     NO_WAY = (
         "no way from start to goal clear of coast and obstacles: move the waypoints or ask for less clearance"
     )
@@ -63,6 +67,8 @@ def _fact(plan: "PathPlan", limit: str, segment: int) -> str:
     vehicle, config, bed = plan.conditions.vehicle, plan.conditions.config, plan.conditions.env.seabed
     if limit == "current":
         return _beaten(plan, segment)
+    if limit in VERTICAL_LIMITS:
+        return _steep(plan, limit, segment)
     if limit in ("surge", "sway", "turn_rate"):
         most = float(np.asarray(getattr(vehicle, f"{limit}_max")))
         if limit == "turn_rate":
@@ -89,6 +95,18 @@ _NAMES = {
     "obstacle": ("clearance of the obstacles' boundaries", "m"),
     "seabed": ("altitude above the sea bed", "m"),
 }
+
+
+def _steep(plan: "PathPlan", limit: str, segment: int) -> str:
+    """Return how a segment climbs or dives, and the limit on it."""
+    excess = float(plan.excess[VIOLATIONS.index(limit), segment])
+    most = float(np.asarray(getattr(plan.conditions.vehicle, VERTICAL_LIMITS[limit])))
+    if limit != "pitch":
+        value, most = _apart((1.0 + excess) * most, most)
+        return f"{limit}s at {value} m/s, limit {most}"
+    angle = np.degrees(np.arcsin(min((1.0 + excess) * np.sin(most), 1.0)))
+    value, most = _apart(float(angle), float(np.degrees(most)))
+    return f"{'climbs' if plan.pitch[segment] > 0.0 else 'dives'} at {value} deg, limit {most}"
 
 
 def _beaten(plan: "PathPlan", segment: int) -> str:

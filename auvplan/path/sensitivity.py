@@ -19,7 +19,7 @@ from auvplan.path.config import GUIDE_MARGIN, PathConfig
 from auvplan.path.cost import Track, curves, evaluate
 from auvplan.path.ends import check_concrete, check_given
 from auvplan.path.scaling import WAY, factor_of
-from auvplan.vehicle import SpeedReading, Vehicle
+from auvplan.vehicle import VERTICAL_LIMITS, SpeedReading, Vehicle
 
 #: Start and goal [3] m, environment, vehicle, and departure, s since the epoch.
 Given = tuple[Any, Any, Environment, Vehicle, Any]
@@ -251,10 +251,10 @@ def _followed(
     env = replace(env, obstacles=env.obstacles.resolved(env.current))
     if env.seabed is not None:
         env = replace(env, seabed=replace(env.seabed, clearance=env.seabed.clearance + room))
-    limits = {name: _NEARLY * getattr(vehicle, name) for name in ("surge_max", "sway_max", "turn_rate_max")}
+    strict = vehicle.stricter(_NEARLY, "surge_max", "sway_max", "turn_rate_max", *VERTICAL_LIMITS.values())
     margins = {name: getattr(config, name) + room for name in ("coast_margin", "obstacle_margin")}
     track = curves(habitat[None], start, goal, config)
-    trajectory = evaluate(track, depart, env, replace(vehicle, **limits), config.replace(**margins))
+    trajectory = evaluate(track, depart, env, strict, config.replace(**margins))
     points, touch = habitat.reshape(3, -1), 1e-4 * WAY / factor_of(start, goal)
     beyond = jnp.stack([env.lower[:, None] - points, points - env.upper[:, None]])
     sides = jnp.maximum(beyond + touch, 0.0).ravel()

@@ -15,8 +15,8 @@ from auvplan.ocean.environment import Environment
 from auvplan.ocean.vortices import padded, rounded_up
 from auvplan.path.clearance import bed_altitude, closed_clearance, coast_clearance, obstacle_clearance
 from auvplan.path.config import PathConfig
-from auvplan.path.kinematics import Axes, inner, norm
-from auvplan.vehicle import SpeedReading, Vehicle, along_track
+from auvplan.path.kinematics import Axes, inner, norm, vertical_speeds
+from auvplan.vehicle import VERTICAL_LIMITS, SpeedReading, Vehicle, along_track
 
 Array = NDArray[np.floating]
 
@@ -46,7 +46,8 @@ class Steps:
         times: [N + 1] s since the epoch, at the ends of the steps.
         room: [limits, N], how far each step keeps from every limit: certified distances to the coast and to
             areas that are closed then, to collision boundaries, and above the sea bed, m; then what is left
-            to the vehicle's limits on current across, speed over ground and way made, m/s.
+            to the vehicle's limits on current across, speed over ground and way made, and on the vertical
+            speeds of pitch, climb and dive, m/s; infinite where it has no such limit.
         water: [N, 3] m/s north, east, down, the current in the middle of each step.
     """
 
@@ -189,6 +190,10 @@ def _steps(
     across = jnp.sqrt(jnp.maximum(inner(water, water) - along * along, 0.0))
     ground, shortfall = along_track(reading, vehicle.speed, along, across)
     duration = gap / ground
-    speeds = vehicle.sway_max - across, vehicle.surge_max - ground, -shortfall
+    vertical = vertical_speeds(water, way, gap, ground, vehicle, reading)
+    without = jnp.zeros_like(gap), jnp.asarray(jnp.inf)
+    pairs = (vertical.get(name, without) for name in VERTICAL_LIMITS)
+    steep = (limit - speed for speed, limit in pairs)
+    speeds = vehicle.sway_max - across, vehicle.surge_max - ground, -shortfall, *steep
     room = _room((starts, way, time - 0.5 * duration, duration), speeds, env)
     return duration, room, jnp.stack([jnp.broadcast_to(axis, gap.shape) for axis in water])

@@ -59,5 +59,5 @@ def _concerns(fault: Fault, name: str) -> bool:
 
 def warn_of_overrides(scenario: "Scenario") -> None:
     """Warn of settings that differ from what the preset fixes."""
-    for line in scenario.planning.overrides:
+    for line in scenario.overrides:
         warnings.warn(line, ScenarioWarning, stacklevel=1)

@@ -1,5 +1,6 @@
 """Warnings: fields of a scenario that are valid and can hardly be meant."""
 
+import math
 from collections.abc import Iterator
 from datetime import date, datetime
 from typing import Any
@@ -14,6 +15,8 @@ from auvplan.site import Site, as_utc
 
 #: The greatest number of a time available, s, that may have been meant as hours.
 _HOURS = 100.0
+#: rad, 5 degrees: a pitch that all vehicles reach.
+_FLAT = 0.087
 #: Farther from the site, m, its local metres are not those of the sea.
 _FAR = 200_000.0
 
@@ -32,6 +35,7 @@ def doubts(scenario: Scenario, document: Document) -> list[Fault]:
     if vehicle.speed > vehicle.surge_max:
         line = f"{vehicle.speed:g} m/s are more than surge_max, {vehicle.surge_max:g} m/s over ground"
         found.append((("vehicle", "speed"), f"{line}: in still water no leg can be executed"))
+    found += _vertical(scenario)
     return in_order(fault_at(path, reason, document) for path, reason in found)
 
 
@@ -110,6 +114,22 @@ def _time(scenario: Scenario) -> Iterator[tuple[Path, str]]:
         )
     elif way is None and time <= _HOURS:
         yield path, f"{time:g} s is hardly a mission{_as_hours(time)}"
+
+
+def _vertical(scenario: Scenario) -> Iterator[tuple[Path, str]]:
+    """Yield limits in the vertical that no vehicle has, and such as limit nothing."""
+    vehicle, pitch = scenario.vehicle, scenario.vehicle.pitch_max
+    if isinstance(pitch, float) and pitch < _FLAT:
+        yield (
+            ("vehicle", "pitch_max"),
+            f"{pitch:g} rad are {math.degrees(pitch):.2g} degrees: depth changes by "
+            f"{1000.0 * math.tan(pitch):,.0f} m in a kilometre at most",
+        )
+    for name in ("climb_rate_max", "dive_rate_max"):
+        rate = getattr(vehicle, name)
+        if rate is not None and rate > vehicle.speed:
+            line = f"{rate:g} m/s are more than the vehicle's {vehicle.speed:g} m/s through the water"
+            yield ("vehicle", name), f"{line}: in still water nothing is limited"
 
 
 def _as_hours(time: float) -> str:

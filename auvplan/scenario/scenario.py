@@ -10,6 +10,7 @@ from auvplan.errors import RuleError
 from auvplan.scenario.changes import change_scenario
 from auvplan.scenario.places import localised
 from auvplan.scenario.settings import (
+    PITCH_LIMITS,
     Area,
     BathymetrySettings,
     ChartSettings,
@@ -25,6 +26,9 @@ from auvplan.scenario.settings import (
     VehicleSettings,
 )
 from auvplan.site import Site
+
+#: Fields of the vehicle that limit it in the vertical.
+VERTICAL_LIMITS = "pitch_max", "climb_rate_max", "dive_rate_max"
 
 #: What the box of a mission is made of.
 _BOX_FIELDS = ("area.lower", "area.upper", "vehicle.depth_min", "vehicle.depth_max")
@@ -144,6 +148,26 @@ class Scenario(Section):
     def tasks_under_way(self) -> bool:
         """Whether tasks are done along the path, in no time of their own; jobs from a file never are."""
         return self.planning.resolved.task_time == "expected" and self.mission.jobs is None
+
+    @property
+    def pitch_max(self) -> float | None:
+        """Limit on the vehicle's pitch, rad; None for no limit."""
+        given = self.vehicle.pitch_max
+        if given is None:
+            return PITCH_LIMITS[self.planning.preset]
+        return None if given == "none" else given
+
+    @property
+    def overrides(self) -> list[str]:
+        """One line for each setting that differs from what the preset 'paper' fixes; none for 'default'."""
+        if self.planning.preset != "paper":
+            return []
+        limits = ((name, getattr(self.vehicle, name)) for name in VERTICAL_LIMITS)
+        return self.planning.overrides + [
+            f"vehicle.{name} is {given!r}, preset 'paper' has no such limit: the mission is not the paper's"
+            for name, given in limits
+            if given not in (None, "none")
+        ]
 
     @property
     def box(self) -> tuple[tuple[float, float, float], tuple[float, float, float]]:

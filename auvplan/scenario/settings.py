@@ -1,5 +1,6 @@
 """The sections of a scenario, validated one by one."""
 
+import math
 from dataclasses import dataclass, fields
 from datetime import datetime
 from typing import Annotated, Any, ClassVar, Literal
@@ -241,6 +242,20 @@ class BathymetrySettings(Section):
         return self
 
 
+def _angle(limit: Any) -> Any:
+    """Refuse degrees."""
+    if isinstance(limit, float) and limit > 0.5 * math.pi:
+        raise ValueError(
+            f"must be at most a right angle, 1.571 rad, got {limit:g}: {limit:g} degrees are "
+            f"{math.radians(limit):.3g} rad"
+        )
+    return limit
+
+
+#: rad, or none.
+PitchLimit = Annotated[Positive | Literal["none"], AfterValidator(_angle)]
+
+
 class VehicleSettings(Section):
     """Speed and limits, m/s and rad/s, and the depths that it may go to."""
 
@@ -248,6 +263,17 @@ class VehicleSettings(Section):
     surge_max: Positive = Field(default=5.0, description="m/s, of the ground speed along the track")
     sway_max: Positive = Field(default=1.5, description="m/s, of the current across the track")
     turn_rate_max: Positive = Field(default=0.1, description="rad/s")
+    pitch_max: PitchLimit | None = Field(
+        default=None,
+        description="rad, of the hull, nose up or down; 'none' for no limit; default 0.524 (30 degrees), "
+        "paper 'none'",
+    )
+    climb_rate_max: Positive | None = Field(
+        default=None, description="m/s, of the vertical speed over ground upwards; no limit if absent"
+    )
+    dive_rate_max: Positive | None = Field(
+        default=None, description="m/s, of the vertical speed over ground downwards; no limit if absent"
+    )
     depth_min: NotNegative = Field(default=0.0, description="m")
     depth_max: Positive | None = Field(default=None, description="m; the area's if absent")
 
@@ -500,6 +526,9 @@ PRESETS: dict[str, dict[str, Any]] = {
         "current_updates": "window",
     },
 }
+
+#: rad, what a preset sets for `vehicle.pitch_max` where the scenario is silent; the paper has no such limit.
+PITCH_LIMITS: dict[str, float | None] = {"default": math.radians(30.0), "paper": None}
 
 #: Fields that went elsewhere, with what there is to say of it.
 MOVED = {

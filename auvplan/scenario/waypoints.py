@@ -1,5 +1,7 @@
 """Builds the task graph of a mission from a scenario: waypoints drawn in the water, or the jobs of a file."""
 
+import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +14,9 @@ from auvplan.ocean.seabed import Seabed
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.scenario import Scenario
 from auvplan.scenario.ways import WaysAround, clear_lines
+
+#: m, apart that far two waypoints are at one place.
+_ONE_PLACE = 0.01
 
 #: Draws of waypoints before a scenario is declared too cramped.
 _TRIES = 200
@@ -67,6 +72,43 @@ def make_graph(
         f"no connected set of {settings.waypoints} waypoints was found in {_TRIES} draws: "
         "lower mission.waypoint_clearance or move mission.start and mission.goal"
     )
+
+
+def slope_warnings(scenario: Scenario, graph: MissionGraph, names: Sequence[str]) -> list[str]:
+    """Return a line on each waypoint that no straight edge leads to as flatly as the vehicle dives or climbs.
+
+    In still water: paths there are longer than the straight line.
+    """
+    limits = {True: _steepest(scenario, "dive_rate_max"), False: _steepest(scenario, "climb_rate_max")}
+    lines: list[str] = []
+    for node in range(graph.size):
+        found = []
+        for other in np.flatnonzero(graph.adjacency[:, node]).tolist():
+            way = graph.positions[node] - graph.positions[other]
+            length, down = max(float(np.linalg.norm(way)), _ONE_PLACE), float(way[2])
+            angle, field = limits[down > 0.0]
+            needed = abs(down) / math.sin(angle)
+            slope = math.degrees(math.asin(min(abs(down) / length, 1.0)))
+            line = (
+                f"{names[node]} lies {abs(down):,.0f} m {'below' if down > 0.0 else 'above'} {names[other]}, "
+                f"{length:,.0f} m away: {slope:.0f} degrees where vehicle.{field} allows "
+                f"{math.degrees(angle):.0f}, and a path must be {needed:,.0f} m long"
+            )
+            found.append((needed / length, line))
+        if found and min(found)[0] > 1.0 + 1e-6:
+            lines.append(min(found)[1])
+    return lines
+
+
+def _steepest(scenario: Scenario, rate: str) -> tuple[float, str]:
+    """Return the steepest slope, rad, that the vehicle's pitch and a rate allow, and what limits it."""
+    vehicle = scenario.vehicle
+    found = [(0.5 * math.pi, "")]
+    if scenario.pitch_max is not None:
+        found.append((scenario.pitch_max, "pitch_max"))
+    if (most := getattr(vehicle, rate)) is not None:
+        found.append((math.asin(min(most / vehicle.speed, 1.0)), rate))
+    return min(found)
 
 
 def _drawn_waypoints(scenario: Scenario, area: OperatingArea, rng: np.random.Generator) -> np.ndarray:

@@ -1,6 +1,7 @@
 """Builds the truth of a mission from a scenario and a seed: chart, current, obstacles, vehicle."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -60,7 +61,9 @@ class TrueObstacles:
 
 def make_vehicle(scenario: Scenario) -> Vehicle:
     """Return the scenario's vehicle."""
-    return Vehicle(**scenario.vehicle.model_dump(exclude={"depth_min", "depth_max"}))
+    stated: dict[str, Any] = scenario.vehicle.model_dump(exclude={"depth_min", "depth_max"})
+    stated["pitch_max"] = scenario.pitch_max
+    return Vehicle(**stated)
 
 
 def make_sea(

@@ -1,6 +1,7 @@
 """The checker at its limits: just within them it finds nothing, just beyond them it does."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from auvplan.io.check import ResultError, check_dataset
 from auvplan.io.results import to_dataset
 from auvplan.motion import Motion
+from auvplan.vehicle import Vehicle
 from tests.io.sample_run import SPEED, make_run
 from tests.io.test_check import check, in_a_band_that_closes, with_jobs, with_known_obstacle
 from tests.io.test_check_seabed import over, written
@@ -50,6 +52,51 @@ def test_no_vehicle_is_faster_than_its_own_speed_and_the_fastest_current(step, s
     run = along(np.c_[FASTEST * share * times, 0.0 * times, 0.0 * times + 30.0], times)
     assert len(faults(run, "too fast")) == found
     assert not faults(run, "time does not advance")
+
+
+DIVES = [
+    # Executed, pitch_max in degrees, rates in m/s, and what is said of a dive at 20 degrees. What was
+    # executed may have met another current than it was planned in.
+    (True, 13.9, {}, "the pitch at"),
+    (True, 14.1, {}, ""),
+    (False, 19.4, {}, "the pitch at"),
+    (False, 19.6, {}, ""),
+    (False, None, {"dive_rate_max": 0.82}, "dives at 0.86 m/s"),
+    (False, None, {"dive_rate_max": 0.84}, ""),
+    (True, None, {"dive_rate_max": 0.60}, "dives at 0.86 m/s"),
+    (True, None, {"dive_rate_max": 0.61}, ""),
+    (True, None, {"climb_rate_max": 0.1}, ""),
+    (False, None, {}, ""),
+]
+
+
+@pytest.mark.parametrize(("executed", "degrees", "rates", "words"), DIVES)
+@pytest.mark.parametrize("upwards", [False, True])
+def test_no_vehicle_dives_more_steeply_than_it_can(executed, degrees, rates, words, upwards):
+    """On the leg and in its plan each limit is told once."""
+    angle = np.radians(20.0)
+    way = np.array([np.cos(angle), 0.0, -np.sin(angle) if upwards else np.sin(angle)])
+    times = 3.0 * np.arange(12)
+    positions = np.array([0.0, 0.0, 50.0]) + SPEED * times[:, None] * way
+    run = along(positions, times)
+    (leg,) = run.legs
+    leg.motion = Motion.through_water(np.tile(SPEED * way, (12, 1)), np.zeros(3))
+    plan = replace(leg.plans[0], positions=positions, times=times, motion=leg.motion[:-1])
+    leg.plans, run.simulated = [plan], executed
+    if upwards:
+        swap = {"dive_rate_max": "climb_rate_max", "climb_rate_max": "dive_rate_max"}
+        rates, words = {swap[name]: rate for name, rate in rates.items()}, words.replace("dives", "climbs")
+    run.vehicle = Vehicle(SPEED, pitch_max=None if degrees is None else np.radians(degrees), **rates)
+    found = [fault for fault in check(run).faults if "vehicle's limit" in fault]
+    planned = [fault for fault in found if fault.startswith("plan 0: ")]
+    walked = [fault for fault in found if fault not in planned]
+    assert len(walked) == bool(words)
+    assert all(words in fault for fault in walked)
+    if not executed:
+        assert len(planned) == bool(words)
+    broken = replace(plan, feasible=False)
+    leg.plans = [broken]
+    assert not [fault for fault in check(run).faults if "vehicle's limit" in fault and "plan" in fault]
 
 
 def test_a_jump_while_time_stands_still_is_too_fast():

@@ -1,5 +1,6 @@
 """Scenario files: every fault at once, each with its line, column and field."""
 
+import math
 import re
 from datetime import UTC, datetime
 
@@ -296,6 +297,34 @@ def test_a_setting_that_the_papers_preset_fixes_is_warned_of_with_both_values():
     assert scenario.planning.resolved.reserve == 60.0
 
 
+def test_pitch_is_limited_unless_scenario_or_preset_says_otherwise():
+    limits = {}
+    for preset in ("default", "paper"):
+        for stated in (None, "none"):
+            scenario = validate_scenario({"planning": {"preset": preset}, "vehicle": {"pitch_max": stated}})
+            limits[preset, stated] = scenario.pitch_max
+    assert limits.pop(("default", None)) == pytest.approx(math.radians(30.0))
+    assert set(limits.values()) == {None}
+    assert validate_scenario({"vehicle": {"pitch_max": 0.3}}).pitch_max == 0.3
+    for name in ("pitch_max", "climb_rate_max", "dive_rate_max"):
+        with pytest.warns(ScenarioWarning, match=f"vehicle.{name} is 0.4, preset 'paper' has no such limit"):
+            scenario = validate_scenario({"planning": {"preset": "paper"}, "vehicle": {name: 0.4}})
+        assert getattr(scenario.vehicle, name) == 0.4
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        (30, "vehicle.pitch_max: must be at most a right angle, 1.571 rad, got 30: 30 degrees are 0.524 rad"),
+        (0, "vehicle.pitch_max: must be greater than 0 or must be 'none', got 0"),
+        ("flat", "vehicle.pitch_max: must be a valid number"),
+    ],
+)
+def test_limits_on_pitch_are_angles_in_rad(given, words):
+    with pytest.raises(ScenarioError, match=re.escape(words)):
+        validate_scenario({"vehicle": {"pitch_max": given}})
+
+
 @pytest.mark.parametrize(
     ("sections", "words"),
     [
@@ -330,4 +359,5 @@ def test_jobs_take_their_time_under_the_papers_preset():
 def test_the_papers_preset_alone_is_warned_of_by_nothing():
     """Warnings are errors in the tests; so are settings that repeat what the preset has."""
     plain = {"planning": {"preset": "paper", "reserve": 0, "visits": "edges", "t_series": 3}}
-    assert validate_scenario(plain).planning.overrides == []
+    plain["vehicle"] = {"pitch_max": "none"}
+    assert validate_scenario(plain).overrides == []

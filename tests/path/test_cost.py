@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import auvplan as ap
+from auvplan.motion import Motion
 from auvplan.path import VIOLATIONS, habitats
 from auvplan.path import cost as kernel
 from auvplan.path.bspline import basis_at
@@ -41,6 +42,18 @@ def naive_between(first, last, gap):
     if 0 < meet < gap:
         return min(np.sqrt(first**2 - meet**2), first, last)
     return min(first, last)
+
+
+def naive_steepness(down, sinking, vehicle):
+    """Excess of pitch, climb and dive from the vertical speeds of vehicle and water over ground."""
+    found = [0.0, 0.0, 0.0]
+    if vehicle.pitch_max is not None:
+        pitch = np.arcsin(np.clip((down - sinking) / vehicle.speed, -1, 1))
+        found[0] = max(abs(np.sin(pitch)) / np.sin(vehicle.pitch_max) - 1, 0)
+    for k, (speed, limit) in enumerate(((-down, vehicle.climb_rate_max), (down, vehicle.dive_rate_max)), 1):
+        if limit is not None:
+            found[k] = max(speed / limit - 1, 0)
+    return found
 
 
 def naive_flight(habitat, env, vehicle, depart, config):
@@ -86,6 +99,7 @@ def naive_flight(habitat, env, vehicle, depart, config):
                 max(config.obstacle_margin - clear, 0) / CLEARANCE_SCALE,
                 max(0.05 - raw / vehicle.speed, 0),
                 0.0,
+                *naive_steepness(step[2] / lasts, water[2], vehicle),
             ]
         )
         t, last = t + lasts, (yaw, lasts)
@@ -94,10 +108,17 @@ def naive_flight(habitat, env, vehicle, depart, config):
 
 
 @pytest.mark.usefixtures("x64")
-@pytest.mark.parametrize(("chart", "obstacles"), [(True, True), (False, False)])
-def test_kernel_matches_naive_twin(chart, obstacles):
+@pytest.mark.parametrize(
+    ("chart", "obstacles", "vertical"),
+    [
+        (True, True, {"pitch_max": 0.03, "climb_rate_max": 0.01, "dive_rate_max": 0.1}),
+        (False, False, {"pitch_max": None}),
+        (False, False, {"pitch_max": None, "dive_rate_max": 0.1}),
+    ],
+)
+def test_kernel_matches_naive_twin(chart, obstacles, vertical):
     env = resolved(world(chart, obstacles))
-    vehicle = ap.Vehicle(surge_max=3.0, sway_max=0.5, turn_rate_max=0.005)
+    vehicle = ap.Vehicle(surge_max=3.0, sway_max=0.5, turn_rate_max=0.005, **vertical)
     habitats_ = population(4, env)
     trajectory = evaluate(curves(habitats_, START, GOAL, CONFIG), 100.0, env, vehicle, CONFIG)
     for p in range(4):
@@ -108,6 +129,86 @@ def test_kernel_matches_naive_twin(chart, obstacles):
         np.testing.assert_allclose(trajectory.times[:, p], times, rtol=1e-7)
         # float32 chart and 1e-8 guards
         np.testing.assert_allclose(np.stack(trajectory.excess)[:, :, p], excess, rtol=1e-5, atol=1e-4)
+    broken = np.asarray(violations(trajectory)).any(axis=1)[-3:]
+    assert list(broken) == [
+        vertical.get(f"{name}_max") is not None for name in ("pitch", "climb_rate", "dive_rate")
+    ]
+
+
+SLOPE = st.floats(-80.0, 80.0)
+
+
+@given(
+    SLOPE, st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.floats(5.0, 90.0),
+    st.sampled_from(["track", "eq8", "eq11"]),
+)  # fmt: skip
+@settings(deadline=None)
+def test_pitch_is_that_of_the_hull(slope, along, sinking, most, reading):
+    """A straight dive or climb in a current: the limit is on what `Motion` says of the hull."""
+    way = np.array([np.cos(np.radians(slope)), 0.0, np.sin(np.radians(slope))])
+    places = np.linspace(0.0, 800.0, 5)[:, None] * way
+    env = ap.Environment(ap.UniformCurrent(along, 0.0, sinking), None, None, (-1, -1, -900), (900, 1, 900))
+    config, vehicle = CONFIG.replace(speed_reading=reading), ap.Vehicle(pitch_max=np.radians(most))
+    track = Track.through(*(jnp.asarray(axis)[:, None] for axis in places.T))
+    trajectory = evaluate(track, jnp.asarray(0.0), env, vehicle, config)
+    hull = Motion.along(reading, 2.5, np.diff(places, axis=0), np.tile([along, 0.0, sinking], (4, 1)))
+    expected = np.maximum(np.abs(np.sin(hull.pitch)) / np.sin(np.radians(most)) - 1.0, 0.0)
+    found = np.asarray(trajectory.excess[VIOLATIONS.index("pitch")])[:, 0]
+    np.testing.assert_allclose(found, expected, atol=2e-5)
+
+
+@pytest.mark.parametrize("degrees", [10.0, 29.99, 30.0, 30.01, 50.0, 90.0])
+def test_a_straight_dive_is_too_steep_beyond_the_limit_alone(degrees):
+    """In still water the pitch is the slope, and vertical speeds are the sine's share of the speed."""
+    angle = np.radians(degrees)
+    down = np.linspace(0.0, 900.0, 10)[:, None] * np.array([np.cos(angle), 0.0, np.sin(angle)])
+    env = ap.Environment(None, None, None, (-1, -1, -1), (2000, 2000, 2000))
+    rates = {"climb_rate_max": 0.8, "dive_rate_max": 1.0}
+    for places, limit, most in ((down, "dive", 1.0), (down[::-1], "climb", 0.8)):
+        track = Track.through(*(jnp.asarray(axis)[:, None] for axis in places.T))
+        trajectory = evaluate(track, jnp.asarray(0.0), env, ap.Vehicle(**rates), CONFIG)
+        broken = dict(zip(VIOLATIONS, np.asarray(violations(trajectory))[:, 0], strict=True))
+        assert broken.pop("pitch") == pytest.approx(max(np.sin(angle) / 0.5 - 1.0, 0.0), abs=1e-5)
+        assert broken.pop(limit) == pytest.approx(max(2.5 * np.sin(angle) / most - 1.0, 0.0), abs=1e-5)
+        assert not any(broken.values())
+        free = evaluate(track, jnp.asarray(0.0), env, ap.Vehicle(pitch_max=None), CONFIG)
+        assert not violations(free).any()
+
+
+def test_limits_that_a_vehicle_does_not_have_cost_nothing():
+    env, many = resolved(world()), population(6, resolved(world()))
+
+    def run(**limits):
+        vehicle = ap.Vehicle(**limits)
+        compiled = score.lower(many, START, GOAL, 0.0, env, vehicle, CONFIG).compile()
+        return compiled(many, START, GOAL, 0.0, env, vehicle), compiled.cost_analysis()["flops"]
+
+    (free, work), (loose, more) = run(pitch_max=None), run(pitch_max=0.5 * np.pi, dive_rate_max=9.0)
+    np.testing.assert_array_equal(free, loose)
+    assert work < more
+
+
+@pytest.mark.usefixtures("x64")
+@pytest.mark.parametrize("reading", ["track", "eq8", "eq11"])
+def test_slopes_of_limits_in_the_vertical_are_those_of_differences(reading):
+    env = resolved(world(obstacles=False, chart=False))
+    config = CONFIG.replace(speed_reading=reading)
+    habitat = population(3, env, seed=4)[2]
+
+    def broken(habitat, pitch, climb, dive):
+        track = curves(habitat[None], jnp.asarray(START), jnp.asarray(GOAL), config)
+        vehicle = ap.Vehicle(pitch_max=pitch, climb_rate_max=climb, dive_rate_max=dive)
+        return violations(evaluate(track, jnp.asarray(0.0), env, vehicle, config))[-3:, 0].sum()
+
+    at = (habitat, jnp.array(0.02), jnp.array(0.01), jnp.array(0.05))
+    slopes = jax.grad(broken, argnums=(0, 1, 2, 3))(*at)
+    for d in range(0, habitat.size, 5):
+        fd = _difference(lambda v, d=d: broken(habitat.at[d].set(v), *at[1:]), habitat[d], 1e-4)
+        np.testing.assert_allclose(slopes[0][d], fd, rtol=1e-3, atol=1e-6)
+    for arg in (1, 2, 3):
+        fd = _difference(lambda v, a=arg: broken(*(v if k == a else at[k] for k in range(4))), at[arg], 1e-7)
+        np.testing.assert_allclose(slopes[arg], fd, rtol=1e-3)
+        assert fd < 0.0
 
 
 @pytest.mark.parametrize(
@@ -177,7 +278,8 @@ def test_gradients_are_finite_at_awkward_places():
     env = ap.Environment(
         strong, None, ap.Obstacles.static([[0.0, 0.0, 0.0]], [10.0]), (-500, -500, 0), (1500, 500, 0)
     )
-    slope = jax.jit(jax.grad(lambda h: score(h[None], start, goal, 0.0, env, ap.Vehicle(), CONFIG)[0][0]))
+    vehicle = ap.Vehicle(climb_rate_max=1.0, dive_rate_max=1.0)
+    slope = jax.jit(jax.grad(lambda h: score(h[None], start, goal, 0.0, env, vehicle, CONFIG)[0][0]))
     for habitat in (jnp.zeros(3 * CONFIG.control_points), habitats.straight_line(start, goal, CONFIG)):
         assert np.isfinite(slope(habitat)).all()
 
@@ -330,6 +432,7 @@ def test_obstacle_counts_at_the_time_of_arrival():
         ("sway", (0.0, 1.8, 0.0), 1.8 / 1.5 - 1.0),
         ("sway", (0.0, 1.504, 0.0), 0.0),  # a quarter of a per cent is let pass
         ("surge", (2.0, 0.0, 0.0), 4.5 / 4.0 - 1.0),
+        ("pitch", (0.0, 0.0, 1.4), 1.4 / 1.25 - 1.0),  # a level way, and the nose up against a downdraught
     ],
 )
 def test_a_jet_that_all_middles_miss_is_seen_when_the_path_is_judged(limit, jet, excess):

@@ -127,7 +127,7 @@ def test_profile_is_as_quick_as_a_plain_programme_finds():
 def test_a_path_in_two_layers_is_as_quick_as_the_best_profile():
     """Of the vertical plane: down at once, along below the interface, up at the end."""
     env = sea()
-    vehicle = ap.Vehicle(SPEED, surge_max=50.0, sway_max=50.0)
+    vehicle = ap.Vehicle(SPEED, surge_max=50.0, sway_max=50.0, pitch_max=None)
     plan = ap.plan_path(
         (0, 0, 10), (WAY, 0, 10), env, vehicle, key=jax.random.key(0), config=ap.PathConfig.quick()
     )

@@ -109,6 +109,27 @@ def test_turn_rate():
     assert plan.reason.startswith(f"turn rate {rate:.1f} deg/s over 4.0 at km 4.0 of 4.1, at ")
 
 
+DIVE = along([[0.0, 0.0, 30.0], [2000.0, 0.0, 30.0], [2100.0, 0.0, 130.0], [4100.0, 0.0, 130.0]], 21)
+
+
+def test_pitch():
+    plan = followed(DIVE)
+    assert plan.status is ap.PathStatus.PITCH
+    assert plan.reason.startswith("dives at 45.0 deg, limit 30.0 at km 2.0 of 4.1, at 80")
+    assert plan.reason.endswith(ap.PathStatus.PITCH.value)
+    assert followed(DIVE[::-1]).reason.startswith("climbs at 45.0 deg, limit 30.0 at km 2.0 of 4.1, at ")
+    close = ap.Vehicle(turn_rate_max=100.0, pitch_max=np.radians(44.96))
+    assert followed(DIVE, vehicle=close).reason.startswith("dives at 45.00 deg, limit 44.96 at ")
+
+
+def test_vertical_speeds():
+    plan = followed(DIVE, vehicle=ap.Vehicle(pitch_max=None, climb_rate_max=0.5, dive_rate_max=1.0))
+    assert plan.broken() == ("dive",)
+    assert plan.reason.startswith(f"dives at {2.5 * np.sqrt(0.5):.1f} m/s, limit 1.0 at km 2.0 of 4.1, at ")
+    up = followed(DIVE[::-1], vehicle=ap.Vehicle(pitch_max=None, climb_rate_max=0.5))
+    assert up.reason.startswith("climbs at 1.8 m/s, limit 0.5 at ")
+
+
 def test_coast():
     water = np.ones((500, 300), bool)
     water[200:210, 53:] = False  # 30 m east of the line, from 1.5 to 1.6 km north
