@@ -52,8 +52,8 @@ class Score:
         feasible: whether it keeps clear of everything, keeps the vehicle's limits and makes way everywhere.
         clearance: m beyond the margins, the least on the way; negative where something is too near.
         length: m.
-        excess: greatest share by which ground speed, current across the track or turn rate exceed their
-            limits; negative where all are kept.
+        excess: greatest share by which ground speed, current across the track, turn rate or pitch exceed
+            their limits, the last as speed up or down through the water; negative where all are kept.
     """
 
     travel_time: float
@@ -284,11 +284,19 @@ def evaluate(problem: PathProblem, positions: ArrayLike, world: World | None = N
             (pieces.ground, vehicle.surge_max),
             (pieces.across, vehicle.sway_max),
             (turn, vehicle.turn_rate_max),
+            (pieces.upright, upright_max(problem)),
         )
     )
     feasible = pieces.held and joined and clearance > -world.tolerance and excess <= LIMIT_TOLERANCE
     travel_time = float(pieces.duration.sum()) if pieces.held else np.inf
     return Score(travel_time, bool(feasible), clearance, float(gaps.sum()), excess)
+
+
+def upright_max(problem: PathProblem) -> float:
+    """Return the greatest speed up or down through the water that the limit on pitch leaves, m/s."""
+    pitch: Any = getattr(problem.vehicle, "pitch_max", problem.pitch_max)
+    speed = float(problem.vehicle.speed)  # type: ignore[arg-type]
+    return np.inf if pitch is None else speed * float(np.sin(pitch))
 
 
 def _turns(way: Array) -> Array:
@@ -307,12 +315,14 @@ class _Pieces:
         duration: [K] s.
         ground: [K] m/s, speed over ground.
         across: [K] m/s, current across the track.
+        upright: [K] m/s, speed up or down through the water.
         held: whether the vehicle makes way on every one.
     """
 
     duration: Array
     ground: Array
     across: Array
+    upright: Array
     held: bool
 
 
@@ -327,7 +337,8 @@ def _traversed(problem: PathProblem, middle: Array, heading: Array, length: Arra
     """
     speed, current = float(problem.vehicle.speed), problem.environment.current  # type: ignore[arg-type]
     x, y, z = middle.T
-    found = _Pieces(length / speed, np.full_like(length, speed), np.zeros_like(length), True)
+    still = np.zeros_like(length)
+    found = _Pieces(length / speed, np.full_like(length, speed), still, still, True)
     for _ in range(1 if is_steady(current) else _SWEEPS):
         last = found.duration
         when = problem.depart + np.cumsum(last) - 0.5 * last
@@ -336,7 +347,8 @@ def _traversed(problem: PathProblem, middle: Array, heading: Array, length: Arra
         across = np.linalg.norm(water - along[:, None] * heading, axis=1)
         ground = along + np.sqrt(np.maximum(speed**2 - across**2, 0.0))
         held = bool((across <= speed).all() and (ground > 0.0).all())
-        found = _Pieces(length / np.maximum(ground, 1e-3 * speed), ground, across, held)
+        upright = np.abs(ground * heading[:, 2] - water[:, 2])
+        found = _Pieces(length / np.maximum(ground, 1e-3 * speed), ground, across, upright, held)
         if np.abs(found.duration - last).sum() < 1e-9 * last.sum():
             break
     return found

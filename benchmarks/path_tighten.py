@@ -7,7 +7,7 @@ was found, half as wide where that gains nothing.
 """
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numba import njit
@@ -17,7 +17,7 @@ from auvplan.vehicle import SPEED_FLOOR
 from benchmarks.path_grid import packed, strikes, tabulated
 from benchmarks.path_polish import Polished, spread
 from benchmarks.path_problems import PathProblem
-from benchmarks.path_ruler import World, evaluate, velocity_at
+from benchmarks.path_ruler import World, evaluate, upright_max, velocity_at
 from benchmarks.water_problems import TidalCurrent
 
 Array = NDArray[np.floating]
@@ -197,9 +197,8 @@ def limits_of(problem: PathProblem, slack: float) -> tuple[float, float, float, 
         float(limit)  # type: ignore[arg-type]
         for limit in (vehicle.speed, vehicle.surge_max, vehicle.sway_max)
     )
-    pitch: Any = getattr(vehicle, "pitch_max", problem.pitch_max)
-    upright = np.inf if pitch is None else (1.0 - slack) * speed * float(np.sin(pitch))
-    return speed, (1.0 - slack) * surge_max, min((1.0 - slack) * sway_max, 0.999 * speed), upright
+    share = 1.0 - slack
+    return speed, share * surge_max, min(share * sway_max, 0.999 * speed), share * upright_max(problem)
 
 
 @njit(cache=True)

@@ -10,9 +10,9 @@ from benchmarks.path_ruler import evaluate
 START, GOAL, SPEED = (0.0, 500.0, 20.0), (1000.0, 500.0, 20.0), 2.0
 
 
-def deep(current=None, obstacles=None, seabed=None):
+def deep(current=None, obstacles=None, seabed=None, **limits):
     env = ap.Environment(current, None, obstacles, (-100, 0, 0), (1100, 1000, 200), seabed)
-    return PathProblem("own", "own", env, START, GOAL, unlimited_vehicle(SPEED))
+    return PathProblem("own", "own", env, START, GOAL, unlimited_vehicle(SPEED), **limits)
 
 
 def dive(depth, reach=100.0):
@@ -51,3 +51,19 @@ def test_paths_keep_above_the_sea_bed_and_in_the_box():
         assert score.feasible == feasible
         assert min(score.clearance, 0.0) == pytest.approx(min(95.0 - depth, 0.0), abs=1e-3)
     assert not evaluate(deep(), dive(-1.0)).feasible
+
+
+@pytest.mark.parametrize("up", [-0.2, 0.0, 0.2])
+def test_pitch_is_judged_through_the_water(up):
+    """A climb against water that sinks needs more pitch than its slope, one that rises less."""
+    problem = deep(lambda x, y, z, t: (0.0, 0.0, -up))
+    score = evaluate(problem, dive(120.0))
+    # Both ramps are at 45 degrees; the one that the water is against needs most.
+    along, across = np.array([-up, up]) / np.sqrt(2.0), abs(up) / np.sqrt(2.0)
+    ground = along + np.sqrt(SPEED**2 - across**2)
+    pitch = np.arcsin(np.abs(ground * np.sqrt(0.5) + np.array([up, -up])).max() / SPEED)
+    for share, kept in ((0.95, False), (1.05, True)):
+        assert (
+            evaluate(deep(problem.environment.current, pitch_max=share * pitch), dive(120.0)).feasible == kept
+        )
+    assert score.feasible
