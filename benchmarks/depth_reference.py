@@ -34,8 +34,11 @@ WAYS, _SLOWER = 4, 0.04
 #: Segments of a tightened path, and of the best one in the end.
 _SEGMENTS, _FINEST = 96, 224
 
-#: Stations and levels of the vertical plane; stations that a move passes; its slope at most.
-_STATIONS, _LEVELS, _PASSED, _STEEPEST = 240, 161, np.array([1, 2, 3, 5, 8]), 4.0
+#: Stations of the vertical plane between start and goal, those beyond either, and levels.
+_STATIONS, _BEYOND, _LEVELS = 240, 6, 161
+
+#: Stations that a move passes, and its slope at most, but for upright ones.
+_PASSED, _STEEPEST = np.array([1, 2, 3, 5, 8]), 6.0
 
 #: Share of the vehicle's speed, and of the leg, by which a plane may differ beside it and still be one.
 _ALIKE = 1e-3
@@ -94,7 +97,7 @@ def vertical(problem: PathProblem, world: World) -> Polished | None:
     current = problem.environment.current
     factor = current.factor if isinstance(current, TidalCurrent) else lambda t: np.ones_like(t)
     current = current.current if isinstance(current, TidalCurrent) else current
-    arc = np.linspace(0.0, length, _STATIONS + 1)
+    arc = length / _STATIONS * np.arange(-_BEYOND, _STATIONS + _BEYOND + 1)
     levels = np.linspace(world.low[2], world.high[2], _LEVELS)
     speed, _, _, upright_max = limits_of(problem, 0.0)
     a, z = np.meshgrid(arc, levels, indexing="ij")
@@ -116,9 +119,11 @@ def vertical(problem: PathProblem, world: World) -> Polished | None:
     ends = [int(np.argmin(np.abs(levels - end[2]))) for end in (goal, start)]
     for level, end in zip(ends, (goal, start), strict=True):
         levels[level] = end[2]
+    both = (_BEYOND, ends[1]), (_BEYOND + _STATIONS, ends[0])
+    rounds = 2 if np.isinf(upright_max) else 1
     chain = _plane(
-        arc, levels, tables[0], beds[0], factor(problem.depart + moments), moments[1], speed, upright_max,
-        ends[1], ends[0], _PASSED, _STEEPEST,
+        arc, levels, tables[0], beds[0], factor(problem.depart + moments), moments[1], speed, upright_max, both,
+        _PASSED, _STEEPEST, rounds,
     )  # fmt: skip
     if not len(chain):
         return None
@@ -130,57 +135,82 @@ def vertical(problem: PathProblem, world: World) -> Polished | None:
 
 
 @njit(cache=True)
-def _plane(arc, levels, ahead, bed, tide, moment, speed, upright_max, first, last, passed, steepest):
-    """Nodes of the quickest way from station to station, the last first; none where there is no way."""
+def _plane(arc, levels, ahead, bed, tide, moment, speed, upright_max, ends, passed, steepest, rounds):
+    """Nodes of the quickest way from station to station, the last first; none where there is no way.
+
+    Stations are taken in their order, and where a dive may be steeper than upright in the opposite one too.
+    """
     stations, count = len(arc), len(levels)
     times = np.full((stations, count), np.inf)
     before = np.full(stations * count, -1)
-    times[0, first] = 0.0
-    for i in range(1, stations):
-        for step in passed:
-            if step > i:
-                continue
-            h = i - step
-            level = arc[i] - arc[h]
-            for k in range(count):
-                for j in range(count):
-                    begin = times[h, j]
-                    if begin >= times[i, k]:
+    (first, shallow), (last, deep) = ends
+    times[first, shallow] = 0.0
+    sea = ahead, bed, tide, moment, speed, upright_max
+    fastest = speed + np.abs(ahead).max() * np.abs(tide).max()
+    for turn in range(2 * rounds - 1):
+        for order in range(stations):
+            i = order if turn % 2 == 0 else stations - 1 - order
+            for passing in range(len(passed) if turn % 2 == 0 else 2):
+                h = i - passed[passing] if turn % 2 == 0 else i + passed[passing]
+                if h < 0 or h >= stations:
+                    continue
+                level = abs(arc[i] - arc[h])
+                for k in range(count):
+                    if levels[k] > bed[i]:
                         continue
-                    down = levels[k] - levels[j]
-                    if abs(down) > steepest * level:
-                        continue
-                    length = np.sqrt(level * level + down * down)
-                    cos, sin = level / length, down / length
-                    parts = max(2, step)
-                    if abs(k - j) > 4:
-                        parts = max(parts, 6)
-                    now, held = begin, True
-                    for part in range(parts):
-                        share = (part + 0.5) / parts
-                        x, z = h + share * step, j + share * (k - j)
-                        x0, z0 = min(int(x), stations - 2), min(int(z), count - 2)
-                        p, q = x - x0, z - z0
-                        low = (1.0 - p) * bed[x0] + p * bed[x0 + 1]
-                        if levels[j] + share * down > low:
-                            held = False
-                            break
-                        c = (1.0 - p) * ((1.0 - q) * ahead[x0, z0] + q * ahead[x0, z0 + 1])
-                        c += p * ((1.0 - q) * ahead[x0 + 1, z0] + q * ahead[x0 + 1, z0 + 1])
-                        c *= tide[min(int(now / moment), len(tide) - 1)]
-                        ground = c * cos + np.sqrt(speed * speed - c * c * sin * sin)
-                        if ground <= 0.0 or abs(ground * sin) > upright_max:
-                            held = False
-                            break
-                        now += length / parts / ground
-                    if held and levels[k] <= bed[i] and now < times[i, k]:
+                    for j in range(count):
+                        down = levels[k] - levels[j]
+                        if abs(down) > steepest * level or (turn % 2 == 1 and abs(down) < level):
+                            continue
+                        least = times[h, j] + np.sqrt(level * level + down * down) / fastest
+                        if least >= times[i, k]:
+                            continue
+                        now = _passed(h, j, i, k, times[h, j], arc, levels, sea)
+                        if now < times[i, k]:
+                            times[i, k] = now
+                            before[i * count + k] = h * count + j
+            # Upright, level by level: down, then up.
+            for step in range(2 * count - 2):
+                j = step if step < count - 1 else 2 * count - 2 - step
+                k = j + 1 if step < count - 1 else j - 1
+                if times[i, j] < times[i, k] and levels[k] <= bed[i]:
+                    now = _passed(i, j, i, k, times[i, j], arc, levels, sea)
+                    if now < times[i, k]:
                         times[i, k] = now
-                        before[i * count + k] = h * count + j
+                        before[i * count + k] = i * count + j
     chain = [int(x) for x in range(0)]
-    if not np.isfinite(times[-1, last]):
+    if not np.isfinite(times[last, deep]):
         return chain
-    node = (stations - 1) * count + last
+    node = last * count + deep
     while node >= 0:
         chain.append(node)
         node = before[node]
     return chain
+
+
+@njit(cache=True)
+def _passed(h, j, i, k, begin, arc, levels, sea):
+    """s of arrival at station i and level k of a straight move from h and j; infinite if impossible."""
+    ahead, bed, tide, moment, speed, upright_max = sea
+    level, down = arc[i] - arc[h], levels[k] - levels[j]
+    length = np.sqrt(level * level + down * down)
+    cos, sin = level / length, down / length
+    parts = max(2, abs(i - h))
+    if abs(k - j) > 4:
+        parts = max(parts, 6)
+    now = begin
+    for part in range(parts):
+        share = (part + 0.5) / parts
+        x, z = h + share * (i - h), j + share * (k - j)
+        x0, z0 = min(int(x), len(arc) - 2), min(int(z), len(levels) - 2)
+        p, q = x - x0, z - z0
+        if levels[j] + share * down > (1.0 - p) * bed[x0] + p * bed[x0 + 1]:
+            return np.inf
+        c = (1.0 - p) * ((1.0 - q) * ahead[x0, z0] + q * ahead[x0, z0 + 1])
+        c += p * ((1.0 - q) * ahead[x0 + 1, z0] + q * ahead[x0 + 1, z0 + 1])
+        c *= tide[min(int(now / moment), len(tide) - 1)]
+        ground = c * cos + np.sqrt(speed * speed - c * c * sin * sin)
+        if ground <= 0.0 or abs(ground * sin) > upright_max:
+            return np.inf
+        now += length / parts / ground
+    return now
