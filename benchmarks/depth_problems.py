@@ -225,7 +225,8 @@ def depth_problem(family: str, seed: int) -> PathProblem:
         if drawn is None:
             continue
         pitch = PITCH if seed % 2 == 0 else None
-        problem = replace(drawn, name=f"{family}-{seed}", family=family, pitch_max=pitch)
+        vehicle = replace(drawn.vehicle, pitch_max=pitch)
+        problem = replace(drawn, name=f"{family}-{seed}", family=family, vehicle=vehicle)
         if way(problem) is not None:
             return problem
 

@@ -122,8 +122,8 @@ def vertical(problem: PathProblem, world: World) -> Polished | None:
     both = (_BEYOND, ends[1]), (_BEYOND + _STATIONS, ends[0])
     rounds = 2 if np.isinf(upright_max) else 1
     chain = _plane(
-        arc, levels, tables[0], beds[0], factor(problem.depart + moments), moments[1], speed, upright_max, both,
-        _PASSED, _STEEPEST, rounds,
+        arc, levels, tables[0], beds[0], factor(problem.depart + moments), moments[1], speed, upright_max,
+        both, _PASSED, _STEEPEST, rounds,
     )  # fmt: skip
     if not len(chain):
         return None

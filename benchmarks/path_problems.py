@@ -57,7 +57,6 @@ class PathProblem:
         depart: s since the epoch.
         changes: of settings of `PathConfig` that the problem needs.
         best_known: s, least travel time known from elsewhere; None where there is none.
-        pitch_max: rad, limit on the hull's pitch; None for none.
     """
 
     name: str
@@ -69,7 +68,6 @@ class PathProblem:
     depart: float = 0.0
     changes: Mapping[str, Any] = field(default_factory=dict)
     best_known: float | None = None
-    pitch_max: float | None = None
 
     @property
     def distance(self) -> float:

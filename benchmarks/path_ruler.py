@@ -294,9 +294,8 @@ def evaluate(problem: PathProblem, positions: ArrayLike, world: World | None = N
 
 def upright_max(problem: PathProblem) -> float:
     """Return the greatest speed up or down through the water that the limit on pitch leaves, m/s."""
-    pitch: Any = getattr(problem.vehicle, "pitch_max", problem.pitch_max)
-    speed = float(problem.vehicle.speed)  # type: ignore[arg-type]
-    return np.inf if pitch is None else speed * float(np.sin(pitch))
+    vehicle = problem.vehicle
+    return np.inf if vehicle.pitch_max is None else float(vehicle.speed * np.sin(vehicle.pitch_max))  # type: ignore[operator]
 
 
 def _turns(way: Array) -> Array:

@@ -237,7 +237,7 @@ def _planned(problem: PathProblem, preset: str, reference: WaterReference | None
         feasible=score.feasible,
         status=made.status.name,
         seconds=seconds,
-        pitched=problem.pitch_max is not None if problem.family in DEPTH_FAMILIES else None,
+        pitched=problem.vehicle.pitch_max is not None if problem.family in DEPTH_FAMILIES else None,
     )
 
 

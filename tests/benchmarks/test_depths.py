@@ -67,7 +67,7 @@ def test_every_problem_has_a_way_and_water_that_can_be_held(family, seed):
 
 
 def test_every_other_vehicle_has_a_limit_on_pitch():
-    limits = [problem.pitch_max for problem in (drawn("shear", seed) for seed in SEEDS)]
+    limits = [problem.vehicle.pitch_max for problem in (drawn("shear", seed) for seed in SEEDS)]
     assert limits == [PITCH, None]
 
 

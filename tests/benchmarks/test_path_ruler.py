@@ -1,5 +1,7 @@
 """The ruler in depth: closed forms of climbs, spheres and the sea bed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,9 +12,10 @@ from benchmarks.path_ruler import evaluate
 START, GOAL, SPEED = (0.0, 500.0, 20.0), (1000.0, 500.0, 20.0), 2.0
 
 
-def deep(current=None, obstacles=None, seabed=None, **limits):
+def deep(current=None, obstacles=None, seabed=None, pitch_max=None):
     env = ap.Environment(current, None, obstacles, (-100, 0, 0), (1100, 1000, 200), seabed)
-    return PathProblem("own", "own", env, START, GOAL, unlimited_vehicle(SPEED), **limits)
+    vehicle = replace(unlimited_vehicle(SPEED), pitch_max=pitch_max)
+    return PathProblem("own", "own", env, START, GOAL, vehicle)
 
 
 def dive(depth, reach=100.0):
