@@ -17,9 +17,12 @@ from dataclasses import dataclass
 from datetime import datetime
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import shapely
+import xarray as xr
 import yaml
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
@@ -31,6 +34,7 @@ from auvplan.export import export, itinerary_of
 from auvplan.export.sheet import sheet_of
 from auvplan.io import save_run
 from auvplan.io.check import check_run
+from auvplan.io.restore import restore_run
 from auvplan.mission.travel_times import TURN_TO
 from auvplan.ocean.currents import evaluated
 from auvplan.records import MissionRun
@@ -41,6 +45,8 @@ from benchmarks.machine import machine
 #: Off Hobart, in Storm Bay.
 SITE = Site(147.55, -43.12)
 HALF, SPEED, COAST = 4000.0, 1.5, 20.0
+#: MAVLink's command of a waypoint, and m within which a waypoint in a file is that of the plan.
+NAV_WAYPOINT, PLACE = 16, 0.05
 #: Degrees, m/s east and north, and Greenwich phases of the tide.
 TIDE = {"M2": (0.12, 0.22, 40.0), "K1": (0.03, 0.06, 100.0)}
 Array = NDArray[np.floating]
@@ -245,6 +251,68 @@ def optimum(case: Case, stream: Callable[[float], Array]) -> tuple[float, float]
     return best
 
 
+def waypoints_in_files(folder: Path, site: Site) -> dict[str, Array]:
+    """Waypoints as the vehicle's files of a plan have them, by format.
+
+    Returns:
+        [n, 5] each: m north, east and deep, s since the departure, s of the task; NaN for what is not told.
+    """
+
+    def row(longitude: Any, latitude: Any, depth: Any, time: str | None, hold: Any = np.nan) -> list[float]:
+        north, east = site.to_local(float(longitude), float(latitude))
+        seconds = np.nan
+        if time and site.epoch is not None:
+            seconds = (datetime.fromisoformat(time) - site.epoch).total_seconds()
+        return [float(north), float(east), float(depth), seconds, float(hold)]
+
+    with (folder / "itinerary.csv").open(newline="") as file:
+        table = [
+            row(*(each[name] for name in ("lon", "lat", "depth", "time", "hold")))
+            for each in csv.DictReader(file)
+        ]
+    features = json.loads((folder / "itinerary.geojson").read_text())["features"]
+    points = [each for each in features if each["properties"]["kind"] == "waypoint"]
+    collection = [
+        row(
+            *each["geometry"]["coordinates"][:2],
+            each["properties"]["depth_m"],
+            each["properties"]["time"],
+            each["properties"]["hold_s"],
+        )
+        for each in points
+    ]
+    route = [
+        row(
+            each.get("lon"), each.get("lat"), -float(each.findtext("{*}ele", "nan")), each.findtext("{*}time")
+        )
+        for each in ElementTree.parse(folder / "itinerary.gpx").iterfind(".//{*}rtept")
+    ]
+    items = json.loads((folder / "itinerary.plan").read_text())["mission"]["items"]
+    plan = [
+        row(item["params"][5], item["params"][4], -item["params"][6], None, item["params"][0])
+        for item in items
+        if item["command"] == NAV_WAYPOINT
+    ]
+    tracks = []
+    for track in ElementTree.parse(folder / "itinerary.kml").iterfind(".//{*}Track"):
+        longitude, latitude, height = track.findall("{*}coord")[-1].text.split()
+        tracks.append(row(longitude, latitude, -float(height), track.findall("{*}when")[-1].text))
+    with xr.open_dataset(folder / "itinerary.nc") as data:
+        ends = data["row_size"].values.cumsum() - 1
+        moments = np.datetime_as_string(data["time"].values[ends], unit="ms", timezone="UTC")
+        places = (data[name].values[ends] for name in ("lon", "lat", "depth"))
+        trajectories = [row(*each) for each in zip(*places, moments, strict=True)]
+    found = {
+        "csv": table,
+        "geojson": collection,
+        "gpx": route,
+        "qgc": plan,
+        "kml": tracks,
+        "netcdf": trajectories,
+    }
+    return {name: np.array(rows) for name, rows in found.items()}
+
+
 def disagreements(run: MissionRun, folder: Path) -> list[str]:
     """Say where plan, sheet, page and exports of a plan do not have the same figures.
 
@@ -252,39 +320,66 @@ def disagreements(run: MissionRun, folder: Path) -> list[str]:
         run: the plan.
         folder: that `auvplan plan` wrote it to.
     """
+    assert run.site is not None
     summary = json.loads((folder / "summary.json").read_text())
-    sheet = sheet_of(run).plain()
-    page = run_data(run, summary | {"sheet": sheet})
+    sheet = summary["sheet"]
+    page = run_data(restore_run(folder), summary)
     stops = [stop for stop in sheet["stops"] if stop["task"]]
     done = [task for task in page["tasks"] if task["done"]]
-    with (folder / "itinerary.csv").open(newline="") as file:
-        rows = [row for row in csv.DictReader(file) if float(row["task"])]
-    epoch = run.site.epoch if run.site else None
-    exported = [
-        ((datetime.fromisoformat(row["time"]) - epoch).total_seconds(), float(row["task"])) for row in rows
-    ]
-    ends = [(leg.t_wait + float(leg.times[-1]), leg.priority) for leg in run.earning]
+    legs = run.earning
     found = []
 
     def same(what: str, values: Sequence[float], others: Sequence[float], within: float) -> None:
-        if len(values) != len(others) or not np.allclose(values, others, rtol=0.0, atol=within):
-            found.append(f"{what}: {values} and {others}")
+        if len(values) != len(others) or not np.allclose(
+            values, others, rtol=0.0, atol=within, equal_nan=True
+        ):
+            found.append(f"{what}: {[*map(float, values)]} and {[*map(float, others)]}")
 
-    total = float(sum(leg.priority for leg in run.earning))
+    total = float(sum(leg.priority for leg in legs))
     for name, other in (("summary", summary), ("page", page["figures"])):
-        same(f"priority, {name}", [total], [other["total_priority"]], 1e-9)
-        same(f"tasks, {name}", [len(ends)], [other["tasks"]], 0.0)
+        same(f"priority, {name}", [total], [other["total_priority"]], 1e-6)
+        same(f"tasks, {name}", [len(legs)], [other["tasks"]], 0.0)
         same(f"time, {name}", [run.t_mission], [other["t_mission"]], 0.01)
-    for name, others in (
-        ("sheet", [(stop["arrival"], stop["priority"]) for stop in stops]),
-        ("page", [(task["at"], task["priority"]) for task in done]),
-        ("export", exported),
-    ):
-        # A vehicle's file has straight lines between its waypoints, which are some seconds shorter.
-        slack = 5.0 if name == "export" else 1.0
-        same(f"arrivals, {name}", [end for end, _ in ends], [end for end, _ in others], slack)
-        same(f"priorities, {name}", [rho for _, rho in ends], [rho for _, rho in others], 1e-6)
-    names = sorted(run.names[leg.goal] for leg in run.earning)
+    arrivals = [float(leg.times[-1]) for leg in legs]
+    ends = [leg.t_wait + arrival for leg, arrival in zip(legs, arrivals, strict=True)]
+    holds = [leg.t_wait + leg.t_task for leg in legs]
+    places = np.array([run.graph.positions[leg.goal] for leg in legs])
+    rho = [leg.priority for leg in legs]
+    same("arrivals, sheet", ends, [stop["arrival"] for stop in stops], 0.01)
+    same("arrivals, page", ends, [task["at"] for task in done], 0.01)
+    same("priorities, sheet", rho, [stop["priority"] for stop in stops], 1e-6)
+    same("priorities, page", rho, [task["priority"] for task in done], 1e-6)
+    same("holds, sheet", holds, [stop["wait"] + stop["hold"] for stop in stops], 0.01)
+    same("depths, sheet", places[:, 2], [stop["depth"] for stop in stops], 0.01)
+    for axis, values in enumerate(run.site.to_geographic(*places[:, :2].T)):
+        same(f"axis {axis} of places, sheet", values, [stop["place"][axis] for stop in stops], 1e-6)
+    onward = [leg.t_hold for leg in run.done[1:]] + [0.0]
+    stays = [
+        hold + more for hold, more in zip([leg.t_wait + leg.t_task for leg in run.done], onward, strict=True)
+    ]
+    goals = [run.graph.positions[leg.goal] for leg in run.done]
+    expected = np.column_stack([goals, [leg.times[-1] for leg in run.done], stays])
+    for name, rows in waypoints_in_files(folder, run.site).items():
+        at = -1
+        for leg in expected:
+            near = np.linalg.norm(rows[at + 1 :, :3] - leg[:3], axis=1) < PLACE
+            if not near.any():
+                found.append(f"{name}: no waypoint at {leg[:3].tolist()}")
+                break
+            at += 1 + int(np.argmax(near))
+            told = ~np.isnan(rows[at])
+            same(
+                f"{name}, time and task at {leg[:3].tolist()}",
+                leg[3:][told[3:]],
+                rows[at, 3:][told[3:]],
+                0.06,
+            )
+    limits = {row["name"]: row["least"] for row in page["limits"]}
+    for name in ("coast", "closed", "obstacle"):
+        least = [stop[name] for stop in sheet["stops"] if stop[name] is not None]
+        if least or limits[name] is not None:
+            same(f"least distance, {name}", [min(least, default=np.nan)], [limits[name]], 0.01)
+    names = sorted(run.names[leg.goal] for leg in legs)
     left = sorted(job["name"] for job in sheet["left_out"])
     if sorted(stop["task"] for stop in stops) != names or sorted(names + left) != sorted(
         name for name in run.names[1:-1] if not name.startswith("(via")

@@ -155,10 +155,13 @@ def execute_missions(
             active = [mission for mission in active if not mission.ended]
 
 
-def path_config(scenario: Scenario) -> PathConfig:
+def path_config(scenario: Scenario, ahead: bool = False) -> PathConfig:
     """Return the path planner's settings under the scenario's preset and effort.
 
-    Legs are planned without `PathConfig.finer`, whose program would be compiled under way.
+    Args:
+        scenario: settings.
+        ahead: whether all is planned before the departure. Legs under way are planned without
+            `PathConfig.finer`, whose program would be compiled while the vehicle waits.
     """
     planning = scenario.planning.resolved
     efforts = {"quick": PathConfig.quick, "full": PathConfig, "plain": PathConfig.plain}
@@ -167,7 +170,8 @@ def path_config(scenario: Scenario) -> PathConfig:
     config = config.replace(**{name: value for name, value in given.items() if value is not None})
     safety = scenario.safety
     margins = {"coast_margin": safety.coast, "obstacle_margin": safety.obstacles}
-    return config.replace(t_series=planning.t_series, finer=1, **margins)
+    finer = config.finer if ahead and config.refine_steps else 1
+    return config.replace(t_series=planning.t_series, finer=finer, **margins)
 
 
 def mission_configs(scenario: Scenario) -> tuple[MissionConfig, MissionConfig]:
@@ -193,9 +197,14 @@ def mission_configs(scenario: Scenario) -> tuple[MissionConfig, MissionConfig]:
 
 
 def make_context(
-    scenario: Scenario, folder: str | Path | None = None, area: OperatingArea | None = None
+    scenario: Scenario,
+    folder: str | Path | None = None,
+    area: OperatingArea | None = None,
+    ahead: bool = False,
 ) -> SimulationContext:
     """Gather the operating area, the vehicle and the planners' settings of a scenario.
+
+    All is planned `ahead` of the departure or under way, see `path_config`.
 
     Raises:
         ScenarioError, ChartError, GeoError, CurrentError: the scenario cannot be built.
@@ -206,7 +215,7 @@ def make_context(
     home = scenario.folder if folder is None else str(folder)
     return SimulationContext(
         scenario,
-        path_config(scenario),
+        path_config(scenario, ahead),
         mission_configs(scenario),
         make_vehicle(scenario),
         load_area(scenario, home) if area is None else area,

@@ -116,18 +116,23 @@ def load_area_at(scenario: Scenario, departs: ArrayLike, folder: str | Path | No
 
 
 def planning_context(
-    scenario: Scenario, folder: str | Path | None, area: OperatingArea, depart: float | None = None
+    scenario: Scenario,
+    folder: str | Path | None,
+    area: OperatingArea,
+    depart: float | None = None,
+    ahead: bool = True,
 ) -> SimulationContext:
     """Return what plans count on, nothing simulated or timed.
 
-    Of the sea no more than one from `depart` meets.
+    Of the sea no more than one from `depart` meets. Plans that are all made `ahead` of the departure polish
+    winding paths with more control points.
     """
     if area.forecast is not None and depart is not None:
         forecast = area.forecast.window(depart, depart + scenario.mission.time_available)
         area = replace(area, forecast=forecast, truth=forecast)
     # Planning is done before the departure: it costs the mission no time.
     planning = scenario.planning.model_copy(update={"charge_compute": False})
-    context = make_context(scenario.model_copy(update={"planning": planning}), folder, area)
+    context = make_context(scenario.model_copy(update={"planning": planning}), folder, area, ahead)
     context.simulated, context.clock = False, Untimed()
     return context
 

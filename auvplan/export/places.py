@@ -28,7 +28,8 @@ class Waypoint:
         name: of the mission's waypoint; of those between, the leg and their number on it.
         position: [3] m, north, east, depth.
         longitude, latitude: degrees.
-        seconds: since the epoch, arrival.
+        seconds: since the epoch, when the planned path is there, as on the mission sheet. Straight lines take
+            a little more or less; by how much, the leg's note says.
         hold: s, of the task there; 0 where there is none.
         priority: of that task.
         ends_leg: whether the leg ends there.
@@ -85,7 +86,7 @@ def waypoints(itinerary: Itinerary) -> list[Waypoint]:
                     place,
                     float(longitude[k]),
                     float(latitude[k]),
-                    float(leg.kept_times[k]),
+                    float(leg.times[leg.kept[k]]),
                     leg.hold if k == last else 0.0,
                     leg.priority if k == last else 0.0,
                     k == last,

@@ -17,6 +17,9 @@ Array = NDArray[np.floating]
 #: By how much certified distances, m, and speeds, m/s, may seem less for the steps that a line is cut into.
 _BLUR = 0.1, 0.01
 
+#: s by which times may change on any path: a leg between two tasks in one place takes hardly longer.
+_SHORT = 0.1
+
 #: m of a survey line that a straight line may cover less than the part of the path that it stands for.
 _COVERED = 0.1
 
@@ -66,7 +69,7 @@ def thin(
         env: current, coast, obstacles and sea bed; any `Current` will do.
         vehicle: speed and limits.
         depart: s since the epoch.
-        tolerance: share by which the total time may change.
+        tolerance: share by which the total time may change; a tenth of a second it always may.
         margin: m.
         line: part of a survey line that the path follows: the straight lines cover as much of it.
 
@@ -87,6 +90,7 @@ def thin(
         asked[DISTANCES - 1] = float(env.seabed.clearance)
     least = np.minimum(asked, path_room) - np.where(distances, *_BLUR)
     total = path_times[-1] - path_times[0]
+    allowed = max(tolerance * total, _SHORT)
 
     i, j = np.triu_indices(len(places), 1)
     covers = np.ones(len(i), bool) if line is None else _covers(line, places, i, j)
@@ -99,12 +103,13 @@ def thin(
     for chain in _chains(np.abs(change)):
         whole = len(chain) == len(places)
         estimate = abs(change[chain[:-1], chain[1:]].sum())
-        if not whole and estimate > 1.5 * tolerance * total:
+        if not whole and estimate > 1.5 * allowed:
             continue
         arrivals, clear = sea.arrivals(places[chain], start)
-        late = float((arrivals[-1] - arrivals[0]) / total - 1.0)
-        if whole or (abs(late) < tolerance and (clear >= least).all()):
-            return Thinned(chain, places[chain], arrivals, late, float(clear[: DISTANCES - 1].min()))
+        late = float(arrivals[-1] - arrivals[0] - total)
+        if whole or (abs(late) < allowed and (clear >= least).all()):
+            share = late / float(total) if total > _SHORT else 0.0
+            return Thinned(chain, places[chain], arrivals, share, float(clear[: DISTANCES - 1].min()))
     raise AssertionError("the path itself is among the chains")
 
 

@@ -14,6 +14,9 @@ Array = NDArray[np.floating]
 #: Share of the speed through the water below which a leg counts as slow over ground.
 SLOW = 0.5
 
+#: m, lines shorter than this lead from one task to another in the same place.
+_NO_WAY = 0.5
+
 #: Degrees, steepest dive of common vehicles.
 STEEPEST = 30.0
 
@@ -22,9 +25,13 @@ _HAIR = 0.05
 
 
 def ground_share(leg: "PlannedLeg", speed: float) -> float:
-    """Return the least share of a speed, m/s, that a leg's straight lines are planned to make over ground."""
+    """Return the least share of a speed, m/s, that a leg's straight lines are planned to make over ground.
+
+    A leg that leads nowhere has 1.
+    """
     gaps = np.linalg.norm(np.diff(leg.waypoints, axis=0), axis=1)
-    return float((gaps / np.maximum(np.diff(leg.kept_times), 1e-9)).min() / speed)
+    shares = gaps / np.maximum(np.diff(leg.kept_times), 1e-9) / speed
+    return float(shares[gaps > _NO_WAY].min()) if (gaps > _NO_WAY).any() else 1.0
 
 
 def track_notes(

@@ -129,7 +129,7 @@ class RollingPlan:
         """
         known = load_area_at(scenario, [0.0], folder) if area is None else area
         self._fingerprint = scenario.fingerprint
-        self._context = planning_context(scenario, folder, known, 0.0)
+        self._context = planning_context(scenario, folder, known, 0.0, ahead=False)
         (self._first,) = leaving(self._context, seed_keys([seed])[0], [0.0], seed)
         self._first.sea = CorrectedSea(self._first.sea.forecast())
         self.reason, self._stop, self._task = "", 0.0, 0.0

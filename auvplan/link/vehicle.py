@@ -88,7 +88,7 @@ class Step:
         position: [3] m north, east, depth.
         hold: s that it stays.
         ends_leg: whether the leg, and with it its task, is done after it.
-        time: s since the epoch, planned arrival.
+        time: s since the epoch, planned arrival along straight lines.
         name: of the waypoint.
         left: [3] m, where the straight line to it begins; its own place where it is the first.
         left_at: s since the epoch, when that is left.
@@ -132,7 +132,8 @@ class Upload:
                 begun = left, float(leg.kept_times[before])
                 if not steps and self.origin is not None:
                     begun = self.origin
-                steps.append(Step(leg.number, place, row.hold, row.ends_leg, row.seconds, row.name, *begun))
+                time = float(leg.kept_times[k])
+                steps.append(Step(leg.number, place, row.hold, row.ends_leg, time, row.name, *begun))
         object.__setattr__(self, "steps", tuple(steps))
 
     @property

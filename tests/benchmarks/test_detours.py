@@ -17,6 +17,7 @@ def test_an_area_in_open_water_leaves_the_tour_of_all_jobs(tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*lie in the same place:auvplan.errors.ScenarioWarning")
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_plans_among_areas_and_islands_are_as_good_as_exhaustive_search(seed, tmp_path):
     row = detours.planned(detours.drawn(seed), seed, tmp_path)

@@ -26,7 +26,7 @@ def planning(**settings) -> Scenario:
     return scenario(planning=SMALL["planning"] | settings)
 
 
-def light_config(settings: Scenario) -> PathConfig:
+def light_config(settings: Scenario, ahead: bool = False) -> PathConfig:
     """Settings of a small path search: what is tested with it does not depend on the search's depth."""
     config = path_config(settings)
     bbo = config.bbo.replace(population=24, iterations=24)

@@ -26,8 +26,10 @@ def test_between_two_waypoints_the_plain_search_serves():
 
 
 @pytest.mark.parametrize("effort", ["quick", "full", "plain"])
-def test_legs_are_planned_without_a_finer_search(effort):
+def test_legs_under_way_are_planned_without_a_finer_search(effort):
     assert path_config(planning(effort=effort)).finer == 1
+    before_departure = path_config(planning(effort=effort), ahead=True)
+    assert before_departure.finer == (1 if effort == "plain" else ap.PathConfig().finer)
 
 
 def test_faults_are_a_list_for_each_mission():

@@ -13,6 +13,7 @@ from auvplan.ocean.environment import Environment
 from auvplan.scenario import OperatingArea, Scenario
 from auvplan.scenario.waypoints import lines_clear, make_graph
 from auvplan.scenario.ways import WaysAround, clear_lines
+from benchmarks import detours
 
 #: A bay within a spit of land with a mouth in the north: 4 km by 4 km, pixels of 20 m.
 SIZE, CELLS = 20.0, 200
@@ -127,3 +128,13 @@ def test_an_edge_is_timed_round_an_area_while_it_is_closed_and_through_it_before
     margin = settings().safety.coast
     assert seconds[[0, 2]] == pytest.approx(1000.0, rel=1e-3)
     assert seconds[1] == pytest.approx(0.5 * round_the_corners(margin), rel=0.005)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*lie in the same place:auvplan.errors.ScenarioWarning")
+def test_plans_before_the_departure_find_the_nearer_passage_round_four_corners(tmp_path):
+    """Between two closed areas; round both of them the leg takes an eighth longer."""
+    row = detours.planned(detours.drawn(41001), 41001, tmp_path)
+    assert row.priority == row.best
+    assert row.time < 1.01 * row.least
+    assert row.faults == ()

@@ -33,7 +33,7 @@ def kept(itinerary: Itinerary) -> np.ndarray:
 
 def kept_seconds(itinerary: Itinerary) -> np.ndarray:
     first, second = itinerary.legs
-    return np.concatenate([first.kept_times, second.kept_times[1:]])
+    return np.concatenate([first.times[first.kept], second.times[second.kept[1:]]])
 
 
 def same_times(itinerary: Itinerary, found, seconds) -> None:

@@ -44,6 +44,14 @@ def test_straight_line_needs_its_ends_alone():
     assert few.clearance == np.inf
 
 
+def test_a_leg_that_leads_nowhere_needs_its_ends_alone():
+    """From one task to another in the same place; times are rounded."""
+    here = np.full((64, 3), [-1138.0054, 1112.9994, 10.0], np.float32)
+    few = thin(here, 1500.0 + np.linspace(0.0, 1.0, 64), Environment(make_vortices(), **BOX), VEHICLE)
+    assert few.indices.tolist() == [0, 63]
+    assert few.time_change == 0.0
+
+
 @pytest.mark.parametrize(("angle", "tolerance"), [(np.pi, 0.02), (1.5, 0.02), (np.pi, 0.1), (4.0, 0.005)])
 def test_arc_takes_as_many_chords_as_geometry_says(angle: float, tolerance: float):
     samples = 181

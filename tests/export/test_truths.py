@@ -64,6 +64,12 @@ def test_slow_legs_are_told_from_others():
     assert track_notes([quick, slow], 2.0, 0.1, slow=0.1) == []
 
 
+def test_a_leg_between_two_tasks_in_one_place_is_not_slow():
+    still = leg([80, 10, 5], [80, 10, 5])
+    assert ground_share(still, 2.0) == 1.0
+    assert track_notes([still], 2.0, 0.1) == []
+
+
 def test_turns_and_dives_beyond_the_vehicle():
     hairpin = leg([0, 0, 5], [200, 0, 5], [0, 15, 5])
     (note,) = track_notes([hairpin], 2.0, 0.02)
