@@ -21,6 +21,7 @@ from auvplan.report.run import run_data
 from auvplan.scenario.file import load_scenario
 from auvplan.scenario.scenario import Scenario
 from auvplan.site import Site
+from auvplan.vehicle import Vehicle
 from auvplan.words import clearance
 from tests.io.sample_run import make_run
 
@@ -172,3 +173,18 @@ def test_what_was_assumed_stands_everywhere(bay, tmp_path):
     assert "no sea bed is known" in sheet.plain()["assumed"]
     run.simulated = False
     assert any("no sea bed is known" in note for note in export_notes(itinerary_of(run), ["kml"]))
+
+
+def test_limits_in_the_vertical_are_stated_beside_the_steepest_way():
+    run = make_run()
+    run.site = SITE
+    steepest = max(float(np.degrees(np.abs(leg.motion.pitch).max())) for leg in run.legs)
+    fact = f"up to {steepest:.0f} degrees steep"
+    assert sheet_of(run).facts["in depth"] == f"{fact}; the vehicle's limits: 30 degrees"
+    assert not any("no file carries" in note for note in itinerary_of(run).notes)
+    run.vehicle = Vehicle(pitch_max=None, dive_rate_max=0.5)
+    assert sheet_of(run).facts["in depth"] == f"{fact}; the vehicle's limits: dives of 0.5 m/s"
+    run.scenario["vehicle"] = {"dive_rate_max": 0.5}
+    assert any("no file carries dive_rate_max 0.5 m/s" in note for note in itinerary_of(run).notes)
+    run.vehicle = Vehicle(pitch_max=None)
+    assert sheet_of(run).facts["in depth"] == fact

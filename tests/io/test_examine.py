@@ -3,12 +3,15 @@
 import re
 from datetime import datetime
 
+import numpy as np
 import pytest
 import yaml
 
 from auvplan.io.examine import examine_folder, examine_scenario
 from auvplan.io.geo import GeoError, read_jobs
-from auvplan.scenario.file import scenario_schema
+from auvplan.mission.graph import MissionGraph
+from auvplan.scenario.file import scenario_schema, validate_scenario
+from auvplan.scenario.waypoints import slope_warnings
 from tests.io.small_site import SmallSite
 from tests.io.variants import scaled
 
@@ -56,6 +59,29 @@ def test_the_schema_tells_defaults_and_units():
         for name, field in schema["$defs"][section]["properties"].items():
             if field.get("type") == "number" or name in ("radius", "clearance"):
                 assert field.get("description"), (section, name)
+
+
+def test_waypoints_that_no_straight_edge_leads_to_flatly_enough_are_told():
+    """A job 60 m below and 80 m beside the start: 37 degrees, and 120 m of way at 30."""
+    places = np.array([[0.0, 0.0, 10.0], [80.0, 0.0, 70.0], [800.0, 0.0, 10.0]])
+    linked = ~np.eye(3, dtype=bool)
+    graph = MissionGraph(places, linked, np.zeros((3, 3)), np.zeros((3, 3)))
+    names = ["start", "wreck", "goal"]
+
+    def told(graph, **vehicle):
+        return slope_warnings(validate_scenario({"vehicle": vehicle}), graph, names)
+
+    assert told(graph) == []  # there is a flat edge from the goal
+    linked[:, 1] = [True, False, False]
+    (line,) = told(MissionGraph(places, linked, np.zeros((3, 3)), np.zeros((3, 3))))
+    assert line == (
+        "wreck lies 60 m below start, 100 m away: 37 degrees where vehicle.pitch_max allows 30, and a path "
+        "must be 120 m long"
+    )
+    assert told(graph, pitch_max="none") == []
+    (slow,) = told(graph, pitch_max="none", dive_rate_max=0.15)
+    assert "wreck lies 60 m below goal" in slow
+    assert "where vehicle.dive_rate_max allows 3, and a path must be 1,000 m long" in slow
 
 
 FILES = """\

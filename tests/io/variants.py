@@ -234,6 +234,12 @@ VARIANTS = {
         "1.1 degrees",
         "20 m in a kilometre",
     ),
+    "deeper than it can dive on the way": (
+        sections(vehicle={"dive_rate_max": 0.001}),
+        WARNED,
+        "b lies 5 m below",
+        "vehicle.dive_rate_max allows 0, and a path must be 12,500 m long",
+    ),
     "dives faster than it is": (
         sections(vehicle={"dive_rate_max": 9}),
         WARNED,
