@@ -49,6 +49,7 @@ class Stop:
             the sea bed and to an obstacle; None where there is none. See `Margins`.
         place: longitude and latitude, degrees; None without a site.
         travel: s, on the way to it.
+        transit: m, least, mean and greatest depth on the way to it; None at the start.
     """
 
     name: str
@@ -69,6 +70,7 @@ class Stop:
     obstacle: float | None
     place: tuple[float, float] | None = None
     travel: float = 0.0
+    transit: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -138,7 +140,7 @@ class MissionSheet:
         local = ZoneInfo(self.zone) if self.zone else None
         headings = ["", "waypoint", "latitude, longitude", "task", "priority", "after"]
         headings += [*(["UTC"] if dated else []), *([self.zone.split("/")[-1]] if dated and local else [])]
-        headings += ["depth, m", "window", "wait, s", "hold, s", "leg, s", "leg, m"]
+        headings += ["depth, m", "transit, m", "window", "wait, s", "hold, s", "leg, s", "leg, m"]
         headings += ["speed, m/s", "coast, m", "closed, m", "bed, m", "obstacle, m"]
         rows = []
         for number, stop in enumerate(self.stops):
@@ -155,6 +157,7 @@ class MissionSheet:
                     hours(stop.arrival),
                     *times,
                     f"{stop.depth:.0f}",
+                    _transit(stop),
                     stop.window,
                     f"{stop.wait:.0f}" if stop.wait else "",
                     f"{stop.hold:.0f}" if stop.hold else "",
@@ -174,7 +177,7 @@ class MissionSheet:
     def _brief(self, dated: bool) -> tuple[list[str], list[list[str]]]:
         """Headings and cells for a terminal."""
         hold = "wait + hold" if any(stop.wait for stop in self.stops) else "hold"
-        headings = ["", "waypoint", "task", "UTC" if dated else "after", "depth", hold]
+        headings = ["", "waypoint", "task", "UTC" if dated else "after", "depth", "transit, m", hold]
         headings += ["coast, m", "closed, m", "bed, m"]
         rows = [
             [
@@ -183,6 +186,7 @@ class MissionSheet:
                 ("done" if stop.task == stop.name else stop.task) if stop.task else "",
                 hours(stop.arrival) if stop.utc is None else f"{stop.utc:%H:%M:%S}",
                 f"{stop.depth:.0f} m",
+                _transit(stop),
                 " + ".join(f"{part:.0f} s" for part in (stop.wait, stop.hold) if part),
                 self._coast(stop),
                 *(clearance(value) for value in (stop.closed, stop.bed)),
@@ -193,7 +197,16 @@ class MissionSheet:
 
 
 #: Columns of the sheet that are left out where they have nothing to say.
-_OPTIONAL = ("latitude, longitude", "window", "wait, s", "hold, s", "closed, m", "bed, m", "obstacle, m")
+_OPTIONAL = (
+    "latitude, longitude",
+    "transit, m",
+    "window",
+    "wait, s",
+    "hold, s",
+    "closed, m",
+    "bed, m",
+    "obstacle, m",
+)
 
 
 def _filled(headings: list[str], rows: list[list[str]]) -> tuple[list[str], list[list[str]]]:
@@ -324,7 +337,25 @@ def _stop(run: MissionRun, leg: LegRecord | None, arrival: float) -> Stop:
         **margins.least(),
         place=None if run.site is None else _degrees(run.site, run.graph.positions[node]),
         travel=float(times[-1] - times[0]),
+        transit=None if leg is None else leg_depths(times, places),
     )
+
+
+def leg_depths(times: NDArray, places: NDArray) -> tuple[float, float, float]:
+    """Return the least depth, the mean over time and the greatest on a leg, m, of [n] s and [n, 3] m."""
+    depth = np.asarray(places, float)[:, 2]
+    mean = float(np.trapezoid(depth, times) / max(times[-1] - times[0], 1e-9)) if len(depth) > 1 else 0.0
+    return float(depth.min()), float(np.clip(mean, depth.min(), depth.max())), float(depth.max())
+
+
+def _transit(stop: Stop) -> str:
+    """Return the depths of the way to a stop with their mean; one where they agree."""
+    if stop.transit is None:
+        return ""
+    least, mean, greatest = stop.transit
+    if greatest - least < 1.0:
+        return "" if abs(mean - stop.depth) < 1.0 else f"{mean:.0f}"
+    return f"{least:.0f}-{greatest:.0f} ({mean:.0f})"
 
 
 def _degrees(site: Site, position: ArrayLike) -> tuple[float, float]:
@@ -534,7 +565,8 @@ def write_html(sheet: MissionSheet, path: str | Path, picture: str | None = None
         *(f'<p class="warning">{html.escape(line)}</p>' for line in sheet.assumed),
         f"<table>{facts}</table>",
         _html_table(headings, rows),
-        "<p>Speed over ground: the mean on the way and, in brackets, the least. Distances: the least.</p>",
+        "<p>Transit: least and greatest depth on the way and, in brackets, the mean. Speed over ground: the "
+        "mean on the way and, in brackets, the least. Distances: the least.</p>",
     ]
     if left:
         parts += ["<h2>Left out</h2>", _html_table(["job", "priority", "why"], left)]

@@ -7,8 +7,9 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.lines import Line2D
 
+from auvplan.export.section import run_sections
 from auvplan.plot import style
-from auvplan.plot.depths import draw_depths
+from auvplan.plot.depths import SECTION, add_section, draw_depths
 from auvplan.plot.legs import refused_legs
 from auvplan.records import LegRecord, MissionRun
 from auvplan.words import figure, hours
@@ -17,12 +18,14 @@ from auvplan.words import figure, hours
 def plot_mission(run: MissionRun, *, ax: Axes | None = None) -> Axes:
     """Draw the map of a mission, east to the right and north up.
 
+    In a figure of its own the vertical section along its legs is below, if anything differs with depth.
+
     Args:
         run: as executed; a leg of its own, open water and a mission that was never begun are fine.
         ax: axes to draw in; those of a new figure if absent.
 
     Returns:
-        The axes.
+        The axes of the map.
     """
     waypoints = np.asarray(run.graph.positions, float)
     executed = [leg for leg in run.legs if len(leg.times)]
@@ -30,7 +33,10 @@ def plot_mission(run: MissionRun, *, ax: Axes | None = None) -> Axes:
     low, high = style.frame_on_chart(points, run.chart, margin=0.05)
     unit = style.Unit.for_extent(float((high - low).max()))
     tall, wide = high - low
-    axes = style.own_axes(ax, 9.4, float(np.clip(7.9 * tall / wide, 4.0, 11.0)) + 1.1)
+    sections = run_sections(run) if ax is None else []
+    below = SECTION if sections else 0.0
+    axes = style.own_axes(ax, 9.4, float(np.clip(7.9 * tall / wide, 4.0, 11.0)) + 1.1 + below)
+    in_section = add_section(axes, sections, run)
     style.map_axes(axes, low, high, unit)
     handles: list[Any] = list(style.draw_coast(axes, run.coast, unit))
     handles += draw_depths(axes, run.seabed, unit)
@@ -50,6 +56,7 @@ def plot_mission(run: MissionRun, *, ax: Axes | None = None) -> Axes:
         handles.append(
             Line2D([], [], ls="", marker="$ρ3$", ms=13, color=style.BLUE, label="priority of the task")
         )
+    handles += in_section.values()
     style.add_legend(axes, handles, ax)
     style.title_map(axes, _title(run), run.site, unit, style.flat(points, unit))
     _draw_labels(axes, run, executed, marks, unit)

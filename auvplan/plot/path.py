@@ -8,10 +8,12 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
 
+from auvplan.export.section import plan_section
 from auvplan.ocean.environment import Environment
 from auvplan.path.plan import PathPlan
 from auvplan.plot import style
 from auvplan.plot.currents import Field, speed_range
+from auvplan.plot.depths import SECTION, add_section
 
 #: Obstacles farther from the path than this many times the frame's edge are left out.
 _FAR = 0.6
@@ -20,13 +22,15 @@ _FAR = 0.6
 def plot_path(plan: PathPlan, *, ax: Axes | None = None) -> Axes:
     """Draw a path over the current at its departure, the coast, and obstacles where the path passes them.
 
+    In a figure of its own the vertical section along the path is below, if anything differs with depth.
+
     Args:
         plan: feasible or not.
         ax: axes to draw in; those of a new figure if absent. In axes of a map with something in them the path
             alone is drawn over what is there.
 
     Returns:
-        The axes.
+        The axes of the map.
 
     Example:
         >>> import jax, auvplan as ap
@@ -44,7 +48,9 @@ def plot_path(plan: PathPlan, *, ax: Axes | None = None) -> Axes:
     positions = np.asarray(plan.positions, float)
     low, high = style.frame_of(positions)
     unit = style.Unit.for_extent(float((high - low).max()))
-    axes = style.own_axes(ax, 7.4, 7.2)
+    section = plan_section(plan) if ax is None else None
+    axes = style.own_axes(ax, 7.4, 7.2 + (0.0 if section is None else SECTION))
+    below = add_section(axes, [] if section is None else [section])
     style.map_axes(axes, low, high, unit)
     depth = float(positions[:, 2].mean())
     field = Field.of(world.current, low, high, depth, float(plan.times[0]))
@@ -55,6 +61,7 @@ def plot_path(plan: PathPlan, *, ax: Axes | None = None) -> Axes:
     handles: list[Any] = list(style.draw_coast(axes, world.chart, unit, see_through=True))
     handles += _draw_obstacles(axes, plan, world, unit)
     handles += _draw_way(axes, plan, unit)
+    handles += [handle for name, handle in below.items() if name not in ("path", "obstacle")]
     style.add_legend(axes, handles, ax)
     broken = "" if plan.feasible else f"\nnot feasible: {', '.join(plan.broken())}"
     axes.set_title(f"{plan.travel_time:,.0f} s over {plan.length:,.0f} m{broken}", fontsize=11)

@@ -1,4 +1,4 @@
-"""What lies under a map: the frame, coast and uncertain area as pictures, the sea bed, currents over time."""
+"""What lies under a map: frame, coast and uncertain area as pictures, sea bed, currents; sections."""
 
 import base64
 import io
@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from auvplan.export.section import PARTS, run_sections
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.currents import evaluated
 from auvplan.ocean.seabed import Seabed
@@ -184,3 +185,41 @@ def _looked_up(plan: PlanRecord, x: Array, y: Array, depths: Array, times: Array
     z, t = (np.broadcast_to(values[:, None, None], shape) for values in (depths, times))
     u, v, _ = evaluated(plan.current, np.broadcast_to(x, shape), np.broadcast_to(y, shape), z, t)
     return u, v
+
+
+def section_data(run: MissionRun) -> dict[str, Any] | None:
+    """Return the vertical sections along the legs in a row; None where nothing differs with depth."""
+    sections = run_sections(run)
+    if not sections:
+        return None
+    rows = len(sections[0].depth) - 1
+    # Between two legs, where the vehicle may wait, there is a column without a value.
+    parts = [part for one in sections for part in (one.along, np.full((rows, 1), np.nan))][:-1]
+    along = np.concatenate(parts, axis=1)
+    known = np.isfinite(along)
+    outlines = [
+        {"kind": cut.kind, "grown": grown, "times": one.time[[*piece, *piece[::-1]]],
+         "depths": np.round([*ends[0, piece], *ends[1, piece[::-1]]], 1)}
+        for one in sections
+        for cut in one.cuts
+        for grown, ends in ((False, cut.solid), (True, cut.boundary))
+        for piece in _pieces(np.isfinite(ends[0]))
+    ]  # fmt: skip
+    return {
+        "depth": sections[0].depth,
+        "times": packed(np.concatenate([one.time[::PARTS] for one in sections])),
+        "along": packed(np.where(known, along, _NONE * _STEP), "i16", _STEP),
+        "fastest": float(np.quantile(np.abs(along[known]), 0.995)) if known.any() else 0.0,
+        "outlines": outlines,
+        "earlier": [
+            {"times": np.interp(line[:, 0], one.distance, one.time), "depths": np.round(line[:, 1], 2)}
+            for one in sections
+            for line in one.earlier
+        ],
+    }
+
+
+def _pieces(shown: NDArray[np.bool_]) -> list[NDArray[np.int_]]:
+    """Indices of each run of places that are shown, where there is more than one."""
+    places = np.flatnonzero(shown)
+    return [piece for piece in np.split(places, np.flatnonzero(np.diff(places) > 1) + 1) if len(piece) > 1]

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.export.margins import FAR, Margins
-from auvplan.export.sheet import sheet_of, waypoint_name
+from auvplan.export.section import sensing_data
+from auvplan.export.sheet import leg_depths, sheet_of, waypoint_name
 from auvplan.records import LegRecord, MissionRun, PlanRecord
-from auvplan.report.area import current_data, frame, map_data
-from auvplan.report.obstacles import obstacle_data, sensing_data
+from auvplan.report.area import current_data, frame, map_data, section_data
+from auvplan.report.obstacles import obstacle_data
 from auvplan.report.packing import packed
 from auvplan.report.provenance import changed_settings
 from auvplan.report.tasks import task_data
@@ -74,6 +75,7 @@ def run_data(run: MissionRun, summary: Mapping[str, Any]) -> dict[str, Any]:
         "accuracy": stated.get("accuracy", 0.0),
         "reach": None if np.isinf(run.coast_reach) else run.coast_reach,
         "current": current_data(run, low, high, way.times, way.places[:, 2]),
+        "section": section_data(run),
         "waypoints": _waypoints(run),
         "start": run.start,
         "goal": run.goal,
@@ -190,6 +192,7 @@ def _leg(run: MissionRun, leg: LegRecord, way: _Way, part: slice) -> dict[str, A
         "task": leg.t_task,
         "replans": {cause: causes.count(cause) for cause in dict.fromkeys(causes)},
         "length": float(np.linalg.norm(np.diff(way.places[part], axis=0), axis=1).sum()),
+        "depths": np.round(leg_depths(leg.times, way.places[part]), 1) if executed else None,
         **{name: way.least(name, part) for name in ("coast", "closed", "obstacle", "bed")},
         "followed": leg.followed_numbers,
         "obstacles": obstacle_data(run, leg, _kept(len(leg.times), _EVERY * way.stride)),

@@ -85,7 +85,7 @@ def test_unwritable_folder(tmp_path):
 def test_maps_have_east_right_and_north_up_in_equal_scale(plot):
     figure = figure_of(plot(make_run()))
     figure.draw_without_rendering()
-    panels = data_axes(figure)
+    panels = [axes for axes in data_axes(figure) if axes.get_label() != "section"]
     assert any(axes.get_xlabel() == "east [m]" for axes in panels)
     assert any(axes.get_ylabel() == "north [m]" for axes in panels)
     for axes in panels:
@@ -254,6 +254,23 @@ def test_a_path_is_drawn_over_its_sea(plan, tmp_path):
     clear = np.linalg.norm(plan.positions[:, [1, 0]] - np.asarray(solid.center), axis=1)
     assert clear.min() >= bound.radius - 30.0, "the path passes the boundary as it is drawn"
     assert save(axes, tmp_path / "path.png").stat().st_size > 20_000
+
+
+def test_a_path_has_a_section_where_the_sea_differs_with_depth(plan):
+    assert len(data_axes(plot_path(plan))) == 1, "a flat box"
+    sheared = ap.Environment(
+        lambda x, y, z, t: (0.5 - 0.02 * z, 0.0 * y, 0.0 * t), lower=(-500, -900, 0), upper=(2500, 1500, 60)
+    )
+    deep = replace(plan, conditions=replace(plan.conditions, env=sheared, leg=None))
+    axes, below = data_axes(plot_path(deep))
+    assert "east" in axes.get_xlabel()
+    assert below.get_ylim() == (60.0, 0.0)
+    north = (
+        np.diff(plan.positions[:, 0]).sum() / np.linalg.norm(np.diff(plan.positions, axis=0), axis=1).sum()
+    )
+    found = np.asarray(below.images[0].get_array()).mean(axis=1)
+    levels = (np.arange(len(found)) + 0.5) * 60.0 / len(found)
+    np.testing.assert_allclose(found, north * (0.5 - 0.02 * levels), atol=1e-3)
 
 
 def test_a_path_over_another_map_leaves_the_map_as_it_is(plan):

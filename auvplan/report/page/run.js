@@ -25,6 +25,11 @@
     u: report.unpack(run.current.u),
     v: report.unpack(run.current.v),
   };
+  const section = run.section && {
+    ...run.section,
+    times: report.unpack(run.section.times),
+    along: report.unpack(run.section.along),
+  };
   const state = { time: run.begin, axis: "time", playing: false };
   const since = (time) => time - run.begin;
   const CAUSES = {
@@ -796,6 +801,10 @@
       legendOf(
         [
           ["depth of the vehicle", "line", "plan"],
+          section && [`current with the vehicle, up to ${report.fixed(section.fastest, 1)} m/s`, "area", "task"],
+          section && ["against it", "area", "route"],
+          section && section.earlier.length && ["earlier plans", "dash", "earlier"],
+          section && section.outlines.length && ["obstacles and boundaries above or below", "halo", "quiet"],
           track.bed && ["sea bed", "area", "bed"],
           ...near.map(([, words, colour]) => [words, "line", colour]),
         ].filter(Boolean),
@@ -803,6 +812,52 @@
       side,
     );
     made.querySelector(".head").append(choice);
+    /** The vertical section: the current, obstacles over it, earlier plans over these. */
+    const water = (colours) => {
+      const columns = section.times.length - 1;
+      const row = (k) =>
+        Array.from(section.along.subarray(k * columns, (k + 1) * columns), (value) =>
+          value < -30 ? null : value,
+        );
+      const drawn = [
+        {
+          type: "heatmap",
+          x: Array.from(section.times, along),
+          y: section.depth,
+          z: section.depth.slice(1).map((_, k) => row(k)),
+          zmin: -section.fastest,
+          zmax: section.fastest,
+          colorscale: [
+            [0, report.mix(colours.route, 0.75, colours.card)],
+            [0.5, colours.card],
+            [1, report.mix(colours.task, 0.75, colours.card)],
+          ],
+          showscale: false,
+          hovertemplate: "current along the way %{z:.2f} m/s at %{y:.0f} m<extra></extra>",
+        },
+      ];
+      for (const { kind, grown, times, depths } of section.outlines) {
+        const colour = colours[Object.fromEntries(KINDS)[kind] || "quiet"];
+        drawn.push({
+          x: times.map(along),
+          y: depths,
+          mode: "lines",
+          line: { color: colour, width: 1.2, dash: grown ? "dash" : "solid" },
+          fill: "toself",
+          fillcolor: report.mix(colour, grown ? 0 : 0.8),
+          hoverinfo: "skip",
+        });
+      }
+      for (const { times, depths } of section.earlier)
+        drawn.push({
+          x: times.map(along),
+          y: depths,
+          mode: "lines",
+          line: { color: colours.earlier, width: 1.4, dash: "dash" },
+          hoverinfo: "skip",
+        });
+      return drawn;
+    };
     const draw = (colours, width) => {
       const axis =
         state.axis === "time"
@@ -810,8 +865,8 @@
           : Array.from(way, (metres) => metres / 1000);
       const when = Array.from(track.time, (time) => report.clock(since(time)));
       const bed = track.bed && Array.from(track.bed, (above, k) => track.depth[k] + above);
-      const floor = Math.max(...(bed || track.depth)) * 1.06 + 1;
-      const data = [];
+      const floor = section ? section.depth.at(-1) : Math.max(...(bed || track.depth)) * 1.06 + 1;
+      const data = section ? water(colours) : [];
       if (bed) {
         data.push({
           x: axis,
@@ -828,7 +883,7 @@
           mode: "lines",
           line: { width: 0 },
           fill: "tonexty",
-          fillcolor: report.mix(colours.bed, 0.6),
+          fillcolor: report.mix(colours.bed, 0.6, colours.card),
           hoverinfo: "skip",
         });
       }
@@ -873,7 +928,7 @@
       const title = state.axis === "time" ? "time since departure [h]" : "way [km]";
       return {
         data,
-        height: two ? 430 : 260,
+        height: (two ? 430 : 260) + (section ? 90 : 0),
         layout: {
           shapes,
           hovermode: "x",
@@ -883,7 +938,7 @@
             range: [along(run.begin), along(run.end)],
           }),
           yaxis: report.axis(colours, "depth [m]", {
-            domain: two ? [0.5, 1] : [0, 1],
+            domain: two ? [0.5 - (section ? 0.1 : 0), 1] : [0, 1],
             range: [floor, Math.min(0, ...track.depth)],
             automargin: false,
           }),
@@ -892,7 +947,7 @@
               colours,
               "clearance [m]",
               near.flatMap(([name]) => safe(track[name])),
-              { domain: [0, 0.43], automargin: false },
+              { domain: [0, section ? 0.35 : 0.43], automargin: false },
             ),
           }),
         },
@@ -1128,6 +1183,11 @@
           },
           { title: "task", key: (leg) => leg.task, text: seconds("task") },
           { title: "way", key: (leg) => leg.length, text: (leg) => report.fixed(leg.length) },
+          {
+            title: "depth",
+            key: (leg) => leg.depths && leg.depths[1],
+            text: (leg) => (leg.depths ? [...new Set([0, 2].map((k) => report.fixed(leg.depths[k])))].join("–") : "–"),
+          },
           clearance("coast", "coast"),
           clearance("closed", "closed area"),
           clearance("obstacle", "obstacle"),
