@@ -143,6 +143,7 @@ class MissionSheet:
         headings += ["depth, m", "transit, m", "window", "wait, s", "hold, s", "leg, s", "leg, m"]
         headings += ["speed, m/s", "coast, m", "closed, m", "bed, m", "obstacle, m"]
         rows = []
+        transits = _transits(self.stops)
         for number, stop in enumerate(self.stops):
             times = [] if stop.utc is None else [f"{stop.utc:%H:%M:%S}"]
             if stop.utc is not None and local:
@@ -157,7 +158,7 @@ class MissionSheet:
                     hours(stop.arrival),
                     *times,
                     f"{stop.depth:.0f}",
-                    _transit(stop),
+                    transits[number],
                     stop.window,
                     f"{stop.wait:.0f}" if stop.wait else "",
                     f"{stop.hold:.0f}" if stop.hold else "",
@@ -186,12 +187,12 @@ class MissionSheet:
                 ("done" if stop.task == stop.name else stop.task) if stop.task else "",
                 hours(stop.arrival) if stop.utc is None else f"{stop.utc:%H:%M:%S}",
                 f"{stop.depth:.0f} m",
-                _transit(stop),
+                transit,
                 " + ".join(f"{part:.0f} s" for part in (stop.wait, stop.hold) if part),
                 self._coast(stop),
                 *(clearance(value) for value in (stop.closed, stop.bed)),
             ]
-            for number, stop in enumerate(self.stops)
+            for number, (stop, transit) in enumerate(zip(self.stops, _transits(self.stops), strict=True))
         ]
         return _filled(headings, rows)
 
@@ -348,14 +349,17 @@ def leg_depths(times: NDArray, places: NDArray) -> tuple[float, float, float]:
     return float(depth.min()), float(np.clip(mean, depth.min(), depth.max())), float(depth.max())
 
 
-def _transit(stop: Stop) -> str:
-    """Return the depths of the way to a stop with their mean; one where they agree."""
-    if stop.transit is None:
-        return ""
-    least, mean, greatest = stop.transit
-    if greatest - least < 1.0:
-        return "" if abs(mean - stop.depth) < 1.0 else f"{mean:.0f}"
-    return f"{least:.0f}-{greatest:.0f} ({mean:.0f})"
+def _transits(stops: Sequence[Stop]) -> list[str]:
+    """Return the depths of the way to each stop with their mean; nothing where all are as deep as these."""
+
+    def words(stop: Stop) -> str:
+        least, mean, greatest = stop.transit or (0.0, 0.0, 0.0)
+        if stop.transit is None:
+            return ""
+        return f"{mean:.0f}" if greatest - least < 1.0 else f"{least:.0f}-{greatest:.0f} ({mean:.0f})"
+
+    level = all(np.abs(np.subtract(stop.transit or stop.depth, stop.depth)).max() < 1.0 for stop in stops)
+    return [""] * len(stops) if level else [words(stop) for stop in stops]
 
 
 def _degrees(site: Site, position: ArrayLike) -> tuple[float, float]:

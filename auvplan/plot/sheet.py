@@ -63,8 +63,10 @@ def _draw(axes: Axes, headings: list[str], rows: list[list[str]]) -> None:
         bbox=Bbox.unit(),
     )  # fmt: skip
     table.auto_set_font_size(False)
-    table.set_fontsize(7.5)
+    # A letter is less than 0.62 of the font's size wide.
+    table.set_fontsize(min(7.5, 72.0 * (_PAGE[0] - 2.0 * _MARGIN) / (0.62 * total)))
     for (row, _), cell in table.get_celld().items():
+        cell.PAD = 0.02
         cell.set_linewidth(0.4)
         cell.set_edgecolor("0.7")
         if row == 0:
