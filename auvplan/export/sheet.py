@@ -178,7 +178,7 @@ class MissionSheet:
     def _brief(self, dated: bool) -> tuple[list[str], list[list[str]]]:
         """Headings and cells for a terminal."""
         hold = "wait + hold" if any(stop.wait for stop in self.stops) else "hold"
-        headings = ["", "waypoint", "task", "UTC" if dated else "after", "depth", "transit, m", hold]
+        headings = ["", "waypoint", "task", "UTC" if dated else "after", "depth", hold]
         headings += ["coast, m", "closed, m", "bed, m"]
         rows = [
             [
@@ -187,12 +187,11 @@ class MissionSheet:
                 ("done" if stop.task == stop.name else stop.task) if stop.task else "",
                 hours(stop.arrival) if stop.utc is None else f"{stop.utc:%H:%M:%S}",
                 f"{stop.depth:.0f} m",
-                transit,
                 " + ".join(f"{part:.0f} s" for part in (stop.wait, stop.hold) if part),
                 self._coast(stop),
                 *(clearance(value) for value in (stop.closed, stop.bed)),
             ]
-            for number, (stop, transit) in enumerate(zip(self.stops, _transits(self.stops), strict=True))
+            for number, stop in enumerate(self.stops)
         ]
         return _filled(headings, rows)
 
