@@ -20,6 +20,7 @@ from auvplan.cli.shared import (
     ScenarioArgument,
     SeedOption,
     SetOption,
+    SpeedHeld,
     complain,
     load,
     naming,
@@ -73,6 +74,14 @@ def execute(
             help="What ArduSub is set to do when it hears nobody: continue or surface. If absent, as it is.",
         ),
     ] = None,
+    speed: Annotated[
+        SpeedHeld | None,
+        typer.Option(
+            "--speed",
+            help="What the vehicle holds its speed over: ground, for which it is given what each line is "
+            "planned to make, or water, such as one without a bottom lock. If absent, ground, but for sim.",
+        ),
+    ] = None,
     notices: Annotated[
         Path | None,
         typer.Option("--notices", help="File of JSON lines that tell of obstacles and currents as it grows."),
@@ -94,6 +103,8 @@ def execute(
     limits = _limits(limit or [])
     loss = link_loss.value if link_loss else ""
     check_address(link, loss)
+    if speed and link == SIMULATOR:
+        raise AuvplanError("--speed: is for vehicles: the simulator's holds its speed through the water")
     if scale is not None and not (math.isfinite(scale) and scale > 0.0):
         raise AuvplanError(f"--scale: must be positive, got {scale:g}")
     from auvplan.files import output_folder
@@ -120,7 +131,8 @@ def execute(
         if link == SIMULATOR:
             vehicle = SimulatedVehicle(settings, seed, folder, area, scale)
         else:
-            vehicle = open_link(link, plan.site, limits, scale or 1.0, loss)
+            over_ground = None if speed is None else speed is SpeedHeld.GROUND
+            vehicle = open_link(link, plan.site, limits, scale or 1.0, loss, over_ground)
     if not quiet:
         say_notes(area.notes)
         if link != SIMULATOR and scale is None:

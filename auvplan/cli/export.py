@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from auvplan.cli.shared import QuietOption, console, say_notes
+from auvplan.cli.shared import QuietOption, SpeedHeld, console, say_notes
 
 
 def export(
@@ -31,6 +31,14 @@ def export(
         float,
         typer.Option("--slow", min=0.0, help="Share of its speed over ground below which a leg is noted."),
     ] = 0.5,
+    speed: Annotated[
+        SpeedHeld,
+        typer.Option(
+            "--speed",
+            help="Speeds in .plan and IMC files: ground, what each line is planned to make over it, "
+            "or water, that of the plan through the water, for a vehicle without a bottom lock.",
+        ),
+    ] = SpeedHeld.GROUND,
     quiet: QuietOption = False,
 ) -> None:
     """Write a plan in the files that ground stations and maps open."""
@@ -45,7 +53,8 @@ def export(
             f"{folder}: is a simulated mission, whose paths avoid obstacles that the simulator drew: "
             "`auvplan plan` makes the plan for a vehicle, --as-simulated exports this one all the same"
         )
-    itinerary = replace(itinerary_of(run, slow=slow), fence_points=fence_points)
+    over_ground = speed is SpeedHeld.GROUND
+    itinerary = replace(itinerary_of(run, slow=slow), fence_points=fence_points, over_ground=over_ground)
     notes = export_notes(itinerary, chosen)
     files = export(itinerary, out or folder, chosen)
     if not quiet:

@@ -5,6 +5,7 @@ import math
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from enum import StrEnum
 from pathlib import Path
 from threading import Event, Thread
 from typing import Annotated, Any
@@ -53,6 +54,13 @@ ResumeOption = Annotated[
 ]
 
 ForceOption = Annotated[bool, typer.Option("--force", help="Replace the study in the folder.")]
+
+
+class SpeedHeld(StrEnum):
+    """What a vehicle's speed is measured against."""
+
+    GROUND = "ground"
+    WATER = "water"
 
 
 def load(

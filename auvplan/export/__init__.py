@@ -13,6 +13,7 @@ from auvplan.export.kml import write_kml
 from auvplan.export.qgroundcontrol import qgc_notes, validate_plan, write_qgc
 from auvplan.export.ros import write_ros
 from auvplan.export.runs import itinerary_of
+from auvplan.export.speeds import speed_note
 from auvplan.export.table import write_csv
 from auvplan.export.thin import Thinned, thin
 from auvplan.export.trajectories import write_netcdf
@@ -118,6 +119,8 @@ def export_notes(itinerary: Itinerary, formats: Iterable[str] = tuple(FORMATS)) 
             for kind in chosen
             if kind.timeless
         ]
+    if "imc" in names:
+        notes.append(f"{FORMATS['imc'].file}: {speed_note(itinerary)}")
     return notes + (qgc_notes(itinerary) if "qgc" in names else [])
 
 

@@ -18,6 +18,7 @@ from pyproj import Geod
 from auvplan.export.itinerary import ExportError, Itinerary, PlannedLeg
 from auvplan.export.markup import Element, child, write_xml
 from auvplan.export.places import metres
+from auvplan.export.speeds import Stretch, approach, speed_note, stretches
 from auvplan.site import as_utc
 
 Array = NDArray[np.floating]
@@ -66,7 +67,8 @@ def plan_specification(itinerary: Itinerary) -> Element:
     Raises:
         ExportError: a leg or task is longer than IMC's fields can tell.
     """
-    return _plan(itinerary.name, itinerary.description, _manoeuvres(itinerary))
+    description = f"{itinerary.description}; {speed_note(itinerary)}"
+    return _plan(itinerary.name, description, _manoeuvres(itinerary))
 
 
 def stay_specification(itinerary: Itinerary, position: Array, name: str) -> Element:
@@ -95,13 +97,16 @@ def _plan(name: str, description: str, manoeuvres: list[tuple[str, Element]]) ->
 
 
 def _manoeuvres(itinerary: Itinerary) -> list[tuple[str, Element]]:
-    """Return names and messages in order."""
+    """Return names and messages in order.
+
+    A leg that is gone at several speeds is as many manoeuvres, as IMC has one speed for each. The later ones
+    are called by the waypoints that are left.
+    """
     first = itinerary.legs[0]
-    found = [("start", _goto(itinerary, first.waypoints[0], _LONGEST))]
+    begin = approach(itinerary, first, along_hull=True)
+    found = [("start", _goto(itinerary, first.waypoints[0], begin, _LONGEST))]
     for leg in itinerary.legs:
-        patience = _timeout(float(leg.kept_times[-1] - leg.kept_times[0]), f"leg {leg.number}")
-        follow = _follow_path if len(leg.kept) > 2 else _go_to_end
-        found.append((f"leg{leg.number}", follow(itinerary, leg, patience)))
+        found += _leg(itinerary, leg)
         if leg.hold > 0.0:
             found.append((f"task{leg.number}", _task(itinerary, leg)))
     end = itinerary.legs[-1].waypoints[-1].copy()
@@ -110,32 +115,44 @@ def _manoeuvres(itinerary: Itinerary) -> list[tuple[str, Element]]:
     return [*found, ("end", _stay(itinerary, end, 0, _LONGEST))]
 
 
-def _follow_path(itinerary: Itinerary, leg: PlannedLeg, timeout: int) -> Element:
-    """Points by their true north, east and down offsets from the path's start."""
-    place = _place(itinerary, leg.waypoints[0])
-    longitude, latitude = itinerary.site.to_geographic(leg.waypoints[:, 0], leg.waypoints[:, 1])
+def _leg(itinerary: Itinerary, leg: PlannedLeg) -> list[tuple[str, Element]]:
+    """Return names and messages that go along a leg."""
+    name, last = f"leg{leg.number}", len(leg.kept) - 1
+    patience = _timeout(float(leg.kept_times[-1] - leg.kept_times[0]), f"leg {leg.number}")
+    if last == 0:
+        return [(name, _goto(itinerary, leg.waypoints[0], itinerary.speed, patience))]
+    found = []
+    for part in stretches(itinerary, leg, along_hull=True):
+        called = f"{name}_last{last - part.first}" if part.first else name
+        if part.last - part.first > 1:
+            found.append((called, _follow_path(itinerary, leg, part, patience)))
+        else:
+            found.append((called, _goto(itinerary, leg.waypoints[part.last], part.speed, patience)))
+    return found
+
+
+def _follow_path(itinerary: Itinerary, leg: PlannedLeg, part: Stretch, timeout: int) -> Element:
+    """Points by their true north, east and down offsets from the first."""
+    waypoints = leg.waypoints[part.first : part.last + 1]
+    place = _place(itinerary, waypoints[0])
+    longitude, latitude = itinerary.site.to_geographic(waypoints[:, 0], waypoints[:, 1])
     bearing, _, distance = Geod(ellps="WGS84").inv(
         np.full_like(longitude, longitude[0]), np.full_like(latitude, latitude[0]), longitude, latitude
     )
     angle = np.radians(bearing)
     offsets = np.stack(
-        [distance * np.cos(angle), distance * np.sin(angle), leg.waypoints[:, 2] - leg.waypoints[0, 2]],
-        axis=1,
+        [distance * np.cos(angle), distance * np.sin(angle), waypoints[:, 2] - waypoints[0, 2]], axis=1
     )
     points = [_message("PathPoint", dict(zip("xyz", map(metres, offset), strict=True))) for offset in offsets]
     return _message("FollowPath", {
-        "timeout": str(timeout), **place, **_speed(itinerary), "points": points, "custom": "",
+        "timeout": str(timeout), **place, **_speed(part.speed), "points": points, "custom": "",
     })  # fmt: skip
 
 
-def _go_to_end(itinerary: Itinerary, leg: PlannedLeg, timeout: int) -> Element:
-    return _goto(itinerary, leg.waypoints[-1], timeout)
-
-
-def _goto(itinerary: Itinerary, position: Array, timeout: int) -> Element:
+def _goto(itinerary: Itinerary, position: Array, speed: float, timeout: int) -> Element:
     attitude = {"roll": "-1.0", "pitch": "-1.0", "yaw": "-1.0"}  # which leaves it to the vehicle
     return _message("Goto", {
-        "timeout": str(timeout), **_place(itinerary, position), **_speed(itinerary), **attitude, "custom": "",
+        "timeout": str(timeout), **_place(itinerary, position), **_speed(speed), **attitude, "custom": "",
     })  # fmt: skip
 
 
@@ -148,7 +165,7 @@ def _task(itinerary: Itinerary, leg: PlannedLeg) -> Element:
 
 def _stay(itinerary: Itinerary, position: Array, seconds: int, timeout: int) -> Element:
     """Stay about a place for so long; 0 s is without an end."""
-    place, speed, radius = _place(itinerary, position), _speed(itinerary), metres(_RADIUS)
+    place, speed, radius = _place(itinerary, position), _speed(itinerary.speed), metres(_RADIUS)
     if position[2] <= _SURFACE:
         return _message("StationKeeping", {
             **place, "radius": radius, "duration": str(seconds), **speed, "custom": "",
@@ -171,8 +188,8 @@ def _place(itinerary: Itinerary, position: Array) -> dict[str, str]:
     }
 
 
-def _speed(itinerary: Itinerary) -> dict[str, str]:
-    return {"speed": metres(itinerary.speed), "speed_units": "METERS_PS"}
+def _speed(speed: float) -> dict[str, str]:
+    return {"speed": metres(speed), "speed_units": "METERS_PS"}
 
 
 def _timeout(seconds: float, what: str) -> int:

@@ -65,6 +65,8 @@ class PlannedLeg:
         clearance: m, least certified distance of the straight lines to coast and obstacles, or infinite.
         hold: s, the task at the goal; 0 where there is none.
         priority: of the task.
+        led: m/s over ground, and of it along the hull, at which the first waypoint is gone to; NaN where the
+            leg begins there.
     """
 
     number: int
@@ -81,6 +83,7 @@ class PlannedLeg:
     clearance: float = np.inf
     hold: float = 0.0
     priority: float = 0.0
+    led: tuple[float, float] = (np.nan, np.nan)
 
     @classmethod
     def of(
@@ -169,6 +172,8 @@ class Itinerary:
         warnings: what a vehicle may not be able to follow, a line each.
         fence_points: points of fences that the autopilot holds.
         assumed: what was assumed or warned of in the scenario and its files, a line each.
+        over_ground: whether vehicles are given the speed over ground that each line is planned to make, see
+            `auvplan.export.speeds`; otherwise that through the water.
 
     Raises:
         ExportError: there is no leg, the speed or a task's time is no number, the mission reaches beyond the
@@ -190,6 +195,7 @@ class Itinerary:
     warnings: tuple[str, ...] = ()
     fence_points: int = FENCE_POINTS
     assumed: tuple[str, ...] = ()
+    over_ground: bool = True
 
     def __post_init__(self) -> None:
         if not self.legs:

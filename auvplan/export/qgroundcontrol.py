@@ -16,6 +16,7 @@ import shapely
 from auvplan.export.fences import Circle, Fence, nearest_fences
 from auvplan.export.itinerary import ExportError, Itinerary
 from auvplan.export.places import DEGREES, Waypoint, waypoints
+from auvplan.export.speeds import approach, speed_note, stretches
 from auvplan.files import write_atomically
 from auvplan.site import Site
 
@@ -40,6 +41,9 @@ _LONGEST_HOLD = 65_535
 #: m; a depth that small is the surface.
 _SURFACE = 1e-3
 
+#: m/s, by which speeds differ that are set one after the other.
+_SAME_SPEED = 0.005
+
 
 def qgc_plan(itinerary: Itinerary) -> dict[str, Any]:
     """Return a plan as the data of its JSON file.
@@ -49,7 +53,12 @@ def qgc_plan(itinerary: Itinerary) -> dict[str, Any]:
     """
     rows = waypoints(itinerary)
     home = [round(rows[0].latitude, DEGREES), round(rows[0].longitude, DEGREES), 0.0]
-    items = [_speed(itinerary.speed)] + [_item(row, number) for number, row in enumerate(rows, 2)]
+    items: list[dict[str, Any]] = []
+    speeds = item_speeds(itinerary)
+    for row, speed, before in zip(rows, speeds, [None, *speeds[:-1]], strict=True):
+        if speed != before:
+            items.append(_speed(speed, len(items) + 1))
+        items.append(_item(row, len(items) + 1))
     items.append(_end(items[-1], itinerary.end))
     held, left_out = _held_fences(itinerary)
     fences = [_fence(fence, itinerary.site) for fence in held]
@@ -57,7 +66,7 @@ def qgc_plan(itinerary: Itinerary) -> dict[str, Any]:
         "fileType": "Plan",
         "version": 1,
         "groundStation": "QGroundControl",
-        "comment": f"{itinerary.description}; {left_out}" if left_out else itinerary.description,
+        "comment": "; ".join(filter(None, (itinerary.description, speed_note(itinerary), left_out))),
         "mission": {
             "version": 2,
             "firmwareType": _ARDUPILOT,
@@ -77,6 +86,20 @@ def qgc_plan(itinerary: Itinerary) -> dict[str, Any]:
     }
 
 
+def item_speeds(itinerary: Itinerary) -> list[float]:
+    """Return m/s at which each waypoint is gone to; one after the other they are equal or differ for good."""
+    speeds: list[float] = []
+    rows = waypoints(itinerary)
+    for leg in itinerary.legs:
+        own = sum(row.leg == leg.number for row in rows)
+        lines = [approach(itinerary, leg)]
+        for part in stretches(itinerary, leg):
+            lines += [round(part.speed, 3)] * (part.last - part.first)
+        for speed in lines[len(lines) - own :]:
+            speeds.append(speeds[-1] if speeds and abs(speed - speeds[-1]) < _SAME_SPEED else speed)
+    return speeds
+
+
 def write_qgc(itinerary: Itinerary, path: str | Path) -> Path:
     """Write a `.plan` file.
 
@@ -92,7 +115,10 @@ def qgc_notes(itinerary: Itinerary) -> list[str]:
     """Return what whoever uploads the plan ought to know."""
     _, left_out = _held_fences(itinerary)
     notes = [f".plan: {left_out}"] if left_out else []
-    notes += [".plan: the speed is through the water in the plan, over the ground to ArduPilot"]
+    if itinerary.over_ground:
+        notes += [".plan: speeds are over ground, as ArduPilot holds them, line by line as planned"]
+    else:
+        notes += [".plan: the speed is through the water in the plan, over the ground to ArduPilot"]
     shallow = [row.name for row in waypoints(itinerary) if abs(row.depth) <= _SURFACE]
     if shallow:
         notes.append(
@@ -109,10 +135,10 @@ def _held_fences(itinerary: Itinerary) -> tuple[tuple[Fence, ...], str]:
     return nearest_fences(itinerary.fences, [leg.positions for leg in itinerary.legs], itinerary.fence_points)
 
 
-def _speed(speed: float) -> dict[str, Any]:
+def _speed(speed: float, number: int) -> dict[str, Any]:
     """Set the ground speed, and leave the throttle."""
     return {
-        "type": "SimpleItem", "autoContinue": True, "command": _CHANGE_SPEED, "doJumpId": 1,
+        "type": "SimpleItem", "autoContinue": True, "command": _CHANGE_SPEED, "doJumpId": number,
         "frame": _NO_PLACE, "params": [1, speed, -1, 0, 0, 0, 0],
     }  # fmt: skip
 

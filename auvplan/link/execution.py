@@ -591,7 +591,7 @@ class _Executor:
             return
         self._ahead = now
         assert report.position is not None
-        speed = progress.upload.itinerary.speed
+        speed = progress.upload.steps[progress.ahead].pace(progress.upload.itinerary.speed)
         places, left = [report.position], _AHEAD * speed
         number = progress.upload.steps[progress.ahead].leg
         for step in progress.upload.steps[progress.ahead :]:
@@ -728,7 +728,8 @@ class _Executor:
         if report.position is None or progress.done >= len(progress.upload.steps):
             return
         step = progress.upload.steps[progress.ahead]
-        left = float(np.linalg.norm(step.position - report.position)) / progress.upload.itinerary.speed
+        speed = step.pace(progress.upload.itinerary.speed)
+        left = float(np.linalg.norm(step.position - report.position)) / speed
         if step.hold > 0.0 and left < 10.0 + 3.0 * self._limits.reply * self._link.rate:
             return
         if not self._asked(lambda: self._hand_over(new)):

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from auvplan.export.imc import plan_identifier, plan_specification, stay_specification
 from auvplan.export.markup import Element
-from auvplan.link.limits import ALLOWANCES, Limits
+from auvplan.link.limits import ALLOWANCES, OVER_GROUND, Limits
 from auvplan.link.listening import ListeningLink
 from auvplan.link.vehicle import LinkError, Lost, Refused, Report, State, Upload
 from auvplan.site import Site
@@ -173,7 +173,14 @@ class ImcVehicle(ListeningLink):
 
     by_legs, allowance = True, ALLOWANCES["imc"]
 
-    def __init__(self, address: str, site: Site, limits: Limits | None = None, scale: float = 1.0) -> None:
+    def __init__(
+        self,
+        address: str,
+        site: Site,
+        limits: Limits | None = None,
+        scale: float = 1.0,
+        over_ground: bool = OVER_GROUND["imc"],
+    ) -> None:
         """Open a socket; the vehicle is looked for by `connect`.
 
         Args:
@@ -182,6 +189,7 @@ class ImcVehicle(ListeningLink):
             site: that local coordinates count from.
             limits: of replies and tries.
             scale: s of the vehicle's time in one of wall-clock time, for vehicles that are simulated.
+            over_ground: whether it holds a speed over ground, not through the water.
 
         Raises:
             LinkError: the address cannot be used.
@@ -203,7 +211,7 @@ class ImcVehicle(ListeningLink):
         self._vehicle, self._at = _ANYONE, -math.inf
         self._speed, self._mode, self._words = math.nan, None, ""
         self._control: Any = None  # PlanControlState that came last
-        self._request = 0
+        self._request, self._over_ground = 0, over_ground
         self._upload: Upload | None = None  # newest that was handed over
         self._plan: Upload | None = None  # that is executed, from `_offset` steps on
         self._offset, self._done, self._holds = 0, 0, False
@@ -281,11 +289,12 @@ class ImcVehicle(ListeningLink):
         steps, manoeuvre = plan.steps, state.man_id
         if manoeuvre == "end" or (state.state == states.READY and state.last_outcome == outcomes.SUCCESS):
             done = len(steps)
-        elif found := re.fullmatch(r"(leg|task)(\d+)", manoeuvre):
+        elif found := re.fullmatch(r"(leg|task)(\d+)(?:_last(\d+))?", manoeuvre):
             number = int(found[2])
             done = sum(step.leg < number for step in steps)
-            if found[1] == "task":
-                done += sum(step.leg == number and not step.ends_leg for step in steps)
+            own = sum(step.leg == number for step in steps)
+            left = 1 if found[1] == "task" else int(found[3] or own)
+            done += max(own - left, 0)
             if done <= self._offset and not steps[self._offset].ends_leg:
                 done = self._offset + 1  # it has been at the plan's first place
         else:
@@ -366,7 +375,8 @@ class ImcVehicle(ListeningLink):
 
     def _store(self, plan: Upload, offset: int) -> None:
         rest = plan.without(offset)
-        named = replace(rest.itinerary, name=self._identifier(plan, offset))
+        held = rest.itinerary.over_ground and self._over_ground
+        named = replace(rest.itinerary, name=self._identifier(plan, offset), over_ground=held)
         wanted = as_message(plan_specification(named))
         operation = self._imc.PlanDB.OperationEnum
         for _ in range(self._limits.uploads):

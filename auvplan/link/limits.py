@@ -85,6 +85,11 @@ class Allowance:
         return self.stop + self.by_speed * speed
 
 
+#: By link, whether vehicles as they come hold a speed over ground, and are given that of each line, or one
+#: through the water. ArduSub does by its position (AC_WPNav), DUNE by its Doppler log while that has the
+#: bottom (Control/AUV/Speed, Navigation/AUV/Navigation); without it DUNE's is through the water.
+OVER_GROUND = {"mavlink": True, "imc": True}
+
 #: By link, of vehicles as they come (docs/execution.md): ArduSub stops at every waypoint (jerk of 1 m/s3,
 #: arrival within 2 m) and dives at 1.5 m/s; DUNE is 10.6 s longer at a task than it is told, and takes 2 s to
 #: turn back onto its path.

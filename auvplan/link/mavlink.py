@@ -10,6 +10,7 @@ import os
 import queue
 import threading
 import time
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import import_module
@@ -17,9 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from auvplan.export.qgroundcontrol import qgc_plan
+from auvplan.export.qgroundcontrol import item_speeds, qgc_plan
 from auvplan.link import ardusub
-from auvplan.link.limits import ALLOWANCES, Limits
+from auvplan.link.limits import ALLOWANCES, OVER_GROUND, Limits
 from auvplan.link.listening import ListeningLink
 from auvplan.link.vehicle import LinkError, Lost, Refused, Report, State, Upload
 from auvplan.site import Site
@@ -31,6 +32,9 @@ _OURS = 255, 190
 
 #: s that other vehicles on the link are looked for.
 _OTHERS = 1.5
+
+#: MAV_CMD_NAV_WAYPOINT.
+_WAYPOINT = 16
 
 #: Mission types: waypoints and fences.
 MISSION, FENCE = 0, 1
@@ -216,6 +220,7 @@ class MavlinkVehicle(ListeningLink):
         limits: Limits | None = None,
         scale: float = 1.0,
         link_loss: str = "",
+        over_ground: bool = OVER_GROUND["mavlink"],
     ) -> None:
         """Open the connection; the vehicle is looked for by `connect`.
 
@@ -225,6 +230,7 @@ class MavlinkVehicle(ListeningLink):
             limits: of replies and tries.
             scale: s of the vehicle's time in one of wall-clock time, for vehicles that are simulated.
             link_loss: what ArduSub is set to do without a link, "continue" or "surface"; empty: as it is set.
+            over_ground: whether it holds a speed over ground, not through the water.
 
         Raises:
             LinkError: the connection cannot be opened.
@@ -249,15 +255,15 @@ class MavlinkVehicle(ListeningLink):
         self._target = 0, 0
         self._systems: set[int] = set()
         self._items: list[Item] = []
-        self._first = 0  # item of the first step
-        self._steps = 0
-        self._fresh: tuple[int, int] | None = None  # first item and steps of an upload that is not started
+        self._numbers: list[int] = []  # items of the steps
+        self._speeds: list[float] = []  # m/s over ground, at which they are gone to
+        # Both, of an upload that is not started.
+        self._fresh: tuple[list[int], list[float]] | None = None
         self._done, self._settled = 0, -math.inf
-        self._speed = math.nan  # m/s over ground, of the last upload
         self._ours: frozenset[int] = (
             frozenset()
         )  # modes that the vehicle may be in because it was asked to be
-        self._link_loss = link_loss
+        self._link_loss, self._over_ground = link_loss, over_ground
         self._failsafes: dict[str, float] = {}
         self._fence: list[Item] = []
         self._expected: tuple[str, ...] = ()
@@ -341,7 +347,7 @@ class MavlinkVehicle(ListeningLink):
         was_armed, heard.armed = heard.armed, bool(message.base_mode & 128)
         heard.autopilot, heard.kind, heard.mode = message.autopilot, message.type, message.custom_mode
         heard.fault = message.system_status in _FAULTS
-        if not self._ours or heard.gave_up or self._done >= self._steps:
+        if not self._ours or heard.gave_up or self._done >= len(self._numbers):
             return
         said = f" ({heard.alarm})" if heard.alarm else ""
         if heard.fault:
@@ -369,7 +375,7 @@ class MavlinkVehicle(ListeningLink):
         heard = self._heard
         ours = not heard.gave_up and heard.beat >= heard.again
         if ours and self._fresh is None and time.monotonic() >= self._settled:
-            self._done = max(self._done, min(item - self._first + 1, self._steps))
+            self._done = max(self._done, bisect_right(self._numbers, item))
 
     def connect(self) -> list[str]:
         """Wait for the vehicle's heartbeat and position, and see that no other one is there.
@@ -462,8 +468,12 @@ class MavlinkVehicle(ListeningLink):
         """
         notes = []
         self._check_ours()
+        if not self._over_ground:
+            plan = replace(plan, itinerary=replace(plan.itinerary, over_ground=False))
         items = mission_items(plan, self._ardupilot)
-        first = 2 if self._ardupilot else 1  # after home, if any, and the speed
+        home = 1 if self._ardupilot else 0
+        numbers = [k for k, item in enumerate(items) if item.command == _WAYPOINT][home:]
+        speeds = item_speeds(plan.itinerary)
         fence = fence_items(plan)
         if self._ardupilot and (self._heard.mode == ardusub.AUTO or not math.isnan(self._begin)):
             # It goes on by the number of its item, which is another one in the new plan.
@@ -474,14 +484,13 @@ class MavlinkVehicle(ListeningLink):
                 self._fence = fence
             except Refused as error:
                 notes.append(f"{error}: the vehicle goes without a fence")
-        self._place(items, MISSION, "plan", lambda: self._switch(first, len(plan.steps)))
+        self._place(items, MISSION, "plan", lambda: self._switch(numbers, speeds))
         self._items, self._settled = items, time.monotonic() + self._limits.outdated
-        self._speed = plan.itinerary.speed
         return notes
 
-    def _switch(self, first: int, steps: int) -> None:
+    def _switch(self, numbers: list[int], speeds: list[float]) -> None:
         """Count no more items: from now on they may be those of another plan, that is not started."""
-        self._fresh = first, steps
+        self._fresh = numbers, speeds
 
     def _place(
         self, items: list[Item], kind: int, what: str, sent_all: Callable[[], None] = lambda: None
@@ -710,11 +719,12 @@ class MavlinkVehicle(ListeningLink):
                     raise
             time.sleep(self._limits.reply)
 
-    def _start_ardusub(self, item: int) -> None:
+    def _start_ardusub(self, numbers: list[int], speeds: list[float], step: int) -> None:
         """Leave mode AUTO, arm, and enter it again: setting the mode that it is in does nothing.
 
         The mode of holding needs the position that AUTO needs, so that it is armed only where that is known.
-        AUTO starts with its own speed (ArduSub/mode_auto.cpp): that of the plan is given once more.
+        AUTO starts with its own speed (ArduSub/mode_auto.cpp), and at a later item without that before it:
+        that of the plan is given once more.
 
         Raises:
             Lost, Refused: the vehicle does not say that the mission is active.
@@ -726,7 +736,7 @@ class MavlinkVehicle(ListeningLink):
         try:
             if own:
                 self._insist(lambda: self._command(_ARM, 1, done=lambda: heard.armed))
-            self._set_current(item)
+            self._set_current(numbers[step] if step else 0)
             heard.progress = State.UNKNOWN
             self._insist(lambda: self._set_ardusub(ardusub.AUTO))
             self._see(
@@ -737,7 +747,12 @@ class MavlinkVehicle(ListeningLink):
             if own and math.isnan(self._begin):
                 self._disarm()
             raise
-        self._command(_SPEED, 1, self._speed, -1)
+        while True:  # which it may be told for the next line while it is told this
+            self._command(_SPEED, 1, speeds[step], -1)
+            ahead = min(bisect_left(numbers, heard.current), len(numbers) - 1)
+            if ahead <= step:
+                break
+            step = ahead
         self._ours = frozenset({ardusub.AUTO})
 
     def _check_sound(self) -> None:
@@ -764,17 +779,17 @@ class MavlinkVehicle(ListeningLink):
             Lost, Refused: the vehicle does not say that it does, or somebody has ended the mission.
         """
         self._check_ours()
-        first, steps = self._fresh or (self._first, self._steps)
+        numbers, speeds = self._fresh or (self._numbers, self._speeds)
         if self._ardupilot:
-            self._start_ardusub(first + step if step else 0)
+            self._start_ardusub(numbers, speeds, step)
         else:
-            step = self._start_other(first, step, steps)
-        self._first, self._steps, self._done = first, steps, step
+            step = self._start_other(numbers, step)
+        self._numbers, self._speeds, self._done = numbers, speeds, step
         self._fresh = None
         if math.isnan(self._begin):
             self._begin = time.monotonic()
 
-    def _start_other(self, first: int, step: int, steps: int) -> int:
+    def _start_other(self, numbers: list[int], step: int) -> int:
         """Start PX4, or another vehicle, and return the step that it begins with.
 
         Raises:
@@ -785,9 +800,12 @@ class MavlinkVehicle(ListeningLink):
         under_way = self._heard.progress is State.EXECUTING
         if under_way and time.monotonic() >= self._settled:
             # It began the new plan by itself, and may have come some way.
-            step = min(max(step, self._heard.current - first), steps)
+            step = max(step, bisect_left(numbers, self._heard.current))
         self._heard.progress = State.UNKNOWN
-        self._set_current(first + step if step else 0)
+        last = numbers[-1] + 1
+        item = 0 if not step else numbers[step] if step < len(numbers) else last
+        told = 0 < step < len(numbers) and numbers[step] - numbers[step - 1] > 1  # another speed, before it
+        self._set_current(item - 1 if told else item)
         if self._heard.autopilot == _PX4:
             self._set_px4(4, 4)
         else:

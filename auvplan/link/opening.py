@@ -4,7 +4,7 @@ import re
 import socket
 
 from auvplan.errors import AuvplanError
-from auvplan.link.limits import Limits
+from auvplan.link.limits import OVER_GROUND, Limits
 from auvplan.link.vehicle import LinkError, VehicleLink
 from auvplan.site import Site
 
@@ -49,7 +49,12 @@ def check_address(address: str, link_loss: str = "") -> None:
 
 
 def open_link(
-    address: str, site: Site, limits: Limits | None = None, scale: float = 1.0, link_loss: str = ""
+    address: str,
+    site: Site,
+    limits: Limits | None = None,
+    scale: float = 1.0,
+    link_loss: str = "",
+    over_ground: bool | None = None,
 ) -> VehicleLink:
     """Open a link to a vehicle outside of this process.
 
@@ -59,6 +64,8 @@ def open_link(
         limits: of replies and tries.
         scale: s of mission time in one of wall-clock time, for vehicles that are simulated.
         link_loss: what ArduSub is set to do without a link, "continue" or "surface"; empty: as it is set.
+        over_ground: whether the vehicle holds a speed over ground, not through the water; None: as such
+            vehicles do (`auvplan.link.limits`).
 
     Raises:
         AuvplanError: the address is none, its library is missing, or it cannot be opened; one line.
@@ -68,10 +75,12 @@ def open_link(
         if address.startswith(MAVLINK):
             from auvplan.link.mavlink import MavlinkVehicle
 
-            return MavlinkVehicle(address.removeprefix(MAVLINK), site, limits, scale, link_loss)
+            held = OVER_GROUND["mavlink"] if over_ground is None else over_ground
+            return MavlinkVehicle(address.removeprefix(MAVLINK), site, limits, scale, link_loss, held)
         from auvplan.link.imc import ImcVehicle
 
-        return ImcVehicle(address.removeprefix(IMC), site, limits, scale)
+        held = OVER_GROUND["imc"] if over_ground is None else over_ground
+        return ImcVehicle(address.removeprefix(IMC), site, limits, scale, held)
     except LinkError as error:
         raise AuvplanError(f"--link {error}") from None
 

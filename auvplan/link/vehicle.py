@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from auvplan.export.itinerary import Itinerary
 from auvplan.export.places import waypoints
+from auvplan.export.speeds import led
 from auvplan.link.limits import Allowance
 
 Array = NDArray[np.floating]
@@ -103,6 +104,11 @@ class Step:
     left: Array
     left_at: float
 
+    def pace(self, otherwise: float) -> float:
+        """Return m/s over ground that are planned on the line to it, or another speed where that is none."""
+        way, seconds = float(np.linalg.norm(self.position - self.left)), self.time - self.left_at
+        return way / seconds if way > 0.0 and seconds > 0.0 else otherwise
+
 
 @dataclass(frozen=True)
 class Upload:
@@ -155,8 +161,10 @@ class Upload:
         ahead = sum(step.leg == first.leg for step in self.steps[done:])
         kept = current.kept[-ahead:]
         begin = int(kept[0])
+        over_ground, along_hull = led(current)[-ahead]
         current = replace(
             current,
+            led=(float(over_ground), float(along_hull)),
             start_name=first.name,
             positions=current.positions[begin:],
             times=current.times[begin:],

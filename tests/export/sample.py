@@ -25,7 +25,7 @@ def make_leg(
     return replace(leg, kept=kept, kept_times=times[0] + 0.99 * (times[kept] - times[0]), time_change=-0.01)
 
 
-def make_itinerary(site: Site = SITE) -> Itinerary:
+def make_itinerary(site: Site = SITE, *, over_ground: bool = False) -> Itinerary:
     """From the west of the antimeridian to the east and back, at different depths."""
     share = np.linspace(0.0, 1.0, 9)[:, None]
     first = np.array([820.0, -450.0, 12.5]) + share * np.array([900.0, 1400.0, 30.0])
@@ -49,5 +49,15 @@ def make_itinerary(site: Site = SITE) -> Itinerary:
         Circle((2000.0, 1800.0), 85.0),
     )
     return Itinerary(
-        "reef, day 2", site, 1.75, legs, executed, fences, 42, '{"name": "reef"}', "9.8.7", ("a note",)
+        "reef, day 2",
+        site,
+        1.75,
+        legs,
+        executed,
+        fences,
+        42,
+        '{"name": "reef"}',
+        "9.8.7",
+        ("a note",),
+        over_ground=over_ground,
     )

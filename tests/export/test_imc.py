@@ -19,7 +19,8 @@ def test_imc(itinerary: Itinerary, tmp_path: Path):
     root = ElementTree.parse(written(itinerary, tmp_path, "imc")).getroot()
     assert (root.tag, root.get("imcv")) == ("PlanSpecification", "5.4.11")
     assert root.findtext("plan_id") == "reef_day_2"
-    assert root.findtext("description") == itinerary.description
+    said = "; the speed is through the water"
+    assert root.findtext("description") == itinerary.description + said
     departure = 0.0 if itinerary.site.epoch is None else EPOCH.timestamp() + 60.0
     assert float(root.get("time") or "nan") == pytest.approx(departure, abs=1e-3)
     steps = root.findall("maneuvers/PlanManeuver")

@@ -15,6 +15,8 @@ from auvplan.link import Limits, Lost, Refused, State, Upload, open_link
 
 mavutil = pytest.importorskip("pymavlink.mavutil", reason="needs pymavlink: pip install 'auvplan[link]'")
 
+from auvplan.export.qgroundcontrol import item_speeds  # noqa: E402
+from tests.export.sample import make_itinerary  # noqa: E402
 from tests.link.proxy import free_port  # noqa: E402
 
 LIMITS = Limits(reply=0.3, attempts=5, connect=5.0, outdated=0.1)
@@ -253,6 +255,53 @@ def test_it_is_held_while_another_plan_goes_up_and_keeps_its_speed(under_way):
     assert sub.modes == [POSHOLD, AUTO, POSHOLD, AUTO]
     assert sub.current == 4, "it says the item that it was set to, not one that it has come to"
     assert sub.speed == pytest.approx(upload.itinerary.speed)
+
+
+def test_each_line_has_its_speed_over_ground(joined):
+    """A speed is set where the waypoint before it is reached (AP_Mission::advance_current_nav_cmd)."""
+    link, sub, _ = joined
+    plan = Upload(make_itinerary(over_ground=True))
+    link.upload(plan)
+    speeds, speed, given = item_speeds(plan.itinerary), math.nan, []
+    for _, command, _, set_to, *_ in sub.items[1:-1]:
+        if command == 178:
+            speed = set_to
+        else:
+            given.append(speed)
+    assert given == pytest.approx(speeds)
+    assert len(set(speeds)) > 2
+    link.start()
+    places = [k for k, item in enumerate(sub.items) if item[1] == 16][1:]
+    assert sub.speed == pytest.approx(speeds[0])
+    for number, place in enumerate(places):
+        changed(sub, current=place)
+        assert link.wait(0.1).done == number, "items of speeds are no steps"
+    link.hold()
+    link.start(3)
+    assert sub.current == places[3]
+    assert sub.speed == pytest.approx(speeds[3]), "what is set before that item is passed over"
+
+
+def test_a_line_that_is_begun_while_it_is_started_keeps_its_speed(joined):
+    link, sub, _ = joined
+    plan = Upload(make_itinerary(over_ground=True))
+    link.upload(plan)
+    told = sub.command_long
+
+    def reached_meanwhile(mav, message):
+        told(mav, message)
+        if message.command == 178 and sub.current < 4:
+            changed(sub, current=4)
+
+    sub.command_long = reached_meanwhile
+    link.start()
+    assert sub.speed == pytest.approx(item_speeds(plan.itinerary)[1])
+
+
+def test_one_that_holds_its_speed_through_the_water_is_given_that(join):
+    link, sub, _ = join(over_ground=False)
+    link.upload(Upload(make_itinerary(over_ground=True)))
+    assert [item[3] for item in sub.items if item[1] == 178] == [1.75]
 
 
 @pytest.mark.parametrize(("armed", "mission"), [(False, RUNNING), (True, COMPLETE)])

@@ -7,11 +7,12 @@ import pytest
 
 from auvplan.errors import AuvplanError
 from auvplan.export.imc import plan_specification
-from auvplan.link import Limits, Lost, Refused, State, open_link
+from auvplan.link import Limits, Lost, Refused, State, Upload, open_link
 
 imcpy = pytest.importorskip("imcpy", reason="needs imcpy: pip install 'auvplan[link]'")
 
 from auvplan.link.imc import as_message  # noqa: E402
+from tests.export.sample import make_itinerary  # noqa: E402
 from tests.link.conftest import SCALE  # noqa: E402
 from tests.link.held import held_as_planned  # noqa: E402
 from tests.link.joining import body_at, followed  # noqa: E402
@@ -57,6 +58,37 @@ def test_a_later_step_is_a_shorter_plan(upload, join):
     link.start(3)
     assert len(peer.stored) == 2
     assert link.wait(1.0).done == 3
+
+
+def test_a_leg_at_several_speeds_is_followed_part_by_part(join):
+    link, peer, _ = join()
+    plan = Upload(make_itinerary(over_ground=True))
+    link.upload(plan)
+    assert held_as_planned("imc", peer, plan)
+    names = [move.maneuver_id for move in peer.stored[next(iter(peer.stored))].maneuvers]
+    assert sum(name.startswith("leg1") for name in names) > 1
+    link.start()
+    seen, report = set(), link.wait(1.0)
+    begin = time.monotonic()
+    while report.done < len(plan.steps) and time.monotonic() - begin < 20.0:
+        seen.add(report.done)
+        report = link.wait(20.0)
+    assert report.done == len(plan.steps)
+    parts = {len(plan.steps) - 1 - int(name.split("_last")[1]) for name in names if "_last" in name}
+    assert parts <= seen, "where a part begins the waypoints before it are passed"
+    assert len(peer.tasks) == 1
+
+
+def test_one_without_a_bottom_lock_is_given_the_speed_through_the_water(opened):
+    plan = Upload(make_itinerary(over_ground=True))
+    site, (north, east, _) = plan.itinerary.site, plan.steps[0].position
+    peer = ImcPeer(body_at(site, north, east, 12.5), SCALE)
+    link = open_link(f"imc:{peer.host}:{peer.port}", site, LIMITS, SCALE, over_ground=False)
+    opened += [peer, link]
+    link.connect()
+    link.upload(plan)
+    (held,) = peer.stored.values()
+    assert {round(float(move.data.speed), 4) for move in held.maneuvers} == {1.75}
 
 
 def test_hold_and_surface(upload, join):

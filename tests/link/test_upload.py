@@ -5,8 +5,10 @@ import pytest
 
 from auvplan.errors import AuvplanError
 from auvplan.export.places import waypoints
-from auvplan.link import Limits
+from auvplan.export.qgroundcontrol import item_speeds
+from auvplan.link import Limits, Upload
 from auvplan.link.opening import check_address
+from tests.export.sample import make_itinerary
 
 
 def test_steps_are_the_waypoints_of_the_files(upload):
@@ -31,6 +33,17 @@ def test_what_is_left_keeps_places_times_and_the_line_that_is_gone(upload, done)
     for leg in rest.itinerary.legs:
         assert np.all(np.diff(leg.kept) > 0)
         assert len(leg.kept) == len(leg.kept_times)
+
+
+@pytest.mark.parametrize("done", range(5))
+def test_what_is_left_is_gone_at_the_speeds_of_the_whole(done):
+    whole = Upload(make_itinerary(over_ground=True))
+    speeds, rest = item_speeds(whole.itinerary), item_speeds(whole.without(done).itinerary)
+    made = [step.pace(1.75) for step in whole.steps]
+    assert made[0] == 1.75
+    assert speeds[0] == 1.75
+    for found, step in zip(rest, whole.steps[done:], strict=True):
+        assert found == pytest.approx(step.pace(1.75), rel=0.06)
 
 
 def test_the_last_step_stays(upload):

@@ -1,0 +1,100 @@
+"""Speeds that a vehicle is given for its lines.
+
+Autopilots hold a speed over ground where they see the ground, and the plan keeps one through the water: over
+ground it makes more on one line than on another. A vehicle that is given what each line is planned to make
+keeps the plan's times, and its speed through the water.
+"""
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from auvplan.export.itinerary import Itinerary, PlannedLeg
+
+Array = NDArray[np.floating]
+
+#: m/s, least that is asked for: ArduSub takes no less (AC_WPNav), and to DUNE less is to stop
+#: (Control/AUV/Speed).
+LEAST = 0.1
+
+#: Lines one after the other whose speeds are within such a share of their mean are given that.
+ALIKE = 0.05
+
+
+class Stretch(NamedTuple):
+    """Lines of a leg that are gone at one speed.
+
+    Attributes:
+        first, last: waypoints of the leg that it leads from and to.
+        speed: m/s.
+    """
+
+    first: int
+    last: int
+    speed: float
+
+
+def led(leg: "PlannedLeg") -> Array:
+    """Return [k, 2] m/s that a leg's lines make over ground, and of it along the hull, to each waypoint.
+
+    The hull points where the vehicle moves through the water, so that across a current it sees less than it
+    makes. What leads to the first waypoint is known of a leg that was cut; NaN where it is not.
+    """
+    gaps = np.linalg.norm(np.diff(leg.waypoints, axis=0), axis=1)
+    over_ground = gaps / np.maximum(np.diff(leg.kept_times), 1e-9)
+    body = leg.motion.body_velocity
+    length = np.linalg.norm(body, axis=1)
+    ahead = np.where(length > 0.0, body[:, 0] / np.where(length > 0.0, length, 1.0), np.nan)
+    shares = [_mean(ahead[a:b]) for a, b in zip(leg.kept[:-1], leg.kept[1:], strict=True)]
+    lines = np.stack([over_ground, over_ground * np.asarray(shares)], axis=1).reshape(-1, 2)
+    return np.concatenate([[leg.led], lines])
+
+
+def stretches(itinerary: "Itinerary", leg: "PlannedLeg", *, along_hull: bool = False) -> list[Stretch]:
+    """Return the lines of a leg by the speeds that they are gone at, in order.
+
+    Args:
+        itinerary: which says whether vehicles are given speeds over ground, or that through the water.
+        leg: of it.
+        along_hull: whether the vehicle holds what it makes over ground along its hull, as one does whose
+            Doppler log is its measure.
+    """
+    last = len(leg.kept) - 1
+    if not itinerary.over_ground:
+        return [Stretch(0, last, itinerary.speed)] if last else []
+    speeds, times = led(leg)[1:, int(along_hull)], np.maximum(np.diff(leg.kept_times), 1e-9)
+    found, begin = [], 0
+    for end in range(1, last + 1):
+        mean = _over(speeds, times, begin, end)
+        if end < last:
+            longer = speeds[begin : end + 1] / _over(speeds, times, begin, end + 1)
+            if (np.abs(longer - 1.0) <= ALIKE).all():
+                continue
+        found.append(Stretch(begin, end, max(mean, LEAST)))
+        begin = end
+    return found
+
+
+def approach(itinerary: "Itinerary", leg: "PlannedLeg", *, along_hull: bool = False) -> float:
+    """Return m/s at which the first waypoint of a leg is gone to."""
+    known = leg.led[int(along_hull)]
+    return max(float(known), LEAST) if itinerary.over_ground and np.isfinite(known) else itinerary.speed
+
+
+def speed_note(itinerary: "Itinerary") -> str:
+    """Return what the speeds in a vehicle's file are, in words."""
+    if itinerary.over_ground:
+        return "speeds are over ground, line by line as planned in the forecast current"
+    return "the speed is through the water"
+
+
+def _over(speeds: Array, times: Array, begin: int, end: int) -> float:
+    """Return m/s, the mean over the time of some lines."""
+    return float(speeds[begin:end] @ times[begin:end] / times[begin:end].sum())
+
+
+def _mean(shares: Array) -> float:
+    known = shares[np.isfinite(shares)]
+    return float(known.mean()) if len(known) else 1.0
