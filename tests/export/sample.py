@@ -61,3 +61,24 @@ def make_itinerary(site: Site = SITE, *, over_ground: bool = False) -> Itinerary
         ("a note",),
         over_ground=over_ground,
     )
+
+
+#: m/s through the water, and corners, m, of a path that turns with and against a current.
+SPEED = 1.2
+CORNERS = np.array([[0, 0, 5], [300, 0, 5], [600, 10, 8], [620, 400, 8], [200, 420, 10], [0, 500, 10]], float)
+
+
+def in_current(stream) -> Itinerary:
+    """A leg along corners at `SPEED` through the water, and a second one on from there."""
+    stream = np.asarray(stream, float)
+    way = np.diff(CORNERS, axis=0)
+    motion = Motion.along("track", SPEED, way, np.broadcast_to(stream, way.shape))
+    made = np.linalg.norm(motion.ground_velocity, axis=1)
+    passed = np.concatenate([[0.0], np.cumsum(np.linalg.norm(way, axis=1) / made)])
+    first = PlannedLeg.of(1, 0, 1, CORNERS, passed, hold=40.0, priority=1.0, motion=motion)
+    on = np.stack([CORNERS[-1], CORNERS[-1] + [-300.0, -200.0, 0.0]])
+    along = Motion.along("track", SPEED, np.diff(on, axis=0), stream[None])
+    leaves = passed[-1] + 40.0
+    arrives = leaves + np.linalg.norm(on[1] - on[0]) / np.linalg.norm(along.ground_velocity[0])
+    second = PlannedLeg.of(2, 1, 2, on, [leaves, arrives], motion=along)
+    return Itinerary("in a current", SITE, SPEED, (first, second))

@@ -12,29 +12,7 @@ from auvplan.export.imc import plan_specification
 from auvplan.export.qgroundcontrol import item_speeds, qgc_notes, qgc_plan, validate_plan
 from auvplan.export.speeds import LEAST, led, stretches
 from auvplan.motion import Motion
-from tests.export.sample import SITE
-
-SPEED = 1.2
-
-#: m, corners of a path that turns with and against a current.
-CORNERS = np.array([[0, 0, 5], [300, 0, 5], [600, 10, 8], [620, 400, 8], [200, 420, 10], [0, 500, 10]], float)
-
-
-def in_current(stream, corners=CORNERS, times=None) -> Itinerary:
-    """A leg along corners at `SPEED` through the water, and a second one on from there."""
-    stream = np.asarray(stream, float)
-    way = np.diff(corners, axis=0)
-    motion = Motion.along("track", SPEED, way, np.broadcast_to(stream, way.shape))
-    made = np.linalg.norm(motion.ground_velocity, axis=1)
-    passed = np.concatenate([[0.0], np.cumsum(np.linalg.norm(way, axis=1) / made)])
-    first = PlannedLeg.of(1, 0, 1, corners, passed, hold=40.0, priority=1.0, motion=motion)
-    on = np.stack([corners[-1], corners[-1] + [-300.0, -200.0, 0.0]])
-    along = Motion.along("track", SPEED, np.diff(on, axis=0), stream[None])
-    leaves = passed[-1] + 40.0
-    arrives = leaves + np.linalg.norm(on[1] - on[0]) / np.linalg.norm(along.ground_velocity[0])
-    second = PlannedLeg.of(2, 1, 2, on, [leaves, arrives], motion=along)
-    return Itinerary("in a current", SITE, SPEED, (first, second))
-
+from tests.export.sample import CORNERS, SITE, SPEED, in_current
 
 streams = st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5)).map(lambda c: (*c, 0.0))
 

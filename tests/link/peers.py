@@ -41,13 +41,15 @@ class Task:
 
 @dataclass
 class Body:
-    """A body that moves at a speed over ground.
+    """A body that moves at a speed over ground, or makes one along its hull.
 
     Attributes:
         latitude, longitude: degrees.
         depth: m.
         pace: share of the commanded speed that it makes; `stuck` makes none.
         push: m/s, north and east, by which it is driven off its way.
+        stream: m/s, north and east, of the water: it keeps its way by crabbing, and what it makes over ground
+            is the commanded speed along its hull, as a Doppler log sees it (DUNE: Control/AUV/Speed).
     """
 
     latitude: float
@@ -56,6 +58,7 @@ class Body:
     pace: float = 1.0
     stuck: bool = False
     push: tuple[float, float] = (0.0, 0.0)
+    stream: tuple[float, float] = (0.0, 0.0)
     speed: float = 1.0
     velocity: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
@@ -69,7 +72,7 @@ class Body:
     ) -> float:
         """Move; return s that are left after arrival, so many s ahead of it, or -1 on the way."""
         bearing, _, level = _GEOD.inv(self.longitude, self.latitude, longitude, latitude)
-        gap, speed = math.hypot(level, depth - self.depth), self.pace * self.speed
+        gap, speed = math.hypot(level, depth - self.depth), self.pace * self._made(bearing)
         if self.stuck:
             self.velocity = np.zeros(3)
             return -1.0
@@ -85,6 +88,16 @@ class Body:
         self._go(bearing, share * level)
         self.depth += share * (depth - self.depth)
         return seconds - way / speed if way <= speed * seconds else -1.0
+
+    def _made(self, bearing: float) -> float:
+        """Return m/s over ground along a bearing, degrees, whose part along the hull is as commanded."""
+        north, east = self.stream
+        angle, made = math.radians(bearing), self.speed
+        along = north * math.cos(angle) + east * math.sin(angle)
+        across = math.hypot(north, east) ** 2 - along**2
+        for _ in range(30):
+            made = self.speed * math.sqrt((made - along) ** 2 + max(across, 0.0)) / max(made - along, 0.1)
+        return made
 
     def rise(self, seconds: float) -> bool:
         """Come up; return whether it is at the surface."""

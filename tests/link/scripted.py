@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from auvplan.export.qgroundcontrol import item_speeds
 from auvplan.link import LinkError, Lost, Report, State, Upload
 from auvplan.link.limits import Allowance
 
@@ -25,6 +26,7 @@ class ScriptedVehicle:
     Attributes:
         start_at: [3] m.
         speed: m/s.
+        told: whether it holds over ground what its items tell it, in place of that.
         silent: when nothing is heard of it, and asking fails.
         stuck: when it makes no way; a start ends it where `restarts` is set.
         push: m/s, by which it is driven off, while `pushed`.
@@ -37,6 +39,7 @@ class ScriptedVehicle:
 
     start_at: np.ndarray
     speed: float = 2.5
+    told: bool = False
     silent: Span = NEVER
     stuck: Span = NEVER
     restarts: bool = False
@@ -121,6 +124,8 @@ class ScriptedVehicle:
         assert self.plan is not None
         while seconds > 0.0 and self.done < len(self.plan.steps):
             step = self.plan.steps[self.done]
+            if self.told:
+                self.speed = item_speeds(self.plan.itinerary)[self.done]
             if not self.at:
                 way = step.position - self.place
                 gap = float(np.linalg.norm(way))

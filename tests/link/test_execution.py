@@ -92,6 +92,23 @@ def test_what_the_vehicle_takes_longer_is_in_the_plan_and_not_in_what_it_is_aske
     assert holds == pytest.approx(tasks, abs=1e-2)
 
 
+def test_a_vehicle_that_holds_its_speed_over_ground_keeps_its_times_in_a_current():
+    """What each line is planned to make is held, where the speed through the water is off by a tenth."""
+    current = {"vortices": 0, "uniform": [0.5, -0.4, 0.0]}
+    off = {}
+    for told in (True, False):
+        plan = RollingPlan(scenario(site=SITE, current=current), 1)
+        start = np.asarray(plan.run.graph.positions[plan.run.start], float)
+        vehicle = ScriptedVehicle(start, told=told)
+        record = executed(plan, vehicle, limits=Limits(late=2000.0))
+        assert record.success
+        times = [event.time for event in record.events if event.kind == "leg"]
+        planned = [float(leg.times[-1]) + leg.t_wait + leg.t_task for leg in plan.legs]
+        off[told] = np.abs(np.subtract(times, planned)) / planned
+    assert off[True].max() < 0.01
+    assert off[False].max() > 0.03
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("radius", [17.0, 40.0, 140.0])
 def test_a_reported_obstacle_compiles_nothing_under_way(monkeypatch, radius):

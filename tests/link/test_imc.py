@@ -1,6 +1,7 @@
 """IMC on loopback with a peer of imcpy's messages, through a link that loses packets."""
 
 import time
+from dataclasses import replace
 from functools import partial
 
 import pytest
@@ -12,7 +13,7 @@ from auvplan.link import Limits, Lost, Refused, State, Upload, open_link
 imcpy = pytest.importorskip("imcpy", reason="needs imcpy: pip install 'auvplan[link]'")
 
 from auvplan.link.imc import as_message  # noqa: E402
-from tests.export.sample import make_itinerary  # noqa: E402
+from tests.export.sample import in_current, make_itinerary  # noqa: E402
 from tests.link.conftest import SCALE  # noqa: E402
 from tests.link.held import held_as_planned  # noqa: E402
 from tests.link.joining import body_at, followed  # noqa: E402
@@ -77,6 +78,23 @@ def test_a_leg_at_several_speeds_is_followed_part_by_part(join):
     parts = {len(plan.steps) - 1 - int(name.split("_last")[1]) for name in names if "_last" in name}
     assert parts <= seen, "where a part begins the waypoints before it are passed"
     assert len(peer.tasks) == 1
+
+
+def test_a_vehicle_that_sees_its_hull_over_ground_keeps_the_planned_times_in_a_current(opened):
+    stream = (-0.2, 0.25, 0.0)
+    plan = Upload(in_current(stream))
+    site, (north, east, depth) = plan.itinerary.site, plan.steps[0].position
+    peer = ImcPeer(replace(body_at(site, north, east, depth), stream=stream[:2]), SCALE)
+    link = open_link(f"imc:{peer.host}:{peer.port}", site, LIMITS, SCALE)
+    opened += [peer, link]
+    link.connect()
+    link.upload(plan)
+    link.start()
+    begin, report = link.now, link.wait(1.0)
+    while report.done < len(plan.steps) and link.now < 4000.0:
+        report = link.wait(5.0)
+    planned = plan.steps[-1].time - plan.steps[0].time
+    assert link.now - begin == pytest.approx(planned, rel=0.02)
 
 
 def test_one_without_a_bottom_lock_is_given_the_speed_through_the_water(opened):
