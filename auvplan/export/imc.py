@@ -15,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pyproj import Geod
 
+from auvplan.export.dune import RADIUS, commanded, first_begun
 from auvplan.export.itinerary import ExportError, Itinerary, PlannedLeg
 from auvplan.export.markup import Element, child, write_xml
 from auvplan.export.places import metres
-from auvplan.export.speeds import Stretch, approach, speed_note, stretches
+from auvplan.export.speeds import Stretch, approach, speed_note
 from auvplan.site import as_utc
 
 Array = NDArray[np.floating]
@@ -28,9 +29,6 @@ VERSION = "5.4.11"
 
 #: s, largest number in IMC's fields for timeouts and durations, of 16 bits.
 _LONGEST = 65_535
-
-#: m, radius of station keeping and of loitering: inside a planner's default distance to the coast.
-_RADIUS = 10.0
 
 #: A manoeuvre is given so many times its planned time, and so many s more, before it counts as failed.
 _PATIENCE, _SLACK = 2.0, 600.0
@@ -105,8 +103,10 @@ def _manoeuvres(itinerary: Itinerary) -> list[tuple[str, Element]]:
     first = itinerary.legs[0]
     begin = approach(itinerary, first, along_hull=True)
     found = [("start", _goto(itinerary, first.waypoints[0], begin, _LONGEST))]
+    begun = first_begun(itinerary)
     for leg in itinerary.legs:
-        found += _leg(itinerary, leg)
+        parts, begun = commanded(itinerary, leg, begun)
+        found += _leg(itinerary, leg, parts)
         if leg.hold > 0.0:
             found.append((f"task{leg.number}", _task(itinerary, leg)))
     end = itinerary.legs[-1].waypoints[-1].copy()
@@ -115,14 +115,14 @@ def _manoeuvres(itinerary: Itinerary) -> list[tuple[str, Element]]:
     return [*found, ("end", _stay(itinerary, end, 0, _LONGEST))]
 
 
-def _leg(itinerary: Itinerary, leg: PlannedLeg) -> list[tuple[str, Element]]:
-    """Return names and messages that go along a leg."""
+def _leg(itinerary: Itinerary, leg: PlannedLeg, parts: list[Stretch]) -> list[tuple[str, Element]]:
+    """Return names and messages that go along a leg by its stretches."""
     name, last = f"leg{leg.number}", len(leg.kept) - 1
     patience = _timeout(float(leg.kept_times[-1] - leg.kept_times[0]), f"leg {leg.number}")
     if last == 0:
         return [(name, _goto(itinerary, leg.waypoints[0], itinerary.speed, patience))]
     found = []
-    for part in stretches(itinerary, leg, along_hull=True):
+    for part in parts:
         called = f"{name}_last{last - part.first}" if part.first else name
         if part.last - part.first > 1:
             found.append((called, _follow_path(itinerary, leg, part, patience)))
@@ -165,7 +165,7 @@ def _task(itinerary: Itinerary, leg: PlannedLeg) -> Element:
 
 def _stay(itinerary: Itinerary, position: Array, seconds: int, timeout: int) -> Element:
     """Stay about a place for so long; 0 s is without an end."""
-    place, speed, radius = _place(itinerary, position), _speed(itinerary.speed), metres(_RADIUS)
+    place, speed, radius = _place(itinerary, position), _speed(itinerary.speed), metres(RADIUS)
     if position[2] <= _SURFACE:
         return _message("StationKeeping", {
             **place, "radius": radius, "duration": str(seconds), **speed, "custom": "",
