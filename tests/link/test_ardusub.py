@@ -289,9 +289,9 @@ def test_a_line_that_is_begun_while_it_is_started_keeps_its_speed(joined):
     told = sub.command_long
 
     def reached_meanwhile(mav, message):
-        told(mav, message)
         if message.command == 178 and sub.current < 4:
             changed(sub, current=4)
+        told(mav, message)
 
     sub.command_long = reached_meanwhile
     link.start()
