@@ -7,9 +7,14 @@ import numpy as np
 from auvplan.ocean.environment import Environment
 from auvplan.path.bspline import basis_at, basis_matrix, fit_matrix, greville_abscissae
 from auvplan.path.config import GUIDE_MARGIN, PathConfig
+from auvplan.vehicle import Vehicle
 
 #: Sine modes of the initial detours: the first bends the path once, the second twice, ...
 _MODES = 4
+
+#: Paths that wind are so many times as long, seen from above, as the steepest straight one; and no wider to one
+#: side than this share of the box.
+_LENGTHENED, _WIDEST = 1.05, 0.2
 
 
 def straight_line(start: jax.Array, goal: jax.Array, config: PathConfig) -> jax.Array:
@@ -112,6 +117,52 @@ def deepest(env: Environment, x: jax.Array, y: jax.Array, length: jax.Array) -> 
     bed = env.seabed
     assert bed is not None
     return jnp.maximum(bed.shallowest_at(x, y, length) - bed.clearance - 2.0 * GUIDE_MARGIN, env.lower[2])
+
+
+def spirals(
+    count: int, start: jax.Array, goal: jax.Array, vehicle: Vehicle, env: Environment, config: PathConfig
+) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """Return paths that wind from start to goal where the vehicle cannot pitch as steeply as the straight line.
+
+    Their centre moves along that line, so that they dive evenly; they wind once or twice, to either side, or
+    more often where the box is narrow.
+
+    Args:
+        count: of paths.
+        start, goal: [3] m.
+        vehicle: with a limit on its pitch.
+        env: the world.
+        config: static settings.
+
+    Returns:
+        ``(habitats [count, 3 n] m, times [count] s in still water, needed [])``.
+    """
+    assert vehicle.pitch_max is not None
+    way = goal - start
+    level, rise = jnp.sqrt((way[:2] ** 2).sum() + 1e-8), jnp.abs(way[2])
+    wanted = _LENGTHENED * rise / jnp.tan(vehicle.pitch_max)
+    # Circumference of all turns together: what is missing in length, at right angles to the line in the mean.
+    around = jnp.sqrt(jnp.maximum(wanted**2 - level**2, 0.0))
+    turns = 1.0 + jnp.arange(count, dtype=start.dtype) // 2
+    widest = _WIDEST * (env.upper - env.lower)[:2].min()
+    turns = jnp.maximum(turns, jnp.ceil(around / (2.0 * jnp.pi * widest)))[:, None]
+    side = jnp.where(jnp.arange(count) % 2 == 0, 1.0, -1.0)[:, None]
+    radius, share = around / (2.0 * jnp.pi * turns), jnp.linspace(0.0, 1.0, config.samples)
+    angle = 2.0 * jnp.pi * turns * share
+    # The first turn leads ahead: along the line, or north where there is none.
+    ahead = jnp.where(level > 1e-3, way[:2] / level, jnp.asarray([1.0, 0.0], start.dtype))
+    along, aside = radius * jnp.sin(angle), side * radius * (1.0 - jnp.cos(angle))
+    x = start[0] + way[0] * share + along * ahead[0] - aside * ahead[1]
+    y = start[1] + way[1] * share + along * ahead[1] + aside * ahead[0]
+    z = jnp.broadcast_to(start[2] + way[2] * share, x.shape)
+    fit = jnp.asarray(fit_matrix(config.samples, config.control_points + 2, config.degree), start.dtype)
+    planes = []
+    for axis, curve in enumerate((x, y, z)):
+        ends = jnp.broadcast_to(jnp.stack([start[axis], goal[axis]]), (count, 2))
+        planes.append(jnp.concatenate([curve, ends], axis=1) @ fit.T)
+    times = jnp.sqrt(wanted**2 + rise**2) / vehicle.speed
+    habitats = jnp.stack(planes, axis=1).reshape(count, -1)
+    return habitats, jnp.broadcast_to(times, (count,)), wanted > level
 
 
 def transfer(

@@ -25,7 +25,7 @@ from auvplan.path.bspline import fit_matrix
 from auvplan.path.clearance import distance_to_land, obstacle_clearance
 from auvplan.path.config import PathConfig
 from auvplan.path.cost import ALTITUDE_SCALE
-from auvplan.path.habitats import deepest, raise_above_seabed, straight_line
+from auvplan.path.habitats import deepest, raise_above_seabed, spirals, straight_line
 from auvplan.path.kinematics import Axes
 from auvplan.path.profile import STATIONS, levels, profiles
 from auvplan.vehicle import Vehicle, along_track
@@ -71,6 +71,9 @@ _ASPECT = 2.0
 
 #: Depths at which the coarse grid is laid out where the current changes with depth.
 _LAYERS = 6
+
+#: Paths that wind, in place of the last passages, where start and goal are too steep for the vehicle.
+_WINDING = 4
 
 #: Rounds of sweeps at most; each follows a path around one more bend.
 _ROUNDS = 40
@@ -168,7 +171,13 @@ def trace_passages(
         raise_above_seabed(_fitted(traced, depths, start, goal, own), start, goal, env)
         for own in (config, config.fine())
     )
-    return *habitats, traced.times, closed, known
+    habitats, times = list(habitats), traced.times
+    if vehicle.pitch_max is not None and (winding := min(_WINDING, count // 2)):
+        for k, own in enumerate((config, config.fine())):
+            found, lasts, needed = spirals(winding, start, goal, vehicle, env, own)
+            habitats[k] = habitats[k].at[-winding:].set(jnp.where(needed, found, habitats[k][-winding:]))
+        times = times.at[-winding:].set(jnp.where(needed, lasts, times[-winding:]))
+    return *habitats, times, closed, known
 
 
 def _proportioned(low: jax.Array, high: jax.Array) -> tuple[jax.Array, jax.Array]:
