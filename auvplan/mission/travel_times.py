@@ -50,9 +50,6 @@ _STEP_SIZE = 0.03
 #: depth.
 _STATIONS, _LEVELS = 16, 12
 
-#: Limits in the vertical, which a profile of so few stations keeps only about.
-_VERTICAL = "pitch", "climb", "dive"
-
 #: Gradient steps that bend a line of three control points to the current.
 _BEND_STEPS = 6
 
@@ -178,7 +175,17 @@ def travel_times(
                     seconds[edge], passable[edge] = lasts, True
     if detour and (blocked := np.flatnonzero(~passable & inside)).size:
         seconds[blocked], passable[blocked] = estimated(blocked, _FANS, config.detours, config.detour_steps)
-    return seconds, passable & inside
+    return np.maximum(seconds, _vertical_times(starts, goals, vehicle)), passable & inside
+
+
+def _vertical_times(
+    starts: NDArray[np.floating], goals: NDArray[np.floating], vehicle: Vehicle
+) -> NDArray[np.float64]:
+    """Return the times [E] s of dives and climbs at the vehicle's limits, for lines that are steeper."""
+    limits = {name: float(limit) for name, limit in vehicle.vertical_limits.items()}
+    rise = goals[:, 2] - starts[:, 2]
+    most = [min(limits.get("pitch", np.inf), limits.get(name, np.inf)) for name in ("dive", "climb")]
+    return np.abs(rise) / np.where(rise > 0.0, *most)
 
 
 def _inside(points: np.ndarray, env: Environment) -> NDArray[np.bool_]:
@@ -228,7 +235,7 @@ def _follow(
             tracks = _at_depths(tracks, track[0], track[-1], depart, env, vehicle, config.path)
         trajectory = evaluate(tracks, depart, env, vehicle, config.path)
         excess = dict(zip(VIOLATIONS, violations(trajectory), strict=True))
-        broken = sum(excess[name] for name in ("surge", "sway", "current", "seabed", *VERTICAL_LIMITS))
+        broken = sum(excess[name] for name in ("surge", "sway", "current", "seabed"))
         return _quickest(trajectory, broken + jnp.where(clear, 0.0, excess["coast"]))
 
     return jax.vmap(one, in_axes=(0, 0, 0, 0 if world_per_edge else None))(tracks, clear, departs, currents)
@@ -304,7 +311,8 @@ def _estimate(
         trajectory = evaluate(track, depart, env, vehicle, config.path)
         excess = dict(zip(VIOLATIONS, violations(trajectory), strict=True))
         return _quickest(
-            trajectory, reduce(jnp.add, (plane for name, plane in excess.items() if name not in _VERTICAL))
+            trajectory,
+            reduce(jnp.add, (plane for name, plane in excess.items() if name not in VERTICAL_LIMITS)),
         )
 
     return jax.vmap(one, in_axes=(0, 0, 0, 0 if world_per_edge else None, None))(

@@ -12,8 +12,8 @@ from auvplan.vehicle import Vehicle
 #: Sine modes of the initial detours: the first bends the path once, the second twice, ...
 _MODES = 4
 
-#: Paths that wind are so many times as long, seen from above, as the steepest straight one; and no wider to one
-#: side than this share of the box.
+#: Paths that wind are so many times as long, seen from above, as the steepest straight one, and no wider to
+#: one side than this share of the box.
 _LENGTHENED, _WIDEST = 1.05, 0.2
 
 
@@ -122,7 +122,7 @@ def deepest(env: Environment, x: jax.Array, y: jax.Array, length: jax.Array) -> 
 def spirals(
     count: int, start: jax.Array, goal: jax.Array, vehicle: Vehicle, env: Environment, config: PathConfig
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """Return paths that wind from start to goal where the vehicle cannot pitch as steeply as the straight line.
+    """Return paths that wind from start to goal where the straight line is steeper than the pitch allows.
 
     Their centre moves along that line, so that they dive evenly; they wind once or twice, to either side, or
     more often where the box is narrow.

@@ -454,7 +454,7 @@ def _layered(
 
     times, (spacing, source, sink) = jax.lax.map(at, depth)
     spacing, source, sink = jax.tree.map(lambda leaf: leaf[0], (spacing, source, sink))
-    steep = jnp.pi / 4.0 if getattr(vehicle, "pitch_max", None) is None else vehicle.pitch_max
+    steep = jnp.pi / 4.0 if vehicle.pitch_max is None else vehicle.pitch_max
     shift = jnp.abs(depth[:, None] - depth) * jnp.tan(0.5 * steep) / vehicle.speed
     ahead, back = _fields(times, source, sink, shift)
     best = jnp.argmin(ahead + back, axis=0)

@@ -19,7 +19,7 @@ from auvplan.ocean.environment import Environment
 from auvplan.path.clearance import obstacle_clearance
 from auvplan.path.config import PathConfig
 from auvplan.path.habitats import deepest
-from auvplan.path.kinematics import TINY
+from auvplan.path.kinematics import TINY, vertical_speeds
 from auvplan.vehicle import Vehicle, along_track
 
 #: Moves from station to station on each path of a search, and depths to choose from at each.
@@ -200,18 +200,10 @@ def _moves(
     excess = shortfall
     excess = excess + jnp.maximum(ground / vehicle.surge_max - 1.0, 0.0)
     excess = excess + jnp.maximum(across / vehicle.sway_max - 1.0, 0.0)
-    pitch = getattr(vehicle, "pitch_max", None)
-    if pitch is not None:
-        vertical = (
-            jnp.abs(rise * ground / gap - w)
-            if config.speed_reading == "track"
-            else jnp.abs(rise) / gap * vehicle.speed
-        )
-        excess = excess + jnp.maximum(vertical / (vehicle.speed * jnp.sin(pitch)) - 1.0, 0.0)
-    for name, sign in (("climb_rate_max", -1.0), ("dive_rate_max", 1.0)):
-        rate = getattr(vehicle, name, None)
-        if rate is not None:
-            excess = excess + jnp.maximum(sign * rise * ground / gap / rate - 1.0, 0.0)
+    for vertical, most in vertical_speeds(
+        (u, v, w), (dx, dy, rise), gap, ground, vehicle, config.speed_reading
+    ).values():
+        excess = excess + jnp.maximum(vertical / most - 1.0, 0.0)
     arrived = time[:, :, None] + duration
     near = jnp.maximum(depth - limit, 0.0) / _TOO_DEEP
     if len(leg.env.obstacles):

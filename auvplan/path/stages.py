@@ -38,7 +38,7 @@ from auvplan.path.kinematics import PacedCurrent, norm
 from auvplan.path.passages import trace_passages
 from auvplan.path.profile import varies_with_depth
 from auvplan.path.scaling import WAY, factor_of, scaled
-from auvplan.vehicle import Vehicle
+from auvplan.vehicle import VERTICAL_LIMITS, Vehicle
 
 #: Start and goal [3] m, departure s, world and vehicle: what paths are judged by.
 Problem = tuple[jax.Array, jax.Array, jax.Array, Environment, Vehicle]
@@ -372,8 +372,8 @@ def polish_finely(
     for softness, lower in _STRICTER:
         if not best["violations"].any():
             break
-        limits = {name: lower * getattr(vehicle, name) for name in ("surge_max", "sway_max")}
-        strict = _world(legs, shared, replace(vehicle, **limits), config)
+        stricter = vehicle.stricter(lower, "surge_max", "sway_max", *VERTICAL_LIMITS.values())
+        strict = _world(legs, shared, stricter, config)
         ranked = _ranked(*polished(ranked[0], fine, world=strict, softness=softness))
         more = judged(*ranked)
         less = more["violations"].sum(axis=1) < best["violations"].sum(axis=1)

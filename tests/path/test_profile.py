@@ -11,6 +11,7 @@ import auvplan as ap
 from auvplan.path.profile import levels, profiles, varies_with_depth
 
 WAY, SPEED = 4000.0, 1.5
+UNLIMITED = ap.Vehicle(SPEED, surge_max=50.0, sway_max=50.0, pitch_max=None)
 LAYERED = ap.LambVortices(np.zeros((2, 1, 2)), np.zeros((2, 1)), np.ones((2, 1)), [20.0, 60.0])
 
 
@@ -28,7 +29,7 @@ def sea(current=two_layers, obstacles=None, bottom=100.0):
 def straight_profile(env, start_depth=10.0, goal_depth=10.0, vehicle=None, stations=64, count=24):
     x = jnp.linspace(0.0, WAY, stations + 1)[None]
     ends = jnp.array([0.0, 0.0, start_depth]), jnp.array([WAY, 0.0, goal_depth])
-    vehicle = vehicle or ap.Vehicle(SPEED, surge_max=50.0, sway_max=50.0)
+    vehicle = vehicle or UNLIMITED
     args = (x, jnp.zeros_like(x), *ends, jnp.zeros(()), env, vehicle, ap.PathConfig(), count)
     return np.asarray(profiles(*args))[0]
 
@@ -77,6 +78,21 @@ def test_a_path_that_is_quickest_level_stays_level():
     assert found.max() < 30.0
 
 
+def test_slopes_keep_the_pitch_of_the_vehicle():
+    """The sine of the pitch is the vertical speed over that through the water."""
+    limit = np.radians(10.0)
+    vehicle = ap.Vehicle(SPEED, surge_max=50.0, sway_max=50.0, pitch_max=limit)
+    found = straight_profile(sea(), vehicle=vehicle)
+    steep = straight_profile(sea())
+    step = WAY / 64.0
+    middle = 0.5 * (found[1:] + found[:-1])
+    ground = SPEED + 0.8 * np.tanh((middle - 40.0) / 3.0)
+    rise = np.abs(np.diff(found))
+    pitch = np.arcsin(np.minimum(rise / np.hypot(rise, step) * ground / SPEED, 1.0))
+    assert np.degrees(pitch.max()) < 12.0  # over the mean current of a step
+    assert np.abs(np.diff(steep)).max() > rise.max()
+
+
 def test_an_obstacle_on_the_way_is_passed_below_or_above():
     obstacle = ap.Obstacles.static([[WAY / 2, 0.0, 60.0]], [25.0])
     still = ap.Environment(None, obstacles=obstacle, lower=(-1000, -2000, 0), upper=(WAY + 1000, 2000, 120.0))
@@ -104,8 +120,7 @@ def naive_time(depths, stations, start, goal, current, speed):
 
 
 def test_profile_is_as_quick_as_a_plain_programme_finds():
-    vehicle = ap.Vehicle(SPEED, surge_max=50.0, sway_max=50.0)
-    found = straight_profile(sea(), vehicle=vehicle, stations=16, count=8)
+    found = straight_profile(sea(), stations=16, count=8)
 
     def current(depth):
         return 0.8 * np.tanh((depth - 40.0) / 3.0)
@@ -137,3 +152,28 @@ def test_a_path_in_two_layers_is_as_quick_as_the_best_profile():
     start = int(np.argmin(np.abs(depths - 10.0)))
     best = naive_time(depths, 40, start, start, lambda z: 0.8 * np.tanh((z - 40.0) / 3.0), SPEED)
     assert plan.travel_time < 1.01 * best
+
+
+def test_a_replan_in_two_layers_stays_below():
+    env, config, key = sea(), ap.PathConfig.quick(), jax.random.key(0)
+    plan = ap.plan_path((0, 0, 10), (WAY, 0, 10), env, UNLIMITED, key=key, config=config)
+    half = plan.positions[len(plan.positions) // 2]
+    assert half[2] > 45.0
+    now = float(plan.times[len(plan.times) // 2])
+    rest = ap.replan_path(plan, half, now, env, UNLIMITED, key=key, config=config)
+    assert rest.feasible
+    assert np.median(rest.positions[:, 2]) > 45.0
+    assert rest.travel_time < 1.01 * (plan.times[-1] - now)
+
+
+@pytest.mark.parametrize("goal", [(0.0, 0.0, 80.0), (60.0, 20.0, 80.0)])
+def test_paths_wind_where_the_straight_line_is_too_steep(goal):
+    """Of the least time that the pitch allows, which a helix takes, nearly nothing is lost."""
+    vehicle = ap.Vehicle(SPEED, pitch_max=np.radians(20.0))
+    env = ap.Environment(None, lower=(-500, -500, 0), upper=(500, 500, 100))
+    config = ap.PathConfig.quick()
+    plan = ap.plan_path((0.0, 0.0, 5.0), goal, env, vehicle, key=jax.random.key(0), config=config)
+    assert plan.feasible, plan.reason
+    assert np.degrees(np.abs(plan.pitch)).max() < 20.2
+    least = 75.0 / (SPEED * np.sin(vehicle.pitch_max))
+    assert least * 0.999 < plan.travel_time < 1.1 * least
