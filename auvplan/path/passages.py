@@ -459,7 +459,9 @@ def _layered(
     ahead, back = _fields(times, source, sink, shift)
     best = jnp.argmin(ahead + back, axis=0)
     ahead, total = (jnp.take_along_axis(field, best[None], axis=0)[0] for field in (ahead, ahead + back))
-    grid = _Grid(low, spacing, *(jnp.zeros_like(ahead),) * 3, times, times, source, sink)
+    # The fine grid asks it for nothing but where its cells lie.
+    nothing = jnp.zeros_like(ahead)
+    grid = _Grid(low, spacing, nothing, nothing, nothing, times, times, source, sink)
     return grid, ahead, total, depth[best]
 
 

@@ -65,7 +65,7 @@ def _varies(tree: Any, kinds: tuple[jax.ShapeDtypeStruct, ...]) -> bool:
 
 
 def levels(
-    places: tuple[jax.Array, jax.Array, jax.Array],
+    places: tuple[jax.Array, ...],
     top: jax.Array,
     bottom: jax.Array,
     count: int,
