@@ -11,7 +11,7 @@ Problems are planar.
 """
 
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from types import MappingProxyType
@@ -28,7 +28,8 @@ from scipy.sparse.csgraph import dijkstra
 
 import auvplan as ap
 from auvplan.ocean.chart import INTERPOLATION_ERROR
-from auvplan.ocean.currents import Current, Velocity, is_steady
+from auvplan.ocean.currents import Current, Velocity, evaluated, is_steady
+from auvplan.ocean.deviation import deviation
 from benchmarks import water_land as land
 from benchmarks.path_problems import OBSTACLES, PIXELS, VORTICES, PathProblem, unlimited_vehicle
 
@@ -118,6 +119,25 @@ class TidalCurrent:
         u, v, w = self.current(x, y, z, t)
         factor = self.mean + self.swing * jnp.cos(2.0 * jnp.pi * t / self.period + self.phase)
         return factor * u, factor * v, factor * w
+
+    def deviation(self, places: Sequence[Array], edges: Sequence[Any]) -> Array | None:
+        """Bound the departure from means within boxes, see `auvplan.ocean.deviation`."""
+        found = deviation(self.current, places, edges)
+        if found is None:
+            return None
+        swing, rate = abs(float(self.swing)), 2.0 * np.pi / float(self.period)  # type: ignore[arg-type]
+        u, v, w = evaluated(self.current, *places)
+        near = np.sqrt(u * u + v * v + w * w) + self._steepest * np.hypot(*edges[:2])
+        dt = np.asarray(edges[3])
+        of_time = 0.125 * swing * rate**2 * dt**2 * near
+        mixed = 0.5 * swing * rate * dt * self._steepest * 0.5 * np.hypot(*edges[:2])
+        return (abs(float(self.mean)) + swing) * found + of_time + mixed  # type: ignore[arg-type]
+
+    @property
+    def _steepest(self) -> float:
+        """No slope of the steady current is greater, 1/s: vortices turn fastest in their cores."""
+        strength, radius = np.asarray(self.current.strength), np.asarray(self.current.radius)  # type: ignore[attr-defined]
+        return float(np.abs(strength / (2.0 * np.pi * radius**2)).sum())
 
     def factor(self, t: Array) -> Array:
         """Return the factor at times t [s], in NumPy."""

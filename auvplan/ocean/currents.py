@@ -6,6 +6,7 @@ matter, one ``gradual`` that it matters little within minutes: both spare planne
 after the other.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial, reduce
 from typing import Any, Protocol, runtime_checkable
@@ -101,6 +102,10 @@ class UniformCurrent:
         zero = jnp.zeros(jnp.broadcast_shapes(jnp.shape(x), jnp.shape(y), jnp.shape(z)), jnp.result_type(x))
         return zero + self.u, zero + self.v, zero + self.w
 
+    def deviation(self, places: Sequence[Any], edges: Sequence[Any]) -> NDArray[np.floating]:
+        """Return zeros, see `auvplan.ocean.deviation`."""
+        return np.zeros(np.shape(places[0]))
+
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
@@ -120,22 +125,28 @@ class SumCurrent:
     @property
     def steady(self) -> bool:
         """Whether no part changes in time."""
-        return all(is_steady(part) for part in self._parts)
+        return all(is_steady(part) for part in self.parts)
 
     @property
     def gradual(self) -> bool:
         """Whether every part is steady or quasi-steady."""
-        return all(is_steady(part) or is_quasi_steady(part) for part in self._parts)
+        return all(is_steady(part) or is_quasi_steady(part) for part in self.parts)
 
     @property
-    def _parts(self) -> tuple[Current, ...]:
+    def parts(self) -> tuple[Current, ...]:
+        """One or both."""
         return (self.shared,) if self.own is None else (self.shared, self.own)
 
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
         """Return u, v, w [m/s] at places [m] and times [s], elementwise."""
-        found = [part(x, y, z, t) for part in self._parts]
+        found = [part(x, y, z, t) for part in self.parts]
         u, v, w = (reduce(jnp.add, components) for components in zip(*found, strict=True))
         return u, v, w
+
+    def deviation(self, places: Sequence[Any], edges: Sequence[Any]) -> NDArray[np.floating] | None:
+        """Bound the departure from means within boxes, see `auvplan.ocean.deviation`."""
+        found = [part.deviation(places, edges) if hasattr(part, "deviation") else None for part in self.parts]
+        return None if any(one is None for one in found) else sum(found)
 
 
 def partition(current: Current) -> tuple[Current | None, Current | None]:

@@ -1,5 +1,6 @@
 """Currents on a grid, as models of the sea give them: linear in north, east, depth and time."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Self
@@ -12,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from auvplan.errors import AuvplanError
 from auvplan.ocean.currents import Velocity
+from auvplan.ocean.deviation import interpolation_deviation
 from auvplan.ocean.interpolation import interpolated
 from auvplan.pytree import register_without_init
 
@@ -173,6 +175,21 @@ class GriddedCurrent:
         found = [component.reshape(shape) for component in interpolated(fields, axes, places)]
         u, v, w = found if self.w is not None else (*found, jnp.zeros_like(found[0]))
         return u, v, w
+
+    def deviation(self, places: Sequence[ArrayLike], edges: Sequence[ArrayLike]) -> NDArray[np.floating]:
+        """Bound the departure from means within boxes, see `auvplan.ocean.deviation`."""
+        x, y, z, t = (np.asarray(part, float) for part in places)
+        dx, dy, dz, dt = edges
+        parts = [np.asarray(part) for part in (self.u, self.v, self.w) if part is not None]
+        lines = [
+            np.asarray(self.times, float),
+            np.asarray(self.depths, float),
+            *(
+                float(corner) + float(gap) * np.arange(count)
+                for corner, gap, count in zip(self.origin, self.spacing, parts[0].shape[2:], strict=True)
+            ),
+        ]
+        return interpolation_deviation(parts, lines, (t, z, x, y), (dt, dz, dx, dy))
 
 
 def _numbers(values: ArrayLike, name: str, dtype: type = float) -> NDArray[np.floating]:

@@ -1,5 +1,6 @@
 """Tidal currents from harmonic constituents."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
@@ -8,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from auvplan.ocean.currents import Velocity
+from auvplan.ocean.deviation import interpolation_deviation
 
 
 @jax.tree_util.register_dataclass
@@ -67,6 +69,24 @@ class HarmonicCurrent:
         most = np.hypot(np.asarray(self.in_phase), np.asarray(self.quadrature)).sum(axis=-1)
         level = (most + np.abs(np.asarray(self.mean))) * np.abs(np.asarray(self.shares)).max()
         return float((np.hypot(*level) + np.linalg.norm(np.asarray(self.uniform))).max())
+
+    def deviation(self, places: Sequence[Any], edges: Sequence[Any]) -> np.ndarray | None:
+        """Bound the departure from means within boxes, see `auvplan.ocean.deviation`.
+
+        Known where there is one place: share(z) times a sum of cosines of t.
+        """
+        if np.shape(self.mean)[-1] > 1:
+            return None
+        z, t = (np.asarray(part, float) for part in places[2:])
+        dz, dt = (np.asarray(edge, float) for edge in edges[2:])
+        rate, mean = np.asarray(self.rate, float), np.asarray(self.mean, float)[:, 0]
+        swings = np.hypot(*(np.asarray(part, float)[:, 0] for part in (self.in_phase, self.quadrature)))
+        most, slope, bend = (np.linalg.norm((swings * rate**k).sum(axis=1)) for k in range(3))
+        shares, depths = np.atleast_1d(np.asarray(self.shares, float)), np.atleast_1d(np.asarray(self.depths, float))
+        of_share = interpolation_deviation([shares], [depths], (z,), (dz,))
+        steep = float(np.abs(np.diff(shares) / np.diff(depths)).max(initial=0.0))
+        total = float(most + np.linalg.norm(mean)) * of_share
+        return total + np.abs(shares).max() * 0.125 * bend * dt**2 + 0.25 * steep * slope * dz * dt + 0.0 * t
 
     def window(self, first: float, last: float) -> Self:
         """Return the same: it holds at all times."""

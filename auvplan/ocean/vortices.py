@@ -1,5 +1,6 @@
 """Layers of Lamb-Oseen vortices, random fields of them, and how they change (Eqs 1-2)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -10,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 from jax.typing import ArrayLike
+from numpy.typing import NDArray
 
 from auvplan.compiled import compiled
 from auvplan.ocean.currents import Velocity
@@ -95,6 +97,40 @@ class LambVortices:
         ]
         return [1.0 - below[0], *(below[k - 1] - below[k] for k in range(1, layers - 1)), below[-1]]
 
+    def deviation(self, places: Sequence[Any], edges: Sequence[Any]) -> NDArray[np.floating]:
+        """Bound the departure from means within boxes, see `auvplan.ocean.deviation`.
+
+        By Taylor's formula a smooth field departs from means by half its second derivative times the mean square
+        of the distances from the mean place, at most a quarter of the square of the box's diagonal.
+        """
+        x, y, z, _ = (np.asarray(part, float) for part in places)
+        dx, dy, dz, _ = (np.asarray(edge, float) for edge in edges)
+        radius = 0.5 * np.hypot(dx, dy)
+        depths = np.asarray(self.depths, float)
+        bends, slopes, speeds = [], [], []
+        for centers, strengths, sizes in zip(self.centers, self.strength, self.radius, strict=True):
+            bend, slope, speed = (np.zeros(x.shape) for _ in range(3))
+            for (north, east), strength, size in zip(*map(np.asarray, (centers, strengths, sizes)), strict=True):
+                if strength == 0.0:
+                    continue
+                turn = abs(float(strength)) / (2.0 * np.pi * float(size) ** 2)
+                away = np.maximum(np.hypot(x - north, y - east) - radius, 0.0) / float(size)
+                level, vertical = _falling(away), abs(float(self.vertical_scale)) * turn  # type: ignore[arg-type]
+                bend += (turn * level[2] + vertical / float(size)) / float(size)
+                slope += turn * level[1] + vertical / float(size)
+                speed += turn * float(size) * level[0] + vertical
+            bends.append(bend)
+            slopes.append(slope)
+            speeds.append(speed)
+        found = 0.125 * (dx**2 + dy**2) * np.maximum.reduce(bends)
+        if len(bends) > 1:
+            gap = float(np.diff(depths).min())
+            found = found + 0.5 * radius * dz * 2.0 * np.maximum.reduce(slopes) / gap
+            inside = ((depths[:, None] > (z - 0.5 * dz + 1e-6 * gap).ravel())
+                      & (depths[:, None] < (z + 0.5 * dz - 1e-6 * gap).ravel())).sum(axis=0).reshape(z.shape)
+            found = found + 0.25 * inside * dz * 4.0 * np.maximum.reduce(speeds) / gap
+        return found
+
     def padded(self, capacity: int) -> "LambVortices":
         """Return the same field with so many vortices in each layer, the others of no strength.
 
@@ -126,6 +162,34 @@ class LambVortices:
         """Return the same vortices, `factor` times as strong."""
         return replace(self, strength=self.strength * factor)
 
+
+def _falling(away: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Return the greatest speed, slope and second derivative of a vortex so far from its centre or farther.
+
+    [3, ...], in units of its radius and of the turn of its core.
+    """
+    return np.stack([np.interp(away, _AWAY, row) for row in _ENVELOPES])
+
+
+def _envelopes() -> tuple[NDArray[np.floating], NDArray[np.floating]]:
+    """Distances, and the envelopes there of `_falling`.
+
+    The velocity is p(r) times the way from the centre, turned. So its slope is at most |p| + r |p'| and its second
+    derivative at most 2 |p'| + max(r |p''|, |p'|).
+    """
+    r = np.r_[np.linspace(1e-3, 6.0, 3000), np.geomspace(6.01, 1e5, 1500)]
+    core = np.exp(-r * r)
+    p = (1.0 - core) / r**2
+    first = 2.0 * (core - p) / r
+    second = -4.0 * core - 2.0 * (core - p) / r**2 - 2.0 * first / r
+    rows = r * p, p + r * np.abs(first), 2.0 * np.abs(first) + np.maximum(r * np.abs(second), np.abs(first))
+    # Greatest from there on, and of the interval below: safe where it is looked up in between.
+    greatest = np.stack([np.maximum.accumulate(row[::-1])[::-1] for row in rows])
+    held = np.concatenate([greatest[:, :1], greatest[:, :-1]], axis=1)
+    return r, 1.001 * held
+
+
+_AWAY, _ENVELOPES = _envelopes()
 
 #: North and east of the centre, strength and radius of the K vortices of a layer, [K] each.
 _Vortices = tuple[jax.Array, ...]
