@@ -18,6 +18,7 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from auvplan.compiled import compiled
+from auvplan.ocean.deviation import deviation
 from auvplan.ocean.functions import PlainFunction, check_traceable
 from auvplan.rows import elementwise
 
@@ -145,8 +146,9 @@ class SumCurrent:
 
     def deviation(self, places: Sequence[Any], edges: Sequence[Any]) -> NDArray[np.floating] | None:
         """Bound the departure from means within boxes, see `auvplan.ocean.deviation`."""
-        found = [part.deviation(places, edges) if hasattr(part, "deviation") else None for part in self.parts]
-        return None if any(one is None for one in found) else sum(found)
+        found = [deviation(part, places, edges) for part in self.parts]
+        known = [one for one in found if one is not None]
+        return np.sum(known, axis=0) if len(known) == len(found) else None
 
 
 def partition(current: Current) -> tuple[Current | None, Current | None]:

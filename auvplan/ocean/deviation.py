@@ -7,12 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from auvplan.ocean.currents import Current
-
 Array = NDArray[np.floating]
 
-#: North, east, depth [m] and time [s] of the centres of boxes, and how far these reach along each, apart or all alike.
-Places, Edges = Sequence[Array], Sequence[Any]
+#: North, east, depth [m] and time [s] of the centres of boxes.
+Places = Sequence[Array]
+
+#: How far boxes reach along each, numbers or of their shape.
+Edges = Sequence[Any]
 
 
 @runtime_checkable
@@ -22,8 +23,9 @@ class Bounded(Protocol):
     def deviation(self, places: Places, edges: Edges) -> Array | None:
         """Bound the departure of the current from means within boxes, m/s.
 
-        In every box it is an upper bound on |c(mean of p) - mean of c(p)| for any points p of it and any weights: zero
-        for a current that is linear there, and falling with the square of the size for a smooth one.
+        In every box it is an upper bound on |c(mean of p) - mean of c(p)| for any points p of it and any
+        weights: zero for a current that is linear there, and falling with the square of the size for a
+        smooth one.
 
         Args:
             places: centres of boxes, north, east, depth, time, of one shape.
@@ -35,7 +37,7 @@ class Bounded(Protocol):
         ...
 
 
-def deviation(current: Current, places: Places, edges: Edges) -> Array | None:
+def deviation(current: object, places: Places, edges: Edges) -> Array | None:
     """Return `Bounded.deviation` of a current; None where it does not tell."""
     return current.deviation(places, edges) if isinstance(current, Bounded) else None
 
@@ -45,10 +47,10 @@ def interpolation_deviation(
 ) -> Array:
     """Bound the departure of multilinear interpolation from means within boxes, in the fields' unit.
 
-    Within a cell of the nodes it comes of mixed slopes, at most a quarter of slope times both edges for each pair of
-    axes; at each plane of nodes in the box, of the jump of the slope across it, a quarter of jump times edge. (Along
-    one axis a kink departs from chords by no more than that, and the product of two distances from their means has a
-    mean of at most a quarter of the edges' product.)
+    Within a cell of the nodes it comes of mixed slopes, at most a quarter of slope times both edges for each
+    pair of axes; at each plane of nodes in the box, of the jump of the slope across it, a quarter of jump
+    times edge. (Along one axis a kink departs from chords by no more than that, and the product of two
+    distances from their means has a mean of at most a quarter of the edges' product.)
 
     Args:
         fields: components of a vector, on the nodes.
@@ -89,7 +91,7 @@ def interpolation_deviation(
 
 
 def _held(line: Array, place: Array, edge: float) -> tuple[Array, NDArray[np.int_]]:
-    """Return the nodes of an axis about some places, one more at both ends, and which values are held there."""
+    """Return the nodes of an axis about some places and one more at both ends, and whose values they have."""
     line = np.asarray(line, float)
     first = max(0, int(np.searchsorted(line, np.min(place) - edge)) - 2)
     last = min(len(line), int(np.searchsorted(line, np.max(place) + edge)) + 2)

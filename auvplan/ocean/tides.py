@@ -82,7 +82,10 @@ class HarmonicCurrent:
         rate, mean = np.asarray(self.rate, float), np.asarray(self.mean, float)[:, 0]
         swings = np.hypot(*(np.asarray(part, float)[:, 0] for part in (self.in_phase, self.quadrature)))
         most, slope, bend = (np.linalg.norm((swings * rate**k).sum(axis=1)) for k in range(3))
-        shares, depths = np.atleast_1d(np.asarray(self.shares, float)), np.atleast_1d(np.asarray(self.depths, float))
+        shares, depths = (
+            np.atleast_1d(np.asarray(self.shares, float)),
+            np.atleast_1d(np.asarray(self.depths, float)),
+        )
         of_share = interpolation_deviation([shares], [depths], (z,), (dz,))
         steep = float(np.abs(np.diff(shares) / np.diff(depths)).max(initial=0.0))
         total = float(most + np.linalg.norm(mean)) * of_share

@@ -100,8 +100,8 @@ class LambVortices:
     def deviation(self, places: Sequence[Any], edges: Sequence[Any]) -> NDArray[np.floating]:
         """Bound the departure from means within boxes, see `auvplan.ocean.deviation`.
 
-        By Taylor's formula a smooth field departs from means by half its second derivative times the mean square
-        of the distances from the mean place, at most a quarter of the square of the box's diagonal.
+        By Taylor's formula a smooth field departs from means by half its second derivative times the mean
+        square of the distances from the mean place, at most a quarter of the square of the box's diagonal.
         """
         x, y, z, _ = (np.asarray(part, float) for part in places)
         dx, dy, dz, _ = (np.asarray(edge, float) for edge in edges)
@@ -110,7 +110,9 @@ class LambVortices:
         bends, slopes, speeds = [], [], []
         for centers, strengths, sizes in zip(self.centers, self.strength, self.radius, strict=True):
             bend, slope, speed = (np.zeros(x.shape) for _ in range(3))
-            for (north, east), strength, size in zip(*map(np.asarray, (centers, strengths, sizes)), strict=True):
+            for (north, east), strength, size in zip(
+                *map(np.asarray, (centers, strengths, sizes)), strict=True
+            ):
                 if strength == 0.0:
                     continue
                 turn = abs(float(strength)) / (2.0 * np.pi * float(size) ** 2)
@@ -126,8 +128,14 @@ class LambVortices:
         if len(bends) > 1:
             gap = float(np.diff(depths).min())
             found = found + 0.5 * radius * dz * 2.0 * np.maximum.reduce(slopes) / gap
-            inside = ((depths[:, None] > (z - 0.5 * dz + 1e-6 * gap).ravel())
-                      & (depths[:, None] < (z + 0.5 * dz - 1e-6 * gap).ravel())).sum(axis=0).reshape(z.shape)
+            inside = (
+                (
+                    (depths[:, None] > (z - 0.5 * dz + 1e-6 * gap).ravel())
+                    & (depths[:, None] < (z + 0.5 * dz - 1e-6 * gap).ravel())
+                )
+                .sum(axis=0)
+                .reshape(z.shape)
+            )
             found = found + 0.25 * inside * dz * 4.0 * np.maximum.reduce(speeds) / gap
         return found
 
@@ -174,8 +182,8 @@ def _falling(away: NDArray[np.floating]) -> NDArray[np.floating]:
 def _envelopes() -> tuple[NDArray[np.floating], NDArray[np.floating]]:
     """Distances, and the envelopes there of `_falling`.
 
-    The velocity is p(r) times the way from the centre, turned. So its slope is at most |p| + r |p'| and its second
-    derivative at most 2 |p'| + max(r |p''|, |p'|).
+    The velocity is p(r) times the way from the centre, turned. So its slope is at most |p| + r |p'| and its
+    second derivative at most 2 |p'| + max(r |p''|, |p'|).
     """
     r = np.r_[np.linspace(1e-3, 6.0, 3000), np.geomspace(6.01, 1e5, 1500)]
     core = np.exp(-r * r)

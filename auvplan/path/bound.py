@@ -8,20 +8,22 @@ Where H <= 1 wherever a path may be, no path that is at the start at u(start) re
 
 1. Over ground a vehicle moves at c + V d, |d| = 1, so that u grows along its path x(t) at most at the rate
    c(x, t) . grad u + V |grad u|.
-2. Let m = t - u(x(t)), zero at the start. A current changes at a finite rate, |c(x, t) - c(x, u)| <= K |m|, so that
-   m' >= 1 - H - K |grad u| |m| >= -K' |m|: m stays positive or zero, and the goal is reached at u(goal) or later.
-3. Here u is linear on each simplex of a grid, so grad u is constant there, and H is at most what it is at one of the
-   corners and |grad u| times what the current departs from means of corners (`deviation`).
-4. A simplex wholly within land, obstacle or bed, margins included, needs nothing: no path may be there. Nor does one
-   that no path reaches in time: let e be such a function from the start, and d one backwards from the goal, where it
-   is the time of a path that is known; a quicker one is nowhere before e or after d, so not where e > d.
-5. Any u serves. Times of arrival are the best: sweeps over the grid find them from the start and to the goal, u is
-   the mean of both, and level after level of it is stretched until H <= 1 holds.
+2. Let m = t - u(x(t)), zero at the start. A current changes at a finite rate, |c(x, t) - c(x, u)| <= K |m|,
+   so that m' >= 1 - H - K |grad u| |m| >= -K' |m|: m stays positive or zero, and the goal is reached at
+   u(goal) or later.
+3. Here u is linear on each simplex of a grid, so grad u is constant there, and H is at most what it is at
+   one of the corners and |grad u| times what the current departs from means of corners (`deviation`).
+4. A simplex wholly within land, obstacle or bed, margins included, needs nothing: no path may be there. Nor
+   does one that no path reaches in time: let e be such a function from the start, and d one backwards from
+   the goal, where it is the time of a path that is known; a quicker one is nowhere before e or after d, so
+   not where e > d.
+5. Any u serves. Times of arrival are the best: sweeps over the grid find them from the start and to the
+   goal, u is the mean of both, and level after level of it is stretched until H <= 1 holds.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, reduce
 from itertools import permutations, product
 from typing import Any, Literal
 
@@ -77,7 +79,8 @@ _FINER = 6
 #: How often what paths can reach is narrowed down, and how often the grid is widened.
 _NARROWED, _WIDENED = 4, 6
 
-#: Depths at which a current is looked up for how it changes with depth, and the share of levels that are even.
+#: Depths at which a current is looked up for how it changes with depth, and the share of levels that are
+#: even.
 _PROBES, _EVEN = 96, 0.3
 
 
@@ -87,8 +90,8 @@ class Bound:
 
     Attributes:
         travel_time: s; infinite where no path keeps clear of coast and obstacles.
-        kind: "certified": proved, but for rounding. "estimated": the current does not say how much it may differ
-            between places (it has no `deviation`), and samples in each cell stand for that.
+        kind: "certified": proved, but for rounding. "estimated": the current does not say how much it may
+            differ between places (it has no `deviation`), and samples in each cell stand for that.
         cells: of the grid along the way, across it, and in depth where it has layers.
     """
 
@@ -110,9 +113,9 @@ def lower_bound(
 ) -> Bound:
     """Bound the travel time of all paths from start to goal from below, see the module.
 
-    It holds for every path that keeps within the box, clear of coast, sea bed and obstacles, and of the limit on
-    the ground speed. Limits on turns and on the current across, and areas that are closed at some hours, are left
-    out, and obstacles that move are not there.
+    It holds for every path that keeps within the box, clear of coast, sea bed and obstacles, and of the
+    limit on the ground speed. Limits on turns and on the current across, and areas that are closed at some
+    hours, are left out, and obstacles that move are not there.
 
     Args:
         start, goal: [3] m, north, east, depth.
@@ -135,11 +138,17 @@ def lower_bound(
         box = problem.clipped(_grown(box, 1.4), coarse)
     else:
         return Bound(0.0, problem.kind, cells)
-    if reach is not None:
+    if reach is not None and reach.any:
         grid = _Cells.of(problem, grid.box_of(reach.within), cells)
         reach = grid.reach()
-    time = np.inf if reach is None else min(grid.time(reach), problem.known)
+    if reach is None:
+        return Bound(np.inf, problem.kind, cells)
+    time = min(grid.time(reach), problem.known) if reach.any else problem.known
     return Bound((1.0 - _ROUNDING) * time, problem.kind, cells)
+
+
+def _total(parts: Iterable[Array]) -> Array:
+    return reduce(np.add, parts)
 
 
 def _grown(box: Array, factor: float) -> Array:
@@ -149,7 +158,7 @@ def _grown(box: Array, factor: float) -> Array:
 
 @dataclass(frozen=True)
 class _Problem:
-    """What is bounded, in axes along the way, across it, and down; the start is their origin, but for the depth.
+    """What is bounded, in axes along the way, across it, and down; their origin is the start, at no depth.
 
     Attributes:
         start, goal: [d] m, in these axes; d is 2 where depth does not matter.
@@ -216,7 +225,9 @@ class _Problem:
     def kind(self) -> Literal["certified", "estimated"]:
         """Whether the current says how much it differs between places."""
         place = tuple(np.zeros(1) for _ in range(4))
-        found = self.config.speed_reading == "eq11" or deviation(self.env.current, place, (0.0,) * 4) is not None
+        found = (
+            self.config.speed_reading == "eq11" or deviation(self.env.current, place, (0.0,) * 4) is not None
+        )
         return "certified" if found else "estimated"
 
     @property
@@ -239,7 +250,7 @@ class _Problem:
 
     def profiles(self) -> tuple[Array, Array]:
         """Return depths [n] m, and the current there [places and times, n, 3] m/s."""
-        depths = np.linspace(*self.depths, _PROBES)
+        depths = np.linspace(self.depths[0], self.depths[1], _PROBES)
         shares, across, times = np.linspace(0.0, 1.0, 7), (-0.2, 0.0, 0.2), (0.0, 0.5, 1.0)
         found = []
         for share, aside, time in product(shares, across, times):
@@ -264,17 +275,19 @@ class _Problem:
         change = np.linalg.norm(np.diff(found, axis=1), axis=2).max(axis=0)
         share = _EVEN / len(change) + (1.0 - _EVEN) * change / max(change.sum(), 1e-12)
         inside = np.interp((top, bottom), depths, np.r_[0.0, np.cumsum(share)])
-        levels = np.interp(np.linspace(*inside, count + 1), np.r_[0.0, np.cumsum(share)], depths)
+        levels = np.interp(np.linspace(inside[0], inside[1], count + 1), np.r_[0.0, np.cumsum(share)], depths)
         levels[[0, -1]] = top, bottom
         # Where the slope of the current with depth jumps, a level spares cells what that adds.
         jumps = np.asarray(getattr(self.env.current, "depths", ()), float).ravel()
         jumps = jumps[(jumps > top) & (jumps < bottom)]
         if 0 < len(jumps) <= count // 2:
             levels[1 + np.argmin(np.abs(levels[1:-1, None] - jumps), axis=0)] = jumps
-        return np.unique(levels) if len(np.unique(levels)) == count + 1 else np.linspace(top, bottom, count + 1)
+        return (
+            np.unique(levels) if len(np.unique(levels)) == count + 1 else np.linspace(top, bottom, count + 1)
+        )
 
     def surroundings(self, cells: Sequence[int]) -> Array:
-        """Return the box, [2, d] m, in which a path of the known time keeps, but for currents not looked at."""
+        """Return a box, [2, d] m, in which paths of the known time keep, by currents looked up in places."""
         place = np.linspace(-1.0, 1.0, 25)
         lower, upper = (np.asarray(corner, float) for corner in (self.env.lower, self.env.upper))
         half = max(self.distance, self.known * self.speed)
@@ -286,8 +299,10 @@ class _Problem:
         for time in (0.0, 0.5, 1.0):
             u, v, _ = evaluated(self.env.current, x, y, z, np.full(x.shape, self.depart + time * self.known))
             strongest = max(strongest, float(np.hypot(u, v).max()))
-        reach = 0.5 * self.known * min(self.speed + strongest, self.fastest)
-        aside = np.sqrt(max(reach**2 - (0.5 * self.distance) ** 2, (0.02 * self.distance) ** 2))
+        # An ellipse, and more room than it needs where it is slim: the grid has to prove that nothing leaves
+        # it.
+        reach = max(0.5 * self.known * min(self.speed + strongest, self.fastest), 0.65 * self.distance)
+        aside = max(np.sqrt(max(reach**2 - (0.5 * self.distance) ** 2, 0.0)), 0.4 * self.distance)
         box = np.array([[0.5 * self.distance - reach, -aside], [0.5 * self.distance + reach, aside]])
         return self.clipped(_grown(box, 1.1), cells)
 
@@ -326,6 +341,11 @@ class _Reach:
     first: Array
     last: Array
     within: Simplices
+
+    @property
+    def any(self) -> bool:
+        """Whether they can be anywhere: if not, there is none of the known time."""
+        return any(bool(chosen.any()) for chosen in self.within)
 
 
 @dataclass(frozen=True)
@@ -373,7 +393,7 @@ class _Cells:
     def dimensions(self) -> int:
         return len(self.axes)
 
-    def corners(self, nodes: Array) -> Iterator[tuple[tuple[int, ...], list[Array]]]:
+    def corners(self, nodes: NDArray[Any]) -> Iterator[tuple[tuple[int, ...], list[Array]]]:
         """Yield, for every cut, the order of axes and the values [cells] at the corners of its simplices."""
         for order in permutations(range(self.dimensions)):
             step, values = [0] * self.dimensions, []
@@ -443,6 +463,7 @@ class _Cells:
         """
         values, size = np.asarray(values, float), float(raster.pixel_size)
         gaps = [float(axis[1] - axis[0]) for axis in self.axes[:2]]
+        diagonal = float(np.hypot(gaps[0], gaps[1]))
         parts = int(np.clip(np.ceil(2.0 * max(gaps) / size), 1, _FINER))
         fine = [np.linspace(axis[0], axis[-1], parts * (len(axis) - 1) + 1) for axis in self.axes[:2]]
         origin = np.asarray(raster.origin, float)
@@ -454,14 +475,14 @@ class _Cells:
         found = ndimage.map_coordinates(values, pixels(fine), order=1, mode="nearest")
         north, east = (np.abs(np.diff(values, axis=axis)) for axis in (0, 1))
         steep = np.hypot(np.maximum(north[:, 1:], north[:, :-1]), np.maximum(east[1:], east[:-1])) / size
-        around = 2 * int(np.ceil(0.5 * float(np.hypot(*gaps)) / size)) + 3
+        around = 2 * int(np.ceil(0.5 * diagonal / size)) + 3
         steep = ndimage.maximum_filter(steep, around, mode="nearest")
         middle = [0.5 * (axis[1:] + axis[:-1]) for axis in self.axes[:2]]
         index = [
             np.clip(place.astype(int), 0, count - 1)
             for place, count in zip(pixels(middle), steep.shape, strict=True)
         ]
-        rise = 0.5 * np.hypot(*gaps) / parts * steep[tuple(index)]
+        rise = 0.5 * diagonal / parts * steep[tuple(index)]
         cells = tuple(len(axis) - 1 for axis in self.axes[:2])
         for order in self._orders:
             most = np.full(cells, -np.inf)
@@ -476,11 +497,13 @@ class _Cells:
         return list(permutations(range(self.dimensions)))
 
     def _standing(self) -> Iterator[Array]:
-        """Yield m from the nodes to each obstacle that stands, margin included; from depths where it is most."""
+        """Yield m from the nodes to each obstacle that stands, with its margin; most over free depths."""
         found, (x, y, z) = self.problem.env.obstacles, self.places
         reach = np.asarray(found.boundary(found.observed_at), float) + self.problem.config.obstacle_margin
         stands = np.asarray(found.active) & ~np.asarray(found.velocity).any(axis=1)
-        for (north, east, down), radius in zip(np.asarray(found.position, float)[stands], reach[stands], strict=True):
+        for (north, east, down), radius in zip(
+            np.asarray(found.position, float)[stands], reach[stands], strict=True
+        ):
             below = z - down if self.problem.deep else max(abs(end - down) for end in self.problem.depths)
             yield np.sqrt((x - north) ** 2 + (y - east) ** 2 + below**2) - radius
 
@@ -541,14 +564,14 @@ class _Cells:
             slopes = [np.zeros(0)] * self.dimensions
             for axis, low, high in zip(order, values[:-1], values[1:], strict=True):
                 slopes[axis] = (high - low) / spacing[axis]
-            steep = np.sqrt(sum(slope * slope for slope in slopes))
+            steep = np.sqrt(_total(slope * slope for slope in slopes))
             along = [
-                sum(part[n][k] * slope for part, slope in zip(at_corners, slopes, strict=True))
+                _total(part[n][k] * slope for part, slope in zip(at_corners, slopes, strict=True))
                 for k in range(self.dimensions + 1)
             ]
             drift = np.maximum.reduce(along) + departs * steep
             if reading == "eq8":  # (e . grad u)(V + c . e) over all headings e
-                speeds = np.sqrt(np.maximum.reduce([sum(part[n][k] ** 2 for part in at_corners)
+                speeds = np.sqrt(np.maximum.reduce([_total(part[n][k] ** 2 for part in at_corners)
                                                     for k in range(self.dimensions + 1)]))  # fmt: skip
                 drift = 0.5 * (drift + (speeds + departs) * steep)
             found.append(np.minimum(drift + speed * steep, fastest * steep))
@@ -567,7 +590,8 @@ class _Cells:
             times = times + (time - self.value(times, place))
             rates = self.rates(times)
             worst = max(
-                float(np.max(rate, where=chosen, initial=0.0)) for rate, chosen in zip(rates, within, strict=True)
+                float(np.max(rate, where=chosen, initial=0.0))
+                for rate, chosen in zip(rates, within, strict=True)
             )
             if worst <= 1.0 and attempt > 1:
                 return times
@@ -619,12 +643,14 @@ class _Cells:
             ]
             before, after = (sum(int(flags.sum()) for flags in part) for part in (within, narrower))
             within = narrower
-            if after > 0.97 * before:
+            if after == 0 or after > 0.97 * before:
                 break
         return _Reach(arrivals, first, last, within)
 
     def _nearest(self, place: Array) -> tuple[int, ...]:
-        return tuple(int(np.argmin(np.abs(axis - where))) for axis, where in zip(self.axes, place, strict=True))
+        return tuple(
+            int(np.argmin(np.abs(axis - where))) for axis, where in zip(self.axes, place, strict=True)
+        )
 
     def _arrivals(self, nodes: Mask) -> tuple[Array, Array]:
         """Return the first arrival and the last departure at the nodes that are open, s; not proved."""
@@ -644,11 +670,13 @@ class _Cells:
         return np.minimum(first, 1.5 * known), np.maximum(last, -0.5 * known)
 
     def _field(self, water: list[Array], nodes: Mask, end: Array) -> Array:
-        """Return the least times [nodes] s from an end in a current; the nearest node's where there is none."""
+        """Return the least times [nodes] s from an end in a current; elsewhere that of the nearest node."""
         speed, near = self.problem.speed, np.ones(nodes.shape, bool)
         away = []
         for k, (axis, at) in enumerate(zip(self.axes, end, strict=True)):
-            step = np.diff(axis)[max(0, np.searchsorted(axis, at) - 1)] if at < axis[-1] else axis[-1] - axis[-2]
+            step = (
+                np.diff(axis)[max(0, np.searchsorted(axis, at) - 1)] if at < axis[-1] else axis[-1] - axis[-2]
+            )
             line = (axis - at).reshape([-1 if k == i else 1 for i in range(self.dimensions)])
             near = near & (np.abs(line) < 2.01 * step)
             away.append(line)
@@ -660,7 +688,9 @@ class _Cells:
         single = [jnp.asarray(part, jnp.float32) for part in (seeds, *water)]
         spacing = tuple(jnp.asarray(np.diff(axis), jnp.float32) for axis in self.axes)
         settled = _SETTLED * self.problem.known
-        found = np.asarray(_swept(single[0], tuple(single[1:]), jnp.asarray(nodes), spacing, speed, settled), float)
+        found = np.asarray(
+            _swept(single[0], tuple(single[1:]), jnp.asarray(nodes), spacing, speed, settled), float
+        )
         missing = found > 0.5 * _NEVER
         if missing.any():
             index = ndimage.distance_transform_edt(missing, return_distances=False, return_indices=True)
@@ -789,13 +819,14 @@ def _along(
     planes = turned(times)
 
     def step(before: tuple, here: tuple) -> tuple:
-        found = _plane(*before, *here, aside, speed)
-        return (found, here[1]), found
+        (last, water_last), (now, water_now, open_, gap) = before, here
+        found = _plane(last, water_last, now, water_now, open_, gap, aside, speed)
+        return (found, water_now), found
 
     rows = planes[1:], tuple(part[1:] for part in parts), turned(nodes)[1:], steps
     _, found = jax.lax.scan(step, (planes[0], tuple(part[0] for part in parts)), rows)
     planes = jnp.concatenate([planes[:1], found])
-    return jnp.transpose(planes[::-1] if back else planes, np.argsort(order))
+    return jnp.transpose(planes[::-1] if back else planes, tuple(map(order.index, range(len(order)))))
 
 
 def _plane(
@@ -810,8 +841,8 @@ def _plane(
 ) -> jax.Array:
     """Return the times of a plane of nodes: straight from nodes of the plane before, or from between them.
 
-    Between the corners of a simplex of the plane before times are linear: with their slopes aside, c . g + V |g| = 1
-    gives the slope ahead. It counts where the way that it stands for came through the simplex.
+    Between the corners of a simplex of the plane before times are linear: with their slopes aside, c . g + V
+    |g| = 1 gives the slope ahead. It counts where the way that it stands for came through the simplex.
     """
     flat = times.ndim
     c = [0.5 * (a + b) for a, b in zip(water, water_before, strict=True)]
@@ -820,7 +851,9 @@ def _plane(
         shape = [-1 if k == i else 1 for i in range(flat)]
         steps[k, 1] = jnp.concatenate([gaps, gaps[-1:]]).reshape(shape)
         steps[k, -1] = jnp.concatenate([gaps[:1], gaps]).reshape(shape)
-    around = {offset: _shifted(before, offset) for offset in product((-1, 0, 1), repeat=flat)}
+    around: dict[tuple[int, ...], jax.Array] = {
+        offset: _shifted(before, offset) for offset in product((-1, 0, 1), repeat=flat)
+    }
     margin = speed**2 - sum(part * part for part in c)
     best = times
     for offset, other in around.items():
@@ -831,13 +864,21 @@ def _plane(
         best = jnp.minimum(best, other + square / jnp.maximum(ahead, _SLOWEST * speed * jnp.sqrt(square)))
     middle = around[(0,) * flat]
     for order, signs in product(permutations(range(flat)), product((-1, 1), repeat=flat)):
-        offset, last, slopes, known = [0] * flat, middle, [jnp.zeros_like(middle)] * flat, middle < 0.5 * _NEVER
+        offset, last, slopes, known = (
+            [0] * flat,
+            middle,
+            [jnp.zeros_like(middle)] * flat,
+            middle < 0.5 * _NEVER,
+        )
         for k in order:
             offset[k] = signs[k]
             following = around[tuple(offset)]
             slopes[k] = (following - last) / (signs[k] * steps[k, signs[k]])
             known, last = known & (following < 0.5 * _NEVER), following
-        square, rest = sum(s * s for s in slopes), 1.0 - sum(a * s for a, s in zip(c[1:], slopes, strict=True))
+        square, rest = (
+            sum(s * s for s in slopes),
+            1.0 - sum(a * s for a, s in zip(c[1:], slopes, strict=True)),
+        )
         under = rest**2 - (speed**2 - c[0] ** 2) * square
         below = rest * c[0] + speed * jnp.sqrt(jnp.maximum(under, 0.0))
         slope = (rest**2 - speed**2 * square) / jnp.where(below > 0.0, below, 1.0)

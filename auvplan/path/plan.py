@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from auvplan.bbo import History
 from auvplan.brief import Brief, between
 from auvplan.motion import Motion
+from auvplan.path.bound import Bound, lower_bound
 from auvplan.path.cost import VIOLATIONS
 from auvplan.path.reasons import STATUS, PathStatus, explanation
 from auvplan.path.sensitivity import Conditions, Sensitivity, sensitivity
@@ -165,6 +166,51 @@ class PathPlan(Brief):
             -167
         """
         return sensitivity(self.positions, float(self.times[0]), self.conditions)
+
+    def bounded(self, fineness: float = 1.0) -> Bound:
+        """Bound the travel time of all paths for what this one was planned for, see `auvplan.path.bound`.
+
+        Args:
+            fineness: factor on the cells of the grid along each axis: twice as many halve the gap, more or
+                less, in four times the time, in depth eight times.
+        """
+        env, conditions = self.conditions.world(), self.conditions
+        ends = np.asarray(self.positions[0], float), np.asarray(self.positions[-1], float)
+        return lower_bound(
+            *ends,
+            env,
+            conditions.vehicle,
+            conditions.config,
+            known=float(self.travel_time),
+            depart=float(self.times[0]),
+            fineness=fineness,
+        )
+
+    @cached_property
+    def bound(self) -> Bound:
+        """What no path can beat, worked out when it is first asked for: it takes as long as some plans."""
+        return self.bounded()
+
+    @property
+    def lower_bound(self) -> float:
+        """Travel time that no path beats, s, see `bound`; that of a path that breaks limits may be less.
+
+        Example:
+            >>> import jax, auvplan as ap
+            >>> stream = ap.UniformCurrent(0.5, 0.0)
+            >>> env = ap.Environment(stream, lower=(-500, -500, 0), upper=(3500, 500, 0))
+            >>> plan = ap.plan_path((0, 0, 0), (3000, 0, 0), env, key=jax.random.key(0))
+            >>> round(plan.travel_time), 980 < plan.lower_bound <= 1000, plan.bound.kind
+            (1000, True, 'certified')
+        """
+        return self.bound.travel_time
+
+    @property
+    def gap(self) -> float:
+        """Share by which the travel time is above the lower bound, at most; NaN where a limit is broken."""
+        return (
+            float(self.travel_time) / self.lower_bound - 1.0 if self.feasible and self.lower_bound else np.nan
+        )
 
     def broken(self) -> tuple[str, ...]:
         """Return names of the limits that are not kept, the most broken first."""
