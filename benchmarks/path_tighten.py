@@ -181,13 +181,33 @@ def _sweep(lattices: _Lattices, points: Array, size: Array, extra: float) -> tup
     clear = world.clearance(nodes[..., 0], nodes[..., 1], z=nodes[..., 2]) - extra
     moment = float(lattices.moments[1] - lattices.moments[0]) if len(lattices.moments) > 1 else 1.0
     step = 0.25 * tables.spacing
+    limits = limits_of(problem, _SLACK)
+    fastest = limits[0] + np.sqrt((water**2).sum(axis=1).max()) * np.abs(tables.tide).max()
     chosen, time = _lattice(
-        nodes, u, v, w, moment, clear, limits_of(problem, _SLACK), tables.tide, tables.tidal_moment, step,
-        packed(world, tables.movers, extra),
+        nodes, u, v, w, moment, clear, limits, fastest, tables.tide, tables.tidal_moment, step,
+        packed(world, _near(tables.movers, nodes, extra), extra),
     )  # fmt: skip
     if not np.isfinite(time):
         return None
     return time, nodes[np.arange(len(nodes)), chosen]
+
+
+def _near(movers: Array, nodes: Array, extra: float) -> Array:
+    """Return those of K obstacles [K, 9] that may ever come near to a lattice [N, M, 3] m.
+
+    Args:
+        movers: see `path_grid.movers_of`.
+        nodes: of the lattice.
+        extra: m of clearance beyond the margins.
+    """
+    middle = nodes[:, nodes.shape[1] // 2]
+    across = np.linalg.norm(nodes - middle[:, None], axis=2).max(axis=1)
+    longest = np.linalg.norm(np.diff(middle, axis=0), axis=1).max() + 2.0 * across.max()
+    away = middle[:, None] - movers[:, :3]
+    velocity = movers[:, 3:6]
+    since = np.maximum((away * velocity).sum(axis=2) / ((velocity**2).sum(axis=1) + 1e-12), 0.0)
+    nearest = np.linalg.norm(away - since[..., None] * velocity, axis=2).min(axis=0, initial=np.inf)
+    return movers[nearest <= movers[:, 6] + movers[:, 8] + extra + longest]
 
 
 def limits_of(problem: PathProblem, slack: float) -> tuple[float, float, float, float]:
@@ -202,7 +222,32 @@ def limits_of(problem: PathProblem, slack: float) -> tuple[float, float, float, 
 
 
 @njit(cache=True)
-def _lattice(nodes, u, v, w, moment, clear, limits, tide, tidal_moment, step, things):
+def _mixed(u, v, w, table, share, n, k):
+    """Current at node k of station n between two of its tables, m/s."""
+    if share == 0.0:
+        return u[table, n, k], v[table, n, k], w[table, n, k]
+    first, last = 1.0 - share, share
+    return (
+        first * u[table, n, k] + last * u[table + 1, n, k],
+        first * v[table, n, k] + last * v[table + 1, n, k],
+        first * w[table, n, k] + last * w[table + 1, n, k],
+    )
+
+
+@njit(cache=True)
+def _motion(water, way, speed):
+    """Ground speed, current across, and speed up or down through the water, m/s; the first is 0 if beaten."""
+    along = water[0] * way[0] + water[1] * way[1] + water[2] * way[2]
+    square = water[0] * water[0] + water[1] * water[1] + water[2] * water[2] - along * along
+    across = np.sqrt(max(square, 0.0))
+    if across >= speed:
+        return 0.0, across, np.inf
+    ground = along + np.sqrt(speed * speed - across * across)
+    return ground, across, abs(ground * way[2] - water[2])
+
+
+@njit(cache=True)
+def _lattice(nodes, u, v, w, moment, clear, limits, fastest, tide, tidal_moment, step, things):
     """Chosen node of each of N stations, [N], and the travel time, s; infinite where no way is found."""
     speed, surge_max, sway_max, upright_max = limits
     stations, count = clear.shape
@@ -215,7 +260,9 @@ def _lattice(nodes, u, v, w, moment, clear, limits, tide, tidal_moment, step, th
         for k in range(count):
             if clear[n, k] < 0.0 or (n == stations - 1 and k != middle):
                 continue
-            for j in range(count):
+            for turn in range(count):
+                # The nearest first: the others are mostly too late.
+                j = (k + turn) % count
                 begin = times[n - 1, j]
                 if begin >= times[n, k]:
                     continue
@@ -223,29 +270,27 @@ def _lattice(nodes, u, v, w, moment, clear, limits, tide, tidal_moment, step, th
                 way_y = nodes[n, k, 1] - nodes[n - 1, j, 1]
                 way_z = nodes[n, k, 2] - nodes[n - 1, j, 2]
                 length = np.sqrt(way_x * way_x + way_y * way_y + way_z * way_z)
-                if length == 0.0:
+                if length == 0.0 or begin + length / fastest >= times[n, k]:
                     continue
                 half_way = begin + 0.5 * length / speed
                 strength = 0.5 * tabulated(tide, tidal_moment, half_way)
                 when = min(half_way / moment, float(last_table))
                 a = min(int(when), max(last_table - 1, 0))
-                cu = strength * (u[a, n - 1, j] + u[a, n, k])
-                cv = strength * (v[a, n - 1, j] + v[a, n, k])
-                cw = strength * (w[a, n - 1, j] + w[a, n, k])
-                if last_table > 0:
-                    share = when - a
-                    cu = (1.0 - share) * cu + share * strength * (u[a + 1, n - 1, j] + u[a + 1, n, k])
-                    cv = (1.0 - share) * cv + share * strength * (v[a + 1, n - 1, j] + v[a + 1, n, k])
-                    cw = (1.0 - share) * cw + share * strength * (w[a + 1, n - 1, j] + w[a + 1, n, k])
-                along = (cu * way_x + cv * way_y + cw * way_z) / length
-                across = np.sqrt(max(cu * cu + cv * cv + cw * cw - along * along, 0.0))
-                if across > sway_max:
+                share = when - a if last_table > 0 else 0.0
+                u0, v0, w0 = _mixed(u, v, w, a, share, n - 1, j)
+                u1, v1, w1 = _mixed(u, v, w, a, share, n, k)
+                way = way_x / length, way_y / length, way_z / length
+                water = strength * (u0 + u1), strength * (v0 + v1), strength * (w0 + w1)
+                ground, across, upright = _motion(water, way, speed)
+                if across > sway_max or ground <= SPEED_FLOOR * speed or ground > surge_max:
                     continue
-                ground = along + np.sqrt(speed * speed - across * across)
-                if ground <= SPEED_FLOOR * speed or ground > surge_max:
-                    continue
-                if abs(ground * way_z / length - cw) > upright_max:
-                    continue
+                if upright_max < np.inf:
+                    # Where the current changes along the move, one of its ends is the worse.
+                    for end in ((u0, v0, w0), (u1, v1, w1)):
+                        there = 2.0 * strength * end[0], 2.0 * strength * end[1], 2.0 * strength * end[2]
+                        upright = max(upright, _motion(there, way, speed)[2])
+                    if upright > upright_max:
+                        continue
                 lasts = length / ground
                 if begin + lasts >= times[n, k]:
                     continue
