@@ -44,13 +44,16 @@ ALTITUDE_SCALE = 10.0
 _ROUNDING = 1e-6
 
 #: Shares of a segment at which the path that was found is judged, and excess that is let pass there.
-JUDGED_AT, _WITHIN = (0.05, 0.25, 0.5, 0.75, 0.95), 0.005
+JUDGED_AT, WITHIN = (0.05, 0.25, 0.5, 0.75, 0.95), 0.005
 
 #: Paths that a CPU scores in one go, so that their planes stay in its caches; whole vector registers.
 _TOGETHER = 640
 
 #: Share of the penalties' weights that a polish charges.
 SOFTNESS = 0.01
+
+#: Share of the limits in the vertical that it keeps.
+_INSIDE = 0.99
 
 
 @jax.tree_util.register_dataclass
@@ -220,7 +223,7 @@ def judged_within(
     """Return a trajectory whose limits hold within segments too, but for those on turns and distances.
 
     `evaluate` meets the current in the middle of each segment. Here it is looked up at the shares `JUDGED_AT`
-    of them as well; an excess there counts where it is greater than `_WITHIN`.
+    of them as well; an excess there counts where it is greater than `WITHIN`.
     """
     ends = trajectory.x, trajectory.y, trajectory.z
     way = tuple(jnp.diff(axis, axis=0) for axis in ends)
@@ -244,7 +247,7 @@ def judged_within(
     }
     shape = (len(JUDGED_AT), *trajectory.excess[0].shape)
     most = {
-        name: jnp.where(plane > _WITHIN, plane, 0.0).reshape(shape).max(axis=0)
+        name: jnp.where(plane > WITHIN, plane, 0.0).reshape(shape).max(axis=0)
         for name, plane in within.items()
     }
     both = zip(VIOLATIONS, trajectory.excess, strict=True)
@@ -313,7 +316,8 @@ def soft_objective(
     Arguments as `score`, and the share of the penalties' weights to charge.
 
     The weights of the cost are so stiff that a descent jumps to and fro at every limit that it meets. This
-    one has soft weights, and margins a little wider, so that it settles just inside what the cost allows.
+    one has soft weights, and margins a little wider, so that it settles just inside what the cost allows. In
+    the vertical it asks for a little less than the limits, in the currents of neighbouring segments too.
 
     Returns:
         ``(objective [P] s, (cost [P] s, violation [P]))``.
@@ -325,9 +329,32 @@ def soft_objective(
         "coast": _too_near(trajectory.coast, config.coast_margin + GUIDE_MARGIN),
         "obstacle": _too_near(trajectory.obstacles, config.obstacle_margin + GUIDE_MARGIN),
         "seabed": _too_low(trajectory.altitude, env, GUIDE_MARGIN),
+        **_steep_nearby(trajectory, track, vehicle, config),
     }
     soft = softness * straight * _penalty(tuple(wider.values()), config)
     return trajectory.travel_time + trajectory.price + soft, _cost(trajectory, straight, config)
+
+
+def _steep_nearby(
+    trajectory: Trajectory, track: Track, vehicle: Vehicle, config: PathConfig
+) -> dict[str, jax.Array]:
+    """Excess over limits in the vertical in the current of each segment and of those beside it.
+
+    Where a current is sheared it turns within a segment, which the middle of that does not tell. Slopes are
+    those by the steepness of segments: currents and speeds count as numbers, which keeps gradients cheap.
+    """
+    gap, found = norm(*track.way), []
+    straight, still = jax.lax.stop_gradient((track.way, trajectory.water))
+    for begin, end in ((0, 0), (1, 0), (0, 1)) if vehicle.vertical_limits else ():
+        rows = slice(end, gap.shape[0] - begin)
+        water = tuple(jnp.pad(plane[rows], ((begin, end), (0, 0)), mode="edge") for plane in still)
+        ground = over_ground(water, straight, norm(*straight), vehicle, config)[0]  # type: ignore[arg-type]
+        found.append(vertical_speeds(water, track.way, gap, ground, vehicle, config.speed_reading))  # type: ignore[arg-type]
+    limits = ((name, _INSIDE * limit) for name, limit in vehicle.vertical_limits.items())
+    return {
+        name: reduce(jnp.maximum, [_beyond(speeds[name][0], limit) for speeds in found])
+        for name, limit in limits
+    }
 
 
 def _cost(trajectory: Trajectory, straight: jax.Array, config: PathConfig) -> tuple[jax.Array, jax.Array]:

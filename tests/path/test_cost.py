@@ -320,6 +320,23 @@ def test_guide_is_judged_by_the_score_and_is_less_stiff():
     assert (np.asarray(aim - bare)[broken] < 0.05 * np.asarray(cost - bare)[broken]).all()
 
 
+def test_the_guide_meets_a_current_that_turns_within_a_segment():
+    """A dive of 20 degrees in still water that ends in a stream: as steep as that in it, it would be 32."""
+
+    def current(x, y, z, t):
+        return jnp.where(z > 35.9, 1.5, 0.0), 0.0 * x, 0.0 * x
+
+    env = ap.Environment(current, None, None, (-1, -1, -1), (500, 1, 100))
+    config = ap.PathConfig(control_points=3, degree=1, samples=5)  # its samples are its control points
+    start, goal = jnp.array([0.0, 0.0, 0.0]), jnp.array([400.0, 0.0, 36.0])
+    dive = jnp.array([[100.0, 200.0, 300.0, 0.0, 0.0, 0.0, 36.0, 36.0, 36.0]])
+    for pitch_max, charged in ((np.radians(30.0), True), (np.radians(33.0), False), (None, False)):
+        vehicle = ap.Vehicle(pitch_max=pitch_max)
+        aim, (cost, violation) = soft_objective(dive, start, goal, 0.0, env, vehicle, config)
+        assert float(violation[0]) == 0.0
+        assert bool(aim[0] > 1.0001 * cost[0]) is charged
+
+
 def test_coast_is_forbidden_and_shoals_are_priced():
     env = world(obstacles=False)
     start, goal = jnp.array([900.0, 200.0, 10.0]), jnp.array([900.0, 1900.0, 10.0])

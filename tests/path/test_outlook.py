@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import auvplan as ap
+from auvplan.executive.closures import straight_plan
 from auvplan.path.config import PathConfig
 from auvplan.path.outlook import outlook
 
@@ -74,3 +75,15 @@ def test_a_late_vehicle_meets_the_current_of_the_time_when_it_is_there(plan):
     samples = np.arange(len(plan.times))
     assert np.interp(20.0, samples, late.times) == pytest.approx(plan.times[20] + plan.travel_time, abs=0.01)
     assert late.times[-1] - late.time_left == pytest.approx(plan.times[20] + plan.travel_time, abs=0.01)
+
+
+def test_a_dive_at_the_limit_is_not_broken_by_rounding_but_by_an_updraught():
+    start = np.array([9000.0, 9500.0, 10.0])
+    goal = start + 400.0 * np.array([np.cos(np.pi / 6.0), 0.0, 0.5])
+    env = ap.Environment(None, lower=(0, 0, 0), upper=(10_000, 10_000, 500))
+    dive = straight_plan(start, goal, 100.0, env, ap.Vehicle(pitch_max=np.pi / 6.0 + 1e-4), LIGHT)
+    assert dive.feasible
+    vehicle = ap.Vehicle(pitch_max=np.pi / 6.0)
+    for updraught, broken in ((0.0, False), (0.1, True)):
+        current = ap.UniformCurrent(0.0, 0.0, -updraught)
+        assert outlook(dive, 0.0, 100.0, current, vehicle, LIGHT).broken is broken
