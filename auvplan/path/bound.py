@@ -47,7 +47,7 @@ Mask = NDArray[np.bool_]
 Simplices = list[Any]
 
 #: Cells along the way and across it, and in depth where that matters.
-PLANAR, DEEP = (200, 140), (64, 32, 16)
+PLANAR, DEEP = (320, 224), (64, 32, 16)
 
 #: Share of a clearance's scale, the longest way, and of a bound, by which single precision may be off.
 _ROUNDING = 1e-5

@@ -70,6 +70,7 @@ class PathPlan(Brief):
         return {
             "": "feasible" if self.feasible else f"not feasible ({', '.join(self.broken())})",
             "travel time": f"{self.travel_time:,.0f} s",
+            **({"above its lower bound": f"{self.gap:.1%} at most"} if self._bounded else {}),
             "length": f"{self.length:,.0f} m",
             "clearance": f"{self.clearance:,.1f} m" if np.isfinite(self.clearance) else "open water",
             **({"altitude": f"{self.altitude:,.1f} m"} if np.isfinite(self.altitude) else {}),
@@ -190,6 +191,11 @@ class PathPlan(Brief):
     def bound(self) -> Bound:
         """What no path can beat, worked out when it is first asked for: it takes as long as some plans."""
         return self.bounded()
+
+    @property
+    def _bounded(self) -> bool:
+        """Whether a bound was worked out that tells something."""
+        return "bound" in vars(self) and bool(np.isfinite(self.gap))
 
     @property
     def lower_bound(self) -> float:
