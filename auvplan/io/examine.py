@@ -235,7 +235,8 @@ def _read_apart(
             continue  # its fault is the current's, which is reported
         if section == "bathymetry" and settings.source == "chart" and not parts.get("chart"):
             continue  # or the chart's
-        if section in ("current", "bathymetry", "mission") and "chart" in parts and parts["chart"] is None:
+        unread = "chart" in at_fault or ("chart" in parts and parts["chart"] is None)
+        if section in ("current", "bathymetry", "mission") and unread:
             alone = alone.model_copy(update={"chart": ChartSettings(source="none")})
         if section in ("bathymetry", "mission") and not parts.get("current"):
             bare: dict[str, Any] = {"current": CurrentSettings(vortices=0)}

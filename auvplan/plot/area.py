@@ -18,6 +18,7 @@ from auvplan.plot.depths import draw_depths
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.scenario import Scenario
 from auvplan.site import at_time
+from auvplan.words import counted
 
 #: Arrows of the current along the longer side.
 _ARROWS = 22
@@ -81,7 +82,10 @@ def _title(scenario: Scenario, area: OperatingArea) -> str:
     low, high = scenario.box
     depths = f"depths {low[2]:g} to {high[2]:g} m"
     jobs = area.jobs
-    tasks = f"{len(jobs.points)} points and {len(jobs.lines)} lines to visit, " if jobs is not None else ""
+    tasks = ""
+    if jobs is not None:
+        numbers = (len(jobs.points), "point"), (len(jobs.lines), "survey line")
+        tasks = " and ".join(counted(count, noun) for count, noun in numbers if count) + ", "
     return f"{scenario.name}: {tasks}{scenario.mission.time_available:,.0f} s, {depths}"
 
 

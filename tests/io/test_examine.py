@@ -256,3 +256,13 @@ def test_sections_whose_fields_are_at_fault_are_not_blamed_for_what_they_lack(tm
     assert "mission.time_available" in fields
     assert fields >= {"current.constituents", "obstacles.file"}
     assert not fields & {"mission.start", "mission.goal"}
+
+
+def test_an_area_is_not_held_against_a_chart_that_the_scenario_does_not_name(tmp_path):
+    (tmp_path / "tide.yaml").write_text("constituents:\n  M2: {u: [0.1, 0.0], v: [0.2, 0.0]}\n")
+    text = BAY.replace("source: none, no_go", "source: world, no_go")
+    (tmp_path / "scenario.yaml").write_text(text % "2.0")
+    (tmp_path / "jobs.csv").write_text("name,longitude,latitude\na,147.4,-43.06\n")
+    fields = [fault.field for fault in examine_scenario(tmp_path / "scenario.yaml").faults]
+    assert "chart.source" in fields
+    assert "area" not in fields
