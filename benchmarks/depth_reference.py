@@ -121,12 +121,15 @@ def vertical(problem: PathProblem, world: World) -> Polished | None:
         levels[level] = end[2]
     both = (_BEYOND, ends[1]), (_BEYOND + _STATIONS, ends[0])
     rounds = 2 if np.isinf(upright_max) else 1
-    chain = _plane(
+    time_found, before = _plane(
         arc, levels, tables[0], beds[0], factor(problem.depart + moments), moments[1], speed, upright_max,
         both, _PASSED, _STEEPEST, rounds,
     )  # fmt: skip
-    if not len(chain):
+    if not np.isfinite(time_found):
         return None
+    chain = [both[1][0] * _LEVELS + both[1][1]]
+    while before[chain[-1]] >= 0:
+        chain.append(int(before[chain[-1]]))
     nodes = np.array(chain[::-1])
     i, k = nodes // _LEVELS, nodes % _LEVELS
     points = np.column_stack([start[:2] + np.outer(arc[i], along), levels[k]])
@@ -136,7 +139,7 @@ def vertical(problem: PathProblem, world: World) -> Polished | None:
 
 @njit(cache=True)
 def _plane(arc, levels, ahead, bed, tide, moment, speed, upright_max, ends, passed, steepest, rounds):
-    """Nodes of the quickest way from station to station, the last first; none where there is no way.
+    """Time of the quickest way from station to station [s], infinite without any, and the node before each.
 
     Stations are taken in their order, and where a dive may be steeper than upright in the opposite one too.
     """
@@ -178,14 +181,7 @@ def _plane(arc, levels, ahead, bed, tide, moment, speed, upright_max, ends, pass
                     if now < times[i, k]:
                         times[i, k] = now
                         before[i * count + k] = i * count + j
-    chain = [int(x) for x in range(0)]
-    if not np.isfinite(times[last, deep]):
-        return chain
-    node = last * count + deep
-    while node >= 0:
-        chain.append(node)
-        node = before[node]
-    return chain
+    return times[last, deep], before
 
 
 @njit(cache=True)
