@@ -7,7 +7,8 @@ current. Counted are verdicts, uploads that are what was planned, item by item, 
 books.
 
 `python -m benchmarks.links --link ADDRESS -n 5`: missions of three and more tasks on a running vehicle,
-one after another, each from where the one before ended; the end of each leg beside its plan.
+one after another, each from where the one before ended; the end of each leg beside its plan. `--current` tells
+them the current that the vehicle's simulator has, m/s north and east.
 """
 
 import argparse
@@ -43,7 +44,7 @@ SCENARIO = {
     "planning": {"effort": "quick"},
 }
 
-#: For a vehicle that is running, without a current, at a speed of small ones; it begins where that is.
+#: For a vehicle that is running, at a speed of small ones; it begins where that is.
 NEARBY = {
     "name": "nearby",
     "area": {"lower": [0, 0, 0], "upper": [420, 420, 30]},
@@ -133,7 +134,7 @@ def mission(kind: str, seed: int, scale: float, faults: Faults, tell) -> dict:
     }  # fmt: skip
 
 
-def mission_nearby(address: str, seed: int, scale: float, tell) -> dict:
+def mission_nearby(address: str, seed: int, scale: float, current: list[float], tell) -> dict:
     """Execute one mission on a vehicle that is running, and set its legs beside the plan."""
     whole = open_link(address, Site(0.0, 0.0))
     whole.connect()
@@ -143,7 +144,8 @@ def mission_nearby(address: str, seed: int, scale: float, tell) -> dict:
     begin = NEARBY["mission"]["start"]
     corner = Site(float(longitude), float(latitude)).to_geographic(-begin[0], -begin[1])
     site = dict(zip(("longitude", "latitude"), map(float, corner), strict=True))
-    plan = RollingPlan(Scenario.model_validate(NEARBY | {"site": site}), seed)
+    sections = {"site": site, "current": NEARBY["current"] | {"uniform": [*current, 0.0]}}
+    plan = RollingPlan(Scenario.model_validate(NEARBY | sections), seed)
     record = execute(plan, open_link(address, plan.site, scale=scale), tell=tell)
     ends = [event.time for event in record.events if event.kind == "leg"]
     planned = [float(leg.times[-1]) + leg.t_wait + leg.t_task for leg in plan.legs]
@@ -166,11 +168,15 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=None, help="file of JSON lines")
     parser.add_argument("--verbose", action="store_true")
     parser.add_argument("--link", help="a vehicle that is running: mavlink:ADDRESS or imc:HOST:PORT")
+    parser.add_argument(
+        "--current", type=float, nargs=2, default=[0.0, 0.0], help="m/s north and east, with --link"
+    )
     given = parser.parse_args()
     tell = _show if given.verbose else _hide
     if given.link:
         for seed in range(given.first, given.first + given.n):
-            print(json.dumps(mission_nearby(given.link, seed, given.scale, tell)), flush=True)
+            found = mission_nearby(given.link, seed, given.scale, given.current, tell)
+            print(json.dumps(found), flush=True)
         return
     rows = []
     for kind in given.kind or ["mavlink", "imc"]:

@@ -22,6 +22,9 @@ _GEOD = Geod(ellps="WGS84")
 #: s of wall-clock time between two steps of a body.
 _TICK = 0.01
 
+#: s in which all but 1/e of a stream is learnt.
+_LEARNS = 31.0
+
 #: m/s at which a body comes up.
 _RISE = 1.0
 
@@ -49,7 +52,9 @@ class Body:
         pace: share of the commanded speed that it makes; `stuck` makes none.
         push: m/s, north and east, by which it is driven off its way.
         stream: m/s, north and east, of the water: it keeps its way by crabbing, and what it makes over ground
-            is the commanded speed along its hull, as a Doppler log sees it (DUNE: Control/AUV/Speed).
+            is the commanded speed along its hull, as a Doppler log sees it, once it has learnt what the stream
+            adds (DUNE: Control/AUV/Speed).
+        learnt: m/s of that.
     """
 
     latitude: float
@@ -59,6 +64,7 @@ class Body:
     stuck: bool = False
     push: tuple[float, float] = (0.0, 0.0)
     stream: tuple[float, float] = (0.0, 0.0)
+    learnt: float = 0.0
     speed: float = 1.0
     velocity: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
@@ -72,7 +78,7 @@ class Body:
     ) -> float:
         """Move; return s that are left after arrival, so many s ahead of it, or -1 on the way."""
         bearing, _, level = _GEOD.inv(self.longitude, self.latitude, longitude, latitude)
-        gap, speed = math.hypot(level, depth - self.depth), self.pace * self._made(bearing)
+        gap, speed = math.hypot(level, depth - self.depth), self.pace * self._made(bearing, seconds)
         if self.stuck:
             self.velocity = np.zeros(3)
             return -1.0
@@ -89,14 +95,14 @@ class Body:
         self.depth += share * (depth - self.depth)
         return seconds - way / speed if way <= speed * seconds else -1.0
 
-    def _made(self, bearing: float) -> float:
-        """Return m/s over ground along a bearing, degrees, whose part along the hull is as commanded."""
+    def _made(self, bearing: float, seconds: float) -> float:
+        """Return m/s over ground along a bearing, degrees, and learn what the stream adds along the hull."""
         north, east = self.stream
-        angle, made = math.radians(bearing), self.speed
-        along = north * math.cos(angle) + east * math.sin(angle)
-        across = math.hypot(north, east) ** 2 - along**2
-        for _ in range(30):
-            made = self.speed * math.sqrt((made - along) ** 2 + max(across, 0.0)) / max(made - along, 0.1)
+        angle, total = math.radians(bearing), north**2 + east**2
+        along, water = north * math.cos(angle) + east * math.sin(angle), max(self.speed - self.learnt, 0.1)
+        made = along + math.sqrt(max(water**2 - total + along**2, 0.0))
+        added = (made * along - total) / water
+        self.learnt += (1.0 - math.exp(-seconds / _LEARNS)) * (added - self.learnt)
         return made
 
     def rise(self, seconds: float) -> bool:
