@@ -7,8 +7,8 @@ current. Counted are verdicts, uploads that are what was planned, item by item, 
 books.
 
 `python -m benchmarks.links --link ADDRESS -n 5`: missions of three and more tasks on a running vehicle,
-one after another, each from where the one before ended; the end of each leg beside its plan. `--current` tells
-them the current that the vehicle's simulator has, m/s north and east.
+one after another, each from where the one before ended; the end of each leg beside its plan. `--current`
+tells them the current that the vehicle's simulator has, m/s north and east.
 """
 
 import argparse

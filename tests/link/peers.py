@@ -51,8 +51,8 @@ class Body:
         depth: m.
         pace: share of the commanded speed that it makes; `stuck` makes none.
         push: m/s, north and east, by which it is driven off its way.
-        stream: m/s, north and east, of the water: it keeps its way by crabbing, and what it makes over ground
-            is the commanded speed along its hull, as a Doppler log sees it, once it has learnt what the stream
+        stream: m/s, north and east, of the water: it keeps its way by crabbing. What it makes over ground is
+            the commanded speed along its hull, as a Doppler log sees it, once it has learnt what the stream
             adds (DUNE: Control/AUV/Speed).
         learnt: m/s of that.
     """
