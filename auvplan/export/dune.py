@@ -19,8 +19,8 @@ Array = NDArray[np.floating]
 #: m, radius of station keeping and of loitering: inside a planner's default distance to the coast.
 RADIUS = 10.0
 
-#: Radius that is gone by that of the message, and radians of the circle, past its course, at
-#: which the time of a task begins to count; by DUNE's log.
+#: Radius that is gone by that of the message, and radians of the circle, past its course, at which the time of
+#: a task begins to count; by DUNE's log.
 _WIDER, _COUNTS = 1.044, 0.03
 
 #: s in which all but 1/e of a current is learnt, by DUNE's log: 25 rpm for every m/s and s that it is off,
@@ -32,6 +32,9 @@ _RISING = -0.23
 
 #: m, radius of the turn from the circle onto the way on; by DUNE's log.
 _TURN = 5.5
+
+#: How many times the planned speed is asked for at most: on a short leg more would be, which may not be had.
+_MOST = 1.35
 
 #: s of a task after which it cannot be said where on its circle the vehicle is; and s of a step.
 _LOST, _STEP = 300.0, 0.2
@@ -71,7 +74,8 @@ def commanded(itinerary: Itinerary, leg: PlannedLeg, begun: Begun) -> tuple[list
         current, left = part.speed - itinerary.speed, math.exp(-seconds / _LEARNS)
         ahead = (current - learnt) * (1.0 - left) * _LEARNS / seconds
         longer = _longer(leg, part, begun) if part.first == 0 else 1.0
-        found.append(part._replace(speed=max(part.speed * longer - ahead, LEAST)))
+        told = min(part.speed * longer - ahead, part.speed * _MOST)
+        found.append(part._replace(speed=max(told, LEAST)))
         learnt = current - (current - learnt) * left
     return found, _after_task(itinerary, leg, learnt) if leg.hold > 0.0 else Begun(learnt)
 
@@ -91,7 +95,7 @@ def _longer(leg: PlannedLeg, part: Stretch, begun: Begun) -> float:
 def _after_task(itinerary: Itinerary, leg: PlannedLeg, learnt: float) -> Begun:
     """Return how the leg after a task is begun; the circle is gone clockwise."""
     hold, radius = math.ceil(leg.hold), _WIDER * RADIUS
-    if hold > _LOST or leg.waypoints[-1][2] <= 0.0:
+    if hold > _LOST or leg.waypoints[-1][2] <= 0.0 or len(leg.waypoints) < 2:
         return Begun(0.0, leg.waypoints[-1][:2])
     current, way = _current(itinerary, leg), leg.waypoints[-1] - leg.waypoints[-2]
     right = np.array([-way[1], way[0]]) / max(float(np.hypot(way[0], way[1])), 1e-9)

@@ -6,8 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from auvplan.export import PlannedLeg
 from auvplan.export.dune import Begun, commanded, first_begun
+from auvplan.export.imc import plan_specification
 from auvplan.export.speeds import stretches
+from auvplan.link import Upload
 from tests.export.sample import SPEED, in_current
 
 #: s in which DUNE's control learns a current, and m of its turns: of the logs behind docs/execution.md.
@@ -80,6 +83,21 @@ def test_what_cannot_be_known_counts_in_the_mean():
     angles = np.linspace(0.0, math.pi, 10_001)
     detour = TURN * float(np.trapezoid(angles - np.sin(angles), angles)) / math.pi
     assert mean.speed - none.speed == pytest.approx(planned * detour / length, rel=1e-3)
+
+
+@pytest.mark.parametrize("done", range(7))
+def test_a_plan_may_begin_at_every_waypoint(done):
+    rest = Upload(in_current((0.2, 0.1, 0.0))).without(done).itinerary
+    speeds = [float(part.text or "nan") for part in plan_specification(rest).iter("speed")]
+    assert len(speeds) >= 3
+    assert all(0.7 * SPEED < speed < 1.35 * 1.5 for speed in speeds)
+
+
+def test_a_short_leg_is_not_caught_up_on_by_a_speed_that_may_not_be_had():
+    itinerary = in_current((0.0, 0.0, 0.0))
+    near = PlannedLeg.of(2, 1, 2, [[0.0, 0.0, 5.0], [12.0, 0.0, 5.0]], [0.0, 10.0])
+    (part,), _ = commanded(itinerary, near, Begun(0.0, np.array([-10.0, 0.0]), math.pi))
+    assert part.speed == pytest.approx(1.35 * SPEED)
 
 
 def test_a_vehicle_without_a_bottom_lock_is_told_its_speed():
