@@ -19,8 +19,8 @@ Array = NDArray[np.floating]
 #: m, radius of station keeping and of loitering: inside a planner's default distance to the coast.
 RADIUS = 10.0
 
-#: Radius that is gone by that of the message, and radians of the circle, past its course, at which the time of
-#: a task begins to count; by DUNE's log.
+#: Radius that is gone by that of the message, and radians of the circle, past its course, at which the time
+#: of a task begins to count; by DUNE's log.
 _WIDER, _COUNTS = 1.044, 0.03
 
 #: s in which all but 1/e of a current is learnt, by DUNE's log: 25 rpm for every m/s and s that it is off,
