@@ -255,7 +255,7 @@ def _at_depths(
     at = np.linspace(0, len(x) - 1, _STATIONS + 1).round().astype(int)
     found = profiles(x[at].T, y[at].T, start, goal, depart, env, vehicle, config, _LEVELS)[0]
     depth = jnp.interp(np.arange(len(x)), at, found)[:, None]
-    return Track.through(*(jnp.tile(axis, 2) for axis in (x, y)), jnp.concatenate([z, depth], axis=1))
+    return Track.through(jnp.tile(x, 2), jnp.tile(y, 2), jnp.concatenate([z, depth], axis=1))
 
 
 def _quickest(trajectory: Trajectory, broken: jax.Array) -> tuple[jax.Array, jax.Array]:
