@@ -743,6 +743,9 @@ def _walk(cells: jax.Array, previous: jax.Array, steps: int) -> jax.Array:
 #: Samples lie as dense as the clearance is small, but at most so many times denser than evenly.
 _DENSEST = 8.0
 
+#: Points of a polyline in depth between two stations of its profile.
+_DENSE = 4
+
 
 def _run(x: jax.Array, y: jax.Array) -> jax.Array:
     """Length of polylines [count, L] m up to each of their points, as a share of all of it."""
@@ -753,9 +756,13 @@ def _run(x: jax.Array, y: jax.Array) -> jax.Array:
 def _evenly(x: jax.Array, y: jax.Array) -> tuple[jax.Array, jax.Array]:
     """Places x, y [count, `STATIONS` + 1] m that lie evenly on polylines [count, L] m."""
     share = jnp.linspace(0.0, 1.0, STATIONS + 1)
-    run = _run(x, y)
-    x, y = (jax.vmap(lambda r, axis: jnp.interp(share, r, axis))(run, axis) for axis in (x, y))
+    x, y = (_interpolated(share, _run(x, y), axis) for axis in (x, y))
     return x, y
+
+
+def _interpolated(at: jax.Array, marks: jax.Array, values: jax.Array) -> jax.Array:
+    """Interpolate values [count, L] at marks [count, L] linearly, [count, A]."""
+    return jax.vmap(partial(jnp.interp, at))(marks, values)
 
 
 def _fitted(
@@ -768,24 +775,26 @@ def _fitted(
     Where there is little room, samples and control points are denser: clearance is certified between samples,
     and a bend is followed by control points.
     """
-    x, y = traced.x, traced.y
-    legs = jnp.sqrt(jnp.diff(x, axis=1) ** 2 + jnp.diff(y, axis=1) ** 2)
+    lines, room = [traced.x, traced.y], traced.room
+    if depths is not None:
+        # Steep parts are long: they get as many control points as level ones of their length.
+        share, run = jnp.linspace(0.0, 1.0, _DENSE * (depths.shape[1] - 1) + 1), _run(*lines)
+        even = jnp.broadcast_to(jnp.linspace(0.0, 1.0, depths.shape[1]), depths.shape)
+        lines = [*(_interpolated(share, run, axis) for axis in lines), _interpolated(share, even, depths)]
+        room = _interpolated(share, run, room)
+    legs = jnp.sqrt(reduce(jnp.add, (jnp.diff(axis, axis=1) ** 2 for axis in lines)))
     even = legs.sum(axis=1, keepdims=True) / config.samples
-    narrow = jnp.minimum(traced.room[:, 1:], traced.room[:, :-1])
+    narrow = jnp.minimum(room[:, 1:], room[:, :-1])
     density = jnp.clip(even / jnp.maximum(narrow, 1e-20 + even / _DENSEST), 1.0, _DENSEST)
     marks = jnp.cumsum(jnp.pad(legs * density, [(0, 0), (1, 0)]), axis=1)
     share = jnp.linspace(0.0, 1.0, config.samples)
-    fit = jnp.asarray(fit_matrix(config.samples, config.control_points + 2, config.degree), x.dtype)
-    lines = [x, y]
-    if depths is not None:
-        even = jnp.linspace(0.0, 1.0, depths.shape[1])
-        lines.append(jax.vmap(lambda r, d: jnp.interp(r, even, d))(_run(x, y), depths))
+    fit = jnp.asarray(fit_matrix(config.samples, config.control_points + 2, config.degree), legs.dtype)
     planes = []
     for axis, line in enumerate(lines):
         curve = jax.vmap(lambda m, p: jnp.interp(share * m[-1], m, p))(marks, line)
-        ends = jnp.broadcast_to(jnp.stack([start[axis], goal[axis]]), (len(x), 2))
+        ends = jnp.broadcast_to(jnp.stack([start[axis], goal[axis]]), (len(line), 2))
         planes.append(jnp.concatenate([curve, ends], axis=1) @ fit.T)
     if depths is None:
         depth = straight_line(start, goal, config).reshape(3, -1)[2]
         planes.append(jnp.broadcast_to(depth, planes[0].shape))
-    return jnp.stack(planes, axis=1).reshape(len(x), -1)
+    return jnp.stack(planes, axis=1).reshape(len(legs), -1)
