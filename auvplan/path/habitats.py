@@ -16,6 +16,9 @@ _MODES = 4
 #: one side than this share of the box.
 _LENGTHENED, _WIDEST = 1.05, 0.2
 
+#: Places of the straight line at which its current is looked up.
+_LOOKED_AT = 9
+
 
 def straight_line(start: jax.Array, goal: jax.Array, config: PathConfig) -> jax.Array:
     """Free control points evenly along the straight line, [3 n] m as x, then y, then z."""
@@ -120,16 +123,23 @@ def deepest(env: Environment, x: jax.Array, y: jax.Array, length: jax.Array) -> 
 
 
 def spirals(
-    count: int, start: jax.Array, goal: jax.Array, vehicle: Vehicle, env: Environment, config: PathConfig
+    count: int,
+    start: jax.Array,
+    goal: jax.Array,
+    depart: jax.Array,
+    vehicle: Vehicle,
+    env: Environment,
+    config: PathConfig,
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """Return paths that wind from start to goal where the straight line is steeper than the pitch allows.
+    """Return paths that wind from start to goal where the straight line is too steep.
 
-    Their centre moves along that line, so that they dive evenly; they wind once or twice, to either side, or
-    more often where the box is narrow.
+    The first two are bows to either side, the others turn about that line, more often where the box is
+    narrow. All of them dive evenly.
 
     Args:
         count: of paths.
         start, goal: [3] m.
+        depart: s since the epoch.
         vehicle: with a limit on its pitch.
         env: the world.
         config: static settings.
@@ -140,20 +150,36 @@ def spirals(
     assert vehicle.pitch_max is not None
     way = goal - start
     level, rise = jnp.sqrt((way[:2] ** 2).sum() + 1e-8), jnp.abs(way[2])
-    wanted = _LENGTHENED * rise / jnp.tan(vehicle.pitch_max)
-    # Circumference of all turns together: what is missing in length, at right angles to the line in the mean.
-    around = jnp.sqrt(jnp.maximum(wanted**2 - level**2, 0.0))
-    turns = 1.0 + jnp.arange(count, dtype=start.dtype) // 2
-    widest = _WIDEST * (env.upper - env.lower)[:2].min()
-    turns = jnp.maximum(turns, jnp.ceil(around / (2.0 * jnp.pi * widest)))[:, None]
+    # At the steepest, for as long as the dive takes, with what the current adds along the line.
+    share = jnp.linspace(0.0, 1.0, _LOOKED_AT)
+    lasts = jnp.sqrt(level**2 + rise**2) / vehicle.speed
+    x, y, z = (start[axis] + share * way[axis] for axis in range(3))
+    u, v, _ = env.current(x, y, z, depart + share * lasts)
+    with_current = jnp.maximum((u * way[0] + v * way[1]).mean() / level, 0.0)
+    speed = vehicle.speed * jnp.cos(vehicle.pitch_max) + with_current
+    wanted = _LENGTHENED * rise / (vehicle.speed * jnp.sin(vehicle.pitch_max)) * speed
+    turns = jnp.arange(count, dtype=start.dtype) // 2
     side = jnp.where(jnp.arange(count) % 2 == 0, 1.0, -1.0)[:, None]
-    radius, share = around / (2.0 * jnp.pi * turns), jnp.linspace(0.0, 1.0, config.samples)
-    angle = 2.0 * jnp.pi * turns * share
-    # The first turn leads ahead: along the line, or north where there is none.
+    share = jnp.linspace(0.0, 1.0, config.samples)
+    # A bow is an arc of a circle over the line as its chord: sin(half) / half is their ratio.
+    halves = jnp.linspace(0.0, jnp.pi, 257)
+    half = jnp.interp(level / jnp.maximum(wanted, level), jnp.sinc(halves / jnp.pi)[::-1], halves[::-1])
+    half = jnp.maximum(half, 1e-3)
+    angle = half * (2.0 * share - 1.0)
+    bow = 0.5 * wanted / half * jnp.stack([jnp.sin(angle) + jnp.sin(half), jnp.cos(angle) - jnp.cos(half)])
+    # Turns about a centre that moves along the line add length at right angles to it, in the mean.
+    around = jnp.sqrt(jnp.maximum(wanted**2 - level**2, 0.0))
+    widest = _WIDEST * (env.upper - env.lower)[:2].min()
+    often = jnp.maximum(turns, jnp.ceil(around / (2.0 * jnp.pi * widest)))[:, None]
+    radius, angle = around / (2.0 * jnp.pi * often), 2.0 * jnp.pi * often * share
+    turning = level * share + radius * jnp.sin(angle), radius * (1.0 - jnp.cos(angle))
+    along, aside = (
+        jnp.where(turns[:, None] == 0.0, arc, turn) for arc, turn in zip(bow, turning, strict=True)
+    )
+    # Ahead is along the line, or north where it is a point on the map.
     ahead = jnp.where(level > 1e-3, way[:2] / level, jnp.asarray([1.0, 0.0], start.dtype))
-    along, aside = radius * jnp.sin(angle), side * radius * (1.0 - jnp.cos(angle))
-    x = start[0] + way[0] * share + along * ahead[0] - aside * ahead[1]
-    y = start[1] + way[1] * share + along * ahead[1] + aside * ahead[0]
+    x = start[0] + along * ahead[0] - side * aside * ahead[1]
+    y = start[1] + along * ahead[1] + side * aside * ahead[0]
     z = jnp.broadcast_to(start[2] + way[2] * share, x.shape)
     fit = jnp.asarray(fit_matrix(config.samples, config.control_points + 2, config.degree), start.dtype)
     planes = []

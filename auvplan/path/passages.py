@@ -75,6 +75,9 @@ _LAYERS = 6
 #: Paths that wind, in place of the last passages, where start and goal are too steep for the vehicle.
 _WINDING = 4
 
+#: Times of paths at depths of their own are taken to be so many times as long with the moves between depths.
+_TO_DEPTH = 1.03
+
 #: Rounds of sweeps at most; each follows a path around one more bend.
 _ROUNDS = 40
 
@@ -86,6 +89,7 @@ _SETTLED = 1e-5
 _HILLS, _AROUND, _HEIGHT = 32, 3, 1e-3
 
 
+@jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class _Traced:
     """Paths through passages as polylines on a grid, quickest first.
@@ -157,26 +161,43 @@ def trace_passages(
     low = jnp.maximum(jnp.minimum(part[0], least[0]), low)
     high = jnp.minimum(jnp.maximum(part[1], least[1]), high)
     low, high = _proportioned(low, high)
-    fine = build(
-        low, high, cells, partial(_known_times, coarse=coarse, ahead=ahead, total=total, depth=depth)
+
+    def finely(depth: jax.Array | None) -> tuple[_Traced, jax.Array]:
+        arrivals = partial(_known_times, coarse=coarse, ahead=ahead, total=total, depth=depth)
+        fine = build(low, high, cells, arrivals)
+        return fine.traced(count - count // 2 if deep else count), fine.spacing.max()
+
+    if depth is None:
+        found, spacing = finely(None)
+        parts = [(found, None)]
+    else:
+        # Half of the passages at the best paths' depths, half at the straight line's: few control points
+        # do not follow every profile, nor does every profile keep the limits.
+        share = jnp.where(jnp.isfinite(total), ahead / jnp.maximum(total, 1e-20), 0.5)
+        straight = start[2] + share * (goal[2] - start[2])
+        both, spacing = jax.lax.map(finely, jnp.stack([depth, straight]))
+        spacing = spacing[0]
+        own, level = (jax.tree.map(lambda plane, k=k: plane[k], both) for k in (0, 1))
+        depths = profiles(*_evenly(own.x, own.y), start, goal, depart, env, vehicle, config)
+        parts = [(own, depths), (jax.tree.map(lambda plane: plane[: count // 2], level), None)]
+    closed = jnp.where(reduce(jnp.logical_and, ((p.broken == 2.0).all() for p, _ in parts)), spacing, 0.0)
+    # What moves between depths take is not in the times of those at depths of their own.
+    known = reduce(
+        jnp.minimum,
+        (
+            jnp.where(p.broken[0] == 0.0, p.times[0] * (1.0 if depths is None else _TO_DEPTH), jnp.inf)
+            for p, depths in parts
+        ),
     )
-    traced = fine.traced(count)
-    closed = jnp.where((traced.broken == 2.0).all(), fine.spacing.max(), 0.0)
-    known = jnp.where(traced.broken[0] == 0.0, traced.times[0], jnp.inf)
-    depths = None
-    if deep:
-        line = _evenly(traced.x, traced.y)
-        depths = profiles(*line, start, goal, depart, env, vehicle, config)
-    habitats = (
-        raise_above_seabed(_fitted(traced, depths, start, goal, own), start, goal, env)
-        for own in (config, config.fine())
-    )
-    habitats, times = list(habitats), traced.times
-    if vehicle.pitch_max is not None and (winding := min(_WINDING, count // 2)):
-        for k, own in enumerate((config, config.fine())):
-            found, lasts, needed = spirals(winding, start, goal, vehicle, env, own)
-            habitats[k] = habitats[k].at[-winding:].set(jnp.where(needed, found, habitats[k][-winding:]))
-        times = times.at[-winding:].set(jnp.where(needed, lasts, times[-winding:]))
+    times, habitats = jnp.concatenate([p.times for p, _ in parts]), []
+    for settings in (config, config.fine()):
+        rows = jnp.concatenate([_fitted(p, depths, start, goal, settings) for p, depths in parts])
+        rows = raise_above_seabed(rows, start, goal, env)
+        if vehicle.pitch_max is not None and (others := min(_WINDING, count // 2)):
+            winding, lasts, needed = spirals(others, start, goal, depart, vehicle, env, settings)
+            rows = rows.at[-others:].set(jnp.where(needed, winding, rows[-others:]))
+            times = times.at[-others:].set(jnp.where(needed, lasts, times[-others:]))
+        habitats.append(rows)
     return *habitats, times, closed, known
 
 
