@@ -244,7 +244,8 @@ class _Problem:
 
     def current(self, places: Sequence[Array], times: Array) -> list[Array]:
         """Return the current along the axes at places and times since departure, m/s."""
-        u, v, w = evaluated(self.env.current, *places, self.depart + times)
+        x, y, z = places
+        u, v, w = evaluated(self.env.current, x, y, z, self.depart + times)
         level = [turn[0] * u + turn[1] * v for turn in self.turn]
         return [*level, w] if self.deep else level
 
