@@ -209,7 +209,7 @@ class PathPlan(Brief):
             >>> round(plan.travel_time), 980 < plan.lower_bound <= 1000, plan.bound.kind
             (1000, True, 'certified')
         """
-        return self.bound.travel_time
+        return float(self.bound.travel_time)
 
     @property
     def gap(self) -> float:
