@@ -60,7 +60,7 @@ def test_what_the_time_of_a_task_counts_in(task_time, monkeypatch):
     """Beside t_ij: in the leg's time and what is compared, in its time alone, or in neither (Fig. 15)."""
     light = {"path_config": light_config(planning()), "mission_configs": light_routes(planning())}
     for name, config in light.items():
-        monkeypatch.setattr(loop, name, lambda _, config=config: config)
+        monkeypatch.setattr(loop, name, lambda *_, config=config: config)
     rules = {"preset": "paper", "task_time": task_time, "routes_from": "fresh", "window_change": 0.01}
     run = ap.run_mission(planning(**rules), key=jax.random.key(1))
     assert len(run.done) > 2
