@@ -11,7 +11,7 @@ from auvplan.io.originals import places_of
 from auvplan.io.streams import speeds_at
 
 #: m by which a position may differ from where the stored velocity leads in one step, on a straight track.
-POSITION_TOLERANCE = 0.3
+POSITION_TOLERANCE = 0.35
 #: Share of what the velocity changes by within a step that its mean may be off, on a curved one.
 _CURVATURE = 0.25
 #: Share of the turn at a corner by which a velocity there may lie off the middle of those beside it.
