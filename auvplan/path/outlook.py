@@ -14,9 +14,13 @@ from auvplan.ocean.currents import Current
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.path.config import PathConfig
-from auvplan.path.cost import WITHIN, Track, evaluate
+from auvplan.path.cost import VIOLATIONS, WITHIN, Track, evaluate
 from auvplan.path.plan import PathPlan
-from auvplan.vehicle import Vehicle
+from auvplan.vehicle import VERTICAL_LIMITS, Vehicle
+
+
+#: [V, 1], excess over each limit that is not a break.
+_LET_PASS = np.array([[WITHIN * (name in VERTICAL_LIMITS)] for name in VIOLATIONS])
 
 
 @dataclass(frozen=True)
@@ -26,9 +30,9 @@ class Outlook:
     Attributes:
         time_left: s from the vehicle's place to the goal.
         planned: s, the same as it was planned.
-        broken: whether the current breaks a limit on the way, or an area is closed by then. What a plan may
-            exceed a limit by within its segments, `WITHIN`, is let pass: its positions have less digits than
-            the planner's steps.
+        broken: whether the current breaks a limit on the way, or an area is closed by then. In the
+            vertical, what a plan may exceed a limit by within its segments, `WITHIN`, is no break: stored
+            positions have fewer digits than the planner's steps.
         times: [S] s since the epoch, at the samples of the plan; of those ahead they say when it is there.
     """
 
@@ -73,7 +77,7 @@ def outlook(
     return Outlook(
         float(times[-1] - now),
         float(plan.times[-1] - np.interp(sample, count, plan.times)),
-        bool((excess[:, ahead] > WITHIN).any()),
+        bool((excess[:, ahead] > _LET_PASS).any()),
         times,
     )
 
