@@ -18,7 +18,6 @@ from auvplan.path.cost import VIOLATIONS, WITHIN, Track, evaluate
 from auvplan.path.plan import PathPlan
 from auvplan.vehicle import VERTICAL_LIMITS, Vehicle
 
-
 #: [V, 1], excess over each limit that is not a break.
 _LET_PASS = np.array([[WITHIN * (name in VERTICAL_LIMITS)] for name in VIOLATIONS])
 
