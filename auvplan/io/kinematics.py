@@ -11,7 +11,7 @@ from auvplan.io.originals import places_of
 from auvplan.io.streams import speeds_at
 
 #: m by which a position may differ from where the stored velocity leads in one step, on a straight track.
-POSITION_TOLERANCE = 0.35
+POSITION_TOLERANCE = 0.3
 #: Share of what the velocity changes by within a step that its mean may be off, on a curved one.
 _CURVATURE = 0.25
 #: Share of the turn at a corner by which a velocity there may lie off the middle of those beside it.
@@ -126,6 +126,8 @@ def _step_faults(
         share = ((moved - begin) * change).sum(axis=1) / np.maximum(turned, 1e-9) ** 2
         share = np.clip(share, 0.0, np.where(aside < _CORNER, 1.0, 0.5))
         apart = np.linalg.norm(moved - begin - share[:, None] * change, axis=1)
+        # After the last step there is no velocity: the track turns there as it did on the step before.
+        turned[-1:] = turned[-2:].max()
         allowed += _CURVATURE * turned
     for k in np.flatnonzero(~(apart <= allowed))[:1]:
         yield (
