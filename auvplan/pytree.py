@@ -1,9 +1,11 @@
-"""Pytrees whose constructors complete what they are given."""
+"""Pytrees whose constructors complete what they are given; kinds of arrays in them."""
 
 from dataclasses import fields
 from typing import Any, TypeVar
 
 import jax
+import jax.numpy as jnp
+import numpy as np
 
 T = TypeVar("T", bound=type)
 
@@ -30,3 +32,8 @@ def register_without_init(cls: T) -> T:
 
     jax.tree_util.register_pytree_with_keys(cls, with_keys, rebuilt, flat)
     return cls
+
+
+def row_kinds(tree: Any) -> Any:
+    """Return the shapes and types that the rows of a batch have, without looking at its arrays."""
+    return jax.tree.map(lambda leaf: jax.ShapeDtypeStruct(np.shape(leaf)[1:], jnp.result_type(leaf)), tree)

@@ -25,7 +25,8 @@ from auvplan.ocean.obstacles import Obstacles
 from auvplan.ocean.vortices import padded
 from auvplan.path import PathConfig, habitats
 from auvplan.path.cost import VIOLATIONS, Track, Trajectory, curves, evaluate, score, violations
-from auvplan.path.profile import profiles, varies_with_depth
+from auvplan.path.profile import is_searched_in_depth, profiles
+from auvplan.pytree import row_kinds
 from auvplan.rows import padded_batches
 from auvplan.vehicle import VERTICAL_LIMITS, Vehicle
 
@@ -118,8 +119,7 @@ def travel_times(
     inside = _inside(starts, env) & _inside(goals, env)
 
     shared = padded(env.current)
-    one = jax.tree.map(lambda leaf: leaf[0], shared) if world is not None else shared
-    deep = float(np.asarray(env.upper)[2]) > float(np.asarray(env.lower)[2]) and varies_with_depth(one)
+    deep = is_searched_in_depth(env, shared if world is None else row_kinds(shared))
     leaves, tree = jax.tree.flatten(shared)
     hosted = [np.asarray(leaf) for leaf in leaves] if world is not None else []
 

@@ -3,12 +3,12 @@
 A current is any pytree callable ``current(x, y, z, t) -> (u, v, w)``: arrays broadcast elementwise, metres
 and seconds in, m/s north, east and down out. An attribute ``steady`` that is True says that t does not
 matter, one ``gradual`` that it matters little within minutes: both spare planners the timing of segments one
-after the other.
+after the other. ``barotropic`` says that z does not matter, which spares them the search in depth.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import partial, reduce
+from functools import lru_cache, partial, reduce
 from typing import Any, Protocol, runtime_checkable
 
 import jax
@@ -188,6 +188,41 @@ def as_current(current: object) -> Current:
 def is_steady(current: Current) -> bool:
     """Return whether the current is known not to depend on time."""
     return bool(getattr(current, "steady", False))
+
+
+def varies_with_depth(current: Current) -> bool:
+    """Return whether horizontal components of a current may depend on depth, as far as its program shows.
+
+    Args:
+        current: the shapes of its arrays are enough.
+    """
+    if isinstance(current, SumCurrent):
+        return any(varies_with_depth(part) for part in current.parts)
+    if getattr(current, "barotropic", False):
+        return False
+    leaves, tree = jax.tree.flatten(current)
+    kinds = tuple(jax.ShapeDtypeStruct(jnp.shape(leaf), jnp.result_type(leaf)) for leaf in leaves)
+    return _uses_depth(tree, kinds)
+
+
+@lru_cache(maxsize=256)
+def _uses_depth(tree: Any, kinds: tuple[jax.ShapeDtypeStruct, ...]) -> bool:
+    """Return whether u or v of a current with leaves of these kinds is computed from z."""
+    place = jax.ShapeDtypeStruct((), jnp.result_type(float))
+
+    def level(leaves: Sequence[jax.Array], *where: jax.Array) -> tuple[jax.Array, jax.Array]:
+        return tree.unflatten(leaves)(*where)[:2]
+
+    program = jax.make_jaxpr(level)(list(kinds), place, place, place, place).jaxpr
+    depends = {program.invars[len(kinds) + 2]}
+
+    def of_depth(variables: Sequence[Any]) -> bool:
+        return any(not hasattr(variable, "val") and variable in depends for variable in variables)
+
+    for equation in program.eqns:
+        if of_depth(equation.invars):
+            depends |= set(equation.outvars)
+    return of_depth(program.outvars)
 
 
 def is_quasi_steady(current: Current) -> bool:

@@ -120,6 +120,11 @@ class GriddedCurrent:
         return self.u.shape[-4] == 1
 
     @property
+    def barotropic(self) -> bool:
+        """Whether there is one depth only."""
+        return self.u.shape[-3] == 1
+
+    @property
     def fastest(self) -> float:
         """Largest level speed at a node with water, m/s."""
         squared = np.asarray(self.u) ** 2 + np.asarray(self.v) ** 2

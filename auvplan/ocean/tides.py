@@ -38,6 +38,11 @@ class HarmonicCurrent:
     steady = False
     gradual = True
 
+    @property
+    def barotropic(self) -> bool:
+        """Whether there is one depth only."""
+        return np.size(self.shares) == 1
+
     def __call__(self, x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array) -> Velocity:
         """Return u, v, w [m/s] at places [m] and times [s], elementwise."""
         x, y, z, t = jnp.broadcast_arrays(*(jnp.asarray(axis) for axis in (x, y, z, t)))

@@ -35,7 +35,7 @@ from scipy import ndimage
 
 from auvplan.compiled import compiled
 from auvplan.ocean.chart import INTERPOLATION_ERROR
-from auvplan.ocean.currents import SumCurrent, evaluated, is_steady
+from auvplan.ocean.currents import evaluated, is_steady, varies_with_depth
 from auvplan.ocean.deviation import deviation
 from auvplan.ocean.environment import Environment
 from auvplan.path.config import PathConfig
@@ -210,13 +210,13 @@ class _Problem:
         top = max(top, min(start[2], goal[2]) - farthest)
         bottom = max(min(bottom, max(start[2], goal[2]) + farthest), top)
         env = replace(env, obstacles=env.obstacles.resolved(env.current))
-        sheared = config.speed_reading != "eq11" and bottom > top
+        sheared = config.speed_reading != "eq11" and bottom > top and varies_with_depth(env.current)
         limit = float(np.asarray(vehicle.surge_max)) if config.speed_reading == "track" else np.inf
         flat = cls(
             np.zeros(2), turn @ way, turn, start[:2], (top, bottom), False, env, speed,
             (1.0 + _LIMIT) * limit, config, known, depart,
         )  # fmt: skip
-        if not (sheared and flat.sheared()):
+        if not sheared:
             return flat
         ends = (np.append(end, depth) for end, depth in ((flat.start, start[2]), (flat.goal, goal[2])))
         return replace(flat, **dict(zip(("start", "goal"), ends, strict=True)), deep=True)
@@ -260,15 +260,6 @@ class _Problem:
             when = np.full(_PROBES, self.depart + time * self.known)
             found.append(np.stack(evaluated(self.env.current, x, y, depths, when), axis=1))
         return depths, np.stack(found)
-
-    def sheared(self) -> bool:
-        """Whether the current changes with depth."""
-        parts = self.env.current.parts if isinstance(self.env.current, SumCurrent) else (self.env.current,)
-        known = [getattr(part, "depths", None) for part in parts]
-        if all(depths is not None and np.size(depths) == 1 for depths in known):
-            return False
-        _, found = self.profiles()
-        return bool(np.ptp(found, axis=1).max() > 0.0)
 
     def levels(self, top: float, bottom: float, count: int) -> Array:
         """Return depths [count + 1] m, the denser the more the current changes with depth."""

@@ -6,15 +6,11 @@ of every station is kept, so that an adverse current between two good depths doe
 ends a descent by gradients.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any
-
 import jax
 import jax.numpy as jnp
+import numpy as np
 
-from auvplan.ocean.currents import Current
+from auvplan.ocean.currents import Current, varies_with_depth
 from auvplan.ocean.environment import Environment
 from auvplan.path.clearance import obstacle_clearance
 from auvplan.path.config import PathConfig
@@ -41,27 +37,14 @@ _MOST = 3.0
 _TOO_NEAR, _TOO_DEEP = 20.0, 5.0
 
 
-def varies_with_depth(current: Current) -> bool:
-    """Return whether a current may depend on depth, as far as its program shows."""
-    leaves, tree = jax.tree.flatten(current)
-    kinds = tuple(jax.ShapeDtypeStruct(jnp.shape(leaf), jnp.result_type(leaf)) for leaf in leaves)
-    return _varies(tree, kinds)
+def is_searched_in_depth(env: Environment, current: Current) -> bool:
+    """Return whether paths in a box with depth may find other currents at other depths.
 
-
-@lru_cache(maxsize=256)
-def _varies(tree: Any, kinds: tuple[jax.ShapeDtypeStruct, ...]) -> bool:
-    """Return whether horizontal components of a current with leaves of these kinds use the depth at all."""
-    place = jax.ShapeDtypeStruct((), jnp.result_type(float))
-
-    def level(leaves: Sequence[jax.Array], x: jax.Array, y: jax.Array, z: jax.Array, t: jax.Array):
-        return tree.unflatten(leaves)(x, y, z, t)[:2]
-
-    program = jax.make_jaxpr(level)(list(kinds), place, place, place, place).jaxpr
-    depends = {program.invars[len(kinds) + 2]}
-    for equation in program.eqns:
-        if any(not hasattr(var, "val") and var in depends for var in equation.invars):
-            depends |= set(equation.outvars)
-    return any(not hasattr(var, "val") and var in depends for var in program.outvars)
+    Args:
+        env: the world; only its box counts.
+        current: the current; the shapes of its arrays are enough.
+    """
+    return bool(np.asarray(env.upper)[2] > np.asarray(env.lower)[2]) and varies_with_depth(current)
 
 
 def levels(
@@ -96,18 +79,6 @@ def levels(
     return jnp.interp(jnp.linspace(0.0, 1.0, count), marks / marks[-1], depth)
 
 
-@dataclass(frozen=True)
-class _Leg:
-    """What the stations of P paths share: start and goal [3] m, departure s, world, vehicle, settings."""
-
-    start: jax.Array
-    goal: jax.Array
-    depart: jax.Array
-    env: Environment
-    vehicle: Vehicle
-    config: PathConfig
-
-
 def profiles(
     x: jax.Array,
     y: jax.Array,
@@ -130,7 +101,6 @@ def profiles(
         config: static settings.
         count: of depths to choose from; start's and goal's are two of them.
     """
-    leg = _Leg(start, goal, depart, env, vehicle, config)
     dx, dy = jnp.diff(x, axis=1), jnp.diff(y, axis=1)
     step = jnp.sqrt(dx * dx + dy * dy + TINY)
     limit = jnp.full_like(x, env.upper[2])
@@ -148,7 +118,7 @@ def profiles(
 
     def move(carry: tuple[jax.Array, jax.Array], station: tuple) -> tuple[tuple, jax.Array]:
         cost, time = carry
-        moves, excess, arrived = _moves(leg, depth, time, station)
+        moves, excess, arrived = _moves(depth, time, station, env, vehicle, config)
         total = cost[:, :, None] + moves * (1.0 + _PENALTY_WEIGHT * excess)
         best = jnp.argmin(total, axis=1)
         kept = jnp.take_along_axis(total, best[:, None], axis=1)[:, 0]
@@ -171,23 +141,27 @@ def profiles(
 
 
 def _moves(
-    leg: _Leg, depth: jax.Array, time: jax.Array, station: tuple[jax.Array, ...]
+    depth: jax.Array,
+    time: jax.Array,
+    station: tuple[jax.Array, ...],
+    env: Environment,
+    vehicle: Vehicle,
+    config: PathConfig,
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
     """Durations [P, L, L] s of moves from each depth of a station to each of the next, excess, and arrivals.
 
     Args:
-        leg: what stations share.
         depth: [L] m, rising.
         time: [P, L] s, of arrival at the station.
         station: x, y, dx, dy, level length [P] m of the moves from it, and greatest depth [P] m at the next.
+        env, vehicle, config: as for `profiles`.
     """
     x, y, dx, dy, step, limit = (part[:, None] for part in station)
-    vehicle, config = leg.vehicle, leg.config
     half = time + 0.5 * step / vehicle.speed
     there = jnp.broadcast_to(depth, half.shape)
     u, v, w = (
         jnp.broadcast_to(part, half.shape)
-        for part in leg.env.current(x + 0.5 * dx + 0.0 * there, y + 0.5 * dy + 0.0 * there, there, half)
+        for part in env.current(x + 0.5 * dx + 0.0 * there, y + 0.5 * dy + 0.0 * there, there, half)
     )
     rise = depth[None, :] - depth[:, None]
     u, v, w = (_mean_between(part, depth, rise) for part in (u, v, w))
@@ -206,11 +180,11 @@ def _moves(
         excess = excess + jnp.maximum(vertical / most - 1.0, 0.0)
     arrived = time[:, :, None] + duration
     near = jnp.maximum(depth - limit, 0.0) / _TOO_DEEP
-    if len(leg.env.obstacles):
+    if len(env.obstacles):
         still = jnp.zeros_like(half)
         met = (x + station[2][:, None] + still, y + station[3][:, None] + still, there)
         then = time + station[4][:, None] / vehicle.speed
-        clear = obstacle_clearance((met, (still, still, still), then, still), leg.env)
+        clear = obstacle_clearance((met, (still, still, still), then, still), env)
         near = near + jnp.maximum(config.obstacle_margin - clear, 0.0) / _TOO_NEAR
     return duration, jnp.minimum(excess + near[:, None, :], _MOST), arrived
 

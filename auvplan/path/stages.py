@@ -36,8 +36,9 @@ from auvplan.path.cost import (
 )
 from auvplan.path.kinematics import PacedCurrent, norm
 from auvplan.path.passages import trace_passages
-from auvplan.path.profile import varies_with_depth
+from auvplan.path.profile import is_searched_in_depth
 from auvplan.path.scaling import WAY, factor_of, scaled
+from auvplan.pytree import row_kinds
 from auvplan.vehicle import VERTICAL_LIMITS, Vehicle
 
 #: Start and goal [3] m, departure s, world and vehicle: what paths are judged by.
@@ -394,12 +395,9 @@ def _world(legs: Legs, shared: Environment, vehicle: Vehicle, config: PathConfig
 
 def _traced(world: dict[str, Any], config: PathConfig) -> dict[str, Any]:
     """Return how many passages are traced, and whether each at depths of its own."""
-    env = world["common"].env
-    depths = np.asarray(env.upper)[2] > np.asarray(env.lower)[2]
-    current, own = env.current, world["legs"].own
-    if own is not None:
-        current = combine(current, jax.tree.map(lambda leaf: leaf[0], own[0]))
-    return {"count": config.passages, "deep": bool(depths) and varies_with_depth(current)}
+    env, own = world["common"].env, world["legs"].own
+    current = env.current if own is None else combine(env.current, row_kinds(own[0]))
+    return {"count": config.passages, "deep": is_searched_in_depth(env, current)}
 
 
 def _polished(

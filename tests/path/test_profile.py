@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 
 import auvplan as ap
-from auvplan.path.profile import levels, profiles, varies_with_depth
+from auvplan.ocean.currents import SumCurrent, varies_with_depth
+from auvplan.ocean.gridded import GriddedCurrent
+from auvplan.path.profile import levels, profiles
 
 WAY, SPEED = 4000.0, 1.5
 UNLIMITED = ap.Vehicle(SPEED, surge_max=50.0, sway_max=50.0, pitch_max=None)
@@ -18,6 +20,12 @@ LAYERED = ap.LambVortices(np.zeros((2, 1, 2)), np.zeros((2, 1)), np.ones((2, 1))
 def two_layers(x, y, z, t):
     """Half the vehicle's speed against it above 40 m, with it below."""
     return 0.8 * jnp.tanh((z - 40.0) / 3.0), 0.0, 0.0
+
+
+def gridded(levels):
+    """A current of a file that has so many levels."""
+    values = np.random.default_rng(0).uniform(size=(1, levels, 4, 4))
+    return GriddedCurrent.from_arrays(values, values, spacing=1000.0, depths=10.0 * np.arange(levels))
 
 
 def sea(current=two_layers, obstacles=None, bottom=100.0):
@@ -41,6 +49,10 @@ def straight_profile(env, start_depth=10.0, goal_depth=10.0, vehicle=None, stati
         (lambda x, y, z, t: (0.4, 0.2 * (t > 600), 0.0), False),
         (lambda x, y, z, t: (0.4 + 0.0 * x, y * 1e-4, 0.01 * z), False),
         (two_layers, True),
+        (gridded(1), False),
+        (gridded(2), True),
+        (SumCurrent(gridded(1), ap.UniformCurrent(0.1)), False),
+        (SumCurrent(gridded(1), LAYERED), True),
         (LAYERED, True),
         (
             LAYERED.__class__(*(part[:1] for part in (LAYERED.centers, LAYERED.strength, LAYERED.radius))),
