@@ -1,5 +1,7 @@
 import pytest
 
+pytest.importorskip("numba", reason="needs numba: pip install 'auvplan[bench]'")
+
 from benchmarks.bounds import bounds
 from benchmarks.water_problems import FAMILIES
 
