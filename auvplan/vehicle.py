@@ -100,7 +100,7 @@ class Vehicle:
         return limits
 
     def stricter(self, share: float, *names: str) -> "Vehicle":
-        """Return the same with some limits so many times as great; those that it does not have stay absent.
+        """Return a copy with some limits multiplied by a share; absent limits stay absent.
 
         Args:
             share: in (0, 1].

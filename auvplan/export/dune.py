@@ -1,4 +1,4 @@
-"""Speeds that DUNE is to be told so that it makes others: what its own control does to them.
+"""Speeds to command DUNE so that it makes the planned ones: a model of its speed control.
 
 DUNE holds what it makes over ground along its hull, by its Doppler log (Control/AUV/Speed). An integral part
 learns what a current adds, and until it has, the vehicle is faster with the current and slower against it. A
@@ -74,8 +74,8 @@ def commanded(itinerary: Itinerary, leg: PlannedLeg, begun: Begun) -> tuple[list
         current, left = part.speed - itinerary.speed, math.exp(-seconds / _LEARNS)
         ahead = (current - learnt) * (1.0 - left) * _LEARNS / seconds
         longer = _longer(leg, part, begun) if part.first == 0 else 1.0
-        told = min(part.speed * longer - ahead, part.speed * _MOST)
-        found.append(part._replace(speed=max(told, LEAST)))
+        speed = min(part.speed * longer - ahead, part.speed * _MOST)
+        found.append(part._replace(speed=max(speed, LEAST)))
         learnt = current - (current - learnt) * left
     return found, _after_task(itinerary, leg, learnt) if leg.hold > 0.0 else Begun(learnt)
 

@@ -747,7 +747,7 @@ class MavlinkVehicle(ListeningLink):
             if own and math.isnan(self._begin):
                 self._disarm()
             raise
-        while True:  # which it may be told for the next line while it is told this
+        while True:  # it may begin the next line, with a speed of its own, meanwhile
             self._command(_SPEED, 1, speeds[step], -1)
             ahead = min(bisect_left(numbers, heard.current), len(numbers) - 1)
             if ahead <= step:
@@ -804,8 +804,9 @@ class MavlinkVehicle(ListeningLink):
         self._heard.progress = State.UNKNOWN
         last = numbers[-1] + 1
         item = 0 if not step else numbers[step] if step < len(numbers) else last
-        told = 0 < step < len(numbers) and numbers[step] - numbers[step - 1] > 1  # another speed, before it
-        self._set_current(item - 1 if told else item)
+        # Another speed is an item of its own, before the waypoint.
+        has_speed = 0 < step < len(numbers) and numbers[step] - numbers[step - 1] > 1
+        self._set_current(item - 1 if has_speed else item)
         if self._heard.autopilot == _PX4:
             self._set_px4(4, 4)
         else:

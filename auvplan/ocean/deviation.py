@@ -1,4 +1,4 @@
-"""How far a current at a place may be from means of what it is around it."""
+"""Bounds on the difference between a current at a place and means of it around that place."""
 
 from collections.abc import Sequence
 from typing import Any, Protocol, runtime_checkable
@@ -18,7 +18,7 @@ Edges = Sequence[Any]
 
 @runtime_checkable
 class Bounded(Protocol):
-    """A current that tells how far it departs from means."""
+    """A current with a bound on its departure from means."""
 
     def deviation(self, places: Places, edges: Edges) -> Array | None:
         """Bound the departure of the current from means within boxes, m/s.
@@ -38,7 +38,7 @@ class Bounded(Protocol):
 
 
 def deviation(current: object, places: Places, edges: Edges) -> Array | None:
-    """Return `Bounded.deviation` of a current; None where it does not tell."""
+    """Return `Bounded.deviation` of a current; None where it has none."""
     return current.deviation(places, edges) if isinstance(current, Bounded) else None
 
 

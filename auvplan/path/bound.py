@@ -421,7 +421,7 @@ class _Cells:
 
     @cached_property
     def open(self) -> Simplices:
-        """Simplices that a path may be in, as far as land, bed, box and obstacles that stand tell."""
+        """Simplices that a path may be in, as far as land, bed, box and fixed obstacles say."""
         problem, env, slack = self.problem, self.problem.env, 2.0 * self.problem.slack
         x, y, z = self.places
         closed: Simplices = [np.zeros(tuple(len(axis) - 1 for axis in self.axes), bool) for _ in self._orders]

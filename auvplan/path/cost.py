@@ -340,7 +340,7 @@ def _steep_nearby(
 ) -> dict[str, jax.Array]:
     """Excess over limits in the vertical in the current of each segment and of those beside it.
 
-    Where a current is sheared it turns within a segment, which the middle of that does not tell. Slopes are
+    Where a current is sheared it turns within a segment, which its middle does not show. Slopes are
     those by the steepness of segments: currents and speeds count as numbers, which keeps gradients cheap.
     """
     gap, found = norm(*track.way), []

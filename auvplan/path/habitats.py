@@ -1,5 +1,7 @@
 """Bounds and initial populations of the path search, and the transfer of a population to a new start."""
 
+from collections.abc import Sequence
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -12,8 +14,8 @@ from auvplan.vehicle import Vehicle
 #: Sine modes of the initial detours: the first bends the path once, the second twice, ...
 _MODES = 4
 
-#: Paths that wind are so many times as long, seen from above, as the steepest straight one, and no wider to
-#: one side than this share of the box.
+#: Level length of paths that wind, over that of the steepest straight one; and their greatest width to one
+#: side, as a share of the box.
 _LENGTHENED, _WIDEST = 1.05, 0.2
 
 #: Places of the straight line at which its current is looked up.
@@ -122,6 +124,24 @@ def deepest(env: Environment, x: jax.Array, y: jax.Array, length: jax.Array) -> 
     return jnp.maximum(bed.shallowest_at(x, y, length) - bed.clearance - 2.0 * GUIDE_MARGIN, env.lower[2])
 
 
+def fitted(
+    curves: Sequence[jax.Array], start: jax.Array, goal: jax.Array, config: PathConfig
+) -> list[jax.Array]:
+    """Fit splines to P sampled curves by least squares: inner control points [P, n] m along each axis.
+
+    Args:
+        curves: [P, S] m along north, east and, if given, down.
+        start, goal: [3] m, which the splines interpolate.
+        config: control points, samples and degree.
+    """
+    fit = fit_matrix(config.samples, config.control_points + 2, config.degree)
+    planes = []
+    for axis, curve in enumerate(curves):
+        ends = jnp.broadcast_to(jnp.stack([start[axis], goal[axis]]), (len(curve), 2)).astype(curve.dtype)
+        planes.append(jnp.concatenate([curve, ends], axis=1) @ jnp.asarray(fit, curve.dtype).T)
+    return planes
+
+
 def spirals(
     count: int,
     start: jax.Array,
@@ -181,13 +201,8 @@ def spirals(
     x = start[0] + along * ahead[0] - side * aside * ahead[1]
     y = start[1] + along * ahead[1] + side * aside * ahead[0]
     z = jnp.broadcast_to(start[2] + way[2] * share, x.shape)
-    fit = jnp.asarray(fit_matrix(config.samples, config.control_points + 2, config.degree), start.dtype)
-    planes = []
-    for axis, curve in enumerate((x, y, z)):
-        ends = jnp.broadcast_to(jnp.stack([start[axis], goal[axis]]), (count, 2))
-        planes.append(jnp.concatenate([curve, ends], axis=1) @ fit.T)
     times = jnp.sqrt(wanted**2 + rise**2) / vehicle.speed
-    habitats = jnp.stack(planes, axis=1).reshape(count, -1)
+    habitats = jnp.stack(fitted((x, y, z), start, goal, config), axis=1).reshape(count, -1)
     return habitats, jnp.broadcast_to(times, (count,)), wanted > level
 
 
@@ -218,15 +233,11 @@ def transfer(
     dtype = population.dtype
     ahead = jnp.linspace(0.0, 1.0, samples, dtype=dtype)
     basis = _basis_traced(progress + (1.0 - progress) * ahead, config)
-    fit = jnp.asarray(fit_matrix(samples, free + 2, config.degree), dtype)
-    planes = population.reshape(-1, 3, free)
-    fitted = []
+    planes, curves = population.reshape(-1, 3, free), []
     for axis in range(3):
         curve = planes[:, axis] @ basis[:, 1:-1].T + start[axis] * basis[:, 0] + goal[axis] * basis[:, -1]
-        curve = curve + (position[axis] - curve[:, :1]) * (1.0 - ahead)
-        ends = jnp.broadcast_to(jnp.stack([position[axis], goal[axis]]), (curve.shape[0], 2))
-        fitted.append(jnp.concatenate([curve, ends.astype(dtype)], axis=1) @ fit.T)
-    return jnp.stack(fitted, axis=1).reshape(-1, 3 * free)
+        curves.append(curve + (position[axis] - curve[:, :1]) * (1.0 - ahead))
+    return jnp.stack(fitted(curves, position, goal, config), axis=1).reshape(-1, 3 * free)
 
 
 def refitted(

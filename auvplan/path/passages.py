@@ -21,11 +21,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from auvplan.ocean.environment import Environment
-from auvplan.path.bspline import fit_matrix
 from auvplan.path.clearance import distance_to_land, obstacle_clearance
 from auvplan.path.config import PathConfig
 from auvplan.path.cost import ALTITUDE_SCALE
-from auvplan.path.habitats import deepest, raise_above_seabed, spirals, straight_line
+from auvplan.path.habitats import deepest, fitted, raise_above_seabed, spirals, straight_line
 from auvplan.path.kinematics import Axes
 from auvplan.path.profile import STATIONS, levels, profiles
 from auvplan.vehicle import Vehicle, along_track
@@ -75,7 +74,7 @@ _LAYERS = 6
 #: Paths that wind, in place of the last passages, where start and goal are too steep for the vehicle.
 _WINDING = 4
 
-#: Times of paths at depths of their own are taken to be so many times as long with the moves between depths.
+#: Factor for the moves between depths on times of paths at depths of their own.
 _TO_DEPTH = 1.03
 
 #: Rounds of sweeps at most; each follows a path around one more bend.
@@ -809,12 +808,8 @@ def _fitted(
     density = jnp.clip(even / jnp.maximum(narrow, 1e-20 + even / _DENSEST), 1.0, _DENSEST)
     marks = jnp.cumsum(jnp.pad(legs * density, [(0, 0), (1, 0)]), axis=1)
     share = jnp.linspace(0.0, 1.0, config.samples)
-    fit = jnp.asarray(fit_matrix(config.samples, config.control_points + 2, config.degree), legs.dtype)
-    planes = []
-    for axis, line in enumerate(lines):
-        curve = jax.vmap(lambda m, p: jnp.interp(share * m[-1], m, p))(marks, line)
-        ends = jnp.broadcast_to(jnp.stack([start[axis], goal[axis]]), (len(line), 2))
-        planes.append(jnp.concatenate([curve, ends], axis=1) @ fit.T)
+    curves = [jax.vmap(lambda m, p: jnp.interp(share * m[-1], m, p))(marks, line) for line in lines]
+    planes = fitted(curves, start, goal, config)
     if depths is None:
         depth = straight_line(start, goal, config).reshape(3, -1)[2]
         planes.append(jnp.broadcast_to(depth, planes[0].shape))

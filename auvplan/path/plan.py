@@ -194,7 +194,7 @@ class PathPlan(Brief):
 
     @property
     def _bounded(self) -> bool:
-        """Whether a bound was worked out that tells something."""
+        """Whether a finite gap has been worked out."""
         return "bound" in vars(self) and bool(np.isfinite(self.gap))
 
     @property

@@ -1,4 +1,4 @@
-"""Depths: contours of the sea bed on maps, vertical sections along a way."""
+"""Depths: contours of the sea bed on maps, vertical sections along a path."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -71,7 +71,7 @@ def add_section(above: Axes, sections: Sequence[Section], run: MissionRun | None
     unit = style.Unit.for_extent(float(sections[-1].distance[-1]))
     fastest = np.concatenate([np.abs(section.along[np.isfinite(section.along)]) for section in sections])
     scale = max(float(np.quantile(fastest, 0.995)) if len(fastest) else 0.0, 1e-3)
-    handles: dict[str, Any] = {"path": Line2D([], [], color="black", lw=2.0, label="way, in the section")}
+    handles: dict[str, Any] = {"path": Line2D([], [], color="black", lw=2.0, label="path, in the section")}
     for section in sections:
         x, depth = section.distance / unit.metres, section.depth
         image = axes.imshow(
@@ -98,11 +98,11 @@ def add_section(above: Axes, sections: Sequence[Section], run: MissionRun | None
         )  # fmt: skip
     axes.set(
         xlim=(0.0, sections[-1].distance[-1] / unit.metres), ylim=(depth[-1], depth[0]),
-        xlabel=f"distance along the way [{unit.name}]", ylabel="depth [m]",
+        xlabel=f"distance along the path [{unit.name}]", ylabel="depth [m]",
     )  # fmt: skip
     axes.tick_params(labelsize=8)
     bar = figure.colorbar(image, ax=axes, pad=0.02, extend="both")
-    bar.set_label("current along\nthe way [m/s]", fontsize=8)
+    bar.set_label("current along\nthe path [m/s]", fontsize=8)
     bar.ax.tick_params(labelsize=8)
     if run is not None:
         _name_ends(axes, sections, run, unit)

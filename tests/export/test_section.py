@@ -133,7 +133,7 @@ def test_depth_points_down_and_distance_is_that_of_the_track(run):
     assert below.yaxis_inverted()
     assert not below.xaxis_inverted()
     assert below.get_ylabel() == "depth [m]"
-    assert below.get_xlabel() == "distance along the way [m]"
+    assert below.get_xlabel() == "distance along the path [m]"
     for image, section in zip(below.images, run_sections(run), strict=True):
         x0, x1, bottom, top = image.get_extent()
         np.testing.assert_allclose([x0, x1], section.distance[[0, -1]])

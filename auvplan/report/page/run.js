@@ -833,7 +833,7 @@
             [1, report.mix(colours.task, 0.75, colours.card)],
           ],
           showscale: false,
-          hovertemplate: "current along the way %{z:.2f} m/s at %{y:.0f} m<extra></extra>",
+          hovertemplate: "current along the path %{z:.2f} m/s at %{y:.0f} m<extra></extra>",
         },
       ];
       for (const { kind, grown, times, depths } of section.outlines) {
