@@ -1,17 +1,21 @@
 """The sea bed: depth on a raster, and the least depth that is certain between two look-ups."""
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Self
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy
+from jax.core import Tracer
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
+from auvplan.compiled import compiled
 from auvplan.errors import AuvplanError
 from auvplan.ocean.raster import Raster
+from auvplan.rows import elementwise
 
 #: Depth of unknown pixels, m: dry land, above every vehicle.
 UNKNOWN = -10.0
@@ -21,6 +25,8 @@ FINE, MANY = 10.0, 1_000_000
 FARTHEST = 32
 #: Look-ups that are given no length are for segments of this share of the raster's diagonal.
 _SHARE = 1.0 / 64.0
+#: Places that are looked up together where nothing is traced: their number never compiles.
+_POINTS = 16384
 
 
 class SeabedError(AuvplanError):
@@ -162,13 +168,22 @@ class Seabed(Raster):
         """
         if length is None:
             length = _SHARE * float(np.hypot(*self.shape)) * self.pixel_size
-        x, y, length = jnp.broadcast_arrays(*(jnp.asarray(v, float) for v in (x, y, length)))
-        half = 0.5 * length
-        layer = jnp.zeros(x.shape, jnp.int32)
-        for k in range(self.reach.shape[0] - 1):
-            layer = layer + (half > self.reach[k]).astype(jnp.int32)
-        found = self.interpolated(self.shallow, x, y, layer)
-        return found - self.steepest * jnp.maximum(half - self.reach[-1], 0.0)
+        if any(isinstance(value, Tracer) for value in (x, y, length, self.shallow)):
+            return _shallowest_at(self, x, y, length)
+        # Put, not converted: a conversion is a program of its own for every shape.
+        return jax.device_put(elementwise(partial(_shallowest_at, self), x, y, length, together=_POINTS))
+
+
+@compiled
+def _shallowest_at(seabed: Seabed, x: ArrayLike, y: ArrayLike, length: ArrayLike) -> jax.Array:
+    """`Seabed.shallowest_at`."""
+    x, y, length = jnp.broadcast_arrays(*(jnp.asarray(v, float) for v in (x, y, length)))
+    half = 0.5 * length
+    layer = jnp.zeros(x.shape, jnp.int32)
+    for k in range(seabed.reach.shape[0] - 1):
+        layer = layer + (half > seabed.reach[k]).astype(jnp.int32)
+    found = seabed.interpolated(seabed.shallow, x, y, layer)
+    return found - seabed.steepest * jnp.maximum(half - seabed.reach[-1], 0.0)
 
 
 def _parts(shape: tuple[int, ...], size: float) -> int:
