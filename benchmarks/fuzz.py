@@ -32,6 +32,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
+import jax
 import joblib
 import numpy as np
 from rich.progress import Progress
@@ -144,6 +145,8 @@ def _own_folders() -> tuple[str, ...]:
         "/sys/devices/system/cpu",
         "/sys/fs/cgroup",
     }
+    # Where JAX keeps what took it long to compile.
+    paths |= {folder for folder in (jax.config.jax_compilation_cache_dir,) if folder}
     return (*sorted(paths), "/dev/null", "/dev/urandom", "/etc/localtime", "<")
 
 

@@ -26,7 +26,7 @@ from auvplan.path.config import PathConfig
 from auvplan.path.cost import ALTITUDE_SCALE
 from auvplan.path.habitats import deepest, fitted, raise_above_seabed, spirals, straight_line
 from auvplan.path.kinematics import Axes
-from auvplan.path.profile import STATIONS, levels, profiles
+from auvplan.path.profile import STATIONS, depths_within_reach, levels, profiles
 from auvplan.vehicle import Vehicle, along_track
 
 #: Moves towards a greater first index that are no steeper than a diagonal, in cells; with their opposites and
@@ -459,12 +459,12 @@ def _layered(
     x, y = jnp.meshgrid(*(low[axis] + (high[axis] - low[axis]) * share for axis in (0, 1)))
     line = ends[0] + share[:, None] * (ends[1] - ends[0])
     x, y = jnp.concatenate([x.ravel(), line[:, 0]]), jnp.concatenate([y.ravel(), line[:, 1]])
-    bottom = env.upper[2]
+    top, bottom = depths_within_reach(ends, env)
     if env.seabed is not None:
         bottom = jnp.minimum(bottom, deepest(env, x, y, jnp.zeros_like(x)).max())
     when = _straight_times(x, y, ends, depart, vehicle)[0]
     bottom = jnp.maximum(bottom, ends[:, 2].max())
-    depth = levels((x, y, when), jnp.minimum(env.lower[2], ends[:, 2].min()), bottom, _LAYERS, env.current)
+    depth = levels((x, y, when), top, bottom, _LAYERS, env.current)
 
     def at(depth: jax.Array) -> tuple[jax.Array, tuple]:
         grid = build(
@@ -801,7 +801,7 @@ def _fitted(
         share, run = jnp.linspace(0.0, 1.0, _DENSE * (depths.shape[1] - 1) + 1), _run(*lines)
         even = jnp.broadcast_to(jnp.linspace(0.0, 1.0, depths.shape[1]), depths.shape)
         lines = [*(_interpolated(share, run, axis) for axis in lines), _interpolated(share, even, depths)]
-        room = _interpolated(share, run, room)
+        room = _interpolated(share, run, jnp.minimum(room, run[:, -1:]))  # open water has no end
     legs = jnp.sqrt(reduce(jnp.add, (jnp.diff(axis, axis=1) ** 2 for axis in lines)))
     even = legs.sum(axis=1, keepdims=True) / config.samples
     narrow = jnp.minimum(room[:, 1:], room[:, :-1])

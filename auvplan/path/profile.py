@@ -47,6 +47,17 @@ def is_searched_in_depth(env: Environment, current: Current) -> bool:
     return bool(np.asarray(env.upper)[2] > np.asarray(env.lower)[2]) and varies_with_depth(current)
 
 
+def depths_within_reach(ends: jax.Array, env: Environment) -> tuple[jax.Array, jax.Array]:
+    """Return the least and the greatest depth, m, that a search looks at between two ends [2, 3] m.
+
+    That is the box, but no farther above and below the ends than they are apart: boxes may have no bottom.
+    """
+    reach = jnp.sqrt(((ends[1] - ends[0]) ** 2).sum())
+    depth = ends[:, 2]
+    top = jnp.minimum(jnp.maximum(env.lower[2], depth.min() - reach), depth.min())
+    return top, jnp.maximum(jnp.minimum(env.upper[2], depth.max() + reach), depth.max())
+
+
 def levels(
     places: tuple[jax.Array, ...],
     top: jax.Array,
@@ -111,8 +122,9 @@ def profiles(
     run = jnp.cumsum(step, axis=1)[:, at] / vehicle.speed
     seen = tuple(plane.ravel() for plane in (x[:, :-1][:, at], y[:, :-1][:, at], depart + run))
     ends = jnp.stack([start[2], goal[2]])
-    bottom = jnp.maximum(jnp.minimum(limit.max(), env.upper[2]), ends.max())
-    depth = levels(seen, jnp.minimum(env.lower[2], ends.min()), bottom, count - 2, env.current)
+    top, bottom = depths_within_reach(jnp.stack([start, goal]), env)
+    bottom = jnp.maximum(jnp.minimum(limit.max(), bottom), ends.max())
+    depth = levels(seen, top, bottom, count - 2, env.current)
     depth = jnp.sort(jnp.concatenate([depth, ends]))
     first, last = (jnp.argmin(jnp.abs(depth - end)) for end in ends)
 

@@ -84,6 +84,18 @@ def test_the_quicker_layer_is_taken_on_the_way():
     assert np.median(found) > 45.0
 
 
+def test_the_quicker_layer_is_taken_where_nothing_bounds_the_depth():
+    env = ap.Environment(two_layers)
+    found = straight_profile(env)
+    assert np.isfinite(found).all()
+    assert 45.0 < np.median(found) < 200.0
+    plan = ap.plan_path(
+        (0, 0, 10), (WAY, 0, 10), env, vehicle=UNLIMITED, key=jax.random.key(0), config=ap.PathConfig.quick()
+    )
+    assert plan.feasible
+    assert plan.travel_time < WAY / 2.0
+
+
 def test_a_path_that_is_quickest_level_stays_level():
     upside_down = sea(lambda x, y, z, t: (-0.8 * jnp.tanh((z - 40.0) / 3.0), 0.0, 0.0))
     found = straight_profile(upside_down)
