@@ -44,6 +44,7 @@ class PlanRecord(Brief):
             empty where it comes from a file without them.
         current: the true one when the plan was made, for pictures.
         motion: attitude and velocities on its S - 1 segments, as planned.
+        lower_bound: s, what no path could have beaten when it was made; NaN where nobody asked.
     """
 
     made_at: float
@@ -56,13 +57,26 @@ class PlanRecord(Brief):
     history: dict[str, Array]
     current: Current
     motion: Motion
+    lower_bound: float = math.nan
+
+    @property
+    def travel_time(self) -> float:
+        """Travel time, s."""
+        return float(self.times[-1] - self.times[0])
+
+    @property
+    def gap(self) -> float:
+        """Share by which the travel time is above its lower bound, at most; NaN where none is known."""
+        known = self.feasible and self.lower_bound > 0.0
+        return self.travel_time / self.lower_bound - 1.0 if known else math.nan
 
     def _facts(self) -> dict[str, str]:
         return {
             "": "feasible" if self.feasible else "not feasible",
             "made for a": self.cause,
             "at": f"{self.made_at:,.0f} s",
-            "travel time": f"{float(self.times[-1] - self.times[0]):,.0f} s",
+            "travel time": f"{self.travel_time:,.0f} s",
+            **({} if math.isnan(self.gap) else {"above its lower bound": f"{self.gap:.1%} at most"}),
             "cost": f"{self.cost:,.0f} s",
         }
 
@@ -143,8 +157,7 @@ class LegRecord(Brief):
         """Travel time of the plan that the leg was begun with, s; NaN without one."""
         if not self.plans:
             return math.nan
-        times = self.plans[self.followed].times
-        return float(times[-1] - times[0])
+        return self.plans[self.followed].travel_time
 
     @property
     def followed_numbers(self) -> list[int]:

@@ -9,6 +9,7 @@ import typer
 from rich.table import Table
 
 from auvplan.cli.shared import (
+    BoundsOption,
     JsonOption,
     ObjectiveOption,
     OutOption,
@@ -18,6 +19,7 @@ from auvplan.cli.shared import (
     ScenarioArgument,
     SeedOption,
     SetOption,
+    bounded,
     complain,
     console,
     load,
@@ -67,8 +69,10 @@ def path(
     quiet: QuietOption = False,
     as_json: JsonOption = False,
     pictures: PicturesOption = Pictures.ALL,
+    bounds: BoundsOption = False,
 ) -> None:
     """Plan one leg, from the scenario's start to its goal, and simulate it with re-planning windows."""
+    changes = bounded(changes, bounds)
     run = _run(scenario, preset, None, out, seed, quiet, as_json, pictures, changes, leg=True)
     _exit_where_failed(run)
 
@@ -122,7 +126,7 @@ def _run(
     if as_json:
         print_json(run.summary() | {"sheet": sheet})
     elif not quiet:
-        _print_summary(run.summary())
+        _print_summary(run.summary(), sheet["facts"])
         if drawn:
             console.print("pictures:", *(f"  {picture}" for picture in drawn), sep="\n", soft_wrap=True)
         if page:
@@ -169,7 +173,7 @@ def _print_certificate(route: Any) -> None:
     )
 
 
-def _print_summary(summary: dict[str, Any]) -> None:
+def _print_summary(summary: dict[str, Any], facts: dict[str, str]) -> None:
     table = Table(
         title=f"{summary['scenario']}, seed {summary['seed']}: {summary['reason']}", show_header=False
     )
@@ -188,6 +192,9 @@ def _print_summary(summary: dict[str, Any]) -> None:
         planned, executed = forecast["planned_s"], forecast["executed_s"]
         table.add_row("travel time, planned and simulated", f"{planned:.0f} s, {executed:.0f} s")
         table.add_row("forecast error of the current", f"{forecast['current_difference']:.2f} m/s (rms)")
+    for name in ("in depth", "paths"):
+        if name in facts:
+            table.add_row(name, facts[name])
     cpu = summary["cpu"]
     routes = f"routes {cpu['mission_s']:.2f} s, of which re-plans {cpu['mission_replans_s']:.2f} s"
     table.add_row("planning time", f"paths {cpu['path_s']:.2f} s, {routes}")

@@ -9,6 +9,7 @@ import typer
 from rich.table import Table
 
 from auvplan.cli.shared import (
+    BoundsOption,
     ForceOption,
     JsonOption,
     OutOption,
@@ -19,6 +20,7 @@ from auvplan.cli.shared import (
     ScenarioArgument,
     SeedOption,
     SetOption,
+    bounded,
     complain,
     console,
     load,
@@ -53,6 +55,7 @@ def plan(
     quiet: QuietOption = False,
     pictures: PicturesOption = Pictures.ALL,
     changes: SetOption = None,
+    bounds: BoundsOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Plan a mission in the forecast and past known obstacles, and write the vehicle's files.
@@ -64,7 +67,7 @@ def plan(
     from auvplan.files import REPORT, whole_result
 
     with naming(scenario):
-        settings, folder = load(scenario, preset, settings=changes)
+        settings, folder = load(scenario, preset, settings=bounded(changes, bounds))
         now = departure_seconds("--depart", depart, settings, folder)
     from auvplan.compiled import PLANS, preload
 

@@ -49,6 +49,11 @@ SetOption = Annotated[
     ),
 ]
 
+BoundsOption = Annotated[
+    bool,
+    typer.Option("--bounds", help="Also say how much longer than the quickest possible the paths can be."),
+]
+
 ResumeOption = Annotated[
     bool, typer.Option("--resume", help="Continue the study in the folder, or extend it with more missions.")
 ]
@@ -143,6 +148,11 @@ def say_notes(notes: Iterable[str]) -> None:
     for note in notes:
         if note not in warned:
             say(f"note: {note}")
+
+
+def bounded(changes: list[str] | None, wanted: bool) -> list[str] | None:
+    """Return what `--set` changes, with what `--bounds` asks for."""
+    return [*(changes or []), "planning.lower_bounds=true"] if wanted else changes
 
 
 def complain(text: str) -> None:

@@ -1,5 +1,6 @@
 """Batched calls of the path planner on what the vehicles believe, timed and booked."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -43,7 +44,7 @@ def plan_legs(
 ) -> None:
     """Plan paths from where the vehicles are, and follow them; arguments as `offered`."""
     for mission, offer in zip(missions, offered(context, missions, causes, cold, growing), strict=True):
-        take(mission, offer)
+        take(mission, offer, context.rules.lower_bounds)
 
 
 def offered(
@@ -157,8 +158,8 @@ def _searched(
     return replan_paths([leg.followed for leg in legs], places, now, env, context.vehicle, **common)
 
 
-def take(mission: Mission, offer: Offer) -> None:
-    """Follow a new plan, and book it."""
+def take(mission: Mission, offer: Offer, bounded: bool = False) -> None:
+    """Follow a new plan, and book it, `bounded` with what no path could beat."""
     plan, leg = offer.plan, mission.active_leg
     history = {
         name: np.asarray(getattr(plan.history, name))
@@ -176,6 +177,7 @@ def take(mission: Mission, offer: Offer) -> None:
             history,
             mission.sea.field,
             plan.motion,
+            plan.lower_bound if bounded and plan.feasible else math.nan,
         )
     )
     leg.follow(plan)

@@ -22,6 +22,7 @@ from auvplan.mission.graph import shortest_way, time_to_go
 from auvplan.mission.jobs import jobs_done, jobs_of
 from auvplan.mission.timetable import Timetable, stages
 from auvplan.mission.travel_times import ONE_PLACE
+from auvplan.path.reasons import lengthening
 from auvplan.records import LegRecord, MissionRun
 from auvplan.scenario.provenance import SourceFile, source_files
 from auvplan.schedule import closures_in_words, spans_in_words, time_in_words
@@ -236,6 +237,8 @@ def sheet_of(run: MissionRun) -> MissionSheet:
     }
     if steep := _steepest(run):
         facts["in depth"] = steep
+    if bounded := _bounded(run):
+        facts["paths"] = bounded
     if lines := _lines(run):
         facts["survey lines"] = "; ".join(lines)
     if run.closures:
@@ -287,7 +290,27 @@ def _steepest(run: MissionRun) -> str:
         if rate is not None:
             limits.append(f"{verb} of {float(rate):g} m/s")  # type: ignore[arg-type]
     allowed = f"; the vehicle's limits: {', '.join(limits)}" if limits else ""
-    return f"up to {steepest:.0f} degrees steep{allowed}"
+    winding = [
+        f"; the leg to {waypoint_name(run, leg.goal)} {line}"
+        for leg in run.done
+        if (line := lengthening(leg.positions, leg.t_path, vehicle))
+    ]
+    return f"up to {steepest:.0f} degrees steep{allowed}{''.join(winding)}"
+
+
+def _bounded(run: MissionRun) -> str:
+    """Return how far the paths are from the quickest possible, as far as that is known; else empty."""
+    gaps = [(leg.plans[leg.followed].gap, leg.goal) for leg in run.done if leg.plans]
+    gaps = [(gap, goal) for gap, goal in gaps if not math.isnan(gap)]
+    if not gaps:
+        return ""
+    worst, goal = max(gaps)
+    mean = sum(gap for gap, _ in gaps) / len(gaps)
+    of = "" if len(gaps) == len(run.done) else f" ({len(gaps)} of {len(run.done)} legs)"
+    return (
+        f"at most {mean:.1%} longer than the quickest possible in the mean{of}, the leg to "
+        f"{waypoint_name(run, goal)} {worst:.1%}"
+    )
 
 
 def _zone(run: MissionRun) -> str:

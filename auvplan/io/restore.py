@@ -216,6 +216,7 @@ def _plans(dataset: xr.Dataset, leg: int, model: Current | None) -> list[PlanRec
         return []
     causes = str(dataset["plan_cause"].attrs["flag_meanings"]).split()
     motion, plans = motion_of(dataset, "plan_"), []
+    bounds = dataset["plan_lower_bound"].values if "plan_lower_bound" in dataset else None
     for row in np.flatnonzero(dataset["plan_leg"].values == leg):
         times = np.asarray(dataset["plan_time"].values[row], float)
         real = np.isfinite(times)
@@ -234,6 +235,7 @@ def _plans(dataset: xr.Dataset, leg: int, model: Current | None) -> list[PlanRec
                 history_of(dataset, int(row)),
                 current,
                 motion[row, : real.sum() - 1],
+                np.nan if bounds is None else float(bounds[row]),
             )
         )
     return plans

@@ -378,7 +378,11 @@ def _plans(legs: Sequence[LegRecord]) -> Variables:
         places[row, : len(plan.times)] = plan.positions
         times[row, : len(plan.times)] = plan.times
     codes, flags = _flags(np.asarray([plan.cause for _, plan in plans]), PLAN_CAUSES)
+    bounds, bounded = np.asarray([plan.lower_bound for _, plan in plans]), {}
+    if np.isfinite(bounds).any():
+        bounded["plan_lower_bound"] = variable("plan", bounds, "travel time that no path can beat", "s")
     return {
+        **bounded,
         "plan_position": variable(("plan", "sample", "axis"), places, "planned place", "m"),
         "plan_time": variable(("plan", "sample"), times, "planned time of the sample", TIME_UNITS),
         "plan_leg": variable("plan", np.asarray([row for row, _ in plans], np.int32), "index of the leg"),

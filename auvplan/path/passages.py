@@ -801,7 +801,8 @@ def _fitted(
         share, run = jnp.linspace(0.0, 1.0, _DENSE * (depths.shape[1] - 1) + 1), _run(*lines)
         even = jnp.broadcast_to(jnp.linspace(0.0, 1.0, depths.shape[1]), depths.shape)
         lines = [*(_interpolated(share, run, axis) for axis in lines), _interpolated(share, even, depths)]
-        room = _interpolated(share, run, jnp.minimum(room, run[:, -1:]))  # open water has no end
+        most = jnp.sqrt(((goal - start) ** 2).sum())  # in open water it has no end
+        room = _interpolated(share, run, jnp.minimum(room, most))
     legs = jnp.sqrt(reduce(jnp.add, (jnp.diff(axis, axis=1) ** 2 for axis in lines)))
     even = legs.sum(axis=1, keepdims=True) / config.samples
     narrow = jnp.minimum(room[:, 1:], room[:, :-1])

@@ -15,7 +15,7 @@ from auvplan.brief import Brief, between
 from auvplan.motion import Motion
 from auvplan.path.bound import Bound, lower_bound
 from auvplan.path.cost import VIOLATIONS
-from auvplan.path.reasons import STATUS, PathStatus, explanation
+from auvplan.path.reasons import STATUS, PathStatus, explanation, lengthening
 from auvplan.path.sensitivity import Conditions, Sensitivity, sensitivity
 from auvplan.words import counted
 
@@ -75,7 +75,21 @@ class PathPlan(Brief):
             "clearance": f"{self.clearance:,.1f} m" if np.isfinite(self.clearance) else "open water",
             **({"altitude": f"{self.altitude:,.1f} m"} if np.isfinite(self.altitude) else {}),
             "departure": f"{float(self.times[0]):,.0f} s",
+            **({"it": self.lengthened} if self.lengthened else {}),
         }
+
+    @property
+    def lengthened(self) -> str:
+        """One line where the path is longer since the straight line is too steep; else empty.
+
+        Example:
+            >>> import jax, auvplan as ap
+            >>> env = ap.Environment(None, lower=(-500, -500, 0), upper=(500, 500, 300))
+            >>> plan = ap.plan_path((0, 0, 0), (100, 0, 250), env, key=jax.random.key(0))
+            >>> plan.lengthened.split(": ")[1]
+            'a dive of 250 m takes 200 s at least, the straight line 108 s'
+        """
+        return lengthening(self.positions, self.travel_time, self.conditions.vehicle)
 
     @property
     def violation_history(self) -> jax.Array:

@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 
 import jax.numpy as jnp
 import numpy as np
+from numpy.typing import ArrayLike
 
 from auvplan.path.cost import ALTITUDE_SCALE, CLEARANCE_SCALE, JUDGED_AT, VIOLATIONS
 from auvplan.site import at_time
-from auvplan.vehicle import VERTICAL_LIMITS
+from auvplan.vehicle import VERTICAL_LIMITS, Vehicle
 
 if TYPE_CHECKING:
     from auvplan.path.plan import PathPlan
@@ -86,6 +87,43 @@ def _fact(plan: "PathPlan", limit: str, segment: int) -> str:
     value, least = _apart(least - excess * scale, least)
     return f"{name} {value} {unit} under {least}"
 
+
+def lengthening(positions: ArrayLike, travel_time: float, vehicle: Vehicle) -> str:
+    """One line where a path is longer since the straight line is too steep for the vehicle; else empty.
+
+    Args:
+        positions: [S, 3] m, north, east, depth.
+        travel_time: s along them.
+        vehicle: speed and limits.
+
+    Example:
+        >>> import auvplan as ap
+        >>> vehicle = ap.Vehicle(2.0, pitch_max=0.5236)
+        >>> lengthening([(0, 0, 0), (300, 300, 100), (0, 300, 200)], 380.0, vehicle)
+        'winds over 752 m instead of 361: a dive of 200 m takes 200 s at least, the straight line 182 s'
+    """
+    places = np.asarray(positions, float)
+    length = float(np.linalg.norm(np.diff(places, axis=0), axis=1).sum())
+    straight = float(np.linalg.norm(places[-1] - places[0]))
+    rise = float(places[-1, 2] - places[0, 2])
+    speed = float(np.asarray(vehicle.speed))
+    limit = vehicle.dive_rate_max if rise > 0.0 else vehicle.climb_rate_max
+    rates = [] if limit is None else [float(np.asarray(limit))]
+    if vehicle.pitch_max is not None:
+        rates.append(speed * float(np.sin(np.asarray(vehicle.pitch_max))))
+    if not rates or length <= 0.0:
+        return ""
+    least, directly = abs(rise) / min(rates), straight / length * travel_time
+    if least <= directly or length < _LENGTHENED * straight:
+        return ""
+    return (
+        f"winds over {length:,.0f} m instead of {straight:,.0f}: a {'dive' if rise > 0.0 else 'climb'} of "
+        f"{abs(rise):,.0f} m takes {least:,.0f} s at least, the straight line {directly:,.0f} s"
+    )
+
+
+#: A path that is longer than the straight line by so much has been lengthened.
+_LENGTHENED = 1.02
 
 _NAMES = {
     "surge": ("ground speed", "m/s"),

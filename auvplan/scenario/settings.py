@@ -488,6 +488,7 @@ class PlanningRules:
     gain: float
     charge_compute: bool
     budget: float | None
+    lower_bounds: bool
 
     def late(self, t_path: Any, t_task: Any, t_expected: Any) -> Any:
         """Whether legs took longer than expected (3.3.2); of numbers or arrays, s."""
@@ -665,6 +666,11 @@ class PlanningSettings(Section):
         default=None,
         description="s of wall-clock time that a planning call may take, compilation left out; the best plan "
         "so far is followed then, so that a seed gives other missions on other machines; no limit if absent",
+    )
+    lower_bounds: bool = Field(
+        default=False,
+        description="say of each path how much longer than the quickest possible one it can be; takes longer "
+        "than planning it",
     )
 
     @model_validator(mode="after")

@@ -1,6 +1,7 @@
 """Plans without a simulation: exact repetition, known obstacles, departures, what reaches a vehicle."""
 
 import json
+import math
 import re
 from dataclasses import replace
 
@@ -19,7 +20,7 @@ from auvplan.io.results import save_run, to_dataset
 from auvplan.mission.jobs import JobLine, JobPoint, Jobs
 from auvplan.ocean.known import KnownObstacle
 from auvplan.scenario.area import OperatingArea
-from tests.executive.small import scenario
+from tests.executive.small import planning, scenario
 from tests.executive.tide import CHANNEL, channel, tidal_area
 
 pytestmark = pytest.mark.usefixtures("light_search")
@@ -149,6 +150,18 @@ def test_a_plan_is_restored_with_its_obstacles(tmp_path):
     again = restore_run(save_run(run, tmp_path))
     assert again.obstacles == run.obstacles
     assert not again.simulated
+
+
+def test_bounds_that_are_asked_for_are_planned_saved_restored_and_on_the_sheet(tmp_path, run):
+    assert all(math.isnan(plan.gap) for leg in run.legs for plan in leg.plans)
+    assert "paths" not in sheet_of(run).facts
+    bounded = plan_scenario(planning(lower_bounds=True), seed=1)
+    gaps = [leg.plans[0].gap for leg in bounded.legs]
+    assert all(0.0 <= gap < 0.5 for gap in gaps)
+    assert bounded.t_mission == run.t_mission
+    save_run(bounded, tmp_path)
+    assert [leg.plans[0].gap for leg in restore_run(tmp_path).legs] == pytest.approx(gaps)
+    assert f"{max(gaps):.1%}" in sheet_of(bounded).facts["paths"]
 
 
 def test_the_sheet_names_every_job_and_says_why_one_is_left_out(jobs):

@@ -201,3 +201,5 @@ def test_paths_wind_where_the_straight_line_is_too_steep(goal):
     assert np.degrees(np.abs(plan.pitch)).max() < 20.2
     least = 75.0 / (SPEED * np.sin(vehicle.pitch_max))
     assert least * 0.999 < plan.travel_time < 1.1 * least
+    assert plan.lengthened.startswith(f"winds over {plan.length:,.0f} m")
+    assert f"{least:,.0f} s at least" in plan.lengthened

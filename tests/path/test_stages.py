@@ -19,6 +19,8 @@ PROGRAMS = 5  # passages, first population, gradient steps, evolution, the path 
 def planned():
     """A plan, and how many programs it took."""
     env, key = world(), jax.random.split(jax.random.key(0), 1)  # the split of one key is compiled here
+    for function in (stages._trace, stages._begin):
+        _ = function._jitted  # which asks once what options the compiler knows
     drop_programs()  # others may have planned with these settings
     before = compilations()
     plan = ap.plan_paths(START[None], GOAL[None], env, key=key, config=CONFIG)[0]
