@@ -36,7 +36,12 @@ _UNITS = {
     "pitch_max": "rad",
     "climb_rate_max": "m/s",
     "dive_rate_max": "m/s",
+    "transit_depth": "m",
+    "transit_altitude": "m",
 }
+
+#: Fields that a vehicle may be without.
+_OPTIONAL = *VERTICAL_LIMITS.values(), "transit_depth", "transit_altitude"
 
 
 @register_without_init
@@ -52,10 +57,14 @@ class Vehicle:
         pitch_max: rad, limit on the pitch theta of the hull, nose up or down; None for no limit.
         climb_rate_max: m/s, limit on the vertical speed over ground upwards; None for no limit.
         dive_rate_max: m/s, the same downwards.
+        transit_depth: m, depth that paths go down or up to between their ends, as far as box and sea bed
+            allow; None for depths that are free.
+        transit_altitude: m, the same above the sea bed: paths follow the terrain.
 
     Raises:
         TypeError: a value is not a number or an array of numbers.
-        ValueError: a value is not positive and finite, or a pitch greater than a right angle.
+        ValueError: a value is not positive and finite, or a pitch greater than a right angle; both transit
+            depth and transit altitude are given.
 
     Differences from the paper:
         Eq. 12 limits |psi| itself, which on a map forbids a direction; here the limit is on the turn rate. It
@@ -69,20 +78,35 @@ class Vehicle:
     pitch_max: ArrayLike | None = PITCH_MAX
     climb_rate_max: ArrayLike | None = None
     dive_rate_max: ArrayLike | None = None
+    transit_depth: ArrayLike | None = None
+    transit_altitude: ArrayLike | None = None
 
     def __post_init__(self) -> None:
         for name, unit in _UNITS.items():
             value = getattr(self, name)
-            if isinstance(value, Tracer) or (value is None and name in VERTICAL_LIMITS.values()):
+            if isinstance(value, Tracer) or (value is None and name in _OPTIONAL):
                 continue
             if not isinstance(value, int | float | np.generic | np.ndarray | jax.Array) or (
                 np.asarray(value).dtype.kind not in "iuf"
             ):
                 raise TypeError(f"vehicle {name} must be a number of {unit}, got {value!r}")
-            if not ((np.asarray(value) > 0) & np.isfinite(value)).all():
+            least = np.asarray(value) >= 0 if name == "transit_depth" else np.asarray(value) > 0
+            if not (least & np.isfinite(value)).all():
                 raise ValueError(f"vehicle {name} must be positive and finite, got {value}")
             if name == "pitch_max" and (np.asarray(value) > 0.5 * np.pi + 1e-6).any():
                 raise ValueError(f"vehicle {name} must be at most a right angle, pi / 2 rad, got {value}")
+
+        if self.transit_depth is not None and self.transit_altitude is not None:
+            raise ValueError("vehicle transit_depth and transit_altitude exclude each other: leave one out")
+
+    @property
+    def has_transit(self) -> bool:
+        """Whether the depth of paths between their ends is given."""
+        return self.transit_depth is not None or self.transit_altitude is not None
+
+    def without_transit(self) -> "Vehicle":
+        """Return a copy whose depth between ends is free."""
+        return replace(self, transit_depth=None, transit_altitude=None)
 
     @property
     def vertical_limits(self) -> dict[str, jax.Array]:

@@ -68,6 +68,17 @@ def test_limits_in_the_vertical_may_be_absent(field):
         Vehicle(**{field: "30 deg"})
 
 
+def test_a_transit_has_a_depth_or_an_altitude():
+    assert not Vehicle().has_transit
+    assert Vehicle(transit_depth=0.0).has_transit
+    assert not Vehicle(transit_altitude=5.0).without_transit().has_transit
+    for given in ({"transit_depth": -1.0}, {"transit_altitude": 0.0}, {"transit_depth": float("nan")}):
+        with pytest.raises(ValueError, match="transit"):
+            Vehicle(**given)
+    with pytest.raises(ValueError, match="exclude each other"):
+        Vehicle(transit_depth=5.0, transit_altitude=5.0)
+
+
 def test_pitch_is_at_most_a_right_angle():
     assert Vehicle(pitch_max=0.5 * np.pi).pitch_max == 0.5 * np.pi
     assert Vehicle().pitch_max == pytest.approx(np.radians(30.0))

@@ -16,7 +16,7 @@ from auvplan.mission.graph import shortest_way
 from auvplan.ocean.currents import Current
 from auvplan.ocean.environment import Environment
 from auvplan.path import PathConfig, PathPlan, habitats
-from auvplan.path.cost import curves, evaluate
+from auvplan.path.cost import evaluate, tracks
 from auvplan.path.sensitivity import Conditions
 from auvplan.vehicle import Vehicle
 
@@ -107,7 +107,7 @@ def _straight(
     start: jax.Array, goal: jax.Array, depart: float, env: Environment, vehicle: Vehicle, config: PathConfig
 ) -> dict[str, jax.Array]:
     """Fields of a plan of the straight line."""
-    line = curves(habitats.straight_line(start, goal, config)[None], start, goal, config)
+    line = tracks(habitats.straight_line(start, goal, config)[None], start, goal, env, vehicle, config)
     trajectory = evaluate(line, jnp.asarray(depart), env, vehicle, config)
     return {
         "positions": jnp.stack([trajectory.x[:, 0], trajectory.y[:, 0], trajectory.z[:, 0]], axis=1),

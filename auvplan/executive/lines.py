@@ -74,7 +74,7 @@ def follow(
             np.clip(start, *context.box)[None],
             np.asarray(goal, float)[None],
             env,
-            context.vehicle,
+            context.vehicle.without_transit(),  # lines are surveyed at depths of their own
             depart=np.asarray([depart]),
             key=prng.stacked([prng.folded(key, planned)]),
             config=context.path_config,

@@ -24,7 +24,7 @@ from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.ocean.vortices import padded
 from auvplan.path import PathConfig, habitats
-from auvplan.path.cost import VIOLATIONS, Track, Trajectory, curves, evaluate, score, violations
+from auvplan.path.cost import VIOLATIONS, Track, Trajectory, evaluate, followed, score, tracks, violations
 from auvplan.path.profile import is_searched_in_depth, profiles
 from auvplan.pytree import row_kinds
 from auvplan.rows import padded_batches
@@ -119,7 +119,7 @@ def travel_times(
     inside = _inside(starts, env) & _inside(goals, env)
 
     shared = padded(env.current)
-    deep = is_searched_in_depth(env, shared if world is None else row_kinds(shared))
+    deep = is_searched_in_depth(env, vehicle, shared if world is None else row_kinds(shared))
     leaves, tree = jax.tree.flatten(shared)
     hosted = [np.asarray(leaf) for leaf in leaves] if world is not None else []
 
@@ -230,10 +230,10 @@ def _follow(
         if sea.seabed is not None:
             length = jnp.sqrt(jnp.diff(x, axis=0) ** 2 + jnp.diff(y, axis=0) ** 2).max()
             z = jnp.minimum(z, habitats.deepest(env, x, y, jnp.broadcast_to(2.0 * length, x.shape)))
-        tracks = Track.through(x, y, z)
+        line = followed(Track.through(x, y, z), env, vehicle)
         if deep:
-            tracks = _at_depths(tracks, track[0], track[-1], depart, env, vehicle, config.path)
-        trajectory = evaluate(tracks, depart, env, vehicle, config.path)
+            line = _at_depths(line, track[0], track[-1], depart, env, vehicle, config.path)
+        trajectory = evaluate(line, depart, env, vehicle, config.path)
         excess = dict(zip(VIOLATIONS, violations(trajectory), strict=True))
         broken = sum(excess[name] for name in ("surge", "sway", "current", "seabed"))
         return _quickest(trajectory, broken + jnp.where(clear, 0.0, excess["coast"]))
@@ -305,7 +305,7 @@ def _estimate(
         if steps:
             tried, costs, _ = refine(cost, tried, lower, upper, steps, problem, _STEP_SIZE)
             tried = tried[jnp.argmin(costs)][None]
-        track = curves(tried[:1], start, goal, config.path)
+        track = tracks(tried[:1], start, goal, env, vehicle, config.path)
         if deep:
             track = _at_depths(track, start, goal, depart, env, vehicle, config.path)
         trajectory = evaluate(track, depart, env, vehicle, config.path)

@@ -26,6 +26,7 @@ from auvplan.path.kinematics import (
     turn_rate,
     vertical_speeds,
 )
+from auvplan.path.profile import in_transit
 from auvplan.vehicle import VERTICAL_LIMITS, Vehicle
 
 #: Limits of Eq. 12 and ours, in the order of every violation array. What an excess of 1 means: surge, sway,
@@ -143,6 +144,27 @@ def curves(habitats: jax.Array, start: jax.Array, goal: jax.Array, config: PathC
     places = product(along, x), product(along, y), product(along, z)
     sides_x, sides_y, sides_z = (jnp.diff(axis, axis=0) for axis in polygons)
     return Track(places, (product(between, sides_x), product(between, sides_y), product(between, sides_z)))
+
+
+def tracks(
+    habitats: jax.Array,
+    start: jax.Array,
+    goal: jax.Array,
+    env: Environment,
+    vehicle: Vehicle,
+    config: PathConfig,
+) -> Track:
+    """Return `curves` as a vehicle follows them: at its transit depth or altitude where it has one."""
+    return followed(curves(habitats, start, goal, config), env, vehicle)
+
+
+def followed(track: Track, env: Environment, vehicle: Vehicle) -> Track:
+    """Return P paths as a vehicle follows them, at its transit depth or altitude where it has one."""
+    if not vehicle.has_transit:
+        return track
+    (x, y, _), (dx, dy, _) = track.places, track.way
+    z = in_transit(track.places, track.way, env, vehicle)
+    return Track((x, y, z), (dx, dy, jnp.diff(z, axis=0)))
 
 
 def evaluate(
@@ -289,7 +311,7 @@ def score(
     straight = _straight_time(start, goal, vehicle)
 
     def few(habitats: jax.Array) -> tuple[jax.Array, jax.Array]:
-        track = curves(habitats, start, goal, config)
+        track = tracks(habitats, start, goal, env, vehicle, config)
         return _cost(evaluate(track, depart, env, vehicle, config), straight, config)
 
     paths = habitats.shape[0]
@@ -322,7 +344,7 @@ def soft_objective(
     Returns:
         ``(objective [P] s, (cost [P] s, violation [P]))``.
     """
-    track = curves(habitats, start, goal, config)
+    track = tracks(habitats, start, goal, env, vehicle, config)
     trajectory = evaluate(track, depart, env, vehicle, config)
     straight = _straight_time(start, goal, vehicle)
     wider = dict(zip(VIOLATIONS, trajectory.excess, strict=True)) | {

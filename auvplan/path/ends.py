@@ -76,7 +76,7 @@ def check_water(water: ArrayLike, positions: ArrayLike, times: ArrayLike) -> Non
         )
 
 
-def check_ends(starts: ArrayLike, goals: ArrayLike, env: Environment) -> None:
+def check_ends(starts: ArrayLike, goals: ArrayLike, env: Environment, vehicle: Vehicle) -> None:
     """Refuse legs that no path can join.
 
     A start is where the vehicle is, and be it nearer to the sea bed than it should: the path that climbs from
@@ -85,11 +85,15 @@ def check_ends(starts: ArrayLike, goals: ArrayLike, env: Environment) -> None:
     Args:
         starts, goals: [B, 3] m.
         env: the world.
+        vehicle: that is to go.
 
     Raises:
-        ValueError: an end lies on land, below the sea bed, outside the chart or outside the box, a goal too
-            near the sea bed, or both ends coincide; one line that names leg and place.
+        ValueError: the vehicle follows a sea bed that is not there; an end lies on land, below the sea bed,
+            outside the chart or outside the box, a goal too near the sea bed, or both ends coincide; one line
+            that names leg and place.
     """
+    if vehicle.transit_altitude is not None and env.seabed is None:
+        raise ValueError("vehicle transit_altitude needs a sea bed: give Environment(seabed=...)")
     start, goal = np.asarray(starts), np.asarray(goals)
     lower, upper = np.asarray(env.lower), np.asarray(env.upper)
     for name, points in (("start", start), ("goal", goal)):

@@ -26,7 +26,14 @@ from auvplan.path.config import PathConfig
 from auvplan.path.cost import ALTITUDE_SCALE
 from auvplan.path.habitats import deepest, fitted, raise_above_seabed, spirals, straight_line
 from auvplan.path.kinematics import Axes
-from auvplan.path.profile import STATIONS, depths_within_reach, levels, profiles
+from auvplan.path.profile import (
+    STATIONS,
+    depths_within_reach,
+    levels,
+    profiles,
+    transit_depths,
+    transit_slope,
+)
 from auvplan.vehicle import Vehicle, along_track
 
 #: Moves towards a greater first index that are no steeper than a diagonal, in cells; with their opposites and
@@ -216,6 +223,18 @@ def _straight_times(
     return depart + from_start / vehicle.speed, ends[0, 2] + share * (ends[1, 2] - ends[0, 2])
 
 
+def _transit(
+    lattice: Sequence[jax.Array], gap: jax.Array, ends: jax.Array, env: Environment, vehicle: Vehicle
+) -> jax.Array:
+    """Depth, m, at each place of a vehicle in transit that dives and climbs along straight lines."""
+    x, y = lattice
+    from_start, to_goal = (jnp.sqrt((x - end[0]) ** 2 + (y - end[1]) ** 2) for end in ends)
+    slope, depth = transit_slope(vehicle), transit_depths(x, y, jnp.full_like(x, gap), env, vehicle)
+    for away, end in ((from_start, ends[0]), (to_goal, ends[1])):
+        depth = jnp.clip(depth, end[2] - slope * away, end[2] + slope * away)
+    return depth
+
+
 def _known_times(
     x: jax.Array,
     y: jax.Array,
@@ -283,6 +302,8 @@ class _Grid:
         probes = (jnp.arange(_PROBES * cells) + 0.5) / _PROBES
         lattice = jnp.meshgrid(low[0] + spacing[0] * probes, low[1] + spacing[1] * probes, indexing="ij")
         when, z = arrivals(*lattice, ends, depart, vehicle)
+        if vehicle.has_transit:
+            z = _transit(lattice, 2.0 * spacing.max(), ends, env, vehicle)
         places = lattice[0], lattice[1], z
         room = _clearance(places, when, 1e-3 * spacing.min(), env, config)
         chosen = _clearest(room, _ROOM * spacing.min())

@@ -132,7 +132,7 @@ def plan_paths(
             "starts and goals must be [B, 3] m, north, east and depth, "
             f"got shapes {start.shape} and {goal.shape}"
         )
-    check_ends(start, goal, env)
+    check_ends(start, goal, env, vehicle or Vehicle())
     legs = start.shape[0]
     keys = jax.random.split(key, legs) if key.ndim == 0 else key
     if population is not None:

@@ -6,6 +6,8 @@ of every station is kept, so that an adverse current between two good depths doe
 ends a descent by gradients.
 """
 
+from functools import reduce
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -13,7 +15,7 @@ import numpy as np
 from auvplan.ocean.currents import Current, varies_with_depth
 from auvplan.ocean.environment import Environment
 from auvplan.path.clearance import obstacle_clearance
-from auvplan.path.config import PathConfig
+from auvplan.path.config import GUIDE_MARGIN, PathConfig
 from auvplan.path.habitats import deepest
 from auvplan.path.kinematics import TINY, vertical_speeds
 from auvplan.vehicle import Vehicle, along_track
@@ -33,18 +35,24 @@ _PENALTY_WEIGHT = 30.0
 #: Excess of a move at most.
 _MOST = 3.0
 
+#: Sine of the pitch of transits without limits, share of the limits that they take, and by how much steeper
+#: than the straight line they are at least.
+_COMMON, _GENTLE, _STEEPER = 0.5, 0.6, 1.05
+
 #: Metres beyond what is allowed that count as an excess of one: of clearance, and of depth over a sea bed.
 _TOO_NEAR, _TOO_DEEP = 20.0, 5.0
 
 
-def is_searched_in_depth(env: Environment, current: Current) -> bool:
+def is_searched_in_depth(env: Environment, vehicle: Vehicle, current: Current) -> bool:
     """Return whether paths in a box with depth may find other currents at other depths.
 
     Args:
         env: the world; only its box counts.
+        vehicle: whose depth is given where it has a transit depth or altitude.
         current: the current; the shapes of its arrays are enough.
     """
-    return bool(np.asarray(env.upper)[2] > np.asarray(env.lower)[2]) and varies_with_depth(current)
+    deep = bool(np.asarray(env.upper)[2] > np.asarray(env.lower)[2])
+    return deep and not vehicle.has_transit and varies_with_depth(current)
 
 
 def depths_within_reach(ends: jax.Array, env: Environment) -> tuple[jax.Array, jax.Array]:
@@ -88,6 +96,66 @@ def levels(
     )
     marks = jnp.concatenate([jnp.zeros(1, density.dtype), jnp.cumsum(density)])
     return jnp.interp(jnp.linspace(0.0, 1.0, count), marks / marks[-1], depth)
+
+
+def transit_depths(
+    x: jax.Array, y: jax.Array, gap: jax.Array, env: Environment, vehicle: Vehicle
+) -> jax.Array:
+    """Return the depths, m, that a vehicle with a transit depth or altitude takes far from its ends.
+
+    Args:
+        x, y: m, places.
+        gap: m, length around each place within which the sea bed is looked up.
+        env: the world.
+        vehicle: with a transit depth or altitude.
+    """
+    if vehicle.transit_altitude is not None:
+        assert env.seabed is not None
+        least = jnp.maximum(vehicle.transit_altitude, env.seabed.clearance + 2.0 * GUIDE_MARGIN)
+        depth = env.seabed.shallowest_at(x, y, gap) - least
+    else:
+        assert vehicle.transit_depth is not None
+        depth = jnp.full(jnp.shape(x), vehicle.transit_depth, jnp.result_type(float))
+        if env.seabed is not None:
+            depth = jnp.minimum(depth, deepest(env, x, y, gap))
+    return jnp.clip(depth, env.lower[2], env.upper[2])
+
+
+def transit_slope(vehicle: Vehicle) -> jax.Array:
+    """Return metres in depth per metre ahead at which transits begin and end, and climb over the bed.
+
+    Currents make paths steeper or flatter than the hull: a share of the limits is left to them.
+    """
+    rates = [limit / vehicle.speed for limit in vehicle.vertical_limits.values()]
+    sine = _GENTLE * reduce(jnp.minimum, rates, jnp.asarray(_COMMON))
+    return sine / jnp.sqrt(1.0 - sine * sine)
+
+
+def in_transit(
+    places: tuple[jax.Array, ...], way: tuple[jax.Array, ...], env: Environment, vehicle: Vehicle
+) -> jax.Array:
+    """Return depths z [S, P] m of paths that keep a vehicle's transit depth or altitude between their ends.
+
+    Ends stay what they are. Slopes are those of `transit_slope`, steeper only where the ends ask for it: the
+    path climbs before a bank, and dives after it.
+
+    Args:
+        places: x, y, z, [S, P] m, samples of paths.
+        way: x, y, z, [S - 1, P] m from each sample to the next.
+        env: the world.
+        vehicle: with a transit depth or altitude.
+    """
+    x, y, z = places
+    step = jnp.sqrt(way[0] ** 2 + way[1] ** 2 + TINY)
+    run = jnp.pad(jnp.cumsum(step, axis=0), [(1, 0), (0, 0)])
+    longer = jnp.maximum(jnp.pad(step, [(1, 0), (0, 0)]), jnp.pad(step, [(0, 1), (0, 0)]))
+    wanted = transit_depths(x, y, 2.0 * longer, env, vehicle).at[0].set(z[0]).at[-1].set(z[-1])
+    slope = jnp.maximum(transit_slope(vehicle), _STEEPER * jnp.abs(z[-1] - z[0]) / run[-1])
+    rise = slope * run
+    ahead = jax.lax.cummin(wanted - rise, axis=0) + rise
+    back = jax.lax.cummin(wanted + rise, axis=0, reverse=True) - rise
+    ends = jnp.maximum(z[0] - rise, z[-1] - (rise[-1] - rise))
+    return jnp.maximum(jnp.minimum(ahead, back), ends)
 
 
 def profiles(

@@ -98,7 +98,7 @@ def replan_paths(
     check_given(env, vehicle)
     position = np.asarray(positions, float)
     goals = np.stack([plan.control_points[-1] for plan in plans])
-    check_ends(position, goals, env)
+    check_ends(position, goals, env, vehicle or Vehicle())
     keys = jax.random.split(key, len(plans)) if key.ndim == 0 else key
     starts = np.stack([plan.control_points[0] for plan in plans])
     reached = [progress(plan, point) for plan, point in zip(plans, position, strict=True)]

@@ -72,7 +72,9 @@ def scaled(
     )
     price = None if env.price is None else ScaledPrice(env.price, factor)
     world = Environment(current, chart, seen, env.lower * factor, env.upper * factor, bed, closures, price)
-    slower = replace(vehicle, turn_rate_max=vehicle.turn_rate_max / factor)
+    depths = {name: getattr(vehicle, name) for name in ("transit_depth", "transit_altitude")}
+    depths = {name: depth * factor for name, depth in depths.items() if depth is not None}
+    slower = replace(vehicle, turn_rate_max=vehicle.turn_rate_max / factor, **depths)
     margins = {name: getattr(config, name) * factor for name in ("coast_margin", "obstacle_margin")}
     return world, slower, config.replace(**margins)
 

@@ -16,7 +16,7 @@ from auvplan.ocean.currents import Current, Velocity, combine, is_steady, partit
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.path.config import GUIDE_MARGIN, PathConfig
-from auvplan.path.cost import Track, curves, evaluate
+from auvplan.path.cost import Track, evaluate, tracks
 from auvplan.path.ends import check_concrete, check_given
 from auvplan.path.scaling import WAY, factor_of
 from auvplan.vehicle import VERTICAL_LIMITS, SpeedReading, Vehicle
@@ -253,7 +253,7 @@ def _followed(
         env = replace(env, seabed=replace(env.seabed, clearance=env.seabed.clearance + room))
     strict = vehicle.stricter(_NEARLY, "surge_max", "sway_max", "turn_rate_max", *VERTICAL_LIMITS.values())
     margins = {name: getattr(config, name) + room for name in ("coast_margin", "obstacle_margin")}
-    track = curves(habitat[None], start, goal, config)
+    track = tracks(habitat[None], start, goal, env, vehicle, config)
     trajectory = evaluate(track, depart, env, strict, config.replace(**margins))
     points, touch = habitat.reshape(3, -1), 1e-4 * WAY / factor_of(start, goal)
     beyond = jnp.stack([env.lower[:, None] - points, points - env.upper[:, None]])

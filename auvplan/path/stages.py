@@ -27,11 +27,11 @@ from auvplan.path.cost import (
     SOFTNESS,
     VIOLATIONS,
     Trajectory,
-    curves,
     evaluate,
     judged_within,
     score,
     soft_objective,
+    tracks,
     violations,
 )
 from auvplan.path.kinematics import PacedCurrent, norm
@@ -397,7 +397,7 @@ def _traced(world: dict[str, Any], config: PathConfig) -> dict[str, Any]:
     """Return how many passages are traced, and whether each at depths of its own."""
     env, own = world["common"].env, world["legs"].own
     current = env.current if own is None else combine(env.current, row_kinds(own[0]))
-    return {"count": config.passages, "deep": is_searched_in_depth(env, current)}
+    return {"count": config.passages, "deep": is_searched_in_depth(env, world["common"].vehicle, current)}
 
 
 def _polished(
@@ -521,7 +521,7 @@ def _pace(problem: Problem, config: PathConfig) -> jax.Array | None:
     start, goal, depart, env, vehicle = problem
     if not is_quasi_steady(env.current):
         return None
-    line = curves(habitats.straight_line(start, goal, config)[None], start, goal, config)
+    line = tracks(habitats.straight_line(start, goal, config)[None], start, goal, env, vehicle, config)
     bare = replace(env, chart=None, obstacles=Obstacles.none(), seabed=None, closures=())
     trajectory = evaluate(line, depart, bare, vehicle, config)
     gap = norm(*line.way)[:, 0]
@@ -632,7 +632,7 @@ def _finish(
             parts = zip((state.population, state.cost, state.violation), polished, strict=True)
             state = search.init(*(old.at[: len(new)].set(new) for old, new in parts))
         best = state.population[:1]
-        trajectory = evaluate(curves(best, start, goal, own), depart, env, vehicle, own)
+        trajectory = evaluate(tracks(best, start, goal, env, vehicle, own), depart, env, vehicle, own)
         trajectory = judged_within(trajectory, env, vehicle, own)
         plan = _in_own_units(trajectory, state, leg, factor)
         if known is None:

@@ -23,6 +23,7 @@ from auvplan.scenario.settings import (
     SensorSettings,
     SimulationSettings,
     SiteSettings,
+    TransitAltitude,
     VehicleSettings,
 )
 from auvplan.site import Site
@@ -134,6 +135,17 @@ class Scenario(Section):
             reason = "'expected' leaves out the time that jobs take"
             raise RuleError(reason, field="planning.task_time", concerns=("mission.jobs",))
         low, high = self.box
+        transit = self.vehicle.transit_depth
+        if isinstance(transit, TransitAltitude):
+            if self.bathymetry.source == "none":
+                reason = "an altitude needs a sea bed"
+                raise RuleError(reason, field="vehicle.transit_depth", concerns=("bathymetry.source",))
+            if transit.altitude < self.safety.seabed:
+                reason = f"{transit.altitude:g} m are less than the clearance of {self.safety.seabed:g} m"
+                raise RuleError(reason, field="vehicle.transit_depth", concerns=("safety.seabed",))
+        elif transit is not None and not low[2] <= transit <= high[2]:
+            reason = f"{transit:g} m lies outside the area or the vehicle's depths"
+            raise RuleError(reason, field="vehicle.transit_depth", concerns=_BOX_FIELDS)
         if low[2] > high[2]:
             reason = "leaves, with depth_max, nothing of the area's depths"
             raise RuleError(reason, field="vehicle.depth_min", concerns=_BOX_FIELDS)

@@ -256,6 +256,12 @@ def _angle(limit: Any) -> Any:
 PitchLimit = Annotated[Positive | Literal["none"], AfterValidator(_angle)]
 
 
+class TransitAltitude(Section):
+    """Transit that follows the terrain."""
+
+    altitude: Positive = Field(description="m above the sea bed")
+
+
 class VehicleSettings(Section):
     """Speed and limits, m/s and rad/s, and the depths that it may go to."""
 
@@ -276,6 +282,11 @@ class VehicleSettings(Section):
     )
     depth_min: NotNegative = Field(default=0.0, description="m")
     depth_max: Positive | None = Field(default=None, description="m; the area's if absent")
+    transit_depth: NotNegative | TransitAltitude | None = Field(
+        default=None,
+        description="m, that paths keep between their ends, or 'altitude: m' above the sea bed; if absent "
+        "the depths at which they are quickest",
+    )
 
 
 class CurrentSettings(Section):

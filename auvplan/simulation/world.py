@@ -12,6 +12,7 @@ from auvplan.ocean.known import Spheres
 from auvplan.ocean.vortices import CurrentUpdate, LambVortices, random_vortices
 from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.scenario import Scenario
+from auvplan.scenario.settings import TransitAltitude
 from auvplan.simulation.sea import ModelSea, Sea, VortexSea
 from auvplan.vehicle import Vehicle
 
@@ -61,8 +62,13 @@ class TrueObstacles:
 
 def make_vehicle(scenario: Scenario) -> Vehicle:
     """Return the scenario's vehicle."""
-    stated: dict[str, Any] = scenario.vehicle.model_dump(exclude={"depth_min", "depth_max"})
+    stated: dict[str, Any] = scenario.vehicle.model_dump(exclude={"depth_min", "depth_max", "transit_depth"})
     stated["pitch_max"] = scenario.pitch_max
+    transit = scenario.vehicle.transit_depth
+    if isinstance(transit, TransitAltitude):
+        stated["transit_altitude"] = transit.altitude
+    else:
+        stated["transit_depth"] = transit
     return Vehicle(**stated)
 
 

@@ -19,6 +19,7 @@ from auvplan.scenario.file import (
 )
 from auvplan.scenario.scenario import Scenario
 from auvplan.scenario.yaml_lines import YamlError, read_yaml
+from auvplan.simulation.world import make_vehicle
 
 
 def faults_of(tmp_path, text):
@@ -310,6 +311,32 @@ def test_pitch_is_limited_unless_scenario_or_preset_says_otherwise():
         with pytest.warns(ScenarioWarning, match=f"vehicle.{name} is 0.4, preset 'paper' has no such limit"):
             scenario = validate_scenario({"planning": {"preset": "paper"}, "vehicle": {name: 0.4}})
         assert getattr(scenario.vehicle, name) == 0.4
+
+
+def test_a_transit_depth_is_a_depth_or_an_altitude():
+    bed = {"source": "file", "file": "bed.nc"}
+    site = {"longitude": 5.0, "latitude": 60.0}
+    level = validate_scenario({"vehicle": {"transit_depth": 20}})
+    along = validate_scenario(
+        {"vehicle": {"transit_depth": {"altitude": 15}}, "bathymetry": bed, "site": site}
+    )
+    assert make_vehicle(validate_scenario({})).has_transit is False
+    assert make_vehicle(level).transit_depth == 20.0
+    assert make_vehicle(along).transit_altitude == 15.0
+
+
+@pytest.mark.parametrize(
+    ("transit", "words"),
+    [
+        (-1, "vehicle.transit_depth"),
+        ({"height": 3}, "vehicle.transit_depth"),
+        (1e5, "vehicle.transit_depth: 100000 m lies outside the area or the vehicle's depths"),
+        ({"altitude": 15}, "vehicle.transit_depth: an altitude needs a sea bed"),
+    ],
+)
+def test_transits_that_are_none_are_refused(transit, words):
+    with pytest.raises(ScenarioError, match=re.escape(words)):
+        validate_scenario({"vehicle": {"transit_depth": transit}})
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import auvplan as ap
+from auvplan.mission.travel_times import TravelTimeConfig, travel_times
 from auvplan.ocean.currents import SumCurrent, varies_with_depth
 from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.path.profile import levels, profiles
@@ -94,6 +95,60 @@ def test_the_quicker_layer_is_taken_where_nothing_bounds_the_depth():
     )
     assert plan.feasible
     assert plan.travel_time < WAY / 2.0
+
+
+def plans_of(vehicle, env, goal_depth=60.0):
+    """A plan, and one from half way on."""
+    settings = {"key": jax.random.key(0), "config": ap.PathConfig.quick()}
+    plan = ap.plan_path((0, 0, 10), (WAY, 0, goal_depth), env, vehicle, **settings)
+    half = len(plan.times) // 2
+    return plan, ap.replan_path(plan, plan.positions[half], float(plan.times[half]), env, vehicle, **settings)
+
+
+def test_a_transit_depth_is_kept_between_the_ends_whatever_the_current():
+    vehicle = ap.Vehicle(SPEED, transit_depth=30.0)
+    for plan in plans_of(vehicle, sea()):
+        assert plan.feasible, plan.reason
+        assert plan.positions[-1, 2] == pytest.approx(60.0, abs=0.1)
+        assert np.median(plan.positions[:, 2]) == pytest.approx(30.0, abs=0.1)
+        assert np.degrees(np.abs(plan.pitch)).max() < 30.0
+    still = ap.Environment(None, lower=(-1000, -2000, 0), upper=(WAY + 1000, 2000, 25))
+    shallower, _ = plans_of(vehicle, still, goal_depth=10.0)
+    assert shallower.positions[:, 2].max() == pytest.approx(25.0, abs=0.1)
+
+
+def test_a_transit_altitude_follows_the_terrain_and_climbs_before_a_bank():
+    x = np.arange(-500.0, 5500.0, 50.0)
+    bed = ap.Seabed.from_depth(
+        np.repeat((100.0 - 60.0 * np.exp(-(((x - 2000.0) / 300.0) ** 2)))[:, None], 80, 1),
+        50.0,
+        (-500, -2000),
+        clearance=5.0,
+    )
+    env = ap.Environment(
+        ap.UniformCurrent(0.3, 0.2), seabed=bed, lower=(-500, -2000, 0), upper=(5500, 2000, 120)
+    )
+    plan, rest = plans_of(ap.Vehicle(SPEED, transit_altitude=15.0), env)
+    assert plan.feasible
+    assert rest.feasible
+    altitude = bed.altitude(plan.positions)
+    ahead = (plan.positions[:, 0] > 300.0) & (plan.positions[:, 0] < WAY - 300.0)
+    assert altitude[ahead].min() > 14.0
+    assert np.median(altitude) == pytest.approx(15.0, abs=0.5)
+    assert np.degrees(np.abs(plan.pitch)).max() < 30.0
+    with pytest.raises(ValueError, match="transit_altitude needs a sea bed"):
+        plans_of(ap.Vehicle(SPEED, transit_altitude=15.0), sea())
+
+
+def test_edges_are_timed_at_the_transit_depth():
+    """Above 40 m the current is against the vehicle, below it goes along."""
+    ends = np.array([[0.0, 0.0, 10.0]]), np.array([[WAY, 0.0, 10.0]])
+    for depth in (20.0, 60.0):
+        vehicle = ap.Vehicle(SPEED, transit_depth=depth)
+        seconds, passable = travel_times(*ends, sea(), vehicle, np.zeros(1), TravelTimeConfig())
+        plan, _ = plans_of(vehicle, sea(), goal_depth=10.0)
+        assert passable.all()
+        assert seconds[0] == pytest.approx(plan.travel_time, rel=0.02)
 
 
 def test_a_path_that_is_quickest_level_stays_level():
