@@ -80,15 +80,7 @@ class PathPlan(Brief):
 
     @property
     def lengthened(self) -> str:
-        """One line where the path is longer since the straight line is too steep; else empty.
-
-        Example:
-            >>> import jax, auvplan as ap
-            >>> env = ap.Environment(None, lower=(-500, -500, 0), upper=(500, 500, 300))
-            >>> plan = ap.plan_path((0, 0, 0), (100, 0, 250), env, key=jax.random.key(0))
-            >>> plan.lengthened.split(": ")[1]
-            'a dive of 250 m takes 200 s at least, the straight line 108 s'
-        """
+        """One line where the path is longer since the straight line is too steep; else empty."""
         return lengthening(self.positions, self.travel_time, self.conditions.vehicle)
 
     @property

@@ -57,7 +57,7 @@ def test_the_area_has_chart_sea_bed_and_obstacles_of_the_cells(scenario):
 
 
 @pytest.mark.usefixtures("light_search")
-@pytest.mark.parametrize("command", ["plan", "mission"])
+@pytest.mark.parametrize("command", [pytest.param("plan", marks=pytest.mark.slow), "mission"])
 def test_a_mission_is_free_of_faults_in_the_cells(scenario, call, command, tmp_path):
     out = tmp_path / "out"
     status, said, errors = call(command, scenario, "--out", out, "--pictures", "none")

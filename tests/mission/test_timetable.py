@@ -320,6 +320,7 @@ def test_without_waiting_a_task_is_reached_in_its_window_or_left():
         assert found.waits.sum() == 0.0
 
 
+@pytest.mark.slow
 def test_a_steady_timetable_changes_nothing():
     """One departure, no windows: the same route as without a timetable, and the same times."""
     graph = clocked(3, 0.0, 0)

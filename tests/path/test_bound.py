@@ -111,6 +111,7 @@ def test_no_path_beats_it(rows, seed):
 
 @settings(max_examples=12, deadline=None)
 @given(st.floats(0.3, 1.0), st.floats(1500.0, 8000.0), st.floats(0.0, 6.3))
+@pytest.mark.slow
 def test_tide_along_the_way(strength, period, phase):
     """Along one axis alone the straight line is the best path, at the times that it has in the tide."""
     rate = 2.0 * np.pi / period

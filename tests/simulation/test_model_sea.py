@@ -87,6 +87,7 @@ def test_tracks_of_any_length_are_compared_by_one_program():
         assert compilations() == before
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("light_search")
 def test_another_mission_in_currents_of_files_compiles_nothing():
     ap.run_mission(modelled(0.1), key=jax.random.key(1), area=area())
