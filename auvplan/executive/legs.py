@@ -93,13 +93,12 @@ def refusal(leg: Leg, epoch: datetime | None = None) -> str:
 def advance(context: SimulationContext, missions: list[Mission]) -> None:
     """One stretch of every mission's leg: look, re-plan where it is due, and advance to the next look."""
     for mission in missions:
+        mission.sea.advance(mission.now)
         _let_appear(mission)
     _react(context, missions)
     steps = max(1, round(context.scenario.sensors.interval / TIME_STEP))
     for batch, real in _batches(missions):
         legs = [mission.active_leg for mission in batch]
-        for mission in batch[:real]:
-            mission.sea.advance(mission.now)
         fields = [mission.sea.field for mission in batch]
         rows = [[padded_rows(part) for part in leg.truth.motion] for leg in legs[:real]]
         motions = zip(*rows, *rows[:1] * (len(legs) - real), strict=True)

@@ -8,6 +8,7 @@ import pytest
 import auvplan as ap
 from auvplan.executive.belief import ObstacleBelief, as_obstacles
 from auvplan.executive.evasion import escape_track
+from auvplan.executive.loop import make_context, seed_keys, start_mission
 from auvplan.motion import Motion
 from auvplan.ocean import CurrentUpdate, Seabed
 from auvplan.scenario.scenario import Scenario
@@ -15,6 +16,7 @@ from auvplan.scenario.settings import SensorSettings
 from auvplan.simulation.sea import VortexSea
 from auvplan.simulation.simulator import TIME_STEP, transit
 from auvplan.simulation.world import TrueObstacles, draw_obstacles
+from tests.executive.small import scenario
 
 
 def uniform_field(u, v):
@@ -87,6 +89,20 @@ def test_a_current_that_wins_is_reported():
 def some_sea(interval=600.0, seed=0, error=0.05):
     field = ap.random_vortices(jax.random.key(seed), (0, 0, 0), (3000, 3000, 0), count=3)
     return VortexSea(jax.random.key(10 + seed), field, CurrentUpdate(), interval, error)
+
+
+@pytest.mark.usefixtures("light_search")
+def test_a_path_is_planned_anew_in_the_current_as_it_is_then():
+    """The current changes at every look."""
+    changing = {"vortices": 3, "layers": 1, "radius": [300, 600], "peak_speed": 0.8, "update_interval": 30}
+    settings = scenario(current=changing, planning={"t_series": 3, "window_change": 0})
+    run = ap.run_mission(settings, seed=0)
+    later = [plan for leg in run.legs for plan in leg.plans if plan.cause != "leg"]
+    assert later
+    sea = start_mission(make_context(settings), 0, seed_keys([0])[0], 0).sea
+    for plan in later:
+        sea.advance(plan.made_at)
+        np.testing.assert_array_equal(plan.current.centers, sea.field.centers)
 
 
 def test_current_updates_come_on_time():
