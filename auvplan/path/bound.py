@@ -77,7 +77,7 @@ _BEYOND = 3.0
 _FINER = 6
 
 #: How often what paths can reach is narrowed down, and how often the grid is widened.
-_NARROWED, _WIDENED = 4, 6
+_NARROWED, _WIDENED = 4, 8
 
 #: Depths at which a current is looked up for how it changes with depth, and the share of levels that are
 #: even.
