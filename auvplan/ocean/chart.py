@@ -3,7 +3,6 @@
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Self
 
@@ -12,7 +11,6 @@ import jax.numpy as jnp
 import numpy as np
 import scipy
 import shapely
-from jax.core import Tracer
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
@@ -22,13 +20,10 @@ from auvplan.errors import AuvplanError, ScenarioWarning
 from auvplan.ocean.classify import DEFAULT_CLUSTERS, UNCERTAIN_MAX, Classified, classify_picture
 from auvplan.ocean.palette import UNTOLD, ChartColours
 from auvplan.ocean.picture import blank, colours, opened
-from auvplan.ocean.raster import Raster
-from auvplan.rows import elementwise
+from auvplan.ocean.raster import Raster, from_host
 
 #: What the raster of distances holds where there is no coast, in pixels; `Chart.distance` is infinite there.
 FAR = 1e6
-#: Points that one call from the host looks up.
-_POINTS = 16384
 #: By how many pixels the interpolated distance may exceed the true one between pixel centres.
 INTERPOLATION_ERROR = 0.2
 # Pillow's names of the modes that hold one grey level a pixel, and of those among them with 256 levels.
@@ -159,10 +154,7 @@ class Chart(Raster):
         Returns:
             Broadcast shape, m. Outside the chart: that of the nearest point inside less the way there.
         """
-        if isinstance(x, Tracer) or isinstance(y, Tracer) or isinstance(self.signed_distance, Tracer):
-            return _distance(self, x, y)
-        # Put, not converted: a conversion is a program of its own for every shape.
-        return jax.device_put(elementwise(partial(_distance, self), x, y, together=_POINTS))
+        return from_host(_distance, self, x, y)
 
     def passability_at(self, x: ArrayLike, y: ArrayLike) -> jax.Array:
         """Passability by bilinear interpolation, 0 to 1; arguments as `distance`."""

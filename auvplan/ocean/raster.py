@@ -1,5 +1,6 @@
 """Rasters in local metres, and bilinear look-ups of them whose slopes cost next to nothing."""
 
+from collections.abc import Callable
 from functools import partial
 
 import chex
@@ -11,7 +12,11 @@ from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from auvplan.compiled import compiled
+from auvplan.rows import elementwise
 from auvplan.tangents import instantiated, is_symbolic_zero
+
+#: Places that one call from the host looks up.
+_PLACES = 16384
 
 
 @jax.custom_jvp
@@ -144,3 +149,19 @@ class Raster:
         chex.assert_rank(plane, 2 if layer is None else 3)
         x, y = jnp.broadcast_arrays(jnp.asarray(x), jnp.asarray(y))
         return bilinear(plane, self.origin, self.pixel_size, x, y, layer)
+
+
+def from_host(program: Callable[..., jax.Array], raster: "Raster", *places: ArrayLike) -> jax.Array:
+    """Apply a compiled program of a raster to places, in calls of one size: their number never compiles.
+
+    Within another traced function it is the plain call.
+
+    Args:
+        program: takes the raster, and arrays of one shape.
+        raster: to look up.
+        places: that broadcast with each other.
+    """
+    if any(isinstance(leaf, Tracer) for leaf in (*places, *jax.tree.leaves(raster))):
+        return program(raster, *places)
+    # Put, not converted: a conversion is a program of its own for every shape.
+    return jax.device_put(elementwise(partial(program, raster), *places, together=_PLACES))

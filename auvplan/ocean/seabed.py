@@ -1,21 +1,18 @@
 """The sea bed: depth on a raster, and the least depth that is certain between two look-ups."""
 
 from dataclasses import dataclass
-from functools import partial
 from typing import Self
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import scipy
-from jax.core import Tracer
 from jax.typing import ArrayLike
 from numpy.typing import NDArray
 
 from auvplan.compiled import compiled
 from auvplan.errors import AuvplanError
-from auvplan.ocean.raster import Raster
-from auvplan.rows import elementwise
+from auvplan.ocean.raster import Raster, from_host
 
 #: Depth of unknown pixels, m: dry land, above every vehicle.
 UNKNOWN = -10.0
@@ -25,8 +22,6 @@ FINE, MANY = 10.0, 1_000_000
 FARTHEST = 32
 #: Look-ups that are given no length are for segments of this share of the raster's diagonal.
 _SHARE = 1.0 / 64.0
-#: Places that are looked up together where nothing is traced: their number never compiles.
-_POINTS = 16384
 
 
 class SeabedError(AuvplanError):
@@ -168,10 +163,7 @@ class Seabed(Raster):
         """
         if length is None:
             length = _SHARE * float(np.hypot(*self.shape)) * self.pixel_size
-        if any(isinstance(value, Tracer) for value in (x, y, length, self.shallow)):
-            return _shallowest_at(self, x, y, length)
-        # Put, not converted: a conversion is a program of its own for every shape.
-        return jax.device_put(elementwise(partial(_shallowest_at, self), x, y, length, together=_POINTS))
+        return from_host(_shallowest_at, self, x, y, length)
 
 
 @compiled

@@ -135,6 +135,9 @@ class Scenario(Section):
             reason = "'expected' leaves out the time that jobs take"
             raise RuleError(reason, field="planning.task_time", concerns=("mission.jobs",))
         low, high = self.box
+        if low[2] > high[2]:
+            reason = "leaves, with depth_max, nothing of the area's depths"
+            raise RuleError(reason, field="vehicle.depth_min", concerns=_BOX_FIELDS)
         transit = self.vehicle.transit_depth
         if isinstance(transit, TransitAltitude):
             if self.bathymetry.source == "none":
@@ -146,9 +149,6 @@ class Scenario(Section):
         elif transit is not None and not low[2] <= transit <= high[2]:
             reason = f"{transit:g} m lies outside the area or the vehicle's depths"
             raise RuleError(reason, field="vehicle.transit_depth", concerns=_BOX_FIELDS)
-        if low[2] > high[2]:
-            reason = "leaves, with depth_max, nothing of the area's depths"
-            raise RuleError(reason, field="vehicle.depth_min", concerns=_BOX_FIELDS)
         for name in ("start", "goal"):
             point = getattr(self.mission, name)
             if point is not None and not all(a <= p <= b for a, p, b in zip(low, point, high, strict=True)):

@@ -16,7 +16,7 @@ Array = NDArray[np.floating]
 
 #: Cells along the longer side of the area, coarse first: narrower channels need smaller ones.
 _CELLS = (150, 500)
-#: Samples of a straight line, and of them every so many are looked at before the others.
+#: Samples of a straight line; every 16th of them is looked at before the others.
 _SAMPLES, _FIRST = 200, 16
 #: A second near land counts so many times, fading over this share of the area's longer side.
 _SHUN, _FADES = 3.0, 0.01
