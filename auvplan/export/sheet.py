@@ -291,11 +291,14 @@ def _steepest(run: MissionRun) -> str:
             limits.append(f"{verb} of {float(rate):g} m/s")  # type: ignore[arg-type]
     allowed = f"; the vehicle's limits: {', '.join(limits)}" if limits else ""
     winding = [
-        f"; the leg to {waypoint_name(run, leg.goal)} {line}"
+        (waypoint_name(run, leg.goal), line)
         for leg in run.done
         if (line := lengthening(leg.positions, leg.t_path, vehicle))
     ]
-    return f"up to {steepest:.0f} degrees steep{allowed}{''.join(winding)}"
+    legs = [f"; the leg to {goal} {line}" for goal, line in winding[:1]]
+    if len(winding) > 1:
+        legs.append(f"; those to {', '.join(goal for goal, _ in winding[1:])} wind as well")
+    return f"up to {steepest:.0f} degrees steep{allowed}{''.join(legs)}"
 
 
 def _bounded(run: MissionRun) -> str:
