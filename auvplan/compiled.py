@@ -28,6 +28,10 @@ from auvplan import cache
 #: Packages whose classes are what they were when a program was stored, as long as their versions are.
 _OURS = "auvplan", "builtins", "collections", "jax", "jaxlib", "numpy"
 
+#: Programs that a process holds at most. Each takes hundreds of mappings of memory, of which Linux gives a
+#: process 65,530; without one more it crashes.
+MOST = 96
+
 #: Threads that programs are loaded by before they are asked for.
 _THREADS = 2
 
@@ -87,6 +91,8 @@ class Program:
         signature = tree, kinds, settings, jax.config.read("jax_enable_x64")
         ready = self._ready.get(signature)
         if ready is None:
+            if held() >= MOST:
+                drop_programs()
             with self._lock:
                 ready = self._ready.get(signature)
                 if ready is None:
@@ -201,6 +207,8 @@ class Program:
         with self._lock:
             self._ready.clear()
             self._outlines.clear()
+            if "_jitted" in self.__dict__:
+                self._jitted.clear_cache()
 
 
 class _Ready(NamedTuple):
@@ -378,6 +386,11 @@ def _knows(name: str, value: Any) -> bool:
 def compilations() -> int:
     """Return how many programs this process has compiled, or taken from a cache, so far."""
     return _count
+
+
+def held() -> int:
+    """Return how many programs this process holds."""
+    return sum(len(program._ready) for program in _programs)
 
 
 def drop_programs() -> None:

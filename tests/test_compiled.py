@@ -24,6 +24,7 @@ from auvplan.compiled import (
     compiling_ahead,
     drop_programs,
     expecting,
+    held,
     listening,
 )
 from auvplan.ocean.currents import FunctionCurrent, evaluated
@@ -84,6 +85,16 @@ def test_a_second_call_compiles_and_loads_nothing(place):
     before = compilations()
     one(np.zeros(3), times=2)
     assert compilations() == before
+
+
+def test_a_process_holds_few_programs_and_computes_on(place, monkeypatch):
+    """Linux gives a process 65,530 mappings of memory; one that plans in ever new currents would crash."""
+    monkeypatch.setattr("auvplan.compiled.MOST", held() + 3)
+    one = program()
+    for size in range(2, 12):
+        x = np.arange(float(size))
+        np.testing.assert_array_equal(one(x, times=2), expected(x, 2))
+        assert held() <= sys.modules[Program.__module__].MOST
 
 
 @pytest.mark.parametrize("change", [{"times": 3}, {"x": np.ones(4)}, {"x": np.ones(3, np.int32)}])

@@ -33,6 +33,11 @@ MAX_NODES = 512
 STANDARD_DEPTHS = (0, 2, 5, 10, 15, 20, 30, 50, 75, 100, 150, 200, 300, 400, 500, 750, 1000, 1500, 2000, 3000,
                    4000, 5000, 6000, 8000, 11000)  # fmt: skip
 
+#: By how much a grid's nodes are denser at most than the points of a source that they do not coincide with,
+#: and how many values of a component it may have then.
+_DENSER, _VALUES = 4.0, 1_000_000
+#: Share of a cell by which nodes that coincide with the source's points may lie beside them.
+_OFF = 0.05
 #: So many values are read at a time.
 _CHUNK = 4_000_000
 
@@ -98,7 +103,8 @@ def read_current(
         site: of the local frame. Where it has no epoch, the first time of the data is the epoch.
         lower, upper: [3] m north, east, depth, the corners of the box that must be covered.
         times: first and last s since the epoch that must be covered; all of the data's by default.
-        spacing: m between nodes at most, so that they fit the box; the source's median by default.
+        spacing: m between nodes at most, so that they fit the box. By default nodes are the source's own
+            where it has even rows and columns north and east, and elsewhere up to four times as dense.
         depths: m, rising; by default the source's levels down to the box's end and the next one, or standard
             depths where the levels follow the sea bed.
         outside: "refuse" what the data does not cover, or "clamp": the nearest value holds.
@@ -147,13 +153,19 @@ def _read(
     epoch = moment_of(source.times[0]) if site.epoch is None else site.epoch
     start = float(seconds_of(epoch))
     frames = _frames(source, start, times, clamp, notes)
-    nodes, apart = _nodes(source, site, low, high, spacing)
-    north, east = (axis.ravel() for axis in np.meshgrid(*nodes, indexing="ij"))
-    longitude, latitude = site.to_geographic(north, east)
-    weights = source.geometry.locate(longitude, latitude)
+    step = _step(source, site, low, high, spacing)
+    within = _nodes(low, high, step)
+    north, east, weights = _located(source, site, within)
     if weights.outside.any():
         _check_cover(source, site, north, east, weights, land, clamp, notes)
     wanted = _depths(source, high[2], depths, notes)
+    nodes = within
+    if spacing is None:
+        frame = (frames.stop - frames.start) * len(wanted)
+        nodes = _source_nodes(source, site, low, high) or _nodes(low, high, step / _denser(within, frame))
+        north, east, weights = _located(source, site, nodes)
+    apart = (float(nodes[0][1] - nodes[0][0]), float(nodes[1][1] - nodes[1][0]))
+    longitude, latitude = site.to_geographic(north, east)
     velocities, floor, lowest = _gridded(source, weights, frames, wanted, notes)
     bearing = site.true_north(longitude, latitude)
     cos, sin = np.cos(bearing), np.sin(bearing)
@@ -274,24 +286,63 @@ def _frames(
     return source.frames(first, last)
 
 
-def _nodes(
-    source: OceanData, site: Site, low: Array, high: Array, spacing: float | None
-) -> tuple[tuple[Array, Array], tuple[float, float]]:
-    """North and east of the grid's nodes, m, from edge to edge of the box, and their spacing."""
+def _located(source: OceanData, site: Site, nodes: tuple[Array, Array]) -> tuple[Array, Array, Weights]:
+    """North and east of all nodes, m, and these places in the source."""
+    north, east = (axis.ravel() for axis in np.meshgrid(*nodes, indexing="ij"))
+    return north, east, source.geometry.locate(*site.to_geographic(north, east))
+
+
+def _step(source: OceanData, site: Site, low: Array, high: Array, spacing: float | None) -> float:
+    """M between nodes, at most."""
     extent = high[:2] - low[:2]
     if spacing is None:
-        step = max(_source_spacing(source, site, low, high), float(extent.max()) / (MAX_NODES - 1))
-    elif np.isfinite(spacing) and spacing > 0:
-        step = float(spacing)
-    else:
+        return max(_source_spacing(source, site, low, high), float(extent.max()) / (MAX_NODES - 1))
+    if not (np.isfinite(spacing) and spacing > 0):
         raise CurrentError(f"spacing must be positive, got {spacing}")
-    # A share of a spacing that rounding adds is no reason for one more node.
-    counts = [max(2, int(np.ceil(length / step - 1e-6)) + 1) for length in extent]
-    if max(counts) > MAX_NODES:
-        makes = f"{step:g} m makes {max(counts)} nodes a side, more than {MAX_NODES}"
+    count = max(map(len, _nodes(low, high, float(spacing))))
+    if count > MAX_NODES:
+        makes = f"{spacing:g} m makes {count} nodes a side, more than {MAX_NODES}"
         raise CurrentError(makes, field="spacing")
-    nodes = (np.linspace(low[0], high[0], counts[0]), np.linspace(low[1], high[1], counts[1]))
-    return nodes, (float(extent[0] / (counts[0] - 1)), float(extent[1] / (counts[1] - 1)))
+    return float(spacing)
+
+
+def _nodes(low: Array, high: Array, step: float) -> tuple[Array, Array]:
+    """North and east of nodes from edge to edge of the box, m."""
+    # A share of a spacing that rounding adds is no reason for one more node.
+    counts = [max(2, int(np.ceil(length / step - 1e-6)) + 1) for length in (high - low)[:2]]
+    return np.linspace(low[0], high[0], counts[0]), np.linspace(low[1], high[1], counts[1])
+
+
+def _denser(nodes: tuple[Array, Array], frame: int) -> float:
+    """By how much nodes may be denser, so that the grid of so many levels and times holds few values."""
+    values = len(nodes[0]) * len(nodes[1]) * frame
+    return float(np.clip(np.sqrt(_VALUES / values), 1.0, _DENSER))
+
+
+def _source_nodes(source: OceanData, site: Site, low: Array, high: Array) -> tuple[Array, Array] | None:
+    """North and east of the source's own rows and columns from around the box, m; None where they are uneven.
+
+    Interpolation between them is then that of the source, and not one between values that were interpolated.
+    """
+    middle = 0.5 * (low + high)
+    index = source.geometry.locate(*(np.atleast_1d(axis) for axis in site.to_geographic(*middle[:2]))).index
+    if index.shape[1] != 4:
+        return None
+    corners = np.stack(site.to_local(*source.geometry.places(index[0])), axis=1)
+    step = corners[3] - corners[0]
+    if (
+        not (step > 0.0).all()
+        or np.abs(corners[[1, 2]] - corners[0] - np.diag(step)[::-1]).max() > _OFF * step.min()
+    ):
+        return None
+    first = corners[0] - step * np.maximum(np.ceil((corners[0] - low[:2]) / step - 1e-6), 0.0)
+    counts = np.maximum(np.ceil((high[:2] - first) / step - 1e-6).astype(int) + 1, 2)
+    if counts.max() > MAX_NODES:
+        return None
+    nodes = first[0] + step[0] * np.arange(counts[0]), first[1] + step[1] * np.arange(counts[1])
+    _, _, weights = _located(source, site, nodes)
+    inside = ~weights.outside
+    return nodes if inside.any() and (weights.weight.max(axis=1)[inside] >= 1.0 - 2.0 * _OFF).all() else None
 
 
 def _source_spacing(source: OceanData, site: Site, low: Array, high: Array) -> float:

@@ -100,10 +100,36 @@ def test_grid_fits_the_box(tmp_path):
     assert found.origin == (-2000.0, -1500.0)
     assert found.spacing == pytest.approx((4000 / 14, 300.0))
     np.testing.assert_allclose(found.field.depths, [1.0, 4.0])
-    # Most neighbours are 558 m apart, those to the east; those to the north 1114 m.
-    assert read_current(path, SITE, **BOX).field.u.shape[2:] == (9, 7)
     with pytest.raises(CurrentError, match="more than 512"):
         read_current(path, SITE, spacing=1.0, **BOX)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_between_the_nodes_of_a_grid_the_current_is_the_files(tmp_path, turned):
+    """Values without any order: interpolated twice, on nodes between them, they would be half gone."""
+    data = regular()
+    rng = np.random.default_rng(3)
+    for name in ("uo", "vo"):
+        data[name] = data[name].copy(data=rng.normal(0.0, 0.5, data[name].shape))
+    path = write(data.isel(latitude=slice(None, None, -1)) if turned else data, tmp_path / "a.nc")
+    found = read_current(path, SITE, **BOX)
+    assert found.field.u.shape[2:] == (6, 8)
+    x, y = rng.uniform(BOX["lower"][:2], BOX["upper"][:2], (500, 2)).T
+    z, t = rng.uniform(0.0, 25.0, 500), rng.uniform(0.0, 10_800.0, 500)
+    longitude, latitude = SITE.to_geographic(x, y)
+    places = {"time": t / 3600.0, "depth": z, "latitude": latitude, "longitude": longitude}
+    there = data.interp({name: xr.DataArray(axis, dims="place") for name, axis in places.items()})
+    u, v, _ = found.field(x, y, z, t)
+    # A row is 1,114 m long, and its nodes lie up to 3 m beside the file's.
+    np.testing.assert_allclose(u, there["vo"], atol=0.01)
+    np.testing.assert_allclose(v, there["uo"], atol=0.01)
+
+
+def test_where_rows_are_not_even_nodes_are_denser(tmp_path):
+    lat = LAT + np.array([0.0, 0.01, 0.016, 0.03, 0.035, 0.05])
+    data = regular(lat=lat)
+    found = read_current(write(data, tmp_path / "a.nc"), SITE, **BOX)
+    assert found.spacing == pytest.approx((4000 / 29, 3000 / 22), rel=0.03)
 
 
 def test_levels_reach_beyond_the_box(tmp_path):
