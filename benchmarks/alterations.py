@@ -16,8 +16,8 @@ import numpy as np
 import xarray as xr
 from rich.table import Table
 
+from auvplan.check.run import check_dataset
 from auvplan.files import read_mission, read_summary
-from auvplan.io.check import check_dataset
 from benchmarks.machine import arguments, bars, console, write
 
 Alter = Callable[[dict[str, Any], xr.Dataset, np.random.Generator], None]

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 import auvplan as ap
+from auvplan.check.run import check_dataset
 from auvplan.executive import plan_departures, plan_scenario
 from auvplan.executive.loop import seed_keys
 from auvplan.export import itinerary_of
 from auvplan.export.sheet import sheet_of
-from auvplan.io.check import check_dataset
 from auvplan.io.restore import restore_run
 from auvplan.io.results import save_run, to_dataset
 from auvplan.mission.jobs import JobLine, JobPoint, Jobs

@@ -8,7 +8,7 @@ import pytest
 import shapely
 
 import auvplan as ap
-from auvplan.io.check import check_run
+from auvplan.check.run import check_run
 from auvplan.io.examine import examine_scenario
 from auvplan.io.restore import restore_run
 from tests.io.geo.enc_cells import Object, write_cell

@@ -5,10 +5,10 @@ import zipfile
 
 import numpy as np
 import pytest
-
 from auvplan.io.errands import jobs_of, obstacles_of
-from auvplan.io.geo import read_jobs, read_obstacles
 from auvplan.io.originals import metres_of
+
+from auvplan.io.geo import read_jobs, read_obstacles
 from auvplan.site import Site
 from tests.io.geo.files import feature, write_geojson
 from tests.io.test_sources import saved

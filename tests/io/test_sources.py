@@ -9,10 +9,10 @@ import shapely
 import xarray as xr
 from pyproj import Transformer
 
+from auvplan.check.inputs import places_of
+from auvplan.check.run import check_run
+from auvplan.check.sources import read_sources
 from auvplan.io import save_run
-from auvplan.io.check import check_run
-from auvplan.io.originals import places_of
-from auvplan.io.sources import read_sources
 from auvplan.site import Site
 from tests.io.currents.samples import LAT, LON, regular, roms, write
 from tests.io.geo.files import SITE, geographic, ring, write_geojson, write_geotiff

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from auvplan.io.hours import window_faults
-from auvplan.io.ledger import Leg
+from auvplan.check.legs import Leg
+from auvplan.check.windows import window_faults
 
 NAMES = ["start", "gauge", "wreck", "goal"]
 

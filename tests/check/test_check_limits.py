@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from auvplan.io.check import ResultError, check_dataset
+from auvplan.check.run import ResultError, check_dataset
 from auvplan.io.results import to_dataset
 from auvplan.motion import Motion
 from auvplan.vehicle import Vehicle
+from tests.check.test_check import check, in_a_band_that_closes, with_jobs, with_known_obstacle
+from tests.check.test_check_seabed import over, written
 from tests.io.sample_run import SPEED, make_run
-from tests.io.test_check import check, in_a_band_that_closes, with_jobs, with_known_obstacle
-from tests.io.test_check_seabed import over, written
 
 #: m/s that a vehicle of the sample run makes good in the fastest current that there is.
 FASTEST = SPEED + 5.0

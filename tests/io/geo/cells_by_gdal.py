@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 from pyproj import Transformer
 
-from auvplan.io.walk import Array, Mask
+from auvplan.check.track import Array, Mask
 
 #: Classes that close the water as they are, and those that do from their depth down.
 _SOLID = "LNDARE", "UNSARE", "FLODOC", "HULKES", "PONTON", "SLCONS", "CAUSWY", "DAMCON", "DYKCON", "GATCON"

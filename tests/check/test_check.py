@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from auvplan.check.run import ResultError, check_dataset, check_run
 from auvplan.io import save_run
-from auvplan.io.check import ResultError, check_dataset, check_run
 from auvplan.io.results import to_dataset
 from auvplan.motion import Motion
 from auvplan.records import MissionRun
