@@ -239,8 +239,8 @@ def _speed_faults(
         moments = np.arange(max(len(leg.times) - 1, 0))
         moving = moments[np.linalg.norm(own.ground[:-1], axis=1) > 0.0] if len(moments) else moments
         chosen = moving[:: max(len(moving) // _MOMENTS, 1)]
-        if not len(chosen):
-            continue
+        if not len(chosen) or not np.isfinite(leg.positions).all() or not np.isfinite(leg.times).all():
+            continue  # what is not a number is a fault of its own
         if saved is not None:
             known = saved[part][chosen]
         else:

@@ -140,8 +140,11 @@ def read_legs(dataset: xr.Dataset) -> Iterator[Leg]:
 
 
 def site_faults(dataset: xr.Dataset) -> Iterator[str]:
-    """Yield that a run is not where and when its scenario says."""
-    site = json.loads(str(dataset.attrs["scenario"])).get("site")
+    """Yield that a run is not where and when, or its vehicle not as fast, as its scenario says."""
+    settings = json.loads(str(dataset.attrs["scenario"]))
+    site, speed = settings.get("site"), (settings.get("vehicle") or {}).get("speed")
+    if speed is not None and abs(float(dataset.attrs["vehicle_speed"]) - speed) > 1e-6:
+        yield f"vehicle_speed is {float(dataset.attrs['vehicle_speed']):g} m/s, the scenario says {speed:g}"
     if not site or "site_longitude" not in dataset.attrs:
         return
     places = {"site_longitude": site["longitude"], "site_latitude": site["latitude"]}

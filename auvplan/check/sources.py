@@ -25,9 +25,6 @@ _METRES = {
     **dict.fromkeys(("fathom", "fathoms"), 1.8288),
     **{"cm": 0.01, "dm": 0.1, "km": 1000.0},
 }
-#: Classes of S-57 that are land, and those that have depths.
-_SOLID, _DEEP = ("LNDARE", "UNSARE", "FLODOC", "HULKES", "PONTON", "CAUSWY"), ("DEPARE", "DRGARE")
-
 #: From longitude, latitude, degrees, and depth, m, [n] each, to [n] whether there is land or bed.
 Blocked = Callable[[Array, Array, Array], Mask]
 
@@ -73,22 +70,19 @@ def _files(settings: dict[str, Any]) -> Iterator[tuple[str, str, Callable[[str],
     """Yield the files of a scenario, what they tell, and how they are read."""
 
     def unread(path: str) -> Blocked:
-        raise _UnknownFileError("pictures and files of currents are judged by the planner alone")
+        raise _UnknownFileError("pictures, S-57 cells and files of currents are not looked at")
 
     chart, bed, current = (settings.get(name) or {} for name in ("chart", "bathymetry", "current"))
     files = current.get("files") or []
     files = ([files] if isinstance(files, str) else files)[:1]
     if chart.get("source") == "polygons":
         yield chart["file"], "land", lambda path: _inside(path)
-    elif chart.get("source") == "enc":
-        yield chart["file"], "land", lambda path: _in_cells(path, -np.inf, float(chart["safety_depth"]))
-    elif picture := chart.get({"raster": "file", "image": "image"}.get(str(chart.get("source")), "")):
-        yield picture, "land", unread
+    elif name := chart.get("file") or chart.get("image"):
+        yield name, "land", unread
     if chart.get("no_go") and not chart.get("no_go_windows"):
         yield chart["no_go"], "land", lambda path: _inside(path, always=True)
     if bed.get("source") == "chart":
-        low = float(bed.get("water_level") or 0.0)
-        yield chart["file"], "sea bed", lambda path: _in_cells(path, low + _TOLERANCE)
+        yield chart["file"], "sea bed", unread
     elif bed.get("source") == "file":
         yield bed["file"], "sea bed", lambda path: _below(path, bed)
     for kind, section in (("land", chart), ("sea bed", bed)):
@@ -96,71 +90,31 @@ def _files(settings: dict[str, Any]) -> Iterator[tuple[str, str, Callable[[str],
             yield from ((name, kind, unread) for name in files)
 
 
-def _rows(path: str, layer: str | None = None) -> tuple[list[dict[str, Any]], list[Any], Any]:
-    """Return properties by lower-case name, shapes and coordinate system of a layer, by default of areas."""
+def _inside(path: str, always: bool = False) -> Blocked:
+    """Return where a file has polygons; `always`: those alone that have no hours."""
     from pyogrio import list_layers, raw
 
     if path.endswith(".zip"):
         path = f"/vsizip/{Path(path).absolute()}"
-    layers = {str(name): str(kind) for name, kind in list_layers(path)}
-    if layer is None:
-        flat = ("Point", "Line", "None")
-        layer = next(name for name, kind in layers.items() if not any(word in kind for word in flat))
-    if layer not in layers:
-        return [], [], None
-    meta, _, geometries, columns = raw.read(path, layer=layer, force_2d=True)
-    names = [str(name).strip().lower() for name in meta["fields"]]
-    shapes = [] if geometries is None else list(shapely.from_wkb(geometries))
-    rows = [dict(zip(names, row, strict=True)) for row in zip(*columns, strict=True)]
-    return rows or [{}] * len(shapes), shapes, meta["crs"]
-
-
-def _inside(path: str, always: bool = False) -> Blocked:
-    """Return where a file has polygons; `always`: those alone that have no hours."""
-    rows, shapes, system = _rows(path)
-    hours = [any(row.get(key) not in (None, "") for key in ("from", "to", "windows")) for row in rows]
+    flat = ("Point", "Line", "None")
+    layers = [str(name) for name, kind in list_layers(path) if not any(word in str(kind) for word in flat)]
+    meta, _, geometries, columns = raw.read(path, layer=layers[0], force_2d=True)
+    names, shapes = [str(name).strip().lower() for name in meta["fields"]], shapely.from_wkb(geometries)
+    stated = [
+        column for name, column in zip(names, columns, strict=True) if name in ("from", "to", "windows")
+    ]
+    hours = [any(column[row] not in (None, "") for column in stated) for row in range(len(shapes))]
     kept = [one for one, timed in zip(shapes, hours, strict=True) if one and not (always and timed)]
     parts = [shapely.make_valid(part) for one in kept for part in shapely.get_parts(one)]
     union = shapely.union_all([part for part in parts if "Polygon" in part.geom_type])
     shapely.prepare(union)
-    turn = Transformer.from_crs("EPSG:4326", system or "EPSG:4326", always_xy=True)
+    turn = Transformer.from_crs("EPSG:4326", meta["crs"] or "EPSG:4326", always_xy=True)
 
     def inside(longitude: Array, latitude: Array, depth: Array) -> Mask:
         places = [turn.transform(longitude + around, latitude) for around in (-360.0, 0.0, 360.0)]
         return np.any([shapely.contains_xy(union, *place) for place in places], axis=0)
 
     return inside
-
-
-def _in_cells(path: str, low: float, least: float | None = None) -> Blocked:
-    """Return where S-57 cells have land and less water than `least`, m, or none at a vehicle's depth.
-
-    The cell of the largest scale around a place rules; `low`: m, added to the least depth of an area.
-    """
-    cells = []
-    for cell in map(str, [Path(path)] if Path(path).is_file() else sorted(Path(path).rglob("*.000"))):
-        (stated, *_), *_ = _rows(cell, "DSID")
-        cover, shapes, _ = _rows(cell, "M_COVR")
-        covered = [one for row, one in zip(cover, shapes, strict=True) if row.get("catcov") != 2]
-        areas = [] if least is None else [(one, -np.inf) for kind in _SOLID for one in _rows(cell, kind)[1]]
-        for kind in _DEEP:
-            for row, shape in zip(*_rows(cell, kind)[:2], strict=True):
-                top = float(row["drval1"]) if row["drval1"] == row["drval1"] else 0.0  # NaN: not known
-                if least is None or top < least:
-                    areas.append((shapely.make_valid(shape), max(top, 0.0) + low))
-        cells.append((float(stated["dspm_cscl"]), shapely.union_all(covered), areas))
-    cells.sort(key=lambda cell: cell[0])
-
-    def blocked(longitude: Array, latitude: Array, depth: Array) -> Mask:
-        found, known = np.zeros(len(longitude), bool), np.zeros(len(longitude), bool)
-        for _, cover, areas in cells:
-            own = ~known & shapely.contains_xy(cover, longitude, latitude)
-            known |= own
-            for shape, top in areas:
-                found |= own & shapely.contains_xy(shape, longitude, latitude) & (depth > top)
-        return found
-
-    return blocked
 
 
 def _below(path: str, settings: dict[str, Any]) -> Blocked:
