@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from zipfile import ZipFile
 
 import numpy as np
 import shapely
@@ -95,7 +96,11 @@ def _inside(path: str, always: bool = False) -> Blocked:
     from pyogrio import list_layers, raw
 
     if path.endswith(".zip"):
-        path = f"/vsizip/{Path(path).absolute()}"
+        with ZipFile(path) as archive:
+            names = [name for name in archive.namelist() if name.endswith((".shp", ".gpkg", ".fgb"))]
+        if len(names) != 1:
+            raise _UnknownFileError(f"its archive holds {len(names)} files of polygons")
+        path = f"/vsizip/{{{Path(path).absolute()}}}/{names[0]}"
     flat = ("Point", "Line", "None")
     layers = [str(name) for name, kind in list_layers(path) if not any(word in str(kind) for word in flat)]
     meta, _, geometries, columns = raw.read(path, layer=layers[0], force_2d=True)
@@ -172,11 +177,12 @@ def _of_raster(path: str, settings: dict[str, Any]) -> tuple[xr.DataArray, _Plac
         if file.driver == "GTiff" and "DOWN" in "".join(vertical):  # a BAG keeps heights in such a system
             stated["positive"] = "down"
         heights = _upward(values, stated, file.descriptions[0] or "", settings)
-        turn, back = Transformer.from_crs("EPSG:4326", system, always_xy=True), ~file.transform
+        turn = Transformer.from_crs("EPSG:4326", system, always_xy=True)
+        a, b, c, d, e, f = tuple(~file.transform)[:6]
 
     def places(longitude: Array, latitude: Array) -> tuple[Array, Array]:
-        column, row = back * turn.transform(longitude, latitude)
-        return row - 0.5, column - 0.5
+        x, y = turn.transform(longitude, latitude)
+        return d * x + e * y + f - 0.5, a * x + b * y + c - 0.5
 
     sizes = {dim: np.arange(size) for dim, size in zip(("row", "column"), heights.shape, strict=True)}
     return xr.DataArray(heights, sizes, ("row", "column")), places
