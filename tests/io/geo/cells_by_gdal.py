@@ -1,6 +1,6 @@
-"""The checker's own view of S-57 cells: where they close the water, and which rocks and wrecks they have.
+"""S-57 cells by GDAL, an oracle of the reader: where they close the water, which rocks and wrecks they have.
 
-It asks GDAL by attribute filters and looks up every place by itself, in the cell of the largest scale there;
+It asks by attribute filters and looks up every place by itself, in the cell of the largest scale there;
 it shares no code with `auvplan.io.geo.s57`.
 """
 
