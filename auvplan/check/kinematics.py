@@ -227,6 +227,8 @@ def _speed_faults(
     saved = None
     if "current_north" in dataset:
         saved = np.stack([dataset[f"current_{name}"].values for name in ("north", "east")], axis=1)
+        if unknown := int((~np.isfinite(saved)).any(axis=1).sum()):
+            notes.append(f"{unknown:,} observations have no current, which was not looked at there")
     elif scenario_of(dataset).get("current", {}).get("source", "vortices") != "vortices":
         notes.append("the current along the track was not saved and not looked at")
         return
