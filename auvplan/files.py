@@ -1,5 +1,6 @@
 """Folders and files of results: written whole or not at all, read with one clear line on what is wrong."""
 
+import hashlib
 import json
 import mmap
 import os
@@ -9,6 +10,7 @@ import struct
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -61,6 +63,10 @@ _HEAPS = 64 << 20
 #: A file of results that claims more bytes of values than either of these, the latter times its own size, is
 #: none: it would fill the memory.
 _MAX_DATASET_BYTES, _MOST_COMPRESSED = 1 << 27, 100
+
+
+#: Larger files are known by name and size alone, bytes.
+_HASHED = 500_000_000
 
 
 class OutputError(AuvplanError):
@@ -165,6 +171,35 @@ def write_atomically(path: str | Path, write: Callable[[Path], object]) -> Path:
     finally:
         temporary.unlink(missing_ok=True)
     return target
+
+
+def folder_size(path: Path) -> int:
+    """Return the bytes of a file, or of all files of a folder."""
+    if path.is_dir():
+        return sum(part.stat().st_size for part in path.rglob("*") if part.is_file())
+    return path.stat().st_size
+
+
+def digest(path: Path) -> str:
+    """Return the SHA-256 of a file, or of the names and digests of a folder's files, in hexadecimal.
+
+    Empty where it is larger than 500 MB: it is known by name and size alone.
+    """
+    if folder_size(path) > _HASHED:
+        return ""
+    if path.is_dir():
+        parts = sorted(part for part in path.rglob("*") if part.is_file())
+        text = "".join(f"{part.relative_to(path).as_posix()} {digest(part)}\n" for part in parts)
+        return hashlib.sha256(text.encode()).hexdigest()
+    state = path.stat()
+    return _digest(path, state.st_size, state.st_mtime_ns)
+
+
+@lru_cache(maxsize=4096)
+def _digest(path: Path, size: int, changed: int) -> str:
+    """Hash a file; it is asked for in every run of a study, by its size and when it was changed."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def read_summary(folder: str | Path) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from auvplan.brief import Brief
 from auvplan.mission import MissionGraph, MissionRoute, trail_bound, upper_bound
-from auvplan.mission.jobs import jobs_done
+from auvplan.mission.jobs import Jobs, jobs_done
 from auvplan.mission.survey import Coverage, LinePart
 from auvplan.motion import Motion
 from auvplan.ocean.chart import Chart
@@ -109,6 +109,8 @@ class LegRecord(Brief):
         t_wait: s that it waited at the waypoint reached, for the task's window.
         missed: whether it came too late for the task's window.
         line: the part of a survey line that it follows, or None.
+        current: [n, 2] m/s north and east, the true current from each time to the next; None where it changes
+            as vortices do.
     """
 
     start: int
@@ -131,6 +133,7 @@ class LegRecord(Brief):
     t_wait: float = 0.0
     missed: bool = False
     line: LinePart | None = None
+    current: Array | None = None
 
     def _facts(self) -> dict[str, str]:
         return {
@@ -249,6 +252,8 @@ class MissionRun(Brief):
         assumed: what was assumed in reading the scenario's files, a line each.
         followable: [N, N], the share of each edge's own task that can be done, survey lines being blocked in
             part; None where all of every task can.
+        jobs: from a file, their times counted from the departure; None where waypoints were drawn.
+        sources: digests of the files that it was made from, see `source_digests`; None until it is saved.
         saved_bound: `bound` of a run that comes from files, which do not keep `first_route`; None of others.
     """
 
@@ -281,6 +286,8 @@ class MissionRun(Brief):
     departed: float = 0.0
     assumed: tuple[str, ...] = ()
     followable: Array | None = None
+    jobs: Jobs | None = None
+    sources: list[dict[str, Any]] | None = None
     saved_bound: float | None = None
 
     def __post_init__(self) -> None:

@@ -7,6 +7,7 @@ alteration is not found.
 """
 
 import copy
+import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -16,8 +17,8 @@ import numpy as np
 import xarray as xr
 from rich.table import Table
 
+from auvplan.check.run import check_dataset
 from auvplan.files import read_mission, read_summary
-from auvplan.io.check import check_dataset
 from benchmarks.machine import arguments, bars, console, write
 
 Alter = Callable[[dict[str, Any], xr.Dataset, np.random.Generator], None]
@@ -114,6 +115,50 @@ def _attribute(name: str, change: float) -> Alter:
     return alter
 
 
+def _kept(name: str, change: Callable[[Any, np.random.Generator], None]) -> Alter:
+    """Something of what the run was made from."""
+
+    def alter(summary: dict[str, Any], dataset: xr.Dataset, rng: np.random.Generator) -> None:
+        stated = json.loads(dataset.attrs[name])
+        change(stated, rng)
+        dataset.attrs[name] = json.dumps(stated)
+
+    return alter
+
+
+def _named(stated: dict[str, Any], rng: np.random.Generator, timed: bool = False) -> dict[str, Any]:
+    """A job at a place; `timed`: with a window."""
+    return rng.choice([job for job in stated["points"] if job["windows"] or not timed])
+
+
+def _job_priority(stated: dict[str, Any], rng: np.random.Generator) -> None:
+    _named(stated, rng)["priority"] += 1.0
+
+
+def _job_duration(stated: dict[str, Any], rng: np.random.Generator) -> None:
+    _named(stated, rng)["duration"] += 10.0
+
+
+def _job_window(stated: dict[str, Any], rng: np.random.Generator) -> None:
+    window = _named(stated, rng, timed=True)["windows"][0]
+    window[:] = [None if end is None else end + 10.0 for end in window]
+
+
+def _jobs_swapped(stated: dict[str, Any], rng: np.random.Generator) -> None:
+    one, two = rng.choice(len(stated["points"]), 2, replace=False)
+    jobs = stated["points"]
+    jobs[one]["position"], jobs[two]["position"] = jobs[two]["position"], jobs[one]["position"]
+
+
+def _digest(stated: list[dict[str, Any]], rng: np.random.Generator) -> None:
+    rng.choice(stated)["sha256"] = "0" * 64
+
+
+def _current(summary: dict[str, Any], dataset: xr.Dataset, rng: np.random.Generator) -> None:
+    """The current along the whole track."""
+    dataset["current_north"] = dataset["current_north"] + 0.1
+
+
 #: What is altered, by how much it says so.
 KINDS: dict[str, Alter] = {
     "a position 3 m north": _track("x", 3.0),
@@ -145,6 +190,12 @@ KINDS: dict[str, Alter] = {
     "the mission's time by 10 s": _attribute("t_mission", 10.0),
     "the charged planning time by 10 s": _attribute("charged_compute", 10.0),
     "the speed of the vehicle by 0.2 m/s": _attribute("vehicle_speed", 0.2),
+    "a job's priority by 1": _kept("jobs", _job_priority),
+    "a job's duration by 10 s": _kept("jobs", _job_duration),
+    "a job's window by 10 s": _kept("jobs", _job_window),
+    "two jobs swapped": _kept("jobs", _jobs_swapped),
+    "the current by 0.1 m/s": _current,
+    "the digest of a file": _kept("sources", _digest),
     "summary: mission time by 10 s": _figure("t_mission", 10.0),
     "summary: time left by 10 s": _figure("t_residual", 10.0),
     "summary: tasks by 1": _figure("tasks", 1),
@@ -173,7 +224,19 @@ def altered(
 
 def possible(kind: str, dataset: xr.Dataset) -> bool:
     """Return whether a run has what is to be altered."""
-    return kind.split(" by ")[0] not in ("a longitude", "a latitude") or "longitude" in dataset
+    name = kind.split(" by ")[0]
+    jobs = (json.loads(dataset.attrs.get("jobs", "null")) or {}).get("points", [])
+    needs = {
+        "a longitude": "longitude" in dataset,
+        "a latitude": "longitude" in dataset,
+        "a job's priority": bool(jobs),
+        "a job's duration": bool(jobs),
+        "a job's window": any(job["windows"] for job in jobs),
+        "two jobs swapped": len(jobs) > 1,
+        "the current": "current_north" in dataset,
+        "the digest of a file": bool(json.loads(dataset.attrs.get("sources", "null"))),
+    }
+    return needs.get(name, True)
 
 
 def main() -> int:

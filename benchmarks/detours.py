@@ -29,11 +29,11 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 import auvplan as ap
+from auvplan.check.run import check_run
 from auvplan.executive.planning import load_area_at, plan_scenario
 from auvplan.export import export, itinerary_of
 from auvplan.export.sheet import sheet_of
 from auvplan.io import save_run
-from auvplan.io.check import check_run
 from auvplan.io.restore import restore_run
 from auvplan.mission.travel_times import TURN_TO
 from auvplan.ocean.currents import evaluated

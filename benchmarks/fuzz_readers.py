@@ -18,9 +18,9 @@ import yaml
 from PIL import Image
 
 import auvplan as ap
+from auvplan.check.run import check_run
 from auvplan.files import DEPARTED, DEPARTURES, SUMMARY
 from auvplan.io import geo
-from auvplan.io.check import check_run
 from auvplan.io.currents import open_ocean
 from auvplan.io.currents.summary import summary_of
 from auvplan.io.examine import examine_scenario

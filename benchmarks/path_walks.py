@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from rich.progress import Progress
 
 import auvplan as ap
-from auvplan.io.walk import Coast, Walk
+from auvplan.check.track import Coast, Walk
 from auvplan.path.cost import Trajectory, curves, evaluate, violations
 from benchmarks.machine import bars, console
 from benchmarks.scoring import Problem, problem

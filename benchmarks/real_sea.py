@@ -19,8 +19,8 @@ import xarray as xr
 import yaml
 
 import auvplan as ap
+from auvplan.check.run import check_run
 from auvplan.export import export_run
-from auvplan.io.check import check_run
 from auvplan.io.currents import OceanData, open_ocean
 from auvplan.io.example import write_example
 

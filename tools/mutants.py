@@ -31,12 +31,11 @@ REASONS = ROOT / "tools" / "mutants.toml"
 
 #: Tests that go with each file: those that are meant to notice what is wrong with it.
 TARGETS = {
-    "auvplan/io/check.py": (
-        "tests/io/test_check_limits.py",
-        "tests/io/test_check.py",
-        "tests/io/test_check_seabed.py",
-        "tests/io/test_sources.py",
-        "tests/io/test_enc_scenario.py",
+    "auvplan/check/run.py": (
+        "tests/check/test_check_limits.py",
+        "tests/check/test_check.py",
+        "tests/check/test_check_seabed.py",
+        "tests/check/test_sources.py",
     ),
     "auvplan/path/clearance.py": ("tests/path/test_clearance.py", "tests/path/test_seabed.py"),
     "auvplan/mission/decoder.py": ("tests/mission/test_decoder.py", "tests/mission/test_timetable.py"),

@@ -44,7 +44,7 @@ CAPABILITIES: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "Coast and sea bed": {
         "tests": ("tests/ocean/test_chart.py", "tests/ocean/test_seabed.py", "tests/path/test_seabed.py"),
-        "independent": ("tests/io/test_check_seabed.py", "benchmarks.water_land"),
+        "independent": ("tests/check/test_check_seabed.py", "benchmarks.water_land"),
         "fault": ("tests/faults/test_machine.py",),
     },
     "Obstacles and clearance": {
@@ -53,7 +53,7 @@ CAPABILITIES: dict[str, dict[str, tuple[str, ...]]] = {
             "tests/ocean/test_known.py",
             "tests/path/test_clearance.py",
         ),
-        "independent": ("benchmarks.path_walks", "tests/io/test_walk.py"),
+        "independent": ("benchmarks.path_walks", "tests/check/test_track.py"),
         "fault": ("tests/faults/test_machine.py", "benchmarks.faults"),
     },
     "Paths": {
@@ -88,7 +88,7 @@ CAPABILITIES: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "Routes by the clock": {
         "tests": ("tests/mission/test_timetable.py", "tests/executive/test_clock.py"),
-        "independent": ("benchmarks.clock", "benchmarks.windows", "tests/io/test_hours.py"),
+        "independent": ("benchmarks.clock", "benchmarks.windows", "tests/check/test_windows.py"),
         "peer": ("benchmarks.clock_peers", "benchmarks.solomon"),
     },
     "The executive": {
@@ -150,10 +150,10 @@ CAPABILITIES: dict[str, dict[str, tuple[str, ...]]] = {
     },
     "The checker": {
         "tests": (
-            "tests/io/test_check.py",
-            "tests/io/test_check_limits.py",
-            "tests/io/test_walk.py",
-            "tests/io/test_sources.py",
+            "tests/check/test_check.py",
+            "tests/check/test_check_limits.py",
+            "tests/check/test_track.py",
+            "tests/check/test_sources.py",
         ),
         "fault": ("benchmarks.alterations",),
     },

@@ -24,7 +24,7 @@ from auvplan.errors import ScenarioError
 from auvplan.words import counted
 
 if TYPE_CHECKING:
-    from auvplan.io.check import CheckReport
+    from auvplan.check.run import CheckReport
     from auvplan.io.forecasts import Fetched
     from auvplan.io.geo.raster import PixelSize
     from auvplan.ocean.classify import Classified
@@ -260,17 +260,25 @@ def check(
     folder: Annotated[
         Path, typer.Argument(help="Folder of a result, or of a study whose runs were saved (--save-runs).")
     ],
+    sources: Annotated[
+        bool,
+        typer.Option(
+            "--sources",
+            help="Look also at the files of land, closed areas and sea bed that the scenario names, with "
+            "pyogrio, rasterio and xarray.",
+        ),
+    ] = False,
     quiet: QuietOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Check a result independently: re-check the whole track and every time."""
-    from auvplan.io.check import check_run
+    from auvplan.check.run import check_run
     from auvplan.study.store import is_study
 
     if is_study(folder):
-        sound = _check_study(folder, quiet, as_json)
+        sound = _check_study(folder, sources, quiet, as_json)
     else:
-        report = check_run(folder)
+        report = check_run(folder, sources)
         sound = report.ok
         if as_json:
             print_json(_plain(report))
@@ -284,14 +292,14 @@ def _plain(report: "CheckReport") -> dict[str, Any]:
     return {"ok": report.ok, "collisions": report.collisions} | asdict(report)
 
 
-def _check_study(folder: Path, quiet: bool, as_json: bool) -> bool:
+def _check_study(folder: Path, sources: bool, quiet: bool, as_json: bool) -> bool:
     """Check all saved runs of a study, a line each, and tell whether none has a fault."""
-    from auvplan.io.check import CheckReport, check_run
+    from auvplan.check.run import CheckReport, check_run
     from auvplan.study.store import saved_runs
 
     reports: dict[str, CheckReport] = {}
     for run in saved_runs(folder):
-        report = reports[run.name] = check_run(run)
+        report = reports[run.name] = check_run(run, sources)
         if not quiet and not as_json:
             met = f"{counted(report.legs, 'leg')}, {report.length:,.0f} m, {_collisions(report.collisions)}"
             faults = "no faults" if report.ok else counted(len(report.faults), "fault")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan.io.walk import Walk, events
+from auvplan.check.track import Walk, events
 from auvplan.ocean.obstacles import CONFIDENCE
 from auvplan.records import LegRecord, MissionRun
 from auvplan.scenario.settings import SensorSettings

@@ -244,7 +244,7 @@ def start_mission(context: SimulationContext, number: int, key: jax.Array, seed:
     )
     run.simulated, run.obstacles = context.simulated, context.area.obstacles
     run.assumed, run.closures = context.area.notes, context.area.closures
-    run.coast, run.zones = context.area.coast, context.area.zones
+    run.coast, run.zones, run.jobs = context.area.coast, context.area.zones, context.area.jobs
     sea = make_sea(scenario, context.area, field_key, sea_key, context.simulated)
     faults = context.faults_of(number)
     if faults:
@@ -388,6 +388,7 @@ def _judge(context: SimulationContext, mission: Mission) -> None:
     finish(leg)
     if isinstance(mission.sea, ModelSea):
         record.current_difference = mission.sea.difference(record.positions, record.times)
+        record.current = mission.sea.along(record.positions, record.times, mean=not context.simulated)
     mission.leg = None
     if context.simulated:
         made = leg.speed_made / context.speed

@@ -198,6 +198,7 @@ def _from_departure(run: MissionRun, depart: float) -> MissionRun:
         moment = run.site.epoch + timedelta(seconds=depart)
         run.site = replace(run.site, epoch=moment)
         run.scenario["site"]["departure"] = moment.isoformat()
+    run.jobs = None if run.jobs is None else run.jobs.after(depart)
     run.closures = tuple(closure.after(depart) for closure in run.closures)
     run.obstacles, run.departed = tuple(obstacle.after(depart) for obstacle in run.obstacles), depart
     return run

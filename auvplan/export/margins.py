@@ -7,7 +7,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
-from auvplan.io.walk import Coast, Walk
+from auvplan.check.track import Coast, Walk
 from auvplan.records import LegRecord, MissionRun
 from auvplan.schedule import stated_closures
 from auvplan.simulation.world import KNOWN
@@ -67,7 +67,10 @@ class Margins:
             arrivals = values[np.searchsorted(record, np.arange(1, len(times)))]
             return np.minimum(found, np.append(arrivals, np.inf))
 
-        coast = nothing if run.coast is None else Coast.of_chart(run.coast, run.coast_reach).distances(places)
+        coast = nothing
+        if (chart := run.coast) is not None:
+            land, corner = np.asarray(chart.passability) == 0.0, np.asarray(chart.lower, float)
+            coast = Coast(land, corner, float(chart.pixel_size), run.coast_reach).distances(places)
         bed = nothing if run.seabed is None else least(np.asarray(run.seabed.altitude(walk.positions), float))
         near = [obstacle.distance(walk.positions, walk.times) for obstacle in run.obstacles]
         near += list((np.linalg.norm(walk.obstacles - walk.positions[:, None], axis=2) - np.asarray(radii)).T)

@@ -11,12 +11,13 @@ import shapely
 import xarray as xr
 from numpy.typing import NDArray
 
+from auvplan.check.legs import read_legs, require
 from auvplan.errors import AuvplanError
 from auvplan.files import MISSION, ResultError, read_mission, read_summary
 from auvplan.io.area import load_closures, load_truth
 from auvplan.io.fields import chart_of, history_of, motion_of, seabed_of, site_of, vortices_of
-from auvplan.io.ledger import read_legs, require
 from auvplan.mission import MissionGraph
+from auvplan.mission.jobs import JobLine, JobPoint, Jobs
 from auvplan.mission.survey import LinePart
 from auvplan.mission.timetable import Timetable
 from auvplan.ocean.closures import Closure, Zone
@@ -93,6 +94,8 @@ def restore_run(folder: str | Path) -> MissionRun:
             followable=dataset["task_followable"].values if "task_followable" in dataset else None,
             coast=chart_of(dataset, "coast", "coast") or (None if closed else chart),
             zones=tuple(Zone(name, shapely.from_wkt(text)) for name, text in closed),
+            jobs=_jobs(json.loads(attributes.get("jobs", "null"))),
+            sources=json.loads(attributes.get("sources", "null")),
             saved_bound=float(summary.get("priority_bound", 0.0)),
         )
     except AuvplanError:
@@ -132,6 +135,24 @@ def _with_windows(graph: MissionGraph, dataset: xr.Dataset, settings: dict, spee
     still = graph.leg_times(speed) - graph.duration
     waiting = settings["mission"].get("wait") != "none"
     return graph.with_timetable(Timetable(np.zeros(1), still[None], **hours, waiting=waiting))
+
+
+def _jobs(stated: dict | None) -> Jobs | None:
+    """Return the jobs of a file from JSON."""
+    if stated is None:
+        return None
+
+    def rest(job: dict) -> tuple[Any, ...]:
+        windows = tuple(
+            (-np.inf if opens is None else opens, np.inf if closes is None else closes)
+            for opens, closes in job["windows"]
+        )
+        return job["priority"], job["duration"], windows, tuple(map(tuple, job["falls"]))
+
+    points = [JobPoint(job["name"], tuple(job["position"]), *rest(job)) for job in stated["points"]]
+    places = [tuple(map(tuple, job["positions"])) for job in stated["lines"]]
+    lines = [JobLine(job["name"], at, *rest(job)) for job, at in zip(stated["lines"], places, strict=True)]
+    return Jobs(tuple(points), tuple(lines))
 
 
 def _obstacle(stated: dict) -> KnownObstacle:
@@ -195,6 +216,10 @@ def _legs(dataset: xr.Dataset, settings: dict, home: str) -> list[LegRecord]:
         record.motion = motion[begins[number] : begins[number] + len(leg.times)]
         record.obstacle_radii, record.obstacle_kinds = leg.radii, kinds[number][: len(leg.radii)]
         record.arrived = leg.arrived
+        if "current_north" in dataset and leg.executed:
+            part = slice(begins[number], begins[number] + len(leg.times))
+            known = [dataset[f"current_{name}"].values[part] for name in ("north", "east")]
+            record.current = np.stack(known, axis=1).astype(float)
         record.line = _line(dataset, number)
         record.plans = _plans(dataset, number, model)
         legs.append(record)

@@ -25,10 +25,14 @@ from auvplan.io.fields import (
     vortex_variables,
 )
 from auvplan.mission import MissionGraph
+from auvplan.mission.jobs import Jobs
 from auvplan.mission.timetable import Timetable
 from auvplan.motion import Motion
+from auvplan.ocean.closures import Closure
 from auvplan.ocean.known import KnownObstacle
 from auvplan.records import LegRecord, MissionRun
+from auvplan.scenario.provenance import source_digests
+from auvplan.schedule import stated_closures
 from auvplan.site import Site
 
 #: The scenario's epoch has no date of its own; this one stands for it.
@@ -75,7 +79,13 @@ def load_run(folder: str | Path) -> xr.Dataset:
 def to_dataset(run: MissionRun) -> xr.Dataset:
     """Return a run as CF trajectories, one a leg, contiguous and ragged along `obs`."""
     variables = _executed(run) | _legs(run) | _obstacles(run.legs) | _graph(run)
-    variables |= _routes(run) | _executed_motion(run.legs) | _plans(run.legs) | vortex_variables(run.legs)
+    variables |= (
+        _current(run.legs)
+        | _routes(run)
+        | _executed_motion(run.legs)
+        | _plans(run.legs)
+        | vortex_variables(run.legs)
+    )
     if run.chart is not None:
         variables |= chart_variables(run.chart)
     if run.coast is not None and run.coast is not run.chart:
@@ -127,6 +137,11 @@ def _attributes(run: MissionRun) -> dict[str, Any]:
             [(zone.name, shapely.to_wkt(zone.polygon, rounding_precision=2)) for zone in run.zones]
         ),
         "waypoint_names": json.dumps(run.names),
+        "jobs": json.dumps(None if run.jobs is None else _jobs(run.jobs)),
+        "closures": json.dumps([_closed(closure) for closure in stated_closures(run)]),
+        "sources": json.dumps(
+            source_digests(run.scenario, run.folder) if run.sources is None else run.sources
+        ),
         **vehicle,
         **({} if run.site is None else _site_attributes(run.site)),
         **({} if run.seabed is None else {"seabed_clearance": float(np.asarray(run.seabed.clearance))}),
@@ -158,6 +173,23 @@ def _plain(obstacle: KnownObstacle) -> dict[str, Any]:
     return {name: None if value == np.inf else value for name, value in asdict(obstacle).items()}
 
 
+def _jobs(jobs: Jobs) -> dict[str, Any]:
+    """Return jobs ready for JSON: moments in s since the departure, null where a window is open."""
+    found = {}
+    for kind in ("points", "lines"):
+        found[kind] = [asdict(job) | {"windows": _spans(job.windows)} for job in getattr(jobs, kind)]
+    return found
+
+
+def _closed(closure: Closure) -> dict[str, Any]:
+    """Return areas that are closed at some hours ready for JSON."""
+    return {"name": closure.name, "area": closure.outline, "closed": _spans(closure.spans)}
+
+
+def _spans(spans: Sequence[tuple[float, float]]) -> list[list[float | None]]:
+    return [[end if math.isfinite(end) else None for end in span] for span in spans]
+
+
 def _executed(run: MissionRun) -> Variables:
     """Return the trajectories, all legs in a row."""
     legs = run.legs
@@ -183,6 +215,21 @@ def _executed(run: MissionRun) -> Variables:
 def _executed_motion(legs: Sequence[LegRecord]) -> Variables:
     """Attitude and velocities along the trajectories, as simulated."""
     return motion_variables("obs", Motion.joined([leg.motion for leg in legs]))
+
+
+def _current(legs: Sequence[LegRecord]) -> Variables:
+    """Return the current along the trajectories, NaN where it is not known; nothing where it nowhere is."""
+    if all(leg.current is None for leg in legs):
+        return {}
+    parts = [np.full((len(leg.times), 2), np.nan) if leg.current is None else leg.current for leg in legs]
+    values = np.concatenate([np.zeros((0, 2)), *parts]).astype(np.float32)
+    return {
+        f"current_{name}": variable(
+            "obs", values[:, axis], f"true current {name}wards, from the time to the next one", "m s-1",
+            standard_name=f"{name}ward_sea_water_velocity",
+        )
+        for axis, name in enumerate(("north", "east"))
+    }  # fmt: skip
 
 
 def _legs(run: MissionRun) -> Variables:

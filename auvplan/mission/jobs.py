@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -90,6 +90,17 @@ class Jobs:
     points: tuple[JobPoint, ...] = ()
     lines: tuple[JobLine, ...] = ()
     notes: tuple[str, ...] = ()
+
+    def after(self, seconds: float) -> "Jobs":
+        """Return the same jobs, their times counted from so many seconds later."""
+
+        def later(job: Any) -> Any:
+            windows = tuple((opens - seconds, closes - seconds) for opens, closes in job.windows)
+            falls = tuple((moment - seconds, priority) for moment, priority in job.falls)
+            return replace(job, windows=windows, falls=falls)
+
+        points, lines = (tuple(map(later, jobs)) for jobs in (self.points, self.lines))
+        return Jobs(points, lines, self.notes)
 
 
 def jobs_graph(

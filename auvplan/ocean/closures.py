@@ -44,12 +44,14 @@ class Closure:
         chart: on which they alone are coast.
         begins, ends: [W] s since the epoch, when they are closed; infinite where one is open.
         name: for people.
+        outline: of the areas as stated, (north, east) m, as WKT; empty where it is not known.
     """
 
     chart: Chart
     begins: Any
     ends: Any
     name: str = field(default="", metadata={"static": True})
+    outline: str = field(default="", metadata={"static": True})
 
     def closed(self, first: Any, last: Any) -> jax.Array:
         """Return whether they are closed at any moment between two times, s, of one shape."""

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from auvplan.check.run import check_dataset
 from auvplan.executive import run_missions, seed_keys
-from auvplan.io.check import check_dataset
 from auvplan.io.results import to_dataset
 from auvplan.ocean.currents import Current
 from auvplan.records import LegRecord, MissionRun, PlanRecord

@@ -1,7 +1,6 @@
 """The files that a scenario was planned on, by name, size and hash."""
 
 import dataclasses
-import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from glob import escape as glob_escape
@@ -11,8 +10,8 @@ from typing import Any
 
 import h5py
 
-#: Larger files are known by name and size alone, bytes.
-_HASHED = 500_000_000
+from auvplan.files import digest, folder_size
+
 #: What attributes begin with that tell where a file of currents was fetched from.
 ORIGIN = "fetched_"
 #: Fields that name files, by section.
@@ -61,9 +60,22 @@ def source_files(settings: dict[str, Any], folder: str | Path) -> tuple[SourceFi
         folder: that relative paths start from.
     """
     return tuple(
-        SourceFile(name, path.name, _size(path), _hash(path), _origin(name, path))
+        SourceFile(name, path.name, folder_size(path), _hash(path), _origin(name, path))
         for name, path in _named(settings, Path(folder))
     )
+
+
+def source_digests(settings: dict[str, Any], folder: str | Path) -> list[dict[str, Any]]:
+    """Return field, path, size in bytes and SHA-256 of the files that settings name, as a run saves them.
+
+    Args:
+        settings: a scenario as plain data.
+        folder: that relative paths start from.
+    """
+    return [
+        {"field": name, "path": str(path), "size": folder_size(path), "sha256": digest(path)}
+        for name, path in _named(settings, Path(folder))
+    ]
 
 
 def file_names(settings: dict[str, Any]) -> list[tuple[str, str]]:
@@ -93,17 +105,8 @@ def _with_updates(path: Path) -> list[Path]:
     return [path, *(update for update in beside if update != path)]
 
 
-def _size(path: Path) -> int:
-    if path.is_dir():
-        return sum(part.stat().st_size for part in path.rglob("*") if part.is_file())
-    return path.stat().st_size
-
-
 def _hash(path: Path) -> str:
-    if path.is_dir() or path.stat().st_size > _HASHED:
-        return ""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    return "" if path.is_dir() else digest(path)
 
 
 def _origin(name: str, path: Path) -> dict[str, str]:

@@ -122,6 +122,18 @@ class ModelSea:
         forecast, true = (np.stack(evaluated(current, x, y, z, times)) for current in currents)
         return float(np.sqrt(((forecast - true) ** 2).sum(axis=0).mean()))
 
+    def along(self, positions: np.ndarray, times: np.ndarray, mean: bool = False) -> np.ndarray:
+        """Return the true current [n, 2] m/s north and east along a track, at [n, 3] m and [n] s.
+
+        `mean`: in the middle of the way to the next place instead; of the last one, at its place.
+        """
+        places, moments = np.asarray(positions, float), np.asarray(times, float)
+        if mean:
+            places, moments = (
+                0.5 * (part + np.concatenate([part[1:], part[-1:]])) for part in (places, moments)
+            )
+        return np.stack(evaluated(self.field, *places.T, moments)[:2], axis=1)
+
 
 def stacked(currents: Sequence[Current]) -> Current:
     """Currents of one kind as one of batched worlds: each one's own part gets a leading axis."""

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan.io.check import CheckReport, check_dataset
+from auvplan.check.run import CheckReport, check_dataset
 from auvplan.io.results import PLAN_CAUSES, ROUTE_CAUSES, to_dataset
 from auvplan.records import MissionRun
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 import pytest
 
 import auvplan as ap
+from auvplan.check.run import check_dataset
 from auvplan.executive import plan_departures, plan_scenario
 from auvplan.executive.loop import seed_keys
 from auvplan.export import itinerary_of
 from auvplan.export.sheet import sheet_of
-from auvplan.io.check import check_dataset
 from auvplan.io.geo import read_jobs
 from auvplan.io.results import to_dataset
 from auvplan.mission.jobs import JobPoint, Jobs

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import auvplan as ap
+from auvplan.check.run import check_dataset
 from auvplan.errors import ScenarioError
 from auvplan.executive import plan_scenario
 from auvplan.export import itinerary_of
 from auvplan.export.sheet import sheet_of
 from auvplan.io.area import load_closures
-from auvplan.io.check import check_dataset
 from auvplan.io.geo import GeoError
 from auvplan.io.results import to_dataset
 from auvplan.mission.jobs import JobPoint, Jobs

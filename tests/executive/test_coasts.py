@@ -2,8 +2,8 @@
 
 import pytest
 
+from auvplan.check.run import check_dataset
 from auvplan.executive import run_mission
-from auvplan.io.check import check_dataset
 from auvplan.io.results import to_dataset
 from auvplan.scenario.scenario import Scenario
 

@@ -370,9 +370,16 @@ def test_the_forecast_is_compared_with_a_sea_of_a_model(called, monkeypatch):
         def difference(self, positions, times):
             return positions.shape, times.shape
 
+        def along(self, positions, times, mean):
+            return positions.shape, times.shape, mean
+
     monkeypatch.setattr(loop, "ModelSea", Model)
-    assert after_leg(called, leg={"sea": Model()})[1].current_difference == ((3, 3), (3,))
-    assert np.isnan(after_leg(called)[1].current_difference)
+    record = after_leg(called, leg={"sea": Model()})[1]
+    assert record.current_difference == ((3, 3), (3,))
+    assert record.current == ((3, 3), (3,), False)
+    record = after_leg(called)[1]
+    assert np.isnan(record.current_difference)
+    assert record.current is None
 
 
 @pytest.mark.parametrize("simulated", [True, False])

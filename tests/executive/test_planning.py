@@ -1,6 +1,5 @@
 """Plans without a simulation: exact repetition, known obstacles, departures, what reaches a vehicle."""
 
-import json
 import math
 import re
 from dataclasses import replace
@@ -10,11 +9,11 @@ import numpy as np
 import pytest
 
 import auvplan as ap
+from auvplan.check.run import check_dataset
 from auvplan.executive import plan_departures, plan_scenario
 from auvplan.executive.loop import seed_keys
 from auvplan.export import itinerary_of
 from auvplan.export.sheet import sheet_of
-from auvplan.io.check import check_dataset
 from auvplan.io.restore import restore_run
 from auvplan.io.results import save_run, to_dataset
 from auvplan.mission.jobs import JobLine, JobPoint, Jobs
@@ -207,18 +206,11 @@ def test_a_route_that_no_longer_fits_is_planned_anew():
 
 
 @pytest.mark.parametrize(("obstacle", "depart"), [(ROCK, 0.0), (FERRY, 0.0), (FERRY, 300.0)])
-def test_the_checker_takes_known_obstacles_from_their_file(tmp_path, obstacle, depart):
+def test_the_checker_holds_the_track_to_known_obstacles(obstacle, depart):
     area = tidal_area(0.0, 0.0)
-    longitude, latitude = (float(axis) for axis in area.site.to_geographic(*obstacle.position))
-    stated = {"name": obstacle.name, "radius": obstacle.radius}
-    if obstacle.moves:
-        stated |= {"course": 180.0, "speed": 1.0, "depth_max": obstacle.depth_max}
-    point = {"type": "Point", "coordinates": [longitude, latitude]}
-    path = tmp_path / "obstacles.geojson"
-    path.write_text(json.dumps({"type": "Feature", "properties": stated, "geometry": point}))
-    settings = channel(obstacles={"file": path.name})
     for known, hit in (((), True), ((obstacle,), False)):
-        run = plan_scenario(settings, area=replace(area, obstacles=known), folder=tmp_path, depart=depart)
+        run = plan_scenario(channel(), area=replace(area, obstacles=known), depart=depart)
+        run.obstacles = (obstacle.after(depart),)
         faults = check_dataset(run.summary(), to_dataset(run)).faults
         assert any(f"inside {obstacle.name!r}" in fault for fault in faults) == hit
         assert hit or not faults

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import auvplan as ap
+from auvplan.check.run import check_dataset
 from auvplan.executive import legs, loop
 from auvplan.executive.context import SimulationContext
 from auvplan.executive.route_calls import effort, time_edges
-from auvplan.io.check import check_dataset
 from auvplan.io.results import to_dataset
 from tests.executive.small import SMALL, light_config, light_routes, planning, scenario
 

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from auvplan.check.run import check_dataset
 from auvplan.executive import plan_scenario, run_missions
 from auvplan.export import itinerary_of
 from auvplan.export.sheet import sheet_of
-from auvplan.io.check import check_dataset
 from auvplan.io.restore import restore_run
 from auvplan.io.results import save_run, to_dataset
 from auvplan.mission.jobs import JobLine, JobPoint, Jobs

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import auvplan as ap
+from auvplan.check.run import check_dataset
 from auvplan.executive import loop, route_calls
 from auvplan.executive.route_calls import plan_routes, time_edges
-from auvplan.io.check import check_dataset
 from auvplan.io.results import to_dataset
 from auvplan.mission import task_graph
 from auvplan.records import LegRecord

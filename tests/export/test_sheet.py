@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 import shapely
 
+from auvplan.check.run import check_run
 from auvplan.errors import ScenarioWarning
 from auvplan.export import export_notes, itinerary_of
 from auvplan.export.sheet import sheet_of, write_html
 from auvplan.io import save_run
 from auvplan.io.area import load_area
-from auvplan.io.check import check_run
 from auvplan.io.examine import examine_scenario
 from auvplan.io.restore import restore_run
 from auvplan.ocean.chart import Chart

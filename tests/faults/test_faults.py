@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import auvplan as ap
+from auvplan.check.run import check_dataset
 from auvplan.executive.belief import ObstacleBelief
 from auvplan.executive.collisions import collisions
 from auvplan.executive.evasion import escape_track
 from auvplan.executive.loop import start_mission, step
-from auvplan.io.check import check_dataset
 from auvplan.io.results import to_dataset
 from auvplan.motion import Motion
 from auvplan.records import LegRecord, MissionRun

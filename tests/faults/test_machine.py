@@ -17,10 +17,10 @@ from hypothesis.stateful import (
 )
 
 import auvplan as ap
+from auvplan.check.run import check_run
 from auvplan.executive.collisions import collisions
 from auvplan.executive.loop import step
 from auvplan.files import OutputError, ResultError
-from auvplan.io.check import check_run
 from auvplan.simulation.faults import (
     CurrentStep,
     HeldUp,

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from auvplan.check.run import check_run
 from auvplan.export import ExportError, export_run, itinerary_of
 from auvplan.files import ResultError
 from auvplan.io import save_run
-from auvplan.io.check import check_run
 from auvplan.io.restore import restore_run
 from auvplan.mission.timetable import Timetable
 from auvplan.ocean.seabed import Seabed

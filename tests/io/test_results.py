@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from auvplan.check.run import ResultError
 from auvplan.files import OutputError, output_folder, read_mission, write_atomically
 from auvplan.io import load_run, save_run
-from auvplan.io.check import ResultError
 from auvplan.motion import Motion
 from tests.io.sample_run import SPIT, make_run, refused_leg
 

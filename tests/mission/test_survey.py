@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from auvplan.io.lines import LENGTH_TOLERANCE
-from auvplan.io.lines import covered as measured_again
+from auvplan.check.lines import LENGTH_TOLERANCE
+from auvplan.check.lines import covered as measured_again
 from auvplan.mission.survey import LinePart
 
 LINE = LinePart((0.0, 0.0, 10.0), (1000.0, 0.0, 10.0), 10.0)

@@ -266,7 +266,8 @@ def closures_of(
         chart = with_no_go(None, closed, lower=lower, upper=upper, pixel_size=pixel_size)
         begins, ends = np.asarray(spans, np.float32).T
         name = ", ".join(zone.name for zone in closed)
-        closures.append(Closure(chart, begins, ends, name).widened(margin))
+        outline = shapely.to_wkt(shapely.union_all([zone.polygon for zone in closed]), rounding_precision=2)
+        closures.append(Closure(chart, begins, ends, name, outline).widened(margin))
     return tuple(closures)
 
 

@@ -5,6 +5,7 @@ import zipfile
 
 import numpy as np
 import pytest
+import shapely
 
 from auvplan.errors import ScenarioWarning
 from auvplan.io.geo import GeoError, read_jobs
@@ -233,3 +234,23 @@ def test_an_archive_of_several_kml_is_refused(tmp_path):
             archive.writestr(name, "<kml/>")
     with pytest.raises(GeoError, match=r"j\.kmz: holds 2 \.kml, a\.kml, doc\.kml: it must hold one"):
         read_jobs(tmp_path / "j.kmz", SITE)
+
+
+def test_places_of_geojson_are_those_of_gdal(tmp_path):
+    raw, line = pytest.importorskip("pyogrio.raw"), [[10.0, 50.01, -5.0], [10.01, 50.01, -7.0]]
+    path = write_geojson(
+        tmp_path / "j.geojson",
+        feature("Point", [10.01, 50.02, -4.0], name="a", priority=2.5, duration=60.0),
+        feature("Point", [10.02, 50.03, -6.0], name="b", priority=0.0, duration=0.0),
+        feature("LineString", line, name="s", priority=4.0, duration=9.0),
+    )
+    site = Site(10.0, 50.0, origin=(300.0, -700.0))
+    jobs = read_jobs(path, site)
+    meta, _, geometries, columns = raw.read(path)
+    stated = dict(zip(meta["fields"], columns, strict=True))
+    found = [(job, [job.position]) for job in jobs.points] + [(job, job.positions) for job in jobs.lines]
+    for row, ((job, places), shape) in enumerate(zip(found, shapely.from_wkb(geometries), strict=True)):
+        assert [getattr(job, name) for name in stated] == [column[row] for column in stated.values()]
+        longitude, latitude, height = shapely.get_coordinates(shape, include_z=True).T
+        expected = np.stack([*site.to_local(longitude, latitude), -height], axis=1)
+        np.testing.assert_allclose(places, expected, atol=1e-6)

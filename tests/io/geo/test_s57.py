@@ -10,12 +10,12 @@ import pytest
 import shapely
 
 from auvplan.errors import ScenarioWarning
-from auvplan.io.enc import bed_of_cells, blocked_by_cells, hazards_of_cells
 from auvplan.io.geo.s57 import Cells, read_cells
 from auvplan.ocean.chart import ChartError
 from auvplan.ocean.seabed import Seabed
 from auvplan.site import Site
 from tests.io.geo import enc_cells
+from tests.io.geo.cells_by_gdal import bed_of_cells, blocked_by_cells, hazards_of_cells
 from tests.io.geo.enc_cells import Object, write_cell
 
 pytest.importorskip("pyogrio")

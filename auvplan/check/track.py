@@ -10,8 +10,6 @@ import shapely
 import xarray as xr
 from numpy.typing import NDArray
 
-from auvplan.ocean.chart import Chart
-
 Array = NDArray[np.floating]
 Mask = NDArray[np.bool_]
 
@@ -103,12 +101,6 @@ class Coast:
         corner, size = dataset["coast_origin"].values.astype(float), float(dataset["coast_pixel_size"])
         reach = float(dataset.attrs["coast_reach"])
         return cls(dataset["coast"].values == 0.0, corner, size, reach if reach > 0.0 else np.inf)
-
-    @classmethod
-    def of_chart(cls, chart: Chart, reach: float = np.inf) -> Self:
-        """Return the coast of a chart."""
-        land, corner = np.asarray(chart.passability) == 0.0, np.asarray(chart.lower, float)
-        return cls(land, corner, float(chart.pixel_size), reach)
 
     @cached_property
     def _edge(self) -> shapely.STRtree:

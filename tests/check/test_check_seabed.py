@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from auvplan.check.run import ResultError, check_dataset, check_run
 from auvplan.io import save_run
-from auvplan.io.check import ResultError, check_dataset, check_run
 from auvplan.io.results import to_dataset
 from tests.io.sample_run import make_run
 

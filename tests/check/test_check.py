@@ -1,22 +1,26 @@
 """The independent checker finds what is wrong, and only that."""
 
 import json
+import os
 import re
 import shutil
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
 
+from auvplan.check.run import ResultError, check_dataset, check_run
 from auvplan.io import save_run
-from auvplan.io.check import ResultError, check_dataset, check_run
 from auvplan.io.results import to_dataset
+from auvplan.mission import MissionGraph
+from auvplan.mission.jobs import JobLine, JobPoint, Jobs
 from auvplan.motion import Motion
+from auvplan.ocean.known import KnownObstacle
 from auvplan.records import MissionRun
 from auvplan.site import Site
-from benchmarks.alterations import KINDS, altered
+from benchmarks.alterations import KINDS, altered, possible
 from tests.io.sample_run import WAYPOINTS, make_leg, make_run, refused_leg
 
 
@@ -67,10 +71,16 @@ def test_good_run(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def placed():
-    """Summary and dataset of the sample run at a site."""
-    run = make_run()
-    run.site = Site(148.9, -20.2)
+def placed(tmp_path_factory):
+    """Summary and dataset of the sample run at a site, with jobs, in a current of a file."""
+    run, folder = make_run(), tmp_path_factory.mktemp("placed")
+    run.site, run.folder = Site(148.9, -20.2), str(folder)
+    (folder / "current.nc").write_bytes(b"CDF")
+    run.scenario |= {"current": {"source": "file", "files": "current.nc"}}
+    for leg in run.legs:
+        leg.current = np.zeros((len(leg.times), 2))
+    arrives = float(run.legs[0].times[-1])
+    three_jobs(run, windows=((arrives - 5.0, arrives + 5.0),))
     summary = json.loads(json.dumps(run.summary()))
     assert check_dataset(summary, to_dataset(run)).ok
     return summary, to_dataset(run)
@@ -78,6 +88,7 @@ def placed():
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_an_altered_figure_is_found(kind, placed):
+    assert possible(kind, placed[1])
     for draw in range(2):
         report = check_dataset(*altered(kind, *placed, np.random.default_rng(draw)))
         assert report.faults, f"draw {draw}"
@@ -263,6 +274,12 @@ def test_waypoint_skipped():
     assert any("the vehicle is at 1" in fault for fault in check(run).faults)
 
 
+def test_a_dropped_leg_is_found():
+    run = make_run()
+    del run.legs[1]
+    assert any("begins at waypoint 3, the vehicle is at 1" in fault for fault in check(run).faults)
+
+
 def test_claimed_arrival():
     run = make_run()
     run.goal = 1
@@ -367,57 +384,126 @@ def test_a_visited_waypoint_may_be_passed_on_the_only_way():
     assert report.ok, report
 
 
-JOBS = "north,east,depth,name,priority,duration\n"
-
-
-def with_jobs(run, folder, rows):
-    """The run as one of a file of jobs with these rows."""
-    (folder / "jobs.csv").write_text(JOBS + "".join(f"{row}\n" for row in rows))
-    run.scenario |= {"mission": {"jobs": "jobs.csv"}, "vehicle": {"depth_min": 0.0}}
-    run.folder, run.names = str(folder), ["start", "gauge", "goal", "wreck"]
+def with_jobs(run, *jobs):
+    """The run as one of these jobs."""
+    points = tuple(job for job in jobs if isinstance(job, JobPoint))
+    lines = tuple(job for job in jobs if isinstance(job, JobLine))
+    run.jobs, run.names = Jobs(points, lines), ["start", "gauge", "goal", "wreck"]
     return run
+
+
+def three_jobs(run, priority=3.0, duration=60.0, windows=()):
+    """The run as one of three tasks at places, of which that at the gauge is such."""
+    worth, lasts = np.array([0.0, 3.0, 3.0, 3.0]), np.array([0.0, 60.0, 60.0, 60.0])
+    whole = [np.where(run.graph.adjacency, values, 0.0) for values in (worth, lasts)]
+    run.graph = MissionGraph(
+        run.graph.positions, run.graph.adjacency, *whole, waypoint_priority=worth, waypoint_duration=lasts
+    )
+    return with_jobs(
+        run,
+        JobPoint("gauge", (700.0, 900.0, 40.0), priority, duration, windows),
+        JobPoint("wreck", (400.0, 1200.0, 25.0), 3.0, 60.0),
+        JobPoint("end", (1000.0, 1800.0, 30.0), 3.0, 60.0),
+    )
 
 
 @pytest.mark.parametrize(
     ("gauge", "found"),
-    [("3,60", ""), ("2,60", "its tasks are worth 2"), ("3,50", "on tasks that take 50.00 s")],
+    [
+        ((3.0, 60.0), ""),
+        ((2.0, 60.0), "its tasks are worth 2"),
+        ((2.0, 60.0), "job 'gauge': its priority is 2, 3 in the graph"),
+        ((3.0, 50.0), "on tasks that take 50.00 s"),
+        ((3.0, 50.0), "job 'gauge': its duration is 50, 60 in the graph"),
+    ],
 )
-def test_jobs_are_counted_from_their_file(tmp_path, gauge, found):
-    """Whatever graph and legs say: what a place is worth stands in the file."""
-    rows = [f"700,900,40,gauge,{gauge}", "400,1200,25,wreck,3,60", "1000,1800,30,end,3,60"]
-    report = check(with_jobs(make_run(), tmp_path, rows))
+def test_jobs_are_counted_as_they_were_planned_for(gauge, found):
+    """Whatever legs and graph say: what a place is worth stands in the jobs."""
+    report = check(three_jobs(make_run(), *gauge))
     assert report.ok == (not found), report
     assert found in str(report)
 
 
-def test_a_survey_line_counts_when_all_of_it_is_done(tmp_path):
-    rows = [
-        "north,east,depth,line,priority,duration",
-        "300,300,20,survey,9,180",
-        "700,900,40,survey,9,180",
-        "400,1200,25,survey,9,180",
-    ]
-    run = with_jobs(make_run((0, 1, 3)), tmp_path, [])
-    (tmp_path / "jobs.csv").write_text("\n".join(rows))
+def test_two_tasks_that_were_swapped_are_found():
+    run = three_jobs(make_run())
+    gauge, wreck, end = run.jobs.points
+    places = replace(gauge, position=wreck.position), replace(wreck, position=gauge.position)
+    run.jobs = Jobs((*places, end))
+    assert "job 'gauge' is not where the graph has it" in str(check(run))
+
+
+def test_a_survey_line_counts_when_all_of_it_is_done():
+    survey = JobLine("survey", tuple(map(tuple, WAYPOINTS[[0, 1, 3]].tolist())), 9.0, 180.0)
+    run = with_jobs(make_run((0, 1, 3)), survey)
     lengths = np.linalg.norm(np.diff(WAYPOINTS[[0, 1, 3]], axis=0), axis=1)
     for leg, share in zip(run.legs, lengths / lengths.sum(), strict=True):
         leg.priority, late = 9.0 * float(share), 180.0 * float(share) - leg.t_task
+        run.graph.priority[leg.start, leg.goal] = leg.priority
+        run.graph.duration[leg.start, leg.goal] = 180.0 * float(share)
         leg.t_task += late
         run.t_mission += late
     run.legs[1].times = run.legs[1].times + run.legs[0].t_task - 60.0
     run.names = ["survey[1]", "survey[2]", "goal", "survey[3]"]
+    run.routes[0].priority, run.routes[1].priority = 9.0, run.legs[1].priority
     run.saved_bound = 9.0
     report = check(run)
     assert report.ok, report
     assert run.summary()["tasks"] == 1
+    run.jobs = Jobs((), (replace(survey, priority=8.0),))
+    assert "job 'survey': its priority is 8, 9 in the graph" in str(check(run))
 
 
-def test_jobs_that_cannot_be_read_any_more_are_a_note(tmp_path):
-    run = with_jobs(make_run(), tmp_path, [])
-    (tmp_path / "jobs.csv").unlink()
-    report = check(run)
+def test_a_run_without_what_it_was_made_from_gets_notes():
+    """Older runs did not keep it: they are checked as far as that goes."""
+    run = make_run()
+    run.scenario |= {
+        "mission": {"jobs": "jobs.csv"},
+        "chart": {"no_go": "no_go.geojson"},
+        "obstacles": {"file": "buoys.geojson"},
+        "current": {"source": "file"},
+    }
+    dataset = to_dataset(run)
+    for name in ("jobs", "closures", "known_obstacles", "sources"):
+        del dataset.attrs[name]
+    report = check(run, dataset)
     assert report.ok, report
-    assert "tasks were counted from the graph" in report.notes[0]
+    for words in ("jobs", "hours of closed areas", "known obstacles", "current along the track", "digests"):
+        assert sum(words in note and "not saved" in note for note in report.notes) == 1
+
+
+@pytest.mark.parametrize("change", ["", "x", "same size", "gone", "folder"])
+def test_a_file_beside_the_run_is_the_one_that_it_was_made_from(tmp_path, change):
+    run, file = make_run(), tmp_path / "current.nc"
+    if change == "folder":
+        file = tmp_path / "cells" / "A.000"
+        file.parent.mkdir()
+    file.write_bytes(b"CDF 0.5 m/s")
+    run.scenario |= {"current": {"files": "cells" if change == "folder" else "current.nc", "source": "file"}}
+    run.folder = str(tmp_path)
+    dataset = to_dataset(run)
+    written = {"": b"CDF 0.5 m/s", "x": b"CDF 0.55 m/s"}.get(change, b"CDF 0.7 m/s")
+    file.write_bytes(written)
+    os.utime(file, (2e9, 2e9))
+    if change == "gone":
+        file.unlink()
+    report = check(run, dataset)
+    name = "cells" if change == "folder" else "current.nc"
+    changed = f"current.files: {name} is not the file that the run was made from"
+    assert (report.faults == [changed]) == (change not in ("", "gone")), report
+    assert any("not there any more" in note for note in report.notes) == (change == "gone")
+
+
+@pytest.mark.parametrize(("wrong", "found"), [(0.0, 0), (0.02, 0), (0.05, 1)])
+def test_the_speed_through_the_water_is_the_vehicles(wrong, found):
+    """The sample run is in still water; its file says that there is a current."""
+    run = make_run()
+    for leg in run.legs:
+        leg.current = np.zeros((len(leg.times), 2))
+    run.legs[1].current[30] = np.nan, wrong  # what is not known is not looked at
+    run.legs[1].current[40] = 0.0, wrong
+    faults = check(run).faults
+    assert len(faults) == found
+    assert all("leg 1" in fault and "in a current of" in fault for fault in faults)
 
 
 @pytest.mark.parametrize(
@@ -444,21 +530,10 @@ def test_a_run_is_where_and_when_its_scenario_says(changes, words):
     assert all(words in fault for fault in faults)
 
 
-def with_known_obstacle(run, folder, x, y, **properties):
-    """The dataset of a run whose scenario names a file with one known obstacle at local places, m."""
-    site = Site(149.0, -20.0)
-    longitude, latitude = (float(axis) for axis in site.to_geographic(x, y))
-    point = {"type": "Point", "coordinates": [longitude, latitude]}
-    feature = {"type": "Feature", "properties": {"name": "buoy"} | properties, "geometry": point}
-    (folder / "obstacles.geojson").write_text(json.dumps(feature))
-    dataset = to_dataset(run)
-    stated = {"site": {"longitude": 149.0, "latitude": -20.0}, "obstacles": {"file": "obstacles.geojson"}}
-    dataset.attrs["scenario"] = json.dumps(json.loads(dataset.attrs["scenario"]) | stated)
-    dataset.attrs |= {
-        "site_longitude": 149.0, "site_latitude": -20.0, "site_origin": np.zeros(2),
-        "scenario_folder": str(folder),
-    }  # fmt: skip
-    return dataset
+def with_known_obstacle(run, x, y, velocity=(0.0, 0.0), **properties):
+    """The dataset of a run with one obstacle that was known, at local places, m."""
+    run.obstacles = (KnownObstacle("buoy", (x, y), velocity=velocity, **properties),)
+    return to_dataset(run)
 
 
 @pytest.mark.parametrize(
@@ -472,11 +547,11 @@ def with_known_obstacle(run, folder, x, y, **properties):
         (0.0, {"depth_min": 45.0}, 15.0),  # and here over it
     ],
 )
-def test_known_obstacles_are_upright_cylinders(tmp_path, aside, depths, clearance):
+def test_known_obstacles_are_upright_cylinders(aside, depths, clearance):
     run = make_run((0, 1), chart=False, obstacles=False)
     (leg,) = run.legs
     leg.positions = np.linspace([0.0, 0.0, 30.0], [1000.0, 0.0, 30.0], len(leg.times))
-    dataset = with_known_obstacle(run, tmp_path, 500.0, aside, radius=50.0, **depths)
+    dataset = with_known_obstacle(run, 500.0, aside, radius=50.0, **depths)
     report = check(run, dataset)
     assert report.obstacle_clearance == pytest.approx(clearance, abs=0.6)
     assert report.obstacle_hits == (clearance < 0.0)
@@ -485,44 +560,52 @@ def test_known_obstacles_are_upright_cylinders(tmp_path, aside, depths, clearanc
     assert any("inside 'buoy'" in fault for fault in report.faults) == (clearance < 0.0)
 
 
-def test_known_obstacles_move(tmp_path):
+def test_known_obstacles_move():
     """One that crosses the way behind the vehicle is missed, one that meets it is not."""
     run = make_run((0, 1), chart=False, obstacles=False)
     (leg,) = run.legs
     leg.positions = np.linspace([0.0, 0.0, 30.0], [1000.0, 0.0, 30.0], len(leg.times))
     half = float(leg.times[0] + leg.times[-1]) / 2.0
     for east, hit in ((-half, True), (-half - 200.0, False)):
-        dataset = with_known_obstacle(run, tmp_path, 500.0, east, radius=20.0, course=90.0, speed=1.0)
+        dataset = with_known_obstacle(run, 500.0, east, radius=20.0, velocity=(0.0, 1.0))
         report = check(run, dataset)
         assert (report.obstacle_hits > 0) == hit
 
 
-def in_a_band_that_closes(folder, opens, closes, track=(0.0, 1000.0), departs=0.0, hold=0.0, wait=0.0):
+BAND = "POLYGON ((400 -900, 400 900, 600 900, 600 -900, 400 -900))"
+
+
+def in_a_band_that_closes(opens, closes, track=(0.0, 1000.0), departs=0.0, hold=0.0, wait=0.0):
     """The dataset of a leg of 1,000 s due north through a band, 400 to 600 m, that is closed so long."""
     run = make_run((0, 1), chart=False, obstacles=False)
     (leg,) = run.legs
     leg.times = np.linspace(departs, departs + 1000.0, len(leg.times))
     leg.positions = np.linspace([track[0], 0.0, 30.0], [track[1], 0.0, 30.0], len(leg.times))
     leg.t_hold, leg.t_wait, leg.t_task = hold, wait, 300.0
-    dataset = with_known_obstacle(run, folder, 5000.0, 5000.0, radius=1.0)
-    site = Site(149.0, -20.0)
-    corners = [(400.0, -900.0), (400.0, 900.0), (600.0, 900.0), (600.0, -900.0), (400.0, -900.0)]
-    ring = [[float(part) for part in site.to_geographic(*corner)] for corner in corners]
-    hours = {"name": "band", "from": opens, "to": closes}
-    area = {"type": "Feature", "properties": hours, "geometry": {"type": "Polygon", "coordinates": [ring]}}
-    (folder / "no_go.geojson").write_text(json.dumps(area))
-    stated = json.loads(dataset.attrs["scenario"])
-    stated["chart"] = {"source": "none", "no_go": "no_go.geojson"}
-    dataset.attrs["scenario"] = json.dumps(stated)
+    dataset = to_dataset(run)
+    dataset.attrs["closures"] = json.dumps([{"name": "band", "area": BAND, "closed": [[opens, closes]]}])
     return check(run, dataset)
+
+
+def test_an_area_that_is_always_closed_is_land():
+    run = make_run((0, 1), obstacles=False)
+    dataset = to_dataset(run)
+    dataset.attrs["closed_areas"] = json.dumps([["range", BAND]])
+    report = check(run, dataset)
+    assert report.coast_hits == 1
+    # The leg goes 400 m north and 600 m east, from 300 m north on: it is in the band for half of it.
+    assert report.coast_metres == pytest.approx(200.0 * np.linalg.norm([400.0, 600.0, 20.0]) / 400.0, abs=2.0)
+    assert "in the closed area 'range'" in str(report)
+    dataset["passability"][40:60] = 0  # what both know counts once
+    assert check(run, dataset).coast_hits == 1
 
 
 @pytest.mark.parametrize(
     ("opens", "closes", "met"),
     [(0, 390, False), (610, 2000, False), (0, 410, True), (590, 700, True), (450, 455, True)],
 )
-def test_a_leg_is_not_in_an_area_while_it_is_closed(tmp_path, opens, closes, met):
-    report = in_a_band_that_closes(tmp_path, opens, closes)
+def test_a_leg_is_not_in_an_area_while_it_is_closed(opens, closes, met):
+    report = in_a_band_that_closes(opens, closes)
     assert any("in the closed area 'band'" in fault for fault in report.faults) == met
 
 
@@ -530,20 +613,20 @@ def test_a_leg_is_not_in_an_area_while_it_is_closed(tmp_path, opens, closes, met
     ("opens", "wait", "met"),
     [(1301, 0.0, False), (1299, 0.0, True), (1401, 100.0, False), (1399, 100.0, True)],
 )
-def test_a_task_is_not_done_in_an_area_that_closes_meanwhile(tmp_path, opens, wait, met):
+def test_a_task_is_not_done_in_an_area_that_closes_meanwhile(opens, wait, met):
     """The leg ends in the band at 1,000 s; its task takes 300 s, after a wait."""
-    report = in_a_band_that_closes(tmp_path, opens, 5000, track=(0.0, 500.0), wait=wait)
+    report = in_a_band_that_closes(opens, 5000, track=(0.0, 500.0), wait=wait)
     assert any("stays in the closed area 'band'" in fault for fault in report.faults) == met
 
 
 @pytest.mark.parametrize(("closes", "met"), [(299, False), (301, True)])
-def test_a_vehicle_does_not_wait_in_a_closed_area_before_its_leg(tmp_path, closes, met):
+def test_a_vehicle_does_not_wait_in_a_closed_area_before_its_leg(closes, met):
     """The leg leaves the band at 500 s, after a wait of 200 s."""
-    report = in_a_band_that_closes(tmp_path, 0, closes, track=(500.0, 1000.0), departs=500.0, hold=200.0)
+    report = in_a_band_that_closes(0, closes, track=(500.0, 1000.0), departs=500.0, hold=200.0)
     assert any("stays in the closed area 'band'" in fault for fault in report.faults) == met
 
 
-def test_the_hours_of_a_leg_in_another_place_do_not_matter(tmp_path):
+def test_the_hours_of_a_leg_in_another_place_do_not_matter():
     """The leg begins and ends outside the band, where it may stay."""
-    report = in_a_band_that_closes(tmp_path, 1100, 1400, hold=0.0, wait=100.0)
+    report = in_a_band_that_closes(1100, 1400, hold=0.0, wait=100.0)
     assert not any("closed area" in fault for fault in report.faults)

@@ -1,6 +1,6 @@
-"""The checker's own view of S-57 cells: where they close the water, and which rocks and wrecks they have.
+"""S-57 cells by GDAL, an oracle of the reader: where they close the water, which rocks and wrecks they have.
 
-It asks GDAL by attribute filters and looks up every place by itself, in the cell of the largest scale there;
+It asks by attribute filters and looks up every place by itself, in the cell of the largest scale there;
 it shares no code with `auvplan.io.geo.s57`.
 """
 
@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 from pyproj import Transformer
 
-from auvplan.io.walk import Array, Mask
+from auvplan.check.track import Array, Mask
 
 #: Classes that close the water as they are, and those that do from their depth down.
 _SOLID = "LNDARE", "UNSARE", "FLODOC", "HULKES", "PONTON", "SLCONS", "CAUSWY", "DAMCON", "DYKCON", "GATCON"

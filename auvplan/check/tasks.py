@@ -1,13 +1,12 @@
 """Visits and tasks of a saved run, counted again from its scenario and its track. Plain NumPy.
 
 What a leg earned is worked out here, by this module's own rules: tasks at places and along lines come from
-the scenario's file of jobs where there is one, else from the graph that the seed drew.
+the jobs that the run was planned for where it has some, else from the graph that the seed drew.
 """
 
 import json
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from functools import partial
 from itertools import pairwise
 from typing import Any, Protocol
 
@@ -17,13 +16,10 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
+from auvplan.check.inputs import Job, job_faults, read_jobs, scenario_of
+from auvplan.check.legs import TIME_TOLERANCE, Leg, near
+from auvplan.check.lines import line_faults, share_of_line
 from auvplan.files import MISSION, SUMMARY
-from auvplan.io.errands import jobs_of
-from auvplan.io.hours import priority_at
-from auvplan.io.ledger import TIME_TOLERANCE, Leg, near
-from auvplan.io.lines import line_faults, share_of_line
-from auvplan.io.originals import metres_of, path_of
-from auvplan.mission.jobs import Jobs
 
 Array = NDArray[np.floating]
 
@@ -63,9 +59,14 @@ def tally_faults(
         summary, dataset, legs: of the run.
         notes: what could not be looked at is added.
     """
-    settings = json.loads(str(dataset.attrs["scenario"]))
+    settings, jobs = scenario_of(dataset), read_jobs(dataset)
     once = _visits(settings) == "once"
-    book, under_way = _book(settings, dataset, once, notes), _under_way(settings)
+    if jobs is not None:
+        yield from job_faults(dataset, jobs)
+    elif settings.get("mission", {}).get("jobs") is not None:
+        notes.append(f"jobs were not saved: tasks were counted from the graph in {MISSION}, without windows")
+    book: Book = _GraphBook.of(dataset, once) if jobs is None else _JobBook.of(jobs, dataset)
+    under_way = _under_way(settings)
     adjacency = dataset["adjacency"].values.astype(bool)
     visited, refused = {int(dataset.attrs["start"])}, set()
     total, tasks, slack = 0.0, 0, _PRIORITY_TOLERANCE
@@ -153,21 +154,6 @@ def _way_left(dataset: xr.Dataset, leg: Leg, visited: set[int], refused: set[tup
     return f"a way of {seconds:.0f} s over others led to the destination in the {left:.0f} s left"
 
 
-def _book(settings: dict[str, Any], dataset: xr.Dataset, once: bool, notes: list[str]) -> Book:
-    """Return the book of the scenario's jobs, or of the graph where there are none."""
-    name = settings.get("mission", {}).get("jobs")
-    if name is not None:
-        depth = max(settings["area"]["lower"][2], settings["vehicle"]["depth_min"])
-        try:
-            return _JobBook.of(jobs_of(path_of(dataset, name), metres_of(dataset), depth), dataset)
-        except (
-            Exception
-        ) as error:  # the run was planned on it: whatever this view lacks is no fault of the run
-            why = " ".join(f"{type(error).__name__}: {error}".split())[:200]
-            notes.append(f"tasks were counted from the graph in {MISSION}, not from the jobs: {why}")
-    return _GraphBook.of(dataset, once)
-
-
 @dataclass
 class _GraphBook:
     """Tasks on the edges of a graph and at its waypoints.
@@ -209,49 +195,45 @@ class _GraphBook:
 
 @dataclass
 class _Task:
-    """A task at a place, or along the straight line between two; [3] m, s."""
+    """A task at a place, or along the straight line between two; [3] m, a share of its job, s."""
 
-    job: str
+    job: Job
     ends: tuple[Array, ...]
-    priority: float
-    duration: float
+    share: float = 1.0
+
+    @property
+    def priority(self) -> float:
+        return self.share * self.job.priority
+
+    @property
+    def duration(self) -> float:
+        return self.share * self.job.duration
 
 
 @dataclass
 class _JobBook:
-    """Jobs of a file: points are done where a leg ends, parts of lines by a leg from vertex to vertex.
+    """Jobs: points are done where a leg ends, parts of lines by a leg from vertex to vertex.
 
     Attributes:
         left: tasks still to be done.
-        now: what a job whose priority falls is worth at a time, s since the departure; None of others.
-        whole: priorities of the jobs, by name.
         names: of the waypoints, empty where they have none.
         start: [3] m, where a mission begins: what has no name there is never arrived at.
     """
 
     left: list[_Task]
-    now: Callable[[str, float], float | None]
-    whole: dict[str, float]
     names: list[str]
     start: Array
 
     @classmethod
-    def of(cls, jobs: Jobs, dataset: xr.Dataset) -> "_JobBook":
+    def of(cls, jobs: list[Job], dataset: xr.Dataset) -> "_JobBook":
         start = dataset["waypoint_position"].values[int(dataset.attrs["start"])]
         names = json.loads(str(dataset.attrs.get("waypoint_names", "[]")))
-        points = [
-            _Task(point.name, (np.asarray(point.position),), point.priority, point.duration)
-            for point in jobs.points
-        ]
-        whole = {job.name: job.priority for job in (*jobs.points, *jobs.lines)}
-        parts = [part for line in jobs.lines for part in _parts(line)]
-        return cls([*points, *parts], partial(priority_at, dataset), whole, names, start)
+        return cls([task for job in jobs for task in _tasks(job)], names, start)
 
     def _worth(self, task: _Task, leg: Leg, share: float) -> float:
         """Return the priority of a task at the time when a leg does it, or a share of it along a line."""
         begins = float(leg.times[-1]) + (leg.t_wait if len(task.ends) == 1 else 0.0)
-        now = self.now(task.job, begins)
-        worth = task.priority if now is None else task.priority * now / self.whole[task.job]
+        worth = task.share * task.job.worth(begins)
         return worth if len(task.ends) == 1 else share * worth
 
     def earn(self, leg: Leg, revisit: bool, share: float) -> Earned:
@@ -261,26 +243,27 @@ class _JobBook:
         """
         done = [task for task in self.left if _does(leg, task.ends)]
         here = [task for task in done if len(task.ends) == 1]
-        own = [task for task in here if leg.goal < len(self.names) and task.job == self.names[leg.goal]]
+        own = [task for task in here if leg.goal < len(self.names) and task.job.name == self.names[leg.goal]]
         at_start = near(leg.positions[-1], self.start)
         others = [task for task in here if not any(task is one for one in own)] if own or at_start else []
         done = [task for task in done if not any(task is other for other in others)]
         if share == 0.0:  # the line was passed, and nothing of it done
             done = [task for task in done if len(task.ends) == 1]
         self.left = [task for task in self.left if not any(task is other for other in done)]
-        open_ = {task.job for task in self.left}
-        complete = {task.job for task in done if task.priority > 0.0} - open_
+        open_ = {task.job.name for task in self.left}
+        complete = {task.job.name for task in done if task.priority > 0.0} - open_
         return Earned(
             sum(self._worth(t, leg, share) for t in done), sum(t.duration for t in done), len(complete)
         )
 
 
-def _parts(line: Any) -> Iterable[_Task]:
-    ends = list(pairwise(np.asarray(place, float) for place in line.positions))
-    lengths = [float(np.linalg.norm(b - a)) for a, b in ends]
-    for (a, b), length in zip(ends, lengths, strict=True):
-        share = length / sum(lengths)
-        yield _Task(line.name, (a, b), line.priority * share, line.duration * share)
+def _tasks(job: Job) -> Iterator[_Task]:
+    if not job.is_line:
+        yield _Task(job, (job.places[0],))
+        return
+    lengths = np.linalg.norm(np.diff(job.places, axis=0), axis=1)
+    for ends, length in zip(pairwise(job.places), lengths, strict=True):
+        yield _Task(job, ends, float(length / lengths.sum()))
 
 
 def _does(leg: Leg, ends: tuple[Array, ...]) -> bool:

@@ -140,8 +140,11 @@ def read_legs(dataset: xr.Dataset) -> Iterator[Leg]:
 
 
 def site_faults(dataset: xr.Dataset) -> Iterator[str]:
-    """Yield that a run is not where and when its scenario says."""
-    site = json.loads(str(dataset.attrs["scenario"])).get("site")
+    """Yield that a run is not where and when, or its vehicle not as fast, as its scenario says."""
+    settings = json.loads(str(dataset.attrs["scenario"]))
+    site, speed = settings.get("site"), (settings.get("vehicle") or {}).get("speed")
+    if speed is not None and abs(float(dataset.attrs["vehicle_speed"]) - speed) > 1e-6:
+        yield f"vehicle_speed is {float(dataset.attrs['vehicle_speed']):g} m/s, the scenario says {speed:g}"
     if not site or "site_longitude" not in dataset.attrs:
         return
     places = {"site_longitude": site["longitude"], "site_latitude": site["latitude"]}
@@ -314,9 +317,10 @@ def _computing(
 
 
 def route_faults(dataset: xr.Dataset, legs: list[Leg]) -> Iterator[str]:
-    """Yield routes whose time is not their legs', and legs that expect another time than their route."""
+    """Yield routes whose time is not their legs', and legs that leave their route or expect another time."""
     if "route_leg_time" not in dataset:
         return
+    yield from _way_faults(dataset, legs)
     routes, made_at = dataset["route_leg_time"].values, dataset["route_made_at"].values
     for number, (route, total) in enumerate(zip(routes, dataset["route_time"].values, strict=True)):
         if np.isfinite(route).any() and not _same(np.nansum(route), total):
@@ -329,6 +333,20 @@ def route_faults(dataset: xr.Dataset, legs: list[Leg]) -> Iterator[str]:
             same = tuple(nodes[number, :2]) == (leg.start, leg.goal) and np.isfinite(expected)
             if same and not _same(expected, leg.t_expected):
                 yield f"{leg}: expects {leg.t_expected:.2f} s, its route {expected:.2f} s"
+
+
+def _way_faults(dataset: xr.Dataset, legs: list[Leg]) -> Iterator[str]:
+    """Yield the first leg of each route that does not lead where the route says."""
+    nodes, made_at = dataset["route_nodes"].values, dataset["route_made_at"].values
+    route, stop, left = -1, 0, False
+    for leg in (leg for leg in legs if leg.executed):
+        newest = int(np.sum(made_at <= leg.begins - leg.t_hold + TIME_TOLERANCE)) - 1
+        if newest != route:
+            route, stop, left = newest, 0, False
+        if route >= 0 and not left and tuple(nodes[route, stop : stop + 2]) != (leg.start, leg.goal):
+            left = True
+            yield f"{leg}: route {route} leads from {nodes[route, stop]} elsewhere"
+        stop += 1
 
 
 def _agrees(stated: Any, value: float) -> bool:

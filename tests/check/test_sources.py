@@ -1,6 +1,7 @@
-"""The checker's own view of land and sea bed, against files known in closed form."""
+"""Land and sea bed of a run's files, looked at on request, against files known in closed form."""
 
 import json
+import sys
 import zipfile
 
 import numpy as np
@@ -9,19 +10,16 @@ import shapely
 import xarray as xr
 from pyproj import Transformer
 
+from auvplan.check.inputs import places_of
+from auvplan.check.run import check_run
+from auvplan.check.sources import read_sources
 from auvplan.io import save_run
-from auvplan.io.check import check_run
-from auvplan.io.originals import places_of
-from auvplan.io.sources import read_sources
 from auvplan.site import Site
-from tests.io.currents.samples import LAT, LON, regular, roms, write
 from tests.io.geo.files import SITE, geographic, ring, write_geojson, write_geotiff
 from tests.io.geo.files import feature as geo_feature
 from tests.io.geo.sea_floors import SITE as FLOOR_SITE
 from tests.io.geo.sea_floors import sea_floor, write_grid
 from tests.io.sample_run import make_run
-
-MESH = {"cf_role": "mesh_topology", "topology_dimension": 2}
 
 
 def saved(folder, site=SITE, **scenario):
@@ -77,10 +75,10 @@ def test_polygons_of_other_formats(tmp_path, name, crs):
     places = geographic(north, east).T
     source = only(saved(tmp_path, chart={"source": "polygons", "file": name}))
     assert source.blocked(*places, np.zeros(5)).tolist() == [False, True, False, True, True]
-    (always, some_hours) = read_sources(saved(tmp_path, chart={"no_go": name}), [])
+    (always,) = read_sources(saved(tmp_path, chart={"no_go": name}), [])
     assert always.blocked(*places, np.zeros(5)).tolist() == [False, True, False, True, False]
-    assert (some_hours.kind, some_hours.closed is None) == ("closed area", False)
-    assert some_hours.blocked(*places, np.zeros(5)).tolist() == [False, False, False, False, True]
+    settings = {"no_go": name, "no_go_windows": "06:00/09:00"}
+    assert read_sources(saved(tmp_path, chart=settings), []) == ()
 
 
 def test_archives_are_looked_into(tmp_path):
@@ -100,68 +98,7 @@ def test_archives_are_looked_into(tmp_path):
         archive.writestr("doc.kml", "<kml/>")
     notes = []
     assert read_sources(saved(tmp_path, chart=settings), notes) == ()
-    assert notes == ["land of l.zip was not looked at again: its archive holds 0 files of polygons"]
-
-
-@pytest.mark.parametrize("beside", [False, True])
-def test_what_a_picture_does_not_show_is_no_water(tmp_path, beside):
-    rasterio = pytest.importorskip("rasterio")
-    turn = Transformer.from_crs("EPSG:4326", "EPSG:32755", always_xy=True)
-    west, north = turn.transform(*geographic(1000.0, -1000.0))
-    place = rasterio.Affine(20.0, 0.0, west, 0.0, -20.0, north)
-    size = {"width": 100, "height": 100, "count": 3, "dtype": "uint8"}
-    with (
-        rasterio.Env(GDAL_TIFF_INTERNAL_MASK=not beside),
-        rasterio.open(tmp_path / "c.tif", "w", "GTiff", crs=32755, transform=place, **size) as file,
-    ):
-        file.write(np.full((3, 100, 100), 90, np.uint8))
-        file.write_mask(np.arange(100) + np.zeros((100, 1)) >= 30)
-    assert (tmp_path / "c.tif.msk").exists() == beside
-    notes = []
-    (source,) = read_sources(saved(tmp_path, chart={"source": "raster", "file": "c.tif"}), notes)
-    assert notes == ["colours of c.tif were not judged again: its land is as in mission.nc"]
-    places = geographic(np.zeros(4), np.array([-1100.0, -800.0, 0.0, 900.0])).T
-    assert source.blocked(*places, np.zeros(4)).tolist() == [True, True, False, False]
-    assert source.blocked(places[0] - 360.0, places[1], np.zeros(4)).tolist() == [True, True, False, False]
-
-
-def test_a_mesh_ends_at_its_cells(tmp_path):
-    nodes = xr.Dataset(
-        {
-            "mesh": ((), 0, {**MESH, "node_coordinates": "x y", "face_node_connectivity": "f"}),
-            "f": (("face", "three"), [[1, 2, 3]], {"start_index": 1}),
-            "x": ("node", [LON, LON + 0.1, LON], {"standard_name": "longitude", "units": "degrees_east"}),
-            "y": ("node", [LAT, LAT, LAT + 0.1], {"standard_name": "latitude", "units": "degrees_north"}),
-        }
-    )  # fmt: skip
-    write(nodes, tmp_path / "m.nc")
-    source = only(saved(tmp_path, chart={"source": "current"}, current={"files": "m.nc"}))
-    longitude, latitude = LON + np.array([0.02, 0.06, -0.001, 0.05]), LAT + np.array([0.02, 0.06, 0.05, 0.05])
-    assert source.blocked(longitude, latitude, np.zeros(4)).tolist() == [False, True, True, False]
-
-
-def test_a_grid_is_land_where_no_point_around_has_a_value(tmp_path):
-    data = regular()
-    data["uo"][:, :, :, 4:] = np.nan
-    write(data, tmp_path / "g.nc")
-    source = only(saved(tmp_path, chart={"source": "current"}, current={"files": ["g.nc"]}))
-    longitude = LON + 0.01 * np.array([2.5, 3.5, 4.5, 6.5])
-    assert source.blocked(longitude, np.full(4, LAT + 0.015), np.zeros(4)).tolist() == [
-        False,
-        False,
-        True,
-        True,
-    ]
-
-
-def test_a_turned_grid_is_land_among_dry_points(tmp_path):
-    data = roms(land=[(j, i) for j in range(9) for i in range(6)])
-    write(data, tmp_path / "r.nc")
-    source = only(saved(tmp_path, chart={"source": "current"}, current={"files": ["r.nc"]}))
-    lon, lat = data["lon_rho"].values, data["lat_rho"].values
-    for i, land in ((2, True), (4, True), (5, False), (8, False)):
-        places = [(axis[4, i] + axis[5, i + 1]) / 2 for axis in (lon, lat)]
-        assert source.blocked(*(np.array([place]) for place in places), np.zeros(1)).tolist() == [land]
+    assert notes == ["land of l.zip was not looked at: its archive holds 0 files of polygons"]
 
 
 @pytest.mark.parametrize("form", ["elevation", "h", "tiff", "fathoms", "utm", "bag"])
@@ -207,18 +144,47 @@ def test_what_cannot_be_looked_at_is_stated(tmp_path):
     settings = {"source": "file", "file": "b.nc"}
     found = read_sources(saved(tmp_path, bathymetry=settings, chart={"no_go": "none.json"}), notes)
     assert found == ()
-    assert [note.split(" was not looked at again: ")[0] for note in notes] == [
+    assert [note.split(" was not looked at: ")[0] for note in notes] == [
         "land of none.json",
         "sea bed of b.nc",
     ]
     assert read_sources(xr.Dataset(attrs={"scenario": "{}"}), notes) == ()
 
 
+@pytest.mark.parametrize(
+    ("settings", "kind", "name"),
+    [
+        ({"chart": {"source": "raster", "file": "c.tif"}}, "land", "c.tif"),
+        ({"chart": {"source": "enc", "file": "cells"}}, "land", "cells"),
+        ({"chart": {"source": "current"}, "current": {"files": ["a.nc", "b.nc"]}}, "land", "a.nc"),
+        ({"bathymetry": {"source": "current"}, "current": {"files": "a.nc"}}, "sea bed", "a.nc"),
+    ],
+)
+def test_what_is_not_looked_at_is_stated(tmp_path, settings, kind, name):
+    notes = []
+    assert read_sources(saved(tmp_path, **settings), notes) == ()
+    reason = "pictures, S-57 cells and files of currents are not looked at"
+    assert notes == [f"{kind} of {name} was not looked at: {reason}"]
+
+
+@pytest.mark.parametrize("package", ["pyogrio", "rasterio"])
+def test_a_package_that_is_not_installed_is_stated(tmp_path, monkeypatch, package):
+    monkeypatch.setitem(sys.modules, package, None)
+    write_geojson(tmp_path / "l.json", geo_feature("Polygon", [ring((0, 0), (0, 9), (9, 9))]))
+    write_geotiff(tmp_path / "b.tif", np.zeros((4, 4)), corner=(0.0, 0.0), scale=(1.0, 1.0))
+    chart, bed = {"source": "polygons", "file": "l.json"}, {"source": "file", "file": "b.tif"}
+    notes = []
+    (other,) = read_sources(saved(tmp_path, chart=chart, bathymetry=bed), notes)
+    kind, name = {"pyogrio": ("land", "l.json"), "rasterio": ("sea bed", "b.tif")}[package]
+    assert notes == [f"{kind} of {name} was not looked at: {package} is not installed"]
+    assert other.kind != kind
+
+
 @pytest.mark.parametrize("known", [False, True])
 def test_a_run_on_land_of_its_sources(tmp_path, known):
     """What the planner misread does not vouch for itself, and what both know counts once."""
     save_run(make_run(), tmp_path)
-    assert check_run(tmp_path).ok
+    assert check_run(tmp_path, sources=True).ok
     path = tmp_path / "mission.nc"
     with xr.open_dataset(path, decode_cf=False) as file:
         data = file.load()
@@ -232,7 +198,8 @@ def test_a_run_on_land_of_its_sources(tmp_path, known):
     if known:
         data["passability"][45:55, 50:70] = 0
     data.to_netcdf(path)
-    report = check_run(tmp_path)
+    assert check_run(tmp_path).coast_hits == known, "files are looked at on request"
+    report = check_run(tmp_path, sources=True)
     assert report.coast_hits == 1
     where = "on land for" if known else "on land of land.json for"
     assert sum(where in fault for fault in report.faults) == 1

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from auvplan.check.legs import Array, Leg
 from auvplan.files import MISSION, SUMMARY
-from auvplan.io.ledger import Array, Leg
 
 #: m, longest step along a track at which its distance from the line is looked up.
 _STEP = 0.5

@@ -1,11 +1,10 @@
-"""The independent checker: re-checks the whole track of a saved run and re-adds every time.
+"""Checks the whole track of a saved run again and adds up every time.
 
-It reads files and uses NumPy, and shares no code with the planners or the simulator, so that a fault of
-theirs cannot hide itself here. Visits and tasks are counted again from the scenario and the track; land and
-sea bed are looked up twice, in the run's own file and in those that the scenario names.
+Visits and tasks are counted again from the track and from what the run was planned for; land, sea bed,
+obstacles and closed areas are those that its file keeps. On request the files that its scenario names are
+looked at as well.
 """
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,15 +12,17 @@ from typing import Any
 
 import numpy as np
 import xarray as xr
-from numpy.typing import NDArray
 
-from auvplan.errors import AuvplanError
-from auvplan.files import MISSION, SUMMARY, ResultError, read_mission, read_summary
-from auvplan.io.enc import hazards_of_cells
-from auvplan.io.errands import Placing, obstacles_of
-from auvplan.io.hours import window_faults
-from auvplan.io.kinematics import motion_faults
-from auvplan.io.ledger import (
+from auvplan.check.inputs import (
+    ClosedArea,
+    Cylinder,
+    places_of,
+    read_closed_areas,
+    read_obstacles,
+    source_faults,
+)
+from auvplan.check.kinematics import motion_faults
+from auvplan.check.legs import (
     Leg,
     figure_faults,
     graph_faults,
@@ -32,24 +33,18 @@ from auvplan.io.ledger import (
     site_faults,
     time_faults,
 )
-from auvplan.io.originals import metres_of, path_of, places_of
-from auvplan.io.sources import Source, read_sources
-from auvplan.io.tally import tally_faults
-from auvplan.io.walk import Array, Bed, Coast, Mask, Walk, events
-from auvplan.ocean.known import KnownObstacle
-from auvplan.words import counted
+from auvplan.check.sources import Source, read_sources
+from auvplan.check.tasks import tally_faults
+from auvplan.check.track import Array, Bed, Coast, Mask, Walk, events
+from auvplan.check.windows import window_faults
+from auvplan.errors import AuvplanError
+from auvplan.files import MISSION, SUMMARY, ResultError, read_mission, read_summary
 
 #: No current is faster, m/s.
 CURRENT_MAX = 5.0
 
 #: Metres by which an altitude may fall short of the clearance that was asked for: far above rounding.
 ALTITUDE_TOLERANCE = 0.1
-
-#: s between the moments of a stay at which it is asked whether an area is closed.
-_STAY = 10.0
-
-#: s by which the last of them comes before the end.
-_MOMENT = 1e-3
 
 _BED = {"seabed_depth": ("seabed_x", "seabed_y"), "seabed_origin": ("horizontal",), "seabed_pixel_size": ()}
 
@@ -102,7 +97,7 @@ class CheckReport:
 
     def __str__(self) -> str:
         lines = [
-            f"walked {self.length:,.0f} m on {counted(self.legs, 'leg')}",
+            f"walked {self.length:,.0f} m on {_counted(self.legs, 'leg')}",
             f"collisions: {self.coast_hits} with the coast ({self.coast_metres:.1f} m), "
             f"{self.obstacle_hits} with obstacles ({self.obstacle_metres:.1f} m), "
             f"{self.seabed_hits} with the sea bed ({self.seabed_metres:.1f} m)",
@@ -110,16 +105,18 @@ class CheckReport:
             f"obstacles {_metres(self.obstacle_clearance)}, sea bed {_metres(self.seabed_altitude)}",
             *(f"note: {note}" for note in self.notes),
             *(f"fault: {fault}" for fault in self.faults),
-            "no faults" if self.ok else counted(len(self.faults), "fault"),
+            "no faults" if self.ok else _counted(len(self.faults), "fault"),
         ]
         return "\n".join(lines)
 
 
-def check_run(folder: str | Path) -> CheckReport:
+def check_run(folder: str | Path, sources: bool = False) -> CheckReport:
     """Check a saved run: coast, obstacles, sea bed, times, places, edges and tasks of every executed leg.
 
     Args:
         folder: that `save_run` wrote.
+        sources: look also at the files of land, closed areas and sea bed that its scenario names, by other
+            libraries than those that read them for the planner: pyogrio, rasterio and xarray.
 
     Returns:
         What was found; `CheckReport.ok` tells whether it is free of faults.
@@ -131,7 +128,7 @@ def check_run(folder: str | Path) -> CheckReport:
     require(summary, dataset, Path(folder))
     _require_bed(dataset, Path(folder) / MISSION)
     try:
-        return check_dataset(summary, dataset)
+        return check_dataset(summary, dataset, sources)
     except AuvplanError:
         raise
     except Exception as error:  # whatever values of the wrong kind lead to
@@ -139,11 +136,12 @@ def check_run(folder: str | Path) -> CheckReport:
         raise ResultError(f"{Path(folder) / MISSION}: cannot be checked ({line})") from None
 
 
-def check_dataset(summary: dict[str, Any], dataset: xr.Dataset) -> CheckReport:
+def check_dataset(summary: dict[str, Any], dataset: xr.Dataset, sources: bool = False) -> CheckReport:
     """`check_run` on a summary and a dataset as `save_run` writes them."""
     legs = list(read_legs(dataset))
     report = CheckReport()
     report.faults += site_faults(dataset)
+    report.faults += source_faults(dataset, report.notes)
     report.faults += graph_faults(dataset, legs)
     report.faults += place_faults(dataset, legs)
     report.faults += time_faults(dataset, summary, legs)
@@ -151,23 +149,26 @@ def check_dataset(summary: dict[str, Any], dataset: xr.Dataset) -> CheckReport:
     report.faults += route_faults(dataset, legs)
     report.faults += motion_faults(dataset, legs, report.notes)
     report.faults += tally_faults(summary, dataset, legs, report.notes)
-    report.faults += window_faults(dataset, legs, report.notes)
-    known = _known_obstacles(dataset, report.notes)
-    sources = read_sources(dataset, report.notes)
-    places = places_of(dataset) if sources else None
+    report.faults += window_faults(dataset, legs)
+    known, closed = read_obstacles(dataset, report.notes), read_closed_areas(dataset, report.notes)
+    files = read_sources(dataset, report.notes) if sources else ()
+    places = places_of(dataset) if files else None
     coast = Coast.of(dataset) if "passability" in dataset else None
     shore = None if coast is None else Coast.beyond(dataset)
     bed = Bed.of(dataset) if "seabed_depth" in dataset else None
+    speed = float(dataset.attrs["vehicle_speed"]) + CURRENT_MAX
     for leg in legs:
-        if leg.executed:
-            speed = float(dataset.attrs["vehicle_speed"]) + CURRENT_MAX
-            walked = _walk(leg, coast, bed, known, _met(dataset, leg), speed, report)
-            if walked is not None and shore is not None:
-                nearest = float(shore.distances(leg.positions).min())
-                report.coast_clearance = min(report.coast_clearance, nearest)
-            if walked is not None and places is not None:
-                walk, booked = walked
-                _look_again(leg, walk, booked, places(*walk.positions[:, :2].T), sources, report)
+        if not leg.executed or (walk := _walk(leg, speed, report)) is None:
+            continue
+        booked = _ground(leg, walk, coast, bed, report)
+        if shore is not None:
+            nearest = float(shore.distances(leg.positions).min())
+            report.coast_clearance = min(report.coast_clearance, nearest)
+        for area in closed:
+            _look_at_area(leg, walk, area, booked, report)
+        _pass_obstacles(leg, walk, known, _met(dataset, leg), report)
+        if places is not None:
+            _look_again(leg, walk, booked, places(*walk.positions[:, :2].T), files, report)
     if summary.get("collisions", 0) and not report.collisions:
         report.faults.append(f"collisions is {summary['collisions']} in {SUMMARY}, none was found")
     return report
@@ -190,44 +191,6 @@ def _require_bed(dataset: xr.Dataset, file: Path) -> None:
         raise ResultError(f"{file}: attribute seabed_clearance is missing")
 
 
-def _known_obstacles(dataset: xr.Dataset, notes: list[str]) -> tuple[KnownObstacle, ...]:
-    """Obstacles of the scenario's file and chart, where they are when the run departs."""
-    settings = json.loads(str(dataset.attrs["scenario"]))
-    name = settings.get("obstacles", {}).get("file")
-    if "site_longitude" not in dataset.attrs:
-        return ()
-    metres = metres_of(dataset)
-    found = _charted_obstacles(dataset, settings.get("chart") or {}, metres, notes)
-    if name is None:
-        return found
-    try:
-        named = obstacles_of(path_of(dataset, name), metres)
-    except Exception as error:  # whatever a damaged file leads to
-        why = " ".join(f"{type(error).__name__}: {error}".split())[:200]
-        notes.append(f"known obstacles of {name} were not looked at: {why}")
-        return found
-    departed = float(dataset.attrs.get("departed", 0.0))
-    return (*found, *(obstacle.after(departed) for obstacle in named))
-
-
-def _charted_obstacles(
-    dataset: xr.Dataset, chart: dict[str, Any], metres: Placing, notes: list[str]
-) -> tuple[KnownObstacle, ...]:
-    """Rocks, wrecks and obstructions of a chart's S-57 cells."""
-    if chart.get("source") != "enc":
-        return ()
-    try:
-        hazards = hazards_of_cells(str(path_of(dataset, chart["file"])))
-    except Exception as error:  # whatever GDAL stumbles over
-        why = " ".join(f"{type(error).__name__}: {error}".split())[:200]
-        notes.append(f"obstacles of {chart['file']} were not looked at: {why}")
-        return ()
-    found = []
-    for name, longitude, latitude, top in hazards:
-        found.append(KnownObstacle(name, metres(longitude, latitude), float(chart["hazard_radius"]), top))
-    return tuple(found)
-
-
 def _met(dataset: xr.Dataset, leg: Leg) -> Mask:
     """[M] whether an obstacle of a leg was not known before."""
     if "obstacle_kind" not in dataset:
@@ -237,20 +200,8 @@ def _met(dataset: xr.Dataset, leg: Leg) -> Mask:
     return np.array([names[int(code)] != "known" for code in codes], bool)
 
 
-def _walk(
-    leg: Leg,
-    coast: Coast | None,
-    bed: Bed | None,
-    known: Sequence[KnownObstacle],
-    met: Mask,
-    speed: float,
-    report: CheckReport,
-) -> tuple[Walk, dict[str, Mask]] | None:
-    """Walk one leg in steps of at most a metre and book what it meets.
-
-    Returns:
-        The walk, and where it was booked as on "land" and below the "sea bed"; None where it is not finite.
-    """
+def _walk(leg: Leg, speed: float, report: CheckReport) -> Walk | None:
+    """Walk one leg in steps of at most a metre, at `speed` m/s at most; None where it is not finite."""
     report.legs += 1
     for name, values in (("time", leg.times), ("position", leg.positions), ("obstacle", leg.obstacles)):
         if not np.isfinite(values).all():
@@ -268,14 +219,26 @@ def _walk(
     report.length += float(gaps.sum())
     if (walk.positions[:, 2] < -0.01).any():
         report.faults.append(f"{leg}: above the surface by {-walk.positions[:, 2].min():.2f} m")
+    return walk
+
+
+def _ground(
+    leg: Leg, walk: Walk, coast: Coast | None, bed: Bed | None, report: CheckReport
+) -> dict[str, Mask]:
+    """Book land and sea bed of the run's file; return where a walk was on "land" and below the "sea bed"."""
     booked = {kind: np.zeros(len(walk.positions), bool) for kind in ("land", "sea bed")}
     if coast is not None:
         booked["land"] = coast.on_land(walk.positions)
-        _book(leg, walk, "land", booked["land"], "", report)
+        _book(leg, walk, "land", booked["land"], "on land", report)
         for first, last in events(coast.outside(walk.positions)):
             report.faults.append(f"{leg}: outside the chart {walk.between(first, last)}")
     if bed is not None:
         booked["sea bed"] = _sound(leg, walk, bed, report)
+    return booked
+
+
+def _pass_obstacles(leg: Leg, walk: Walk, known: Sequence[Cylinder], met: Mask, report: CheckReport) -> None:
+    """Book stretches inside obstacles that were met and that were known; `met`: which of a leg's were not."""
     clearance = np.linalg.norm(walk.obstacles - walk.positions[:, None], axis=2) - leg.radii
     # What stands for a known obstacle encloses it: that itself is looked at below.
     apart = clearance[:, met] if known else clearance
@@ -285,19 +248,17 @@ def _walk(
         for first, last in events(inside):
             report.obstacle_hits += 1
             report.faults.append(f"{leg}: inside obstacle {number} {walk.between(first, last)}")
-
     for obstacle in known:
-        distance = _distance(obstacle, walk)
+        distance = obstacle.distance(walk.positions, walk.times)
         report.obstacle_clearance = min(report.obstacle_clearance, float(distance.min()))
         report.obstacle_metres += float(walk.metres[distance < 0.0].sum())
         for first, last in events(distance < 0.0):
             report.obstacle_hits += 1
             report.faults.append(f"{leg}: inside {obstacle.name!r} {walk.between(first, last)}")
-    return walk, booked
 
 
 def _book(leg: Leg, walk: Walk, kind: str, inside: Mask, where: str, report: CheckReport) -> None:
-    """Book the stretches of a walk on land or below the sea bed; `where` names the file that tells it."""
+    """Book the stretches of a walk that count as on land or below the sea bed; `where` says it in words."""
     stretches = list(events(inside))
     metres = float(walk.metres[inside].sum())
     if kind == "land":
@@ -306,8 +267,7 @@ def _book(leg: Leg, walk: Walk, kind: str, inside: Mask, where: str, report: Che
     else:
         report.seabed_hits += len(stretches)
         report.seabed_metres += metres
-    words = "on land" if kind == "land" else "below the sea bed"
-    report.faults += [f"{leg}: {words}{where} {walk.between(first, last)}" for first, last in stretches]
+    report.faults += [f"{leg}: {where} {walk.between(first, last)}" for first, last in stretches]
 
 
 def _look_again(
@@ -321,37 +281,28 @@ def _look_again(
     """Book what a walk meets of land and sea bed in the scenario's files and is not booked yet."""
     for source in sources:
         blocked = source.blocked(*places, walk.positions[:, 2])
-        if source.closed is not None:
-            _look_at_hours(leg, walk, blocked, source, report)
-            continue
-        _book(leg, walk, source.kind, blocked & ~booked[source.kind], f" of {source.name}", report)
+        where = f"{'on land' if source.kind == 'land' else 'below the sea bed'} of {source.name}"
+        _book(leg, walk, source.kind, blocked & ~booked[source.kind], where, report)
         booked[source.kind] = booked[source.kind] | blocked
 
 
-def _look_at_hours(leg: Leg, walk: Walk, inside: Mask, source: Source, report: CheckReport) -> None:
+def _look_at_area(
+    leg: Leg, walk: Walk, area: ClosedArea, booked: dict[str, Mask], report: CheckReport
+) -> None:
     """Tell where a leg, or what is waited and done at its ends, is in an area while it is closed."""
-    assert source.closed is not None
-    there = inside.copy()
-    there[inside] = source.closed(walk.times[inside])
-    for first, last in events(there):
-        report.faults.append(f"{leg}: in the closed area {source.name!r} {walk.between(first, last)}")
+    inside = area.holds(walk.positions)
+    words = f"in the closed area {area.name!r}"
+    if area.spans is None:
+        _book(leg, walk, "land", inside & ~booked["land"], words, report)
+        booked["land"] = booked["land"] | inside
+        return
+    for first, last in events(inside & area.closed(walk.times, walk.times)):
+        report.faults.append(f"{leg}: {words} {walk.between(first, last)}")
     stays = [(bool(inside[0]), walk.times[0] - leg.t_hold, walk.times[0])]
     stays += [(bool(inside[-1]), walk.times[-1], walk.times[-1] + leg.t_wait + leg.t_task)]
     for within, begins, ends in stays:
-        moments = np.append(np.arange(begins, ends, _STAY), ends - _MOMENT)
-        if within and ends > begins and source.closed(moments).any():
-            report.faults.append(
-                f"{leg}: stays in the closed area {source.name!r} between {begins:.0f} and {ends:.0f} s"
-            )
-
-
-def _distance(obstacle: KnownObstacle, walk: Walk) -> NDArray[np.float64]:
-    """Return distance [n] m of a walk to the surface of an upright cylinder, negative inside."""
-    centre = np.asarray(obstacle.position) + walk.times[:, None] * np.asarray(obstacle.velocity)
-    level = np.linalg.norm(walk.positions[:, :2] - centre, axis=1) - obstacle.radius
-    depth = walk.positions[:, 2]
-    beyond = np.maximum(obstacle.depth_min - depth, depth - obstacle.depth_max)
-    return np.where(beyond > 0.0, np.hypot(np.maximum(level, 0.0), beyond), level)
+        if within and ends > begins and area.closed(np.array([begins]), np.array([ends])).any():
+            report.faults.append(f"{leg}: stays {words} between {begins:.0f} and {ends:.0f} s")
 
 
 def _sound(leg: Leg, walk: Walk, bed: Bed, report: CheckReport) -> Mask:
@@ -360,13 +311,17 @@ def _sound(leg: Leg, walk: Walk, bed: Bed, report: CheckReport) -> Mask:
     below = altitude < 0.0
     near = (altitude < bed.clearance - ALTITUDE_TOLERANCE) & ~below
     report.seabed_altitude = min(report.seabed_altitude, float(altitude.min()))
-    _book(leg, walk, "sea bed", below, "", report)
+    _book(leg, walk, "sea bed", below, "below the sea bed", report)
     for first, last in events(near):
         least = f"{altitude[first : last + 1].min():.1f} m above the sea bed, under {bed.clearance:g} m,"
         report.faults.append(f"{leg}: {least} {walk.between(first, last)}")
     for first, last in events(bed.outside(walk.positions)):
         report.faults.append(f"{leg}: beyond the known sea bed {walk.between(first, last)}")
     return below
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count:,} {noun}" if count == 1 else f"{count:,} {noun}s"
 
 
 def _metres(value: float) -> str:

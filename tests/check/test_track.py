@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 from scipy import ndimage
 
-from auvplan.io.walk import Bed, Coast, Walk, events
+from auvplan.check.track import Bed, Coast, Walk, events
 
 
 def test_walk_takes_steps_of_a_metre_at_most():

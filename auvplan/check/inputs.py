@@ -1,0 +1,249 @@
+"""What a saved run was made from, as it keeps it: jobs, obstacles, closed areas, digests of its files."""
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+import xarray as xr
+from pyproj import Transformer
+
+from auvplan.check.legs import TIME_TOLERANCE, near
+from auvplan.check.track import Array
+from auvplan.files import digest, folder_size
+
+Spans = list[tuple[float, float]]
+
+
+@dataclass(frozen=True)
+class Job:
+    """A task at a place, or along the straight lines between several.
+
+    Attributes:
+        name: of the job.
+        places: [n, 3] m; one of a point, two or more of a line.
+        priority: before it falls.
+        duration: s.
+        windows: in which a task at a point begins and a part of a line lies as a whole, s since the
+            departure; empty for any time.
+        falls: moments, s since the departure, and the priority after each.
+    """
+
+    name: str
+    places: Array
+    priority: float
+    duration: float
+    windows: Spans
+    falls: Spans
+
+    @property
+    def is_line(self) -> bool:
+        """Whether it is a survey line."""
+        return len(self.places) > 1
+
+    def worth(self, begins: float) -> float:
+        """Return the priority at a time, s since the departure."""
+        after = [priority for moment, priority in self.falls if begins > moment]
+        return after[-1] if after else self.priority
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """An upright cylinder that is known beforehand; metres and m/s, at the departure."""
+
+    name: str
+    position: tuple[float, float]
+    radius: float
+    depth_min: float
+    depth_max: float
+    velocity: tuple[float, float]
+
+    def distance(self, places: Array, times: Array) -> Array:
+        """Return the distance [n] m of places [n, 3] at times [n] s to its surface, negative inside."""
+        centre = np.asarray(self.position) + times[:, None] * np.asarray(self.velocity)
+        level = np.linalg.norm(places[:, :2] - centre, axis=1) - self.radius
+        beyond = np.maximum(self.depth_min - places[:, 2], places[:, 2] - self.depth_max)
+        return np.where(beyond > 0.0, np.hypot(np.maximum(level, 0.0), beyond), level)
+
+
+@dataclass(frozen=True)
+class ClosedArea:
+    """Water that is closed to the vehicle.
+
+    Attributes:
+        name: of the area.
+        shape: polygons in (north, east) m.
+        spans: when it is closed, s since the departure; None for always.
+    """
+
+    name: str
+    shape: Any
+    spans: Spans | None
+
+    def holds(self, places: Array) -> np.ndarray:
+        """Return which of n places [n, 3] m lie in it."""
+        return shapely.contains_xy(self.shape, places[:, 0], places[:, 1])
+
+    def closed(self, begins: Array, ends: Array) -> np.ndarray:
+        """Return whether it is closed at a moment between two times, [n] s each."""
+        if self.spans is None:
+            return np.ones(len(begins), bool)
+        found = np.zeros(len(begins), bool)
+        for first, last in self.spans:
+            found |= (ends > first + TIME_TOLERANCE) & (begins < last - TIME_TOLERANCE)
+        return found
+
+
+def scenario_of(dataset: xr.Dataset) -> dict[str, Any]:
+    """Return the settings of a saved run's scenario."""
+    return json.loads(str(dataset.attrs["scenario"]))
+
+
+def _saved(dataset: xr.Dataset, name: str) -> Any:
+    return json.loads(str(dataset.attrs.get(name, "null")))
+
+
+def _spans(stated: list[list[float | None]]) -> Spans:
+    return [(-np.inf if a is None else a, np.inf if b is None else b) for a, b in stated]
+
+
+def read_jobs(dataset: xr.Dataset) -> list[Job] | None:
+    """Return the jobs that a run has saved; None where it has saved none."""
+    stated = _saved(dataset, "jobs")
+    if stated is None:
+        return None
+    rows = [(job, [job["position"]]) for job in stated["points"]]
+    rows += [(job, job["positions"]) for job in stated["lines"]]
+    return [
+        Job(
+            job["name"],
+            np.asarray(places, float),
+            float(job["priority"]),
+            float(job["duration"]),
+            _spans(job["windows"]),
+            [(float(moment), float(after)) for moment, after in job["falls"]],
+        )
+        for job, places in rows
+    ]
+
+
+def read_obstacles(dataset: xr.Dataset, notes: list[str]) -> list[Cylinder]:
+    """Return the obstacles known beforehand; `notes` get a line where the run has not saved them."""
+    stated = _saved(dataset, "known_obstacles")
+    if stated is None:
+        if (scenario_of(dataset).get("obstacles") or {}).get("file"):
+            notes.append("known obstacles were not saved and not looked at")
+        return []
+    return [
+        Cylinder(
+            str(one["name"]),
+            tuple(one["position"]),
+            float(one["radius"]),
+            float(one["depth_min"]),
+            np.inf if one["depth_max"] is None else float(one["depth_max"]),
+            tuple(one["velocity"]),
+        )
+        for one in stated
+    ]
+
+
+def read_closed_areas(dataset: xr.Dataset, notes: list[str]) -> list[ClosedArea]:
+    """Return the areas closed always or at some hours; `notes` get a line on what the run has not saved."""
+    found = [
+        ClosedArea(name, shapely.from_wkt(text), None) for name, text in _saved(dataset, "closed_areas") or []
+    ]
+    stated = _saved(dataset, "closures")
+    if stated is None and (scenario_of(dataset).get("chart") or {}).get("no_go"):
+        notes.append("hours of closed areas were not saved and not looked at")
+    for one in stated or []:
+        if one["area"]:
+            found.append(ClosedArea(one["name"], shapely.from_wkt(one["area"]), _spans(one["closed"])))
+        else:
+            notes.append(f"the outline of closed area {one['name']!r} was not saved and not looked at")
+    for area in found:
+        shapely.prepare(area.shape)
+    return found
+
+
+def source_faults(dataset: xr.Dataset, notes: list[str]) -> Iterator[str]:
+    """Yield files beside a run that are not those it was made from; `notes` get what cannot be compared."""
+    stated = _saved(dataset, "sources")
+    if stated is None:
+        notes.append("digests of the files that the run was made from were not saved")
+    for one in stated or []:
+        path = Path(one["path"])
+        try:
+            same = folder_size(path) == one["size"] and (not one["sha256"] or digest(path) == one["sha256"])
+        except OSError:
+            notes.append(f"{one['field']}: {path.name} is not there any more and was not compared")
+            continue
+        if not same:
+            yield f"{one['field']}: {path.name} is not the file that the run was made from"
+
+
+def job_faults(dataset: xr.Dataset, jobs: list[Job]) -> Iterator[str]:
+    """Yield jobs that the graph of the run has in another place, of other worth or with other windows."""
+    names = _saved(dataset, "waypoint_names") or []
+    places = dataset["waypoint_position"].values.astype(float)
+    worth, lasts = (dataset[f"waypoint_{name}"].values for name in ("priority", "duration"))
+    for job in jobs:
+        wanted = [f"{job.name}[{k}]" for k in range(1, len(job.places) + 1)] if job.is_line else [job.name]
+        nodes = [
+            [node for node, name in enumerate(names) if name == own and near(places[node], place)]
+            for own, place in zip(wanted, job.places, strict=True)
+        ]
+        if not all(own in names for own in wanted):
+            continue  # at a place that has another name, such as the start
+        if not all(nodes):
+            yield f"job {job.name!r} is not where the graph has it"
+            continue
+        chain = [own[0] for own in nodes]
+        if job.is_line:
+            tasks = [dataset[f"task_{name}"].values for name in ("priority", "duration")]
+            given = [sum(float(task[i, j]) for i, j in pairwise(chain)) for task in tasks]
+        else:
+            given = [float(worth[chain[0]]), float(lasts[chain[0]])]
+        for name, own, value in zip(
+            ("priority", "duration"), given, (job.priority, job.duration), strict=True
+        ):
+            if not np.isclose(own, value, rtol=1e-5, atol=TIME_TOLERANCE / 10.0):
+                yield f"job {job.name!r}: its {name} is {value:g}, {own:g} in the graph"
+        if not job.is_line and "window_opens" in dataset:
+            yield from _window_faults(dataset, job, chain[0])
+
+
+def _window_faults(dataset: xr.Dataset, job: Job, node: int) -> Iterator[str]:
+    """Yield that the graph has windows of a task that its job has not; closed areas may narrow them."""
+    pairs = zip(*(dataset[f"window_{name}"].values[node] for name in ("opens", "closes")), strict=True)
+    given = [(float(opens), float(closes)) for opens, closes in pairs if opens <= closes]
+    wanted = job.windows or [(-np.inf, np.inf)]
+
+    def held(span: tuple[float, float], others: Spans) -> bool:
+        return any(a - TIME_TOLERANCE <= span[0] and span[1] <= b + TIME_TOLERANCE for a, b in others)
+
+    narrowed = bool(_saved(dataset, "closures"))
+    if not all(held(span, wanted) for span in given) or not (
+        narrowed or all(held(span, given) for span in wanted)
+    ):
+        yield f"job {job.name!r}: its windows are not those of the graph"
+
+
+def places_of(dataset: xr.Dataset) -> Callable[[Array, Array], tuple[Array, Array]]:
+    """Return the way from m north and east of a run with a site to longitude and latitude, degrees."""
+    attributes = dataset.attrs
+    frame = (
+        f"+proj=aeqd +lon_0={float(attributes['site_longitude'])!r} "
+        f"+lat_0={float(attributes['site_latitude'])!r} +datum=WGS84 +units=m"
+    )
+    back = Transformer.from_crs(frame, "EPSG:4326", always_xy=True)
+    origin = np.asarray(attributes["site_origin"], float)
+
+    def places(north: Array, east: Array) -> tuple[Array, Array]:
+        longitude, latitude = back.transform(np.asarray(east) - origin[1], np.asarray(north) - origin[0])
+        return np.asarray(longitude), np.asarray(latitude)
+
+    return places
