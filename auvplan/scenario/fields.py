@@ -65,7 +65,8 @@ def check_what_is_left(
         for path, reason, kind, concerns in found:
             if not _follows(path, kind, concerns, taken):
                 hint = _swap_hint(path, reason, document.data)
-                faults.append(_stated(path, reason + hint, kind, document))
+                key = document.keys.get(path) if kind == "extra_forbidden" else None
+                faults.append(fault_at(path, reason + hint, document, key))
         for path, _, kind, _ in found:
             _take_out(plain, path, kind, taken)
         if (_count(plain), len(taken)) == before:
@@ -271,11 +272,6 @@ def _take_out(plain: dict[str, Any], path: Path, kind: str, taken: set[Path]) ->
     elif path and path[0] in plain:
         del plain[str(path[0])]
         taken.add(path[:1])
-
-
-def _stated(path: Path, reason: str, kind: str, document: Document) -> Fault:
-    place = document.keys.get(path) if kind == "extra_forbidden" else None
-    return fault_at(path, reason, document, place)
 
 
 def _known_part(path: Path, plain: dict[str, Any]) -> Path:
