@@ -259,9 +259,6 @@ def _engines(path: str) -> list[str]:
     if head.startswith(b"\x89HDF\r\n\x1a\n"):
         # What is no HDF5 at all is not tried by others, which may take minutes over a damaged file.
         try:
-            with h5py.File(path, "r") as file:
-                # What h5netcdf asks first; its answer to an error there is one more, on the way out.
-                file.attrs.get("_nc3_strict")
             require_whole(path, CurrentError)
         except CurrentError:
             raise
