@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
 from auvplan.errors import ScenarioWarning
-from auvplan.io.currents.doubts import check_times, check_values
+from auvplan.io.currents.doubts import check_times, check_values, percent
 from auvplan.io.currents.levels import at_depth
 from auvplan.io.currents.ocean import MAX_VALUES, OceanData, describe, misunderstood, open_ocean
 from auvplan.io.currents.opening import Paths
@@ -232,18 +232,13 @@ def _check_cover(
 
         far, hint = describe(weights.beyond[lacking]), swapped_hint(site, fits)
         raise source.series.fail(
-            f"{_part(lacking)} of the box is not covered: it reaches beyond the data {far}{hint}"
+            f"{percent(lacking)} of the box is not covered: it reaches beyond the data {far}{hint}"
         )
     if lacking.any():
         what = "there is land unless a chart tells water, where the nearest" if mesh else "its nearest"
-        notes.append(f"beyond the data's area, in {_part(lacking)} of the box, {what} value holds")
+        notes.append(f"beyond the data's area, in {percent(lacking)} of the box, {what} value holds")
     else:
-        notes.append(f"{_part(outside)} of the box lies beyond the data's area, where there is land")
-
-
-def _part(nodes: NDArray[np.bool_]) -> str:
-    share = nodes.mean()
-    return f"{share:.0%}" if share >= 0.005 else "less than 1%"
+        notes.append(f"{percent(outside)} of the box lies beyond the data's area, where there is land")
 
 
 def _frames(
