@@ -288,6 +288,8 @@ def _require_whole_hdf5(path: str | Path, fault: type[AuvplanError]) -> None:
     if _has_endless_heap(Path(path)):
         raise fault(f"{path}: damaged: a collection of its values has no end")
     with h5py.File(path, "r") as file:
+        # What h5netcdf asks first; its answer to an error there is one more, on the way out.
+        file.attrs.get("_nc3_strict")
         left: list[tuple[str, Any]] = [("", file)]
         seen: set[int] = set()
         while left:

@@ -1,12 +1,15 @@
 """Where and when a mission is: local metres and seconds to longitude, latitude and time of day, and back."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pyproj import Proj, Transformer
+
+from auvplan.errors import AuvplanError
 
 Array = NDArray[np.float64]
 
@@ -104,3 +107,26 @@ def _projection_of(longitude: float, latitude: float) -> Proj:
 @cache
 def _projection(longitude: float, latitude: float) -> Transformer:
     return Transformer.from_crs("EPSG:4326", _definition(longitude, latitude), always_xy=True)
+
+
+def swapped(site: Site) -> Site | None:
+    """Return the site with longitude and latitude the other way round; None where that is no place."""
+    longitude, latitude = site.latitude, (site.longitude + 180.0) % 360.0 - 180.0
+    return replace(site, longitude=longitude, latitude=latitude) if abs(latitude) < 89.0 else None
+
+
+def swapped_hint(site: Site, fits: Callable[[Site], object]) -> str:
+    """Return a hint after a colon where something fits the site with its coordinates swapped, else nothing.
+
+    Args:
+        site: as given.
+        fits: called with the swapped site; false, or an `AuvplanError`, where it does not fit that either.
+    """
+    other = swapped(site)
+    if other is None:
+        return ""
+    hint = ": with longitude and latitude of the site or of the file swapped it would fit"
+    try:
+        return hint if fits(other) else ""
+    except AuvplanError:
+        return ""

@@ -22,7 +22,7 @@ from auvplan.check.run import check_run
 from auvplan.files import DEPARTED, DEPARTURES, SUMMARY
 from auvplan.io import geo
 from auvplan.io.currents import open_ocean
-from auvplan.io.currents.summary import summary_of
+from auvplan.io.currents.ocean import summary_of
 from auvplan.io.examine import examine_scenario
 from auvplan.io.example import write_example, write_example_of_times
 from auvplan.io.geo.charts import chart_from_polygons, chart_from_raster, closures_of, read_zones

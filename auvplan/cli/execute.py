@@ -29,6 +29,7 @@ from auvplan.cli.shared import (
     say_notes,
 )
 from auvplan.errors import AuvplanError, ScenarioError
+from auvplan.site import at_time
 from auvplan.words import counted, figure
 
 if TYPE_CHECKING:
@@ -135,8 +136,10 @@ def execute(
             vehicle = open_link(link, plan.site, limits, scale or 1.0, loss, over_ground)
     if not quiet:
         say_notes(area.notes)
-        if link != SIMULATOR and scale is None:
-            _warn_of_the_date(plan.site.epoch)
+        epoch = None if link == SIMULATOR or scale is not None else plan.site.epoch
+        if epoch is not None and abs((datetime.now(UTC) - epoch).total_seconds()) > _APART:
+            departs = at_time(0.0, epoch)
+            say(f"note: the plan is for a departure at {departs}, and the vehicle leaves now")
     record = execute(
         plan, vehicle, limits=limits, notices=heard, tell=_tell(quiet), keep=partial(_keep, out=out)
     )
@@ -144,7 +147,11 @@ def execute(
     if as_json:
         print_json(record.summary())
     elif not quiet:
-        _say_verdict(record, file)
+        say(
+            f"{record.reason}; {record.safe}; {record.t_mission:.0f} s of {record.t_available:.0f} s, "
+            f"{counted(len(record.tasks), 'task')}, total priority {figure(record.total_priority)}"
+        )
+        say(f"record in {file}")
     if not record.success:
         complain(f"mission failed: {record.reason}; {record.safe}")
         raise typer.Exit(1)
@@ -200,12 +207,6 @@ def _limits(texts: list[str]) -> "Limits":
     return replace(Limits(), **given)
 
 
-def _warn_of_the_date(epoch: datetime | None) -> None:
-    """Say that the forecast is for another time than now, if it is."""
-    if epoch is not None and abs((datetime.now(UTC) - epoch).total_seconds()) > _APART:
-        say(f"note: the plan is for a departure at {epoch:%Y-%m-%d %H:%M} UTC, and the vehicle leaves now")
-
-
 def _tell(quiet: bool) -> "Tell":
     """Return what shows events as they happen."""
 
@@ -215,11 +216,3 @@ def _tell(quiet: bool) -> "Tell":
             sys.stdout.flush()
 
     return tell
-
-
-def _say_verdict(record: "ExecutionRecord", file: Path) -> None:
-    say(
-        f"{record.reason}; {record.safe}; {record.t_mission:.0f} s of {record.t_available:.0f} s, "
-        f"{counted(len(record.tasks), 'task')}, total priority {figure(record.total_priority)}"
-    )
-    say(f"record in {file}")

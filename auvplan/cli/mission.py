@@ -96,7 +96,7 @@ def _run(
         from auvplan.compiled import MISSIONS, preload
 
         preload(MISSIONS, scenario.fingerprint)
-        from auvplan.files import whole_result
+        from auvplan.files import REPORT, whole_result
         from auvplan.io.area import load_area
 
         area = load_area(scenario, folder)
@@ -121,7 +121,10 @@ def _run(
 
         sheet = sheet_of(run).plain()
         save_run(run, partial, sheet=sheet)
-        page = None if pictures == Pictures.NONE else _write_page(run, sheet, partial)
+        if pictures != Pictures.NONE:
+            from auvplan.report import write_run_report
+
+            write_run_report(run, run.summary() | {"sheet": sheet}, partial)
         drawn = [out / picture.name for picture in painter.finish()]
     if as_json:
         print_json(run.summary() | {"sheet": sheet})
@@ -129,16 +132,9 @@ def _run(
         _print_summary(run.summary(), sheet["facts"])
         if drawn:
             console.print("pictures:", *(f"  {picture}" for picture in drawn), sep="\n", soft_wrap=True)
-        if page:
-            name_page(out / page.name)
+        if pictures != Pictures.NONE:
+            name_page(out / REPORT)
     return run
-
-
-def _write_page(run: Any, sheet: dict[str, Any], folder: Path) -> Path:
-    """Write the page of a run whose sheet is known."""
-    from auvplan.report import write_run_report
-
-    return write_run_report(run, run.summary() | {"sheet": sheet}, folder)
 
 
 def _load_writers() -> None:

@@ -1,11 +1,11 @@
-"""Commands that draw results."""
+"""Commands that show results: figures, a film, a page."""
 
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
 
-from auvplan.cli.shared import QuietOption, console, progress_bar, say
+from auvplan.cli.shared import QuietOption, console, name_page, progress_bar, say
 from auvplan.errors import ScenarioError
 
 
@@ -102,3 +102,15 @@ def animate(
         film = animate_run(run, out or folder / "mission.gif", seconds=seconds, fps=fps, progress=progress)
     if not quiet:
         say(f"film: {film}")
+
+
+def report(
+    folder: Annotated[Path, typer.Argument(help="Folder of a run, a study or departures.")],
+    quiet: QuietOption = False,
+) -> None:
+    """Write a result as one page, report.html, that any browser shows without a network."""
+    from auvplan.report import write_report
+
+    page = write_report(folder)
+    if not quiet:
+        name_page(page)

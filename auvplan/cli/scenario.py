@@ -125,7 +125,14 @@ def validate(
             typer.echo()
         if found.faults and not single:
             typer.echo(f"{found.source}: {counted(len(found.faults), 'fault')}")
-        _tell(found)
+        for line in found.lines:
+            typer.echo(line)
+        if not found.faults:
+            typer.echo(f"{found.source}: valid")
+        for line in found.warnings:
+            typer.echo(f"warning: {line}")
+        for note in found.notes if not found.faults else ():
+            typer.echo(f"note: {note}")
         if plot is not None:
             _draw(found, plot)
     if not single and not as_json:
@@ -148,18 +155,6 @@ def _plain(found: "Examination") -> dict[str, Any]:
         "warnings": [str(line) for line in found.warnings],
         "notes": list(found.notes),
     }
-
-
-def _tell(found: "Examination") -> None:
-    """Print the faults of a scenario, or that it is valid, then what may not be meant and was assumed."""
-    for line in found.lines:
-        typer.echo(line)
-    if not found.faults:
-        typer.echo(f"{found.source}: valid")
-    for line in found.warnings:
-        typer.echo(f"warning: {line}")
-    for note in found.notes if not found.faults else ():
-        typer.echo(f"note: {note}")
 
 
 def _draw(found: "Examination", path: Path) -> None:

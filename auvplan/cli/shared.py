@@ -86,8 +86,8 @@ def load(
     Raises:
         ScenarioError: one line that names the file or the option, the field and what is wrong.
     """
-    from auvplan.scenario.changes import change_scenario
     from auvplan.scenario.file import read_scenario
+    from auvplan.scenario.scenario import change_scenario
 
     changes: dict[str, Any] = {}
     options: dict[str, str] = {}

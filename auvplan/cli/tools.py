@@ -83,7 +83,12 @@ def chart(
     made = Chart.from_classified(found, size)
     picture = draw_chart(made, image, out, found)
     if not quiet:
-        _print_clusters(found)
+        table = Table("", "colour", "share", "taken for", "to change it")
+        for cluster in found.clusters:
+            other = "--land" if cluster.kind == "water" else "--water"
+            row = cluster.colour, f"{cluster.share:.1%}", cluster.kind, f'{other} "{cluster.colour}"'
+            table.add_row(Text("    ", style=f"on {cluster.colour}"), *row)
+        console.print(table)
         shares = made.shares()
         say(f"coast {shares['coast']:.1%}, uncertain {shares['uncertain']:.1%}, water {shares['water']:.1%}")
         say(f"pixels of {size:.4g} m, {made.shape[1]} east by {made.shape[0]} north")
@@ -112,16 +117,6 @@ def _colours(**given: list[str] | None) -> "ChartColours":
         return ChartColours(**stated)
     except ValueError as error:
         raise ScenarioError(f"--water, --land, --uncertain: {error}") from None
-
-
-def _print_clusters(found: "Classified") -> None:
-    """What was found in a picture, and the options that would change it."""
-    table = Table("", "colour", "share", "taken for", "to change it")
-    for cluster in found.clusters:
-        other = "--land" if cluster.kind == "water" else "--water"
-        row = cluster.colour, f"{cluster.share:.1%}", cluster.kind, f'{other} "{cluster.colour}"'
-        table.add_row(Text("    ", style=f"on {cluster.colour}"), *row)
-    console.print(table)
 
 
 def _yaml_lines(
@@ -197,7 +192,7 @@ def currents(
     """
     from auvplan.files import write_dataset
     from auvplan.io.currents import open_ocean, to_cf
-    from auvplan.io.currents.summary import summary_of
+    from auvplan.io.currents.ocean import summary_of
 
     notes: tuple[str, ...] = ()
     if source is not None:

@@ -25,6 +25,9 @@ ISLET = 60.0
 #: m, islands nearer to each other than twice this become one where there are too many; then twice as far.
 _BRIDGE = 20.0
 
+#: Corners of a polygon around a circle.
+_CORNERS = 48
+
 #: m, room between a path and a fence that is drawn around land on its way.
 _LANE = 1.0
 
@@ -53,6 +56,13 @@ class Circle:
     centre: tuple[float, float]
     radius: float
     name: str = ""
+
+    @property
+    def corners(self) -> Array:
+        """[48, 2] m north, east of a polygon around it, clockwise, whose sides touch it."""
+        angle = 2.0 * np.pi * np.arange(_CORNERS) / _CORNERS
+        reach = self.radius / np.cos(np.pi / _CORNERS)
+        return np.asarray(self.centre) + reach * np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
 Fence = Polygon | Circle

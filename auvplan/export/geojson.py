@@ -17,9 +17,6 @@ from auvplan.site import Site
 
 Array = NDArray[np.floating]
 
-#: Corners of a polygon around a circle.
-_CORNERS = 48
-
 
 def geojson(itinerary: Itinerary) -> dict[str, Any]:
     """Return a FeatureCollection: planned and executed legs as lines of all samples, waypoints, fences."""
@@ -88,14 +85,13 @@ def _line(positions: Array, site: Site) -> dict[str, Any]:
         parts.append([*head, *rows[start : k + 1], np.array([edge, *cut[1:]])])
         head, start = [np.array([-edge, *cut[1:]])], k + 1
     parts.append([*head, *rows[start:]])
-    lines = [[_place(row) for row in part] for part in parts]
+    lines = [
+        [[round(float(row[0]), DEGREES), round(float(row[1]), DEGREES), elevation(-row[2])] for row in part]
+        for part in parts
+    ]
     if len(lines) == 1:
         return {"type": "LineString", "coordinates": lines[0]}
     return {"type": "MultiLineString", "coordinates": lines}
-
-
-def _place(row: Array) -> list[float]:
-    return [round(float(row[0]), DEGREES), round(float(row[1]), DEGREES), elevation(-row[2])]
 
 
 def _fence(fence: Fence, site: Site) -> dict[str, Any]:
@@ -103,13 +99,7 @@ def _fence(fence: Fence, site: Site) -> dict[str, Any]:
     if isinstance(fence, Circle):
         about |= {"name": fence.name} if fence.name else {}
         about["radius_m"] = fence.radius
-        angle = 2.0 * np.pi * np.arange(_CORNERS) / _CORNERS
-        # The polygon's sides touch the circle: it covers all of it.
-        reach = fence.radius / np.cos(np.pi / _CORNERS)
-        corners = np.asarray(fence.centre) + reach * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    else:
-        corners = fence.corners
-    return _feature(_area(corners, site), about)
+    return _feature(_area(fence.corners, site), about)
 
 
 def _area(corners: Array, site: Site) -> dict[str, Any]:

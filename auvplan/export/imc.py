@@ -108,7 +108,11 @@ def _manoeuvres(itinerary: Itinerary) -> list[tuple[str, Element]]:
         parts, begun = commanded(itinerary, leg, begun)
         found += _leg(itinerary, leg, parts)
         if leg.hold > 0.0:
-            found.append((f"task{leg.number}", _task(itinerary, leg)))
+            seconds, what = math.ceil(leg.hold), f"task of leg {leg.number}"
+            if seconds > _LONGEST:
+                raise ExportError(f"IMC plan: the {what} takes {seconds} s, at most {_LONGEST}")
+            task = _stay(itinerary, leg.waypoints[-1], seconds, _timeout(float(seconds), what))
+            found.append((f"task{leg.number}", task))
     end = itinerary.legs[-1].waypoints[-1].copy()
     if itinerary.end == "surface":
         end[2] = 0.0
@@ -154,13 +158,6 @@ def _goto(itinerary: Itinerary, position: Array, speed: float, timeout: int) -> 
     return _message("Goto", {
         "timeout": str(timeout), **_place(itinerary, position), **_speed(speed), **attitude, "custom": "",
     })  # fmt: skip
-
-
-def _task(itinerary: Itinerary, leg: PlannedLeg) -> Element:
-    seconds, what = math.ceil(leg.hold), f"task of leg {leg.number}"
-    if seconds > _LONGEST:
-        raise ExportError(f"IMC plan: the {what} takes {seconds} s, at most {_LONGEST}")
-    return _stay(itinerary, leg.waypoints[-1], seconds, _timeout(float(seconds), what))
 
 
 def _stay(itinerary: Itinerary, position: Array, seconds: int, timeout: int) -> Element:

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan.export.fences import Circle, Fence
+from auvplan.export.fences import Circle
 from auvplan.export.itinerary import Itinerary
 from auvplan.export.markup import Element, child, write_xml
 from auvplan.export.places import degrees, metres, moment, waypoints
@@ -21,9 +21,6 @@ _KML, _GX = "http://www.opengis.net/kml/2.2", "http://www.google.com/kml/ext/2.2
 
 #: Colours, aabbggrr: plan, executed, fences.
 _COLOURS = {"plan": "ffb8680a", "executed": "ff2b9af2", "fence": "ff3030c0"}
-
-#: Corners of a polygon around a circle.
-_CORNERS = 48
 
 
 def write_kml(itinerary: Itinerary, path: str | Path) -> Path:
@@ -39,7 +36,11 @@ def write_kml(itinerary: Itinerary, path: str | Path) -> Path:
     _add(document, "name", itinerary.name)
     _add(document, "description", itinerary.description)
     for name, colour in _COLOURS.items():
-        _style(document, name, colour)
+        style = child(document, f"{{{_KML}}}Style", None, {"id": name})
+        line = _add(style, "LineStyle")
+        _add(line, "color", colour)
+        _add(line, "width", "2")
+        _add(_add(style, "PolyStyle"), "color", "60" + colour[2:])
     site = itinerary.site
     plan = _folder(document, "plan")
     for leg in itinerary.legs:
@@ -67,7 +68,9 @@ def write_kml(itinerary: Itinerary, path: str | Path) -> Path:
         name = fence.name if isinstance(fence, Circle) and fence.name else f"exclusion {number}"
         polygon = _add(_placemark(fences, name, "fence"), "Polygon")
         ring = _add(_add(polygon, "outerBoundaryIs"), "LinearRing")
-        _add(ring, "coordinates", _tuples(_ring(fence), site, ","))
+        # Counter-clockwise, at the surface; the first corner again at the end.
+        corners = np.pad([*fence.corners[::-1], fence.corners[-1]], ((0, 0), (0, 1)))
+        _add(ring, "coordinates", _tuples(corners, site, ","))
     return write_xml(root, path)
 
 
@@ -90,14 +93,6 @@ def _placemark(folder: Element, name: str, style: str, description: str | None =
     return mark
 
 
-def _style(document: Element, name: str, colour: str) -> None:
-    style = child(document, f"{{{_KML}}}Style", None, {"id": name})
-    line = _add(style, "LineStyle")
-    _add(line, "color", colour)
-    _add(line, "width", "2")
-    _add(_add(style, "PolyStyle"), "color", "60" + colour[2:])
-
-
 def _path(mark: Element, positions: Array, times: Array, site: Site) -> None:
     """A track in time, or a line where there is no epoch."""
     if site.epoch is None:
@@ -118,15 +113,3 @@ def _tuples(positions: Array, site: Site, comma: str, between: str = " ") -> str
     longitude, latitude = site.to_geographic(positions[:, 0], positions[:, 1])
     rows = zip(longitude, latitude, -positions[:, 2], strict=True)
     return between.join(comma.join((degrees(x), degrees(y), metres(z))) for x, y, z in rows)
-
-
-def _ring(fence: Fence) -> Array:
-    """Return a closed ring [k, 3] m at the surface, counter-clockwise; around a circle its sides touch it."""
-    if isinstance(fence, Circle):
-        angle = -2.0 * np.pi * np.arange(_CORNERS) / _CORNERS
-        reach = fence.radius / np.cos(np.pi / _CORNERS)
-        corners = np.asarray(fence.centre) + reach * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    else:
-        corners = fence.corners[::-1]
-    closed = np.concatenate([corners, corners[:1]])
-    return np.column_stack([closed, np.zeros(len(closed))])

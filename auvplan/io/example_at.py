@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import dataclass
+from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -10,13 +11,13 @@ import numpy as np
 import scipy
 import shapely
 from numpy.typing import NDArray
+from shapely.affinity import translate
 from shapely.geometry import Polygon
 
 from auvplan.errors import ScenarioError
 from auvplan.files import OutputError, output_folder, write_atomically
 from auvplan.io.example import SCENARIO, notice
 from auvplan.io.geo.shapes import to_local
-from auvplan.io.geo.world import distance_to_coast, land_within
 from auvplan.site import Site
 
 #: What is to be known of the coast, wherever it is used.
@@ -25,8 +26,8 @@ CAUTION = (
     "navigation; put a chart of your own in its place"
 )
 _COAST, _JOBS = "coast.geojson", "jobs.geojson"
-#: m, of that coast.
-_ACCURACY = 1000.0
+#: m, of that coast; mean radius of the Earth.
+_ACCURACY, _RADIUS = 1000.0, 6_371_000.0
 #: Least and greatest size of the area, km, and the latitude that its middle may lie at.
 _SIZES, _FARTHEST = (2.0, 100.0), 80.0
 #: m beyond the area from which the coast is written: farther than distances to it are stated.
@@ -225,3 +226,40 @@ def _scenario(site: Site, size: float, places: Array, coast: bool) -> str:
 
 
 __all__ = ["CAUTION", "Beginning", "write_example_at"]
+
+
+@cache
+def _world() -> NDArray:
+    """[N] shapely polygons, degrees; some touch or cross themselves."""
+    with np.load(str(files("auvplan") / "data" / "world_land.npz")) as data:
+        places = np.cumsum(data["steps"], axis=0) * data["scale"] + data["origin"]
+        starts = [np.concatenate([[0], np.cumsum(data[name])]) for name in ("rings", "polygons")]
+    return shapely.from_ragged_array(shapely.GeometryType.POLYGON, places, tuple(starts))
+
+
+def land_within(west: float, south: float, east: float, north: float) -> list[Polygon]:
+    """Return the land of a box, degrees, cut off at its sides.
+
+    Args:
+        west, east: longitudes, which may lie beyond -180 and 180; so do the land's then.
+        south, north: latitudes.
+    """
+    world, found = _world(), []
+    lows, lefts, highs, rights = (shapely.bounds(world)[:, k] for k in (1, 0, 3, 2))
+    for turn in (-720.0, -360.0, 0.0, 360.0, 720.0):
+        reaches = (lefts + turn < east) & (rights + turn > west) & (lows < north) & (highs > south)
+        for polygon in world[reaches]:
+            cut = shapely.clip_by_rect(polygon, west - turn, south, east - turn, north)
+            if not cut.is_empty:
+                found.append(translate(shapely.make_valid(cut), turn))
+    parts = shapely.get_parts(shapely.union_all(found)) if found else []
+    return [part for part in parts if isinstance(part, Polygon) and part.area > 0.0]
+
+
+def distance_to_coast(longitude: float, latitude: float) -> float:
+    """Return how far the nearest point of the world's coast is, m, to a kilometre or so."""
+    places = np.radians(shapely.get_coordinates(_world()))
+    here = np.radians([longitude, latitude])
+    east, north = ((places - here) / 2.0).T
+    share = np.sin(north) ** 2 + np.cos(here[1]) * np.cos(places[:, 1]) * np.sin(east) ** 2
+    return float(2.0 * _RADIUS * np.arcsin(np.sqrt(share.min())))

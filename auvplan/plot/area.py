@@ -105,15 +105,10 @@ def _jobs(area: OperatingArea) -> list[tuple[str, style.Array]]:
 def _draw_closed(axes: Axes, closed: Sequence[Any], unit: style.Unit) -> list[Patch]:
     for zone in closed:
         for polygon in getattr(zone.polygon, "geoms", [zone.polygon]):
-            rings = [style.flat(ring.coords, unit) for ring in (polygon.exterior, *polygon.interiors)]
-            axes.add_patch(
-                PathPatch(Outline.make_compound_path(*map(_closed, rings)), zorder=1.0, **style.CLOSED)
-            )
+            rings = (polygon.exterior, *polygon.interiors)
+            outlines = (Outline(style.flat(ring.coords, unit), closed=True) for ring in rings)
+            axes.add_patch(PathPatch(Outline.make_compound_path(*outlines), zorder=1.0, **style.CLOSED))
     return [Patch(label="closed area", **style.CLOSED)] if closed else []
-
-
-def _closed(ring: style.Array) -> Outline:
-    return Outline(ring, closed=True)
 
 
 def _draw_current(axes: Axes, scenario: Scenario, area: OperatingArea, unit: style.Unit) -> list[Any]:

@@ -1,9 +1,6 @@
 """A picture and its clusters, the whole map and the window of the path planner (Fig. 1)."""
 
-from typing import Any
-
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
@@ -32,7 +29,11 @@ def plot_clusters(chart: Chart, picture: NDArray[np.uint8], window: tuple[int, i
     parts = ((slice(None), slice(None)), (slice(row, row + rows), slice(column, column + columns)))
     for line, part in zip(grid, parts, strict=True):
         for axes, image in zip(line, (picture[part], _coloured(raster[part])), strict=True):
-            _draw(axes, image, size)
+            north, east = size / 1000.0 * np.asarray(image.shape[:2])
+            axes.imshow(image, extent=(0.0, east, 0.0, north), interpolation="none")
+            axes.set_xlabel("east [km]")
+            axes.set_ylabel("north [km]")
+            axes.tick_params(labelsize=8)
         line[0].set_title(f"picture, {image.shape[0]} × {image.shape[1]} pixels of {size:g} m", fontsize=10)
         coast, water = float((raster[part] == 0.0).mean()), float((raster[part] == 1.0).mean())
         shares = f"coast {coast:.1%}, uncertain {1.0 - coast - water:.1%}, water {water:.1%}"
@@ -62,11 +63,3 @@ def _coloured(raster: style.Array) -> style.Array:
     image[:] = to_rgb(_UNCERTAIN)
     image[raster == 0.0], image[raster == 1.0] = to_rgb(_COAST), to_rgb(_WATER)
     return image
-
-
-def _draw(axes: Axes, image: NDArray[Any], size: float) -> None:
-    rows, columns = image.shape[:2]
-    axes.imshow(image, extent=(0.0, columns * size / 1000.0, 0.0, rows * size / 1000.0), interpolation="none")
-    axes.set_xlabel("east [km]")
-    axes.set_ylabel("north [km]")
-    axes.tick_params(labelsize=8)

@@ -68,8 +68,20 @@ def plot_obstacles(run: MissionRun, leg: LegRecord | None = None, *, ax: Axes | 
         lw=2.6,
         zorder=4,
     )
-    _ends(axes, leg, unit)
-    _set_up(axes, low, high, (top, bottom), unit)
+    spots = [(leg.plans[0].positions[0], style.START), (leg.plans[0].positions[-1], style.GOAL)]
+    spots += [(plan.positions[0], style.VEHICLE) for plan in leg.plans[1:]]
+    for place, kind in spots:
+        x, y = place[1] / unit.metres, place[0] / unit.metres
+        axes.scatter(x, y, place[2], zorder=5, depthshade=False, **kind)
+    axes.set_xlim(low[1] / unit.metres, high[1] / unit.metres)
+    axes.set_ylim(low[0] / unit.metres, high[0] / unit.metres)
+    axes.set_zlim(bottom, top)
+    axes.set_box_aspect((1.0, 1.0, _HEIGHT), zoom=1.12)
+    axes.set_xlabel(f"east [{unit.name}]", labelpad=6)
+    axes.set_ylabel(f"north [{unit.name}]", labelpad=6)
+    axes.set_zlabel("depth [m]", labelpad=4)
+    axes.tick_params(labelsize=8)
+    axes.view_init(elev=28, azim=-60)
     style.add_legend(axes, _legend(leg, seen), ax)
     hidden = len(leg.obstacle_radii) - len(seen)
     note = f", {hidden} of {len(leg.obstacle_radii)} obstacles out of view" if hidden and len(nearest) else ""
@@ -106,30 +118,6 @@ def _sphere(axes: Any, centre: style.Array, radius: float, kind: str, unit: styl
 
 def _line(axes: Any, positions: style.Array, unit: style.Unit, **kind: Any) -> None:
     axes.plot(positions[:, 1] / unit.metres, positions[:, 0] / unit.metres, positions[:, 2], **kind)
-
-
-def _ends(axes: Any, leg: LegRecord, unit: style.Unit) -> None:
-    path = leg.plans[0].positions
-    spots = [(path[0], style.START), (path[-1], style.GOAL)]
-    spots += [(plan.positions[0], style.VEHICLE) for plan in leg.plans[1:]]
-    for place, kind in spots:
-        axes.scatter(
-            place[1] / unit.metres, place[0] / unit.metres, place[2], zorder=5, depthshade=False, **kind
-        )
-
-
-def _set_up(
-    axes: Any, low: style.Array, high: style.Array, depths: tuple[float, float], unit: style.Unit
-) -> None:
-    axes.set_xlim(low[1] / unit.metres, high[1] / unit.metres)
-    axes.set_ylim(low[0] / unit.metres, high[0] / unit.metres)
-    axes.set_zlim(depths[1], depths[0])
-    axes.set_box_aspect((1.0, 1.0, _HEIGHT), zoom=1.12)
-    axes.set_xlabel(f"east [{unit.name}]", labelpad=6)
-    axes.set_ylabel(f"north [{unit.name}]", labelpad=6)
-    axes.set_zlabel("depth [m]", labelpad=4)
-    axes.tick_params(labelsize=8)
-    axes.view_init(elev=28, azim=-60)
 
 
 def _legend(leg: LegRecord, seen: list[int]) -> list[Line2D | Patch]:

@@ -14,7 +14,7 @@ from auvplan.ocean.chart import Chart
 from auvplan.ocean.currents import evaluated
 from auvplan.ocean.seabed import Seabed
 from auvplan.records import MissionRun, PlanRecord
-from auvplan.report.packing import packed
+from auvplan.report.page import packed
 from auvplan.site import Site
 
 Array = NDArray[np.floating]

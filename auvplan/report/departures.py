@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from auvplan.files import DEPARTED, DEPARTURES, ResultError, read_json
-from auvplan.report.provenance import changed_settings
+from auvplan.scenario.provenance import changed_settings
 
 #: Columns of numbers, of those that a table of departures may have.
 _NUMBERS = ("departure_s", "time_s", "tasks", "total_priority", "length_m", "clearance_m", "current_m_s")

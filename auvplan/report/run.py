@@ -8,15 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan.export.margins import FAR, Margins
-from auvplan.export.section import sensing_data
+from auvplan.export.margins import FAR, Margins, shown_obstacles, true_obstacles
+from auvplan.export.section import looks, sensing_data
 from auvplan.export.sheet import leg_depths, sheet_of, waypoint_name
 from auvplan.records import LegRecord, MissionRun, PlanRecord
 from auvplan.report.area import current_data, frame, map_data, section_data
-from auvplan.report.obstacles import obstacle_data
-from auvplan.report.packing import packed
-from auvplan.report.provenance import changed_settings
+from auvplan.report.page import packed
 from auvplan.report.tasks import task_data
+from auvplan.scenario.provenance import changed_settings
 from auvplan.schedule import (
     Bar,
     closures_in_words,
@@ -49,7 +48,7 @@ def run_data(run: MissionRun, summary: Mapping[str, Any]) -> dict[str, Any]:
     """
     stated = summary.get("sheet") or sheet_of(run).plain()
     way = _Way.of(run)
-    legs = _legs(run, way)
+    legs = [_leg(run, leg, way, part) for leg, part in zip(run.legs, way.parts, strict=True)]
     planned = [_places(plan) for leg in run.legs for plan in leg.plans]
     points = np.concatenate([np.asarray(run.graph.positions, float), way.places, *planned])
     low, high = frame(points, run.chart)
@@ -81,7 +80,7 @@ def run_data(run: MissionRun, summary: Mapping[str, Any]) -> dict[str, Any]:
         "goal": run.goal,
         "track": _track(way),
         "legs": legs,
-        "plans": _plans(run),
+        "plans": [_plan(number, leg, plan) for number, leg in enumerate(run.legs) for plan in leg.plans],
         "closures": [
             {
                 "name": words,
@@ -99,7 +98,13 @@ def run_data(run: MissionRun, summary: Mapping[str, Any]) -> dict[str, Any]:
         "routes": _routes(run),
         "tasks": task_data(run, stated),
         "limits": _limits(run, way),
-        "provenance": _provenance(run, summary, stated),
+        "provenance": {
+            "files": list(stated.get("files", [])),
+            "assumed": list(stated.get("assumed", [])),
+            "seed": run.seed,
+            "versions": {"auvplan": summary.get("version", "")},
+            "settings": changed_settings(run.scenario),
+        },
     }
 
 
@@ -170,11 +175,6 @@ def _waypoints(run: MissionRun) -> list[dict[str, Any]]:
     ]
 
 
-def _legs(run: MissionRun, way: _Way) -> list[dict[str, Any]]:
-    """A row of the table each, with the true obstacles of the leg."""
-    return [_leg(run, leg, way, part) for leg, part in zip(run.legs, way.parts, strict=True)]
-
-
 def _leg(run: MissionRun, leg: LegRecord, way: _Way, part: slice) -> dict[str, Any]:
     causes = [plan.cause for plan in leg.plans if plan.cause != "leg"]
     executed = len(leg.times) > 0
@@ -197,11 +197,6 @@ def _leg(run: MissionRun, leg: LegRecord, way: _Way, part: slice) -> dict[str, A
         "followed": leg.followed_numbers,
         "obstacles": obstacle_data(run, leg, _kept(len(leg.times), _EVERY * way.stride)),
     }
-
-
-def _plans(run: MissionRun) -> list[dict[str, Any]]:
-    """Every path plan, in the order of the legs."""
-    return [_plan(number, leg, plan) for number, leg in enumerate(run.legs) for plan in leg.plans]
 
 
 def _places(plan: PlanRecord) -> Array:
@@ -259,12 +254,22 @@ def _limits(run: MissionRun, way: _Way) -> list[dict[str, Any]]:
     ]
 
 
-def _provenance(run: MissionRun, summary: Mapping[str, Any], stated: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what the run was made from."""
+def obstacle_data(run: MissionRun, leg: LegRecord, rows: NDArray[np.int_]) -> dict[str, Any]:
+    """Return the true obstacles of a leg that were not known before: places, and when the vehicle saw them.
+
+    Args:
+        run: that the leg belongs to.
+        leg: as executed.
+        rows: [k] records of the leg at which places are given.
+    """
+    shown = shown_obstacles(leg)
+    if not shown or not len(rows):
+        return {"kinds": [], "radii": [], "times": None, "places": None, "looks": []}
+    tracks, radii = true_obstacles(leg)
     return {
-        "files": list(stated.get("files", [])),
-        "assumed": list(stated.get("assumed", [])),
-        "seed": run.seed,
-        "versions": {"auvplan": summary.get("version", "")},
-        "settings": changed_settings(run.scenario),
+        "kinds": [leg.obstacle_kinds[m] for m in shown],
+        "radii": radii,
+        "times": packed(leg.times[rows]),
+        "places": packed(tracks[rows]),
+        "looks": looks(run, leg),
     }

@@ -10,10 +10,9 @@ import numpy as np
 import xarray as xr
 
 from auvplan.report.area import frame, map_data
-from auvplan.report.packing import packed
-from auvplan.report.provenance import changed_settings
+from auvplan.report.page import packed
 from auvplan.scenario.file import shipped_scenarios
-from auvplan.scenario.provenance import file_names
+from auvplan.scenario.provenance import changed_settings, file_names
 from auvplan.study.statistics import leg_times, priority_gap, summarise, sweep_dims, use_of_time
 from auvplan.study.table import study_chart
 

@@ -9,9 +9,8 @@ import numpy as np
 
 from auvplan.scenario.faults import Fault, fault_at, in_order
 from auvplan.scenario.scenario import Scenario
-from auvplan.scenario.swapped import swapped
 from auvplan.scenario.yaml_lines import Document, Path
-from auvplan.site import Site, as_utc
+from auvplan.site import Site, as_utc, swapped
 
 #: The greatest number of a time available, s, that may have been meant as hours.
 _HOURS = 100.0

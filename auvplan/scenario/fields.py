@@ -14,7 +14,7 @@ from auvplan.errors import AuvplanError, RuleError, ScenarioError
 from auvplan.scenario.faults import Fault, fault_at, in_order
 from auvplan.scenario.places import OffEarthError, localised
 from auvplan.scenario.settings import MOVED, Area, SiteSettings
-from auvplan.scenario.yaml_lines import Document, Path, short
+from auvplan.scenario.yaml_lines import Document, Path, short, value_at
 from auvplan.site import Site
 
 #: Stands where a value is none: it is no place and no number either.
@@ -50,8 +50,8 @@ def check_what_is_left(
     bad = _bad_places(plain) | _truths(plain, model)
     faults += [fault_at(path, reason, document) for path, reason in bad.items() if reason]
     for path in bad:
-        _at(plain, path[:-1])[path[-1]] = _NOTHING
-    taken: set[Path] = {path[:2] for path, _, _ in document.faults if _at(document.data, path) is None}
+        value_at(plain, path[:-1])[path[-1]] = _NOTHING
+    taken: set[Path] = {path[:2] for path, _, _ in document.faults if value_at(document.data, path) is None}
     taken |= {path[:2] for path in bad}
     while True:
         try:
@@ -65,7 +65,8 @@ def check_what_is_left(
         for path, reason, kind, concerns in found:
             if not _follows(path, kind, concerns, taken):
                 hint = _swap_hint(path, reason, document.data)
-                faults.append(_stated(path, reason + hint, kind, document))
+                key = document.keys.get(path) if kind == "extra_forbidden" else None
+                faults.append(fault_at(path, reason + hint, document, key))
         for path, _, kind, _ in found:
             _take_out(plain, path, kind, taken)
         if (_count(plain), len(taken)) == before:
@@ -183,7 +184,7 @@ def _read_error(
         return path, unknown_key(path, model), kind, "", ()
     if kind == "missing":
         if isinstance(path[-1], int):
-            return path[:-1], f"has too few entries: {len(_at(plain, path[:-1]))}", "value", "", ()
+            return path[:-1], f"has too few entries: {len(value_at(plain, path[:-1]))}", "value", "", ()
         return path, "is missing", kind, "", ()
     message = found["msg"]
     if kind in ("model_type", "model_attributes_type"):
@@ -235,7 +236,7 @@ def _swap_hint(path: Path, reason: str, data: dict[str, Any]) -> str:
         return _SWAPPED
     if path not in (("mission", "start"), ("mission", "goal")) or "outside the area" not in reason:
         return ""
-    place = _at(data, path)
+    place = value_at(data, path)
     if not isinstance(place, dict):
         return ""
     turned = place | {"longitude": place["latitude"], "latitude": place["longitude"]}
@@ -273,15 +274,10 @@ def _take_out(plain: dict[str, Any], path: Path, kind: str, taken: set[Path]) ->
         taken.add(path[:1])
 
 
-def _stated(path: Path, reason: str, kind: str, document: Document) -> Fault:
-    place = document.keys.get(path) if kind == "extra_forbidden" else None
-    return fault_at(path, reason, document, place)
-
-
 def _known_part(path: Path, plain: dict[str, Any]) -> Path:
     """As much of a path as there is in the data: pydantic adds the names of alternatives."""
     for length in range(len(path)):
-        inside, part = _at(plain, path[:length]), path[length]
+        inside, part = value_at(plain, path[:length]), path[length]
         if isinstance(inside, list):
             known = isinstance(part, int) and part < len(inside)
         else:
@@ -289,12 +285,6 @@ def _known_part(path: Path, plain: dict[str, Any]) -> Path:
         if not known:
             return path[:length]
     return path
-
-
-def _at(data: Any, path: Path) -> Any:
-    for part in path:
-        data = data[part]
-    return data
 
 
 def _count(plain: dict[str, Any]) -> int:

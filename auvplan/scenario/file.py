@@ -6,11 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from auvplan.errors import ScenarioError, ScenarioWarning
-from auvplan.scenario.changes import warn_of_overrides
 from auvplan.scenario.doubts import doubts
 from auvplan.scenario.faults import Fault, first_of
 from auvplan.scenario.fields import check_fields
-from auvplan.scenario.scenario import Scenario
+from auvplan.scenario.scenario import Scenario, warn_of_overrides
 from auvplan.scenario.yaml_lines import Document, YamlError, read_yaml
 
 #: Larger files are no scenarios.

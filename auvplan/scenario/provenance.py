@@ -1,4 +1,4 @@
-"""The files that a scenario was planned on, by name, size and hash."""
+"""What a scenario was planned on: files by name, size and hash, and settings that are not the defaults."""
 
 import dataclasses
 from collections.abc import Iterator
@@ -11,6 +11,7 @@ from typing import Any
 import h5py
 
 from auvplan.files import digest, folder_size
+from auvplan.scenario.scenario import Scenario
 
 #: What attributes begin with that tell where a file of currents was fetched from.
 ORIGIN = "fetched_"
@@ -119,3 +120,24 @@ def _origin(name: str, path: Path) -> dict[str, str]:
             for key, value in file.attrs.items()
             if key.startswith(ORIGIN) and isinstance(value, str)
         }
+
+
+def changed_settings(settings: dict[str, Any], base: dict[str, Any] | None = None) -> list[dict[str, Any]]:
+    """Return the settings of a scenario that differ from the defaults: field, value, default.
+
+    Args:
+        settings: a scenario as plain data; what it leaves out has its default.
+        base: a scenario to compare with in place of the defaults.
+    """
+    compared = Scenario().model_dump(mode="json") if base is None else base
+    found = _differences(settings, compared, "")
+    return [row for row in found if row["field"] not in ("name", "description")]
+
+
+def _differences(given: dict[str, Any], base: dict[str, Any], above: str) -> Iterator[dict[str, Any]]:
+    for name, value in given.items():
+        usual = base.get(name)
+        if isinstance(value, dict) and isinstance(usual, dict):
+            yield from _differences(value, usual, f"{above}{name}.")
+        elif value != usual:
+            yield {"field": above + name, "value": value, "default": usual}

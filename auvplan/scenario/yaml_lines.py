@@ -58,11 +58,8 @@ class Document:
             part = path[:length]
             if part in self.values:
                 own = self.keys.get(part)
-                return (
-                    own
-                    if own is not None and isinstance(_value(self.data, part), dict)
-                    else self.values[part]
-                )
+                mapping = own is not None and isinstance(value_at(self.data, part), dict)
+                return own if mapping else self.values[part]
         return None
 
 
@@ -167,7 +164,12 @@ def _odd_base(text: str) -> str:
     return "octal" if re.fullmatch(r"[-+]?0[0-7_]+", text) else ""
 
 
-def _value(data: Any, path: Path) -> Any:
+def value_at(data: Any, path: Path) -> Any:
+    """Return the part of plain data at a path.
+
+    Raises:
+        KeyError, IndexError, TypeError: there is none.
+    """
     for part in path:
         data = data[part]
     return data

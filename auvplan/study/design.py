@@ -10,9 +10,8 @@ from typing import Any
 import yaml
 
 from auvplan.errors import AuvplanError, ScenarioError
-from auvplan.scenario.changes import change_scenario
 from auvplan.scenario.file import validate_scenario
-from auvplan.scenario.scenario import Scenario
+from auvplan.scenario.scenario import Scenario, change_scenario
 
 
 class StudyError(AuvplanError):

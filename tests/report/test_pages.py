@@ -14,10 +14,8 @@ from auvplan.export.sheet import waypoint_name
 from auvplan.files import REPORT, RESULTS, ResultError, write_dataset
 from auvplan.report import write_report, write_run_report
 from auvplan.report.area import current_data, map_data
-from auvplan.report.obstacles import obstacle_data
-from auvplan.report.packing import packed, plain, script_json
-from auvplan.report.page import asset
-from auvplan.report.run import run_data
+from auvplan.report.page import asset, packed, plain, script_json
+from auvplan.report.run import obstacle_data, run_data
 from auvplan.report.study import study_data
 from auvplan.scenario.scenario import Scenario
 from tests.io.sample_run import make_closure, make_run, refused_leg

@@ -87,7 +87,7 @@ def check_values(
         first = int(np.flatnonzero(gone.any(axis=(1, 2, 3)))[0])
         _warn(
             series.label,
-            f"{_share(at_times, water)} of the area's water has a current at some times only, such as "
+            f"{percent(at_times, water)} of the area's water has a current at some times only, such as "
             f"{_named(at_times, place)}, first missing at {stamp(float(moments[first]))}: the nearest "
             "water's is taken there",
         )
@@ -97,7 +97,7 @@ def check_values(
         level = int(np.flatnonzero(under.any(axis=(0, 2, 3)))[0])
         _warn(
             series.label,
-            f"{_share(beneath, water)} of the area's water has no current at {depths[level]:g} m depth "
+            f"{percent(beneath, water)} of the area's water has no current at {depths[level]:g} m depth "
             f"though there is one below it, such as {_named(beneath, place)}: the nearest water's is "
             "taken there",
         )
@@ -108,8 +108,9 @@ def check_values(
         _warn(series.label, "the current is 0 everywhere in the area at all times")
 
 
-def _share(nodes: NDArray[np.bool_], of: NDArray[np.bool_]) -> str:
-    share = nodes.sum() / max(int(of.sum()), 1)
+def percent(nodes: NDArray[np.bool_], of: NDArray[np.bool_] | None = None) -> str:
+    """Return the share of nodes that are true, of all or of those that others are true for, in per cent."""
+    share = nodes.sum() / max(nodes.size if of is None else int(of.sum()), 1)
     return f"{share:.0%}" if share >= 0.005 else "less than 1%"
 
 

@@ -1,4 +1,4 @@
-"""Ocean current files as opened, with an exact sampler on the host."""
+"""Ocean current files as opened, with an exact sampler on the host, and what they hold in a few lines."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,8 +8,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from auvplan.io.currents.columns import at_depth
 from auvplan.io.currents.geometry import DEGREE, Curvilinear, Geometry, Regular, Window
+from auvplan.io.currents.levels import at_depth
 from auvplan.io.currents.models import unified
 from auvplan.io.currents.names import Names, find_current, find_places, require_field
 from auvplan.io.currents.opening import File, Paths, open_files
@@ -27,6 +27,13 @@ MAX_VALUES = 300_000_000
 _PLACES = 300_000
 #: Moments beyond the data's by less, in s, are taken to be at its ends.
 _SLACK = 0.5
+#: What a summary says of each kind.
+_KINDS = {
+    "regular": "regular grid of longitude and latitude",
+    "curvilinear": "curvilinear grid",
+    "roms": "curvilinear grid with components on the edges of its cells",
+    "triangles": "mesh",
+}
 
 Triple = tuple[Array, Array, Array | None]
 
@@ -381,3 +388,38 @@ def _geometry(series: Series, names: Names, places: tuple[str, str] | None, note
         if len(steps) and not ((steps > 0).all() or (steps < 0).all()):
             raise series.fail(f"{name} neither rises nor falls throughout")
     return Regular((dims[1][0], dims[0][0]), longitude, latitude)
+
+
+def summary_of(ocean: OceanData) -> dict[str, Any]:
+    """Return kind, extent, times and levels of a current, ready for JSON."""
+    points = ocean.velocity.points
+    shape = ocean.longitude.shape if ocean.kind != "regular" else (len(ocean.latitude), len(ocean.longitude))
+    found: dict[str, Any] = {
+        "files": ocean.series.label,
+        "kind": _KINDS[ocean.kind],
+        "points": " x ".join(map(str, shape)),
+        "longitude": _span(ocean.longitude),
+        "latitude": _span(ocean.latitude),
+        "times": len(ocean.times),
+        "from": stamp(ocean.times[0]),
+        "to": stamp(ocean.times[-1]),
+    }
+    if len(ocean.times) > 1:
+        found["step_h"] = round(float(np.median(np.diff(ocean.times))) / 3600.0, 4)
+    if ocean.levels is None:
+        found["levels"] = "follow the sea bed"
+    elif len(ocean.levels) == 1:
+        found["levels"] = f"one, {ocean.levels[0]:g} m"
+    else:
+        found["levels"] = f"{len(ocean.levels)}, {ocean.levels[0]:g} to {ocean.levels[-1]:g} m"
+    names = {
+        "components": f"{ocean.velocity.east.name}, {ocean.velocity.north.name}",
+        "vertical": None if ocean.velocity.up is None else ocean.velocity.up.name,
+        "sea_floor": points.floor_name(),
+        "surface_height": points.rise_name(),
+    }
+    return found | {name: value or "not given" for name, value in names.items()}
+
+
+def _span(values: Any) -> str:
+    return f"{np.nanmin(values):.4f} to {np.nanmax(values):.4f}"

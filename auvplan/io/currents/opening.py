@@ -192,7 +192,12 @@ def _open(path: str, crs: Any, epoch: float | None) -> File:
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                dataset = _dataset(path, engine)
+                # Without indexes only the head is read, however large a damaged one says that an axis is.
+                options: dict[str, Any] = {"consolidated": False} if engine == "zarr" else {}
+                dataset = xr.open_dataset(
+                    path, engine=engine, decode_times=False, decode_timedelta=False, decode_coords=False,
+                    create_default_indexes=False, cache=False, **options,
+                )  # fmt: skip
                 variables = {str(name): variable for name, variable in dataset.variables.items()}
                 if engine == "netcdf4" and h5py.is_hdf5(path):
                     _require_shapes(path, variables)
@@ -236,15 +241,6 @@ def _require_shapes(path: str, variables: Mapping[str, xr.Variable]) -> None:
                 raise ValueError(f"{name} has the sizes {part.shape}, its dimensions {variable.shape}")
 
 
-def _dataset(path: str, engine: str) -> xr.Dataset:
-    # Without indexes nothing but the head is read, however large a damaged head says that an axis is.
-    options: dict[str, Any] = {"consolidated": False} if engine == "zarr" else {}
-    return xr.open_dataset(
-        path, engine=engine, decode_times=False, decode_timedelta=False, decode_coords=False,
-        create_default_indexes=False, cache=False, **options,
-    )  # fmt: skip
-
-
 def _engines(path: str) -> list[str]:
     """Xarray's engines that may open a file, the most likely one first, by its first bytes."""
     place = Path(path)
@@ -263,9 +259,6 @@ def _engines(path: str) -> list[str]:
     if head.startswith(b"\x89HDF\r\n\x1a\n"):
         # What is no HDF5 at all is not tried by others, which may take minutes over a damaged file.
         try:
-            with h5py.File(path, "r") as file:
-                # What h5netcdf asks first; its answer to an error there is one more, on the way out.
-                file.attrs.get("_nc3_strict")
             require_whole(path, CurrentError)
         except CurrentError:
             raise

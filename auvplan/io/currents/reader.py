@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 
 from auvplan.errors import ScenarioWarning
-from auvplan.io.currents.columns import at_depth
-from auvplan.io.currents.doubts import check_times, check_values
+from auvplan.io.currents.doubts import check_times, check_values, percent
+from auvplan.io.currents.levels import at_depth
 from auvplan.io.currents.ocean import MAX_VALUES, OceanData, describe, misunderstood, open_ocean
 from auvplan.io.currents.opening import Paths
 from auvplan.io.currents.series import Array
@@ -21,8 +21,7 @@ from auvplan.io.currents.times import moment_of, seconds_of
 from auvplan.io.currents.velocity import Block
 from auvplan.io.currents.weights import Weights, mix
 from auvplan.ocean.gridded import CurrentError, GriddedCurrent
-from auvplan.scenario.swapped import swapped_hint
-from auvplan.site import Site
+from auvplan.site import Site, swapped_hint
 
 #: Where there is land: m north and east [M] to [M] bool, or wherever a mesh has no cells.
 Land = Callable[[Array, Array], NDArray[np.bool_]] | Literal["mesh"]
@@ -124,7 +123,11 @@ def read_current(
         ... # doctest: +SKIP
         ()
     """
-    low, high = _box(lower, upper)
+    low, high = np.asarray(lower, float), np.asarray(upper, float)
+    if low.shape != (3,) or high.shape != (3,) or not np.isfinite([low, high]).all():
+        raise CurrentError("lower and upper must be three finite numbers each: m north, east, depth")
+    if not (low[:2] < high[:2]).all() or low[2] > high[2] or high[2] < 0:
+        raise CurrentError(f"upper must exceed lower, got {low.tolist()} and {high.tolist()}")
     if outside not in ("refuse", "clamp"):
         raise CurrentError(f"outside must be 'refuse' or 'clamp', got {outside!r}")
     source = open_ocean(paths, crs=crs, epoch=data_epoch)
@@ -241,27 +244,13 @@ def _check_cover(
 
         far, hint = describe(weights.beyond[lacking]), swapped_hint(site, fits)
         raise source.series.fail(
-            f"{_part(lacking)} of the box is not covered: it reaches beyond the data {far}{hint}"
+            f"{percent(lacking)} of the box is not covered: it reaches beyond the data {far}{hint}"
         )
     if lacking.any():
         what = "there is land unless a chart tells water, where the nearest" if mesh else "its nearest"
-        notes.append(f"beyond the data's area, in {_part(lacking)} of the box, {what} value holds")
+        notes.append(f"beyond the data's area, in {percent(lacking)} of the box, {what} value holds")
     else:
-        notes.append(f"{_part(outside)} of the box lies beyond the data's area, where there is land")
-
-
-def _part(nodes: NDArray[np.bool_]) -> str:
-    share = nodes.mean()
-    return f"{share:.0%}" if share >= 0.005 else "less than 1%"
-
-
-def _box(lower: ArrayLike, upper: ArrayLike) -> tuple[Array, Array]:
-    low, high = np.asarray(lower, float), np.asarray(upper, float)
-    if low.shape != (3,) or high.shape != (3,) or not np.isfinite([low, high]).all():
-        raise CurrentError("lower and upper must be three finite numbers each: m north, east, depth")
-    if not (low[:2] < high[:2]).all() or low[2] > high[2] or high[2] < 0:
-        raise CurrentError(f"upper must exceed lower, got {low.tolist()} and {high.tolist()}")
-    return low, high
+        notes.append(f"{percent(outside)} of the box lies beyond the data's area, where there is land")
 
 
 def _frames(

@@ -52,7 +52,9 @@ def open_erddap(request: Request, timeout: float) -> Remote:
         )
         content = get(f"{server}/griddap/{dataset}.nc?{query}")
         with answering(request, timeout):
-            return xr.open_dataset(content, decode_cf=False, engine=_engine(content)).load()
+            return xr.open_dataset(
+                content, decode_cf=False, engine="h5netcdf" if content.startswith(b"\x89HDF") else "scipy"
+            ).load()
 
     stated = get(f"{server}/info/{dataset}/index.json")
     with answering(request, timeout):
@@ -73,10 +75,6 @@ def open_erddap(request: Request, timeout: float) -> Remote:
 
     with answering(request, timeout):
         return Remote.of(request.dataset, xr.Dataset(head), read, attributes.get("NC_GLOBAL", {}))
-
-
-def _engine(content: bytes) -> str:
-    return "h5netcdf" if content.startswith(b"\x89HDF") else "scipy"
 
 
 def _head(stated: Any) -> tuple[dict[str, int], dict[str, tuple[str, tuple[str, ...]]], dict[str, dict]]:

@@ -13,9 +13,8 @@ from auvplan.io.currents.units import length_factor
 from auvplan.io.geo.error import GeoError, reading
 from auvplan.io.geo.field import DOWN, SPELT_OUT, UP, Field, netcdf_field, sense_of_standard_name
 from auvplan.io.geo.geotiff import is_tiff
-from auvplan.io.geo.grid import LocalGrid, local_grid, refuse_beyond, steps
+from auvplan.io.geo.grid import LocalGrid, bilinear, local_grid, refuse_beyond, steps
 from auvplan.io.geo.raster import is_raster, read_raster
-from auvplan.io.geo.sampling import bilinear
 from auvplan.ocean.picture import MAX_PIXELS
 from auvplan.site import Site
 

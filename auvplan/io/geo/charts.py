@@ -16,17 +16,15 @@ from shapely.geometry import MultiPolygon, Polygon
 from auvplan.errors import ScenarioWarning, blaming
 from auvplan.io.geo.error import GeoError, as_chart, reading
 from auvplan.io.geo.geojson import read_polygons
-from auvplan.io.geo.grid import LocalGrid, Nodes, local_grid, refuse_beyond, steps
+from auvplan.io.geo.grid import LocalGrid, Nodes, local_grid, nearest, refuse_beyond, steps
 from auvplan.io.geo.raster import Raster, read_raster
-from auvplan.io.geo.sampling import nearest
 from auvplan.io.geo.shapes import around, near, to_local, touched
 from auvplan.io.geo.windows import read_spans
 from auvplan.ocean.chart import Chart, ChartError, settled
 from auvplan.ocean.classify import UNCERTAIN_MAX, classify_picture
 from auvplan.ocean.closures import Closure, Zone
 from auvplan.ocean.palette import UNTOLD, ChartColours
-from auvplan.scenario.swapped import swapped_hint
-from auvplan.site import Site
+from auvplan.site import Site, swapped_hint
 
 # A picture's corner pixels may stick out by so many pixels: half of one is the picture's own edge.
 _SLACK = 1.0
@@ -179,7 +177,10 @@ def with_no_go(
                 raise GeoError("without a chart, lower and upper tell the area")
             grid = local_grid(lower, upper, pixel_size)
         else:
-            grid = _grid_of(chart)
+            (south, west), (north, east) = (
+                np.asarray(corner, float).tolist() for corner in (chart.lower, chart.upper)
+            )
+            grid = LocalGrid((south, west), (north, east), float(chart.pixel_size), chart.shape)
         closed = np.zeros(grid.shape, bool)
         for number, given in enumerate(polygons, 1):
             closed |= touched(_closed_area(given, number), grid)
@@ -367,13 +368,6 @@ def _least(
 
 def _chart(passability: NDArray, grid: LocalGrid) -> Chart:
     return Chart.from_passability(passability, grid.pixel_size, grid.lower)
-
-
-def _grid_of(chart: Chart) -> LocalGrid:
-    (south, west), (north, east) = (
-        np.asarray(corner, float).tolist() for corner in (chart.lower, chart.upper)
-    )
-    return LocalGrid((south, west), (north, east), float(chart.pixel_size), chart.shape)
 
 
 def _closed_area(given: Any, number: int) -> Polygon | MultiPolygon:

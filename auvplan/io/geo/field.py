@@ -9,7 +9,6 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
@@ -98,9 +97,6 @@ def netcdf_field(path: Path, variable: str | None, site: Site, grid: LocalGrid) 
         engine = "scipy"
     elif start == b"\x89HDF":
         engine = "h5netcdf"
-        # On damage h5netcdf leaves an object that complains when it is collected; h5py fails cleanly.
-        with h5py.File(path, "r") as file:
-            file.attrs.get("_nc3_strict")
     else:
         raise GeoError(f"{path}: neither NetCDF nor GeoTIFF")
     require_whole(path, GeoError)
@@ -161,7 +157,8 @@ def _placed(path: Path, dataset: xr.Dataset, array: xr.DataArray, site: Site, gr
     longitude, latitude = (dataset[axes[kind][0]] for kind in ("longitude", "latitude"))
     if longitude.ndim == latitude.ndim == 1 and longitude.dims != latitude.dims:
         array = array.transpose(*latitude.dims, *longitude.dims)
-        x, columns = _regular_columns(what, np.asarray(longitude.values, float))
+        x = _regular_columns(what, np.asarray(longitude.values, float))
+        columns = x.size
         y = np.asarray(latitude.values, float)
         _check_axis(f"{what}: latitude", y)
         if np.abs(y).max() > 90.001:
@@ -199,7 +196,7 @@ def _placed(path: Path, dataset: xr.Dataset, array: xr.DataArray, site: Site, gr
     return Field(str(array.name), dict(array.attrs), nodes, load, notes)
 
 
-def _regular_columns(what: str, x: Array) -> tuple[Array, int]:
+def _regular_columns(what: str, x: Array) -> Array:
     """Continuous longitudes, of one turn at most."""
     if not np.isfinite(x).all():
         raise GeoError(f"{what}: longitude has values that are not finite")
@@ -209,7 +206,7 @@ def _regular_columns(what: str, x: Array) -> tuple[Array, int]:
     _check_axis(f"{what}: longitude", x)
     if np.abs(x).max() > 720.0 or abs(x[-1] - x[0]) > 360.0:
         raise GeoError(f"{what}: longitude runs from {x[0]:g} to {x[-1]:g}, which are no degrees")
-    return x, x.size
+    return x
 
 
 def _check_axis(what: str, axis: Array) -> None:

@@ -1,4 +1,4 @@
-"""The local raster that files are brought to, and how places in a file are found from it."""
+"""The local raster that files are brought to, how places in a file are found from it, and look-ups there."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from auvplan.io.geo.error import GeoError
 from auvplan.ocean.picture import MAX_PIXELS
-from auvplan.scenario.swapped import swapped_hint
-from auvplan.site import Site
+from auvplan.site import Site, swapped_hint
 
 Array = NDArray[np.floating]
 
@@ -197,3 +196,34 @@ def _lost(grid: LocalGrid, north: Array, east: Array, gone: NDArray[np.bool_]) -
     sides = ("west", tall), ("east", tall), ("south", wide), ("north", wide)
     shares = gone.reshape(4, _OUTLINE).mean(axis=1)
     return [(side, share * length) for (side, length), share in zip(sides, shares, strict=True) if share > 0]
+
+
+def nearest(values: NDArray, row: Array, column: Array, cyclic: bool = False) -> NDArray:
+    """Return the value of the nearest node, held beyond the outer ones; [rows, columns] at row and column."""
+    i = np.clip(np.rint(row), 0, values.shape[0] - 1).astype(int)
+    j = np.rint(column).astype(int)
+    return values[i, j % values.shape[1] if cyclic else np.clip(j, 0, values.shape[1] - 1)]
+
+
+def bilinear(values: NDArray, row: Array, column: Array) -> Array:
+    """Bilinear interpolation of [rows, columns], held beyond the outer nodes.
+
+    NaN where a node that bears on the place is NaN: a missing value spreads, it is never guessed.
+    """
+    rows, columns = values.shape
+    nowhere = np.isnan(row) | np.isnan(column)
+    row = np.clip(np.where(nowhere, 0.0, row), 0, rows - 1)
+    column = np.clip(np.where(nowhere, 0.0, column), 0, columns - 1)
+    i = np.minimum(np.floor(row).astype(int), max(rows - 2, 0))
+    j = np.minimum(np.floor(column).astype(int), max(columns - 2, 0))
+    a, b = row - i, column - j
+    up, right = np.minimum(i + 1, rows - 1), np.minimum(j + 1, columns - 1)
+    total = np.where(nowhere, np.nan, 0.0)
+    for weight, at in (
+        ((1 - a) * (1 - b), values[i, j]),
+        ((1 - a) * b, values[i, right]),
+        (a * (1 - b), values[up, j]),
+        (a * b, values[up, right]),
+    ):
+        total += np.where(weight > 0.0, weight * at, 0.0)
+    return total

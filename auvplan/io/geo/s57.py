@@ -29,8 +29,7 @@ from auvplan.io.geo.grid import LocalGrid, local_grid
 from auvplan.io.geo.shapes import around, near, to_local, touched
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.known import KnownObstacle
-from auvplan.scenario.swapped import swapped_hint
-from auvplan.site import Site
+from auvplan.site import Site, swapped_hint
 from auvplan.words import counted
 
 #: Water that may be shallower is closed, m below the chart's datum, unless a scenario says otherwise.
@@ -487,7 +486,9 @@ def _collect(
         shape = one.shape
         if not shapely.is_valid(shape):
             shape, found.repaired = shapely.make_valid(shape), found.repaired + 1
-        local = shapely.intersection(_local(shape, box, site), part)
+        cuts = [shapely.intersection(shape, turn) for turn in box.geoms]
+        whole = shapely.union_all([to_local(cut, site) for cut in cuts if not shapely.is_empty(cut)])
+        local = shapely.intersection(whole, part)
         if shapely.is_empty(local):
             continue
         if one.kind in _SKIN:
@@ -512,12 +513,6 @@ def _collect(
         found.gap += within.area / _box(grid).area
 
 
-def _local(shape: Any, box: MultiPolygon, site: Site) -> Any:
-    """Return what a box in degrees holds of a shape, in local metres."""
-    cuts = [shapely.intersection(shape, one) for one in box.geoms]
-    return shapely.union_all([to_local(cut, site) for cut in cuts if not shapely.is_empty(cut)])
-
-
 def _objects(cell: _Cell, kinds: Iterable[str]) -> Iterator[_Object]:
     for kind in dict.fromkeys(kinds):
         if kind in cell.layers:
@@ -530,7 +525,9 @@ def _shallow(one: _Object, safety_depth: float) -> bool:
 
 def _collect_hazard(one: _Object, local: Any, found: _Found, deepest: float, radius: float) -> None:
     """Add a rock, wreck or obstruction: points as obstacles, lines and areas as closed."""
-    top = _top(one.stated)
+    # What is of unknown depth, or may show above water, reaches up to the surface.
+    shown = int(one.stated.get("WATLEV", 3)) in _SHOWN or int(one.stated.get("CATWRK", 0)) in _STANDING
+    top = 0.0 if shown else max(float(one.stated.get("VALSOU", 0.0)), 0.0)
     if top > deepest + _UNDER:
         return
     points = [part for part in shapely.get_parts(local) if part.geom_type == "Point"]
@@ -538,12 +535,6 @@ def _collect_hazard(one: _Object, local: Any, found: _Found, deepest: float, rad
     found.hazards += [KnownObstacle(name, (point.x, point.y), radius, top) for point in points]
     extended = [part for part in shapely.get_parts(local) if part.geom_type != "Point"]
     found.shut += [_grown(part, radius, radius) for part in extended]
-
-
-def _top(stated: dict[str, Any]) -> float:
-    """Return the depth from which a hazard reaches down, m; 0 where it is unknown or may be above water."""
-    shown = int(stated.get("WATLEV", 3)) in _SHOWN or int(stated.get("CATWRK", 0)) in _STANDING
-    return 0.0 if shown else max(float(stated.get("VALSOU", 0.0)), 0.0)
 
 
 def _collect_restriction(one: _Object, local: Any, found: _Found) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from auvplan.files import write_dataset
 from auvplan.io.currents import open_ocean, to_cf
-from auvplan.io.currents.summary import summary_of
+from auvplan.io.currents.ocean import summary_of
 from tests.io.currents.samples import LAT, LON, START, fvcom, regular, roms, schism, ugrid, write, write_plain
 
 MADE = {

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from auvplan.io.currents import open_ocean, read_current
 from auvplan.io.currents import weights as weights_module
-from auvplan.io.currents.columns import at_depth
+from auvplan.io.currents.levels import at_depth
 from auvplan.io.currents.weights import barycentric, find_triangle
 from auvplan.ocean.gridded import CurrentError
 from auvplan.site import Site
