@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,10 +33,12 @@ STANDARD_DEPTHS = (0, 2, 5, 10, 15, 20, 30, 50, 75, 100, 150, 200, 300, 400, 500
                    4000, 5000, 6000, 8000, 11000)  # fmt: skip
 
 #: By how much a grid's nodes are denser at most than the points of a source that they do not coincide with,
-#: and how many values of a component it may have then.
+#: and the most values of a component that it has then.
 _DENSER, _VALUES = 4.0, 1_000_000
 #: Share of a cell by which nodes that coincide with the source's points may lie beside them.
 _OFF = 0.05
+#: Share of a spacing that is rounding.
+_SAME = 1e-6
 #: So many values are read at a time.
 _CHUNK = 4_000_000
 
@@ -73,6 +75,28 @@ class CurrentFile:
     notes: tuple[str, ...]
     site: Site
     source: OceanData
+
+
+@dataclass(frozen=True, eq=False)
+class _Grid:
+    """Nodes of a local grid, and where they are in the source.
+
+    Attributes:
+        axes: [X] north and [Y] east of the nodes, m, even.
+        longitude, latitude: [X Y] degrees.
+        weights: of the X Y nodes.
+    """
+
+    axes: tuple[Array, Array]
+    longitude: Array
+    latitude: Array
+    weights: Weights
+
+    @classmethod
+    def of(cls, source: OceanData, site: Site, axes: tuple[Array, Array]) -> Self:
+        north, east = (axis.ravel() for axis in np.meshgrid(*axes, indexing="ij"))
+        longitude, latitude = site.to_geographic(north, east)
+        return cls(axes, longitude, latitude, source.geometry.locate(longitude, latitude))
 
 
 def read_current(
@@ -157,23 +181,25 @@ def _read(
     start = float(seconds_of(epoch))
     frames = _frames(source, start, times, clamp, notes)
     step = _step(source, site, low, high, spacing)
-    within = _nodes(low, high, step)
-    north, east, weights = _located(source, site, within)
-    if weights.outside.any():
-        _check_cover(source, site, north, east, weights, land, clamp, notes)
+    grid = _Grid.of(source, site, _axes(low, high, step))
+    if grid.weights.outside.any():
+        _check_cover(source, site, grid, land, clamp, notes)
     wanted = _depths(source, high[2], depths, notes)
-    nodes = within
     if spacing is None:
-        frame = (frames.stop - frames.start) * len(wanted)
-        nodes = _source_nodes(source, site, low, high) or _nodes(low, high, step / _denser(within, frame))
-        north, east, weights = _located(source, site, nodes)
-    apart = (float(nodes[0][1] - nodes[0][0]), float(nodes[1][1] - nodes[1][0]))
-    longitude, latitude = site.to_geographic(north, east)
+        values = grid.weights.outside.size * len(wanted) * (frames.stop - frames.start)
+        denser = float(np.clip(np.sqrt(_VALUES / values), 1.0, _DENSER))
+        own = _source_grid(source, site, low, high)
+        if own is not None:
+            grid = own
+        elif denser > 1.0:
+            grid = _Grid.of(source, site, _axes(low, high, step / denser))
+    longitude, latitude, weights = grid.longitude, grid.latitude, grid.weights
+    apart = (float(grid.axes[0][1] - grid.axes[0][0]), float(grid.axes[1][1] - grid.axes[1][0]))
     velocities, floor, lowest = _gridded(source, weights, frames, wanted, notes)
     bearing = site.true_north(longitude, latitude)
     cos, sin = np.cos(bearing), np.sin(bearing)
     to_north, to_east, down = velocities
-    shape = (len(to_north), len(wanted), len(nodes[0]), len(nodes[1]))
+    shape = (len(to_north), len(wanted), len(grid.axes[0]), len(grid.axes[1]))
     u = (to_north * cos - to_east * sin).reshape(shape)
     v = (to_north * sin + to_east * cos).reshape(shape)
     if not np.isfinite(u).any():
@@ -181,11 +207,11 @@ def _read(
     check_times(source.series, frames)
 
     def place(i: int, j: int) -> str:
-        k = i * len(nodes[1]) + j
+        k = i * shape[3] + j
         return f"longitude {longitude[k]:.4f}, latitude {latitude[k]:.4f}"
 
     check_values(source.series, frames, wanted, source.levels is None, u, v, place)
-    origin = (float(nodes[0][0]), float(nodes[1][0]))
+    origin = (float(grid.axes[0][0]), float(grid.axes[1][0]))
     field = GriddedCurrent.from_arrays(
         u, v, None if down is None else down.reshape(shape),
         origin=origin, spacing=apart, depths=wanted, times=source.times[frames] - start,
@@ -217,9 +243,7 @@ def _read(
 def _check_cover(
     source: OceanData,
     site: Site,
-    north: Array,
-    east: Array,
-    weights: Weights,
+    grid: _Grid,
     land: Land | None,
     clamp: bool,
     notes: list[str],
@@ -229,7 +253,8 @@ def _check_cover(
     Raises:
         CurrentError: a node lies beyond the data where there is water, or all do.
     """
-    outside = weights.outside
+    weights, outside = grid.weights, grid.weights.outside
+    north, east = (axis.ravel() for axis in np.meshgrid(*grid.axes, indexing="ij"))
     mesh = source.kind == "triangles"
     if callable(land):
         dry = np.asarray(land(north, east), bool)
@@ -275,12 +300,6 @@ def _frames(
     return source.frames(first, last)
 
 
-def _located(source: OceanData, site: Site, nodes: tuple[Array, Array]) -> tuple[Array, Array, Weights]:
-    """North and east of all nodes, m, and these places in the source."""
-    north, east = (axis.ravel() for axis in np.meshgrid(*nodes, indexing="ij"))
-    return north, east, source.geometry.locate(*site.to_geographic(north, east))
-
-
 def _step(source: OceanData, site: Site, low: Array, high: Array, spacing: float | None) -> float:
     """M between nodes, at most."""
     extent = high[:2] - low[:2]
@@ -288,50 +307,42 @@ def _step(source: OceanData, site: Site, low: Array, high: Array, spacing: float
         return max(_source_spacing(source, site, low, high), float(extent.max()) / (MAX_NODES - 1))
     if not (np.isfinite(spacing) and spacing > 0):
         raise CurrentError(f"spacing must be positive, got {spacing}")
-    count = max(map(len, _nodes(low, high, float(spacing))))
+    count = max(map(len, _axes(low, high, float(spacing))))
     if count > MAX_NODES:
         makes = f"{spacing:g} m makes {count} nodes a side, more than {MAX_NODES}"
         raise CurrentError(makes, field="spacing")
     return float(spacing)
 
 
-def _nodes(low: Array, high: Array, step: float) -> tuple[Array, Array]:
+def _axes(low: Array, high: Array, step: float) -> tuple[Array, Array]:
     """North and east of nodes from edge to edge of the box, m."""
     # A share of a spacing that rounding adds is no reason for one more node.
-    counts = [max(2, int(np.ceil(length / step - 1e-6)) + 1) for length in (high - low)[:2]]
+    counts = [max(2, int(np.ceil(length / step - _SAME)) + 1) for length in (high - low)[:2]]
     return np.linspace(low[0], high[0], counts[0]), np.linspace(low[1], high[1], counts[1])
 
 
-def _denser(nodes: tuple[Array, Array], frame: int) -> float:
-    """By how much nodes may be denser, so that the grid of so many levels and times holds few values."""
-    values = len(nodes[0]) * len(nodes[1]) * frame
-    return float(np.clip(np.sqrt(_VALUES / values), 1.0, _DENSER))
+def _source_grid(source: OceanData, site: Site, low: Array, high: Array) -> _Grid | None:
+    """Return the source's own rows and columns in and around the box; None where they are not even ones.
 
-
-def _source_nodes(source: OceanData, site: Site, low: Array, high: Array) -> tuple[Array, Array] | None:
-    """North and east of the source's own rows and columns from around the box, m; None where they are uneven.
-
-    Interpolation between them is then that of the source, and not one between values that were interpolated.
+    Interpolation between them is that of the source, and not one between values that were interpolated.
     """
-    middle = 0.5 * (low + high)
-    index = source.geometry.locate(*(np.atleast_1d(axis) for axis in site.to_geographic(*middle[:2]))).index
+    middle = (np.atleast_1d(axis) for axis in site.to_geographic(*(0.5 * (low + high)[:2])))
+    index = source.geometry.locate(*middle).index
     if index.shape[1] != 4:
         return None
-    corners = np.stack(site.to_local(*source.geometry.places(index[0])), axis=1)
-    step = corners[3] - corners[0]
-    if (
-        not (step > 0.0).all()
-        or np.abs(corners[[1, 2]] - corners[0] - np.diag(step)[::-1]).max() > _OFF * step.min()
-    ):
+    corner, east, north, opposite = np.stack(site.to_local(*source.geometry.places(index[0])), axis=1)
+    step = opposite - corner
+    if not (step > 0.0).all():
         return None
-    first = corners[0] - step * np.maximum(np.ceil((corners[0] - low[:2]) / step - 1e-6), 0.0)
-    counts = np.maximum(np.ceil((high[:2] - first) / step - 1e-6).astype(int) + 1, 2)
-    if counts.max() > MAX_NODES:
+    skew = np.abs([north - corner - (step[0], 0.0), east - corner - (0.0, step[1])]).max()
+    first = corner - step * np.maximum(np.ceil((corner - low[:2]) / step - _SAME), 0.0)
+    counts = np.maximum(np.ceil((high[:2] - first) / step - _SAME).astype(int) + 1, 2)
+    if skew > _OFF * step.min() or counts.max() > MAX_NODES:
         return None
-    nodes = first[0] + step[0] * np.arange(counts[0]), first[1] + step[1] * np.arange(counts[1])
-    _, _, weights = _located(source, site, nodes)
-    inside = ~weights.outside
-    return nodes if inside.any() and (weights.weight.max(axis=1)[inside] >= 1.0 - 2.0 * _OFF).all() else None
+    axes = first[0] + step[0] * np.arange(counts[0]), first[1] + step[1] * np.arange(counts[1])
+    grid = _Grid.of(source, site, axes)
+    nearest = grid.weights.weight.max(axis=1)[~grid.weights.outside]
+    return grid if len(nearest) and (nearest >= 1.0 - 2.0 * _OFF).all() else None
 
 
 def _source_spacing(source: OceanData, site: Site, low: Array, high: Array) -> float:

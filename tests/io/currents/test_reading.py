@@ -104,17 +104,26 @@ def test_grid_fits_the_box(tmp_path):
         read_current(path, SITE, spacing=1.0, **BOX)
 
 
+def to_the_edge():
+    """The largest box within the samples' nodes, whose outermost rows and columns are not straight in it."""
+    lon, lat = LON + 0.01 * np.array([0.0, 3.5, 7.0]), LAT + 0.01 * np.array([0.0, 2.5, 5.0])
+    south, north = (SITE.to_local(lon, np.full(3, edge))[0] for edge in lat[[0, -1]])
+    west, east = (SITE.to_local(np.full(3, edge), lat)[1] for edge in lon[[0, -1]])
+    return {"lower": (south.max(), west.max(), 0.0), "upper": (north.min(), east.min(), 25.0)}
+
+
 @pytest.mark.parametrize("turned", [False, True])
-def test_between_the_nodes_of_a_grid_the_current_is_the_files(tmp_path, turned):
+@pytest.mark.parametrize("box", [BOX, to_the_edge()], ids=["within", "to the edge"])
+def test_between_the_nodes_of_a_grid_the_current_is_the_files(tmp_path, turned, box):
     """Values without any order: interpolated twice, on nodes between them, they would be half gone."""
     data = regular()
     rng = np.random.default_rng(3)
     for name in ("uo", "vo"):
         data[name] = data[name].copy(data=rng.normal(0.0, 0.5, data[name].shape))
     path = write(data.isel(latitude=slice(None, None, -1)) if turned else data, tmp_path / "a.nc")
-    found = read_current(path, SITE, **BOX)
+    found = read_current(path, SITE, **box)
     assert found.field.u.shape[2:] == (6, 8)
-    x, y = rng.uniform(BOX["lower"][:2], BOX["upper"][:2], (500, 2)).T
+    x, y = rng.uniform(box["lower"][:2], box["upper"][:2], (500, 2)).T
     z, t = rng.uniform(0.0, 25.0, 500), rng.uniform(0.0, 10_800.0, 500)
     longitude, latitude = SITE.to_geographic(x, y)
     places = {"time": t / 3600.0, "depth": z, "latitude": latitude, "longitude": longitude}
