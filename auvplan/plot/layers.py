@@ -46,24 +46,13 @@ def plot_layers(run: MissionRun, leg: LegRecord | None = None) -> Figure:
         return bool((place[:2] > low).all() and (place[:2] < high).all())
 
     kinds = _draw_obstacles(axes, run, leg, [plan.made_at for plan in plans], unit, inside)
-    _line(axes, plans[0].positions, unit, color=style.RED, ls="--", lw=1.5, zorder=4)
+    style.line_in_space(axes, plans[0].positions, unit, color=style.RED, ls="--", lw=1.5, zorder=4)
     for number in range(1, len(plans)):
         executed, given_up = until_next(plans, number)
-        _line(axes, given_up, unit, color="black", ls=":", lw=1.1, zorder=4)
-        _line(axes, executed, unit, color="black", lw=2.8, zorder=4)
-    marks = [(plans[0].positions[0], style.START), (plans[0].positions[-1], style.GOAL)]
-    marks += [(plan.positions[0], style.VEHICLE) for plan in plans[1:]]
-    for place, kind in marks:
-        flat = place[1] / unit.metres, place[0] / unit.metres, place[2]
-        axes.scatter(*flat, zorder=5, depthshade=False, **kind)
-    axes.set_xlim(low[1] / unit.metres, high[1] / unit.metres)
-    axes.set_ylim(low[0] / unit.metres, high[0] / unit.metres)
-    axes.set_zlim(bottom, top)
-    axes.set_box_aspect((1.0, 1.0, _HEIGHT), zoom=1.12)
-    axes.set_xlabel(f"east [{unit.name}]", labelpad=8)
-    axes.set_ylabel(f"north [{unit.name}]", labelpad=8)
-    axes.set_zlabel("depth [m]", labelpad=6)
-    axes.tick_params(labelsize=8)
+        style.line_in_space(axes, given_up, unit, color="black", ls=":", lw=1.1, zorder=4)
+        style.line_in_space(axes, executed, unit, color="black", lw=2.8, zorder=4)
+    style.draw_ends_in_space(axes, plans, unit)
+    style.set_up_space(axes, low, high, (top, bottom), _HEIGHT, unit, pad=8)
     axes.view_init(elev=24, azim=-62)
     bar = figure.colorbar(ScalarMappable(speeds, "cividis"), ax=axes, shrink=0.55, pad=0.08)
     bar.set_label("current [m/s]")
@@ -135,7 +124,7 @@ def _draw_obstacles(
             (north + radius * np.sin(around) * np.sin(up)) / unit.metres,
             depth + radius * np.cos(up), color=colour, alpha=0.45, lw=0, zorder=2,
         )  # fmt: skip
-        _line(axes, track, unit, color=colour, lw=1.0, zorder=2)
+        style.line_in_space(axes, track, unit, color=colour, lw=1.0, zorder=2)
         for number, (places, grown) in enumerate(steps):
             north, east, depth = places[k]
             axes.plot(
@@ -144,10 +133,6 @@ def _draw_obstacles(
                 depth, color=colour, lw=1.1, alpha=0.3 + 0.7 * (number + 1) / len(steps), zorder=3,
             )  # fmt: skip
     return kinds
-
-
-def _line(axes: Any, positions: style.Array, unit: style.Unit, **kind: Any) -> None:
-    axes.plot(positions[:, 1] / unit.metres, positions[:, 0] / unit.metres, positions[:, 2], **kind)
 
 
 def _legend(kinds: dict[str, str]) -> list[Line2D | Patch]:

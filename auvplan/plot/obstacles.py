@@ -56,11 +56,13 @@ def plot_obstacles(run: MissionRun, leg: LegRecord | None = None, *, ax: Axes | 
     for k in seen:
         _sphere(axes, nearest[k], float(leg.obstacle_radii[k]), leg.obstacle_kinds[k], unit)
         near = np.abs(tracks[:, k, :2] - middle).max(axis=1) < _FAR * edge
-        _line(axes, tracks[near, k], unit, color=_colour(leg.obstacle_kinds[k]), lw=1.2, zorder=2)
+        style.line_in_space(
+            axes, tracks[near, k], unit, color=_colour(leg.obstacle_kinds[k]), lw=1.2, zorder=2
+        )
     for plan in leg.plans[:-1]:
-        _line(axes, plan.positions, unit, color=style.RED, ls="--", lw=1.2, zorder=3)
+        style.line_in_space(axes, plan.positions, unit, color=style.RED, ls="--", lw=1.2, zorder=3)
     # A leg that was refused was never executed: its plan is shown.
-    _line(
+    style.line_in_space(
         axes,
         leg.positions if len(leg.positions) else leg.plans[-1].positions,
         unit,
@@ -68,19 +70,8 @@ def plot_obstacles(run: MissionRun, leg: LegRecord | None = None, *, ax: Axes | 
         lw=2.6,
         zorder=4,
     )
-    spots = [(leg.plans[0].positions[0], style.START), (leg.plans[0].positions[-1], style.GOAL)]
-    spots += [(plan.positions[0], style.VEHICLE) for plan in leg.plans[1:]]
-    for place, kind in spots:
-        x, y = place[1] / unit.metres, place[0] / unit.metres
-        axes.scatter(x, y, place[2], zorder=5, depthshade=False, **kind)
-    axes.set_xlim(low[1] / unit.metres, high[1] / unit.metres)
-    axes.set_ylim(low[0] / unit.metres, high[0] / unit.metres)
-    axes.set_zlim(bottom, top)
-    axes.set_box_aspect((1.0, 1.0, _HEIGHT), zoom=1.12)
-    axes.set_xlabel(f"east [{unit.name}]", labelpad=6)
-    axes.set_ylabel(f"north [{unit.name}]", labelpad=6)
-    axes.set_zlabel("depth [m]", labelpad=4)
-    axes.tick_params(labelsize=8)
+    style.draw_ends_in_space(axes, leg.plans, unit)
+    style.set_up_space(axes, low, high, (top, bottom), _HEIGHT, unit, pad=6)
     axes.view_init(elev=28, azim=-60)
     style.add_legend(axes, _legend(leg, seen), ax)
     hidden = len(leg.obstacle_radii) - len(seen)
@@ -114,10 +105,6 @@ def _sphere(axes: Any, centre: style.Array, radius: float, kind: str, unit: styl
         east / unit.metres, north / unit.metres, centre[2] + radius * np.cos(up),
         color=_colour(kind), alpha=0.45, linewidth=0.0, zorder=1,
     )  # fmt: skip
-
-
-def _line(axes: Any, positions: style.Array, unit: style.Unit, **kind: Any) -> None:
-    axes.plot(positions[:, 1] / unit.metres, positions[:, 0] / unit.metres, positions[:, 2], **kind)
 
 
 def _legend(leg: LegRecord, seen: list[int]) -> list[Line2D | Patch]:

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from auvplan.files import write_atomically
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.known import KnownObstacle
-from auvplan.records import MissionRun
+from auvplan.records import MissionRun, PlanRecord
 from auvplan.schedule import closures_in_words, stated_closures
 from auvplan.site import Site
 
@@ -360,6 +360,43 @@ def frame_of(points: Array, margin: float = 0.12, least: float = 100.0) -> tuple
     half = max(float((high - low).max()), least) * (0.5 + margin)
     middle = 0.5 * (low + high)
     return middle - half, middle + half
+
+
+def set_up_space(
+    axes: Any, low: Array, high: Array, depths: tuple[float, float], height: float, unit: Unit, pad: float
+) -> None:
+    """Set limits, proportions and labels of three-dimensional axes: east, north, depth downwards.
+
+    Args:
+        axes: three-dimensional.
+        low, high: [2] m north, east.
+        depths: m, at the top and at the bottom.
+        height: of the box beside its horizontal edges.
+        unit: of the horizontal axes.
+        pad: points between a horizontal axis and its label.
+    """
+    axes.set_xlim(low[1] / unit.metres, high[1] / unit.metres)
+    axes.set_ylim(low[0] / unit.metres, high[0] / unit.metres)
+    axes.set_zlim(depths[1], depths[0])
+    axes.set_box_aspect((1.0, 1.0, height), zoom=1.12)
+    axes.set_xlabel(f"east [{unit.name}]", labelpad=pad)
+    axes.set_ylabel(f"north [{unit.name}]", labelpad=pad)
+    axes.set_zlabel("depth [m]", labelpad=pad - 2)
+    axes.tick_params(labelsize=8)
+
+
+def line_in_space(axes: Any, positions: Array, unit: Unit, **kind: Any) -> None:
+    """Draw a line through positions [n, 3] m on three-dimensional axes."""
+    axes.plot(positions[:, 1] / unit.metres, positions[:, 0] / unit.metres, positions[:, 2], **kind)
+
+
+def draw_ends_in_space(axes: Any, plans: Sequence[PlanRecord], unit: Unit) -> None:
+    """Mark where the first plan begins and ends, and where each later one begins, in three dimensions."""
+    marks = [(plans[0].positions[0], START), (plans[0].positions[-1], GOAL)]
+    marks += [(plan.positions[0], VEHICLE) for plan in plans[1:]]
+    for place, kind in marks:
+        flat = place[1] / unit.metres, place[0] / unit.metres, place[2]
+        axes.scatter(*flat, zorder=5, depthshade=False, **kind)
 
 
 def frame_on_chart(points: Array, chart: Chart | None, margin: float) -> tuple[Array, Array]:
