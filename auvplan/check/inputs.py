@@ -12,7 +12,7 @@ import shapely
 import xarray as xr
 from pyproj import Transformer
 
-from auvplan.check.legs import TIME_TOLERANCE, near
+from auvplan.check.legs import TIME_TOLERANCE, near, scenario_of, waypoint_names
 from auvplan.check.track import Array
 from auvplan.files import digest, folder_size
 
@@ -96,11 +96,6 @@ class ClosedArea:
         for first, last in self.spans:
             found |= (ends > first + TIME_TOLERANCE) & (begins < last - TIME_TOLERANCE)
         return found
-
-
-def scenario_of(dataset: xr.Dataset) -> dict[str, Any]:
-    """Return the settings of a saved run's scenario."""
-    return json.loads(str(dataset.attrs["scenario"]))
 
 
 def _saved(dataset: xr.Dataset, name: str) -> Any:
@@ -187,7 +182,7 @@ def source_faults(dataset: xr.Dataset, notes: list[str]) -> Iterator[str]:
 
 def job_faults(dataset: xr.Dataset, jobs: list[Job]) -> Iterator[str]:
     """Yield jobs that the graph of the run has in another place, of other worth or with other windows."""
-    names = _saved(dataset, "waypoint_names") or []
+    names = waypoint_names(dataset)
     places = dataset["waypoint_position"].values.astype(float)
     worth, lasts = (dataset[f"waypoint_{name}"].values for name in ("priority", "duration"))
     for job in jobs:

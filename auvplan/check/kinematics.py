@@ -2,12 +2,13 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import xarray as xr
 
-from auvplan.check.inputs import places_of, scenario_of
-from auvplan.check.legs import TIME_TOLERANCE, Array, Leg
+from auvplan.check.inputs import places_of
+from auvplan.check.legs import TIME_TOLERANCE, Array, Leg, scenario_of
 
 #: m by which a position may differ from where the stored velocity leads in one step, on a straight track.
 POSITION_TOLERANCE = 0.3
@@ -224,12 +225,12 @@ def _speed_faults(
     speed, first = float(dataset.attrs["vehicle_speed"]), 0
     # A plan's velocity is that of its segment, in the current in the middle of it.
     half = 0.0 if dataset.attrs.get("simulated", 1) else 0.5
-    saved = None
+    saved, settings = None, scenario_of(dataset)
     if "current_north" in dataset:
         saved = np.stack([dataset[f"current_{name}"].values for name in ("north", "east")], axis=1)
         if unknown := int((~np.isfinite(saved)).any(axis=1).sum()):
             notes.append(f"{unknown:,} observations have no current, which was not looked at there")
-    elif scenario_of(dataset).get("current", {}).get("source", "vortices") != "vortices":
+    elif settings.get("current", {}).get("source", "vortices") != "vortices":
         notes.append("the current along the track was not saved and not looked at")
         return
     elif "vortex_center" not in dataset:
@@ -249,7 +250,7 @@ def _speed_faults(
             places, times = (
                 part[chosen] + half * (part[chosen + 1] - part[chosen]) for part in (leg.positions, leg.times)
             )
-            known = _in_vortices(dataset, places, times)
+            known = _in_vortices(dataset, settings, places, times)
         water = own.ground[chosen, :2] - speed * own.heading[chosen, :2]
         apart = np.linalg.norm(water - known, axis=1)
         for k in np.flatnonzero(apart > SPEED_TOLERANCE)[:1]:
@@ -259,15 +260,15 @@ def _speed_faults(
             )
 
 
-def _in_vortices(dataset: xr.Dataset, places: Array, moments: Array) -> Array:
+def _in_vortices(dataset: xr.Dataset, settings: dict[str, Any], places: Array, moments: Array) -> Array:
     """Return the current [n, 2] m/s in the Lamb vortices of every plan, NaN where they had changed (Eqs 1-2).
 
     Args:
         dataset: `mission.nc`.
+        settings: of its scenario.
         places: [n, 3] m.
         moments: [n] s since the departure.
     """
-    settings = scenario_of(dataset)
     planning, settings = settings.get("planning", {}), settings.get("current", {})
     by_window = planning.get("preset") == "paper" or planning.get("current_updates") == "window"
     made_at, interval = dataset["plan_made_at"].values, float(settings.get("update_interval", np.inf))

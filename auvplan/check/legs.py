@@ -139,9 +139,19 @@ def read_legs(dataset: xr.Dataset) -> Iterator[Leg]:
         )  # fmt: skip
 
 
+def scenario_of(dataset: xr.Dataset) -> dict[str, Any]:
+    """Return the settings of a saved run's scenario."""
+    return json.loads(str(dataset.attrs["scenario"]))
+
+
+def waypoint_names(dataset: xr.Dataset) -> list[str]:
+    """Return the names of a saved run's waypoints; empty where they have none."""
+    return json.loads(str(dataset.attrs.get("waypoint_names", "[]")))
+
+
 def site_faults(dataset: xr.Dataset) -> Iterator[str]:
     """Yield that a run is not where and when, or its vehicle not as fast, as its scenario says."""
-    settings = json.loads(str(dataset.attrs["scenario"]))
+    settings = scenario_of(dataset)
     site, speed = settings.get("site"), (settings.get("vehicle") or {}).get("speed")
     if speed is not None and abs(float(dataset.attrs["vehicle_speed"]) - speed) > 1e-6:
         yield f"vehicle_speed is {float(dataset.attrs['vehicle_speed']):g} m/s, the scenario says {speed:g}"
@@ -295,7 +305,7 @@ def _totals(
         "revisits": sum(figures["revisit"] for figures in booked if figures["arrived"]),
         "seed": int(dataset.attrs["seed"]),
     }
-    reserve = json.loads(str(dataset.attrs["scenario"])).get("planning", {}).get("reserve")
+    reserve = scenario_of(dataset).get("planning", {}).get("reserve")
     if reserve is not None:
         found["reserve_used"] = float(np.clip(reserve - summary["t_residual"], 0.0, reserve))
     if "cost_mission" in summary:

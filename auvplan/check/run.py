@@ -289,7 +289,7 @@ def _look_again(
 def _look_at_area(
     leg: Leg, walk: Walk, area: ClosedArea, booked: dict[str, Mask], report: CheckReport
 ) -> None:
-    """Tell where a leg, or what is waited and done at its ends, is in an area while it is closed."""
+    """Book where a leg, or a stay at one of its ends, is in an area while it is closed."""
     inside = area.holds(walk.positions)
     words = f"in the closed area {area.name!r}"
     if area.spans is None:

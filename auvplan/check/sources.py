@@ -12,7 +12,7 @@ import shapely
 import xarray as xr
 from pyproj import Transformer
 
-from auvplan.check.inputs import scenario_of
+from auvplan.check.legs import scenario_of
 from auvplan.check.track import Array, Mask
 from auvplan.files import ResultError, require_whole
 
@@ -32,7 +32,7 @@ Blocked = Callable[[Array, Array, Array], Mask]
 
 @dataclass(frozen=True)
 class Source:
-    """A file: its name, whether it tells of "land" or of the "sea bed", and where that is."""
+    """A file: its name, whether it holds "land" or the "sea bed", and where that is."""
 
     name: str
     kind: str
@@ -44,7 +44,7 @@ class _UnknownFileError(Exception):
 
 
 def read_sources(dataset: xr.Dataset, notes: list[str]) -> tuple[Source, ...]:
-    """Return what the files of a saved run's scenario tell of land and sea bed.
+    """Return land and sea bed of the files that a saved run's scenario names.
 
     Args:
         dataset: of the run.
@@ -68,7 +68,7 @@ def read_sources(dataset: xr.Dataset, notes: list[str]) -> tuple[Source, ...]:
 
 
 def _files(settings: dict[str, Any]) -> Iterator[tuple[str, str, Callable[[str], Blocked]]]:
-    """Yield the files of a scenario, what they tell, and how they are read."""
+    """Yield the files of a scenario, "land" or "sea bed", and how each is read."""
 
     def unread(path: str) -> Blocked:
         raise _UnknownFileError("pictures, S-57 cells and files of currents are not looked at")

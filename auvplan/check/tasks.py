@@ -4,7 +4,6 @@ What a leg earned is worked out here, by this module's own rules: tasks at place
 the jobs that the run was planned for where it has some, else from the graph that the seed drew.
 """
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -16,8 +15,8 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from auvplan.check.inputs import Job, job_faults, read_jobs, scenario_of
-from auvplan.check.legs import TIME_TOLERANCE, Leg, near
+from auvplan.check.inputs import Job, job_faults, read_jobs
+from auvplan.check.legs import TIME_TOLERANCE, Leg, near, scenario_of, waypoint_names
 from auvplan.check.lines import line_faults, share_of_line
 from auvplan.files import MISSION, SUMMARY
 
@@ -227,8 +226,7 @@ class _JobBook:
     @classmethod
     def of(cls, jobs: list[Job], dataset: xr.Dataset) -> "_JobBook":
         start = dataset["waypoint_position"].values[int(dataset.attrs["start"])]
-        names = json.loads(str(dataset.attrs.get("waypoint_names", "[]")))
-        return cls([task for job in jobs for task in _tasks(job)], names, start)
+        return cls([task for job in jobs for task in _tasks(job)], waypoint_names(dataset), start)
 
     def _worth(self, task: _Task, leg: Leg, share: float) -> float:
         """Return the priority of a task at the time when a leg does it, or a share of it along a line."""

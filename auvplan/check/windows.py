@@ -1,13 +1,12 @@
 """Whether tasks were done within their time windows."""
 
-import json
 import re
 from collections.abc import Iterator
 
 import xarray as xr
 
-from auvplan.check.inputs import Job, Spans, read_jobs, scenario_of
-from auvplan.check.legs import TIME_TOLERANCE, Leg
+from auvplan.check.inputs import Job, Spans, read_jobs
+from auvplan.check.legs import TIME_TOLERANCE, Leg, scenario_of, waypoint_names
 
 #: s from the edge of a window within which an arrival may have missed it.
 _EDGE = 1.0
@@ -26,7 +25,7 @@ def window_faults(dataset: xr.Dataset, legs: list[Leg]) -> Iterator[str]:
     timed = {job.name: job for job in jobs or () if job.windows}
     # For an area to open a vehicle waits where no window asks for it.
     closing = bool((settings.get("chart") or {}).get("no_go"))
-    names = json.loads(str(dataset.attrs.get("waypoint_names", "[]")))
+    names = waypoint_names(dataset)
     for leg in legs:
         if not leg.arrived:
             continue

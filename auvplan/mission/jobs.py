@@ -92,7 +92,7 @@ class Jobs:
     notes: tuple[str, ...] = ()
 
     def after(self, seconds: float) -> "Jobs":
-        """Return the same jobs, their times counted from so many seconds later."""
+        """Return the same jobs, their times counted from a moment that is `seconds` later."""
 
         def later(job: Any) -> Any:
             windows = tuple((opens - seconds, closes - seconds) for opens, closes in job.windows)

@@ -31,7 +31,7 @@ _MARK = re.compile(r"\{\{(\w+)\}\}")
 #: NumPy's name of each kind of number that pages unpack, by the name that stands in the page.
 _KINDS = {"f32": "<f4", "i16": "<i2", "i32": "<i4"}
 
-#: What would end a script or a line of it, by what stands for it within JSON.
+#: What would end a script or a line of it, and the escape that replaces it within JSON.
 _UNSAFE = {
     "<": "\\u003c",
     ">": "\\u003e",

@@ -189,7 +189,7 @@ def test_a_stay_before_a_leg_lasts_from_its_beginning_to_the_departure(opens, cl
     [(-0.05, 0.05, False), (0.05, 100.0, True), (-100.0, -0.05, True)],
 )
 def test_a_task_begins_in_its_window(begins, ends, found):
-    """The window of its beginning opens and closes so many seconds after the arrival."""
+    """`begins` and `ends` are s from the arrival to where its window opens and closes."""
     run = make_run()
     arrives = float(run.legs[0].times[-1])
     report = check(three_jobs(run, windows=((arrives + begins, arrives + ends),)))

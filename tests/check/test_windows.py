@@ -21,7 +21,7 @@ def leg(goal, arrival, wait=0.0, task=60.0, priority=1.0, start=0, missed=False)
 
 
 def run_with(windows, line=None, **variables):
-    """What `mission.nc` tells of a run with a job at the gauge and a survey line."""
+    """What `mission.nc` holds of a run with a job at the gauge and a survey line."""
     job = {"priority": 1.0, "duration": 60.0, "falls": []}
     gauge = job | {"name": "gauge", "position": [0.0, 0.0, 0.0], "windows": windows}
     survey = job | {"name": "survey", "positions": [[0.0] * 3, [9.0] * 3], "windows": line or []}
