@@ -1,8 +1,7 @@
 """Following a straight line, left and taken up again around what stands in it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from itertools import pairwise
+from dataclasses import dataclass, replace
 
 import jax.numpy as jnp
 import numpy as np
@@ -11,7 +10,7 @@ from numpy.typing import NDArray
 from auvplan.bbo import History
 from auvplan.ocean.environment import Environment
 from auvplan.path.config import PathConfig
-from auvplan.path.cost import ALTITUDE_SCALE, CLEARANCE_SCALE, VIOLATIONS
+from auvplan.path.cost import ALTITUDE_SCALE, CLEARANCE_SCALE, VIOLATIONS, WITHIN
 from auvplan.path.plan import PathPlan
 from auvplan.path.sensitivity import Conditions
 from auvplan.path.straight import DISTANCES, Steps, Straights
@@ -34,6 +33,9 @@ _SHORTEST = 50.0
 
 #: m, within which a vehicle is on the line.
 _ON_LINE = 1.0
+
+#: rad, by which an arc turns at most from one of its samples to the next.
+_TURN = 0.1
 
 #: Plans a way [3] m to [3] m that departs at a time, s since the epoch.
 Detour = Callable[[Array, Array, float], PathPlan]
@@ -106,9 +108,9 @@ def follow_line(
         detour: plans the way around what is blocked.
 
     Returns:
-        A plan from `place` to the end of the line. Its samples are `config.samples`, and so many more for
-        each detour; corners between line and detour are among them. It has no population to re-plan from, and
-        the history of the last detour.
+        A plan from `place` to the end of the line. Corners between line and detour are arcs that the
+        vehicle's turn rate allows, unless an arc would break a limit. Samples are `config.samples`, and so many
+        more for each detour. It has no population to re-plan from, and the history of the last detour.
     """
     sea = Straights.through(env, vehicle, config.speed_reading)
     start, end = (np.asarray(point, float) for point in line)
@@ -119,7 +121,7 @@ def follow_line(
     here, now, joins = np.asarray(place, float), float(depart), at
     if off > _ON_LINE:
         joins = min(at + off, length)
-    pieces: list[PathPlan | _Straight] = [detour(here, end, now)] if at >= length else []
+    pieces: list[_Piece] = [_Piece.around(detour(here, end, now))] if at >= length else []
     while at < length:
         # From the line itself: where the vehicle is off it, all up to where it joins counts as blocked.
         begin = start + at * unit if joins > at else here
@@ -131,82 +133,115 @@ def follow_line(
             past = [run for run in runs if run[0] < joins + _SHORTEST and run[1] > joins]
             leaves, meets = at, past[0][1] if past else joins
         if leaves > at:
-            piece = _Straight(begin, end, steps, marks).until(leaves)
-            pieces.append(piece)
-            here, now, at = piece.positions[-1], float(piece.steps.times[-1]), leaves
+            count = int(np.searchsorted(marks, leaves - 1e-6))
+            share = (marks[count] - at) / (length - at)
+            pieces.append(_Piece(np.stack([begin, begin + share * (end - begin)])))
+            here, now, at = pieces[-1].places[-1], float(steps.times[count]), leaves
         if meets > at:
             goal = end if meets >= length else start + meets * unit
             way = detour(here, goal, now)
-            pieces.append(way)
-            here, now, at = np.asarray(way.positions[-1], float), float(way.times[-1]), meets
+            pieces.append(_Piece.around(way))
+            here, now, at = pieces[-1].places[-1], float(way.times[-1]), meets
         joins = at
-    return _joined(pieces, env, vehicle, config)
+    plan = _joined(_with_corners_rounded(pieces, sea, depart), sea, env, config, depart)
+    return plan if plan.feasible else _joined(pieces, sea, env, config, depart)
 
 
 @dataclass(frozen=True)
-class _Straight:
-    """A free stretch of a line: its ends [3] m, its N steps, and their marks [N + 1] m along the line."""
+class _Piece:
+    """A piece of a path: a stretch of the line where there are two places, else a corner or a detour.
 
-    start: Array
-    end: Array
-    steps: Steps
-    marks: Array
+    Attributes:
+        places: [n, 3] m.
+        plan: of the detour that it is all or a part of.
+        excess: [V, n - 1], by which the detour breaks each limit of `VIOLATIONS`.
+    """
+
+    places: Array
+    plan: PathPlan | None = None
+    excess: Array | None = None
+
+    @classmethod
+    def around(cls, plan: PathPlan) -> "_Piece":
+        """Return a whole detour."""
+        return cls(np.asarray(plan.positions, float), plan, np.asarray(plan.excess, float))
 
     @property
-    def positions(self) -> Array:
-        return np.stack([self.start, self.end])
+    def is_line(self) -> bool:
+        """Whether it is a stretch of the line."""
+        return len(self.places) == 2
 
     @property
     def length(self) -> float:
-        return float(np.linalg.norm(self.end - self.start))
+        """M along the piece."""
+        return float(np.linalg.norm(np.diff(self.places, axis=0), axis=1).sum())
 
-    def until(self, mark: float) -> "_Straight":
-        """Return the part up to the end of a step."""
-        count = int(np.searchsorted(self.marks, mark - 1e-6))
-        share = (self.marks[count] - self.marks[0]) / (self.marks[-1] - self.marks[0])
-        steps = Steps(self.steps.times[: count + 1], self.steps.room[:, :count], self.steps.water[:count])
-        return _Straight(
-            self.start, self.start + share * (self.end - self.start), steps, self.marks[: count + 1]
-        )
+    def reversed(self) -> "_Piece":
+        """Return the piece from its last place to its first."""
+        excess = None if self.excess is None else self.excess[:, ::-1]
+        return replace(self, places=self.places[::-1], excess=excess)
 
-    def sampled(
-        self, segments: int, env: Environment, vehicle: Vehicle, config: PathConfig
-    ) -> dict[str, Array]:
-        """Return positions, times, excess and current of a plan of so many segments."""
-        share = np.linspace(0.0, 1.0, segments + 1)
-        step = np.linspace(0.0, 1.0, len(self.marks))
-        excess, steps = _excess(self.steps, env, vehicle, config), len(self.marks) - 1
-        bounds = share * steps
-        over = [slice(int(low + 1e-9), int(np.ceil(high - 1e-9))) for low, high in pairwise(bounds)]
-        times = np.interp(share, step, self.steps.times)
-        ground = self.length / segments / np.diff(times)
-        met = np.stack([self.steps.water[part].mean(axis=0) for part in over])
-        return {
-            "positions": self.start + share[:, None] * (self.end - self.start),
-            "times": times,
-            "excess": np.stack([excess[:, part].max(axis=1) for part in over], axis=1),
-            "water": _met(met, ground, (self.end - self.start) / self.length, vehicle, config),
-        }
+    def since(self, sample: int) -> "_Piece":
+        """Return what of a detour comes after a sample."""
+        return replace(self, places=self.places[sample:], excess=self.excess[:, sample:])
 
 
-def _met(water: Array, ground: Array, unit: Array, vehicle: Vehicle, config: PathConfig) -> Array:
-    """[N, 3] m/s, the current of segments along which the vehicle makes its mean speed over ground [N] m/s.
+def _with_corners_rounded(pieces: list[_Piece], sea: Straights, depart: float) -> list[_Piece]:
+    """Return pieces with arcs between line and detours that the vehicle's turn rate allows."""
+    fastest = float(np.asarray(sea.vehicle.speed))
+    if any(not piece.is_line for piece in pieces):
+        water = sea.follow(np.concatenate([piece.places for piece in pieces]), depart)[0].water
+        fastest += float(np.linalg.norm(water[:, :2], axis=1).max())
+    radius = fastest / float(np.asarray(sea.vehicle.turn_rate_max))
+    found = pieces[:1]
+    for piece in pieces[1:]:
+        before = found.pop()
+        if before.is_line and not piece.is_line:
+            found += _rounded(before, piece, radius)
+        elif piece.is_line and not before.is_line:
+            found += [part.reversed() for part in _rounded(piece.reversed(), before.reversed(), radius)[::-1]]
+        else:
+            found += [before, piece]
+    return found
 
-    Args:
-        water: [N, 3] m/s, means of the current that is met.
-        ground: [N] m/s.
-        unit: [3], the direction of the line.
-        vehicle: speed and limits.
-        config: how its speed is read.
+
+def _rounded(line: _Piece, way: _Piece, radius: float) -> list[_Piece]:
+    """Return a stretch of the line, an arc and what is left of the detour that begins where it ends.
+
+    The arc touches both. Of those that begin in the last half of the stretch and end at a sample of the first
+    half of the detour it is the shortest of the radius, m, or the widest.
     """
-    if config.speed_reading == "eq11":
-        return water
-    across = water - (water @ unit)[:, None] * unit
-    square = float(np.asarray(vehicle.speed)) ** 2 - np.where(
-        config.speed_reading == "track", (across**2).sum(axis=1), 0.0
+    ahead = np.diff(line.places, axis=0)[0]
+    level = float(np.hypot(*ahead[:2]))
+    unit, corner = ahead / level, line.places[1]
+    samples = way.places[1 : len(way.places) // 2 + 1]
+    course = way.places[2 : len(samples) + 2] - way.places[: len(samples)]
+    course = course[:, :2] / np.maximum(np.hypot(*course.T[:2]), 1e-9)[:, None]
+    across = unit[0] * course[:, 1] - unit[1] * course[:, 0]
+    turn = np.arctan2(across, course @ unit[:2])
+    # Tangents to the detour meet the line so far beyond its end, and so far before the sample.
+    offset = samples[:, :2] - corner[:2]
+    across = np.where(np.abs(across) < 1e-9, np.nan, across)
+    beyond = (offset[:, 0] * course[:, 1] - offset[:, 1] * course[:, 0]) / across
+    before = (unit[0] * offset[:, 1] - unit[1] * offset[:, 0]) / across
+    radii = before / np.tan(0.5 * np.abs(turn))
+    begins = beyond - before
+    possible = (before > 0.0) & (begins <= 0.0) & (begins >= -0.5 * level)
+    if not possible.any():
+        return [line, way]
+    k = int(np.argmax(np.where(possible, np.minimum(radii, radius), -np.inf)))
+    steps = int(np.ceil(np.abs(turn[k]) / _TURN)) + 1
+    share = np.linspace(0.0, 1.0, steps + 1)
+    angle = np.abs(turn[k]) * share
+    side = np.sign(turn[k]) * np.array([-unit[1], unit[0]])
+    arc = np.empty((steps + 1, 3))
+    first = corner + begins[k] * unit
+    arc[:, :2] = first[:2] + radii[k] * (
+        np.sin(angle)[:, None] * unit[:2] + (1.0 - np.cos(angle))[:, None] * side
     )
-    along = ground - np.sqrt(np.maximum(square, 0.0))
-    return across + along[:, None] * unit
+    arc[:, 2] = first[2] + share * (samples[k, 2] - first[2])
+    arc[-1] = samples[k]
+    return [_Piece(np.stack([line.places[0], first])), _Piece(arc), way.since(k + 1)]
 
 
 def _excess(steps: Steps, env: Environment, vehicle: Vehicle, config: PathConfig) -> Array:
@@ -231,35 +266,65 @@ def _excess(steps: Steps, env: Environment, vehicle: Vehicle, config: PathConfig
     return np.maximum(np.stack([found[name] for name in VIOLATIONS]), 0.0)
 
 
-def _joined(
-    pieces: list[PathPlan | _Straight], env: Environment, vehicle: Vehicle, config: PathConfig
-) -> PathPlan:
-    """Return one plan of pieces that join."""
-    detours = [piece for piece in pieces if isinstance(piece, PathPlan)]
-    lengths = np.array([0.0 if isinstance(piece, PathPlan) else piece.length for piece in pieces])
-    # As many samples as whole paths have together, so that few shapes are compiled.
-    spare = config.samples - 1 + len(detours) - int((lengths > 0.0).sum())
-    ends = np.rint(np.cumsum(lengths) / max(lengths.sum(), 1e-9) * spare).astype(int)
-    counts = np.diff(ends, prepend=0) + 1
-    parts = [
-        {name: np.asarray(getattr(piece, name), float) for name in ("positions", "times", "excess", "water")}
-        if isinstance(piece, PathPlan)
-        else piece.sampled(int(count), env, vehicle, config)
-        for piece, count in zip(pieces, counts, strict=True)
-    ]
-    positions, times = (
-        np.concatenate([parts[0][name][:1], *(part[name][1:] for part in parts)])
-        for name in ("positions", "times")
+def _met(water: Array, ground: Array, units: Array, vehicle: Vehicle, config: PathConfig) -> Array:
+    """[N, 3] m/s, the current of segments along which the vehicle makes its mean speed over ground [N] m/s.
+
+    Args:
+        water: [N, 3] m/s, means of the current that is met.
+        ground: [N] m/s.
+        units: [N, 3], directions of the segments.
+        vehicle: speed and limits.
+        config: how its speed is read.
+    """
+    if config.speed_reading == "eq11":
+        return water
+    across = water - (water * units).sum(axis=1, keepdims=True) * units
+    square = float(np.asarray(vehicle.speed)) ** 2 - np.where(
+        config.speed_reading == "track", (across**2).sum(axis=1), 0.0
     )
-    excess = np.concatenate([part["excess"] for part in parts], axis=1)
-    water = np.concatenate([part["water"] for part in parts])
-    gaps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
-    straights = [piece for piece in pieces if isinstance(piece, _Straight)]
-    clearance = [piece.steps.room[:2].min() for piece in straights] + [plan.clearance for plan in detours]
-    altitude = [piece.steps.room[2].min() for piece in straights] + [plan.altitude for plan in detours]
+    along = ground - np.sqrt(np.maximum(square, 0.0))
+    return across + along[:, None] * units
+
+
+def _joined(
+    pieces: list[_Piece], sea: Straights, env: Environment, config: PathConfig, depart: float
+) -> PathPlan:
+    """Return one plan of pieces that join, timed along all of them."""
+    vehicle = sea.vehicle
+    detours = [piece.plan for piece in pieces if piece.plan is not None]
+    lengths = np.array([piece.length if piece.is_line else 0.0 for piece in pieces])
+    # As many samples as whole paths have together, so that few shapes are compiled.
+    others = [len(piece.places) - 1 for piece in pieces if not piece.is_line]
+    usual = config.samples + sum(len(plan.positions) for plan in detours)
+    spare = max(usual - 1 - sum(others) - int((lengths > 0.0).sum()), 0)
+    ends = np.rint(np.cumsum(lengths) / max(lengths.sum(), 1e-9) * spare).astype(int)
+    parts = [
+        np.linspace(*piece.places, count + 2) if piece.is_line else piece.places
+        for piece, count in zip(pieces, np.diff(ends, prepend=0), strict=True)
+    ]
+    positions = np.concatenate([parts[0][:1], *(part[1:] for part in parts)])
+    steps, cut = sea.follow(positions, depart, _STEP)
+    times = steps.times[[*cut.offsets, len(cut.line)]]
+    way = np.diff(positions, axis=0)
+    gaps = np.linalg.norm(way, axis=1)
+    water = np.add.reduceat(steps.water, cut.offsets) / np.bincount(cut.line)[:, None]
+    excess = np.maximum.reduceat(_excess(steps, env, vehicle, config), cut.offsets, axis=1)
+    room = np.minimum.reduceat(steps.room[:DISTANCES], cut.offsets, axis=1)
+    obstacle, first = VIOLATIONS.index("obstacle"), 0
+    for piece, part in zip(pieces, parts, strict=True):
+        own = slice(first, first + len(part) - 1)
+        first = own.stop
+        if piece.plan is not None:
+            # The planner has judged detours. Where a corner is cut they are passed a little earlier.
+            late = np.where(excess[obstacle, own] > WITHIN, excess[obstacle, own], 0.0)
+            excess[:, own], room[:, own] = piece.excess, np.inf
+            if len(part) < len(piece.plan.positions):
+                excess[obstacle, own] = np.maximum(excess[obstacle, own], late)
+    whole = [piece.plan.clearance for piece in pieces if piece.plan is not None]
+    heights = [piece.plan.altitude for piece in pieces if piece.plan is not None]
     weights = np.array([getattr(config.penalties, name) for name in VIOLATIONS])
     took = float(times[-1] - times[0])
-    corners = [piece.positions[0] for piece in pieces] + [positions[-1]]
+    corners = [piece.places[0] for piece in pieces] + [positions[-1]]
     none = jnp.zeros(0)
     return PathPlan(
         travel_time=took,
@@ -268,14 +333,14 @@ def _joined(
         times=times.astype(np.float32),
         control_points=np.asarray(corners, np.float32),
         violations=excess.mean(axis=1),
-        clearance=float(min(clearance)),
-        altitude=float(min(altitude)),
+        clearance=float(min([room[:2].min(), *whole])),
+        altitude=float(min([room[2].min(), *heights])),
         cost=took
         + float(weights @ excess.mean(axis=1)) * float(gaps.sum()) / float(np.asarray(vehicle.speed)),
         population=jnp.zeros((0, 3 * config.control_points)),
         history=detours[-1].history if detours else History(*[none] * len(History.__dataclass_fields__)),
         excess=excess,
-        water=water,
+        water=_met(water, gaps / np.diff(times), way / gaps[:, None], vehicle, config),
         conditions=Conditions(env, vehicle, config),
         closed=max((plan.closed for plan in detours), default=0.0),
     )
