@@ -75,6 +75,7 @@ def motion_faults(dataset: xr.Dataset, legs: list[Leg], notes: list[str]) -> Ite
     """
     velocities, first = Velocities.of(dataset), 0
     simulated = bool(dataset.attrs.get("simulated", 1))
+    made_at = dataset["plan_made_at"].values if "plan_made_at" in dataset else ()
     for leg in legs:
         own = velocities[first : first + len(leg.times)]
         first += len(leg.times)
@@ -83,7 +84,7 @@ def motion_faults(dataset: xr.Dataset, legs: list[Leg], notes: list[str]) -> Ite
         if not np.isfinite(own.ground).all():
             yield f"{leg}: a velocity is not a number"
             continue
-        yield from _step_faults(str(leg), leg.times, leg.positions, own.ground, simulated)
+        yield from _step_faults(str(leg), leg.times, leg.positions, own.ground, simulated, made_at)
         turned = np.degrees(np.arctan2(own.ground[:, 1], own.ground[:, 0])) - own.course
         turned = np.abs((turned + 180.0) % 360.0 - 180.0)
         level = np.hypot(own.ground[:, 0], own.ground[:, 1]) > 0.05
@@ -99,7 +100,12 @@ def motion_faults(dataset: xr.Dataset, legs: list[Leg], notes: list[str]) -> Ite
 
 
 def _step_faults(
-    name: str, times: Array, positions: Array, velocity: Array, simulated: bool = False
+    name: str,
+    times: Array,
+    positions: Array,
+    velocity: Array,
+    simulated: bool = False,
+    made_at: Array | tuple[()] = (),
 ) -> Iterator[str]:
     """Yield the first of n - 1 steps that its velocity does not lead along.
 
@@ -109,26 +115,30 @@ def _step_faults(
         positions: [n, 3] m.
         velocity: [n or n - 1, 3] m/s over ground, from each moment on.
         simulated: whether a velocity is that at the begin of its step, and not the mean of it.
+        made_at: s, when the paths were planned that were followed.
     """
     elapsed = np.diff(times)[:, None]
     moved, begin = np.diff(positions, axis=0), velocity[: len(elapsed)] * elapsed
     apart = np.linalg.norm(moved - begin, axis=1)
     allowed = np.full(len(apart), POSITION_TOLERANCE)
     if simulated:
-        # On a curve half of the change to the next velocity leads there; where a new path begins the next one
-        # says nothing. At a corner, where a velocity lies between those beside it, all of it may.
+        # On a curve half of the change to the next velocity leads there. At a corner, where a velocity lies
+        # between those beside it, all of it may.
         change = np.diff(velocity, axis=0) * elapsed
-        turned = np.linalg.norm(change, axis=1)
         around = np.diff(velocity[[0, *range(len(elapsed))]], axis=0) * elapsed + change
         aside = np.linalg.norm(change - 0.5 * around, axis=1) / np.maximum(
             np.linalg.norm(around, axis=1), 1e-9
         )
+        turned = np.linalg.norm(change, axis=1)
         share = ((moved - begin) * change).sum(axis=1) / np.maximum(turned, 1e-9) ** 2
         share = np.clip(share, 0.0, np.where(aside < _CORNER, 1.0, 0.5))
         apart = np.linalg.norm(moved - begin - share[:, None] * change, axis=1)
-        # After the last step there is no velocity: the track turns there as it did on the step before.
-        turned[-1:] = turned[-2:].max()
-        allowed += _CURVATURE * turned
+        # After the last step there is no velocity, and that of a new path says nothing of the one before it:
+        # the track turns there as it did on the step before.
+        unseen = np.append(np.isin(times[1:-1], made_at), True)
+        before = np.append(turned[:1], turned[:-1])
+        turned = np.where(unseen, np.maximum(turned, before), turned)
+        allowed += (_CURVATURE + 0.5 * unseen) * turned
     for k in np.flatnonzero(~(apart <= allowed))[:1]:
         yield (
             f"{name}: the velocity at {times[k]:.2f} s leads {apart[k]:.1f} m off the next position, "

@@ -95,31 +95,47 @@ def tally_faults(
         yield f"{given} in {SUMMARY}, {tasks} of {total:g} were done"
     asked = settings.get("mission", {}).get("line_tolerance")
     yield from line_faults(summary, dataset, legs, asked)
-    yield from _route_faults(dataset, legs, once)
+    yield from _route_faults(dataset, legs, jobs, once)
 
 
-def _route_faults(dataset: xr.Dataset, legs: list[Leg], once: bool) -> Iterator[str]:
-    """Yield routes whose priority is not that of their tasks; where tasks have hours it may be less."""
+def _route_faults(dataset: xr.Dataset, legs: list[Leg], jobs: list[Job] | None, once: bool) -> Iterator[str]:
+    """Yield routes whose priority is not that of their tasks at the times that they expect."""
     if "route_nodes" not in dataset or not legs:
         return
-    timed = any(name in dataset for name in ("edge_enters", "edge_falls", "window_opens"))
+    # Without jobs it is not known by how much priorities fall.
+    timed = jobs is None and any(name in dataset for name in ("edge_enters", "edge_falls", "window_opens"))
     start = int(dataset.attrs["start"])
     free = np.ones(dataset["adjacency"].shape)
     if "task_followable" in dataset:
         free = dataset["task_followable"].values
-    for number, nodes in enumerate(dataset["route_nodes"].values):
-        made_at = float(dataset["route_made_at"].values[number])
-        book, visited, total = _GraphBook.of(dataset, once), {start}, 0.0
+    for number, made_at in enumerate(dataset["route_made_at"].values):
+        book: Book = _GraphBook.of(dataset, once) if jobs is None else _JobBook.of(jobs, dataset)
+        visited, total = {start}, 0.0
         done = [leg for leg in legs if leg.arrived and leg.begins < made_at - TIME_TOLERANCE]
-        ahead = [replace(legs[0], start=i, goal=j) for i, j in pairwise(nodes[nodes >= 0].tolist())]
+        ahead = _expected_legs(dataset, number, legs[0])
         for place, leg in enumerate((*done, *ahead)):
-            share = float(free[leg.start, leg.goal])
-            earned = book.earn(leg, leg.goal in visited, share).priority
+            revisit, share = leg.goal in visited, float(free[leg.start, leg.goal])
+            if jobs is not None and place >= len(done):
+                takes = replace(book).earn(leg, revisit, share).duration
+                leg = replace(leg, times=leg.times - takes)
+            earned = book.earn(leg, revisit, share).priority
             total += earned if place >= len(done) else 0.0
             visited |= {leg.start, leg.goal}
         given = float(dataset["route_priority"].values[number])
         if given - total > _PRIORITY_TOLERANCE or (not timed and total - given > _PRIORITY_TOLERANCE):
             yield f"route {number}: its tasks are worth {total:g}, its priority is given as {given:g}"
+
+
+def _expected_legs(dataset: xr.Dataset, number: int, leg: Leg) -> list[Leg]:
+    """Return the legs that a route expects, in the form of one: their times are when it is left again."""
+    nodes, places = dataset["route_nodes"].values[number], dataset["waypoint_position"].values
+    nodes = nodes[nodes >= 0]
+    left = float(dataset["route_made_at"].values[number])
+    left = left + np.cumsum(np.nan_to_num(dataset["route_leg_time"].values[number]))
+    return [
+        replace(leg, start=i, goal=j, positions=places[[i, j]].astype(float), times=left[[k]], t_wait=0.0)
+        for k, (i, j) in enumerate(pairwise(nodes.tolist()))
+    ]
 
 
 def _visits(settings: dict[str, Any]) -> str:

@@ -41,17 +41,21 @@ _TURN = 0.1
 Detour = Callable[[Array, Array, float], PathPlan]
 
 
-def blocked_stretches(steps: Steps, marks: Array, env: Environment, config: PathConfig) -> Array:
+def blocked_stretches(
+    steps: Steps, marks: Array, env: Environment, vehicle: Vehicle, config: PathConfig
+) -> Array:
     """Stretches [K, 2] m of a straight line that are blocked: where it is left, and where taken up again.
 
-    They reach to where a detour has some room to begin, and to the line's ends where these are near.
+    They reach to where a detour has room to turn off, and to the line's ends where these are near.
 
     Args:
         steps: N steps along the line.
         marks: [N + 1] m, distances along it of their ends.
         env: the world.
+        vehicle: speed and turn rate.
         config: margins.
     """
+    turning = float(np.asarray(vehicle.speed)) / float(np.asarray(vehicle.turn_rate_max))
     asked = [config.coast_margin, config.obstacle_margin, float(env.seabed.clearance) if env.seabed else 0.0]
     left = steps.room[:DISTANCES] - np.asarray(asked)[:, None]
     least = (left * np.array([1.0, 1.0, _ALTITUDE])[:, None]).min(axis=0)
@@ -66,7 +70,9 @@ def blocked_stretches(steps: Steps, marks: Array, env: Environment, config: Path
             first -= 1
         while last < len(least) and least[last] < slack and marks[last + 1] - high <= _SEARCHED:
             last += 1
-        low, high = float(marks[first]), float(marks[last])
+        low, high = max(float(marks[first]) - turning, marks[0]), min(float(marks[last]) + turning, marks[-1])
+        low = marks[np.searchsorted(marks, low, side="right") - 1]
+        high = marks[np.searchsorted(marks, high)]
         if runs and low - runs[-1][1] < _SHORTEST:
             runs[-1][1] = high
         else:
@@ -81,7 +87,7 @@ def blocked_on(start: Array, end: Array, env: Environment, vehicle: Vehicle, con
     """`blocked_stretches` [K, 2] m of the straight line from start to end, [3] m each, at the epoch."""
     steps, cut = Straights.through(env, vehicle).follow(np.stack([start, end]), 0.0, _STEP)
     marks = np.linspace(0.0, float(np.linalg.norm(end - start)), len(cut.line) + 1)
-    return blocked_stretches(steps, marks, env, config)
+    return blocked_stretches(steps, marks, env, vehicle, config)
 
 
 def follow_line(
@@ -109,8 +115,8 @@ def follow_line(
 
     Returns:
         A plan from `place` to the end of the line. Corners between line and detour are arcs that the
-        vehicle's turn rate allows, unless an arc would break a limit. Samples are `config.samples`, and so many
-        more for each detour. It has no population to re-plan from, and the history of the last detour.
+        vehicle's turn rate allows, unless an arc would break a limit. Samples are `config.samples`, and so
+        many more for each detour. It has no population to re-plan from, and the history of the last detour.
     """
     sea = Straights.through(env, vehicle, config.speed_reading)
     start, end = (np.asarray(point, float) for point in line)
@@ -127,7 +133,7 @@ def follow_line(
         begin = start + at * unit if joins > at else here
         steps, cut = sea.follow(np.stack([begin, end]), now, _STEP)
         marks = np.linspace(at, length, len(cut.line) + 1)
-        runs = blocked_stretches(steps, marks, env, config)
+        runs = blocked_stretches(steps, marks, env, vehicle, config)
         leaves, meets = next(iter(runs), (length, length))
         if joins > at:
             past = [run for run in runs if run[0] < joins + _SHORTEST and run[1] > joins]
