@@ -37,25 +37,30 @@ _ON_LINE = 1.0
 #: rad, by which an arc turns at most from one of its samples to the next.
 _TURN = 0.1
 
+#: Turning radii of the line that each corner may cost before another way to leave it is tried.
+_GIVEN_UP = 1.5
+
+#: Share of the radius that the fastest turn at full turn rate has, that is wide enough.
+_WIDE = 0.9
+
 #: Plans a way [3] m to [3] m that departs at a time, s since the epoch.
 Detour = Callable[[Array, Array, float], PathPlan]
 
 
 def blocked_stretches(
-    steps: Steps, marks: Array, env: Environment, vehicle: Vehicle, config: PathConfig
+    steps: Steps, marks: Array, env: Environment, config: PathConfig, lead: float = 0.0
 ) -> Array:
     """Stretches [K, 2] m of a straight line that are blocked: where it is left, and where taken up again.
 
-    They reach to where a detour has room to turn off, and to the line's ends where these are near.
+    They reach to where a detour has some room to begin, and to the line's ends where these are near.
 
     Args:
         steps: N steps along the line.
         marks: [N + 1] m, distances along it of their ends.
         env: the world.
-        vehicle: speed and turn rate.
         config: margins.
+        lead: m, by which stretches reach farther at both ends.
     """
-    turning = float(np.asarray(vehicle.speed)) / float(np.asarray(vehicle.turn_rate_max))
     asked = [config.coast_margin, config.obstacle_margin, float(env.seabed.clearance) if env.seabed else 0.0]
     left = steps.room[:DISTANCES] - np.asarray(asked)[:, None]
     least = (left * np.array([1.0, 1.0, _ALTITUDE])[:, None]).min(axis=0)
@@ -70,9 +75,8 @@ def blocked_stretches(
             first -= 1
         while last < len(least) and least[last] < slack and marks[last + 1] - high <= _SEARCHED:
             last += 1
-        low, high = max(float(marks[first]) - turning, marks[0]), min(float(marks[last]) + turning, marks[-1])
-        low = marks[np.searchsorted(marks, low, side="right") - 1]
-        high = marks[np.searchsorted(marks, high)]
+        low = float(marks[max(np.searchsorted(marks, marks[first] - lead, side="right") - 1, 0)])
+        high = float(marks[min(np.searchsorted(marks, marks[last] + lead), len(marks) - 1)])
         if runs and low - runs[-1][1] < _SHORTEST:
             runs[-1][1] = high
         else:
@@ -87,7 +91,7 @@ def blocked_on(start: Array, end: Array, env: Environment, vehicle: Vehicle, con
     """`blocked_stretches` [K, 2] m of the straight line from start to end, [3] m each, at the epoch."""
     steps, cut = Straights.through(env, vehicle).follow(np.stack([start, end]), 0.0, _STEP)
     marks = np.linspace(0.0, float(np.linalg.norm(end - start)), len(cut.line) + 1)
-    return blocked_stretches(steps, marks, env, vehicle, config)
+    return blocked_stretches(steps, marks, env, config)
 
 
 def follow_line(
@@ -115,10 +119,42 @@ def follow_line(
 
     Returns:
         A plan from `place` to the end of the line. Corners between line and detour are arcs that the
-        vehicle's turn rate allows, unless an arc would break a limit. Samples are `config.samples`, and so
-        many more for each detour. It has no population to re-plan from, and the history of the last detour.
+        vehicle's turn rate allows, unless every such path breaks a limit. Samples are `config.samples`, and
+        so many more for each detour. It has no population to re-plan from, and the history of the last
+        detour.
     """
     sea = Straights.through(env, vehicle, config.speed_reading)
+    turning = float(np.asarray(vehicle.speed)) / float(np.asarray(vehicle.turn_rate_max))
+    tried, plans, kept = [], [], []
+    # Where a detour sets out too sharply for the vehicle to turn, the line is left earlier.
+    for lead in (0.0, turning):
+        tried.append(_pieces(place, line, sea, config, depart, detour, lead))
+        rounded, smooth = _with_corners_rounded(tried[-1], sea, depart)
+        plans.append(_joined(rounded, sea, env, config, depart))
+        kept.append(_on_line(rounded) if smooth and plans[-1].feasible else -np.inf)
+        if kept[-1] >= _on_line(tried[-1]) - _GIVEN_UP * turning * (len(tried[-1]) - 1):
+            break
+    if np.isfinite(kept).any():
+        return plans[int(np.argmax(kept))]
+    plans.append(_joined(tried[0], sea, env, config, depart))
+    return next((plan for plan in plans if plan.feasible), plans[-1])
+
+
+def _on_line(pieces: list["_Piece"]) -> float:
+    """M of the line in pieces of a path."""
+    return sum(piece.length for piece in pieces if piece.is_line)
+
+
+def _pieces(
+    place: Array,
+    line: tuple[Array, Array],
+    sea: Straights,
+    config: PathConfig,
+    depart: float,
+    detour: Detour,
+    lead: float,
+) -> list["_Piece"]:
+    """Return stretches of a line and detours that join; arguments as `follow_line`, `blocked_stretches`."""
     start, end = (np.asarray(point, float) for point in line)
     length = float(np.linalg.norm(end - start))
     unit = (end - start) / length
@@ -133,7 +169,7 @@ def follow_line(
         begin = start + at * unit if joins > at else here
         steps, cut = sea.follow(np.stack([begin, end]), now, _STEP)
         marks = np.linspace(at, length, len(cut.line) + 1)
-        runs = blocked_stretches(steps, marks, env, vehicle, config)
+        runs = blocked_stretches(steps, marks, sea.env, config, lead)
         leaves, meets = next(iter(runs), (length, length))
         if joins > at:
             past = [run for run in runs if run[0] < joins + _SHORTEST and run[1] > joins]
@@ -149,8 +185,7 @@ def follow_line(
             pieces.append(_Piece.around(way))
             here, now, at = pieces[-1].places[-1], float(way.times[-1]), meets
         joins = at
-    plan = _joined(_with_corners_rounded(pieces, sea, depart), sea, env, config, depart)
-    return plan if plan.feasible else _joined(pieces, sea, env, config, depart)
+    return pieces
 
 
 @dataclass(frozen=True)
@@ -192,27 +227,30 @@ class _Piece:
         return replace(self, places=self.places[sample:], excess=self.excess[:, sample:])
 
 
-def _with_corners_rounded(pieces: list[_Piece], sea: Straights, depart: float) -> list[_Piece]:
-    """Return pieces with arcs between line and detours that the vehicle's turn rate allows."""
-    fastest = float(np.asarray(sea.vehicle.speed))
-    if any(not piece.is_line for piece in pieces):
-        water = sea.follow(np.concatenate([piece.places for piece in pieces]), depart)[0].water
-        fastest += float(np.linalg.norm(water[:, :2], axis=1).max())
+def _with_corners_rounded(pieces: list[_Piece], sea: Straights, depart: float) -> tuple[list[_Piece], bool]:
+    """Return pieces with arcs between line and detours, and whether the vehicle's turn rate allows all."""
+    if all(piece.is_line for piece in pieces):
+        return pieces, True
+    water = sea.follow(np.concatenate([piece.places for piece in pieces]), depart)[0].water
+    fastest = float(np.asarray(sea.vehicle.speed)) + float(np.linalg.norm(water[:, :2], axis=1).max())
     radius = fastest / float(np.asarray(sea.vehicle.turn_rate_max))
-    found = pieces[:1]
+    found, smooth = pieces[:1], True
     for piece in pieces[1:]:
         before = found.pop()
         if before.is_line and not piece.is_line:
-            found += _rounded(before, piece, radius)
+            parts, own = _rounded(before, piece, radius)
         elif piece.is_line and not before.is_line:
-            found += [part.reversed() for part in _rounded(piece.reversed(), before.reversed(), radius)[::-1]]
+            parts, own = _rounded(piece.reversed(), before.reversed(), radius)
+            parts = [part.reversed() for part in parts[::-1]]
         else:
-            found += [before, piece]
-    return found
+            parts, own = [before, piece], radius
+        found += parts
+        smooth &= own >= _WIDE * radius
+    return found, smooth
 
 
-def _rounded(line: _Piece, way: _Piece, radius: float) -> list[_Piece]:
-    """Return a stretch of the line, an arc and what is left of the detour that begins where it ends.
+def _rounded(line: _Piece, way: _Piece, radius: float) -> tuple[list[_Piece], float]:
+    """Return a stretch of the line, an arc and the rest of a detour that begins there; the arc's radius, m.
 
     The arc touches both. Of those that begin in the last half of the stretch and end at a sample of the first
     half of the detour it is the shortest of the radius, m, or the widest.
@@ -234,7 +272,7 @@ def _rounded(line: _Piece, way: _Piece, radius: float) -> list[_Piece]:
     begins = beyond - before
     possible = (before > 0.0) & (begins <= 0.0) & (begins >= -0.5 * level)
     if not possible.any():
-        return [line, way]
+        return [line, way], 0.0
     k = int(np.argmax(np.where(possible, np.minimum(radii, radius), -np.inf)))
     steps = int(np.ceil(np.abs(turn[k]) / _TURN)) + 1
     share = np.linspace(0.0, 1.0, steps + 1)
@@ -242,12 +280,32 @@ def _rounded(line: _Piece, way: _Piece, radius: float) -> list[_Piece]:
     side = np.sign(turn[k]) * np.array([-unit[1], unit[0]])
     arc = np.empty((steps + 1, 3))
     first = corner + begins[k] * unit
-    arc[:, :2] = first[:2] + radii[k] * (
-        np.sin(angle)[:, None] * unit[:2] + (1.0 - np.cos(angle))[:, None] * side
-    )
+    aside = (1.0 - np.cos(angle))[:, None] * side
+    arc[:, :2] = first[:2] + radii[k] * (np.sin(angle)[:, None] * unit[:2] + aside)
     arc[:, 2] = first[2] + share * (samples[k, 2] - first[2])
     arc[-1] = samples[k]
-    return [_Piece(np.stack([line.places[0], first])), _Piece(arc), way.since(k + 1)]
+    parts = [_Piece(np.stack([line.places[0], first])), _Piece(arc), way.since(k + 1)]
+    return parts, float(radii[k])
+
+
+def _met(water: Array, ground: Array, units: Array, vehicle: Vehicle, config: PathConfig) -> Array:
+    """[N, 3] m/s, the current of segments along which the vehicle makes its mean speed over ground [N] m/s.
+
+    Args:
+        water: [N, 3] m/s, means of the current that is met.
+        ground: [N] m/s.
+        units: [N, 3], directions of the segments.
+        vehicle: speed and limits.
+        config: how its speed is read.
+    """
+    if config.speed_reading == "eq11":
+        return water
+    across = water - (water * units).sum(axis=1, keepdims=True) * units
+    square = float(np.asarray(vehicle.speed)) ** 2 - np.where(
+        config.speed_reading == "track", (across**2).sum(axis=1), 0.0
+    )
+    along = ground - np.sqrt(np.maximum(square, 0.0))
+    return across + along[:, None] * units
 
 
 def _excess(steps: Steps, env: Environment, vehicle: Vehicle, config: PathConfig) -> Array:

@@ -85,8 +85,8 @@ def test_a_line_is_left_just_before_what_stands_in_it_and_taken_up_just_after(en
     assert depart == pytest.approx(500.0 + (leaves[0] - 200.0) / 2.0, abs=0.1)
     part = LinePart(tuple(START), tuple(END), 5.0)
     covered = part.covered(plan.positions)
-    # An arc of a quarter turn begins its radius before the corner, and is within the tolerance for some of it.
-    # It ends at a sample of the detour.
+    # An arc of a quarter turn begins its radius before the corner and is within the tolerance for some of it;
+    # it ends at a sample of the detour.
     between = 200.0 / ((CONFIG.samples - 1) / 3)
     radius = between * np.ceil(VEHICLE.speed / VEHICLE.turn_rate_max / between)
     lost = radius - np.sqrt(radius**2 - (radius - part.tolerance) ** 2)
@@ -114,23 +114,38 @@ def test_corners_between_line_and_detour_keep_the_turn_rate(current, turn_rate_m
     vehicle = replace(VEHICLE, turn_rate_max=turn_rate_max)
     detour = around(env)
     plan = follow_line(START, (START, END), env, vehicle, CONFIG, 500.0, detour)
-    ((leaves, meets, _),) = detour.calls
-    aside = np.linalg.norm(plan.positions[:, None, :2] - np.stack([leaves, meets])[:, :2], axis=2).min(axis=1)
-    rates = np.where(aside[1:-1] < 60.0, turn_rates(plan), 0.0)
-    # Both corners are quarter turns.
+    # Both corners are quarter turns; those of the detour itself are farther off.
+    rates = turn_rates(plan)[np.abs(plan.positions[1:-1, 1] - 1000.0) < 100.0]
     assert 0.3 * turn_rate_max < rates.max() <= 1.05 * turn_rate_max
     assert plan.feasible
-    sharp = aside.min()
-    assert 0.2 * VEHICLE.speed / turn_rate_max < sharp < VEHICLE.speed / turn_rate_max
+    off_line = np.abs(plan.positions[:, 1] - 1000.0) > 1.0
+    assert off_line.any()
+    radius = vehicle.speed / turn_rate_max
+    for leaves, meets, _ in detour.calls[-1:]:
+        first, last = plan.positions[off_line][[0, -1], 0]
+        assert (
+            leaves[0] - 2.0 * radius - 10.0
+            < first
+            < leaves[0]
+            < meets[0]
+            < last
+            < meets[0] + 2.0 * radius + 10.0
+        )
 
 
-def test_a_corner_stays_where_an_arc_would_lead_too_near():
+def test_a_line_is_left_earlier_where_an_arc_would_lead_too_near():
     corner = followed(world([(1500.0, 1020.0, 10.0)], [60.0]))[1][0][0]
     # On the inside of the corner, nearer to an arc of 20 m than to its tangents.
     beside = corner + np.array([-CONFIG.obstacle_margin - 6.5, CONFIG.obstacle_margin + 6.5, 0.0])
-    plan, ((leaves, *_),) = followed(world([(1500.0, 1020.0, 10.0), beside], [60.0, 1.0]))
-    assert np.linalg.norm(plan.positions - leaves, axis=1).min() < 0.01
+    plan, (first, second) = followed(world([(1500.0, 1020.0, 10.0), beside], [60.0, 1.0]))
+    np.testing.assert_allclose(first[0], corner)
+    assert second[0][0] < corner[0] - 15.0
     assert plan.feasible
+    assert plan.clearance >= CONFIG.obstacle_margin
+    assert (
+        turn_rates(plan)[np.abs(plan.positions[1:-1, 1] - 1000.0) < 100.0].max()
+        <= 1.05 * VEHICLE.turn_rate_max
+    )
 
 
 def test_two_obstacles_side_by_side_are_passed_in_one_detour_and_others_in_two():
