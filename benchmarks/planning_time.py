@@ -1,20 +1,38 @@
-"""Compile and run times of the planners on this machine.
+"""Many starts in one call of `plan_paths`: ``python -m benchmarks.planning_time [--starts 1000]``.
 
-``python -m benchmarks.planning_time`` prints the first call (compilation and run) and the median of later
-ones.
+All go to one place through 12 vortices, past 12 obstacles that drift. The first call compiles; the time is
+that of a second one with another key.
 """
 
-import platform
-import time
-from collections.abc import Callable
+from dataclasses import asdict, dataclass
 
 import jax
 import numpy as np
 
 import auvplan as ap
-from auvplan.mission import random_graph
+from benchmarks.machine import arguments, clock, console, write
 
+#: m; between the obstacles, which lie around the straight line from one to the other.
 START, GOAL = np.array([200.0, 300.0, 10.0]), np.array([3200.0, 3000.0, 50.0])
+
+#: m, box that starts are drawn from.
+_NEAR, _FAR = np.array([100.0, 100.0, 5.0]), np.array([1500.0, 1500.0, 60.0])
+
+
+@dataclass(frozen=True)
+class Row:
+    """One preset.
+
+    Attributes:
+        preset: name.
+        first, seconds: s, of the first call, which compiles, and of the second.
+        feasible: share of the second's plans that keep all limits.
+    """
+
+    preset: str
+    first: float
+    seconds: float
+    feasible: float
 
 
 def world() -> ap.Environment:
@@ -27,57 +45,27 @@ def world() -> ap.Environment:
     return ap.Environment(current, obstacles=obstacles, lower=(0, 0, 0), upper=(3500, 3500, 100))
 
 
-def clock(name: str, call: Callable[[int], object], repeats: int, share: int = 1) -> None:
-    """Time `call(k)`; `share` plans are made by each call."""
-    begin = time.perf_counter()
-    jax.block_until_ready(call(0))
-    first = time.perf_counter() - begin
-    times = []
-    for k in range(1, repeats + 1):
-        begin = time.perf_counter()
-        jax.block_until_ready(call(k))
-        times.append(time.perf_counter() - begin)
-    print(f"{name:44} {first:10.2f} {1e3 * np.median(times) / share:16.1f}", flush=True)
+def row(preset: str, config: ap.PathConfig, count: int) -> Row:
+    """Plan twice from `count` starts."""
+    env, goals = world(), np.tile(GOAL, (count, 1))
+    starts = np.random.default_rng(5).uniform(_NEAR, _FAR, (count, 3))
+    first, _ = clock(lambda: ap.plan_paths(starts, goals, env, key=jax.random.key(0), config=config))
+    seconds, plans = clock(lambda: ap.plan_paths(starts, goals, env, key=jax.random.key(1), config=config))
+    return Row(preset, first, seconds, float(np.mean(plans.feasible)))
 
 
 def main() -> None:
-    """Print the table."""
-    env = world()
-    rng = np.random.default_rng(0)
-    graph = random_graph(rng, rng.uniform(0, 10_000, (40, 3)) * [1, 1, 0.1])
-    starts, goals = np.tile(START, (32, 1)), np.tile(GOAL, (32, 1))
-    print(f"{platform.processor() or platform.machine()}, {jax.default_backend()}, jax {jax.__version__}")
-    print(f"{'what':44} {'first [s]':>10} {'then [ms/plan]':>16}")
-    for name, config in (("paper", ap.PathConfig.paper()), ("default", ap.PathConfig())):
-        clock(
-            f"path, {name} preset",
-            lambda k, c=config: ap.plan_path(START, GOAL, env, key=jax.random.key(k), config=c).population,
-            9,
-        )
-        clock(
-            f"32 paths in one call, {name} preset",
-            lambda k, c=config: ap.plan_paths(starts, goals, env, key=jax.random.key(k), config=c).population,
-            3,
-            share=32,
-        )
-    plan = ap.plan_path(START, GOAL, env, key=jax.random.key(0))
-    clock(
-        "path re-plan from the kept population",
-        lambda k: (
-            ap.replan_path(plan, plan.positions[40], plan.times[40], env, key=jax.random.key(k)).population
-        ),
-        9,
-    )
-    for name, config in (("paper", ap.MissionConfig.paper()), ("default", ap.MissionConfig())):
-        clock(
-            f"mission of 40 waypoints, {name} preset",
-            lambda k, c=config: (
-                ap.plan_mission(
-                    graph, 0, 39, 14_400.0, ap.Vehicle(), key=jax.random.key(k), config=c
-                ).population
-            ),
-            5,
-        )
+    """Print a line for each preset and write the file."""
+    parser = arguments("Many starts in one call of plan_paths.")
+    parser.add_argument("--starts", type=int, default=1000, help="number of starts")
+    options = parser.parse_args()
+    rows = []
+    for preset, config in (("default", ap.PathConfig()), ("quick", ap.PathConfig.quick())):
+        rows.append(row(preset, config, options.starts))
+        last = rows[-1]
+        took = f"{last.seconds:.1f} s, {last.first:.1f} s with compilation"
+        console().print(f"{options.starts:,} starts, {preset}: {took}; {last.feasible:.1%} feasible")
+    write(options.out, {"starts": options.starts, "rows": [asdict(one) for one in rows]})
 
 
 if __name__ == "__main__":
