@@ -5,8 +5,6 @@ paths that are called clear, and writes one JSON file with the machine and the v
 stand apart in every row.
 """
 
-from dataclasses import asdict
-
 from rich.console import Console
 from rich.progress import Progress
 
@@ -53,8 +51,7 @@ def main() -> None:
         walked = path_walks.watched(200 if options.quick else path_walks.COUNT, progress)
         screen.print(path_walks.said(walked))
     parts = {"scoring": scored, "plans": planned, "paths": compared, "replans": anew, "arrivals": arrivals}
-    content = {name: [asdict(row) for row in rows] for name, rows in parts.items()}
-    write(options.out, {"quick": options.quick, **content, "walks": asdict(walked)})
+    write(options.out, {"quick": options.quick, **parts, "walks": walked})
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ from auvplan.scenario.file import validate_scenario
 from auvplan.study import Design, load_study, run_study
 from auvplan.study.statistics import mean_interval, median_interval, relative_errors, use_of_time
 from auvplan.study.store import DATASET
-from benchmarks.machine import console
+from benchmarks.machine import console, empty_table
 
 #: Settings of each study.
 STUDIES: dict[str, dict[str, Any]] = {
@@ -65,12 +65,9 @@ def difference(dataset: xr.Dataset, base: xr.Dataset, of: Callable[[xr.Dataset],
 def table(found: dict[str, xr.Dataset]) -> Table:
     """A row a study."""
     base = next(iter(found.values()))
-    shown = Table(
-        title=f"{base.sizes['mission']} paired missions; differences to the first row, 95 % intervals"
-    )
-    columns = ("study", "total priority", "use of time, %", "on time", "collisions", "|T_path / t_ij - 1|")
-    for column in (*columns, "path re-plans", "routes", "planning, s"):
-        shown.add_column(column, justify="left" if column == "study" else "right")
+    title = f"{base.sizes['mission']} paired missions; differences to the first row, 95 % intervals"
+    figures = ("total priority", "use of time, %", "on time", "collisions", "|T_path / t_ij - 1|")
+    shown = empty_table(title, ["study"], [*figures, "path re-plans", "routes", "planning, s"])
     for name, dataset in found.items():
         row = [name]
         for of in (lambda one: one["total_priority"].values, use_of_time):

@@ -20,7 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from auvplan import bbo
-from benchmarks.machine import machine
+from benchmarks.machine import machine, markdown
 
 GROUPS = {
     "separable (1-5)": slice(0, 5),
@@ -187,13 +187,13 @@ def by_group(found: np.ndarray) -> list[float]:
 
 def table(results: dict[str, dict[int, np.ndarray]]) -> str:
     """Markdown: a row a group and dimension, a column a search; the least is bold."""
-    lines = ["| group | D | " + " | ".join(results) + " |", "|---|---|" + "---|" * len(results)]
+    rows = []
     for row, group in enumerate(GROUPS):
         for dim in next(iter(results.values())):
             values = [by_group(found[dim])[row] for found in results.values()]
             shown = [f"**{v:.1f}**" if round(v, 1) <= round(min(values), 1) else f"{v:.1f}" for v in values]
-            lines.append(f"| {group} | {dim} | " + " | ".join(shown) + " |")
-    return "\n".join(lines)
+            rows.append([group, str(dim), *shown])
+    return "\n".join(markdown(["group", "D", *results], rows))
 
 
 def main() -> None:

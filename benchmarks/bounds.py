@@ -6,9 +6,8 @@ quicker than 1.25 times that: then a bound may come to lie above the quickest pa
 feasible, and every one that does counts as a violation.
 """
 
-import json
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 import jax
 import numpy as np
@@ -17,12 +16,12 @@ from rich.table import Table
 import auvplan as ap
 from auvplan.path.bound import lower_bound
 from benchmarks.depth_problems import DEPTH_FAMILIES, have_levels
-from benchmarks.machine import arguments, clock, console, machine, write
+from benchmarks.machine import arguments, clock, console, empty_table, machine, seed_range, write
 from benchmarks.path_problems import PathProblem
 from benchmarks.path_ruler import evaluate
 from benchmarks.water_problems import FAMILIES
-from benchmarks.water_reference import STORED
-from benchmarks.waters import PRESETS, STORED_DEEP, posed
+from benchmarks.water_reference import STORED, STORED_DEEP, load
+from benchmarks.waters import PRESETS, posed
 
 #: Share of its time by which a path may beat a bound unnoticed: rounding of the ruler.
 _ROUNDING = 1e-6
@@ -33,12 +32,9 @@ class BoundRun:
     """A bound.
 
     Attributes:
-        problem, family: names.
         travel_time: s, of the plan or reference, by the ruler.
         quickest: s, of all paths known that the ruler holds feasible.
         bound: s.
-        kind: of the bound.
-        seconds: it took.
     """
 
     problem: str
@@ -66,14 +62,10 @@ def bounds(
     """Bound the problems that have a stored reference; those whose plan breaks a limit are left out.
 
     Args:
-        families, seeds: of the problems.
         preset: whose plans are bounded; None for the references.
         known: times the travel time that is taken to be known.
-        fineness: of the grid.
     """
-    stored = {}
-    for path in (STORED, STORED_DEEP):
-        stored |= json.loads(path.read_text()) if path.exists() else {}
+    stored = load(STORED) | load(STORED_DEEP)
     for seed in seeds:
         for family in families:
             entry = stored.get(f"{family}-{seed}")
@@ -106,10 +98,8 @@ def _bounded(problem: PathProblem, time: float, quickest: float, known: float, f
 
 def table(runs: Sequence[BoundRun]) -> Table:
     """Return the gaps by family as a table."""
-    made = Table(title="Travel time above its lower bound")
-    made.add_column("family")
-    for name in ("median", "mean", "90 %", "worst", "violations", "certified", "s a bound", "problems"):
-        made.add_column(name, justify="right")
+    figures = ("median", "mean", "90 %", "worst", "violations", "certified", "s a bound", "problems")
+    made = empty_table("Travel time above its lower bound", ["family"], figures)
     families = sorted({run.family for run in runs})
     groups = [(family, [run for run in runs if run.family == family]) for family in families]
     for family, group in [*groups, ("all", list(runs))]:
@@ -131,7 +121,7 @@ def table(runs: Sequence[BoundRun]) -> Table:
 def main() -> None:
     """Bound, print the table and write the file."""
     parser = arguments(__doc__.splitlines()[0] if __doc__ else "")
-    parser.add_argument("--seeds", type=_seeds, default=range(0, 4), help="FIRST:END, the end left out")
+    parser.add_argument("--seeds", type=seed_range, default=range(0, 4), help="FIRST:END, the end left out")
     parser.add_argument("--families", nargs="+", choices=[*FAMILIES, *DEPTH_FAMILIES], default=list(FAMILIES))
     parser.add_argument("--preset", choices=list(PRESETS), default="default")
     parser.add_argument("--references", action="store_true", help="bound the references instead of plans")
@@ -149,12 +139,7 @@ def main() -> None:
         screen.print(f"{run.problem}: {run.travel_time:.1f} s, bound {run.bound:.1f} s, {run.gap:.2%}{mark}")
     if runs:
         screen.print(table(runs))
-        write(options.out, {"runs": [asdict(run) for run in runs]})
-
-
-def _seeds(text: str) -> range:
-    first, _, end = text.partition(":")
-    return range(int(first), int(end) if end else int(first) + 1)
+        write(options.out, {"runs": runs})
 
 
 if __name__ == "__main__":

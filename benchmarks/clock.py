@@ -9,7 +9,6 @@ by the route alone. Two seas are files of ../shared/data, the third is a harmoni
 
 import argparse
 import tempfile
-from datetime import UTC, datetime
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -21,9 +20,9 @@ import auvplan as ap
 from auvplan.files import write_atomically
 from auvplan.records import MissionRun
 from auvplan.scenario.scenario import Scenario
-from benchmarks.machine import machine
+from benchmarks.machine import SHARED, machine, markdown
 
-DATA = Path(__file__).parent.parent / ".." / "shared" / "data" / "currents"
+DATA = SHARED / "currents"
 #: Degrees an hour, m/s along the channel and phase in degrees, of the harmonic tide.
 CONSTITUENTS = {"M2": (28.984, 0.7, 40.0), "S2": (30.0, 0.25, 75.0), "K1": (15.041, 0.15, 10.0)}
 #: Seconds by which an arrival may differ, as a share of the time since the route was made.
@@ -64,7 +63,7 @@ def seas(folder: Path) -> dict[str, dict[str, Any]]:
     fjord, ocean = DATA / "norfjords160_roms_native_24h.nc", DATA / "rtofs_water_u_v_washington_64x3h.nc"
     found = {
         "harmonic tide": {
-            "site": {"longitude": 5.05, "latitude": 60.0, "departure": datetime(2026, 3, 1, 1, tzinfo=UTC)},
+            "site": {"longitude": 5.05, "latitude": 60.0, "departure": "2026-03-01T01:00:00Z"},
             "area": {"lower": [-5000, -4000, 0], "upper": [5000, 4000, 30]},
             "chart": {"source": "none"},
             "current": {"source": "file", "files": str(tide), "forecast_error": 0.0},
@@ -73,19 +72,10 @@ def seas(folder: Path) -> dict[str, dict[str, Any]]:
     }
     if DATA.is_dir():
         found["norfjords160 (ROMS, 24 h)"] = {
-            "site": {
-                "longitude": 5.67686,
-                "latitude": 59.03289,
-                "departure": datetime(2015, 9, 7, 2, tzinfo=UTC),
-            },
+            "site": {"longitude": 5.67686, "latitude": 59.03289, "departure": "2015-09-07T02:00:00Z"},
             "area": {"lower": [-460, -350, 0], "upper": [770, 480, 20]},
             "chart": {"source": "current"},
-            "current": {
-                "source": "file",
-                "files": str(fjord.resolve()),
-                "forecast_error": 0.0,
-                "spacing": 40,
-            },
+            "current": {"source": "file", "files": str(fjord), "forecast_error": 0.0, "spacing": 40},
             "vehicle": {"speed": 0.6, "surge_max": 1.5, "sway_max": 0.55},
             "mission": {"waypoints": 20, "time_available": 14_400, "waypoint_clearance": 30},
         }
@@ -99,12 +89,8 @@ def seas(folder: Path) -> dict[str, dict[str, Any]]:
             },
             "area": {"lower": [-40_000, -40_000, 0], "upper": [40_000, 40_000, 5]},
             "chart": {"source": "none"},
-            "current": {
-                "source": "file", "files": str(ocean.resolve()), "forecast_error": 0.0, "spacing": 4000,
-            },
-            "vehicle": {
-                "speed": 0.8, "surge_max": 2.0, "sway_max": 0.75, "depth_min": 0, "depth_max": 5,
-            },
+            "current": {"source": "file", "files": str(ocean), "forecast_error": 0.0, "spacing": 4000},
+            "vehicle": {"speed": 0.8, "surge_max": 2.0, "sway_max": 0.75, "depth_min": 0, "depth_max": 5},
             "mission": {"waypoints": 20, "time_available": 432_000},
             "sensors": {"interval": 300},
         }  # fmt: skip
@@ -158,26 +144,18 @@ def main() -> None:
     parser.add_argument("--out", type=Path)
     chosen = parser.parse_args()
     heads = ["priority", "arrivals off", f"off by more than {100 * OFF:.0f} %", "re-plans", "on time"]
-    columns = [
-        "sea",
-        "gain in priority",
-        *(f"{head}, {how}" for how in ("snapshot", "clock") for head in heads),
-    ]
-    lines = [
-        f"By `python -m benchmarks.clock --missions {chosen.missions}`, seeds {chosen.first} to "
-        f"{chosen.first + chosen.missions - 1}; {machine()['processor']}.",
-        "",
-        "| " + " | ".join(columns) + " |",
-        "|" + "---|" * len(columns),
-    ]
+    columns = [f"{head}, {how}" for how in ("snapshot", "clock") for head in heads]
+    rows = []
     with tempfile.TemporaryDirectory() as folder:
         for name, sections in seas(Path(folder)).items():
             if not chosen.only or chosen.only in name:
-                lines.append(
-                    "| " + " | ".join(compared(name, sections, chosen.missions, chosen.first)) + " |"
-                )
-                print(lines[-1], flush=True)
-    text = "\n".join(lines) + "\n"
+                rows.append(compared(name, sections, chosen.missions, chosen.first))
+                print(" | ".join(rows[-1]), flush=True)
+    head = (
+        f"By `python -m benchmarks.clock --missions {chosen.missions}`, seeds {chosen.first} to "
+        f"{chosen.first + chosen.missions - 1}; {machine()['processor']}.\n"
+    )
+    text = "\n".join([head, *markdown(["sea", "gain in priority", *columns], rows)]) + "\n"
     if chosen.out:
         write_atomically(chosen.out, lambda part: part.write_text(text, encoding="utf-8"))
     else:

@@ -18,11 +18,10 @@ from scipy import ndimage
 
 from auvplan.ocean.currents import is_steady
 from auvplan.vehicle import SPEED_FLOOR
-from benchmarks.path_grid import movers_of, packed, strikes, tabulated
+from benchmarks.path_grid import movers_of, packed, route_through, strikes, tabulated, tidal_table
 from benchmarks.path_problems import PathProblem
 from benchmarks.path_ruler import World, velocity_at
 from benchmarks.path_tighten import limits_of
-from benchmarks.water_problems import TidalCurrent
 
 Array = NDArray[np.floating]
 Index = NDArray[np.integer]
@@ -32,9 +31,6 @@ _BEYOND, _WIDE = 0.06, 0.35
 
 #: Times at which a changing current is tabulated, and how many straight-line times they span.
 _MOMENTS, _SPAN = 9, 2.5
-
-#: The same of the factor of a tide.
-_TIDES, _TIDAL_SPAN = 6001, 30.0
 
 #: Paths are kept if the grid finds them this much slower than the best at most.
 SLOWER = 0.06
@@ -116,8 +112,6 @@ class DepthGrid:
         """Lay nodes along the straight line.
 
         Args:
-            problem: what to travel.
-            world: what to keep off.
             cells: between start and goal, to both sides together, and from the least depth to the greatest.
         """
         start, goal = np.asarray(problem.start), np.asarray(problem.goal)
@@ -135,12 +129,8 @@ class DepthGrid:
         i, j, k = np.meshgrid(*(np.arange(n) for n in shape), indexing="ij")
         x, y = (origin[axis] + i * ahead * along[axis] + j * aside * right[axis] for axis in range(2))
         z = levels[k]
-        current, tide, tidal_moment = problem.environment.current, np.ones(1), 1.0
-        straight = length / float(problem.vehicle.speed)  # type: ignore[arg-type]
-        if isinstance(current, TidalCurrent):
-            tidal_moment = _TIDAL_SPAN * straight / (_TIDES - 1)
-            tide = current.factor(problem.depart + tidal_moment * np.arange(_TIDES))
-            current = current.current
+        straight = length / float(problem.vehicle.speed)
+        current, tide, tidal_moment = tidal_table(problem, straight)
         moments = np.zeros(1) if is_steady(current) else np.linspace(0.0, _SPAN * straight, _MOMENTS)
         places = x.ravel(), y.ravel(), z.ravel()
         tables = [
@@ -148,20 +138,10 @@ class DepthGrid:
             for t in moments
         ]
         return cls(
-            origin,
-            along,
-            ahead,
-            aside,
-            levels,
-            world.clearance(x, y, z=z),
-            np.stack(tables).reshape(len(moments), *shape, 3),
-            moments,
-            np.asarray(tide, float),
-            tidal_moment,
-            movers_of(problem, world.spheres),
-            (beyond, half, ends[1]),
-            (beyond + cells[0], half, ends[0]),
-        )
+            origin, along, ahead, aside, levels, world.clearance(x, y, z=z),
+            np.stack(tables).reshape(len(moments), *shape, 3), moments, tide, tidal_moment,
+            movers_of(problem, world.spheres), (beyond, half, ends[1]), (beyond + cells[0], half, ends[0]),
+        )  # fmt: skip
 
     def places(self, nodes: Index) -> Array:
         """Return positions of flat nodes, [n, 3] m."""
@@ -200,7 +180,7 @@ def ways(problem: PathProblem, world: World, grid: DepthGrid, most: int) -> Iter
     times = [best if node == goal else float(total.flat[node]) for node in nodes]
     kept: list[Array] = []
     for k in np.argsort(times, kind="stable"):
-        points = grid.places(_route(nodes[k], before, after))
+        points = grid.places(route_through(nodes[k], before, after))
         profile = _profile(points, grid)
         if any(np.abs(profile - other).max(axis=1).mean() < _APART for other in kept):
             continue
@@ -219,18 +199,6 @@ def _profile(points: Array, grid: DepthGrid) -> Array:
     at = np.linspace(order[0], order[-1], 64)
     down = (points[:, 2] - grid.levels[0]) / (grid.levels[-1] - grid.levels[0]) * (len(grid.levels) - 1)
     return np.column_stack([np.interp(at, order, aside / grid.aside), np.interp(at, order, down)])
-
-
-def _route(node: int, before: Index, after: Index) -> Index:
-    """Return the nodes of the best path through a node."""
-    to_start, to_goal = [node], []
-    while before[to_start[-1]] >= 0:
-        to_start.append(int(before[to_start[-1]]))
-    node = int(after[node])
-    while node >= 0:
-        to_goal.append(node)
-        node = int(after[node])
-    return np.array(to_start[::-1] + to_goal)
 
 
 @njit(cache=True)

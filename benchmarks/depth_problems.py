@@ -27,7 +27,7 @@ import auvplan as ap
 from auvplan.io.currents import CurrentFile, read_current
 from auvplan.ocean.currents import Current, Velocity
 from auvplan.site import Site
-from benchmarks.mission_sets import SHARED
+from benchmarks.machine import SHARED
 from benchmarks.path_problems import PIXELS, PathProblem, unlimited_vehicle
 from benchmarks.path_ruler import World, evaluate, velocity_at
 from benchmarks.water_problems import tide
@@ -149,7 +149,6 @@ class _Leg:
     """Where a leg leads.
 
     Attributes:
-        vehicle: speed and limits.
         length: m, level.
         along: [2], its direction.
         depth: m, of the box.
@@ -185,7 +184,7 @@ class _Leg:
     @property
     def speed(self) -> float:
         """m/s through the water."""
-        return float(self.vehicle.speed)  # type: ignore[arg-type]
+        return float(self.vehicle.speed)
 
     @property
     def straight(self) -> float:
@@ -202,16 +201,12 @@ class _Leg:
         """Return the problem in this current."""
         side = ROOM * self.length
         corners = (0.0, 0.0, 0.0), (side, side, self.depth)
-        env = ap.Environment(current, None, obstacles, *corners, seabed)  # type: ignore[arg-type]
+        env = ap.Environment(current, None, obstacles, *corners, seabed)
         return _problem(env, self.start, self.goal, self.vehicle)
 
 
 def depth_problem(family: str, seed: int) -> PathProblem:
     """Make a problem; the same one for the same family and seed.
-
-    Args:
-        family: of `DEPTH_FAMILIES`.
-        seed: not negative.
 
     Raises:
         ValueError: there is no such family.
@@ -293,7 +288,7 @@ def _layers(rng: Rng, leg: _Leg, upper: Array, lower: Array, fastest: tuple[floa
     interface = max(leg.depth * rng.uniform(0.15, 0.7), 8.0)
     sharp = rng.random() < 0.5
     softness = max(leg.depth * (rng.uniform(0.01, 0.02) if sharp else rng.uniform(0.08, 0.2)), 0.5)
-    return _single(LayeredCurrent(factor * upper, factor * lower, interface, softness))  # type: ignore[arg-type]
+    return _single(LayeredCurrent(factor * upper, factor * lower, interface, softness))
 
 
 def _ekman(rng: Rng) -> PathProblem | None:
@@ -303,9 +298,9 @@ def _ekman(rng: Rng) -> PathProblem | None:
     deep = rng.uniform(0.0, 0.6) * leg.turned(rng.uniform(0.0, 2.0 * np.pi))
     scale, sense = leg.depth * rng.uniform(0.1, 0.5), rng.choice([-1.0, 1.0])
     fastest = leg.speed * rng.uniform(*_FASTEST)
-    spiral = EkmanCurrent(surface, deep, scale, sense)  # type: ignore[arg-type]
+    spiral = EkmanCurrent(surface, deep, scale, sense)
     z = np.linspace(0.0, leg.depth, 200)
-    u, v, _ = spiral(0.0 * z, 0.0 * z, jnp.asarray(z), 0.0 * z)  # type: ignore[arg-type]
+    u, v, _ = spiral(0.0 * z, 0.0 * z, jnp.asarray(z), 0.0 * z)
     factor = fastest / float(np.hypot(u, v).max())
     current = _single(replace(spiral, surface=factor * surface, deep=factor * deep))
     return leg.posed(tide(rng, current, leg.straight)[0] if rng.random() < 0.15 else current)
@@ -346,7 +341,7 @@ def _ridge(rng: Rng) -> PathProblem | None:
     )
     upper, lower = (strength * leg.turned(angle) for strength, angle in zip(strengths, angles, strict=True))
     layers = _layers(rng, leg, upper, lower, (_FASTEST[0], _FASTEST[1] / (1.0 + gain.max())))
-    current = _single(SillCurrent(layers, leg.start[:2], leg.along, place, width, gain))  # type: ignore[arg-type]
+    current = _single(SillCurrent(layers, leg.start[:2], leg.along, place, width, gain))
     return leg.posed(current, seabed=seabed)
 
 
@@ -410,7 +405,6 @@ class _Source:
         half: m, sides of the box are twice as long, north and east.
         depth: m, of the box.
         distances: m, of the legs.
-        weight: share of the problems.
     """
 
     path: str
@@ -482,13 +476,13 @@ def _file(rng: Rng) -> PathProblem | None:
     start, goal = np.column_stack([ends, depths])
     if seabed is not None and seabed.altitude(np.stack([start, goal])).min() < _ALTITUDE + 2.0:
         return None
-    times = np.asarray(current.times, float)  # type: ignore[attr-defined]
+    times = np.asarray(current.times, float)
     spare = times[-1] - 1.5 * length / speed
     if len(times) > 1 and spare <= 0.0:
         return None
     depart = float(rng.uniform(0.0, spare)) if len(times) > 1 else 0.0
     corners = (*-half, 0.0), (*half, source.depth)
-    env = ap.Environment(current, None, None, *corners, seabed)  # type: ignore[arg-type]
+    env = ap.Environment(current, None, None, *corners, seabed)
     return _problem(env, start, goal, unlimited_vehicle(speed), depart)
 
 
@@ -496,7 +490,7 @@ def _problem(
     env: ap.Environment, start: Array, goal: Array, vehicle: ap.Vehicle, depart: float = 0.0
 ) -> PathProblem:
     ends = (tuple(float(axis) for axis in end) for end in (start, goal))
-    return PathProblem("", "", env, *ends, vehicle, depart)  # type: ignore[arg-type]
+    return PathProblem("", "", env, *ends, vehicle, depart)
 
 
 def _log_uniform(rng: Rng, low: float, high: float) -> float:

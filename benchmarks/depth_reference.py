@@ -7,7 +7,6 @@ ones. Nothing of the planner takes part. References are kept in `depth_reference
 """
 
 import time
-from pathlib import Path
 
 import numpy as np
 from numba import njit
@@ -18,12 +17,10 @@ from benchmarks.path_polish import Polished
 from benchmarks.path_problems import PathProblem
 from benchmarks.path_ruler import World, evaluate, velocity_at
 from benchmarks.path_tighten import limits_of, tighten
-from benchmarks.water_problems import TidalCurrent
-from benchmarks.water_reference import WaterReference
+from benchmarks.water_problems import TidalCurrent, without_tide
+from benchmarks.water_reference import WaterReference, difference, quickest
 
 Array = NDArray[np.floating]
-
-STORED = Path(__file__).parent / "depth_references.json"
 
 #: Cells of the two grids ahead, aside and down.
 CELLS = (64, 16, 24), (88, 24, 36)
@@ -48,16 +45,11 @@ def depth_reference(problem: PathProblem) -> WaterReference:
     """Find the quickest path of a problem on both grids, and in the vertical plane where there is one."""
     begin = time.perf_counter()
     world = World.of(problem)
-    found: list[Polished] = []
-    for cells in CELLS:
-        grid = DepthGrid.of(problem, world, cells)
-        tightened = _best(problem, world, grid)
-        if tightened is not None:
-            found.append(tightened)
-    times = sorted(path.score.travel_time for path in found)
-    error = times[1] / times[0] - 1.0 if len(times) == 2 else None
+    grids = [DepthGrid.of(problem, world, cells) for cells in CELLS]
+    found = [best for grid in grids if (best := _best(problem, world, grid)) is not None]
+    error = difference(found)
     if found:
-        best = min(found, key=lambda path: path.score.travel_time)
+        best, grid = quickest(found), grids[-1]
         narrow = 0.25 * grid.width[0], 0.25 * grid.width[1]
         finest = tighten(problem, world, grid, best.positions, _FINEST, narrow, grid.moments)
         if finest is not None and finest.score.feasible:
@@ -66,26 +58,19 @@ def depth_reference(problem: PathProblem) -> WaterReference:
     plane = None if upright is None else upright.score.travel_time
     if upright is not None and upright.score.feasible:
         found.append(upright)
-    best = min(found, key=lambda path: path.score.travel_time, default=None)
-    return WaterReference(
-        None if best is None else best.score.travel_time,
-        error,
-        np.zeros((0, 3)) if best is None else best.positions,
-        time.perf_counter() - begin,
-        plane,
-    )
+    return WaterReference.of(quickest(found), error, time.perf_counter() - begin, plane)
 
 
 def _best(problem: PathProblem, world: World, grid: DepthGrid) -> Polished | None:
     """Return the quickest feasible path that a grid leads to; None where it leads to none."""
     found: list[Polished] = []
     for grid_time, path in ways(problem, world, grid, WAYS):
-        quickest = min((one.score.travel_time for one in found), default=np.inf)
-        if grid_time <= quickest * (1.0 + _SLOWER):
+        known = min((one.score.travel_time for one in found), default=np.inf)
+        if grid_time <= known * (1.0 + _SLOWER):
             tightened = tighten(problem, world, grid, path, _SEGMENTS, grid.width, grid.moments)
             if tightened is not None and tightened.score.feasible:
                 found.append(tightened)
-    return min(found, key=lambda one: one.score.travel_time, default=None)
+    return quickest(found)
 
 
 def vertical(problem: PathProblem, world: World) -> Polished | None:
@@ -94,9 +79,9 @@ def vertical(problem: PathProblem, world: World) -> Polished | None:
     length = float(np.linalg.norm((goal - start)[:2]))
     along = (goal - start)[:2] / length
     right = np.array([-along[1], along[0]])
-    current = problem.environment.current
-    factor = current.factor if isinstance(current, TidalCurrent) else lambda t: np.ones_like(t)
-    current = current.current if isinstance(current, TidalCurrent) else current
+    tidal = problem.environment.current
+    factor = tidal.factor if isinstance(tidal, TidalCurrent) else np.ones_like
+    current = without_tide(tidal)
     arc = length / _STATIONS * np.arange(-_BEYOND, _STATIONS + _BEYOND + 1)
     levels = np.linspace(world.low[2], world.high[2], _LEVELS)
     speed, _, _, upright_max = limits_of(problem, 0.0)

@@ -137,16 +137,12 @@ def written(case: Case, folder: Path) -> Path:
         shapes = {each: {"type": "Polygon", "coordinates": [ring]} for each, ring in outlines.items()}
         return collection(name, [({"name": each}, shape) for each, shape in shapes.items()])
 
-    collection(
-        "jobs.geojson",
-        [
-            (
-                {"name": name, "priority": rho, "duration": stay, "depth": 10},
-                {"type": "Point", "coordinates": at(place)},
-            )
-            for name, (place, rho, stay) in case.jobs.items()
-        ],
-    )
+    stated = {
+        name: {"name": name, "priority": rho, "duration": stay, "depth": 10}
+        for name, (_, rho, stay) in case.jobs.items()
+    }
+    points = {name: {"type": "Point", "coordinates": at(place)} for name, (place, _, _) in case.jobs.items()}
+    collection("jobs.geojson", [(stated[name], points[name]) for name in stated])
     chart: dict = {"source": "none", "pixel_size": 20}
     if case.islands:
         chart |= {"source": "polygons", "file": areas("coast.geojson", case.islands)}
@@ -181,15 +177,11 @@ def written(case: Case, folder: Path) -> Path:
     return path
 
 
-def _round_polygons(case: Case) -> shapely.Geometry:
-    """What paths keep out of: closed areas and islands, widened by the clearance."""
-    rings = [*case.closed.values(), *case.islands.values()]
-    return shapely.union_all([shapely.buffer(shapely.Polygon(ring), COAST, quad_segs=4) for ring in rings])
-
-
 def shortest_paths(case: Case, places: Array) -> dict[tuple[int, int], Array]:
     """Shortest polylines [K, 2] m between all pairs of places [N, 2], over corners of what is in the way."""
-    shapes = _round_polygons(case)
+    rings = [*case.closed.values(), *case.islands.values()]
+    widened = [shapely.buffer(shapely.Polygon(ring), COAST, quad_segs=4) for ring in rings]
+    shapes = shapely.union_all(widened)
     corners = np.concatenate([shapely.get_coordinates(part)[:-1] for part in shapely.get_parts(shapes)])
     nodes, inner = np.concatenate([places, corners]), shapely.buffer(shapes, -0.05)
     shapely.prepare(inner)
@@ -270,17 +262,11 @@ def waypoints_in_files(folder: Path, site: Site) -> dict[str, Array]:
             row(*(each[name] for name in ("lon", "lat", "depth", "time", "hold")))
             for each in csv.DictReader(file)
         ]
-    features = json.loads((folder / "itinerary.geojson").read_text())["features"]
-    points = [each for each in features if each["properties"]["kind"] == "waypoint"]
-    collection = [
-        row(
-            *each["geometry"]["coordinates"][:2],
-            each["properties"]["depth_m"],
-            each["properties"]["time"],
-            each["properties"]["hold_s"],
-        )
-        for each in points
-    ]
+    collection = []
+    for each in json.loads((folder / "itinerary.geojson").read_text())["features"]:
+        stated, place = each["properties"], each["geometry"]["coordinates"][:2]
+        if stated["kind"] == "waypoint":
+            collection.append(row(*place, stated["depth_m"], stated["time"], stated["hold_s"]))
     route = [
         row(
             each.get("lon"), each.get("lat"), -float(each.findtext("{*}ele", "nan")), each.findtext("{*}time")
@@ -302,22 +288,15 @@ def waypoints_in_files(folder: Path, site: Site) -> dict[str, Array]:
         moments = np.datetime_as_string(data["time"].values[ends], unit="ms", timezone="UTC")
         places = (data[name].values[ends] for name in ("lon", "lat", "depth"))
         trajectories = [row(*each) for each in zip(*places, moments, strict=True)]
-    found = {
-        "csv": table,
-        "geojson": collection,
-        "gpx": route,
-        "qgc": plan,
-        "kml": tracks,
-        "netcdf": trajectories,
-    }
-    return {name: np.array(rows) for name, rows in found.items()}
+    formats = ("csv", "geojson", "gpx", "qgc", "kml", "netcdf")
+    found = (table, collection, route, plan, tracks, trajectories)
+    return {name: np.array(rows) for name, rows in zip(formats, found, strict=True)}
 
 
 def disagreements(run: MissionRun, folder: Path) -> list[str]:
     """Say where plan, sheet, page and exports of a plan do not have the same figures.
 
     Args:
-        run: the plan.
         folder: that `auvplan plan` wrote it to.
     """
     assert run.site is not None
@@ -354,9 +333,7 @@ def disagreements(run: MissionRun, folder: Path) -> list[str]:
     for axis, values in enumerate(run.site.to_geographic(*places[:, :2].T)):
         same(f"axis {axis} of places, sheet", values, [stop["place"][axis] for stop in stops], 1e-6)
     onward = [leg.t_hold for leg in run.done[1:]] + [0.0]
-    stays = [
-        hold + more for hold, more in zip([leg.t_wait + leg.t_task for leg in run.done], onward, strict=True)
-    ]
+    stays = [leg.t_wait + leg.t_task + more for leg, more in zip(run.done, onward, strict=True)]
     goals = [run.graph.positions[leg.goal] for leg in run.done]
     expected = np.column_stack([goals, [leg.times[-1] for leg in run.done], stays])
     for name, rows in waypoints_in_files(folder, run.site).items():
@@ -367,13 +344,9 @@ def disagreements(run: MissionRun, folder: Path) -> list[str]:
                 found.append(f"{name}: no waypoint at {leg[:3].tolist()}")
                 break
             at += 1 + int(np.argmax(near))
-            told = ~np.isnan(rows[at])
-            same(
-                f"{name}, time and task at {leg[:3].tolist()}",
-                leg[3:][told[3:]],
-                rows[at, 3:][told[3:]],
-                0.06,
-            )
+            told = ~np.isnan(rows[at, 3:])
+            what = f"{name}, time and task at {leg[:3].tolist()}"
+            same(what, leg[3:][told], rows[at, 3:][told], 0.06)
     limits = {row["name"]: row["least"] for row in page["limits"]}
     for name in ("coast", "closed", "obstacle"):
         least = [stop[name] for stop in sheet["stops"] if stop[name] is not None]

@@ -13,9 +13,8 @@ import xarray as xr
 
 from benchmarks import file_models, file_references
 from benchmarks.file_references import Table
+from benchmarks.machine import SHARED
 
-#: Real data lies beside the repository.
-SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
 Reading = Callable[..., Table]
 
 
@@ -24,7 +23,6 @@ class Currents:
     """Files of a current.
 
     Attributes:
-        name, model: what they are.
         origin: "real", "cut" (real, changed as the name says) or "made".
         prepare: a folder to the files there, and the options of `open_ocean`.
         reading: paths, and new names of variables as `renamed`, to what an independent reading finds.

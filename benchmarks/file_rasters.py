@@ -20,7 +20,7 @@ from scipy.ndimage import map_coordinates
 from auvplan.io.geo import chart_from_polygons, chart_from_raster, read_bathymetry, read_raster
 from auvplan.site import Site
 from benchmarks import file_models
-from benchmarks.file_cases import SHARED
+from benchmarks.machine import SHARED
 
 #: Passability of the classes of the pictures' truth: land, reef, water.
 CLASSES = {0: 0.0, 1: 0.3, 2: 1.0}

@@ -130,21 +130,9 @@ def _own_folders() -> tuple[str, ...]:
     """Folders of Python, of packages and of the system, whose files do not depend on what is read."""
     paths = {sys.prefix, sys.base_prefix, sys.exec_prefix, *sysconfig.get_paths().values(), *zoneinfo.TZPATH}
     paths |= {path for path in sys.path if path.rstrip("/").endswith("site-packages")}
-    paths |= {
-        str(Path(auvplan.__file__).parent),
-        str(Path(__file__).parent),
-        "/usr/share",
-        "/usr/lib",
-        "/lib",
-    }
-    paths |= {
-        f"/proc/{os.getpid()}",
-        "/proc/self",
-        "/proc/cpuinfo",
-        "/proc/meminfo",
-        "/sys/devices/system/cpu",
-        "/sys/fs/cgroup",
-    }
+    paths |= {str(Path(auvplan.__file__).parent), str(Path(__file__).parent), f"/proc/{os.getpid()}"}
+    paths |= {"/usr/share", "/usr/lib", "/lib", "/proc/self", "/proc/cpuinfo", "/proc/meminfo"}
+    paths |= {"/sys/devices/system/cpu", "/sys/fs/cgroup"}
     # Where JAX keeps what took it long to compile.
     paths |= {folder for folder in (jax.config.jax_compilation_cache_dir,) if folder}
     return (*sorted(paths), "/dev/null", "/dev/urandom", "/etc/localtime", "<")
@@ -198,11 +186,8 @@ class Cases:
     """The cases of a reader.
 
     Attributes:
-        name: of the reader.
-        seeds: its real files.
         folder: with a folder of each of them.
         outside: a folder of files that are not to be opened.
-        seed: of the changes.
     """
 
     name: str
@@ -315,14 +300,9 @@ def keep_case(cases: Cases, number: int, said: str, found: str, place: Path, kee
     folder = keep / f"{cases.name.replace(', ', '-').replace(' ', '-')}-{cases.seed}-{number}"
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(place, folder)
-    lines = (
-        f"reader: {cases.name}",
-        f"seed: {cases.seed}",
-        f"case: {number}",
-        f"change: {said}",
-        f"found: {found}",
-    )
-    (folder / "case.txt").write_text("\n".join(lines) + "\n", encoding="utf-8", errors="replace")
+    stated = {"reader": cases.name, "seed": cases.seed, "case": number, "change": said, "found": found}
+    text = "".join(f"{key}: {value}\n" for key, value in stated.items())
+    (folder / "case.txt").write_text(text, encoding="utf-8", errors="replace")
 
 
 @dataclass

@@ -63,7 +63,6 @@ def change(path: Path, rng: Rng, outside: Path) -> str:
 
     Args:
         path: of the file; its name tells the format.
-        rng: decides on everything.
         outside: a folder of files that no reader has any business with, some of which are put in as names.
     """
     by_format = _FORMATS.get(path.suffix.lower())

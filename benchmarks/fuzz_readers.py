@@ -38,12 +38,12 @@ from auvplan.study import Design, Sweep, load_study, summarise
 from auvplan.study.row import row_of
 from auvplan.study.store import Store
 from auvplan.study.table import table
-from benchmarks.machine import AUVPLAN
+from benchmarks.machine import AUVPLAN, SHARED
 from tests.io.geo.enc_cells import Object, write_cell
 from tests.io.sample_run import make_run
 
 ROOT = Path(__file__).resolve().parent.parent
-SHARED, DATA = ROOT.parent / "shared" / "data", ROOT / "auvplan" / "data"
+DATA = ROOT / "auvplan" / "data"
 
 #: Real files of currents and sea beds, those of them that are small enough to be changed often.
 _CURRENTS = (
@@ -80,7 +80,6 @@ class Seed:
     """A folder of real files.
 
     Attributes:
-        name: of the folder.
         main: the file, or ".", the folder, that the reader is given.
         changed: the files that are changed, one at a time.
     """
@@ -100,7 +99,6 @@ class Reader:
 
     Attributes:
         write: writes a reader's files below a folder, a folder each; the second folder is one of sources.
-        read: reads one.
         names: whether its files may name others, anywhere.
     """
 
@@ -113,7 +111,6 @@ def write_sources(folder: Path, planned: bool = True) -> None:
     """Write what several readers' files come from.
 
     Args:
-        folder: of the sources.
         planned: whether the example is planned too, by the command, which compiles for a minute.
     """
     write_example(folder / "example")

@@ -7,7 +7,7 @@ see the same machine; the ratios are of medians and of the shortest times. Compi
 """
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 
 import jax
@@ -20,7 +20,7 @@ import auvplan as ap
 from auvplan.ocean.currents import Current
 from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.path import PathPlan
-from benchmarks.machine import arguments, bars, clock, console, write
+from benchmarks.machine import arguments, bars, console, empty_table, named_once, take_turns, write
 
 PRESETS: dict[str, Callable[[], ap.PathConfig]] = {
     "default": ap.PathConfig,
@@ -44,10 +44,7 @@ class Row:
     """One preset in one current.
 
     Attributes:
-        preset: name.
-        current: name.
         seconds: median time of a plan.
-        least_seconds: the shortest.
         compile_seconds: how much longer the first call took.
         to_one_layer, to_three_layers: `seconds` over those in the vortices.
         least_to_one_layer, least_to_three_layers: the same of `least_seconds`.
@@ -74,7 +71,7 @@ def currents() -> dict[str, Current]:
     )
     along, depths = np.linspace(0.0, SIDE, NODES), np.linspace(0.0, DEEPEST, LEVELS)
     z, x, y = np.meshgrid(depths, along, along, indexing="ij")
-    u, v, w = (np.asarray(component) for component in three(x, y, z, np.zeros(())))  # type: ignore[arg-type]
+    u, v, w = (np.asarray(component) for component in three(x, y, z, np.zeros(())))
     hours = np.arange(HOURS)
     tide = np.cos(2.0 * np.pi * hours / TIDE)[:, None, None, None]
     grid = partial(GriddedCurrent.from_arrays, spacing=SIDE / (NODES - 1), depths=depths)
@@ -99,33 +96,23 @@ def rows(presets: list[str], rounds: int, progress: Progress) -> list[Row]:
     for preset in presets:
         bar = progress.add_task(preset, total=len(known) * (rounds + 1))
         calls = {name: partial(_plan, current, PRESETS[preset]()) for name, current in known.items()}
-        first, times, kept = {}, {name: [] for name in known}, {name: [] for name in known}
-        for turn in range(-1, rounds):
-            for name, call in calls.items():
-                progress.advance(bar)
-                seconds, plan = clock(partial(call, max(turn, 0)))
-                if turn < 0:
-                    first[name] = seconds
-                    continue
-                # The first call of a turn finds the caches as another current left them.
-                times[name].append(clock(partial(call, turn))[0])
-                kept[name].append(plan.feasible)
+        turns = take_turns(calls, dict.fromkeys(calls, rounds), 0, partial(progress.advance, bar))
         progress.remove_task(bar)
-        median = {name: float(np.median(taken)) for name, taken in times.items()}
-        least = {name: min(taken) for name, taken in times.items()}
-        for name in known:
+        median = {name: taken.median for name, taken in turns.items()}
+        least = {name: min(taken.seconds) for name, taken in turns.items()}
+        for name, taken in turns.items():
             found.append(
                 Row(
                     preset=preset,
                     current=name,
                     seconds=median[name],
                     least_seconds=least[name],
-                    compile_seconds=max(0.0, first[name] - median[name]),
+                    compile_seconds=taken.compiling,
                     to_one_layer=median[name] / median[ONE_LAYER],
                     to_three_layers=median[name] / median[THREE_LAYERS],
                     least_to_one_layer=least[name] / least[ONE_LAYER],
                     least_to_three_layers=least[name] / least[THREE_LAYERS],
-                    feasible=float(np.mean(kept[name])),
+                    feasible=float(np.mean([plan.feasible for plan in taken.results])),
                 )
             )
     return found
@@ -134,21 +121,17 @@ def rows(presets: list[str], rounds: int, progress: Progress) -> list[Row]:
 def table(rows: list[Row]) -> Table:
     """All rows as one table."""
     size = f"{NODES} x {NODES} x {LEVELS} x {HOURS}"
-    shown = Table(title=f"Plans in gridded currents ({size}), over those in 12 vortices")
-    for name in ("preset", "current"):
-        shown.add_column(name, no_wrap=True)
-    for name in ("median", "least", "to 1 layer", "least", "to 3", "least", "compilation", "feasible"):
-        shown.add_column(name, justify="right", no_wrap=True)
-    last = None
-    for row in rows:
+    title = f"Plans in gridded currents ({size}), over those in 12 vortices"
+    figures = ("median", "least", "to 1 layer", "least", "to 3", "least", "compilation", "feasible")
+    shown = empty_table(title, ["preset", "current"], figures, no_wrap=True)
+    for name, row in named_once(rows, "preset"):
         shown.add_row(
-            "" if row.preset == last else row.preset, row.current,
+            name, row.current,
             f"{1e3 * row.seconds:.1f} ms", f"{1e3 * row.least_seconds:.1f} ms",
             f"{row.to_one_layer:.2f}", f"{row.least_to_one_layer:.2f}",
             f"{row.to_three_layers:.2f}", f"{row.least_to_three_layers:.2f}",
             f"{row.compile_seconds:.1f} s", f"{row.feasible:.0%}",
         )  # fmt: skip
-        last = row.preset
     return shown
 
 
@@ -162,7 +145,7 @@ def main() -> None:
     with bars(screen) as progress:
         found = rows(options.preset or list(PRESETS), options.rounds, progress)
     screen.print(table(found))
-    write(options.out, {"rounds": options.rounds, "rows": [asdict(row) for row in found]})
+    write(options.out, {"rounds": options.rounds, "rows": found})
 
 
 if __name__ == "__main__":

@@ -56,7 +56,7 @@ def size(name: str) -> float:
     """MB on disk."""
     files = distribution(name).files or []
     paths = [file.locate() for file in files if not str(file).endswith(".pyc")]
-    return sum(path.stat().st_size for path in paths if path.is_file()) / 1e6  # type: ignore[attr-defined]
+    return sum(path.stat().st_size for path in paths if path.is_file()) / 1e6
 
 
 def table(title: str, names: set[str]) -> None:

@@ -81,7 +81,6 @@ def most_priority(windows: Windows, known: float) -> tuple[float, float]:
     """Most total priority and a bound on it; they are equal where the labels did not run out.
 
     Args:
-        windows: the mission.
         known: total priority of a route that keeps all rules.
     """
     multipliers, root = _multipliers(windows, known)

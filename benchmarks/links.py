@@ -118,7 +118,7 @@ def mission(kind: str, seed: int, scale: float, faults: Faults, tell) -> dict:
         checked.append(held_as_planned(kind, peer, wanted))
         return notes
 
-    link.upload = upload  # type: ignore[method-assign]
+    link.upload = upload
     begin = time.perf_counter()
     try:
         record = execute(plan, link, limits=LIMITS, notices=Reports(link, plan, seed), tell=tell)

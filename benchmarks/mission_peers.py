@@ -46,9 +46,6 @@ def cp_sat_eq15(case: Case, phi1: float, phi2: float, time_limit: float) -> tupl
     bound is right to a tick for each leg.
 
     Args:
-        case: mission.
-        phi1: Phi_1, per s.
-        phi2: Phi_2.
         time_limit: s.
 
     Returns:

@@ -21,6 +21,7 @@ from auvplan.mission import (
 )
 from auvplan.mission.bound import upper_bound
 from benchmarks import mission_peers as peers
+from benchmarks.machine import clock
 from benchmarks.mission_sets import Case
 
 BATCH = 32
@@ -32,15 +33,12 @@ class Row:
     """One solver on the cases of one family.
 
     Attributes:
-        family: of cases.
-        solver: name.
         mean_gap: share of the optimum that is missing.
         worst_gap: the same, of the worst plan.
         feasible: share of plans that keep all rules.
         seconds: median time of a plan, compilation apart.
         compile_seconds: how much longer the first call took, the most of the graphs of this size
             so far; None where nothing is compiled.
-        plans: number of plans.
         proved: share of cases whose optimum is proved.
     """
 
@@ -60,11 +58,9 @@ class Solver:
     """A way to plan.
 
     Attributes:
-        name: in the table.
         plan: (case, seed) into waypoints, none where there is no plan.
         compiles: a call that compiles what `plan` needs; None where nothing is compiled.
         seeds: plans of each case at most.
-        fits: whether the solver can take a case.
     """
 
     name: str
@@ -79,7 +75,6 @@ class Bench:
 
     Args:
         seeds: plans of each case.
-        progress: bar.
     """
 
     def __init__(self, seeds: int, progress: Progress) -> None:
@@ -103,9 +98,8 @@ class Bench:
         gaps, kept, times = [], [], []
         for case in cases:
             for seed in range(seeds):
-                begin = time.perf_counter()
-                nodes = solver.plan(case, seed)
-                times.append(time.perf_counter() - begin)
+                seconds, nodes = clock(partial(solver.plan, case, seed))
+                times.append(seconds)
                 gap, valid = self._judge(case, nodes)
                 gaps.append(gap)
                 kept.append(valid)
@@ -129,9 +123,8 @@ class Bench:
         self._clock_compilation(name, cases[0].graph.size, partial(call, 999))
         gaps, kept, times = [], [], []
         for seed in range(repeats):
-            begin = time.perf_counter()
-            routes = call(seed)
-            times.append((time.perf_counter() - begin) / BATCH)
+            seconds, routes = clock(partial(call, seed))
+            times.append(seconds / BATCH)
             for case, route in zip(batch, routes, strict=True):
                 gap, valid = self._judge(case, route.nodes)
                 gaps.append(gap)
@@ -144,11 +137,9 @@ class Bench:
         """The linear bound: its gap is how far it is above the optimum."""
         gaps, times = [], []
         for case in cases:
-            begin = time.perf_counter()
-            bound = upper_bound(
-                case.leg_times, case.graph.priority, case.start, case.goal, case.time_available
-            )
-            times.append(time.perf_counter() - begin)
+            asked = case.leg_times, case.graph.priority, case.start, case.goal, case.time_available
+            seconds, bound = clock(partial(upper_bound, *asked))
+            times.append(seconds)
             gaps.append(bound / self._optima[case.name][0] - 1.0)
         self._add(family, "upper bound", cases, gaps, [True] * len(gaps), times)
 
@@ -192,16 +183,14 @@ class Bench:
             self._clock_compilation("eq15", case.graph.size, partial(plan, case, 999))
         gaps, times, proved, peer_times, kept = [], [], [], [], []
         for case in cases:
-            begin = time.perf_counter()
-            nodes, bound = peers.cp_sat_eq15(case, PHI1, PHI2, time_limit)
-            peer_times.append(time.perf_counter() - begin)
+            seconds, (nodes, bound) = clock(partial(peers.cp_sat_eq15, case, PHI1, PHI2, time_limit))
+            peer_times.append(seconds)
             best = peers.eq15_cost(case, nodes, PHI1, PHI2)
             proved.append(best <= bound * (1.0 + 1e-3))
             self._progress.advance(bar)
             for seed in range(self._seeds):
-                begin = time.perf_counter()
-                nodes = plan(case, seed)
-                times.append(time.perf_counter() - begin)
+                seconds, nodes = clock(partial(plan, case, seed))
+                times.append(seconds)
                 kept.append(self._judge(case, nodes)[1])
                 gaps.append(peers.eq15_cost(case, nodes, PHI1, PHI2) / best - 1.0)
                 self._progress.advance(bar)
@@ -215,11 +204,7 @@ class Bench:
 
     def _clock_compilation(self, solver: str, size: int, call: Callable[[], Any]) -> None:
         """How much longer the first call takes than the second, the most of all graphs of one size."""
-        times = []
-        for _ in range(2):
-            begin = time.perf_counter()
-            call()
-            times.append(time.perf_counter() - begin)
+        times = [clock(call)[0] for _ in range(2)]
         known = self._compilation.get((solver, size), 0.0)
         self._compilation[solver, size] = max(times[0] - times[1], known)
 

@@ -5,14 +5,12 @@ import json
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.mission import MissionGraph, random_graph
-
-SHARED = Path(__file__).parents[2] / "shared" / "data"
+from benchmarks.machine import SHARED
 
 
 @dataclass(frozen=True)
@@ -20,11 +18,7 @@ class Case:
     """One mission to plan.
 
     Attributes:
-        name: of the case.
         family: cases of one family have one size N and share a row of the table.
-        graph: N waypoints.
-        start: index.
-        goal: index.
         time_available: T_available, s; in the orienteering sets a length, executed at speed 1.
         speed: |v|, m/s.
         optimum: most total priority, where it is known.

@@ -8,7 +8,6 @@ minimises Eq. 15, which is not the most total priority.
 """
 
 from collections.abc import Iterator
-from dataclasses import asdict
 from functools import partial
 
 from rich.console import Console
@@ -16,9 +15,9 @@ from rich.table import Table
 
 import auvplan as ap
 from benchmarks import mission_peers as peers
-from benchmarks.machine import arguments, bars, console, installed, write
+from benchmarks.machine import SHARED, arguments, bars, console, empty_table, installed, named_once, write
 from benchmarks.mission_runs import Bench, Row, Solver, preset
-from benchmarks.mission_sets import SHARED, Case, generated_cases, shared_cases
+from benchmarks.mission_sets import Case, generated_cases, shared_cases
 
 LARGEST_BATCHED = 100
 LARGEST_MEALPY = 64
@@ -94,22 +93,17 @@ def optimum(case: Case, limit: float) -> tuple[float, bool]:
 
 def table(rows: list[Row]) -> Table:
     """All rows as one table."""
-    shown = Table(title="Missions: gap to the proven optimum (* to a bound)")
-    for name in ("set", "solver"):
-        shown.add_column(name)
-    for name in ("mean gap", "worst gap", "feasible", "time per plan", "compilation", "plans"):
-        shown.add_column(name, justify="right")
-    last = None
-    for row in rows:
+    figures = ("mean gap", "worst gap", "feasible", "time per plan", "compilation", "plans")
+    shown = empty_table("Missions: gap to the proven optimum (* to a bound)", ["set", "solver"], figures)
+    for name, row in named_once(rows, "family"):
         compilation = "-" if row.compile_seconds is None else f"{row.compile_seconds:.1f} s"
         sign = "+" if row.solver == "upper bound" else ""
         star = "" if row.proved == 1.0 else " *"
         shown.add_row(
-            "" if row.family == last else row.family, row.solver, f"{sign}{row.mean_gap:.2%}{star}",
+            name, row.solver, f"{sign}{row.mean_gap:.2%}{star}",
             f"{sign}{row.worst_gap:.2%}", f"{row.feasible:.0%}", f"{1e3 * row.seconds:.1f} ms", compilation,
             str(row.plans),
         )  # fmt: skip
-        last = row.family
     return shown
 
 
@@ -146,7 +140,7 @@ def main() -> None:
         else:
             screen.print("Eq. 15: left out, it needs the shared graphs and OR-Tools")
     screen.print(table(bench.rows))
-    write(options.out, {"seeds": seeds, "rows": [asdict(row) for row in bench.rows]})
+    write(options.out, {"seeds": seeds, "rows": bench.rows})
 
 
 if __name__ == "__main__":

@@ -193,37 +193,40 @@ def netcdf(path: Path, variables: tuple[str, ...], rng: Rng) -> Change:
     """Change a NetCDF file."""
     if rng.random() < 0.35:
         return damage(path, rng)
-    with xr.open_dataset(path, engine="netcdf4", decode_cf=False) as file:
-        data = file.load()
-        form = file.encoding.get("source") and (
-            "NETCDF3_64BIT" if path.read_bytes()[:3] == b"CDF" else "NETCDF4"
-        )
-    for variable in data.variables.values():
-        variable.encoding = {}
+    data = _loaded(path)
     there = [name for name in variables if name and name in data.variables]
     if not there:
         return damage(path, rng)
     try:
         if rng.random() < 0.6:
-            more = [
-                str(n)
-                for n, v in data.variables.items()
-                if "grid_mapping_name" in v.attrs or "cf_role" in v.attrs
-            ]
-            more += [
-                n
-                for n in ("angle", "h", "zeta", "mask_rho", "hc", "Cs_r", "ele", "nv")
-                if n in data.variables
-            ]
+            mapping = {"grid_mapping_name", "cf_role"}
+            more = [str(n) for n, v in data.variables.items() if mapping & set(v.attrs)]
+            likely = ("angle", "h", "zeta", "mask_rho", "hc", "Cs_r", "ele", "nv")
+            more += [name for name in likely if name in data.variables]
             data, change = attribute(data, there * 3 + more, rng)
         else:
             data, change = structure(data, variables, rng)
-        fresh = path.with_suffix(".new")
-        data.to_netcdf(fresh, engine="netcdf4", format=form)
+        _rewrite(path, data)
     except Exception as error:  # what no library writes
         return f"not written: {type(error).__name__}", "same", {}
-    fresh.replace(path)
     return change
+
+
+def _loaded(path: Path) -> xr.Dataset:
+    """A NetCDF file as it is, packed values and all."""
+    with xr.open_dataset(path, engine="netcdf4", decode_cf=False) as file:
+        data = file.load()
+    for variable in data.variables.values():
+        variable.encoding = {}
+    return data
+
+
+def _rewrite(path: Path, data: xr.Dataset) -> None:
+    """Put a dataset in the place of a file, in the same format."""
+    form = "NETCDF3_64BIT" if path.read_bytes()[:3] == b"CDF" else "NETCDF4"
+    fresh = path.with_suffix(".new")
+    data.to_netcdf(fresh, engine="netcdf4", format=form)
+    fresh.replace(path)
 
 
 _GEO_KEYS = ("4326", "CRS84", "EPSG:32755")
@@ -316,8 +319,7 @@ def tiff(path: Path, rng: Rng) -> Change:
 
 def thin(path: Path, variables: tuple[str, ...]) -> None:
     """Leave four times of a file, and of its fields those that bear on a current."""
-    with xr.open_dataset(path, engine="netcdf4", decode_cf=False) as file:
-        data = file.load()
+    data = _loaded(path)
     time_dims = [d for d in data.dims if "time" in str(d).lower() or d == "tl"]
     kept = {*variables, *_BEARING}
     lost = [
@@ -327,13 +329,7 @@ def thin(path: Path, variables: tuple[str, ...]) -> None:
         and (variable.ndim > 2 or (not variable.ndim and "cf_role" not in variable.attrs))
         and "grid_mapping_name" not in variable.attrs
     ]
-    data = data.isel({dim: slice(0, 4) for dim in time_dims}).drop_vars(lost)
-    for variable in data.variables.values():
-        variable.encoding = {}
-    form = "NETCDF3_64BIT" if path.read_bytes()[:3] == b"CDF" else "NETCDF4"
-    fresh = path.with_suffix(".new")
-    data.to_netcdf(fresh, engine="netcdf4", format=form)
-    fresh.replace(path)
+    _rewrite(path, data.isel({dim: slice(0, 4) for dim in time_dims}).drop_vars(lost))
 
 
 _BEARING = ("zeta", "w", "hc", "Vtransform", "dryFlagNode", "SCHISM_hgrid")

@@ -12,11 +12,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
-from rich.table import Table
 
 import auvplan as ap
 from auvplan.bbo import BBOConfig, minimize, rates
-from benchmarks.machine import console
+from benchmarks.machine import console, empty_table
 from benchmarks.mission_sets import generated_cases
 
 #: SIVs of the small function, each within +-5.12.
@@ -74,9 +73,9 @@ def main() -> None:
     )
     parser.add_argument("--seeds", type=int, default=10, help="runs of each problem")
     options = parser.parse_args()
-    table = Table(title=f"Laws of mutation under constant migration rates, {options.seeds} seeds: mean (std)")
-    for column in ("mutation by rank", "Eq. 15, 3 graphs", "total priority", f"Rastrigin, {DIM} SIVs"):
-        table.add_column(column, justify="left" if column == "mutation by rank" else "right")
+    title = f"Laws of mutation under constant migration rates, {options.seeds} seeds: mean (std)"
+    figures = "Eq. 15, 3 graphs", "total priority", f"Rastrigin, {DIM} SIVs"
+    table = empty_table(title, ["mutation by rank"], figures)
     small = ap.MissionConfig.paper().bbo
     for name, bbo in laws(small).items():
         cost, priority = mission_costs(bbo, options.seeds)

@@ -6,7 +6,7 @@ what travel times and gradients of eight paths take by it, as a polish asks for 
 """
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 
 import jax
@@ -19,7 +19,7 @@ from auvplan.compiled import compiled
 from auvplan.ocean.currents import is_steady
 from auvplan.path import kinematics
 from auvplan.path.cost import Track, curves
-from benchmarks.machine import arguments, clock, console, write
+from benchmarks.machine import arguments, clock, console, empty_table, write
 from benchmarks.path_problems import PathProblem, literature
 from benchmarks.path_ruler import evaluate
 
@@ -32,8 +32,6 @@ class Row:
     """One method on one problem.
 
     Attributes:
-        problem: name.
-        method: name.
         error: travel time of the plan over the ruler's, less one.
         seconds: median time of travel times and gradients of `PATHS` paths.
         compile_seconds: how much longer the first call took.
@@ -95,11 +93,8 @@ def rows() -> list[Row]:
 
 def table(found: list[Row]) -> Table:
     """All rows as one table."""
-    shown = Table(title=f"Arrival times: {PATHS} paths, travel times and gradients")
-    for name in ("problem", "method"):
-        shown.add_column(name)
-    for name in ("error", "time", "compilation"):
-        shown.add_column(name, justify="right")
+    title = f"Arrival times: {PATHS} paths, travel times and gradients"
+    shown = empty_table(title, ["problem", "method"], ["error", "time", "compilation"])
     for row in found:
         figures = f"{row.error:+.4%}", f"{1e3 * row.seconds:.2f} ms", f"{row.compile_seconds:.1f} s"
         shown.add_row(row.problem, row.method, *figures)
@@ -112,7 +107,7 @@ def main() -> None:
     options = parser.parse_args()
     found = rows()
     console().print(table(found))
-    write(options.out, {"rows": [asdict(row) for row in found]})
+    write(options.out, {"rows": found})
 
 
 if __name__ == "__main__":

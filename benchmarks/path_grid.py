@@ -15,12 +15,12 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from auvplan.ocean.currents import is_steady
+from auvplan.ocean.currents import Current, is_steady
 from auvplan.ocean.vortices import LambVortices
 from auvplan.vehicle import SPEED_FLOOR
 from benchmarks.path_problems import PathProblem
 from benchmarks.path_ruler import Spheres, World, current_at
-from benchmarks.water_problems import TidalCurrent
+from benchmarks.water_problems import TidalCurrent, without_tide
 
 Array = NDArray[np.floating]
 Index = NDArray[np.integer]
@@ -83,12 +83,8 @@ class Grid:
         low = start - before * spacing
         shape = tuple(int(n) for n in np.floor((world.high[:2] - low) / spacing).astype(int) + 1)
         x, y = np.meshgrid(*(low[k] + spacing * np.arange(shape[k]) for k in range(2)), indexing="ij")
-        straight = problem.distance / float(problem.vehicle.speed)  # type: ignore[arg-type]
-        current, tide, tidal_moment = problem.environment.current, np.ones(1), 1.0
-        if isinstance(current, TidalCurrent) and is_steady(current.current):
-            tidal_moment = _TIDAL_SPAN * straight / (_TIDES - 1)
-            tide = current.factor(problem.depart + tidal_moment * np.arange(_TIDES))
-            current = current.current
+        straight = problem.distance / float(problem.vehicle.speed)
+        current, tide, tidal_moment = tidal_table(problem, straight)
         count = 1 if is_steady(current) else _MOMENTS
         moment = _SPAN * straight / max(count - 1, 1)
         tables = [
@@ -100,13 +96,29 @@ class Grid:
         i, j = np.minimum(np.rint((goal - low) / spacing).astype(int), np.array(shape) - 1)
         nearest = before[0] * shape[1] + before[1], i * shape[1] + j
         return cls(
-            low, spacing, world.clearance(x, y), u, v, moment, np.asarray(tide, float), tidal_moment,
+            low, spacing, world.clearance(x, y), u, v, moment, tide, tidal_moment,
             movers_of(problem, moving), int(nearest[0]), int(nearest[1]),
         )  # fmt: skip
 
     def places(self, nodes: Index) -> Array:
         """Return positions, [n, 2] m."""
         return self.low + self.spacing * np.stack(np.unravel_index(nodes, self.clear.shape), axis=1)
+
+
+def tidal_table(problem: PathProblem, straight: float) -> tuple[Current, Array, float]:
+    """Return the current without its tide, factors of the tide, and s from one to the next.
+
+    The factor is 1 where there is no tide; `straight` is the time of the straight line in still water, s.
+    """
+    current = problem.environment.current
+    if not isinstance(current, TidalCurrent) or not is_steady(current.current):
+        return current, np.ones(1), 1.0
+    moment = _TIDAL_SPAN * straight / (_TIDES - 1)
+    return (
+        current.current,
+        np.asarray(current.factor(problem.depart + moment * np.arange(_TIDES)), float),
+        moment,
+    )
 
 
 def movers_of(problem: PathProblem, spheres: Spheres) -> Array:
@@ -129,9 +141,6 @@ def passages(
     """Find the best grid path that passes things as no other does, for each way to pass them, quickest first.
 
     Args:
-        problem: what to travel.
-        world: what to keep off.
-        most: paths.
         grid: of the problem, where it is at hand.
 
     Yields:
@@ -139,7 +148,7 @@ def passages(
     """
     grid = grid or Grid.of(problem, world)
     vehicle = problem.vehicle
-    limits = [float(limit) for limit in (vehicle.speed, vehicle.surge_max, vehicle.sway_max)]  # type: ignore[arg-type]
+    limits = [float(limit) for limit in (vehicle.speed, vehicle.surge_max, vehicle.sway_max)]
     strongest = np.hypot(grid.u, grid.v).max() * np.abs(grid.tide).max()
     water = (grid.u, grid.v, grid.moment, grid.tide, grid.tidal_moment, *limits, limits[0] + strongest)
     things = packed(world, grid.movers)
@@ -167,7 +176,7 @@ def passages(
     turns = _turns(order, returning, nodes, before, after, shape[0] * shape[1], shape[1], grid.spacing, marks)
     _, firsts = np.unique(turns, return_index=True)
     for first in np.sort(firsts)[:most]:
-        points = grid.places(_route(nodes[first], before, after))
+        points = grid.places(route_through(nodes[first], before, after))
         points[-1] = problem.goal[:2]
         yield float(total.flat[nodes[first]]), points
 
@@ -185,11 +194,9 @@ def _landmarks(problem: PathProblem, world: World, grid: Grid) -> Array:
     """Return [K, 2] m, what a path may pass on either side: obstacles, islands, vortices, else a lattice."""
     marks = [world.spheres.centres[~world.spheres.moving, :2]]
     if problem.environment.chart is not None:
-        labels, count = ndimage.label(grid.clear < 0.0)  # type: ignore[misc]
+        labels, count = ndimage.label(grid.clear < 0.0)
         marks += [grid.low + grid.spacing * np.argwhere(labels == k)[:1] for k in range(1, count + 1)]
-    current = problem.environment.current
-    if isinstance(current, TidalCurrent):
-        current = current.current
+    current = without_tide(problem.environment.current)
     if isinstance(current, LambVortices):
         centers, strength = np.asarray(current.centers, float)[0], np.asarray(current.strength)[0]
         marks.append(centers[strength != 0.0])
@@ -199,15 +206,13 @@ def _landmarks(problem: PathProblem, world: World, grid: Grid) -> Array:
     return np.concatenate(marks)
 
 
-def _route(node: int, before: Index, after: Index) -> Index:
+def route_through(node: int, before: Index, after: Index) -> Index:
     """Return the nodes of the best path through a node."""
     to_start, to_goal = [node], []
     while before[to_start[-1]] >= 0:
-        to_start.append(before[to_start[-1]])
-    node = after[node]
-    while node >= 0:
+        to_start.append(int(before[to_start[-1]]))
+    while (node := int(after[node])) >= 0:
         to_goal.append(node)
-        node = after[node]
     return np.array(to_start[::-1] + to_goal)
 
 

@@ -35,10 +35,8 @@ class Stage:
     """One descent.
 
     Attributes:
-        segments: of the polyline.
         parts: points of each segment at which the current and the clearance are looked up.
         price: of missing clearance, units of time per squared unit of length.
-        iterations: at most.
     """
 
     segments: int
@@ -77,8 +75,6 @@ def polish(
     """Descend from a path [n, 2] m.
 
     Args:
-        problem: what to travel.
-        world: what to keep off.
         positions: [n, 2] m, from start to goal.
         stages: one after the other; `FINE_STAGES` follow a path that is nearly right already.
     """
@@ -105,7 +101,6 @@ def resampled(positions: Array, segments: int, stretched: tuple[float, ...] | fl
 
     Args:
         positions: [n, d] m.
-        segments: wanted.
         stretched: [d], factors of the axes by which lengths count.
     """
     gaps = np.linalg.norm(np.diff(positions, axis=0) * np.asarray(stretched), axis=1)
@@ -130,7 +125,6 @@ def _descended(positions: Array, stage: Stage, extra: float, slack: float, data:
         stage: how finely.
         extra: m of clearance beyond the margins.
         slack: share of the vehicle's limits that is not used.
-        data: of the problem, from `_data`.
     """
     base = resampled(positions, stage.segments)
     tangent = np.gradient(base, axis=0)
@@ -170,8 +164,7 @@ def _data(problem: PathProblem, world: World) -> tuple:
     coast = world.distance, world.origin, world.pixel, world.margin
     vehicle = problem.vehicle
     limits = tuple(
-        float(limit)  # type: ignore[arg-type]
-        for limit in (vehicle.speed, vehicle.surge_max, vehicle.sway_max, vehicle.turn_rate_max)
+        float(limit) for limit in (vehicle.speed, vehicle.surge_max, vehicle.sway_max, vehicle.turn_rate_max)
     )
     units = world.side / _LENGTHS, problem.distance / limits[0] / _TIMES
     obstacles = centres, velocity, reach, growth, growth_max, seen

@@ -20,7 +20,7 @@ from scipy.sparse.csgraph import dijkstra
 
 import auvplan as ap
 from auvplan.ocean.currents import FunctionCurrent
-from benchmarks.mission_sets import SHARED
+from benchmarks.machine import SHARED
 
 Array = NDArray[np.floating]
 
@@ -48,12 +48,9 @@ class PathProblem:
     """One path to plan.
 
     Attributes:
-        name: of the problem.
         family: problems of one family share a row of the table.
-        environment: the world.
         start: north, east, depth, m.
         goal: north, east, depth, m.
-        vehicle: speed and limits.
         depart: s since the epoch.
         changes: of settings of `PathConfig` that the problem needs.
         best_known: s, least travel time known from elsewhere; None where there is none.
@@ -141,7 +138,7 @@ def literature() -> list[PathProblem]:
     problems = []
     for name, function, steady, start, goal, low, high, best in cases:
         corners = (_from_paper(corner) for corner in (low, high))
-        env = ap.Environment(FunctionCurrent(function, steady), None, None, *corners)  # type: ignore[arg-type]
+        env = ap.Environment(FunctionCurrent(function, steady), None, None, *corners)
         ends = _from_paper(start), _from_paper(goal)
         best_known = best * SCALE
         problems.append(
@@ -204,7 +201,7 @@ def _random_problem(rng: np.random.Generator, name: str, family: str, site: int 
         obstacles = ap.Obstacles.static(places, radii).padded(OBSTACLES)
         current = _vortices(rng, low, size)
         corners = (*low, 0.0), (*(low + size), 0.0)
-        env = ap.Environment(current, chart, obstacles, *corners)  # type: ignore[arg-type]
+        env = ap.Environment(current, chart, obstacles, *corners)
         start, goal = ((float(x), float(y), 0.0) for x, y in ends)
         return PathProblem(name, family, env, start, goal, unlimited_vehicle(2.5))
 
@@ -224,14 +221,19 @@ def _obstacles(rng: np.random.Generator, ends: Array) -> tuple[Array, Array]:
     return np.array(centres), np.array(radii)
 
 
-def _vortices(rng: np.random.Generator, low: Array, size: float) -> ap.LambVortices:
-    """One layer of 6 to `VORTICES` vortices in a square, padded by ones without strength."""
+def drawn_vortices(rng: np.random.Generator, low: Array, size: float) -> tuple[Array, Array, Array]:
+    """Centres, strengths and radii of 6 to `VORTICES` vortices in a square, padded by ones of no strength."""
     count = rng.integers(6, VORTICES + 1)
     centres, radius, strength = np.zeros((VORTICES, 2)), np.ones(VORTICES), np.zeros(VORTICES)
     centres[:count] = low + size * rng.uniform(0.0, 1.0, (count, 2))
     radius[:count] = size * rng.uniform(0.05, 0.15, count)
     strength[:count] = radius[:count] * rng.uniform(0.5, 1.0, count) * rng.choice([-1.0, 1.0], count)
-    field = ap.LambVortices(centres[None], strength[None], radius[None])  # type: ignore[arg-type]
+    return centres[None], strength[None], radius[None]
+
+
+def _vortices(rng: np.random.Generator, low: Array, size: float) -> ap.LambVortices:
+    """A layer of vortices whose fastest water is a share of the vehicle's speed."""
+    field = ap.LambVortices(*drawn_vortices(rng, low, size))
     x, y = _lattice(low, size, 128)
     u, v, _ = field(jnp.asarray(x), jnp.asarray(y), jnp.zeros(x.shape), jnp.zeros(x.shape))
     fastest = float(jnp.sqrt(jnp.max(u * u + v * v)))

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from rich.console import Console
-from rich.table import Table
 
+from benchmarks.machine import empty_table
 from benchmarks.path_grid import NODES, Grid, passages
 from benchmarks.path_polish import FINE_STAGES, polish, resampled
 from benchmarks.path_problems import PathProblem, have_charts, path_problems
@@ -43,8 +43,6 @@ class Reference:
         travel_time: s, by the ruler; None where no path was found.
         positions: [n, 2] m, north and east.
         grid_time: s, of the best path on the grid.
-        seconds: it took to find.
-        passages: number that were tried.
     """
 
     travel_time: float | None
@@ -62,7 +60,6 @@ def reference(
     Args:
         problem: planar.
         others: paths [n, 2] m to descend from as well.
-        most: passages to try.
         nodes: of the grid along the longer side of the box.
     """
     begin = time.perf_counter()
@@ -114,10 +111,8 @@ def main() -> None:
     console = Console()
     if not have_charts():
         console.print("problems on real coast: left out, the shared maps were not found")
-    table = Table(title="References")
-    table.add_column("problem")
-    for name in ("reference", "best known", "apart by", "grid", "passages", "time"):
-        table.add_column(name, justify="right")
+    figures = "reference", "best known", "apart by", "grid", "passages", "time"
+    table = empty_table("References", ["problem"], figures)
     stored = {}
     for problem in path_problems():
         if options.only and problem.name not in options.only:

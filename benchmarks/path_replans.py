@@ -8,7 +8,7 @@ plans are feasible, and the time of one.
 """
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import jax
@@ -19,7 +19,7 @@ from rich.table import Table
 
 import auvplan as ap
 from auvplan.ocean.vortices import CurrentUpdate, LambVortices, evolve
-from benchmarks.machine import arguments, bars, clock, console, write
+from benchmarks.machine import arguments, bars, clock, console, empty_table, write
 from benchmarks.path_problems import PathProblem, random_problems
 
 SITUATIONS = 50
@@ -35,10 +35,8 @@ class Situation:
 
     Attributes:
         problem: what it set out to do.
-        plan: that it follows.
         position: [3] m, where it is.
         now: s since the epoch.
-        env: the world as it is known now.
     """
 
     problem: PathProblem
@@ -53,10 +51,7 @@ class Row:
     """One way to plan anew, over all situations.
 
     Attributes:
-        name: of the way.
         mean: mean excess of the travel time over that of the largest budget, where both are feasible.
-        worst: the largest.
-        feasible: share of the situations.
         seconds: median time of a plan.
         first_seconds: of the first call for each family of problems, compilation and all.
     """
@@ -186,19 +181,11 @@ def rows(count: int, progress: Progress) -> list[Row]:
 
 def table(found: list[Row]) -> Table:
     """The ways to plan anew as a table."""
-    shown = Table(title="Planning anew on the way")
-    shown.add_column("how")
-    for name in ("mean excess", "worst", "feasible", "a plan", "first calls"):
-        shown.add_column(name, justify="right")
+    figures = ["mean excess", "worst", "feasible", "a plan", "first calls"]
+    shown = empty_table("Planning anew on the way", ["how"], figures)
     for row in found:
-        shown.add_row(
-            row.name,
-            f"{row.mean:+.2%}",
-            f"{row.worst:+.2%}",
-            f"{row.feasible:.0%}",
-            f"{1e3 * row.seconds:.0f} ms",
-            f"{row.first_seconds:.0f} s",
-        )
+        shares = f"{row.mean:+.2%}", f"{row.worst:+.2%}", f"{row.feasible:.0%}"
+        shown.add_row(row.name, *shares, f"{1e3 * row.seconds:.0f} ms", f"{row.first_seconds:.0f} s")
     return shown
 
 
@@ -211,7 +198,7 @@ def main() -> None:
     with bars(screen) as progress:
         found = rows(options.situations, progress)
     screen.print(table(found))
-    write(options.out, {"rows": [asdict(row) for row in found]})
+    write(options.out, {"rows": found})
 
 
 if __name__ == "__main__":

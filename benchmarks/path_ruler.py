@@ -63,6 +63,34 @@ class Score:
     excess: float
 
 
+@dataclass(frozen=True, kw_only=True)
+class PlannedPath:
+    """A plan beside its reference.
+
+    Attributes:
+        reference: s; None where no path is known.
+        travel_time: s, by the ruler; None where the current beats the vehicle.
+        claimed: whether the planner holds its plan feasible.
+        feasible: whether the ruler does.
+    """
+
+    problem: str
+    family: str
+    preset: str
+    reference: float | None
+    travel_time: float | None
+    claimed: bool
+    feasible: bool
+    seconds: float
+
+    @property
+    def gap(self) -> float | None:
+        """Share of the reference that the plan loses; None if it breaks a limit or no reference is known."""
+        if self.reference is None or self.travel_time is None or not self.feasible:
+            return None
+        return self.travel_time / self.reference - 1.0
+
+
 @dataclass(frozen=True, eq=False)
 class Spheres:
     """M obstacles in linear motion.
@@ -247,7 +275,6 @@ def evaluate(problem: PathProblem, positions: ArrayLike, world: World | None = N
     A turn between two lines is spread over the second half of the one and the first half of the other.
 
     Args:
-        problem: what to travel.
         positions: [n, 3] m, from start to goal; [n, 2] where the box has one depth only.
         world: `World.of(problem)`, where it is at hand.
     """
@@ -279,7 +306,7 @@ def evaluate(problem: PathProblem, positions: ArrayLike, world: World | None = N
     spent = np.bincount(segment, pieces.duration)
     turn = _turns(np.diff(points, axis=0)) / (0.5 * (spent[1:] + spent[:-1]))
     excess = max(
-        float(np.max(value, initial=0.0)) / float(limit) - 1.0  # type: ignore[arg-type]
+        float(np.max(value, initial=0.0)) / float(limit) - 1.0
         for value, limit in (
             (pieces.ground, vehicle.surge_max),
             (pieces.across, vehicle.sway_max),
@@ -295,7 +322,7 @@ def evaluate(problem: PathProblem, positions: ArrayLike, world: World | None = N
 def upright_max(problem: PathProblem) -> float:
     """Return the greatest speed up or down through the water that the limit on pitch leaves, m/s."""
     vehicle = problem.vehicle
-    return np.inf if vehicle.pitch_max is None else float(vehicle.speed * np.sin(vehicle.pitch_max))  # type: ignore[operator]
+    return np.inf if vehicle.pitch_max is None else float(vehicle.speed * np.sin(vehicle.pitch_max))
 
 
 def _turns(way: Array) -> Array:
@@ -329,12 +356,11 @@ def _traversed(problem: PathProblem, middle: Array, heading: Array, length: Arra
     """Time each of K pieces, each at the time at which it is reached.
 
     Args:
-        problem: current, speed and departure.
         middle: [K, 3] m, of each piece.
         heading: [K, 3], unit vectors.
         length: [K] m.
     """
-    speed, current = float(problem.vehicle.speed), problem.environment.current  # type: ignore[arg-type]
+    speed, current = float(problem.vehicle.speed), problem.environment.current
     x, y, z = middle.T
     still = np.zeros_like(length)
     found = _Pieces(length / speed, np.full_like(length, speed), still, still, True)

@@ -18,7 +18,7 @@ from benchmarks.path_grid import packed, strikes, tabulated
 from benchmarks.path_polish import Polished, spread
 from benchmarks.path_problems import PathProblem
 from benchmarks.path_ruler import World, evaluate, upright_max, velocity_at
-from benchmarks.water_problems import TidalCurrent
+from benchmarks.water_problems import without_tide
 
 Array = NDArray[np.floating]
 
@@ -59,9 +59,6 @@ class _Lattices:
     """What lattices are laid by.
 
     Attributes:
-        problem: what to travel.
-        world: what to keep off.
-        tables: of the problem.
         moments: [T] s since departure, at which the current is looked up.
     """
 
@@ -95,11 +92,8 @@ def tighten(
     """Tighten a path; None where no path nearby is feasible.
 
     Args:
-        problem: what to travel.
-        world: what to keep off.
         tables: a grid of the problem, of any spacing.
         positions: [n, 2] m, or [n, 3] where the box has depth, from start to goal.
-        segments: of the path.
         width: m, of the first lattice to each side, and up and down; None for two spacings of the grid.
         moments: [T] s since departure, even, at which a current that is neither steady nor a tide is looked
             up.
@@ -127,7 +121,6 @@ def _settled(lattices: _Lattices, points: Array, size: Array, extra: float) -> A
     """Lay lattices until nothing is gained, [n, 3] m; None where the widest holds no path.
 
     Args:
-        lattices: of the problem.
         points: [n, 3] m.
         size: [2] m, of the first lattice to each side, and up and down.
         extra: m of clearance beyond the margins.
@@ -154,7 +147,6 @@ def _sweep(lattices: _Lattices, points: Array, size: Array, extra: float) -> tup
     """Find the quickest path on one lattice: its time [s] and positions [n, 3] m; None without any.
 
     Args:
-        lattices: of the problem.
         points: [n, 3] m, the stations.
         size: [2] m, from a station's middle to its outermost nodes aside, and up or down.
         extra: m of clearance beyond the margins.
@@ -168,15 +160,10 @@ def _sweep(lattices: _Lattices, points: Array, size: Array, extra: float) -> tup
     aside = np.stack([-level_way[:, 1], level_way[:, 0], np.zeros(len(points))], axis=1)
     apart = size / np.maximum(offsets.max(axis=0), 1.0) * offsets
     nodes = points[:, None] + apart[:, :1] * aside[:, None] + apart[:, 1:] * np.cross(tangent, aside)[:, None]
-    shape, current = nodes.shape[:2], problem.environment.current
-    current = current.current if isinstance(current, TidalCurrent) else current
+    shape, current = nodes.shape[:2], without_tide(problem.environment.current)
     x, y, z = nodes.reshape(-1, 3).T
-    water = np.stack(
-        [
-            np.stack(velocity_at(current, x, y, z, np.full(x.size, problem.depart + t)))
-            for t in lattices.moments
-        ]
-    )
+    when = [np.full(x.size, problem.depart + t) for t in lattices.moments]
+    water = np.stack([np.stack(velocity_at(current, x, y, z, t)) for t in when])
     u, v, w = (water[:, k].reshape(-1, *shape) for k in range(3))
     clear = world.clearance(nodes[..., 0], nodes[..., 1], z=nodes[..., 2]) - extra
     moment = float(lattices.moments[1] - lattices.moments[0]) if len(lattices.moments) > 1 else 1.0
@@ -196,8 +183,6 @@ def _near(movers: Array, nodes: Array, extra: float) -> Array:
     """Return those of K obstacles [K, 9] that may ever come near to a lattice [N, M, 3] m.
 
     Args:
-        movers: see `path_grid.movers_of`.
-        nodes: of the lattice.
         extra: m of clearance beyond the margins.
     """
     middle = nodes[:, nodes.shape[1] // 2]
@@ -213,10 +198,7 @@ def _near(movers: Array, nodes: Array, extra: float) -> Array:
 def limits_of(problem: PathProblem, slack: float) -> tuple[float, float, float, float]:
     """Return speed, and limits on ground speed, current across and speed up or down through water, m/s."""
     vehicle = problem.vehicle
-    speed, surge_max, sway_max = (
-        float(limit)  # type: ignore[arg-type]
-        for limit in (vehicle.speed, vehicle.surge_max, vehicle.sway_max)
-    )
+    speed, surge_max, sway_max = map(float, (vehicle.speed, vehicle.surge_max, vehicle.sway_max))
     share = 1.0 - slack
     return speed, share * surge_max, min(share * sway_max, 0.999 * speed), share * upright_max(problem)
 

@@ -32,7 +32,6 @@ class Walked:
     """What the walks found.
 
     Attributes:
-        drawn: random paths.
         paths: of them that the planner called clear.
         collisions: of those that touch something.
         metres: walked.

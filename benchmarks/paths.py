@@ -7,7 +7,7 @@ lowers the feasible share. Times are of one plan, the compilation apart.
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -17,10 +17,10 @@ from rich.progress import Progress
 from rich.table import Table
 
 import auvplan as ap
-from benchmarks.machine import arguments, bars, clock, console, write
+from benchmarks.machine import arguments, bars, clock, console, empty_table, named_once, write
 from benchmarks.path_problems import PathProblem, have_charts, path_problems
 from benchmarks.path_reference import stored_references
-from benchmarks.path_ruler import World, evaluate
+from benchmarks.path_ruler import PlannedPath, World, evaluate
 
 PRESETS = {"default": ap.PathConfig, "paper": ap.PathConfig.paper}
 
@@ -44,40 +44,16 @@ VARIANTS: dict[str, Callable[[], ap.PathConfig]] = {
 }
 
 
-@dataclass(frozen=True)
-class Run:
+@dataclass(frozen=True, kw_only=True)
+class Run(PlannedPath):
     """One plan.
 
     Attributes:
-        problem: name.
-        family: of the problem.
-        preset: name.
-        seed: of the search.
-        reference: s; None where no path is known.
-        travel_time: s, by the ruler; None where the current beats the vehicle.
-        claimed: whether the planner holds its plan feasible.
-        feasible: whether the ruler does.
-        seconds: the plan took.
         compile_seconds: the first plan of the problem took longer than this one by so much.
     """
 
-    problem: str
-    family: str
-    preset: str
     seed: int
-    reference: float | None
-    travel_time: float | None
-    claimed: bool
-    feasible: bool
-    seconds: float
     compile_seconds: float
-
-    @property
-    def gap(self) -> float | None:
-        """Share of the reference that the plan loses; None if it breaks a limit or no reference is known."""
-        if self.reference is None or self.travel_time is None or not self.feasible:
-            return None
-        return self.travel_time / self.reference - 1.0
 
 
 @dataclass(frozen=True)
@@ -85,15 +61,12 @@ class Row:
     """Runs of a family or of a problem with one preset.
 
     Attributes:
-        name: of the family or problem.
-        preset: name.
         mean_gap, median_gap, worst_gap, best_gap: over feasible plans; None without any.
         feasible: share of plans that keep all limits by the ruler.
         claimed: share that the planner holds feasible.
         false_claims: plans that it holds feasible and the ruler does not.
         milliseconds: median of a plan.
         compile_seconds: summed over the problems.
-        plans: number.
     """
 
     name: str
@@ -158,12 +131,12 @@ def plan_one(
         seconds, made = clock(partial(problem.plan, jax.random.key(seed), config))
         score = evaluate(problem, made.positions, world)
         travel_time = score.travel_time if np.isfinite(score.travel_time) else None
-        runs.append(
-            Run(
-                problem.name, problem.family, preset, seed, reference, travel_time, made.feasible,
-                score.feasible, seconds, max(first - seconds, 0.0),
-            )
+        run = Run(
+            problem=problem.name, family=problem.family, preset=preset, seed=seed, reference=reference,
+            travel_time=travel_time, claimed=made.feasible, feasible=score.feasible, seconds=seconds,
+            compile_seconds=max(first - seconds, 0.0),
         )  # fmt: skip
+        runs.append(run)
     return runs
 
 
@@ -177,32 +150,17 @@ def rows(runs: Iterable[Run], by: str) -> list[Row]:
 
 def table(shown: list[Row], title: str) -> Table:
     """Rows as a table; a name is written once."""
-    made = Table(title=title)
-    for name in ("set", "preset"):
-        made.add_column(name)
-    for name in (
-        "mean gap",
-        "median",
-        "worst",
-        "best",
-        "feasible",
-        "claimed",
-        "ms a plan",
-        "compiling",
-        "plans",
-    ):
-        made.add_column(name, justify="right")
-    last = None
-    for row in shown:
+    figures = "mean gap", "median", "worst", "best", "feasible", "claimed", "ms a plan", "compiling", "plans"
+    made = empty_table(title, ["set", "preset"], figures)
+    for name, row in named_once(shown, "name"):
         gaps = (row.mean_gap, row.median_gap, row.worst_gap, row.best_gap)
         wrong = f" ({row.false_claims} wrong)" if row.false_claims else ""
         made.add_row(
-            "" if row.name == last else row.name, row.preset,
+            name, row.preset,
             *("-" if gap is None else f"{gap:.2%}" for gap in gaps),
             f"{row.feasible:.0%}", f"{row.claimed:.0%}{wrong}", f"{row.milliseconds:.0f}",
             f"{row.compile_seconds:.1f} s", str(row.plans),
         )  # fmt: skip
-        last = row.name
     return made
 
 
@@ -230,9 +188,9 @@ def main() -> None:
     screen.print(table(families, "Paths: gap to the reference"))
     content = {
         "seeds": options.seeds,
-        "families": [asdict(row) for row in families],
-        "problems": [asdict(row) for row in problems],
-        "runs": [asdict(run) for run in runs],
+        "families": families,
+        "problems": problems,
+        "runs": runs,
     }
     write(options.out, content)
 

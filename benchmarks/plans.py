@@ -5,7 +5,7 @@ every contender in turn: 100 habitats for 100 iterations, so 10,100 evaluations 
 its gradient steps. Every plan is judged by the package's kernel. The compilation counts apart.
 """
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -17,7 +17,7 @@ from rich.table import Table
 
 import auvplan as ap
 from benchmarks import path_peers
-from benchmarks.machine import arguments, bars, clock, console, installed, write
+from benchmarks.machine import Turns, arguments, bars, console, empty_table, installed, take_turns, write
 from benchmarks.scoring import Problem, problem
 
 POPULATION, ITERATIONS = 100, 100
@@ -32,14 +32,12 @@ class Row:
     """One way to plan.
 
     Attributes:
-        name: of the contender.
         seconds: median time of a plan.
         compile_seconds: how much longer the first call took.
         cost: s, mean over all plans; broken limits weigh a multiple of the straight line's time.
         median_cost: s.
         best_cost: s.
         feasible: share of plans that keep all limits.
-        plans: number of plans.
     """
 
     name: str
@@ -57,7 +55,6 @@ class Contender:
     """A way to plan.
 
     Attributes:
-        name: in the table.
         search: ``search(seed) -> [N, 3 n]`` m, the best habitat of each of N plans.
         plans: N.
     """
@@ -108,33 +105,20 @@ def rows(screen: Console, progress: Progress, seeds: int = SEEDS) -> list[Row]:
     leg = replace(problem(), config=ap.PathConfig(control_points=_PAPER.control_points))
     known = contenders(leg, screen)
     bar = progress.add_task("plans", total=len(known) * (seeds + 1))
-    first: dict[str, float] = {}
-    times: dict[str, list[float]] = {one.name: [] for one in known}
-    scores: dict[str, list[Any]] = {one.name: [] for one in known}
-    for turn in range(-1, seeds):
-        for one in known:
-            progress.advance(bar)
-            if one.plans > 1 and turn >= BATCHED_SEEDS:
-                continue
-            seconds, best = clock(partial(one.search, turn % 1000))
-            if turn < 0:
-                first[one.name] = seconds
-                continue
-            # The first call of a turn finds the caches as another contender left them.
-            seconds, best = clock(partial(one.search, turn % 1000))
-            times[one.name].append(seconds)
-            scores[one.name].append(_judged(leg, np.asarray(best, np.float32)))
+    calls = {one.name: one.search for one in known}
+    rounds = {one.name: min(seeds, BATCHED_SEEDS) if one.plans > 1 else seeds for one in known}
+    turns = take_turns(calls, rounds, 999, partial(progress.advance, bar))
     progress.remove_task(bar)
-    return [_row(one, first[one.name], times[one.name], scores[one.name]) for one in known]
+    return [_row(leg, one, turns[one.name]) for one in known]
 
 
-def _row(one: Contender, first: float, times: list[float], scores: list[Any]) -> Row:
+def _row(leg: Problem, one: Contender, turns: Turns) -> Row:
+    scores = [_judged(leg, np.asarray(best, np.float32)) for best in turns.results]
     cost, violation = np.concatenate(scores, axis=1)
-    seconds = float(np.median(times))
     return Row(
         name=one.name,
-        seconds=seconds / one.plans,
-        compile_seconds=max(0.0, first - seconds),
+        seconds=turns.median / one.plans,
+        compile_seconds=turns.compiling,
         cost=float(cost.mean()),
         median_cost=float(np.median(cost)),
         best_cost=float(cost.min()),
@@ -145,10 +129,9 @@ def _row(one: Contender, first: float, times: list[float], scores: list[Any]) ->
 
 def table(rows: list[Row]) -> Table:
     """All rows as one table."""
-    shown = Table(title=f"Plans of {POPULATION} habitats x {ITERATIONS} iterations, one leg with coast")
-    shown.add_column("planner")
-    for name in ("time per plan", "compilation", "mean cost", "median", "best", "feasible", "plans"):
-        shown.add_column(name, justify="right")
+    title = f"Plans of {POPULATION} habitats x {ITERATIONS} iterations, one leg with coast"
+    figures = ("time per plan", "compilation", "mean cost", "median", "best", "feasible", "plans")
+    shown = empty_table(title, ["planner"], figures)
     for row in rows:
         shown.add_row(
             row.name, f"{1e3 * row.seconds:.1f} ms", f"{row.compile_seconds:.1f} s", f"{row.cost:,.1f} s",
@@ -166,7 +149,7 @@ def main() -> None:
     with bars(screen) as progress:
         found = rows(screen, progress, options.seeds)
     screen.print(table(found))
-    write(options.out, {"seeds": options.seeds, "rows": [asdict(row) for row in found]})
+    write(options.out, {"seeds": options.seeds, "rows": found})
 
 
 if __name__ == "__main__":

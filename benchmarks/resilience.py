@@ -48,10 +48,8 @@ def killed_and_resumed(count: int, kills: int, seconds: float, folder: Path) -> 
     """Run the command, killing it so many times in all; a study that ends is followed by a new one.
 
     Args:
-        count: missions of a study.
         kills: in all.
         seconds: that the unbroken study took.
-        folder: of all studies.
 
     Returns:
         Missions on disk at each death, and the folders of the studies, all of them finished.
@@ -132,10 +130,8 @@ def outputs_killed(name: str, kills: int, scenario: Path, folder: Path) -> dict[
     """Kill a command that replaces the results of an earlier one.
 
     Args:
-        name: of the command, in `OUTPUTS`.
         kills: of each kind.
         scenario: file that both runs are of.
-        folder: for the results.
 
     Returns:
         How often the folder held what, see `HELD`, for each kind of moment.

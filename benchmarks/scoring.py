@@ -7,7 +7,7 @@ cusps included: on 99.9 % of all paths to 1e-5, on every path to 1e-4.
 """
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -27,7 +27,7 @@ from auvplan.path.bspline import basis_matrix
 from auvplan.path.cost import score
 from auvplan.vehicle import Vehicle
 from benchmarks import path_twins as twins
-from benchmarks.machine import arguments, bars, clock, console, write
+from benchmarks.machine import arguments, bars, clock, console, empty_table, named_once, write
 
 COUNTS = (100, 10_000)
 ROUNDS = 30
@@ -46,8 +46,6 @@ class Problem:
     Attributes:
         start, goal: [3] m.
         env: the world, obstacles resolved.
-        vehicle: speed and limits.
-        config: control points and samples.
     """
 
     start: jax.Array
@@ -153,10 +151,8 @@ class Row:
 
     Attributes:
         paths: P.
-        name: of the contender.
         compile_seconds: how much longer the first call took.
         seconds: median time of a call.
-        least_seconds: the shortest.
         to_c: `seconds` over those of C; None without C.
         to_value: `seconds` over those of the package's kernel.
         difference: largest relative one to the package's costs.
@@ -258,20 +254,17 @@ def rows(screen: Console, progress: Progress, rounds: int = ROUNDS) -> list[Row]
 
 def table(rows: list[Row]) -> Table:
     """All rows as one table."""
-    shown = Table(title="Scoring paths of 128 samples: 12 vortices, 12 obstacles, 350 x 350 chart")
-    shown.add_column("paths", justify="right")
-    shown.add_column("what")
-    for name in ("time", "least", "to C", "to JAX", "compilation", "difference of costs"):
-        shown.add_column(name, justify="right")
-    last = None
-    for row in rows:
+    title = "Scoring paths of 128 samples: 12 vortices, 12 obstacles, 350 x 350 chart"
+    figures = ("time", "least", "to C", "to JAX", "compilation", "difference of costs")
+    shown = empty_table(title, ["paths", "what"], figures)
+    shown.columns[0].justify = "right"
+    for paths, row in named_once(rows, "paths"):
         shown.add_row(
-            "" if row.paths == last else f"{row.paths:,}", row.name,
+            paths and f"{paths:,}", row.name,
             f"{1e3 * row.seconds:.3f} ms", f"{1e3 * row.least_seconds:.3f} ms",
             "-" if row.to_c is None else f"{row.to_c:.2f}", f"{row.to_value:.2f}",
             f"{row.compile_seconds:.2f} s", f"{row.difference:.1e}",
         )  # fmt: skip
-        last = row.paths
     return shown
 
 
@@ -284,7 +277,7 @@ def main() -> None:
     with bars(screen) as progress:
         found = rows(screen, progress, options.rounds)
     screen.print(table(found))
-    write(options.out, {"rows": [asdict(row) for row in found]})
+    write(options.out, {"rows": found})
 
 
 if __name__ == "__main__":

@@ -13,12 +13,11 @@ import time
 from pathlib import Path
 
 import jax
-from rich.table import Table
 
 import auvplan as ap
 from auvplan.executive import seed_keys
 from auvplan.study import Design, run_study
-from benchmarks.machine import console
+from benchmarks.machine import console, empty_table
 
 #: Missions that are executed one after the other, and seconds between two looks at the memory.
 SINGLES, PERIOD = 20, 3.0
@@ -73,9 +72,8 @@ def main() -> None:
     watch.over.set()
     single, compiled = one_after_the_other(SINGLES)
     study = whole - clock["compile_s"]
-    shown = Table(title=f"{os.cpu_count()} cores, {jax.default_backend()}")
-    for column in ("how", "missions", "compilation", "then", "a mission", "throughput"):
-        shown.add_column(column, justify="left" if column == "how" else "right")
+    figures = ("missions", "compilation", "then", "a mission", "throughput")
+    shown = empty_table(f"{os.cpu_count()} cores, {jax.default_backend()}", ["how"], figures)
     shown.add_row(
         "one after the other", str(SINGLES), f"{compiled:.0f} s", f"{single * SINGLES:.1f} s",
         f"{single:.2f} s", "1",

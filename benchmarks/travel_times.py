@@ -86,7 +86,7 @@ def main() -> None:
     executed = np.asarray([leg.record.t_path for leg in legs])
     stated = jax.tree.map(lambda *leaves: jnp.stack(leaves), *[leg.stated for leg in legs])
     area = scenario.area
-    env = ap.Environment(stated, load_area(scenario).chart, None, area.lower, area.upper)  # type: ignore[arg-type]
+    env = ap.Environment(stated, load_area(scenario).chart, None, area.lower, area.upper)
     print(f"{len(legs)} legs of {len(runs)} missions; columns: median and mean error, correlation")
     print(f"{'':48} {'against T_path planned':^26} {'against the time executed':^26} {'ms an edge':>10}")
     distance = np.linalg.norm(goals - starts, axis=1) / scenario.vehicle.speed

@@ -35,7 +35,6 @@ def open_water(rng: Rng, gap: float) -> tuple[Mask, Array]:
     """Return no land at all, and ends anywhere.
 
     Args:
-        rng: consumed.
         gap: least width of a passage, in units of the square; the other families keep it.
     """
     return np.ones((PIXELS, PIXELS), bool), _far_apart(rng)
@@ -178,7 +177,7 @@ def closed(rng: Rng, gap: float) -> tuple[Mask, Array]:
 def _places() -> tuple[Array, Array]:
     """Return x and y of the pixels' centres, [PIXELS, PIXELS]."""
     line = (np.arange(PIXELS) + 0.5) / PIXELS
-    return tuple(np.meshgrid(line, line, indexing="ij"))  # type: ignore[return-value]
+    return tuple(np.meshgrid(line, line, indexing="ij"))
 
 
 def _far_apart(rng: Rng) -> Array:

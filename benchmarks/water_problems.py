@@ -31,7 +31,7 @@ from auvplan.ocean.chart import INTERPOLATION_ERROR
 from auvplan.ocean.currents import Current, Velocity, evaluated, is_steady
 from auvplan.ocean.deviation import deviation
 from benchmarks import water_land as land
-from benchmarks.path_problems import OBSTACLES, PIXELS, VORTICES, PathProblem, unlimited_vehicle
+from benchmarks.path_problems import OBSTACLES, PIXELS, PathProblem, drawn_vortices, unlimited_vehicle
 
 Array = NDArray[np.floating]
 Rng = np.random.Generator
@@ -61,11 +61,9 @@ class Kind:
 
     Attributes:
         land: ``(rng, gap) -> (water, ends)`` on the unit square, see `water_land`.
-        narrow: whether its passages are narrow.
         obstacles: least and greatest number of fixed obstacles.
         radii: least and greatest radius of these, in units of the side.
         moving: whether obstacles move, one of them into the best passage at the time of arrival.
-        way: whether there is one.
     """
 
     land: Callable[[Rng, float], tuple[NDArray[np.bool_], Array]]
@@ -104,7 +102,6 @@ class TidalCurrent:
 
     Attributes:
         current: at its strongest where mean + swing is 1.
-        mean, swing: of the factor.
         period: s.
         phase: rad.
     """
@@ -125,18 +122,18 @@ class TidalCurrent:
         found = deviation(self.current, places, edges)
         if found is None:
             return None
-        swing, rate = abs(float(self.swing)), 2.0 * np.pi / float(self.period)  # type: ignore[arg-type]
+        swing, rate = abs(float(self.swing)), 2.0 * np.pi / float(self.period)
         u, v, w = evaluated(self.current, *places)
         near = np.sqrt(u * u + v * v + w * w) + self._steepest * np.hypot(*edges[:2])
         dt = np.asarray(edges[3])
         of_time = 0.125 * swing * rate**2 * dt**2 * near
         mixed = 0.5 * swing * rate * dt * self._steepest * 0.5 * np.hypot(*edges[:2])
-        return (abs(float(self.mean)) + swing) * found + of_time + mixed  # type: ignore[arg-type]
+        return (abs(float(self.mean)) + swing) * found + of_time + mixed
 
     @property
     def _steepest(self) -> float:
         """No slope of the steady current is greater, 1/s: vortices turn fastest in their cores."""
-        strength, radius = np.asarray(self.current.strength), np.asarray(self.current.radius)  # type: ignore[attr-defined]
+        strength, radius = np.asarray(self.current.strength), np.asarray(self.current.radius)
         return float(np.abs(strength / (2.0 * np.pi * radius**2)).sum())
 
     def factor(self, t: Array) -> Array:
@@ -147,12 +144,13 @@ class TidalCurrent:
         return mean + swing * np.cos(2.0 * np.pi * t / period + phase)
 
 
+def without_tide(current: Current) -> Current:
+    """Return the current that a tide turns; any other as it is."""
+    return current.current if isinstance(current, TidalCurrent) else current
+
+
 def water_problem(family: str, seed: int) -> PathProblem:
     """Make a problem; the same one for the same family and seed.
-
-    Args:
-        family: of `KINDS`.
-        seed: not negative.
 
     Raises:
         ValueError: there is no such family.
@@ -212,12 +210,12 @@ def scaled(problem: PathProblem, factor: float) -> PathProblem:
             _scaled_current(env.current, factor),
             chart,
             obstacles,
-            np.asarray(env.lower, float) * factor,  # type: ignore[arg-type]
-            np.asarray(env.upper, float) * factor,  # type: ignore[arg-type]
+            np.asarray(env.lower, float) * factor,
+            np.asarray(env.upper, float) * factor,
         ),
         start=tuple(factor * axis for axis in problem.start),
         goal=tuple(factor * axis for axis in problem.goal),
-        vehicle=replace(vehicle, turn_rate_max=float(vehicle.turn_rate_max) / factor),  # type: ignore[arg-type]
+        vehicle=replace(vehicle, turn_rate_max=float(vehicle.turn_rate_max) / factor),
         depart=factor * problem.depart,
         changes=changes,
         best_known=None if problem.best_known is None else factor * problem.best_known,
@@ -267,8 +265,8 @@ def _drawn(rng: Rng, kind: Kind, family: str, name: str) -> PathProblem | None:
     if chart is not None and not blocked and rng.random() > _OPEN:
         return None
 
-    steady = _vortices(rng, side, float(vehicle.speed))  # type: ignore[arg-type]
-    straight = float(np.linalg.norm(ends[1] - ends[0])) / float(vehicle.speed)  # type: ignore[arg-type]
+    steady = _vortices(rng, side, float(vehicle.speed))
+    straight = float(np.linalg.norm(ends[1] - ends[0])) / float(vehicle.speed)
     # Moving obstacles are met at the times of a steady current.
     tidal = rng.random() < _TIDAL and not kind.moving
     current, factors = tide(rng, steady, straight) if tidal else (steady, (1.0,))
@@ -283,21 +281,8 @@ def _drawn(rng: Rng, kind: Kind, family: str, name: str) -> PathProblem | None:
         if not grid.has_way_past(moving.resolved(current), start, goal):
             return None
         obstacles = fixed + moving
-    return _problem(name, family, side, current, chart, obstacles, ends, vehicle)
-
-
-def _problem(
-    name: str,
-    family: str,
-    side: float,
-    current: Current,
-    chart: ap.Chart | None,
-    obstacles: ap.Obstacles,
-    ends: Array,
-    vehicle: ap.Vehicle,
-) -> PathProblem:
     corners = (0.0, 0.0, 0.0), (side, side, 0.0)
-    env = ap.Environment(current, chart, obstacles.padded(OBSTACLES), *corners)  # type: ignore[arg-type]
+    env = ap.Environment(current, chart, obstacles.padded(OBSTACLES), *corners)
     start, goal = ((float(x), float(y), 0.0) for x, y in ends)
     return PathProblem(name, family, env, start, goal, vehicle)
 
@@ -309,28 +294,19 @@ def _pixel_of(place: Array, pixel: float) -> tuple[int, int]:
 
 def _joined(distance: Array, start: tuple[int, int], goal: tuple[int, int]) -> bool:
     """Whether water joins start and goal, for a vehicle that keeps no margin."""
-    labels, _ = ndimage.label(distance > 0.0, np.ones((3, 3)))  # type: ignore[misc]
+    labels, _ = ndimage.label(distance > 0.0, np.ones((3, 3)))
     return labels[start] == labels[goal]
 
 
 def _vortices(rng: Rng, side: float, speed: float) -> ap.LambVortices:
-    """Return one layer of 6 to `VORTICES` vortices, in half of the seas on a uniform stream.
+    """Return a layer of vortices, in half of the seas on a uniform stream.
 
     The fastest water of the square moves at 0.2 to 1.2 of the vehicle's speed [m/s].
     """
-    count = rng.integers(6, VORTICES + 1)
-    centres, radius, strength = np.zeros((VORTICES, 2)), np.ones(VORTICES), np.zeros(VORTICES)
-    centres[:count] = side * rng.uniform(0.0, 1.0, (count, 2))
-    radius[:count] = side * rng.uniform(0.05, 0.15, count)
-    strength[:count] = radius[:count] * rng.uniform(0.5, 1.0, count) * rng.choice([-1.0, 1.0], count)
+    centres, strength, radius = drawn_vortices(rng, np.zeros(2), side)
     stream, heading = rng.uniform(0.0, 0.1) * (rng.random() < 0.5), rng.uniform(0.0, 2.0 * np.pi)
     uniform = stream * np.array([np.cos(heading), np.sin(heading), 0.0])
-    field = ap.LambVortices(
-        centres[None],  # type: ignore[arg-type]
-        strength[None],  # type: ignore[arg-type]
-        radius[None],  # type: ignore[arg-type]
-        uniform=uniform,  # type: ignore[arg-type]
-    )
+    field = ap.LambVortices(centres, strength, radius, uniform=uniform)
     u, v = _at_pixels(field, side / PIXELS)
     factor = speed * rng.uniform(0.2, 1.2) / np.hypot(u, v).max()
     return replace(field, strength=factor * field.strength, uniform=factor * field.uniform)
@@ -349,7 +325,6 @@ def tide(rng: Rng, steady: Current, straight: float) -> tuple[TidalCurrent, tupl
     """Return the current with a tide, and the factors between which it swings.
 
     Args:
-        rng: consumed.
         steady: current at its strongest.
         straight: s, of the straight line in still water.
     """
@@ -396,8 +371,6 @@ def _movers(
     """Return 2 to 5 obstacles that cross the quickest way as the vehicle does, one where it is narrowest.
 
     Args:
-        rng: consumed.
-        grid: of the problem without them.
         route: positions [n, 2] m and times [n] s of the quickest way.
         coast: m beyond the margin, at the pixels.
         current: that carries some of them.
@@ -407,7 +380,7 @@ def _movers(
     places, times = route
     inner = (times > 0.25 * times[-1]) & (times < 0.8 * times[-1])
     room = np.array([coast[_pixel_of(place, grid.pixel)] for place in places])
-    speed = float(vehicle.speed)  # type: ignore[arg-type]
+    speed = float(vehicle.speed)
     positions, velocities, radii = [], [], []
     for k in range(rng.integers(2, 6)):
         candidates = np.flatnonzero(inner)
@@ -467,13 +440,9 @@ class _Grid:
             pixel: m.
             current: steady.
             factors: by which the current may be multiplied: the least and the greatest, or 1.
-            vehicle: speed and limits.
         """
         u, v = _at_pixels(current, pixel)
-        speed, surge, sway = (
-            float(limit)  # type: ignore[arg-type]
-            for limit in (vehicle.speed, vehicle.surge_max, vehicle.sway_max)
-        )
+        speed, surge, sway = map(float, (vehicle.speed, vehicle.surge_max, vehicle.sway_max))
         seconds = []
         for a, b in _MOVES:
             steps = float(np.hypot(a, b))
@@ -501,7 +470,7 @@ class _Grid:
         """Return positions [n, 2] m and times [n] s of the quickest way; None without any."""
         # Both ends of a move are so clear that what lies between them is.
         free = self.clear > 0.8 * self.pixel
-        labels, _ = ndimage.label(free, np.ones((3, 3)))  # type: ignore[misc]
+        labels, _ = ndimage.label(free, np.ones((3, 3)))
         if not free[start] or labels[start] != labels[goal]:
             return None
         free &= labels == labels[start]

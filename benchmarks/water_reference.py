@@ -6,7 +6,7 @@ part. References are kept in `water_references.json` by family and seed, so that
 
 import json
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
@@ -23,7 +23,9 @@ from benchmarks.path_tighten import tighten
 
 Array = NDArray[np.floating]
 
+#: References of problems without and with depth.
 STORED = Path(__file__).parent / "water_references.json"
+STORED_DEEP = STORED.with_name("depth_references.json")
 
 #: Nodes of the two grids along a side.
 RESOLUTIONS = 240, 400
@@ -52,7 +54,6 @@ class WaterReference:
         travel_time: s, by the ruler; None where no path was found.
         error: relative difference of what the two grids lead to; None where only one of them leads to a path.
         positions: [n, 2] m, north and east; [n, 3] with depth for problems that have it.
-        seconds: it took to find.
         plane: s, of the quickest path in the vertical plane, another search; None where there is none.
     """
 
@@ -62,21 +63,33 @@ class WaterReference:
     seconds: float
     plane: float | None = None
 
+    @classmethod
+    def of(
+        cls, best: Polished | None, error: float | None, seconds: float, plane: float | None = None
+    ) -> "WaterReference":
+        """Return what the quickest path found is a reference of."""
+        if best is None:
+            return cls(None, error, np.zeros((0, 2)), seconds, plane)
+        return cls(best.score.travel_time, error, best.positions, seconds, plane)
+
 
 def water_reference(problem: PathProblem) -> WaterReference:
     """Find the quickest path of a problem on both grids."""
     begin = time.perf_counter()
     world = World.of(problem)
     found = [best for nodes in RESOLUTIONS if (best := _best(problem, world, nodes)) is not None]
-    times = sorted(path.score.travel_time for path in found)
-    error = times[1] / times[0] - 1.0 if len(times) == 2 else None
-    best = min(found, key=lambda path: path.score.travel_time, default=None)
-    return WaterReference(
-        None if best is None else best.score.travel_time,
-        error,
-        np.zeros((0, 2)) if best is None else best.positions,
-        time.perf_counter() - begin,
-    )
+    return WaterReference.of(quickest(found), difference(found), time.perf_counter() - begin)
+
+
+def quickest(paths: Sequence[Polished]) -> Polished | None:
+    """Return the quickest of some paths; None of none."""
+    return min(paths, key=lambda path: path.score.travel_time, default=None)
+
+
+def difference(paths: Sequence[Polished]) -> float | None:
+    """Return the relative difference of two paths' travel times; None where there are not two."""
+    times = sorted(path.score.travel_time for path in paths)
+    return times[1] / times[0] - 1.0 if len(times) == 2 else None
 
 
 def _best(problem: PathProblem, world: World, nodes: int) -> Polished | None:
@@ -84,8 +97,8 @@ def _best(problem: PathProblem, world: World, nodes: int) -> Polished | None:
     grid = Grid.of(problem, world, nodes)
     found: list[Polished] = []
     for grid_time, path in _candidates(problem, world, grid):
-        quickest = min((one.score.travel_time for one in found), default=np.inf)
-        if grid_time <= quickest * (1.0 + _SLOWER):
+        known = min((one.score.travel_time for one in found), default=np.inf)
+        if grid_time <= known * (1.0 + _SLOWER):
             tightened = tighten(problem, world, grid, path)
             if tightened is not None and np.isfinite(tightened.score.travel_time):
                 found.append(tightened)

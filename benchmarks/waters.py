@@ -16,7 +16,7 @@ not stored are computed first; ``--references`` does nothing else. ``--scales`` 
 
 import argparse
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -28,13 +28,29 @@ from rich.table import Table
 
 import auvplan as ap
 from benchmarks.depth_problems import DEPTH_FAMILIES, depth_problem, have_levels
-from benchmarks.machine import arguments, bars, clock, console, machine, write
+from benchmarks.machine import (
+    arguments,
+    bars,
+    clock,
+    console,
+    empty_table,
+    machine,
+    named_once,
+    seed_range,
+    write,
+)
 from benchmarks.path_problems import PathProblem, have_charts, literature
-from benchmarks.path_ruler import World, evaluate
-from benchmarks.water_problems import FAMILIES, KINDS, scaled, water_problem
-from benchmarks.water_reference import STORED, WaterReference, load, store, stored_reference, water_reference
-
-__all__ = ["FAMILIES", "KINDS", "scaled", "water_problem"]
+from benchmarks.path_ruler import PlannedPath, World, evaluate
+from benchmarks.water_problems import KINDS, scaled, water_problem
+from benchmarks.water_reference import (
+    STORED,
+    STORED_DEEP,
+    WaterReference,
+    load,
+    store,
+    stored_reference,
+    water_reference,
+)
 
 PRESETS = {"default": ap.PathConfig, "quick": ap.PathConfig.quick, "paper": ap.PathConfig.paper}
 
@@ -44,46 +60,19 @@ SIDES = 10_000.0, 2.0, 20.0, 200.0, 2000.0, 50_000.0, 200_000.0
 #: Families whose first problem is posed at all sides, beside the problems of the literature.
 SCALED_FAMILIES = "open", "coast", "sounds"
 
-#: References of problems in depth.
-STORED_DEEP = STORED.with_name("depth_references.json")
 
-
-@dataclass(frozen=True)
-class Run:
+@dataclass(frozen=True, kw_only=True)
+class Run(PlannedPath):
     """One plan.
 
     Attributes:
-        problem: name.
-        family: of the problem.
-        preset: name.
-        reference: s; None where no path is known.
         error: of the reference, relative; None where it is not known.
-        travel_time: s, by the ruler; None where the current beats the vehicle.
-        claimed: whether the planner holds its plan feasible.
-        feasible: whether the ruler does.
-        status: of the plan.
-        seconds: the plan took.
         pitched: whether the vehicle's pitch is limited; None where the problem has no depth.
     """
 
-    problem: str
-    family: str
-    preset: str
-    reference: float | None
     error: float | None
-    travel_time: float | None
-    claimed: bool
-    feasible: bool
     status: str
-    seconds: float
     pitched: bool | None = None
-
-    @property
-    def gap(self) -> float | None:
-        """Share of the reference that the plan loses; None if it breaks a limit or no reference is known."""
-        if self.reference is None or self.travel_time is None or not self.feasible:
-            return None
-        return self.travel_time / self.reference - 1.0
 
 
 @dataclass(frozen=True)
@@ -91,17 +80,13 @@ class Row:
     """Runs of a family with one preset.
 
     Attributes:
-        family: name.
-        preset: name.
         mean, median, high, highest, worst: gaps of the feasible plans, the third and fourth their 95th and
             99th percentiles; None without any.
         feasible: share of the problems with a reference whose plan the ruler holds feasible.
         false_claims: plans that the planner holds feasible and the ruler does not.
         milliseconds: median of a plan.
         error: mean error of the references; None without any.
-        worst_error: the greatest.
         replaced: references that a plan was quicker than.
-        problems: number.
         unknown: of these without a reference.
     """
 
@@ -255,25 +240,18 @@ def rows(runs: Sequence[Run], replaced: set[str]) -> list[Row]:
 
 def table(shown: Sequence[Row]) -> Table:
     """Return the gaps as a table; the name of a family is written once."""
-    made = Table(title="OperatingArea: gap to the reference")
-    made.add_column("family")
-    made.add_column("preset")
-    for name in (
-        "mean", "median", "95 %", "99 %", "worst", "feasible", "ms a plan", "error, mean", "worst",
-        "problems",
-    ):  # fmt: skip
-        made.add_column(name, justify="right")
-    last = None
-    for row in shown:
+    gaps = "mean", "median", "95 %", "99 %", "worst"
+    figures = *gaps, "feasible", "ms a plan", "error, mean", "worst", "problems"
+    made = empty_table("OperatingArea: gap to the reference", ["family", "preset"], figures)
+    for name, row in named_once(shown, "family"):
         wrong = f" ({row.false_claims} wrong)" if row.false_claims else ""
         beside = f" ({row.unknown} unknown)" if row.unknown else ""
         made.add_row(
-            "" if row.family == last else row.family, row.preset,
+            name, row.preset,
             *(_share(gap, 2) for gap in (row.mean, row.median, row.high, row.highest, row.worst)),
             f"{_share(row.feasible, 1)}{wrong}", f"{row.milliseconds:.0f}", _share(row.error, 3),
             _share(row.worst_error, 2), f"{row.problems}{beside}",
         )  # fmt: skip
-        last = row.family
     return made
 
 
@@ -321,11 +299,8 @@ def scales(presets: Sequence[str], progress: Progress) -> list[dict[str, Any]]:
 
 def scales_table(found: Sequence[dict[str, Any]]) -> Table:
     """Return the differences as a table, a row for each problem and preset; breaking limits is marked."""
-    made = Table(title=f"Travel time per unit of length, next to sides of {SIDES[0]:g} m (! breaks a limit)")
-    made.add_column("problem")
-    made.add_column("preset")
-    for side in SIDES:
-        made.add_column(f"{side:g} m", justify="right")
+    title = f"Travel time per unit of length, next to sides of {SIDES[0]:g} m (! breaks a limit)"
+    made = empty_table(title, ["problem", "preset"], [f"{side:g} m" for side in SIDES])
     groups: dict[tuple[str, str], list[str]] = {}
     for one in found:
         text = "-" if one["difference"] is None else f"{one['difference']:+.3%}"
@@ -336,16 +311,10 @@ def scales_table(found: Sequence[dict[str, Any]]) -> Table:
     return made
 
 
-def _seeds(text: str) -> range:
-    """Read FIRST:END or one seed."""
-    first, _, end = text.partition(":")
-    return range(int(first), int(end) if end else int(first) + 1)
-
-
 def main() -> None:
     """Compute what references are missing, plan, print the tables and write the file."""
     parser = arguments("Paths in random waters against references.")
-    parser.add_argument("--seeds", type=_seeds, default=range(0, 4), help="FIRST:END, the end left out")
+    parser.add_argument("--seeds", type=seed_range, default=range(0, 4), help="FIRST:END, the end left out")
     parser.add_argument("--families", nargs="+", choices=[*KINDS, *DEPTH_FAMILIES], default=list(KINDS))
     parser.add_argument("--preset", nargs="+", choices=list(PRESETS), default=["default", "quick"])
     parser.add_argument("--most", type=int, help="problems that have a way, the first of the seeds in order")
@@ -401,9 +370,9 @@ def _content(options: argparse.Namespace, screen: Console, progress: Progress) -
     for preset in options.preset if closed else ():
         screen.print(f"{preset}: {closed_line([run for run in closed if run.preset == preset])}")
     return {
-        "rows": [asdict(row) for row in found],
+        "rows": found,
         "replaced": sorted(replaced),
-        "runs": [asdict(run) for run in [*runs, *closed]],
+        "runs": [*runs, *closed],
     }
 
 

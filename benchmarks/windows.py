@@ -17,7 +17,7 @@ import os
 import statistics
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 from typing import Any
@@ -33,7 +33,7 @@ from auvplan.mission.exact import load_cp_model
 from auvplan.mission.timetable import Timetable
 from auvplan.ocean.gridded import GriddedCurrent
 from benchmarks.labels import Windows, most_priority
-from benchmarks.machine import arguments, bars, console, installed, machine, write
+from benchmarks.machine import arguments, bars, console, empty_table, installed, machine, write
 
 SIZE, SPEED, EXTENT = 40, 2.5, 10_000.0
 FIRST_SEED, CASES, PLANS = 7000, 30, 3
@@ -60,7 +60,6 @@ class Case:
     Attributes:
         graph: N waypoints with a timetable of one departure.
         time_available: T_available, s.
-        seed: that it was drawn with.
     """
 
     graph: MissionGraph
@@ -153,7 +152,6 @@ def prove(case: Case, route: Any, time_limit: float, workers: int) -> Proof:
         case: of whole seconds.
         route: waypoints to begin the search at; [start] for none.
         time_limit: s.
-        workers: threads.
     """
     cp = load_cp_model()
     table, duration, goal = case.graph.timetable, case.graph.duration[0].astype(int), SIZE - 1
@@ -258,8 +256,8 @@ def compare(count: int, first: int, limit: float, progress: Any) -> tuple[list[R
             {
                 "seed": one.seed,
                 "family": one.family,
-                "labels": asdict(labels),
-                "cp_sat": peer and asdict(peer),
+                "labels": labels,
+                "cp_sat": peer,
                 **{name: [route.priority for *_, route in plans[one.seed, name]] for name in planners()},
             }
         )
@@ -269,27 +267,15 @@ def compare(count: int, first: int, limit: float, progress: Any) -> tuple[list[R
         members = [each for each in found if family in (each["family"], "all")]
         for name in planners():
             made = [(each, *run) for each in members for run in plans[each["seed"], name]]
-            gaps = np.array(
-                [
-                    1.0 - (route.priority if route.feasible else 0.0) / each["labels"]["bound"]
-                    for each, _, _, route in made
-                ]
+            found_of = [route.priority if route.feasible else 0.0 for *_, route in made]
+            gaps = 1.0 - np.array(found_of) / [each["labels"].bound for each, *_ in made]
+            proved = float(np.mean([each["labels"].proved for each in members]))
+            tasks, kept = (
+                np.mean([getattr(run[-1], part) for run in made]) for part in ("tasks", "feasible")
             )
-            rows.append(
-                Row(
-                    family,
-                    name,
-                    len(members),
-                    float(np.mean([each["labels"]["proved"] for each in members])),
-                    float(np.mean([route.tasks for *_, route in made])),
-                    float(gaps.mean()),
-                    float(gaps.max()),
-                    float((gaps < 1e-9).mean()),
-                    float(np.mean([route.feasible for *_, route in made])),
-                    statistics.median(wall for _, wall, _, _ in made),
-                    statistics.median(user for _, _, user, _ in made),
-                )
-            )
+            wall, user = (statistics.median(run[k] for run in made) for k in (1, 2))
+            shares = float(gaps.mean()), float(gaps.max()), float((gaps < 1e-9).mean()), float(kept)
+            rows.append(Row(family, name, len(members), proved, float(tasks), *shares, wall, user))
     return rows, found
 
 
@@ -342,42 +328,30 @@ def timings(repeats: int, progress: Any) -> list[Timing]:
 
 def tables(rows: list[Row], found: list[dict[str, Any]], timed: list[Timing]) -> list[Table]:
     """What is printed."""
-    gaps = Table(title="Routes by the clock: gap to the best")
-    for name in ("graphs", "planner"):
-        gaps.add_column(name)
-    for name in ("proved", "tasks", "mean gap", "worst gap", "optimal", "feasible", "wall", "user"):
-        gaps.add_column(name, justify="right")
+    figures = ("proved", "tasks", "mean gap", "worst gap", "optimal", "feasible", "wall", "user")
+    gaps = empty_table("Routes by the clock: gap to the best", ["graphs", "planner"], figures)
     for row in rows:
         gaps.add_row(
             f"{row.family} ({row.graphs})", row.planner, f"{row.proved:.0%}", f"{row.tasks:.1f}",
             f"{row.mean_gap:.2%}", f"{row.worst_gap:.2%}", f"{row.optimal:.0%}", f"{row.feasible:.0%}",
             f"{1e3 * row.wall_seconds:.0f} ms", f"{1e3 * row.user_seconds:.0f} ms",
         )  # fmt: skip
-    exact = Table(title="What proved it")
-    for name in ("graphs", "search", "proved", "better than planned", "above labels", "median time"):
-        exact.add_column(name, justify="left" if name in ("graphs", "search") else "right")
+    figures = ("proved", "better than planned", "above labels", "median time")
+    exact = empty_table("What proved it", ["graphs", "search"], figures)
     for family in ("complete", "7-12 nearest"):
         members = [each for each in found if each["family"] == family]
         for search in ("labels", "cp_sat"):
             proofs = [(each, each[search]) for each in members if each[search]]
             if proofs:
+                planned = [max(max(each[name]) for name in planners()) for each, _ in proofs]
+                better = sum(proof.priority > most for (_, proof), most in zip(proofs, planned, strict=True))
+                above = sum(proof.priority > each["labels"].bound for each, proof in proofs)
                 exact.add_row(
-                    f"{family} ({len(members)})",
-                    {"labels": "labels", "cp_sat": "CP-SAT"}[search],
-                    str(sum(proof["proved"] for _, proof in proofs)),
-                    str(
-                        sum(
-                            proof["priority"] > max(map(max, (each[n] for n in planners())))
-                            for each, proof in proofs
-                        )
-                    ),
-                    str(sum(proof["priority"] > each["labels"]["bound"] for each, proof in proofs)),
-                    f"{statistics.median(proof['seconds'] for _, proof in proofs):.1f} s",
-                )
-    clocked = Table(title="Timings")
-    clocked.add_column("what")
-    for name in ("asked", "first call", "wall", "user"):
-        clocked.add_column(name, justify="right")
+                    f"{family} ({len(members)})", {"labels": "labels", "cp_sat": "CP-SAT"}[search],
+                    str(sum(proof.proved for _, proof in proofs)), str(better), str(above),
+                    f"{statistics.median(proof.seconds for _, proof in proofs):.1f} s",
+                )  # fmt: skip
+    clocked = empty_table("Timings", ["what"], ["asked", "first call", "wall", "user"])
     for row in timed:
         times = (row.asked, row.first_seconds, row.wall_seconds, row.user_seconds)
         clocked.add_row(row.what, *(f"{seconds:.2f} s" for seconds in times))
@@ -405,7 +379,7 @@ def main() -> None:
     for table in tables(rows, found, timed):
         screen.print(table)
     content = {"limit": options.limit, "load": load, "graphs": found}
-    write(options.out, content | {"rows": [*map(asdict, rows)], "timings": [*map(asdict, timed)]})
+    write(options.out, content | {"rows": rows, "timings": timed})
 
 
 if __name__ == "__main__":
