@@ -242,7 +242,7 @@ def table(shown: Sequence[Row]) -> Table:
     """Return the gaps as a table; the name of a family is written once."""
     gaps = "mean", "median", "95 %", "99 %", "worst"
     figures = *gaps, "feasible", "ms a plan", "error, mean", "worst", "problems"
-    made = empty_table("OperatingArea: gap to the reference", ["family", "preset"], figures)
+    made = empty_table("Random waters: gap to the reference", ["family", "preset"], figures)
     for name, row in named_once(shown, "family"):
         wrong = f" ({row.false_claims} wrong)" if row.false_claims else ""
         beside = f" ({row.unknown} unknown)" if row.unknown else ""
