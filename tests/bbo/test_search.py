@@ -1,12 +1,15 @@
 """The search: init / ask / tell and minimize."""
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import auvplan as ap
-from auvplan.bbo import BBOConfig, ask, init, minimize, tell
+from auvplan import bbo
+from auvplan.bbo import BBOConfig, ask
 from auvplan.bbo.search import evaluate, run, uniform_population
 
 LOWER, UPPER = np.full(6, -5.0, np.float32), np.full(6, 5.0, np.float32)
@@ -19,6 +22,20 @@ VARIANTS = [
     SMALL.replace(rates="constant", immigration=0.8, emigration=0.2, mutation_max=0.5, elites=1),
     SMALL.replace(mutation_genes=1.0, mutation_law="constant"),
 ]
+
+
+init, tell = jax.jit(bbo.init), jax.jit(bbo.tell, static_argnums=4)
+
+
+def minimize(*args, **settings) -> bbo.Result:
+    """As the package has it, in arrays of NumPy, whose comparisons are not compiled."""
+    return jax.device_get(bbo.minimize(*args, **settings))
+
+
+@partial(jax.jit, static_argnums=1)
+def begun(key: jax.Array, count: int) -> bbo.State:
+    population = uniform_population(key, count, jnp.asarray(LOWER), jnp.asarray(UPPER))
+    return bbo.init(population, *evaluate(sphere, population))
 
 
 def sphere(x: jax.Array) -> jax.Array:
@@ -36,39 +53,33 @@ def integer_cost(x: jax.Array) -> jax.Array:
 @pytest.mark.parametrize("config", VARIANTS)
 def test_best_never_gets_worse(config: BBOConfig) -> None:
     result = minimize(sphere, LOWER, UPPER, key=jax.random.key(1), config=config)
-    assert (jnp.diff(result.history.best) <= 0.0).all()
+    assert (np.diff(result.history.best) <= 0.0).all()
     assert result.cost == result.history.best[-1]
     assert sphere(result.x[None])[0] == pytest.approx(float(result.cost), rel=1e-6)
-    assert (jnp.diff(result.state.cost) >= 0.0).all()
+    assert (np.diff(result.state.cost) >= 0.0).all()
     assert ((result.state.population >= LOWER) & (result.state.population <= UPPER)).all()
 
 
 def test_elites_survive_unchanged() -> None:
     config = SMALL.replace(elites=3, replacement="generational")
-    population = uniform_population(jax.random.key(0), 20, jnp.asarray(LOWER), jnp.asarray(UPPER))
-    state = init(population, *evaluate(sphere, population))
-    worse = jnp.full(20, 1e6)
-    after = tell(state, population + 1.0, worse, jnp.zeros(20), config)
+    state = jax.device_get(begun(jax.random.key(0), 20))
+    worse = np.full(20, 1e6)
+    after = jax.device_get(tell(state, state.population + 1.0, worse, np.zeros(20), config))
     np.testing.assert_array_equal(after.population[:3], state.population[:3])
     np.testing.assert_array_equal(after.cost[:3], state.cost[:3])
     assert (after.cost[3:] == 1e6).all()
 
 
 def test_greedy_replacement_keeps_the_better_of_each_pair() -> None:
-    state = init(jnp.arange(4.0)[:, None], jnp.array([1.0, 2.0, 3.0, 4.0]), jnp.zeros(4))
-    after = tell(
-        state,
-        jnp.arange(10.0, 14.0)[:, None],
-        jnp.array([5.0, 0.5, jnp.nan, 3.5]),
-        jnp.ones(4),
-        BBOConfig(population=4, replacement="greedy"),
-    )
+    state = init(np.arange(4.0)[:, None], np.array([1.0, 2.0, 3.0, 4.0]), np.zeros(4))
+    found, costs = np.arange(10.0, 14.0)[:, None], np.array([5.0, 0.5, np.nan, 3.5])
+    after = tell(state, found, costs, np.ones(4), BBOConfig(population=4, replacement="greedy"))
     np.testing.assert_allclose(after.cost, [0.5, 1.0, 3.0, 3.5])
-    np.testing.assert_allclose(after.population[:, 0], [11.0, 0.0, 2.0, 13.0])
+    np.testing.assert_allclose(np.asarray(after.population)[:, 0], [11.0, 0.0, 2.0, 13.0])
     np.testing.assert_allclose(after.violation, [1.0, 0.0, 0.0, 1.0])
 
 
-@pytest.mark.parametrize("bad", [jnp.nan, jnp.inf, -jnp.inf])
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 @pytest.mark.parametrize("replacement", ["generational", "greedy"])
 def test_costs_that_are_not_finite_rank_last_and_never_win(bad: float, replacement: str) -> None:
     def partly_bad(x: jax.Array) -> jax.Array:
@@ -77,18 +88,18 @@ def test_costs_that_are_not_finite_rank_last_and_never_win(bad: float, replaceme
     result = minimize(
         partly_bad, LOWER, UPPER, key=jax.random.key(2), config=SMALL.replace(replacement=replacement)
     )
-    assert jnp.isfinite(result.cost)
+    assert np.isfinite(result.cost)
     assert result.x[0] >= 0.0
-    assert jnp.isfinite(result.history.mean).all()
-    state = init(jnp.arange(3.0)[:, None], jnp.array([bad, 1.0, 2.0]), jnp.zeros(3))
-    np.testing.assert_array_equal(state.cost, [1.0, 2.0, jnp.inf])
+    assert np.isfinite(result.history.mean).all()
+    state = init(np.arange(3.0)[:, None], np.array([bad, 1.0, 2.0]), np.zeros(3))
+    np.testing.assert_array_equal(state.cost, [1.0, 2.0, np.inf])
 
 
 def test_a_cost_that_is_never_finite_ends_without_a_winner() -> None:
     result = minimize(
         lambda x: jnp.full(x.shape[0], jnp.nan), LOWER, UPPER, key=jax.random.key(0), config=SMALL
     )
-    assert jnp.isinf(result.cost)
+    assert np.isinf(result.cost)
 
 
 @pytest.mark.parametrize("migration", ["siv", "fig6"])
@@ -115,12 +126,16 @@ def test_ask_and_tell_by_hand_equal_minimize(config: BBOConfig) -> None:
     key = jax.random.key(6)
     low, high = jnp.asarray(LOWER), jnp.asarray(UPPER)
     start_key, run_key = jax.random.split(key)
-    population = uniform_population(start_key, config.population, low, high)
-    state = init(population, *evaluate(sphere, population))
-    step = jax.jit(ask, static_argnames="config")
+    state = begun(start_key, config.population)
+
+    @jax.jit
+    def step(key: jax.Array, state: bbo.State) -> bbo.State:
+        found = ask(key, state, low, high, config=config)
+        return bbo.tell(state, found, *evaluate(sphere, found), config)
+
     for generation_key in jax.random.split(run_key, config.iterations):
-        found = step(generation_key, state, low, high, config=config)
-        state = tell(state, found, *evaluate(sphere, found), config)
+        state = step(generation_key, state)
+    state = jax.device_get(state)
     result = minimize(sphere, LOWER, UPPER, key=key, config=config)
     np.testing.assert_allclose(result.state.cost, state.cost, rtol=1e-4, atol=1e-4)
     np.testing.assert_allclose(result.x, state.population[0], rtol=1e-4, atol=1e-4)
@@ -186,7 +201,7 @@ def test_the_default_is_what_plans_paths() -> None:
 def test_a_search_stops_at_a_cost_that_is_good_enough(stop: float) -> None:
     full = minimize(rastrigin, LOWER, UPPER, key=jax.random.key(0), config=SMALL)
     short = minimize(rastrigin, LOWER, UPPER, key=jax.random.key(0), config=SMALL, stop=stop)
-    first = int(jnp.argmax(full.history.best <= stop))
+    first = int(np.argmax(full.history.best <= stop))
     assert 0 < first < SMALL.iterations
     np.testing.assert_allclose(short.history.best[: first + 1], full.history.best[: first + 1], rtol=1e-4)
     assert (short.history.best[first:] == short.cost).all()
@@ -283,7 +298,7 @@ def test_a_memetic_step_lowers_the_cost_and_keeps_the_history_whole(period: int)
     assert memetic.history.best.shape == plain.history.best.shape == (SMALL.iterations + 1,)
     assert memetic.cost < plain.cost
     assert memetic.history.best[1] <= memetic.history.best[0] / 4.0 * (1.0 + 1e-5)
-    assert (jnp.diff(memetic.history.best) <= 0.0).all()
+    assert (np.diff(memetic.history.best) <= 0.0).all()
 
 
 def test_a_memetic_step_that_finds_nothing_changes_nothing() -> None:

@@ -108,7 +108,7 @@ def test_the_time_left_rises_with_no_replacement_of_a_plan_that_keeps_its_limits
 
 def test_what_takes_much_longer_than_what_was_left_is_planned_further_first(reviews, monkeypatch):
     slowed(monkeypatch)
-    ap.run_missions(planning(), keys=seed_keys(range(3)), seeds=range(3))
+    ap.run_missions(planning(), keys=seed_keys(range(3, 6)), seeds=range(3, 6))
     assert any(len(one.offers) == 2 for one, *_ in reviews)
     for one, old, new, left, _, _ in reviews:
         replaced = new.positions is not old.positions

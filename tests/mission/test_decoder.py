@@ -21,16 +21,18 @@ from tests.mission.test_timetable import clocked, looked_up, worth
 N, SPEED = 9, 2.0
 DECODERS = ["paper", "timely", "rate"]
 decode_now = jax.jit(partial(decode, rate_weight=100.0), static_argnames="decoder")
+encode_now = jax.jit(encode, static_argnums=2)
+shortest_now = jax.jit(shortest_route)
 
 
 def problem(graph: MissionGraph, start: int, goal: int, budget: float, visited=None):
-    closed = jnp.zeros(graph.size, bool) if visited is None else jnp.asarray(visited)
+    closed = np.zeros(graph.size, bool) if visited is None else np.asarray(visited)
     return jax.jit(prepare)(Edges.of(graph.leg_times(SPEED), graph.priority), start, goal, budget, closed)
 
 
 def shortest_habitat(given_, decoder: str):
-    blank = jnp.zeros((1, siv_count(given_.size, decoder)), jnp.int32)
-    return encode(shortest_route(given_)[None], blank, decoder)
+    blank = np.zeros((1, siv_count(given_.size, decoder)), np.int32)
+    return encode_now(np.asarray(shortest_now(given_))[None], blank, decoder)
 
 
 def check_figures(routes: Decoded, p: int, graph: MissionGraph, route: list[int]) -> None:
@@ -60,7 +62,7 @@ def test_against_the_naive_decoder(
     # Few distinct values, so that ties occur.
     rng = np.random.default_rng(seed)
     population = rng.integers(-4, 3, (8, siv_count(N, decoder))) * 50
-    routes = jax.tree.map(np.asarray, decode_now(jnp.asarray(population), given_, decoder=decoder))
+    routes = jax.device_get(decode_now(population, given_, decoder=decoder))
     for p, habitat in enumerate(population):
         expected = naive_decode(habitat, graph, 0, N - 1, budget, SPEED, decoder, 100.0)
         count = int(routes.count[p])
@@ -90,7 +92,7 @@ def test_the_shortest_route_is_the_shortest_way(
     if not np.isfinite(shortest):
         return
     given_ = problem(graph, 0, N - 1, shortest * 10.0)
-    nodes = np.asarray(shortest_route(given_))
+    nodes = np.asarray(shortest_now(given_))
     length = int((nodes == N - 1).argmax()) + 1
     assert nodes[0] == 0
     assert (nodes[:length] >= 0).all()
@@ -115,13 +117,13 @@ def test_a_route_survives_encoding(decoder: str, seed: int, density: float, dire
     graph = grid_graph(seed, N, density, directed)
     given_ = problem(graph, 0, N - 1, 3000.0)
     rng = np.random.default_rng(seed)
-    population = jnp.asarray(rng.integers(-200, 101, (8, siv_count(N, decoder))))
-    routes = decode_now(population, given_, decoder=decoder)
-    written = encode(routes.nodes, population, decoder)
+    population = rng.integers(-200, 101, (8, siv_count(N, decoder)))
+    routes = jax.device_get(decode_now(population, given_, decoder=decoder))
+    written = np.asarray(encode_now(routes.nodes, population, decoder))
     assert written.shape == population.shape
     assert int(written.min()) >= -200
     assert int(written.max()) <= 100
-    again = decode_now(written, given_, decoder=decoder)
+    again = jax.device_get(decode_now(written, given_, decoder=decoder))
     np.testing.assert_array_equal(again.nodes[routes.reached], routes.nodes[routes.reached])
 
 
@@ -133,7 +135,7 @@ def test_encoding_against_a_naive_twin(decoder: str) -> None:
     nodes = np.full((6, N), -1)
     for row, length in enumerate((2, 3, 5, N - 1, N, 4)):
         nodes[row, :length] = rng.permutation(N)[:length]
-    found = np.asarray(encode(jnp.asarray(nodes), jnp.asarray(population), decoder))
+    found = np.asarray(encode_now(nodes, population, decoder))
     assert (found[:, N:] == -200).all()
     for genes, route, before in zip(found[:, :N], nodes, population[:, :N], strict=True):
         route = route[route >= 0].tolist()
@@ -149,7 +151,7 @@ def test_a_route_of_more_legs_than_there_are_sivs_stays_within_their_bounds() ->
     """Of 400 waypoints 350 are on the way: the first 300 keep their order, the others have nothing left."""
     nodes = np.full((1, 400), -1)
     nodes[0, :350] = np.random.default_rng(0).permutation(400)[:350]
-    genes = np.asarray(encode(jnp.asarray(nodes), jnp.full((1, 400), 100), "timely"))[0]
+    genes = np.asarray(encode_now(nodes, np.full((1, 400), 100), "timely"))[0]
     assert genes[nodes[0, :300]].tolist() == list(range(100, -200, -1))
     assert (np.delete(genes, nodes[0, :300]) == -200).all()
 
@@ -157,7 +159,8 @@ def test_a_route_of_more_legs_than_there_are_sivs_stays_within_their_bounds() ->
 @pytest.mark.parametrize("decoder", DECODERS)
 def test_a_mission_that_begins_at_its_goal_is_there(decoder: str) -> None:
     given_ = problem(grid_graph(3, N, 1.0), 4, 4, 500.0)
-    routes = decode_now(jnp.zeros((2, siv_count(N, decoder)), jnp.int32), given_, decoder=decoder)
+    blank = np.zeros((2, siv_count(N, decoder)), np.int32)
+    routes = jax.device_get(decode_now(blank, given_, decoder=decoder))
     assert routes.reached.all()
     assert np.asarray(routes.nodes)[:, 0].tolist() == [4, 4]
     assert (routes.count == 1).all()
@@ -177,10 +180,10 @@ def test_times_and_priorities_by_the_clock_are_those_of_a_walk(decoder: str) -> 
     """Tasks wait for windows, and are worth less the later they are begun."""
     graph, gone = clocked(7, 0.05, 2, falls=2), 0
     edges = Edges.of(graph.leg_times(1.5), graph.priority, timetable=graph.timetable, duration=graph.duration)
-    given_ = jax.jit(prepare)(edges, 0, N - 1, 2500.0, jnp.zeros(N, bool))
+    given_ = jax.jit(prepare)(edges, 0, N - 1, 2500.0, np.zeros(N, bool))
     rng = np.random.default_rng(1)
-    population = jnp.asarray(rng.integers(-200, 101, (40, siv_count(N, decoder))))
-    routes = jax.tree.map(np.asarray, decode_now(population, given_, decoder=decoder))
+    population = rng.integers(-200, 101, (40, siv_count(N, decoder)))
+    routes = jax.device_get(decode_now(population, given_, decoder=decoder))
     for p in range(len(population)):
         now, earned = 0.0, []
         for i, j in pairwise(routes.nodes[p, : routes.count[p]].tolist()):

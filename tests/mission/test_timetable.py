@@ -241,16 +241,21 @@ def test_1000_cases_without_waiting_equal_the_exhaustive_search():
 
 def test_a_route_that_may_not_wait_takes_an_edge_that_opens_under_way():
     """Of two jobs the richer one lies behind an edge that is closed at the departure."""
-    adjacency = np.array([[0, 1, 1, 0], [0, 0, 1, 1], [0, 0, 0, 1], [0, 0, 0, 0]], bool)
-    travel = np.where(adjacency, 100.0, np.inf) * np.ones((3, 1, 1))
-    travel[0, 1, 2] = travel[0, 2, 3] = np.inf
-    priority = np.broadcast_to(np.array([0.0, 1.0, 5.0, 0.0]), (4, 4)).copy()
-    graph = MissionGraph(np.eye(4, 3), adjacency, priority, np.zeros((4, 4)))
-    graph = graph.with_timetable(Timetable(np.array([0.0, 50.0, 100.0]), travel, waiting=False))
+    adjacency, goal, square = np.zeros((SIZE, SIZE), bool), SIZE - 1, (SIZE, SIZE, 2)
+    adjacency[[0, 0, 1, 1, 2], [1, 2, 2, goal, goal]] = True
+    travel = np.where(adjacency, 100.0, np.inf) * np.ones((DEPARTURES, 1, 1))
+    travel[0, 1, 2] = travel[0, 2, goal] = np.inf
+    priority = np.zeros((SIZE, SIZE))
+    priority[:, 1:3] = 1.0, 5.0
+    always = np.full(square, -np.inf), np.full(square, np.inf)
+    never = np.full(square, np.inf), np.zeros(square)
+    departures = np.linspace(0.0, 300.0, DEPARTURES)
+    graph = MissionGraph(np.eye(SIZE, 3), adjacency, priority, np.zeros((SIZE, SIZE)))
+    graph = graph.with_timetable(Timetable(departures, travel, *always, *always, *never, waiting=False))
     common = {"speed": 1.0, "key": jax.random.key(0), "config": QUICK}
-    for options in ({}, {"known_route": [0, 1, 2, 3]}, {"method": "exact"}):
-        found = plan_mission(graph, 0, 3, 400.0, **common, **options)
-        assert found.nodes.tolist() == [0, 1, 2, 3]
+    for options in ({}, {"known_route": [0, 1, 2, goal]}, {"method": "exact"}):
+        found = plan_mission(graph, 0, goal, 400.0, **common, **options)
+        assert found.nodes.tolist() == [0, 1, 2, goal]
         assert found.priority == 6.0
 
 

@@ -1,5 +1,6 @@
 """Chart pictures of other styles than the shipped one, with their true classes."""
 
+import functools
 import io
 from dataclasses import dataclass
 
@@ -51,9 +52,12 @@ STYLES = {
 }
 
 
+@functools.cache
 def paint(style: Style, size: int = 500, seed: int = 0) -> np.ndarray:
-    """A picture of the shipped waters in a style, [size, size, 3] uint8, row 0 in the north."""
-    return _paint(classes(size), style, seed)
+    """A picture of the shipped waters in a style, [size, size, 3] uint8, row 0 in the north, read-only."""
+    picture = _paint(classes(size), style, seed)
+    picture.setflags(write=False)
+    return picture
 
 
 def _paint(kinds: np.ndarray, style: Style, seed: int) -> np.ndarray:

@@ -1,5 +1,7 @@
 """Charts of other colours: stated by a person, proposed by rules, or refused; never silently wrong."""
 
+import functools
+
 import numpy as np
 import pytest
 from PIL import Image
@@ -15,10 +17,19 @@ KINDS = classes(500)
 BLUE = Style((214, 196, 146), (150, 214, 204), (70, 130, 200), grain=3.0)
 
 
+@functools.cache
+def told(name):
+    return classify_picture(paint(STYLES[name]), colours=ChartColours(**STYLES[name].named))
+
+
+@functools.cache
+def untold(style):
+    return classify_picture(paint(style))
+
+
 @pytest.mark.parametrize("name", STYLES)
 def test_told_colours_make_the_chart(name):
-    style = STYLES[name]
-    found = classify_picture(paint(style), colours=ChartColours(**style.named))
+    found = told(name)
     assert not found.doubts
     assert min(shares_right(found.passability, KINDS).values()) > 0.98
     reef = found.passability[KINDS == 1]
@@ -65,7 +76,7 @@ def test_colours_of_the_clusters_give_the_same_chart():
 
 
 def test_one_colour_changes_one_cluster_where_not_all_are_stated():
-    shoal = next(c for c in classify_picture(paint(BLUE)).clusters if c.kind == "uncertain")
+    shoal = next(c for c in untold(BLUE).clusters if c.kind == "uncertain")
     found = classify_picture(paint(BLUE), colours=ChartColours(water=(shoal.colour,)))
     assert (found.passability[KINDS == 1] == 1.0).mean() > 0.9
     assert min(shares_right(found.passability, KINDS).values()) > 0.98
@@ -129,8 +140,7 @@ def test_pictures_from_space_are_told_from_charts(texture, seed):
 
 @pytest.mark.parametrize("name", [name for name in STYLES if name != "satellite"])
 def test_charts_of_all_colours_are_no_photographs(name):
-    style = STYLES[name]
-    assert classify_picture(paint(style), colours=ChartColours(**style.named)).warnings == ()
+    assert told(name).warnings == ()
 
 
 def test_real_charts_are_no_photographs(shared):

@@ -13,6 +13,8 @@ from auvplan.path.bound import lower_bound
 
 VEHICLE = ap.Vehicle(2.5, surge_max=100.0, sway_max=100.0, turn_rate_max=100.0)
 COARSE = {"fineness": 0.4}
+travel_time = jax.jit(ap.travel_time)
+at_places = jax.jit(lambda current, places: jnp.stack(current(*places), axis=-1))
 
 
 def bound(env, goal, known, start=(0.0, 0.0, 0.0), vehicle=VEHICLE, **settings):
@@ -104,7 +106,7 @@ def test_no_path_beats_it(rows, seed):
     for size in (0.0, 30.0, 120.0, 300.0):
         aside = sum(size * rng.normal() / (k + 1) * wave for k, wave in enumerate(waves))
         path = np.c_[3000.0 * share, aside + np.zeros(400), np.zeros(400)]
-        times.append(float(ap.travel_time(path, env, VEHICLE)))
+        times.append(float(travel_time(path, env, VEHICLE)))
     known = min(times)
     assert bound(env, (3000.0, 0.0, 0.0), known * 1.2, **COARSE).travel_time <= known
 
@@ -144,7 +146,7 @@ def test_a_dive_into_a_quick_layer():
     share = np.linspace(0.0, 1.0, 2000)
     depth = np.interp(share, (0.0, 0.02, 0.98, 1.0), (10.0, 55.0, 55.0, 10.0))
     path = np.c_[4000.0 * share, np.zeros(2000), depth]
-    known = float(ap.travel_time(path, env, vehicle))
+    known = float(travel_time(path, env, vehicle))
     found = bound(env, (4000.0, 0.0, 10.0), known, start=(0.0, 0.0, 10.0), vehicle=vehicle, fineness=0.5)
     assert found.kind == "estimated"  # a plain function does not tell how much it may change
     assert len(found.cells) == 3
@@ -181,8 +183,7 @@ def departs(current, centre, edges, rng):
         points = np.where(rng.random((300, 1, 1)) < 0.5, points, corners)
         weights = rng.dirichlet(np.ones(4), 300)
         mean = (weights[..., None] * points).sum(axis=1)
-        there = np.stack(current(*(jnp.asarray(points[..., k]) for k in range(4))), axis=-1)
-        at_mean = np.stack(current(*(jnp.asarray(mean[:, k]) for k in range(4))), axis=-1)
+        there, at_mean = (np.asarray(at_places(current, list(np.moveaxis(p, -1, 0)))) for p in (points, mean))
     return np.linalg.norm(at_mean - (weights[..., None] * there).sum(axis=1), axis=1).max()
 
 

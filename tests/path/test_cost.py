@@ -16,20 +16,20 @@ from auvplan.motion import Motion
 from auvplan.path import VIOLATIONS, habitats
 from auvplan.path import cost as kernel
 from auvplan.path.bspline import basis_at
-from auvplan.path.cost import CLEARANCE_SCALE, Track, curves, evaluate, soft_objective, violations
+from auvplan.path.cost import CLEARANCE_SCALE
 from auvplan.path.kinematics import angle_between
+from tests.path import kernels
+from tests.path.kernels import curves, evaluate, judged_within, score, soft_objective, through, violations
 from tests.path.worlds import GOAL, LOWER, START, UPPER, world
 
 CONFIG = ap.PathConfig(control_points=16, samples=48)
-score = jax.jit(kernel.score, static_argnums=6)
 
 
 def population(count, env, seed=0):
-    start, goal = jnp.asarray(START), jnp.asarray(GOAL)
-    lower, upper = habitats.bounds(start, goal, env, CONFIG)
-    return habitats.initial(jax.random.key(seed), count, start, goal, lower, upper, CONFIG)
+    return kernels.population(count, START, GOAL, env, CONFIG, seed)
 
 
+@jax.jit
 def resolved(env):
     return replace(env, obstacles=env.obstacles.resolved(env.current))
 
@@ -149,8 +149,8 @@ def test_pitch_is_that_of_the_hull(slope, along, sinking, most, reading):
     places = np.linspace(0.0, 800.0, 5)[:, None] * way
     env = ap.Environment(ap.UniformCurrent(along, 0.0, sinking), None, None, (-1, -1, -900), (900, 1, 900))
     config, vehicle = CONFIG.replace(speed_reading=reading), ap.Vehicle(pitch_max=np.radians(most))
-    track = Track.through(*(jnp.asarray(axis)[:, None] for axis in places.T))
-    trajectory = evaluate(track, jnp.asarray(0.0), env, vehicle, config)
+    track = through(*(axis[:, None] for axis in places.T))
+    trajectory = evaluate(track, 0.0, env, vehicle, config)
     hull = Motion.along(reading, 2.5, np.diff(places, axis=0), np.tile([along, 0.0, sinking], (4, 1)))
     expected = np.maximum(np.abs(np.sin(hull.pitch)) / np.sin(np.radians(most)) - 1.0, 0.0)
     found = np.asarray(trajectory.excess[VIOLATIONS.index("pitch")])[:, 0]
@@ -165,13 +165,13 @@ def test_a_straight_dive_is_too_steep_beyond_the_limit_alone(degrees):
     env = ap.Environment(None, None, None, (-1, -1, -1), (2000, 2000, 2000))
     rates = {"climb_rate_max": 0.8, "dive_rate_max": 1.0}
     for places, limit, most in ((down, "dive", 1.0), (down[::-1], "climb", 0.8)):
-        track = Track.through(*(jnp.asarray(axis)[:, None] for axis in places.T))
-        trajectory = evaluate(track, jnp.asarray(0.0), env, ap.Vehicle(**rates), CONFIG)
+        track = through(*(axis[:, None] for axis in places.T))
+        trajectory = evaluate(track, 0.0, env, ap.Vehicle(**rates), CONFIG)
         broken = dict(zip(VIOLATIONS, np.asarray(violations(trajectory))[:, 0], strict=True))
         assert broken.pop("pitch") == pytest.approx(max(np.sin(angle) / 0.5 - 1.0, 0.0), abs=1e-5)
         assert broken.pop(limit) == pytest.approx(max(2.5 * np.sin(angle) / most - 1.0, 0.0), abs=1e-5)
         assert not any(broken.values())
-        free = evaluate(track, jnp.asarray(0.0), env, ap.Vehicle(pitch_max=None), CONFIG)
+        free = evaluate(track, 0.0, env, ap.Vehicle(pitch_max=None), CONFIG)
         assert not violations(free).any()
 
 
@@ -193,17 +193,17 @@ def test_limits_that_a_vehicle_does_not_have_cost_nothing():
 def test_slopes_of_limits_in_the_vertical_are_those_of_differences(reading):
     env = resolved(world(obstacles=False, chart=False))
     config = CONFIG.replace(speed_reading=reading)
-    habitat = population(3, env, seed=4)[2]
+    habitat = np.asarray(population(3, env, seed=4))[2]
 
     def broken(habitat, pitch, climb, dive):
-        track = curves(habitat[None], jnp.asarray(START), jnp.asarray(GOAL), config)
+        track = kernel.curves(habitat[None], START, GOAL, config)
         vehicle = ap.Vehicle(pitch_max=pitch, climb_rate_max=climb, dive_rate_max=dive)
-        return violations(evaluate(track, jnp.asarray(0.0), env, vehicle, config))[-3:, 0].sum()
+        return kernel.violations(kernel.evaluate(track, 0.0, env, vehicle, config))[-3:, 0].sum()
 
-    at = (habitat, jnp.array(0.02), jnp.array(0.01), jnp.array(0.05))
-    slopes = jax.grad(broken, argnums=(0, 1, 2, 3))(*at)
+    broken, at = jax.jit(broken), (habitat, 0.02, 0.01, 0.05)
+    slopes = jax.jit(jax.grad(broken, argnums=(0, 1, 2, 3)))(*at)
     for d in range(0, habitat.size, 5):
-        fd = _difference(lambda v, d=d: broken(habitat.at[d].set(v), *at[1:]), habitat[d], 1e-4)
+        fd = _difference(lambda v, d=d: broken(_with(habitat, d, v), *at[1:]), habitat[d], 1e-4)
         np.testing.assert_allclose(slopes[0][d], fd, rtol=1e-3, atol=1e-6)
     for arg in (1, 2, 3):
         fd = _difference(lambda v, a=arg: broken(*(v if k == a else at[k] for k in range(4))), at[arg], 1e-7)
@@ -246,25 +246,30 @@ def _difference(fun, x, step):
     return (fun(x + step) - fun(x - step)) / (2 * step)
 
 
+def _with(values, index, value):
+    values = np.array(values)
+    values[index] = value
+    return values
+
+
 @pytest.mark.usefixtures("x64")
 @pytest.mark.parametrize("reading", ["track", "eq8", "eq11"])
 def test_gradients_match_finite_differences(reading):
     env = world()
     config = CONFIG.replace(speed_reading=reading)
-    habitat = population(3, env, seed=2)[1]
-    start, goal = jnp.asarray(START), jnp.asarray(GOAL)
+    habitat = np.asarray(population(3, env, seed=2))[1]
 
     def cost(habitat, speed, depart, strength):
         moved = replace(env, current=env.current.scaled(strength))
         seen = replace(moved, obstacles=env.obstacles.resolved(moved.current))
-        return score(habitat[None], start, goal, depart, seen, ap.Vehicle(speed=speed), config)[0][0]
+        return kernel.score(habitat[None], START, GOAL, depart, seen, ap.Vehicle(speed=speed), config)[0][0]
 
-    at = (habitat, jnp.array(2.5), jnp.array(30.0), jnp.array(1.0))
-    slopes = jax.grad(cost, argnums=(0, 1, 2, 3))(*at)
+    cost, at = jax.jit(cost), (habitat, 2.5, 30.0, 1.0)
+    slopes = jax.jit(jax.grad(cost, argnums=(0, 1, 2, 3)))(*at)
     # Alone, the habitat's slopes are found by the shorter rules of currents, chart and obstacles.
     np.testing.assert_allclose(jax.jit(jax.grad(cost))(*at), slopes[0], rtol=1e-9, atol=1e-9)
     for d in range(0, habitat.size, 5):
-        fd = _difference(lambda v, d=d: cost(habitat.at[d].set(v), *at[1:]), habitat[d], 1e-4)
+        fd = _difference(lambda v, d=d: cost(_with(habitat, d, v), *at[1:]), habitat[d], 1e-4)
         np.testing.assert_allclose(slopes[0][d], fd, rtol=2e-4, atol=1e-4)
     for arg, step in ((1, 1e-6), (2, 1e-3), (3, 1e-6)):
         fd = _difference(lambda v, a=arg: cost(*(v if k == a else at[k] for k in range(4))), at[arg], step)
@@ -362,10 +367,10 @@ def test_turn_rate_limit_catches_every_sharp_turn(degrees, sharp):
         [np.tile([40.0, 0.0], (20, 1)), np.tile(40.0 * np.array([np.cos(angle), np.sin(angle)]), (20, 1))]
     )
     xy = np.concatenate([[[0.0, 0.0]], np.cumsum(legs, axis=0)])
-    x, y = (jnp.asarray(xy[:, k : k + 1]) for k in range(2))
+    x, y = xy[:, :1], xy[:, 1:]
     env = ap.Environment(None, None, None, (-3000, -3000, 0), (3000, 3000, 0))
     vehicle = ap.Vehicle(turn_rate_max=np.radians(40.0) / 16.0)  # a segment lasts 16 s
-    trajectory = evaluate(Track.through(x, y, jnp.zeros_like(x)), 0.0, env, vehicle, CONFIG)
+    trajectory = evaluate(through(x, y, 0.0 * x), 0.0, env, vehicle, CONFIG)
     assert bool(trajectory.excess[VIOLATIONS.index("turn_rate")].max() > 0) is sharp
 
 
@@ -461,10 +466,10 @@ def test_a_jet_that_all_middles_miss_is_seen_when_the_path_is_judged(limit, jet,
 
     env = ap.Environment(current, None, None, (-500, -500, 0), (500, 500, 100))
     vehicle, config = ap.Vehicle(surge_max=4.0, sway_max=1.5), ap.PathConfig()
-    x = jnp.arange(5.0)[:, None] * 100.0
-    trajectory = evaluate(Track.through(x, 0.0 * x, 0.0 * x), jnp.asarray(0.0), env, vehicle, config)
+    x = np.arange(5.0)[:, None] * 100.0
+    trajectory = evaluate(through(x, 0.0 * x, 0.0 * x), 0.0, env, vehicle, config)
     assert not violations(trajectory).any()
-    judged = kernel.judged_within(trajectory, env, vehicle, config)
+    judged = judged_within(trajectory, env, vehicle, config)
     broken = np.asarray(judged.excess[VIOLATIONS.index(limit)])[:, 0]
     np.testing.assert_allclose(broken, [0.0, excess, 0.0, 0.0], atol=1e-5)
     assert float(violations(judged).sum()) == pytest.approx(excess / 4.0, abs=1e-5)

@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import dijkstra
 
 import auvplan as ap
 from auvplan.path import passages
-from auvplan.path.cost import curves
+from tests.path.kernels import curves
 
 CONFIG = ap.PathConfig(field_cells=48, control_points=16, samples=64)
 START, GOAL = jnp.array([0.0, 0.0, 10.0]), jnp.array([2000.0, 0.0, 10.0])
@@ -113,13 +113,12 @@ def test_passages_with_more_control_points_are_the_same_ways():
     rock = ap.Obstacles.static([[1000.0, 0.0, 10.0]], [300.0])
     env = ap.Environment(None, None, rock, LOWER, UPPER)
     env = replace(env, obstacles=rock.resolved(env.current))
-    config = CONFIG.replace(finer=3)
-    usual, fine, *_ = traced(START, GOAL, 0.0, env, ap.Vehicle(), 2, config)
-    assert fine.shape == (2, 3 * 3 * CONFIG.control_points)
+    usual, fine, *_ = traced(START, GOAL, 0.0, env, ap.Vehicle(), 4, CONFIG)
+    assert fine.shape == (4, CONFIG.finer * 3 * CONFIG.control_points)
     for k in range(2):
         few, many = (
-            np.stack([axis[:, k] for axis in curves(rows, START, GOAL, own).places[:2]], axis=1)
-            for rows, own in ((usual, config), (fine, config.fine()))
+            np.stack([np.asarray(axis)[:, k] for axis in curves(rows, START, GOAL, own).places[:2]], axis=1)
+            for rows, own in ((usual, CONFIG), (fine, CONFIG.fine()))
         )
         away = np.linalg.norm(few[:, None] - many, axis=2).min(axis=1)
         assert away.max() < 60.0  # a cell
@@ -144,7 +143,7 @@ def test_a_wall_without_a_gap_is_closed():
 
 
 def test_the_way_round_an_island_wider_than_the_straight_line_is_found():
-    water = np.ones((300, 300), bool)
+    water = np.ones((400, 300), bool)
     water[145:155, 40:260] = False  # 2.2 km across a way of 1 km
     env = ap.Environment(None, ap.Chart.from_mask(water, 10.0), None, (0, 0, 0), (3000, 3000, 0))
     ends = jnp.array([1000.0, 1400.0, 0.0]), jnp.array([2000.0, 1400.0, 0.0])

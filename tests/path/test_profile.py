@@ -35,12 +35,15 @@ def sea(current=two_layers, obstacles=None, bottom=100.0):
     )
 
 
+timed_levels = jax.jit(levels, static_argnums=3)
+quickest = jax.jit(profiles, static_argnums=(7, 8))
+
+
 def straight_profile(env, start_depth=10.0, goal_depth=10.0, vehicle=None, stations=64, count=24):
-    x = jnp.linspace(0.0, WAY, stations + 1)[None]
-    ends = jnp.array([0.0, 0.0, start_depth]), jnp.array([WAY, 0.0, goal_depth])
-    vehicle = vehicle or UNLIMITED
-    args = (x, jnp.zeros_like(x), *ends, jnp.zeros(()), env, vehicle, ap.PathConfig(), count)
-    return np.asarray(profiles(*args))[0]
+    x = np.linspace(0.0, WAY, stations + 1)[None]
+    ends = np.array([0.0, 0.0, start_depth]), np.array([WAY, 0.0, goal_depth])
+    args = (x, 0.0 * x, *ends, 0.0, env, vehicle or UNLIMITED, ap.PathConfig(), count)
+    return np.asarray(quickest(*args))[0]
 
 
 @pytest.mark.parametrize(
@@ -67,14 +70,14 @@ def test_currents_that_depend_on_depth_are_told_from_others(current, varies):
 
 
 def test_levels_rise_and_lie_where_the_current_changes():
-    places = jnp.zeros(3), jnp.zeros(3), jnp.zeros(3)
+    places = (np.zeros(3, np.float32),) * 3
     current = ap.Environment(two_layers, lower=(0, 0, 0), upper=(1, 1, 1)).current
-    found = np.asarray(levels(places, jnp.float32(0.0), jnp.float32(100.0), 20, current))
+    found = np.asarray(timed_levels(places, 0.0, 100.0, 20, current))
     assert (np.diff(found) > 0.0).all()
     assert found[[0, -1]] == pytest.approx([0.0, 100.0])
     assert ((found > 30.0) & (found < 50.0)).sum() >= 10
     still = ap.Environment(None, lower=(0, 0, 0), upper=(1, 1, 1)).current
-    evenly = np.asarray(levels(places, jnp.float32(0.0), jnp.float32(100.0), 20, still))
+    evenly = np.asarray(timed_levels(places, 0.0, 100.0, 20, still))
     np.testing.assert_allclose(evenly, np.linspace(0.0, 100.0, 20), atol=1e-3)
 
 
@@ -99,7 +102,7 @@ def test_the_quicker_layer_is_taken_where_nothing_bounds_the_depth():
 
 def plans_of(vehicle, env, goal_depth=60.0):
     """A plan, and one from half way on."""
-    settings = {"key": jax.random.key(0), "config": ap.PathConfig.quick()}
+    settings = {"key": jax.random.key(0), "config": ap.PathConfig.quick().replace(finer=1)}
     plan = ap.plan_path((0, 0, 10), (WAY, 0, goal_depth), env, vehicle, **settings)
     half = len(plan.times) // 2
     return plan, ap.replan_path(plan, plan.positions[half], float(plan.times[half]), env, vehicle, **settings)
@@ -112,8 +115,7 @@ def test_a_transit_depth_is_kept_between_the_ends_whatever_the_current():
         assert plan.positions[-1, 2] == pytest.approx(60.0, abs=0.1)
         assert np.median(plan.positions[:, 2]) == pytest.approx(30.0, abs=0.1)
         assert np.degrees(np.abs(plan.pitch)).max() < 30.0
-    still = ap.Environment(None, lower=(-1000, -2000, 0), upper=(WAY + 1000, 2000, 25))
-    shallower, _ = plans_of(vehicle, still, goal_depth=10.0)
+    shallower, _ = plans_of(vehicle, sea(bottom=25.0), goal_depth=10.0)
     assert shallower.positions[:, 2].max() == pytest.approx(25.0, abs=0.1)
 
 

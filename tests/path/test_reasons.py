@@ -12,8 +12,8 @@ import auvplan as ap
 from auvplan.bbo import History
 from auvplan.ocean.seabed import Seabed
 from auvplan.path import VIOLATIONS, PathPlan
-from auvplan.path.cost import Track, evaluate, violations
 from auvplan.path.sensitivity import Conditions
+from tests.path.kernels import evaluate, through, violations
 
 BOX = (-500.0, -500.0, 0.0), (4500.0, 2500.0, 200.0)
 CONFIG = ap.PathConfig()
@@ -34,8 +34,8 @@ def followed(positions, depart=0.0, vehicle=None, leg=None, **world) -> PathPlan
     vehicle = vehicle or ap.Vehicle(turn_rate_max=100.0)
     current = world.pop("current", None)
     env = ap.Environment(current, **{"lower": BOX[0], "upper": BOX[1]} | world)  # type: ignore[arg-type]
-    x, y, z = (jnp.asarray(positions[:, k, None]) for k in range(3))
-    trajectory = evaluate(Track.through(x, y, z), jnp.asarray(depart), env, vehicle, CONFIG)
+    track = through(*(positions[:, k, None] for k in range(3)))
+    trajectory = jax.device_get(evaluate(track, depart, env, vehicle, CONFIG))
     none = np.zeros(0)
     return PathPlan(
         float(trajectory.travel_time[0]), float(trajectory.length[0]), np.asarray(positions),

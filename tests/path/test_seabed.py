@@ -13,7 +13,8 @@ from auvplan.ocean.seabed import Seabed
 from auvplan.path import VIOLATIONS, habitats
 from auvplan.path import cost as kernel
 from auvplan.path.clearance import bed_altitude
-from auvplan.path.cost import ALTITUDE_SCALE, Track, curves, evaluate
+from auvplan.path.cost import ALTITUDE_SCALE
+from tests.path.kernels import curves, evaluate, population, through
 
 CONFIG = ap.PathConfig(
     bbo=ap.bbo.BBOConfig(
@@ -141,7 +142,7 @@ def test_gradients_match_finite_differences():
     def cost(habitat):
         return kernel.score(habitat[None], start, goal, 0.0, env, ap.Vehicle(), CONFIG)[0][0]
 
-    slopes = jax.grad(cost)(habitat)
+    slopes = jax.jit(jax.grad(cost))(habitat)
     assert np.abs(slopes[20:]).max() > 1.0  # the ridge bears on the depths
     for d in range(0, 30, 3):
         unit = 1e-5 * np.eye(30)[d]
@@ -151,29 +152,32 @@ def test_gradients_match_finite_differences():
 
 def test_excess_is_metres_of_missing_altitude():
     env = over(50.0)
-    x, y = jnp.linspace(100.0, 900.0, 9)[:, None], jnp.full((9, 1), 700.0)
+    x, y = np.linspace(100.0, 900.0, 9)[:, None], np.full((9, 1), 700.0)
     for depth, missing in ((40.0, 0.0), (44.0, 0.0), (46.0, 2.0), (53.0, 9.0)):
-        trajectory = evaluate(Track.through(x, y, jnp.full_like(x, depth)), 0.0, env, ap.Vehicle(), CONFIG)
+        trajectory = evaluate(through(x, y, np.full_like(x, depth)), 0.0, env, ap.Vehicle(), CONFIG)
         excess = trajectory.excess[VIOLATIONS.index("seabed")]
         np.testing.assert_allclose(excess, missing / ALTITUDE_SCALE, atol=1e-4)
         np.testing.assert_allclose(trajectory.altitude, 50.0 - depth, atol=1e-4)
-    without = evaluate(
-        Track.through(x, y, 99.0 + 0.0 * x), 0.0, replace(env, seabed=None), ap.Vehicle(), CONFIG
-    )
+    without = evaluate(through(x, y, 99.0 + 0.0 * x), 0.0, replace(env, seabed=None), ap.Vehicle(), CONFIG)
     assert (np.asarray(without.altitude) == np.inf).all()
     assert not np.asarray(without.excess[VIOLATIONS.index("seabed")]).any()
 
 
 def test_first_habitats_rise_over_the_ridge():
     env = over(RIDGE)
-    start, goal = jnp.asarray(START), jnp.asarray(GOAL)
-    lower, upper = habitats.bounds(start, goal, env, CONFIG)
+
+    @jax.jit
+    def first(start, goal):
+        straight = habitats.straight_line(start, goal, CONFIG)
+        bounds = habitats.bounds(start, goal, env, CONFIG)
+        return straight, habitats.raise_above_seabed(straight[None], start, goal, env), *bounds
+
+    straight, line, lower, upper = map(np.asarray, first(jnp.asarray(START), jnp.asarray(GOAL)))
     np.testing.assert_array_equal(lower[20:], 0.0)
-    line = habitats.raise_above_seabed(habitats.straight_line(start, goal, CONFIG)[None], start, goal, env)
-    trajectory = evaluate(curves(line, start, goal, CONFIG), 0.0, env, ap.Vehicle(), CONFIG)
+    trajectory = evaluate(curves(line, START, GOAL, CONFIG), 0.0, env, ap.Vehicle(), CONFIG)
     assert float(trajectory.altitude.min()) > 0.0
-    assert (np.asarray(line[0, :20]) == np.asarray(habitats.straight_line(start, goal, CONFIG)[:20])).all()
-    many = habitats.initial(jax.random.key(0), 9, start, goal, lower, upper, CONFIG, env)
+    assert (line[0, :20] == straight[:20]).all()
+    many = np.asarray(population(9, START, GOAL, env, CONFIG, over=env))
     assert ((many >= lower) & (many <= upper)).all()
 
 
