@@ -134,10 +134,12 @@ def _step_faults(
         share = np.clip(share, 0.0, np.where(aside < _CORNER, 1.0, 0.5))
         apart = np.linalg.norm(moved - begin - share[:, None] * change, axis=1)
         # After the last step there is no velocity, and that of a new path says nothing of the one before it:
-        # the track turns there as it did on the step before.
+        # half of what the track turned by on the step before may lead there. A track that turns one way and
+        # then the other within a step turns as much as on the steps beside it.
         unseen = np.append(np.isin(times[1:-1], made_at), True)
         before = np.append(turned[:1], turned[:-1])
-        turned = np.where(unseen, np.maximum(turned, before), turned)
+        beside = np.maximum(before, np.append(turned[1:], 0.0))
+        turned = np.maximum(turned, np.where(unseen, before, beside))
         allowed += (_CURVATURE + 0.5 * unseen) * turned
     for k in np.flatnonzero(~(apart <= allowed))[:1]:
         yield (

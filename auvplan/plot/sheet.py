@@ -14,6 +14,9 @@ from auvplan.words import figure
 #: Inches of an A4 page on its side, and of its margin.
 _PAGE, _MARGIN = (11.69, 8.27), 0.5
 
+#: Shares of its height: where facts begin, and a line of them.
+_FACTS, _LINE = 0.91, 0.0166
+
 
 def write_pdf(sheet: MissionSheet, path: str | Path) -> Path:
     """Write the sheet as one page, A4 on its side.
@@ -24,13 +27,15 @@ def write_pdf(sheet: MissionSheet, path: str | Path) -> Path:
     page = Figure(figsize=_PAGE)
     left, width = _MARGIN / _PAGE[0], 1.0 - 2.0 * _MARGIN / _PAGE[0]
     page.text(left, 0.955, sheet.title, fontsize=15, weight="bold", va="top")
-    facts = [f"{name}: {value}" for name, value in sheet.facts.items()]
-    for column, lines in enumerate((facts[::2], facts[1::2])):
-        page.text(left + 0.5 * width * column, 0.91, "\n".join(lines), fontsize=8, va="top")
-    notes = [fill(f"! {line}", 170) for line in (*sheet.warnings, *sheet.assumed)]
-    page.text(left, 0.815, "\n".join(notes), fontsize=8, va="top", color="#a04000")
+    facts = [fill(f"{name}: {value}", 92, subsequent_indent="   ") for name, value in sheet.facts.items()]
+    columns = ["\n".join(facts[column::2]) for column in range(2)]
+    for column, lines in enumerate(columns):
+        page.text(left + 0.5 * width * column, _FACTS, lines, fontsize=8, va="top")
+    notes = "\n".join(fill(f"! {line}", 170) for line in (*sheet.warnings, *sheet.assumed))
+    top = _FACTS - _LINE * (2 + max(column.count("\n") for column in columns))
+    page.text(left, top, notes, fontsize=8, va="top", color="#a04000")
+    top -= _LINE * (2 + notes.count("\n") if notes else 0)
     headings, rows = sheet.table()
-    top = 0.80 - 0.018 * len(notes)
     step = min(0.024, (top - 0.08) / (len(rows) + 2 * len(sheet.left_out) + 4))
     height = step * (len(rows) + 1)
     axes = page.add_axes((left, top - height, width, height))
