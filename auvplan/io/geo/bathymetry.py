@@ -194,7 +194,7 @@ def _chosen(path: str, dataset: xr.Dataset, wanted: str | None) -> tuple[xr.Data
 
 
 def _is_axis(dataset: xr.Dataset, name: Any) -> bool:
-    return any(is_degrees(dataset[name], kind) for kind in ("longitude", "latitude"))
+    return any(is_degrees(name, dataset.variables[name].attrs, kind) for kind in ("longitude", "latitude"))
 
 
 def _name(path: str, dataset: xr.Dataset, wanted: str | None) -> tuple[Any, tuple[str, ...]]:
@@ -210,7 +210,11 @@ def _name(path: str, dataset: xr.Dataset, wanted: str | None) -> tuple[Any, tupl
         and variable.dtype.kind in "iuf"
         and not _is_axis(dataset, name)
     ]
-    stated = [name for name in flat if _sense_of_standard_name(dataset[name].attrs.get("standard_name", ""))]
+    stated = [
+        name
+        for name in flat
+        if _sense_of_standard_name(dataset.variables[name].attrs.get("standard_name", ""))
+    ]
     names = {str(name).lower(): name for name in flat[::-1]}
     spelt_out = tuple(name for name in names if name.startswith(_SPELT_OUT))
     known = [names[name] for name in (*_UP, *_DOWN, *spelt_out, *_UNSIGNED) if name in names]

@@ -11,7 +11,7 @@ A coordinate `mask` (ROMS: `mask_rho`) on the same dimensions is 0 where values 
 """
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -259,17 +259,19 @@ def _if_degrees(axis: xr.DataArray | None) -> xr.DataArray | None:
 
 def _degrees_of(array: xr.DataArray, kind: str) -> xr.DataArray | None:
     """Return the coordinate that is longitude or latitude."""
-    return next((axis for axis in array.coords.values() if axis.ndim and is_degrees(axis, kind)), None)
+    names = (name for name, axis in array.coords.items() if axis.ndim and is_degrees(name, axis.attrs, kind))
+    name = next(names, None)
+    return None if name is None else array.coords[name]
 
 
-def is_degrees(axis: xr.DataArray, kind: str) -> bool:
+def is_degrees(name: Any, attributes: Mapping[Any, Any], kind: str) -> bool:
     """Return whether a variable is a "longitude" or "latitude", by standard name, units or its own name."""
-    standard = str(axis.attrs.get("standard_name", "")).lower()
+    standard = str(attributes.get("standard_name", "")).lower()
     if standard:
         return standard == kind
-    unit = str(axis.attrs.get("units", "")).lower().replace("degrees", "degree")
+    unit = str(attributes.get("units", "")).lower().replace("degrees", "degree")
     units, names = _DEGREES[kind]
-    return unit in units or names.fullmatch(str(axis.name)) is not None
+    return unit in units or names.fullmatch(str(name)) is not None
 
 
 def _masked(array: xr.DataArray) -> xr.DataArray:
