@@ -48,6 +48,13 @@ class ScenarioWarning(UserWarning):
     """What may not be meant in a scenario or its files, and was assumed; the message is one line."""
 
 
+def reason_of(error: Exception) -> str:
+    """Return what an error says, or what a library's own error before it said, on one line."""
+    first = error.__cause__ or error
+    said = first.strerror if isinstance(first, OSError) and first.strerror else str(first)
+    return " ".join(said.split())[:300] or f"cannot be read ({type(error).__name__})"
+
+
 @contextmanager
 def blaming(section: str, field: str) -> Iterator[None]:
     """Put errors within down to a field of a scenario's section, or to that which the error names.

@@ -195,6 +195,11 @@ def pixels(path: Path) -> np.ndarray:
         return np.moveaxis(source.read(), 0, -1)[..., :3]
 
 
+def picture(path: Path, crs: int | None = None) -> np.ndarray:
+    """[rows, columns, 3] of a picture, as auvplan reads it."""
+    return read_raster(path, crs).transpose("y", "x", "band").values
+
+
 def classes(path: Path, box: Box) -> np.ndarray:
     """Passability as auvplan reads it."""
     chart = chart_from_raster(path, box.site, **box.corners, pixel_size=box.pixel, classes=CLASSES)
@@ -332,13 +337,13 @@ RASTERS = (
             lambda p: land(p, _LAND), lambda p: rasterized(p, _LAND)),
     Rasters("whitsunday_hook_passage_rgb.tif", "picture", "real",
             _copied("maps/whitsunday_hook_passage_rgb.tif"),
-            lambda p: read_raster(p).values, pixels),
+            picture, pixels),
     Rasters("whitsunday_hamilton_dent_rgb.tif", "picture", "real",
-            _copied("maps/whitsunday_hamilton_dent_rgb.tif"), lambda p: read_raster(p).values, pixels),
+            _copied("maps/whitsunday_hamilton_dent_rgb.tif"), picture, pixels),
     Rasters("world_rgb_lzw_band.tif", "picture", "real", _copied("elsewhere/world_rgb_lzw_band.tif"),
-            lambda p: read_raster(p, crs=4326).values, pixels),
+            lambda p: picture(p, 4326), pixels),
     Rasters("whitsunday_hook_passage.png", "picture", "real", _copied("maps/whitsunday_hook_passage.png"),
-            lambda p: read_raster(p, crs=32755).values, pixels),
+            lambda p: picture(p, 32755), pixels),
     Rasters("whitsunday_hook_passage.png with a world file", "picture", "cut", _world_file,
-            lambda p: read_raster(p, crs=32755).values, pixels),
+            lambda p: picture(p, 32755), pixels),
 )  # fmt: skip

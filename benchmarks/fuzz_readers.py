@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import shapely
-import tifffile
 import yaml
 from PIL import Image
 
@@ -40,6 +39,7 @@ from auvplan.study.store import Store
 from auvplan.study.table import table
 from benchmarks.machine import AUVPLAN, SHARED
 from tests.io.geo.enc_cells import Object, write_cell
+from tests.io.geo.files import write_geotiff
 from tests.io.sample_run import make_run
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -234,28 +234,16 @@ def _pictures(folder: Path, sources: Path) -> list[Seed]:
     return seeds
 
 
-def _tags(corner: tuple[float, float], scale: float, metadata: str = "") -> list[tuple]:
-    keys = [(1024, 0, 1, 2), (1025, 0, 1, 1), (2048, 0, 1, 4326)]
-    words = (1, 1, 0, len(keys), *(word for key in keys for word in key))
-    tags: list[tuple] = [
-        (33550, "d", 3, (scale, scale, 0.0), True),
-        (33922, "d", 6, (0.0, 0.0, 0.0, *corner, 0.0), True),
-        (34735, "H", len(words), words, True),
-    ]
-    return tags + ([(42112, "s", 0, metadata, True)] if metadata else [])
+_PLACE: dict[str, Any] = {"corner": (148.9, -20.28), "scale": (0.002, 0.002), "compress": "deflate"}
 
 
 def _tiffs(folder: Path, sources: Path) -> list[Seed]:
     folder.mkdir(parents=True)
-    tags, values = _tags((148.9, -20.28), 0.002), _picture()
+    values = _picture()
     seeds = [Seed(name, "chart.tif") for name in ("colour", "classes")]
     for seed, array in zip(seeds, (values, (values[..., 0] < 80).astype(np.uint8)), strict=True):
         (folder / seed.name).mkdir()
-        photometric = "rgb" if array.ndim == 3 else "minisblack"
-        path = folder / seed.name / seed.main
-        tifffile.imwrite(
-            path, array, extratags=tags, photometric=photometric, compression="zlib", metadata=None
-        )
+        write_geotiff(folder / seed.name / seed.main, array, **_PLACE)
     return seeds
 
 
@@ -325,9 +313,7 @@ def _beds(folder: Path, sources: Path) -> list[Seed]:
     seeds = _copied(*files)(folder, sources)
     (folder / "tiff").mkdir()
     values = -np.linspace(0.0, 60.0, 60 * 80).reshape(60, 80).astype(np.float32)
-    xml = '<GDALMetadata><Item name="UNITTYPE" sample="0" role="unittype">m</Item></GDALMetadata>'
-    tags = _tags((148.9, -20.28), 0.002, xml)
-    tifffile.imwrite(folder / "tiff" / "bed.tif", values, extratags=tags, compression="zlib", metadata=None)
+    write_geotiff(folder / "tiff" / "bed.tif", values, band={"units": "m"}, **_PLACE)
     return [*seeds, Seed("tiff", "bed.tif")]
 
 

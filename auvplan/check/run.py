@@ -115,8 +115,8 @@ def check_run(folder: str | Path, sources: bool = False) -> CheckReport:
 
     Args:
         folder: that `save_run` wrote.
-        sources: look also at the files of land, closed areas and sea bed that its scenario names, by other
-            libraries than those that read them for the planner: pyogrio, rasterio and xarray.
+        sources: look also at the files of land, closed areas and sea bed that its scenario names, by code of
+            its own over pyogrio, rasterio and xarray.
 
     Returns:
         What was found; `CheckReport.ok` tells whether it is free of faults.

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from auvplan.files import OutputError, output_folder, write_atomically, write_dataset
 from auvplan.io.geo.geojson import read_polygons
-from auvplan.io.geo.shapes import to_local
+from auvplan.io.geo.grid import to_local
 from auvplan.ocean.whitsunday import CENTRE
 from auvplan.site import Site
 

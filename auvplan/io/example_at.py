@@ -17,7 +17,7 @@ from shapely.geometry import Polygon
 from auvplan.errors import ScenarioError
 from auvplan.files import OutputError, output_folder, write_atomically
 from auvplan.io.example import SCENARIO, notice
-from auvplan.io.geo.shapes import to_local
+from auvplan.io.geo.grid import to_local
 from auvplan.site import Site
 
 #: What is to be known of the coast, wherever it is used.

@@ -16,19 +16,16 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from auvplan.compiled import compiled
-from auvplan.errors import AuvplanError, ScenarioWarning
+from auvplan.errors import AuvplanError, ScenarioWarning, reason_of
 from auvplan.ocean.classify import DEFAULT_CLUSTERS, UNCERTAIN_MAX, Classified, classify_picture
 from auvplan.ocean.palette import UNTOLD, ChartColours
-from auvplan.ocean.picture import blank, colours, opened
+from auvplan.ocean.picture import opened, read_pixels
 from auvplan.ocean.raster import Raster, from_host
 
 #: What the raster of distances holds where there is no coast, in pixels; `Chart.distance` is infinite there.
 FAR = 1e6
 #: By how many pixels the interpolated distance may exceed the true one between pixel centres.
 INTERPOLATION_ERROR = 0.2
-# Pillow's names of the modes that hold one grey level a pixel, and of those among them with 256 levels.
-_COLOURLESS = ("1", "L", "LA", "I", "F")
-_GREY = ("1", "L", "LA")
 
 
 class ChartError(AuvplanError):
@@ -124,7 +121,7 @@ class Chart(Raster):
         seed: int = 0,
         colours: ChartColours = UNTOLD,
     ) -> Self:
-        """Return a chart from a picture file with north up: PNG, JPEG, TIFF or what else Pillow reads.
+        """Return a chart from a picture file with north up: PNG, JPEG, TIFF, GIF, BMP, WebP or JPEG 2000.
 
         Raises:
             ChartError: the file is missing, no picture, damaged, too large, or has no colour; or which
@@ -286,17 +283,21 @@ def _read_picture(path: str | Path, grey: bool) -> tuple[NDArray[np.uint8], NDAr
     Raises:
         ChartError: the file is missing, no picture, damaged, too large, or has no colour.
     """
+    path = Path(path)
     try:
-        with opened(path, ChartError) as picture:
-            colourless = picture.mode in _COLOURLESS or picture.mode.startswith("I;")
-            if colourless and not (grey and picture.mode in _GREY):
-                raise ChartError(
-                    f"{path}: a picture without colour: water and land look the same, unless chart.colours "
-                    "or --water and --land name the greys of both (of 256 levels)"
-                )
-            return colours(picture), blank(picture)
+        with opened(path, ChartError) as file:
+            values, shown = read_pixels(path, file, ChartError)
+            nodata = file.nodata
     except ChartError:
         raise
     except Exception as error:  # a decoder may raise anything on a damaged file
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise ChartError(f"{path}: {' '.join(reason.split()) or 'not a picture that can be read'}") from None
+        raise ChartError(f"{path}: {reason_of(error)}") from None
+    blank = np.zeros(values.shape[:2], bool) if shown is None else ~shown
+    if values.ndim == 3:
+        return values, blank
+    if not grey or values.dtype != np.uint8:
+        raise ChartError(
+            f"{path}: a picture without colour: water and land look the same, unless chart.colours "
+            "or --water and --land name the greys of both (of 256 levels)"
+        )
+    return np.repeat(values[..., None], 3, axis=2), blank | (values == nodata)

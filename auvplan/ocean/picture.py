@@ -1,127 +1,126 @@
-"""Image files as arrays of colours, with limits on their size."""
+"""Pixels of raster files, by rasterio: numbers or colours, and which of them show nothing."""
 
-import logging
-import re
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import tifffile
 from numpy.typing import NDArray
-from PIL import Image, UnidentifiedImageError
 
-#: Larger pictures are refused before they are decoded.
+from auvplan.errors import reason_of
+
+if TYPE_CHECKING:
+    from rasterio.io import DatasetReader
+
+#: Larger rasters are refused before they are decoded.
 MAX_PIXELS = 64_000_000
-_GDAL_NODATA = 42113
-_MASK = 4  # bit of NewSubfileType
-#: What a picture may be: Pillow hands others, such as PostScript, to programs.
-_FORMATS = ("PNG", "JPEG", "TIFF", "GIF", "BMP", "WEBP", "PPM", "JPEG2000")
+#: GDAL's drivers that are used: none of them opens other files or hosts that a file names.
+DRIVERS = ("GTiff", "PNG", "JPEG", "GIF", "BMP", "WEBP", "PNM", "JP2OpenJPEG", "AAIGrid", "GSAG", "GSBG",
+           "GS7BG", "BAG", "XYZ", "HFA", "EHdr", "GPKG")  # fmt: skip
 
-
-@contextmanager
-def opened(path: str | Path, fault: type[ValueError]) -> Iterator[Image.Image]:
-    """A picture that Pillow has opened; it decodes the pixels as they are asked for.
-
-    Args:
-        path: of the file.
-        fault: raised with one line where the file is no picture or one of too many pixels.
-    """
-    limit: Any = Image.MAX_IMAGE_PIXELS
-    Image.MAX_IMAGE_PIXELS = None  # the size is checked here, from the header, with a message of our own
-    try:
-        with warnings.catch_warnings():
-            # Pillow warns of odd metadata, which says nothing about the pixels; damage to those it raises.
-            warnings.simplefilter("ignore")
-            with Image.open(path, formats=_FORMATS) as picture:
-                width, height = picture.size
-                if width * height > MAX_PIXELS:
-                    raise fault(f"{path}: {width} x {height} pixels are more than {MAX_PIXELS}")
-                yield picture
-    except UnidentifiedImageError:
-        raise fault(f"{path}: not a picture that can be read") from None
-    finally:
-        Image.MAX_IMAGE_PIXELS = limit
-
-
-def blank(picture: Image.Image) -> NDArray[np.bool_]:
-    """[rows, columns] pixels that show less than half of their colour, or are no data by tag or mask."""
-    path = Path(picture.filename)  # type: ignore[attr-defined] - it was opened by its path
-    empty = np.zeros(picture.size[::-1], bool)
-    if (masked := hidden(path, empty.shape)) is not None:
-        empty |= masked
-    if picture.has_transparency_data:
-        empty |= np.asarray(picture.convert("RGBA"))[..., 3] < 128
-    with suppress(ValueError):
-        nodata = float(str(getattr(picture, "tag_v2", {}).get(_GDAL_NODATA, "nan")).strip("\0 \n"))
-        empty |= (np.asarray(picture).reshape(*empty.shape, -1)[..., :3] == nodata).all(axis=-1)
-    return empty
-
-
-#: Tags of TIFF 6.0, GeoTIFF 1.1 and GDAL without which pixels, or their places, would be others.
-_NEEDED = {
-    *(254, 256, 257, 258, 259, 262, 266, 273, 274, 277, 278, 279, 284, 317, 320, 322, 323, 324, 325, 338),
-    *(339, 33550, 33922, 34264, 34735, 34736, 34737, 42112, 42113),
+#: GDAL reads cut-off PNG and JPEG files without an error unless told not to, and leaves out vertical systems.
+_CONFIGURATION = {
+    "GDAL_PNG_WHOLE_IMAGE_OPTIM": False,
+    "GDAL_ERROR_ON_LIBJPEG_WARNING": True,
+    "GTIFF_REPORT_COMPD_CS": True,
 }
 
 
 @contextmanager
-def opened_tiff(path: Path) -> Iterator[tifffile.TiffFile]:
-    """A TIFF file; what tifffile logs of damage goes nowhere: the reader says what matters, once.
-
-    Raises:
-        ValueError: tags that tell what the pixels are, or where, are damaged. tifffile does without them.
-    """
-    log, said = logging.getLogger("tifffile"), list[str]()
-
-    def heard(record: logging.LogRecord) -> bool:
-        said.append(record.getMessage())
-        return False
-
-    log.addFilter(heard)
-    try:
-        with tifffile.TiffFile(path) as file:
-            lost = {int(code) for line in said for code in re.findall(r"TiffTag (\d+) ", line)} & _NEEDED
-            if lost:
-                raise ValueError(f"its tag {min(lost)} cannot be read")
-            if any(re.search(r"incorrect Strip\w+ count", line) for line in said):
-                raise ValueError("its strips are not as many as it says")
-            yield file
-    finally:
-        log.removeFilter(heard)
-
-
-def hidden(path: Path, shape: tuple[int, ...]) -> NDArray[np.bool_] | None:
-    """[rows, columns] pixels that a mask in a TIFF (TIFF 6.0), or GDAL's file `.msk` beside a picture, hides.
+def opened(path: Path, fault: type[ValueError], **options: Any) -> Iterator["DatasetReader"]:
+    """Open a raster file; its pixels are decoded as they are asked for.
 
     Args:
-        path: of the picture.
-        shape: its rows and columns; masks of other sizes are those of overviews.
+        path: of the file.
+        fault: raised with one line where the file is no raster, or one of too many pixels.
+        options: of GDAL's driver.
+    """
+    # Imported here because GDAL takes a while to load, and only files need it.
+    import rasterio
+    from rasterio.errors import RasterioError
+    from rasterio.io import DatasetReader
+
+    path.open("rb").close()  # what the system says of a missing file is clearer than what GDAL says
+    with rasterio.Env(**_CONFIGURATION):
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # a picture need not be georeferenced
+                file = DatasetReader(str(path), driver=list(DRIVERS), **options)
+        except RasterioError as error:
+            raise fault(f"{path}: not a picture or grid that can be read ({reason_of(error)})") from None
+        with file:
+            if file.width * file.height > MAX_PIXELS:
+                raise fault(f"{path}: {file.width} x {file.height} pixels are more than {MAX_PIXELS}")
+            yield file
+
+
+def read_pixels(
+    path: Path, file: "DatasetReader", fault: type[ValueError], *, numbers: bool = False
+) -> tuple[NDArray[Any], NDArray[np.bool_] | None]:
+    """Read the pixels of a file of one band, or of colours.
+
+    Args:
+        path: of the file, for messages.
+        file: opened.
+        fault: raised with one line where the bands are neither.
+        numbers: whether one band is wanted as it is stored, not as greys or as the colours of its table.
 
     Returns:
-        None where there is no mask.
+        [rows, columns] of one band, greys from black to white, or [rows, columns, 3] uint8 red, green and
+        blue, on white where they are see-through. And [rows, columns] whether each pixel shows something:
+        False where it is mostly see-through or masked, and of colours where it is no data; None where all do.
     """
-    beside = path.with_name(f"{path.name}.msk")
-    with path.open("rb") as start:
-        tiff = start.read(2) in (b"II", b"MM")
-    for name, first in ((path, 1), (beside, 0)):
-        if not (tiff if name == path else beside.exists()):
-            continue
-        with opened_tiff(name) as file:
-            pages: list[Any] = list(file.pages)[first:]
-            for page in pages:
-                mask = first == 0 or int(page.subfiletype) & _MASK
-                if mask and (page.imagelength, page.imagewidth) == shape:
-                    return page.asarray().reshape(*shape, -1)[..., 0] == 0
-    return None
+    meanings = [meaning.name for meaning in file.colorinterp]
+    bands = [number for number, meaning in enumerate(meanings, 1) if meaning != "alpha"]
+    if file.driver == "BAG":
+        bands = bands[:1]  # the second one is the uncertainty of the first
+    flags = {flag.name for flag in file.mask_flag_enums[0]}
+    alpha = _eight_bit(file.read(meanings.index("alpha") + 1)) if "alpha" in meanings else None
+    shown = None if alpha is None else alpha >= 128
+    coloured = len(bands) > 1 or (meanings[0] == "palette" and not numbers)
+    if alpha is None and "all_valid" not in flags and (coloured or "per_dataset" in flags):
+        shown = file.dataset_mask() >= 128
+    if len(bands) == 1:
+        values = file.read(bands[0])
+        if numbers:
+            return values, shown
+        if meanings[0] != "palette":
+            return _greys(values, file), shown
+        entries = file.colormap(1)
+        table = np.array([entries.get(number, (0, 0, 0, 0)) for number in range(max(entries) + 1)], np.uint8)
+        if (table[:, :3] == table[:, :1]).all():
+            return table[values, 0], shown
+        colours, alpha = table[values, :3], table[values, 3]
+        shown = alpha >= 128 if shown is None else shown & (alpha >= 128)
+    else:
+        if len(bands) != 3:
+            raise fault(
+                f"{path}: {len(bands)} bands: neither one of values nor three of colour: gdal_translate -b N"
+            )
+        if [meanings[band - 1] for band in bands] != ["red", "green", "blue"]:
+            raise fault(f"{path}: its bands are no red, green and blue: save it as RGB")
+        if set(file.dtypes) - {"uint8", "uint16"}:
+            raise fault(
+                f"{path}: three bands must be colours of 8 or 16 bit, got {file.dtypes[0]}: "
+                "gdal_translate -ot Byte -scale makes them so"
+            )
+        colours = np.ascontiguousarray(np.moveaxis(_eight_bit(file.read(bands)), 0, -1))
+    if alpha is not None and alpha.min() < 255:
+        opaque = alpha[..., None].astype(np.float32) / 255.0
+        colours = (colours * opaque + 255.0 * (1.0 - opaque) + 0.5).astype(np.uint8)
+    return colours, None if shown is None or shown.all() else shown
 
 
-def colours(picture: Image.Image) -> NDArray[np.uint8]:
-    """[rows, columns, 3] RGB; see-through pixels become white, a colour that classes as coast."""
-    if not picture.has_transparency_data:
-        return np.asarray(picture.convert("RGB"))
-    layer = picture.convert("RGBA")
-    white = Image.new("RGBA", layer.size, "white")
-    return np.asarray(Image.alpha_composite(white, layer).convert("RGB"))
+def _eight_bit(values: NDArray[Any]) -> NDArray[np.uint8]:
+    return (values >> 8).astype(np.uint8) if values.dtype == np.uint16 else values
+
+
+def _greys(values: NDArray[Any], file: "DatasetReader") -> NDArray[Any]:
+    """Stretch levels of less than 8 bit to 0 to 255, and turn those that count from white."""
+    if values.dtype != np.uint8:
+        return values
+    bits = int(file.tags(1, ns="IMAGE_STRUCTURE").get("NBITS", 8))
+    values = values * np.uint8(255 // (2**bits - 1)) if bits < 8 else values
+    return ~values if file.tags(ns="IMAGE_STRUCTURE").get("MINISWHITE") == "YES" else values

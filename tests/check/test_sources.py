@@ -171,7 +171,7 @@ def test_what_is_not_looked_at_is_stated(tmp_path, settings, kind, name):
 def test_a_package_that_is_not_installed_is_stated(tmp_path, monkeypatch, package):
     monkeypatch.setitem(sys.modules, package, None)
     write_geojson(tmp_path / "l.json", geo_feature("Polygon", [ring((0, 0), (0, 9), (9, 9))]))
-    write_geotiff(tmp_path / "b.tif", np.zeros((4, 4)), corner=(0.0, 0.0), scale=(1.0, 1.0))
+    write_geotiff(tmp_path / "b.tif", np.zeros((4, 4)))
     chart, bed = {"source": "polygons", "file": "l.json"}, {"source": "file", "file": "b.tif"}
     notes = []
     (other,) = read_sources(saved(tmp_path, chart=chart, bathymetry=bed), notes)

@@ -39,7 +39,7 @@ def png_header(width: int, height: int) -> bytes:
         (b"this is a letter", "not a picture"),
         (b"", "not a picture"),
         (png_header(0, 10), "not a picture"),
-        (png_header(10, 10), "truncated"),
+        (png_header(10, 10), "Read Error"),
         (png_header(10_000, 9_000), "10000 x 9000 pixels"),
         (png_header(100_000, 100_000), "100000 x 100000 pixels"),
         (b"II*\x00\x08\x00\x00\x00\x05\x00", "."),

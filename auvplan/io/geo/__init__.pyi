@@ -10,7 +10,6 @@ from .charts import with_no_go as with_no_go
 from .error import GeoError as GeoError
 from .jobs import read_jobs as read_jobs
 from .obstacles import read_obstacles as read_obstacles
-from .raster import Raster as Raster
 from .raster import pixel_size as pixel_size
 from .raster import read_raster as read_raster
 from .s57 import Cells as Cells
@@ -20,7 +19,6 @@ __all__ = [
     "Bathymetry",
     "Cells",
     "GeoError",
-    "Raster",
     "Zone",
     "chart_and_notes",
     "chart_from_polygons",

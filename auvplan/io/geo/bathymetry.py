@@ -1,20 +1,34 @@
 """Depth of the sea floor on local pixels, from NetCDF (GEBCO, ETOPO, EMODnet, ROMS, CF) and rasters."""
 
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import xarray as xr
 from numpy.typing import NDArray
 
+from auvplan.files import require_whole
 from auvplan.io.currents.units import length_factor
 from auvplan.io.geo.error import GeoError, reading
-from auvplan.io.geo.field import DOWN, SPELT_OUT, UP, Field, netcdf_field, sense_of_standard_name
-from auvplan.io.geo.geotiff import is_tiff
-from auvplan.io.geo.grid import LocalGrid, bilinear, local_grid, refuse_beyond, steps
-from auvplan.io.geo.raster import is_raster, read_raster
+from auvplan.io.geo.grid import LocalGrid, local_grid
+from auvplan.io.geo.nodes import (
+    Find,
+    Nodes,
+    Source,
+    bilinear,
+    is_degrees,
+    label,
+    listed,
+    placed,
+    refuse_beyond,
+    steps,
+)
+from auvplan.io.geo.raster import read_raster
 from auvplan.ocean.picture import MAX_PIXELS
 from auvplan.site import Site
 
@@ -22,9 +36,15 @@ Array = NDArray[np.floating]
 
 #: Default pixels are half the source's spacing, within these bounds, m, and so many a side at most.
 SMALLEST_PIXEL, LARGEST_PIXEL, MOST_PIXELS = 10.0, 500.0, 1024
+# Names of variables by which the sense of their values is known, in the order in which they are looked for.
+_UP = ("elevation", "z", "topo", "topography", "altitude")
+_DOWN = ("deptho", "h", "depth", "bottom_depth", "water_depth")
+_UNSIGNED = ("bathymetry", "bathy", "bathymetrie", "depth_average", "band1", "height")
+# So begin the names that are standard names; they count down.
+_SPELT_OUT = "sea_floor_depth"
 # No sea floor lies deeper and no mountain higher, m: such values stand for none, and so do these.
 _EXTREME, _SENTINELS = 12_000.0, (-9999.0, 9999.0)
-# Rows of a file that are looked through for the signs of its values.
+# Rows of a source that are looked through for the signs of its values.
 _ROWS = 64
 
 
@@ -47,7 +67,7 @@ class Bathymetry:
 
 
 def read_bathymetry(
-    path: str | Path,
+    source: Source | xr.Dataset,
     site: Site,
     *,
     lower: Any,
@@ -57,138 +77,207 @@ def read_bathymetry(
     positive: str | None = None,
     crs: Any = None,
 ) -> Bathymetry:
-    """Read the sea floor under a local rectangle; bilinear in the file's own coordinates.
+    """Read the sea floor under a local rectangle; bilinear in the source's own coordinates.
 
     Which way values count is given by the attributes `positive` and `standard_name`, else by `positive`, else
-    by the variable's name (elevation, z: up; h, depth: down). Where nothing tells it, values of both signs,
-    or negative ones alone, in the area and 64 rows of the whole file are heights, with a note; else it is
+    by the variable's name (elevation, z: up; h, depth: down). Where nothing gives it, values of both signs,
+    or negative ones alone, in the area and 64 rows of the whole source are heights, with a note; else it is
     asked for. Units are m, km, cm, fathoms or ft. A pixel is NaN where one of the values that bear on it is
     missing. Of NetCDF only the window that is needed is read.
 
     Args:
-        path: NetCDF-3 or -4 with longitude and latitude as two axes or two grids, or a raster of one band
-            (`read_raster`).
+        source: a path of NetCDF-3 or -4, or of a raster of one band (`read_raster`); or an xarray object with
+            coordinates as `auvplan.io.geo.nodes` describes them. An array without a name, units and sense is
+            elevation in metres, positive up.
         site: where local coordinates count from.
         lower: south-western corner (north, east), m.
         upper: north-eastern corner, m; the last pixels may reach beyond it.
-        pixel_size: m; None for half the file's spacing, from 10 to 500 m and no more than 1024 pixels a side.
-        variable: name of the variable in a NetCDF file.
-        positive: "up" or "down", which way the file's values count, where it does not tell.
-        crs: coordinate reference system of a raster that tells none.
+        pixel_size: m; None for half the source's spacing, from 10 to 500 m and at most 1024 pixels a side.
+        variable: name of the variable in a NetCDF file or dataset.
+        positive: "up" or "down", which way the values count, where the source does not give it.
+        crs: coordinate reference system of x and y where the source has none.
 
     Raises:
-        GeoError: one line; what is wrong with the file, that it does not tell which way its values count, or
-            on which side and by how much the rectangle reaches beyond its outer cells.
+        GeoError: one line; what is wrong with the source, that the sense of its values is not known, or on
+            which side and by how much the rectangle reaches beyond its outer cells.
     """
-    path = Path(path)
     if positive not in (None, "up", "down"):
         raise GeoError(f'positive must be "up" or "down", got {positive!r}')
+    path = label(source)
     with reading(path):
         # Where no size is given these pixels only stand for the rectangle.
-        provisional = local_grid(lower, upper, pixel_size)
-        with _opened(path, variable, site, provisional, crs) as field:
-            nodes = field.nodes
-            find = nodes.seen_from(site, provisional)
-            refuse_beyond(path, "data", site, find, provisional, nodes, 0.5 + 1e-6)
-            grid = provisional
+        grid = local_grid(lower, upper, pixel_size)
+        with _opened(path, source, variable, crs) as (array, notes):
+            what = f"{path}: {array.name or 'the band'}"
+            array, nodes = placed(what, array, site, grid, crs)
+            find = nodes.seen_from(site, grid)
+            refuse_beyond(path, "data", site, find, grid, nodes, 0.5 + 1e-6)
             if pixel_size is None:
-                spacing = float(np.nanmin(np.hypot(*steps(find, provisional).T)))
+                spacing = float(np.nanmin(np.hypot(*steps(find, grid).T)))
                 size = float(np.clip(spacing / 2, SMALLEST_PIXEL, LARGEST_PIXEL))
                 longest = max(b - a for a, b in zip(grid.lower, grid.upper, strict=True))
                 grid = local_grid(lower, upper, max(size, longest / MOST_PIXELS))
-            window = _window(path, find, grid, field)
-            values = field.load(*window)
+            window = _window(path, find, grid, nodes)
+            values = _load(array, *window)
             if not np.isfinite(values).any():
-                raise GeoError(f"{path}: {field.name or 'the band'} has no values in the area")
-            sense, stated = _sense(path, field, values, positive)
-        factor, notes = _factor(path, field)
+                raise GeoError(f"{what} has no values in the area")
+            sense, stated = _sense(what, array, values, positive)
+        factor, assumed = _factor(what, array)
         values, missing = _without_sentinels(values * factor)
-        notes += missing
-        if not np.isfinite(values).any():
-            raise GeoError(f"{path}: {field.name or 'the band'} has no values in the area")
         depth = np.empty(grid.shape, np.float32)
         for rows, north, east in grid.blocks():
             row, column = find(north, east)
             depth[rows] = sense * bilinear(values, row - window[0], column - window[2])
+    notes += (*stated, *assumed, *missing)
     unknown = int(np.isnan(depth).sum())
     if unknown == depth.size:
-        raise GeoError(f"{path}: {field.name or 'the band'} has no values in the area")
+        raise GeoError(f"{what} has no values in the area")
     if unknown:
         notes += (f"{unknown} of {depth.size} pixels have no depth: NaN",)
     if not (depth > 0.0).any():
         notes += ("no pixel lies below the sea surface",)
-    return Bathymetry(depth, grid.lower, grid.pixel_size, (*field.notes, *stated, *notes))
+    return Bathymetry(depth, grid.lower, grid.pixel_size, notes)
 
 
 @contextmanager
-def _opened(path: Path, variable: str | None, site: Site, grid: LocalGrid, crs: Any) -> Iterator[Field]:
-    with path.open("rb") as file:
-        start = file.read(4)
-    is_a_raster = is_tiff(start) or (is_raster(path) and not start.startswith(b"CDF"))
-    if not is_a_raster:
-        with netcdf_field(path, variable, site, grid) as field:
-            yield field
-        return
-    raster = read_raster(path, crs, indices=True)
-    if raster.values.ndim != 2:
-        raise GeoError(f"{path}: three bands are colours, not depths")
-    stated = raster.attributes
-    name = stated.get("netcdf_varname") or stated.get("description") or ""
-    if variable is not None and variable != name:
-        raise GeoError(f"{path}: a GeoTIFF has no variable {variable!r}")
-    attributes = {key: stated[key] for key in ("standard_name", "positive") if key in stated}
-    attributes["units"] = stated.get("unittype") or stated.get("units") or ""
-    gain, offset = (float(stated.get(key, default)) for key, default in (("scale", 1.0), ("offset", 0.0)))
-
-    def load(first: int, last: int, left: int, right: int) -> Array:
-        columns = np.arange(left, right + 1) % raster.values.shape[1]
-        raw = raster.values[first : last + 1][:, columns]
-        values = raw.astype(float) * gain + offset
-        if raster.nodata is not None:
-            values[raw == _as_stored(raster.nodata, raw.dtype)] = np.nan
-        if raster.blank is not None:
-            values[raster.blank[first : last + 1][:, columns]] = np.nan
-        return values
-
-    yield Field(name, attributes, raster.nodes(), load)
-
-
-def _as_stored(number: float, dtype: np.dtype) -> Any:
-    """Return a number as a raster keeps it: in single precision -3.4e38 is not quite what the tag tells."""
-    with np.errstate(over="ignore"):
-        return dtype.type(number) if dtype.kind == "f" else number
+def _opened(
+    path: str, source: Source | xr.Dataset, variable: str | None, crs: Any
+) -> Iterator[tuple[xr.DataArray, tuple[str, ...]]]:
+    """Open the array of a sea floor with its coordinates; values are not read yet. And what was assumed."""
+    if isinstance(source, xr.DataArray):
+        yield source if source.name else source.rename(_UP[0]), ()
+    elif isinstance(source, xr.Dataset):
+        yield _chosen(path, source, variable)
+    else:
+        with Path(source).open("rb") as file:
+            start = file.read(4)
+        classic, hdf = start[:3] == b"CDF", start == b"\x89HDF" and Path(source).suffix.lower() != ".bag"
+        if not classic and not hdf:
+            array = read_raster(source, crs, numbers=True)
+            if array.ndim != 2:
+                raise GeoError(f"{path}: three bands are colours, not depths")
+            if variable not in (None, array.name):
+                raise GeoError(f"{path}: a raster has no variable {variable!r}")
+            yield array, ()
+            return
+        require_whole(Path(source), GeoError)
+        engine = "scipy" if classic else "h5netcdf"
+        lazily: dict[str, Any] = {
+            "decode_times": False,
+            "decode_timedelta": False,
+            "create_default_indexes": False,
+        }
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of odd attributes, which matter only where they are needed
+            with xr.open_dataset(source, engine=engine, **lazily) as dataset:
+                yield _chosen(path, dataset, variable)
 
 
-def _window(path: Path, find: Any, grid: LocalGrid, field: Field) -> tuple[int, int, int, int]:
+def _chosen(path: str, dataset: xr.Dataset, wanted: str | None) -> tuple[xr.DataArray, tuple[str, ...]]:
+    """Return the variable of the sea floor with the dataset's coordinates, and what was assumed."""
+    name, notes = _name(path, dataset, wanted)
+    variable = dataset.variables[name]
+    if variable.ndim > 2:
+        variable = variable.squeeze()
+    if variable.ndim != 2:
+        raise GeoError(f"{path}: {name} has dimensions {listed(variable.dims)}, not two")
+    mapping = variable.attrs.get("grid_mapping", variable.encoding.get("grid_mapping", "spatial_ref"))
+    coordinates = {
+        other: axis
+        for other, axis in dataset.variables.items()
+        if other != name and set(axis.dims) <= set(variable.dims) and (axis.ndim or other == mapping)
+        if axis.ndim != 2 or _is_axis(dataset, other) or other == "mask_rho"
+    }
+    if "mask_rho" in coordinates:
+        notes += ("where mask_rho is 0 the sea floor was taken as unknown",)
+    return xr.DataArray(variable, coordinates, name=name), notes
+
+
+def _is_axis(dataset: xr.Dataset, name: Any) -> bool:
+    return any(is_degrees(name, dataset.variables[name].attrs, kind) for kind in ("longitude", "latitude"))
+
+
+def _name(path: str, dataset: xr.Dataset, wanted: str | None) -> tuple[Any, tuple[str, ...]]:
+    """Return the name of the variable of the sea floor, and what was assumed."""
+    if wanted is not None:
+        if wanted not in dataset.variables:
+            raise GeoError(f"{path}: no variable {wanted!r}; it has {listed(dataset.variables)}")
+        return wanted, ()
+    flat = [
+        name
+        for name, variable in dataset.variables.items()
+        if sum(size > 1 for size in variable.shape) == 2
+        and variable.dtype.kind in "iuf"
+        and not _is_axis(dataset, name)
+    ]
+    stated = [
+        name
+        for name in flat
+        if _sense_of_standard_name(dataset.variables[name].attrs.get("standard_name", ""))
+    ]
+    names = {str(name).lower(): name for name in flat[::-1]}
+    spelt_out = tuple(name for name in names if name.startswith(_SPELT_OUT))
+    known = [names[name] for name in (*_UP, *_DOWN, *spelt_out, *_UNSIGNED) if name in names]
+    for found in (stated, known):
+        if found:
+            return found[0], (f"{found[0]} was taken, not {listed(found[1:])}",) if found[1:] else ()
+    if len(flat) == 1:
+        return flat[0], (f"{flat[0]} was taken for the sea floor, being the only grid",)
+    raise GeoError(f"{path}: no variable is known for a sea floor: name one of {listed(dataset.variables)}")
+
+
+def _load(array: xr.DataArray, first: int, last: int, left: int, right: int) -> Array:
+    """[rows, columns] of a window in the source's own units and sense, NaN where there is no value.
+
+    Args:
+        array: [rows, columns].
+        first, last: rows.
+        left, right: columns; those beyond the last one count on from the first.
+    """
+    columns = array.shape[1]
+    # In stretches: a window across the seam of longitudes is two of them.
+    breaks = [left, *range(left - left % columns + columns, right + 1, columns), right + 1]
+    parts = []
+    for a, b in pairwise(breaks):
+        part = array[first : last + 1, a % columns : a % columns + b - a]
+        raw, attributes = part.values, array.attrs
+        values = raw * float(attributes.get("scale_factor", 1.0)) + float(attributes.get("add_offset", 0.0))
+        missing = raw == attributes.get("_FillValue", np.nan)
+        if "mask" in part.coords:
+            missing |= part.coords["mask"].values == 0
+        parts.append(np.where(missing, np.nan, values))
+    return np.concatenate(parts, axis=1)
+
+
+def _window(path: str, find: Find, grid: LocalGrid, nodes: Nodes) -> tuple[int, int, int, int]:
     """First and last row, first and last column, of the nodes that bear on a grid."""
     spans = []
     for _, north, east in grid.blocks():
         row, column = find(north, east)
-        if np.isnan(row).all():
-            continue
-        spans.append((np.nanmin(row), np.nanmax(row), np.nanmin(column), np.nanmax(column)))
+        if not np.isnan(row).all():
+            spans.append((np.nanmin(row), np.nanmax(row), np.nanmin(column), np.nanmax(column)))
     if not spans:
         raise GeoError(f"{path}: the area lies wholly beyond the data")
     low, high = np.min(spans, axis=0), np.max(spans, axis=0)
     first, left = int(np.floor(low[0])), int(np.floor(low[2]))
     last, right = int(np.ceil(high[1])), int(np.ceil(high[3]))
-    rows, columns = field.nodes.shape
+    rows, columns = nodes.shape
     first, last = (min(max(k, 0), rows - 1) for k in (first, last))
-    if not field.nodes.cyclic:
+    if not nodes.cyclic:
         left, right = (min(max(k, 0), columns - 1) for k in (left, right))
     if (last - first + 1) * (right - left + 1) > MAX_PIXELS:
         raise GeoError(f"{path}: the area holds more than {MAX_PIXELS} values")
     return first, last, left, right
 
 
-def _factor(path: Path, field: Field) -> tuple[float, tuple[str, ...]]:
-    """Return metres in the file's unit."""
-    unit = str(field.attributes.get("units", "")).strip()
+def _factor(what: str, array: xr.DataArray) -> tuple[float, tuple[str, ...]]:
+    """Return metres in the source's unit."""
+    unit = str(array.attrs.get("units", "")).strip()
     if not unit:
         return 1.0, ("units are not given: metres",)
     factor = length_factor(unit.rstrip("."))
     if factor is None:
-        raise GeoError(f"{path}: {field.name or 'the band'} is in {unit!r}, not in m, km, cm, fathoms or ft")
+        raise GeoError(f"{what} is in {unit!r}, not in m, km, cm, fathoms or ft")
     return factor, ()
 
 
@@ -205,24 +294,35 @@ def _without_sentinels(values: Array) -> tuple[Array, tuple[str, ...]]:
     return np.where(odd, np.nan, values), notes
 
 
-def _sense(path: Path, field: Field, values: Array, positive: str | None) -> tuple[float, tuple[str, ...]]:
-    """Return the factor that makes values positive down, and what was taken for granted."""
-    what = f"{path}: {field.name or 'the band'}"
+def _sense_of_standard_name(name: Any) -> str | None:
+    """Return "up" or "down" where a CF standard name gives it."""
+    name = str(name).lower()
+    if name == "depth" or name.startswith("depth_below") or "sea_floor_depth" in name:
+        return "down"
+    if name == "height" or name.startswith("height_above") or name.endswith("altitude"):
+        return "up"
+    return None
+
+
+def _sense(
+    what: str, array: xr.DataArray, values: Array, positive: str | None
+) -> tuple[float, tuple[str, ...]]:
+    """Return the factor that makes values positive down, and what was assumed."""
     stated = {}
-    attribute = str(field.attributes.get("positive", "")).strip().lower()
+    attribute = str(array.attrs.get("positive", "")).strip().lower()
     if attribute in ("up", "down"):
         stated["its attribute positive"] = attribute
-    standard = str(field.attributes.get("standard_name", ""))
-    if sense := sense_of_standard_name(standard):
+    standard = array.attrs.get("standard_name", "")
+    if sense := _sense_of_standard_name(standard):
         stated[f"its standard_name {standard}"] = sense
     if positive is not None:
         stated["the argument positive"] = positive
     if len(set(stated.values())) > 1:
-        listed = ", ".join(f"{source} says {sense}" for source, sense in stated.items())
-        raise GeoError(f"{what} has a contradictory sign convention: {listed}")
-    name = field.name.lower()
-    if not stated and (name in (*UP, *DOWN) or name.startswith(SPELT_OUT)):
-        stated["its name"] = "up" if name in UP else "down"
+        sources = ", ".join(f"{source} says {sense}" for source, sense in stated.items())
+        raise GeoError(f"{what} has a contradictory sign convention: {sources}")
+    name = str(array.name or "").lower()
+    if not stated and (name in (*_UP, *_DOWN) or name.startswith(_SPELT_OUT)):
+        stated["its name"] = "up" if name in _UP else "down"
     if stated:
         source, sense = next(iter(stated.items()))
         if sense == "down" and positive is None and (values[np.isfinite(values)] < 0.0).all():
@@ -230,22 +330,22 @@ def _sense(path: Path, field: Field, values: Array, positive: str | None) -> tup
                 f'{what} is positive down by {source}, but all its values are negative: say positive="up"'
             )
         return (1.0 if sense == "down" else -1.0), ()
-    least, most = _extremes(field, values)
+    least, most = _extremes(array, values)
     if most <= 0.0 or (least < 0.0 and not name.startswith("bathy") and "depth" not in name):
         kind = "of both signs" if most > 0.0 else "negative"
-        return -1.0, (f"{field.name or 'the band'} was taken as positive up: its values are {kind}",)
+        return -1.0, (f"{array.name or 'the band'} was taken as positive up: its values are {kind}",)
     raise GeoError(
-        f"{what} does not tell whether its values, {least:g} to {most:g}, are heights or depths: say "
+        f"{what} does not give whether its values, {least:g} to {most:g}, are heights or depths: say "
         'positive="up" or "down" (bathymetry.positive)'
     )
 
 
-def _extremes(field: Field, values: Array) -> tuple[float, float]:
-    """Return the least and largest of some values and of evenly spaced rows of the whole file."""
-    rows, columns = field.nodes.shape
+def _extremes(array: xr.DataArray, values: Array) -> tuple[float, float]:
+    """Return the least and largest of some values and of evenly spaced rows of the whole source."""
+    rows, columns = array.shape
     sample = [values.ravel()]
-    for row in np.unique(np.linspace(0, rows - 1, min(rows, _ROWS)).astype(int)):
-        sample.append(field.load(int(row), int(row), 0, columns - 1).ravel())
+    for row in np.unique(np.linspace(0, rows - 1, min(rows, _ROWS)).astype(int)).tolist():
+        sample.append(_load(array, row, row, 0, columns - 1).ravel())
     known = np.concatenate(sample)
     known = known[np.isfinite(known) & ~np.isin(known, _SENTINELS)]
     return (float(known.min()), float(known.max())) if len(known) else (0.0, 0.0)

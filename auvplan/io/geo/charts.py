@@ -16,9 +16,9 @@ from shapely.geometry import MultiPolygon, Polygon
 from auvplan.errors import ScenarioWarning, blaming
 from auvplan.io.geo.error import GeoError, as_chart, reading
 from auvplan.io.geo.geojson import read_polygons
-from auvplan.io.geo.grid import LocalGrid, Nodes, local_grid, nearest, refuse_beyond, steps
-from auvplan.io.geo.raster import Raster, read_raster
-from auvplan.io.geo.shapes import around, near, to_local, touched
+from auvplan.io.geo.grid import LocalGrid, around, local_grid, near, to_local, touched
+from auvplan.io.geo.nodes import Nodes, Source, label, nearest, placed, refuse_beyond, steps
+from auvplan.io.geo.raster import read_raster
 from auvplan.io.geo.windows import read_spans
 from auvplan.ocean.chart import Chart, ChartError, settled
 from auvplan.ocean.classify import UNCERTAIN_MAX, classify_picture
@@ -33,7 +33,7 @@ _HOURS = ("from", "to", "windows")
 
 
 def chart_and_notes(
-    path: str | Path,
+    source: Source,
     site: Site,
     *,
     lower: Any,
@@ -54,12 +54,14 @@ def chart_and_notes(
     rectangle must not reach into them. A frame of a shade that `colours` name is closed, but on the chart.
 
     Args:
-        path: GeoTIFF, or PNG, JPEG or TIFF with a world file; see `read_raster`.
+        source: path of a GeoTIFF, or of a PNG, JPEG or TIFF with a world file (`read_raster`); or an xarray
+            array of one band, or of bands red, green, blue and perhaps alpha, with coordinates as
+            `auvplan.io.geo.nodes` describes them.
         site: where local coordinates count from.
         lower: south-western corner (north, east), m.
         upper: north-eastern corner, m; the last pixels may reach beyond it.
         pixel_size: of the chart, m.
-        crs: coordinate reference system, where the file tells none.
+        crs: coordinate reference system, where the source has none.
         classes: pixel value to passability (0 coast, (0, 0.35] uncertain, 1 water) of a single-band raster.
             What the file marks as no data is coast, unless it is named here.
         colours: what the picture's colours stand for; with them a band of greys is a picture too.
@@ -76,14 +78,18 @@ def chart_and_notes(
     Warns:
         ScenarioWarning: the picture does not look like a chart.
     """
+    path = label(source)
     with as_chart(), reading(path):
         grid = local_grid(lower, upper, pixel_size)
-        raster = read_raster(path, crs, indices=classes is not None)
-        nodes = raster.nodes()
+        given = isinstance(source, str | Path)
+        raster = read_raster(source, crs, numbers=classes is not None) if given else source
+        plane = raster.isel(band=0, drop=True) if "band" in raster.dims else raster
+        plane, nodes = placed(path, plane, site, grid, crs)
         find = nodes.seen_from(site, grid)
         # Before the clustering, which takes longer than anything else.
         refuse_beyond(path, "picture", site, find, grid, nodes, _SLACK)
-        passability, notes, outside = _passability(path, raster, classes, colours)
+        raster = raster.transpose(*plane.dims, ...)[:, : nodes.shape[1]]
+        passability, notes, outside = _passability(path, raster, plane.coords.get("mask"), classes, colours)
         if outside is not None and outside.any():
             _refuse_outside(path, _least(1.0 - outside, find, grid, nodes, 1.0) == 0.0, grid)
         wide = grid.widened(beyond)
@@ -93,9 +99,9 @@ def chart_and_notes(
         return _chart(found, wide), notes
 
 
-def chart_from_raster(path: str | Path, site: Site, **options: Any) -> Chart:
+def chart_from_raster(source: Source, site: Site, **options: Any) -> Chart:
     """`chart_and_notes` without the notes."""
-    return chart_and_notes(path, site, **options)[0]
+    return chart_and_notes(source, site, **options)[0]
 
 
 def chart_from_polygons(
@@ -285,15 +291,29 @@ def _warn_beyond(path: str | Path, what: str, shapes: list[Any], site: Site, gri
 
 
 def _passability(
-    path: str | Path, raster: Raster, classes: Mapping[int, float] | None, colours: ChartColours
+    path: str,
+    raster: Any,
+    mask: Any,
+    classes: Mapping[int, float] | None,
+    colours: ChartColours,
 ) -> tuple[NDArray[np.float32], tuple[str, ...], NDArray[np.bool_] | None]:
-    """[rows, columns] of a raster's own pixels, what was assumed, and which pixels are off the chart."""
-    values, blank = raster.values, raster.blank
+    """[rows, columns] of a raster's own pixels, what was assumed, and which pixels are off the chart.
+
+    Args:
+        path: of the raster, for messages.
+        raster: array [rows, columns] or [rows, columns, bands].
+        mask: array [rows, columns], 0 where a pixel shows nothing; None where all do.
+        classes, colours: as of `chart_and_notes`.
+    """
+    values, nodata = raster.values, raster.attrs.get("_FillValue", np.nan)
+    blank = np.zeros(values.shape[:2], bool) if mask is None else mask.values == 0
     if values.ndim == 2 and classes is None and colours and values.dtype in (np.uint8, np.bool_):
-        empty = values == (np.nan if raster.nodata is None else raster.nodata)
-        blank = empty if blank is None else empty | blank
+        blank |= values == nodata
         values = np.repeat((values * np.uint8(255 if values.dtype == np.bool_ else 1))[..., None], 3, axis=2)
     if values.ndim == 3:
+        if values.shape[2] not in (3, 4) or values.dtype != np.uint8:
+            raise GeoError(f"{path}: {values.shape[2]} bands of {values.dtype} are no colours of 8 bit")
+        values, blank = values[..., :3], blank | (values[..., 3:] < 128).any(axis=2)
         if classes is not None:
             raise GeoError(f"{path}: classes give a meaning to one band, and it has three")
         try:
@@ -313,12 +333,12 @@ def _passability(
         if not (meaning in (0.0, 1.0) or 0.0 < meaning <= UNCERTAIN_MAX):
             raise GeoError(f"{path}: class {value} must be 0, in (0, {UNCERTAIN_MAX}] or 1, got {meaning}")
     found, place = np.unique(values, return_inverse=True)
-    unknown = [int(value) for value in found if int(value) not in classes and value != raster.nodata]
+    unknown = [int(value) for value in found if int(value) not in classes and value != nodata]
     if unknown:
         listed = ", ".join(map(str, unknown[:8])) + (" ..." if len(unknown) > 8 else "")
         raise GeoError(f"{path}: classes give no meaning to the values {listed}")
     meanings = np.array([classes.get(int(value), 0.0) for value in found], np.float32)
-    return np.where(False if blank is None else blank, 0.0, meanings[place].reshape(values.shape)), (), None
+    return np.where(blank, 0.0, meanings[place].reshape(values.shape)), (), None
 
 
 def _refuse_outside(path: str | Path, reached: NDArray[np.bool_], grid: LocalGrid) -> None:

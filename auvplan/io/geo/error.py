@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from auvplan.errors import AuvplanError
+from auvplan.errors import AuvplanError, reason_of
 from auvplan.ocean.chart import ChartError
 
 
@@ -71,7 +71,7 @@ def reading(path: str | Path) -> Iterator[None]:
     except GeoError:
         raise
     except Exception as error:  # readers answer a damaged file with whatever their layers stumble over
-        raise GeoError(f"{path}: {reason(error)}") from None
+        raise GeoError(f"{path}: {reason_of(error)}") from None
 
 
 @contextmanager
@@ -81,12 +81,6 @@ def as_chart() -> Iterator[None]:
         yield
     except GeoError as error:
         raise ChartError(*error.lines, field=error.field) from None
-
-
-def reason(error: Exception) -> str:
-    """Return what an error says, on one line."""
-    said = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-    return " ".join(said.split())[:300] or f"cannot be read ({type(error).__name__})"
 
 
 def read_text(path: str | Path, limit: int) -> str:

@@ -1,21 +1,30 @@
-"""The local raster that files are brought to, how places in a file are found from it, and look-ups there."""
+"""The local grid of pixels that files are brought to, and polygons on it."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
+from shapely.geometry import MultiPolygon
 
 from auvplan.io.geo.error import GeoError
 from auvplan.ocean.picture import MAX_PIXELS
-from auvplan.site import Site, swapped_hint
+from auvplan.site import Site
 
 Array = NDArray[np.floating]
 
 #: Pixels that are placed at a time.
 _BLOCK = 1_000_000
-_OUTLINE = 65
+#: Points along each side of its outline.
+OUTLINE = 65
+# An edge of GeoJSON is straight in longitude and latitude; pieces of so many degrees are straight in both,
+# to a few centimetres.
+_PIECE = 0.01
+_NONE, _PART, _ALL = 0, 1, 2
+# By this share of a pixel two that merely share an edge are kept apart.
+_OPEN = 1e-6
 
 
 @dataclass(frozen=True)
@@ -44,9 +53,9 @@ class LocalGrid:
     def outline(self) -> tuple[Array, Array]:
         """North and east of points around the rectangle asked for, m."""
         (south, west), (north, east) = self.lower, self.upper
-        n, e = np.linspace(south, north, _OUTLINE), np.linspace(west, east, _OUTLINE)
-        sides = [(n, np.full(_OUTLINE, side)) for side in (west, east)]
-        sides += [(np.full(_OUTLINE, side), e) for side in (south, north)]
+        n, e = np.linspace(south, north, OUTLINE), np.linspace(west, east, OUTLINE)
+        sides = [(n, np.full(OUTLINE, side)) for side in (west, east)]
+        sides += [(np.full(OUTLINE, side), e) for side in (south, north)]
         return np.concatenate([s[0] for s in sides]), np.concatenate([s[1] for s in sides])
 
     def blocks(self) -> Iterator[tuple[slice, Array, Array]]:
@@ -77,7 +86,7 @@ def local_grid(lower: Any, upper: Any, pixel_size: float | None) -> LocalGrid:
         pixel_size = max(b - a for a, b in zip(low, high, strict=True)) / 64
     if not (np.isfinite(pixel_size) and pixel_size > 0.0):
         raise GeoError(f"pixel_size must be positive, got {pixel_size}")
-    # Less a whisker, or 100 m of 0.1 m pixels would be 1001 of them.
+    # Less a rounding error, or 100 m of 0.1 m pixels would be 1001 of them.
     north, east = (int(np.ceil((b - a) / pixel_size - 1e-6)) for a, b in zip(low, high, strict=True))
     north, east = max(north, 1), max(east, 1)
     if north * east > MAX_PIXELS:
@@ -86,144 +95,77 @@ def local_grid(lower: Any, upper: Any, pixel_size: float | None) -> LocalGrid:
     return LocalGrid(low, high, float(pixel_size), (north, east))  # type: ignore[arg-type]
 
 
-@dataclass(frozen=True)
-class Nodes:
-    """Where the values of a file lie.
+def to_local(shape: Any, site: Site) -> Any:
+    """Return a shapely geometry in longitude and latitude, degrees, as one in local (north, east), m."""
 
-    Attributes:
-        find: longitude and latitude, degrees, to row and column, whole numbers at the nodes, which are pixel
-            centres; NaN where there is none.
-        shape: rows and columns.
-        middle: longitude of their middle, degrees, where columns go by longitude: it tells which of
-            the longitudes that name one place is meant. None in projected coordinates.
-        cyclic: whether the first column follows upon the last one.
+    def local(places: NDArray) -> NDArray:
+        return np.stack(site.to_local(places[:, 0], places[:, 1]), axis=-1)
+
+    moved = shapely.transform(shapely.segmentize(shape, _PIECE), local)
+    # Rounding may fold what all but touched.
+    return moved if shapely.is_valid(moved) else shapely.make_valid(moved)
+
+
+def near(shapes: Sequence[Any], site: Site, grid: LocalGrid, margin: float) -> Any:
+    """The union of shapes in longitude and latitude, cut to a grid and `margin` m around it, in local metres.
+
+    Of longitudes that name one place (-170 and 190) either is found.
     """
-
-    find: Callable[[Array, Array], tuple[Array, Array]]
-    shape: tuple[int, int]
-    middle: float | None = None
-    cyclic: bool = False
-
-    def seen_from(self, site: Site, grid: LocalGrid) -> Callable[[Array, Array], tuple[Array, Array]]:
-        """Local north and east, m, to row and column, continuous over the grid."""
-        low, high = np.asarray(grid.lower), np.asarray(grid.upper)
-        centre = float(site.to_geographic(*((low + high) / 2))[0])
-        if self.middle is not None:
-            centre += 360.0 * np.round((self.middle - centre) / 360.0)
-
-        def find(north: Array, east: Array) -> tuple[Array, Array]:
-            longitude, latitude = site.to_geographic(north, east)
-            near = centre + (longitude - centre + 180.0) % 360.0 - 180.0
-            row, column = self.find(near, latitude)
-            finite = np.isfinite(row) & np.isfinite(column)
-            return np.where(finite, row, np.nan), np.where(finite, column, np.nan)
-
-        return find
+    found = []
+    all_shapes = np.asarray(shapes, object)
+    for box in around(site, grid, margin).geoms:
+        for shape in all_shapes[shapely.intersects(box, all_shapes)]:
+            cut = shapely.intersection(shape, box)
+            if not shapely.is_empty(cut):
+                found.append(to_local(cut, site))
+    return shapely.union_all(found)
 
 
-def steps(find: Callable, grid: LocalGrid) -> Array:
-    """[2, 2] m: the local way (north, east) of one row, and of one column, in the middle of the grid."""
-    middle = (np.asarray(grid.lower) + np.asarray(grid.upper)) / 2
-    h = min(1.0, 0.01 * float(np.min(np.asarray(grid.upper) - np.asarray(grid.lower))))
-    around = middle + h * np.array([[1.0, 0], [-1, 0], [0, 1], [0, -1]])
-    at = np.stack(find(around[:, 0], around[:, 1]), axis=-1)
-    slopes = np.stack([at[0] - at[1], at[2] - at[3]], axis=-1) / (2 * h)
-    with np.errstate(all="ignore"):
-        if not np.isfinite(slopes).all() or abs(np.linalg.det(slopes)) < 1e-30:
-            return np.full((2, 2), np.nan)
-        return np.linalg.inv(slopes).T
+def around(site: Site, grid: LocalGrid, margin: float) -> MultiPolygon:
+    """Return boxes in longitude and latitude, degrees, that hold a grid and `margin` m around it.
 
-
-def refuse_beyond(
-    path: object, what: str, site: Site, find: Callable, grid: LocalGrid, nodes: Nodes, slack: float
-) -> None:
-    """Refuse a grid that reaches more than `slack` rows or columns beyond the outer nodes of a file.
-
-    Raises:
-        GeoError: one line that says by how much, on which side, and whether it would not with longitude and
-            latitude swapped.
+    There is one for each way to write the longitudes.
     """
-    try:
-        _refuse_beyond(path, what, find, grid, nodes, slack)
-    except GeoError as error:
-
-        def fits(other: Site) -> bool:
-            _refuse_beyond(path, what, nodes.seen_from(other, grid), grid, nodes, slack)
-            return True
-
-        hint = swapped_hint(site, fits)
-        raise GeoError(f"{error}{hint}") from None
+    west, south, east, north = _bounds(site, grid, margin)
+    turns = (-360.0, 0.0, 360.0)
+    return MultiPolygon([shapely.box(west + turn, south, east + turn, north) for turn in turns])
 
 
-def _refuse_beyond(
-    path: object, what: str, find: Callable, grid: LocalGrid, nodes: Nodes, slack: float
-) -> None:
-    row, column = find(*grid.outline())
-    ways = steps(find, grid)
-    if np.isnan(row).all() or (np.isnan(ways).any() and not np.isnan(row).any()):
-        raise GeoError(f"{path}: the area lies wholly beyond the {what}")
-    over: dict[str, float] = {}
-    for at, size, way, cyclic in (
-        (row, nodes.shape[0], ways[0], False),
-        (column, nodes.shape[1], ways[1], nodes.cyclic),
-    ):
-        past = (-np.nanmin(at), np.nanmax(at) - (size - 1))
-        for by, sense in zip(past, (-1.0, 1.0), strict=True):
-            if by > slack and not cyclic:
-                over[_side(sense * way)] = (by - 0.5) * float(np.hypot(*way))
-    if over:
-        listed = " and ".join(f"{metres:.0f} m in the {side}" for side, metres in over.items())
-        raise GeoError(f"{path}: the area reaches beyond the {what} by {listed}")
-    if np.isnan(row).any():
-        north, east = grid.outline()
-        gone = np.isnan(row)
-        listed = " and ".join(
-            f"{metres:.0f} m of its edge in the {side}" for side, metres in _lost(grid, north, east, gone)
-        )
-        raise GeoError(f"{path}: the area reaches beyond the {what} with {listed}")
+def touched(shape: Any, grid: LocalGrid) -> NDArray[np.bool_]:
+    """[nx, ny]: pixels that a shape in local (north, east), m, reaches into; a shared edge is not enough.
 
-
-def _side(way: Array) -> str:
-    north, east = (float(c) for c in way)
-    if abs(north) >= abs(east):
-        return "north" if north > 0 else "south"
-    return "east" if east > 0 else "west"
-
-
-def _lost(grid: LocalGrid, north: Array, east: Array, gone: NDArray[np.bool_]) -> list[tuple[str, float]]:
-    """Sides of the rectangle with the length, m, of their part that has no place in the file."""
-    tall, wide = (b - a for a, b in zip(grid.lower, grid.upper, strict=True))
-    sides = ("west", tall), ("east", tall), ("south", wide), ("north", wide)
-    shares = gone.reshape(4, _OUTLINE).mean(axis=1)
-    return [(side, share * length) for (side, length), share in zip(sides, shares, strict=True) if share > 0]
-
-
-def nearest(values: NDArray, row: Array, column: Array, cyclic: bool = False) -> NDArray:
-    """Return the value of the nearest node, held beyond the outer ones; [rows, columns] at row and column."""
-    i = np.clip(np.rint(row), 0, values.shape[0] - 1).astype(int)
-    j = np.rint(column).astype(int)
-    return values[i, j % values.shape[1] if cyclic else np.clip(j, 0, values.shape[1] - 1)]
-
-
-def bilinear(values: NDArray, row: Array, column: Array) -> Array:
-    """Bilinear interpolation of [rows, columns], held beyond the outer nodes.
-
-    NaN where a node that bears on the place is NaN: a missing value spreads, it is never guessed.
+    Squares are halved where the shape neither fills nor leaves them, so that the work goes with the length of
+    its outline.
     """
-    rows, columns = values.shape
-    nowhere = np.isnan(row) | np.isnan(column)
-    row = np.clip(np.where(nowhere, 0.0, row), 0, rows - 1)
-    column = np.clip(np.where(nowhere, 0.0, column), 0, columns - 1)
-    i = np.minimum(np.floor(row).astype(int), max(rows - 2, 0))
-    j = np.minimum(np.floor(column).astype(int), max(columns - 2, 0))
-    a, b = row - i, column - j
-    up, right = np.minimum(i + 1, rows - 1), np.minimum(j + 1, columns - 1)
-    total = np.where(nowhere, np.nan, 0.0)
-    for weight, at in (
-        ((1 - a) * (1 - b), values[i, j]),
-        ((1 - a) * b, values[i, right]),
-        (a * (1 - b), values[up, j]),
-        (a * b, values[up, right]),
-    ):
-        total += np.where(weight > 0.0, weight * at, 0.0)
-    return total
+    shapely.prepare(shape)
+    state = np.full((1, 1), _PART, np.uint8)
+    for level in range(int(np.ceil(np.log2(max(grid.shape)))), -1, -1):
+        size = grid.pixel_size * 2**level
+        i, j = np.nonzero(state == _PART)
+        gap = _OPEN * grid.pixel_size
+        south, west = grid.lower[0] + i * size, grid.lower[1] + j * size
+        squares = shapely.box(south + gap, west + gap, south + size - gap, west + size - gap)
+        reached = np.where(shapely.intersects(shape, squares), _PART, _NONE)
+        state[i, j] = np.where(shapely.contains_properly(shape, squares), _ALL, reached) if level else reached
+        if level:
+            rows, columns = (-(-pixels // 2 ** (level - 1)) for pixels in grid.shape)
+            state = state.repeat(2, axis=0)[:rows].repeat(2, axis=1)[:, :columns]
+    return state != _NONE
+
+
+def _bounds(site: Site, grid: LocalGrid, margin: float) -> tuple[float, float, float, float]:
+    """West, south, east and north, degrees, of a grid and the margin; west and east around the site."""
+    low, high = np.asarray(grid.lower) - margin, np.asarray(grid.upper) + margin
+    grown = LocalGrid(tuple(low), tuple(high), grid.pixel_size, grid.shape)
+    longitude, latitude = site.to_geographic(*grown.outline())
+    around = site.longitude + (longitude - site.longitude + 180.0) % 360.0 - 180.0
+    # Between the points of the outline it may bulge.
+    spare = 0.02 * (np.ptp(latitude) + 1e-6)
+    west, east = around.min() - 0.02 * np.ptp(around) - 1e-6, around.max() + 0.02 * np.ptp(around) + 1e-6
+    south, north = max(latitude.min() - spare, -90.0), min(latitude.max() + spare, 90.0)
+    for pole in (-90.0, 90.0):
+        at = np.ravel(site.to_local(0.0, pole))
+        if (low <= at).all() and (at <= high).all():
+            west, east = site.longitude - 180.0, site.longitude + 180.0
+            south, north = min(south, pole), max(north, pole)
+    return float(west), float(south), float(east), float(north)

@@ -21,12 +21,11 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon, Polygon
 
-from auvplan.errors import ScenarioWarning
+from auvplan.errors import ScenarioWarning, reason_of
 from auvplan.io.geo.charts import Zone
-from auvplan.io.geo.error import GeoError, as_chart, reading, reason
+from auvplan.io.geo.error import GeoError, as_chart, reading
 from auvplan.io.geo.geojson import MAX_BYTES
-from auvplan.io.geo.grid import LocalGrid, local_grid
-from auvplan.io.geo.shapes import around, near, to_local, touched
+from auvplan.io.geo.grid import LocalGrid, around, local_grid, near, to_local, touched
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.known import KnownObstacle
 from auvplan.site import Site, swapped_hint
@@ -454,7 +453,7 @@ def _unharmed(what: str) -> Iterator[None]:
         try:
             yield
         except Exception as error:
-            raise GeoError(f"{what} cannot be read ({reason(error)})") from None
+            raise GeoError(f"{what} cannot be read ({reason_of(error)})") from None
     for one in caught:
         said = " ".join(str(one.message).split())
         if not any(words in said for words in _HARMLESS):

@@ -11,7 +11,8 @@ import shapely
 from pyproj import CRS, Transformer
 from shapely.geometry import MultiPolygon, Polygon
 
-from auvplan.io.geo.error import GeoError, reason
+from auvplan.errors import reason_of
+from auvplan.io.geo.error import GeoError
 
 _STARTS = (b"SQLite format 3", b"fgb", b"PK\x03\x04")
 _SHAPEFILE = b"\0\0\x27\x0a"
@@ -64,7 +65,7 @@ def read_vector_polygons(path: str | Path) -> list[tuple[int, dict[str, Any], Po
     except GeoError:
         raise
     except Exception as error:  # whatever GDAL stumbles over
-        raise GeoError(f"{path}: cannot be read ({reason(error)})") from None
+        raise GeoError(f"{path}: cannot be read ({reason_of(error)})") from None
     if not meta["crs"]:
         raise GeoError(
             f"{path}: tells no coordinate reference system: a Shapefile's is in the .prj beside it"
@@ -161,7 +162,7 @@ def _source(path: Path) -> str:
                         with archive.open(entry) as inside:
                             starts.append((entry.filename, inside.read(16)))
     except (OSError, ValueError, RuntimeError, NotImplementedError, BadZipFile, zlib.error) as error:
-        raise GeoError(f"{path}: cannot be read ({reason(error)})") from None
+        raise GeoError(f"{path}: cannot be read ({reason_of(error)})") from None
     known = [name for name, start in starts if start.startswith((*_STARTS, _SHAPEFILE))]
     main = [name for name in known if Path(name).suffix.lower() != ".shx"]  # begins as its .shp does
     for name, _ in starts:

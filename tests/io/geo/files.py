@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import tifffile
+import rasterio
 from pyproj import Transformer
 
 from auvplan.site import Site
@@ -19,32 +19,44 @@ def write_geotiff(
     *,
     corner: tuple[float, float] = (148.9, -20.2),
     scale: tuple[float, float] = (0.001, 0.001),
-    epsg: int | None = 4326,
+    epsg: Any = 4326,
     point: bool = False,
-    matrix: Any = None,
-    nodata: str | None = None,
-    metadata: str | None = None,
+    transform: Any = None,
+    mask: Any = None,
+    band: dict[str, Any] | None = None,
     **options: Any,
 ) -> Path:
-    """A GeoTIFF whose first pixel's outer corner, or centre where pixels are points, lies at `corner`."""
-    tags: list[tuple] = []
-    if matrix is None:
-        tags.append((33550, "d", 3, (*scale, 0.0), True))
-        tags.append((33922, "d", 6, (0.0, 0.0, 0.0, *corner, 0.0), True))
-    else:
-        tags.append((34264, "d", 16, tuple(np.ravel(matrix)), True))
-    if epsg is not None:
-        geographic = 4000 <= epsg < 5000
-        keys = [(1024, 0, 1, 2 if geographic else 1), (1025, 0, 1, 2 if point else 1)]
-        keys.append((2048 if geographic else 3072, 0, 1, epsg))
-        words = (1, 1, 0, len(keys), *(word for key in keys for word in key))
-        tags.append((34735, "H", len(words), words, True))
-    if nodata is not None:
-        tags.append((42113, "s", 0, nodata, True))
-    if metadata is not None:
-        tags.append((42112, "s", 0, metadata, True))
-    photometric = options.pop("photometric", "rgb" if values.ndim == 3 else "minisblack")
-    tifffile.imwrite(path, values, extratags=tags, photometric=photometric, metadata=None, **options)
+    """A GeoTIFF whose first pixel's outer corner, or centre where pixels are points, lies at `corner`.
+
+    Args:
+        path: of the file.
+        values: [rows, columns] or [rows, columns, bands].
+        corner, scale: x and y; the second scale counts southwards.
+        epsg: code of the reference system, or what else GDAL takes; None for none.
+        point: whether the values are of points.
+        transform: from pixels to coordinates in place of corner and scale.
+        mask: [rows, columns] of what is shown.
+        band: of the first band: `scales`, `offsets`, `units` and tags.
+        options: of GDAL's driver.
+    """
+    bands = values[None] if values.ndim == 2 else np.moveaxis(values, -1, 0)
+    place = rasterio.Affine(scale[0], 0.0, corner[0], 0.0, -scale[1], corner[1])
+    if point:
+        place = place @ rasterio.Affine.translation(-0.5, -0.5)
+    options.setdefault("photometric", "RGB" if values.ndim == 3 else "MINISBLACK")
+    size = {"count": len(bands), "height": bands.shape[1], "width": bands.shape[2], "dtype": bands.dtype}
+    place = place if transform is None else transform
+    with rasterio.open(path, "w", "GTiff", crs=epsg, transform=place, **size, **options) as file:
+        file.write(bands)
+        if mask is not None:
+            file.write_mask(mask)
+        if point:
+            file.update_tags(AREA_OR_POINT="Point")
+        for name, value in (band or {}).items():
+            if name in ("scales", "offsets", "units"):
+                setattr(file, name, (value,))
+            else:
+                file.update_tags(1, **{name: value})
     return path
 
 

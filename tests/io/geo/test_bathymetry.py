@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-import tifffile
+import rasterio
+import rasterio.shutil
 import xarray as xr
 from pyproj import Transformer
 from scipy.interpolate import RegularGridInterpolator, griddata
 
-from auvplan.io.geo import GeoError, read_bathymetry
+from auvplan.io.geo import GeoError, read_bathymetry, read_raster
 from auvplan.site import Site
 from tests.io.geo.files import geographic, write_geotiff
 from tests.io.geo.sea_floors import AREA, LATITUDE, LONGITUDE, SITE, expected, sea_floor, write_grid
@@ -146,7 +147,8 @@ def test_the_fjord_of_a_roms_file(shared):
 def test_oban_at_asymmetric_places(shared):
     path = shared / "data" / "bathymetry" / "oban_gebco2020.tif"
     found = read_bathymetry(path, SITE, pixel_size=130.0, **AREA)
-    values = tifffile.imread(path).astype(float)
+    with rasterio.open(path) as file:
+        values = file.read(1).astype(float)
     step = 1.0 / 240.0
     longitude = -5.7875 + step * (np.arange(54) + 0.5)
     latitude = 56.5 + 8.0 / 240.0 - step * (np.arange(46) + 0.5)
@@ -185,37 +187,11 @@ def test_numbers_that_stand_for_none(tmp_path):
     flipped = np.where(np.abs(values) > 5000, -3.4e38, values).astype(np.float32)[::-1]
     corner = (LONGITUDE[0], LATITUDE[-1])
     tif = write_geotiff(
-        tmp_path / "b.tif", flipped, corner=corner, scale=(0.02, 0.01), point=True, nodata="-3.4e+38"
+        tmp_path / "b.tif", flipped, corner=corner, scale=(0.02, 0.01), point=True, nodata=-3.4e38
     )
     twin = read_bathymetry(tif, SITE, pixel_size=100.0, positive="up", **AREA)
     np.testing.assert_array_equal(np.isnan(twin.depth), np.isnan(found.depth))
     np.testing.assert_allclose(twin.depth, found.depth, atol=1e-3)
-
-
-def test_scale_offset_and_unit_of_a_geotiff(tmp_path):
-    stored = (np.round(-sea_floor(LONGITUDE[None, :], LATITUDE[::-1, None]) * 10) + 300).astype(np.int16)
-    metadata = (
-        '<GDALMetadata><Item name="SCALE" sample="0" role="scale">0.1</Item>'
-        '<Item name="OFFSET" sample="0" role="offset">-30</Item>'
-        '<Item name="UNITTYPE" sample="0" role="unittype">metre</Item></GDALMetadata>'
-    )
-    corner = (LONGITUDE[0], LATITUDE[-1])
-    path = write_geotiff(
-        tmp_path / "b.tif", stored, corner=corner, scale=(0.02, 0.01), point=True, metadata=metadata
-    )
-    found = read_bathymetry(path, SITE, pixel_size=100.0, positive="up", **AREA)
-    np.testing.assert_allclose(found.depth, sea_floor(*expected(found)), atol=0.06)
-    assert found.notes == ()
-
-
-def test_a_geotiff_without_keys_in_told_coordinates(tmp_path):
-    values = sea_floor(LONGITUDE[None, :], LATITUDE[::-1, None])
-    where = {"corner": (LONGITUDE[0] - 0.01, LATITUDE[-1] + 0.005), "scale": (0.02, 0.01)}
-    path = write_geotiff(tmp_path / "b.tif", values, epsg=None, **where)
-    with pytest.raises(GeoError, match="set crs"):
-        read_bathymetry(path, SITE, **AREA)
-    found = read_bathymetry(path, SITE, crs=4326, positive="down", **AREA)
-    np.testing.assert_allclose(found.depth, sea_floor(*expected(found)), atol=2e-3)
 
 
 def test_one_variable_of_several(tmp_path):
@@ -233,24 +209,40 @@ def test_one_variable_of_several(tmp_path):
         read_bathymetry(tmp_path / "c.nc", SITE, variable="floor", **AREA)
 
 
-def floor_tiff(path, *, per_metre=-1.0, dtype="float32", crs="EPSG:4326", mask=None, **options):
-    """A GeoTIFF of `sea_floor`, as rasterio writes it."""
-    rasterio = pytest.importorskip("rasterio")
+def floor_tiff(path, *, per_metre=-1.0, dtype="float32", epsg=4326, **options):
+    """A GeoTIFF of `sea_floor`."""
     longitude, latitude = np.linspace(-5.75, -5.57, 91), np.linspace(56.37, 56.49, 61)[::-1]
-    x, y = longitude[1] - longitude[0], latitude[0] - latitude[1]
-    place = rasterio.Affine(x, 0.0, longitude[0] - x / 2, 0.0, -y, latitude[0] + y / 2)
     values = per_metre * sea_floor(longitude[None, :], latitude[:, None])
-    size = {"width": 91, "height": 61, "count": 1, "dtype": dtype}
-    with rasterio.open(path, "w", "GTiff", crs=crs, transform=place, **size, **options) as file:
-        file.write(np.rint(values).astype(dtype) if dtype == "int16" else values.astype(dtype), 1)
-        if mask is not None:
-            file.write_mask(mask)
-    return path
+    values = (np.rint(values) if dtype == "int16" else values).astype(dtype)
+    where = {"corner": (longitude[0], latitude[0]), "scale": (0.002, 0.002), "point": True}
+    return write_geotiff(path, values, epsg=epsg, **where, **options)
+
+
+@pytest.mark.parametrize(
+    ("stored", "arguments", "notes"),
+    [
+        ({}, {}, 2),
+        ({"epsg": None}, {"crs": 4326}, 2),
+        ({"per_metre": 1.0}, {"positive": "down"}, 1),
+        ({"per_metre": 1.0, "band": {"positive": "down", "units": "m"}}, {}, 0),
+        ({"band": {"NETCDF_VARNAME": "elevation", "units": "m"}}, {"variable": "elevation"}, 0),
+        ({"per_metre": -10.0, "dtype": "int16", "band": {"scales": 0.1, "units": "metre"}}, {}, 1),
+        ({"per_metre": -3937 / 1200, "epsg": "EPSG:4326+6360"}, {}, 1),
+        ({"epsg": "EPSG:4326+5703"}, {}, 1),
+        ({"per_metre": 1.0, "epsg": "EPSG:4326+5861"}, {}, 0),
+    ],
+)  # fmt: skip
+def test_geotiffs(tmp_path, stored, arguments, notes):
+    """Sense and unit of a band, by its tags, or by a vertical reference system."""
+    path = floor_tiff(tmp_path / "b.tif", **stored)
+    found = read_bathymetry(path, SITE, pixel_size=100.0, **arguments, **AREA)
+    tolerance = 0.06 if stored.get("dtype") else 2e-3
+    np.testing.assert_allclose(found.depth, sea_floor(*expected(found)), atol=tolerance)
+    assert len(found.notes) == notes
 
 
 @pytest.mark.parametrize("inside", [True, False])
 def test_masked_values_of_a_geotiff_are_missing(tmp_path, inside):
-    rasterio = pytest.importorskip("rasterio")
     mask = np.ones((61, 91), bool)
     mask[25:35, 40:50] = False
     with rasterio.Env(GDAL_TIFF_INTERNAL_MASK=inside):
@@ -263,7 +255,7 @@ def test_masked_values_of_a_geotiff_are_missing(tmp_path, inside):
     np.testing.assert_allclose(found.depth[open_], sea_floor(longitude, latitude)[open_], atol=2e-3)
 
 
-def test_a_sidecar_tells_scale_unit_and_no_data(tmp_path):
+def test_a_sidecar_gives_scale_unit_and_no_data(tmp_path):
     path = floor_tiff(tmp_path / "b.tif", per_metre=-10.0 / 0.3048, dtype="int16")
     whole = read_bathymetry(path, SITE, pixel_size=100.0, **AREA)
     least = round(float(np.nanmin(whole.depth)))
@@ -274,47 +266,56 @@ def test_a_sidecar_tells_scale_unit_and_no_data(tmp_path):
     known = np.isfinite(found.depth)
     assert 0.95 < known.mean() <= 1.0
     np.testing.assert_allclose(found.depth[known], sea_floor(*expected(found))[known], atol=0.02)
-    beside.write_text("<PAMDataset>")
-    with pytest.raises(GeoError, match=r"b\.tif\.aux\.xml: is damaged"):
-        read_bathymetry(path, SITE, **AREA)
-
-
-@pytest.mark.parametrize(("system", "per_metre"), [(6360, -3937 / 1200), (5703, -1.0), (5861, 1.0)])
-def test_a_vertical_reference_system_tells_unit_and_direction(tmp_path, system, per_metre):
-    path = floor_tiff(tmp_path / "b.tif", per_metre=per_metre, crs=f"EPSG:4326+{system}")
-    found = read_bathymetry(path, SITE, pixel_size=100.0, **AREA)
-    np.testing.assert_allclose(found.depth, sea_floor(*expected(found)), atol=2e-3)
 
 
 @pytest.mark.parametrize("name", ["b.xyz", "b.csv", "b.asc", "b.bag"])
 def test_grids_that_gdal_reads(tmp_path, name):
-    shutil = pytest.importorskip("rasterio.shutil")
-    twin = floor_tiff(tmp_path / "t.tif", crs=None if name != "b.bag" else "EPSG:4326")
-    told = read_bathymetry(twin, SITE, pixel_size=100.0, crs="EPSG:4326", **AREA)
+    crs = None if name == "b.bag" else 4326
+    twin = floor_tiff(tmp_path / "t.tif", epsg=4326 if crs is None else None)
+    stated = read_bathymetry(twin, SITE, pixel_size=100.0, crs=4326, **AREA)
     driver = {".asc": "AAIGrid", ".bag": "BAG"}.get(name[1:], "XYZ")
     if name == "b.bag":  # metres of a projection, with the uncertainty as second band
-        turned(twin, tmp_path / "u.tif")
-        twin = tmp_path / "u.tif"
+        twin = projected(tmp_path / "u.tif")
     options = {"ADD_HEADER_LINE": "YES", "COLUMN_SEPARATOR": ","} if name == "b.csv" else {}
     options |= {"FORCE_CELLSIZE": "YES"} if name == "b.asc" else {}
-    shutil.copy(twin, tmp_path / name, driver=driver, **options)
-    if name != "b.bag":
-        with pytest.raises(GeoError, match="tells no coordinate reference system: set crs, such as"):
+    rasterio.shutil.copy(twin, tmp_path / name, driver=driver, **options)
+    if crs is not None:
+        with pytest.raises(GeoError, match="has no coordinate reference system: set crs, such as"):
             read_bathymetry(tmp_path / name, SITE, **AREA)
-    found = read_bathymetry(
-        tmp_path / name, SITE, pixel_size=100.0, crs=None if name == "b.bag" else "EPSG:4326", **AREA
-    )
-    np.testing.assert_allclose(found.depth, told.depth, atol=0.05)
+    found = read_bathymetry(tmp_path / name, SITE, pixel_size=100.0, crs=crs, **AREA)
+    np.testing.assert_allclose(found.depth, stated.depth, atol=0.05)
 
 
-def turned(path, other):
-    """The sea floor of a raster in metres of UTM, with a second band."""
-    rasterio = pytest.importorskip("rasterio")
+def projected(path):
+    """A GeoTIFF of the sea floor in metres of UTM, with a second band."""
     turn = Transformer.from_crs("EPSG:32630", "EPSG:4326", always_xy=True)
     west, north = turn.transform(-5.75, 56.49, direction="INVERSE")
     x, y = west + 100.0 * np.arange(115), north - 100.0 * np.arange(140)
-    heights = -sea_floor(*turn.transform(*np.meshgrid(x, y)))
-    place = rasterio.Affine(100.0, 0.0, west - 50.0, 0.0, -100.0, north + 50.0)
-    size = {"width": 115, "height": 140, "count": 2, "dtype": "float32", "nodata": 1e6}
-    with rasterio.open(other, "w", "GTiff", crs=32630, transform=place, **size) as file:
-        file.write(np.stack([heights, np.ones_like(heights)]).astype(np.float32))
+    heights = -sea_floor(*turn.transform(*np.meshgrid(x, y))).astype(np.float32)
+    where = {"corner": (west - 50.0, north + 50.0), "scale": (100.0, 100.0), "epsg": 32630, "nodata": 1e6}
+    return write_geotiff(path, np.dstack([heights, np.ones_like(heights)]), photometric="MINISBLACK", **where)
+
+
+def test_arrays_in_place_of_files(tmp_path):
+    path = write_grid(tmp_path / "b.nc")
+    wanted = read_bathymetry(path, SITE, pixel_size=100.0, **AREA)
+    heights = -sea_floor(LONGITUDE[None, :], LATITUDE[:, None])
+    plain = xr.DataArray(heights, {"lat": LATITUDE, "lon": LONGITUDE}, attrs={"units": "m"})
+    grids = np.meshgrid(LONGITUDE, LATITUDE)
+    turned = xr.DataArray(
+        heights, {k: (("j", "i"), v) for k, v in zip(("lon", "lat"), grids, strict=True)}, ("j", "i")
+    )
+    tiff = floor_tiff(tmp_path / "b.tif")
+    for source in (
+        xr.open_dataset(path), plain, plain.T, (-100.0 * plain).rename("depth").assign_attrs(units="cm"),
+        plain.rename(lon="x", lat="y").assign_attrs(crs=4326, units="m"), turned,
+        read_raster(tiff), plain.to_dataset(name="z"),
+    ):  # fmt: skip
+        found = read_bathymetry(source, SITE, pixel_size=100.0, **AREA)
+        np.testing.assert_allclose(found.depth, wanted.depth, atol=0.05 if source is turned else 2e-3)
+    missing = read_bathymetry(plain.where(plain.lat < 56.43), SITE, pixel_size=100.0, **AREA)
+    assert 0.3 < np.isnan(missing.depth).mean() < 0.8
+    with pytest.raises(
+        GeoError, match="the given DataArray: elevation has no longitude on its dimensions y, x"
+    ):
+        read_bathymetry(xr.DataArray(heights, dims=("y", "x")), SITE, **AREA)

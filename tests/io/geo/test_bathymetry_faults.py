@@ -145,7 +145,7 @@ def test_files_that_are_none(tmp_path):
     with pytest.raises(GeoError, match=r"nowhere\.nc: No such file"):
         read_bathymetry(tmp_path / "nowhere.nc", SITE, **AREA)
     for content, words in (
-        (b"letter", "neither NetCDF nor GeoTIFF"),
+        (b"letter", "not a picture or grid that can be read"),
         (b"\x89HDF\r\n\x1a\n", "f.nc: "),
         (b"CDF\x01", "f.nc: "),
     ):
@@ -163,12 +163,3 @@ def test_files_that_are_none(tmp_path):
     colours = write_geotiff(tmp_path / "c.tif", np.zeros((9, 9, 3), np.uint8))
     with pytest.raises(GeoError, match=r"c\.tif: three bands are colours, not depths"):
         read_bathymetry(colours, SITE, **AREA)
-
-
-def test_entities_in_the_metadata_are_not_read(tmp_path):
-    laughs = '<!DOCTYPE x [<!ENTITY m "km">]>'
-    xml = f'{laughs}<GDALMetadata><Item name="UNITTYPE" sample="0" role="unittype">&m;</Item></GDALMetadata>'
-    values = -sea_floor(LONGITUDE[None, :], LATITUDE[::-1, None])
-    options = {"corner": (LONGITUDE[0], LATITUDE[-1]), "scale": (0.02, 0.01), "point": True}
-    path = write_geotiff(tmp_path / "b.tif", values, **options, metadata=xml)
-    assert "units are not given: metres" in read_bathymetry(path, SITE, **AREA).notes

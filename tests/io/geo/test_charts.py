@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import rasterio
 from PIL import Image
 
 from auvplan.io.geo import chart_and_notes, chart_from_raster
@@ -106,7 +107,7 @@ def test_rectangles_that_the_picture_does_not_cover(tmp_path, lower, upper, word
 def test_classes_need_a_meaning(tmp_path):
     classes = np.full((10, 10), 2, np.uint8)
     classes[3, 4:6] = 7, 9
-    path = write_geotiff(tmp_path / "k.tif", classes, nodata="9", corner=(148.955, -20.335))
+    path = write_geotiff(tmp_path / "k.tif", classes, nodata=9, corner=(148.955, -20.335))
     area = {"lower": (-400.0, -400.0), "upper": (400.0, 400.0)}
     with pytest.raises(ChartError, match=r"k\.tif: a single band of values: say by classes"):
         chart_from_raster(path, SITE, **area)
@@ -169,7 +170,7 @@ def half(shade: int = 0) -> np.ndarray:
 
 
 def by_value(folder: Path) -> Path:
-    return write_geotiff(folder / "n.tif", half(), nodata="0", **PLACED)
+    return write_geotiff(folder / "n.tif", half(), nodata=0, **PLACED)
 
 
 def by_alpha(folder: Path) -> Path:
@@ -182,18 +183,11 @@ def by_alpha(folder: Path) -> Path:
 
 
 def by_mask(folder: Path, inside: bool = True) -> Path:
-    rasterio = pytest.importorskip("rasterio")
-    (west, north), (x, y) = PLACED["corner"], PLACED["scale"]
-    place = rasterio.Affine(x, 0.0, west, 0.0, -y, north)
-    size = {"width": 60, "height": 40, "count": 3, "dtype": "uint8"}
-    with (
-        rasterio.Env(GDAL_TIFF_INTERNAL_MASK=inside),
-        rasterio.open(folder / "n.tif", "w", "GTiff", crs=4326, transform=place, **size) as file,
-    ):
-        file.write(np.moveaxis(half(77), -1, 0))
-        file.write_mask(np.arange(60)[None] + np.zeros((40, 1)) >= 20)
+    shown = np.arange(60)[None] + np.zeros((40, 1)) >= 20
+    with rasterio.Env(GDAL_TIFF_INTERNAL_MASK=inside):
+        path = write_geotiff(folder / "n.tif", half(77), mask=shown, **PLACED)
     assert (folder / "n.tif.msk").exists() == (not inside)
-    return folder / "n.tif"
+    return path
 
 
 def by_mask_beside(folder: Path) -> Path:
@@ -227,9 +221,7 @@ def test_what_shows_nothing_is_off_the_chart(tmp_path, hide):
 def test_a_hole_in_a_picture_is_closed(tmp_path):
     colours = np.full((40, 60, 3), WATER, np.uint8)
     colours[10:20, 30:40] = 0
-    chart, _ = chart_and_notes(
-        write_geotiff(tmp_path / "h.tif", colours, nodata="0", **PLACED), SITE, **WHOLE
-    )
+    chart, _ = chart_and_notes(write_geotiff(tmp_path / "h.tif", colours, nodata=0, **PLACED), SITE, **WHOLE)
     assert chart.shares()["coast"] == pytest.approx(0.041, abs=0.005)
 
 

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from shapely.geometry import Point, Polygon, box, shape
 
 from auvplan.io.geo import Zone, chart_from_polygons, read_zones, with_no_go
-from auvplan.io.geo.grid import local_grid
-from auvplan.io.geo.shapes import touched
+from auvplan.io.geo.grid import local_grid, touched
 from auvplan.ocean.chart import Chart, ChartError
 from auvplan.ocean.classify import UNCERTAIN_MAX
 from auvplan.site import Site

@@ -1,101 +1,153 @@
-"""Rasters that know where on Earth they lie."""
+"""Georeferenced rasters: the form, and the files that are read into it or refused."""
 
-import contextlib
 import shutil
-import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-import tifffile
+import rasterio
+import rasterio.shutil
+import xarray as xr
 from PIL import Image
 from pyproj import CRS, Transformer
 
-from auvplan.io.geo import GeoError, pixel_size, read_raster
+from auvplan.io.geo import GeoError, chart_from_raster, pixel_size, read_raster
+from auvplan.io.geo.grid import local_grid
+from auvplan.io.geo.nodes import placed
 from auvplan.ocean.picture import MAX_PIXELS
+from auvplan.site import Site
 from tests.io.geo.files import write_geotiff
 from tests.ocean.test_chart_files import png_header
 
 RNG = np.random.default_rng(3)
 VALUES = RNG.integers(0, 200, (7, 5)).astype(np.int16)
 COLOURS = RNG.integers(0, 255, (7, 5, 3)).astype(np.uint8)
+TURNED = rasterio.Affine(8.0, 6.0, 697_000.0, 6.0, -8.0, 7_774_000.0)
+WORLD = "10.0\n1.0\n2.0\n-20.0\n697205.0\n7774095.0\n"
 
 
-def place(raster, row, column):
-    """x and y of a point in pixels from the outer corner of the first."""
-    a, b, c, d, e, f = raster.affine
-    return a * column + b * row + c, d * column + e * row + f
+def transform(raster: xr.DataArray) -> rasterio.Affine:
+    return rasterio.Affine.from_gdal(*map(float, raster.spatial_ref.attrs["GeoTransform"].split()))
+
+
+def check_form(raster: xr.DataArray) -> None:
+    """The contract of `read_raster`."""
+    assert raster.dims in (("y", "x"), ("band", "y", "x"))
+    assert raster.ndim == 2 or (raster.sizes["band"] == 3 and raster.dtype == np.uint8)
+    system = CRS.from_wkt(raster.spatial_ref.attrs["crs_wkt"])
+    assert system.is_geographic or system.is_projected
+    place = transform(raster)
+    assert ("x" in raster.coords) == ("y" in raster.coords) == (place.b == place.d == 0.0)
+    if "x" in raster.coords:
+        for k in (0, -1):
+            centre = place @ (np.arange(raster.sizes["x"])[k] + 0.5, np.arange(raster.sizes["y"])[k] + 0.5)
+            np.testing.assert_allclose((raster.x[k], raster.y[k]), centre, rtol=1e-13)
+    if "mask" in raster.coords:
+        assert raster.mask.dims == ("y", "x")
+        assert raster.mask.dtype == bool
+
+
+def tiff(values: np.ndarray, **options: Any) -> Callable[[Path], Path]:
+    return lambda folder: write_geotiff(folder / "a.tif", values, **options)
+
+
+def by_gdal(driver: str, name: str, values: np.ndarray, **options: Any) -> Callable[[Path], Path]:
+    """What GDAL makes of a GeoTIFF, in degrees from 148 E and 20 S."""
+
+    def write(folder: Path) -> Path:
+        path = write_geotiff(
+            folder / "t.tif", values, corner=(148.0, -20.0), nodata=options.pop("nodata", None)
+        )
+        rasterio.shutil.copy(path, folder / name, driver=driver, **options)
+        return folder / name
+
+    return write
+
+
+def palette(folder: Path) -> Path:
+    path = write_geotiff(folder / "p.tif", np.array([[0, 1], [1, 1]], np.uint8), photometric="PALETTE")
+    with rasterio.open(path, "r+") as file:
+        file.write_colormap(1, {0: (0, 0, 0, 255), 1: (18, 255, 7, 255)})
+    return path
+
+
+ALPHA = np.dstack([COLOURS, np.where(COLOURS[..., 0] > 100, 255, 0).astype(np.uint8)])
+HEIGHTS = RNG.uniform(-90.0, 10.0, (64, 80)).astype(np.float32)
+HEIGHTS[3, 4] = -9999.0
+SHADES = np.stack(np.broadcast_arrays(*np.mgrid[:40, :52], 7), axis=-1).astype(np.uint8) * 4
+DEFLATED = {"compress": "deflate", "tiled": True, "blockxsize": 16, "blockysize": 16}
+ON_WHITE = np.where(ALPHA[..., 3:] == 255, COLOURS, 255)
+
+
+@pytest.mark.parametrize(
+    ("write", "values", "options"),
+    [
+        (tiff(VALUES), VALUES, {}),
+        (tiff(VALUES, epsg=None), VALUES, {"crs": "EPSG:4326"}),
+        (tiff(COLOURS, transform=TURNED, epsg=32755), COLOURS, {}),
+        (tiff(COLOURS.astype(np.uint16) * 257), COLOURS, {}),
+        (tiff(ALPHA, alpha="YES"), ON_WHITE, {}),
+        (tiff(SHADES, interleave="band", compress="lzw"), SHADES, {}),
+        (tiff(SHADES, **DEFLATED), SHADES, {}),
+        (tiff(VALUES, compress="lerc"), VALUES, {}),
+        (tiff(COLOURS[..., 0], photometric="MINISWHITE"), 255 - COLOURS[..., 0], {}),
+        (tiff(COLOURS[..., 0], photometric="MINISWHITE"), COLOURS[..., 0], {"numbers": True}),
+        (palette, [[[0, 0, 0], [18, 255, 7]], [[18, 255, 7]] * 2], {}),
+        (palette, [[0, 1], [1, 1]], {"numbers": True}),
+        (by_gdal("AAIGrid", "a.asc", HEIGHTS, nodata=-9999.0), HEIGHTS, {"crs": 4326}),
+        (by_gdal("GSBG", "s.grd", HEIGHTS, nodata=-9999.0), HEIGHTS, {"crs": 4326}),
+        (by_gdal("HFA", "e.img", HEIGHTS, nodata=-9999.0), HEIGHTS, {}),
+        (by_gdal("JP2OpenJPEG", "j.jp2", SHADES, QUALITY="100", REVERSIBLE="YES"), SHADES, {}),
+        (by_gdal("GPKG", "g.gpkg", SHADES, TILE_FORMAT="PNG"), SHADES, {}),
+    ],
+)
+def test_files_of_all_kinds(tmp_path, write, values, options):
+    raster = read_raster(write(tmp_path), **options)
+    check_form(raster)
+    found, values = raster.transpose("y", "x", ...).values, np.asarray(values)
+    missing = values == -9999.0
+    np.testing.assert_allclose(found[~missing], values[~missing], rtol=1e-5)
+    assert (found[missing] == raster.attrs.get("_FillValue")).all()
+    assert ("mask" in raster.coords) == (values is ON_WHITE)
 
 
 def test_pixels_of_areas_and_of_points(tmp_path):
-    area = read_raster(write_geotiff(tmp_path / "a.tif", VALUES, corner=(148.0, -20.0), scale=(0.5, 0.25)))
-    assert place(area, 0, 0) == (148.0, -20.0)
-    assert place(area, 7, 5) == pytest.approx((150.5, -21.75))
-    assert area.crs == CRS.from_epsg(4326)
-    np.testing.assert_array_equal(area.values, VALUES)
-    path = write_geotiff(tmp_path / "p.tif", VALUES, corner=(148.0, -20.0), scale=(0.5, 0.25), point=True)
-    assert place(read_raster(path), 0.5, 0.5) == pytest.approx((148.0, -20.0))
+    where: dict[str, Any] = {"corner": (148.0, -20.0), "scale": (0.5, 0.25)}
+    area = read_raster(write_geotiff(tmp_path / "a.tif", VALUES, **where))
+    np.testing.assert_allclose(area.x, 148.25 + 0.5 * np.arange(5))
+    np.testing.assert_allclose(area.y, -20.125 - 0.25 * np.arange(7))
+    point = read_raster(write_geotiff(tmp_path / "p.tif", VALUES, point=True, **where))
+    np.testing.assert_allclose((point.x[0], point.y[0]), (148.0, -20.0))
 
 
-def test_nodes_find_pixel_centres_by_longitude_and_latitude(tmp_path):
-    path = write_geotiff(tmp_path / "a.tif", VALUES, corner=(148.0, -20.0), scale=(0.5, 0.25))
-    row, column = (
-        read_raster(path).nodes().find(np.array([148.0 + 3.5 * 0.5]), np.array([-20.0 - 2.5 * 0.25]))
-    )
-    np.testing.assert_allclose((row[0], column[0]), (2.0, 3.0), atol=1e-9)
+@pytest.mark.parametrize(
+    "system", [4326, 32755, "+proj=laea +lat_0=-20 +lon_0=149 +datum=WGS84 +units=us-ft"]
+)
+@pytest.mark.parametrize("skew", [0.0, 0.2])
+def test_nodes_are_pixel_centres(tmp_path, system, skew):
+    forward = Transformer.from_crs("EPSG:4326", system, always_xy=True)
+    x, y = forward.transform(149.0, -20.0)
+    step = 1e-3 if system == 4326 else 50.0
+    place = rasterio.Affine(step, skew * step, x, -skew * step, -step, y)
+    path = write_geotiff(tmp_path / "a.tif", VALUES, transform=place, epsg=system)
+    site = Site(149.0, -20.0)
+    array, nodes = placed("a", read_raster(path), site, local_grid((-300.0, 0.0), (0.0, 300.0), 50.0))
+    assert array.shape == nodes.shape == (7, 5)
+    row, column = np.array([2.0, 4.25]), np.array([3.0, 0.5])
+    places = forward.transform(*(place @ (column + 0.5, row + 0.5)), direction="INVERSE")
+    np.testing.assert_allclose(nodes.find(*map(np.asarray, places)), (row, column), atol=2e-4)
 
 
-def test_a_matrix_turns_and_skews(tmp_path):
-    matrix = np.array([[8.0, 6.0, 0, 697_000.0], [6.0, -8.0, 0, 7_774_000.0], [0, 0, 0, 0], [0, 0, 0, 1.0]])
-    raster = read_raster(write_geotiff(tmp_path / "m.tif", COLOURS, matrix=matrix, epsg=32755))
-    assert place(raster, 2, 3) == (697_000.0 + 36.0, 7_774_000.0 + 2.0)
-    shifted = read_raster(write_geotiff(tmp_path / "q.tif", COLOURS, matrix=matrix, epsg=32755, point=True))
-    assert place(shifted, 2.5, 3.5) == pytest.approx(place(raster, 2, 3))
-
-
-def test_the_same_as_rasterio_reads(tmp_path):
-    rasterio = pytest.importorskip("rasterio")
-    matrix = np.array([[8.0, 6.0, 0, 697_000.0], [6.0, -8.0, 0, 7_774_000.0], [0, 0, 0, 0], [0, 0, 0, 1.0]])
-    paths = [
-        write_geotiff(tmp_path / "a.tif", VALUES, corner=(148.0, -20.0), scale=(0.5, 0.25), nodata="-7"),
-        write_geotiff(tmp_path / "p.tif", VALUES, corner=(148.0, -20.0), point=True),
-        write_geotiff(tmp_path / "m.tif", COLOURS, matrix=matrix, epsg=32755),
-    ]
-    for path in paths:
-        raster = read_raster(path)
-        with rasterio.open(path) as twin:
-            np.testing.assert_allclose(raster.affine, tuple(twin.transform)[:6], rtol=1e-14)
-            assert raster.crs.to_epsg() == twin.crs.to_epsg()
-            assert raster.nodata == twin.nodata
-            bands = np.moveaxis(twin.read(), 0, -1)
-            np.testing.assert_array_equal(raster.values, bands[..., 0] if raster.values.ndim == 2 else bands)
-
-
-@pytest.mark.parametrize("planar", ["contig", "separate"])
-def test_bands_side_by_side_or_one_after_the_other(tmp_path, planar):
-    given = COLOURS if planar == "contig" else np.moveaxis(COLOURS, -1, 0)
-    path = write_geotiff(tmp_path / "c.tif", given, planarconfig=planar, photometric="rgb")
-    np.testing.assert_array_equal(read_raster(path).values, COLOURS)
-
-
-def test_a_table_of_colours_as_colours_or_as_numbers(tmp_path):
-    table = np.zeros((3, 256), np.uint16)
-    table[:, 1] = 0x1234, 0xFF00, 0x0080
-    path = tmp_path / "t.tif"
-    write_geotiff(path, np.array([[0, 1]], np.uint8), photometric="palette", colormap=table)
-    assert read_raster(path).values.tolist() == [[[0, 0, 0], [0x12, 0xFF, 0]]]
-    assert read_raster(path, indices=True).values.tolist() == [[0, 1]]
-
-
-def test_see_through_pixels_are_white(tmp_path):
-    layer = np.dstack([COLOURS, np.where(COLOURS[..., 0] > 100, 255, 0).astype(np.uint8)])
-    path = write_geotiff(tmp_path / "s.tif", layer, photometric="rgb", extrasamples=["unassalpha"])
-    values = read_raster(path).values
-    opaque = layer[..., 3] == 255
-    np.testing.assert_array_equal(values[opaque], COLOURS[opaque])
-    assert (values[~opaque] == 255).all()
-
-
-WORLD = "10.0\n1.0\n2.0\n-20.0\n697205.0\n7774095.0\n"
+def test_what_shows_nothing(tmp_path):
+    colours = np.array(COLOURS)
+    colours[2:4] = 0
+    raster = read_raster(write_geotiff(tmp_path / "n.tif", colours, nodata=0))
+    assert (np.flatnonzero(~raster.mask.any("x")) == [2, 3]).all()
+    shown = np.arange(35).reshape(7, 5) % 3 > 0
+    raster = read_raster(write_geotiff(tmp_path / "m.tif", VALUES, mask=shown))
+    np.testing.assert_array_equal(raster.mask, shown)
 
 
 @pytest.mark.parametrize(
@@ -105,204 +157,171 @@ WORLD = "10.0\n1.0\n2.0\n-20.0\n697205.0\n7774095.0\n"
 def test_a_world_file_gives_the_centre_of_the_first_pixel(tmp_path, name, world):
     Image.fromarray(COLOURS).save(tmp_path / name)
     (tmp_path / world).write_text(WORLD)
-    raster = read_raster(tmp_path / name, crs=32755)
-    assert place(raster, 0.5, 0.5) == (697205.0, 7774095.0)
-    assert place(raster, 0.5, 1.5) == (697215.0, 7774096.0)
-    assert place(raster, 1.5, 0.5) == (697207.0, 7774075.0)
-    assert raster.values.shape == COLOURS.shape
-
-
-def test_a_projection_file_beside_the_picture(tmp_path):
-    Image.fromarray(COLOURS).save(tmp_path / "a.png")
-    (tmp_path / "a.pgw").write_text(WORLD)
+    place = transform(read_raster(tmp_path / name, crs=32755))
+    assert place @ (0.5, 0.5) == (697205.0, 7774095.0)
+    assert place @ (1.5, 0.5) == (697215.0, 7774096.0)
+    assert place @ (0.5, 1.5) == (697207.0, 7774075.0)
     (tmp_path / "a.prj").write_text(CRS.from_epsg(32755).to_wkt("WKT1_ESRI"))
-    assert read_raster(tmp_path / "a.png").crs.is_projected
-    with pytest.raises(GeoError, match=r"not in WGS 84 as crs says"):
-        read_raster(tmp_path / "a.png", crs=4326)
+    if name[0] == "a":
+        check_form(read_raster(tmp_path / name))
+        with pytest.raises(GeoError, match=r"not in WGS 84 as crs says"):
+            read_raster(tmp_path / name, crs=4326)
 
 
-def compressed(path, values, compress):
-    """A file that rasterio writes."""
-    rasterio = pytest.importorskip("rasterio")
-    profile = {
-        "driver": "GTiff",
-        "width": 5,
-        "height": 7,
-        "count": 1,
-        "dtype": values.dtype,
-        "crs": "EPSG:4326",
-    }
-    where = rasterio.Affine(0.1, 0.0, 148.0, 0.0, -0.1, -20.0)
-    with rasterio.open(path, "w", **profile, transform=where, compress=compress) as file:
-        file.write(values, 1)
-    return path
-
-
-@pytest.mark.parametrize("dtype", [np.uint8, np.int16, np.float32])
-def test_compressions_that_tifffile_lacks(tmp_path, dtype):
-    values = VALUES.astype(dtype)
-    for compress in ("lzw", "lerc"):
-        path = compressed(tmp_path / f"{compress}.tif", values, compress)
-        np.testing.assert_array_equal(read_raster(path).values, values)
-
-
-@pytest.mark.parametrize("interleave", ["pixel", "band"])
-@pytest.mark.parametrize("compress", ["none", "lzw", "deflate", "packbits", "jpeg", "zstd", "webp"])
-@pytest.mark.parametrize("tiled", [False, True])
-def test_colours_of_every_layout_and_compression_are_rasterios(tmp_path, interleave, compress, tiled):
-    rasterio = pytest.importorskip("rasterio")
-    if compress == "webp" and interleave == "band":
-        pytest.skip("the format has no such file")
-    rows, columns = np.mgrid[:40, :52]
-    colours = np.stack([4 * columns, 6 * rows, 255 - 2 * columns - 3 * rows]).astype(np.uint8)
-    path = tmp_path / "c.tif"
-    options = {"tiled": True, "blockxsize": 16, "blockysize": 16} if tiled else {}
-    where = rasterio.Affine(0.1, 0.0, 148.0, 0.0, -0.1, -20.0)
-    with rasterio.open(
-        path, "w", driver="GTiff", width=52, height=40, count=3, dtype="uint8", crs="EPSG:4326",
-        transform=where, compress=compress, interleave=interleave, photometric="RGB", **options,
-    ) as file:  # fmt: skip
-        file.write(colours)
-    with rasterio.open(path) as twin:
-        bands = np.moveaxis(twin.read(), 0, -1)
-    # Two decoders of JPEG round differently.
-    off = np.abs(read_raster(path).values.astype(int) - bands)
-    assert off.max() <= (2 if compress == "jpeg" else 0)
-
-
-def test_a_real_picture_whose_bands_follow_each_other(shared):
-    rasterio = pytest.importorskip("rasterio")
-    path = shared / "data/elsewhere/world_rgb_lzw_band.tif"
-    with rasterio.open(path) as twin:
-        np.testing.assert_array_equal(read_raster(path).values, np.moveaxis(twin.read(), 0, -1))
-
-
-def test_a_compression_that_only_the_extra_reads(tmp_path, monkeypatch):
-    path = compressed(tmp_path / "l.tif", VALUES, "lerc")
-    with tifffile.TiffFile(path) as file, contextlib.suppress(ValueError):
-        file.pages[0].asarray()
-        pytest.skip("tifffile reads it here")
-    monkeypatch.setitem(sys.modules, "rasterio", None)
-    with pytest.raises(GeoError, match=r"compressed as LERC, which needs pip install 'auvplan\[readers\]'"):
-        read_raster(path)
-
-
-def tiff_header(width: int, height: int) -> bytes:
-    """A TIFF that promises a size and holds no pixels."""
-    entries = [(256, 4, 1, width), (257, 4, 1, height), (258, 3, 1, 8), (259, 3, 1, 1), (262, 3, 1, 1)]
-    entries += [(273, 4, 1, 8), (277, 3, 1, 1), (278, 4, 1, height), (279, 4, 1, 1)]
-    words = [
-        np.array([tag, kind], "<u2").tobytes() + np.array([n, v], "<u4").tobytes()
-        for tag, kind, n, v in entries
-    ]
-    return b"II*\0" + np.array([8], "<u4").tobytes() + bytes([len(words), 0]) + b"".join(words) + bytes(4)
-
-
-def good_png(folder):
-    Image.fromarray(COLOURS).save(folder / "f.png")
-    return (folder / "f.png").read_bytes()
-
-
-@pytest.mark.parametrize(
-    ("name", "content", "beside", "crs", "words"),
-    [
-        ("f.png", png_header(10_000, 9_000), {}, None, f"10000 x 9000 pixels are more than {MAX_PIXELS}"),
-        ("f.tif", tiff_header(100_000, 90_000), {}, None, "100000 x 90000 pixels are more than"),
-        ("f.tif", tiff_header(0, 9), {}, None, "are no picture"),
-        ("f.png", b"this is a letter", {}, None, "not a picture"),
-        ("f.tif", b"", {}, None, "not a picture"),
-        ("f.tif", b"II*\0", {}, None, "f.tif: "),
-        ("f.tif", b"II*\0\x08\0\0\0\x05\0", {}, None, "f.tif: "),
-        ("f.png", good_png, {}, 32755, r"no world file \(f.pgw, f.pngw, f.wld, f.pngw\)|no world file"),
-        ("f.png", good_png, {"f.pgw": WORLD}, None, "set crs"),
-        ("f.png", good_png, {"f.pgw": WORLD}, "EPSG:1", "is no coordinate reference system"),
-        ("f.png", good_png, {"f.pgw": WORLD}, 4978, "neither geographic nor projected"),
-        ("f.png", good_png, {"f.pgw": "1 2 3"}, 32755, "six numbers, got '1 2 3'"),
-        ("f.png", good_png, {"f.pgw": WORLD.replace(".", ",")}, 32755, "six numbers"),
-        ("f.png", good_png, {"f.pgw": "0 0 0 0 1 1"}, 32755, "pixels have no size"),
-        ("f.png", good_png, {"f.pgw": "nan 0 0 1 1 1"}, 32755, "pixels have no size"),
-        ("f.png", good_png, {"f.pgw": WORLD, "f.prj": "here"}, None, r"f.prj: holds no coordinate"),
-    ],
-)  # fmt: skip
-def test_files_that_are_no_rasters(tmp_path, name, content, beside, crs, words):
-    (tmp_path / name).write_bytes(content(tmp_path) if callable(content) else content)
-    for other, text in beside.items():
-        (tmp_path / other).write_text(text)
-    with pytest.raises(GeoError, match=words) as caught:
-        read_raster(tmp_path / name, crs)
-    assert "\n" not in str(caught.value)
-
-
-def test_missing_files_and_missing_keys(tmp_path):
-    with pytest.raises(GeoError, match=r"nowhere\.tif: No such file"):
-        read_raster(tmp_path / "nowhere.tif")
-    path = write_geotiff(tmp_path / "k.tif", VALUES, epsg=None)
-    with pytest.raises(GeoError, match=r"k\.tif: no GeoTIFF keys tell .* set crs"):
-        read_raster(path)
-    assert read_raster(path, crs="EPSG:4326").crs.is_geographic
-    with pytest.raises(GeoError, match="name no EPSG"):
-        read_raster(write_geotiff(tmp_path / "u.tif", VALUES, epsg=32767))
-    with pytest.raises(GeoError, match="EPSG:32799 is no coordinate"):
-        read_raster(write_geotiff(tmp_path / "e.tif", VALUES, epsg=32799))
-    with pytest.raises(GeoError, match="is in WGS 84, not in WGS 84 / UTM zone 55S as crs says"):
-        read_raster(write_geotiff(tmp_path / "o.tif", VALUES), crs=32755)
-    with pytest.raises(GeoError, match="its pixels have no size"):
-        read_raster(write_geotiff(tmp_path / "z.tif", VALUES, scale=(0.0, 1.0)))
-    two = tmp_path / "b.tif"
-    tifffile.imwrite(two, np.zeros((4, 4, 2), np.uint8), planarconfig="contig", photometric="minisblack")
-    with pytest.raises(GeoError, match="2 bands"):
-        read_raster(two, crs=4326)
-
-
-def test_a_cut_off_file(tmp_path):
-    path = write_geotiff(
-        tmp_path / "c.tif", RNG.integers(0, 255, (64, 64, 3)).astype(np.uint8), compression="zlib"
-    )
-    whole = path.read_bytes()
-    path.write_bytes(whole[: len(whole) // 2])
-    with pytest.raises(GeoError, match=r"c\.tif: ") as caught:
-        read_raster(path)
-    assert "\n" not in str(caught.value)
+def test_what_a_sidecar_gives(tmp_path):
+    """As ArcGIS and GDAL write it beside files that have no place of their own."""
+    place = rasterio.Affine(20.0, 3.0, 697200.0, 2.0, -20.0, 7774100.0)
+    for driver, name in (("PNG", "p.png"), ("GTiff", "b.tif")):
+        write_geotiff(tmp_path / "t.tif", COLOURS, epsg=32755, transform=place)
+        more = {"PROFILE": "BASELINE"} if driver == "GTiff" else {}
+        rasterio.shutil.copy(tmp_path / "t.tif", tmp_path / name, driver=driver, **more)
+        assert (tmp_path / f"{name}.aux.xml").exists()
+        raster = read_raster(tmp_path / name)
+        assert transform(raster).almost_equals(place)
+        np.testing.assert_array_equal(raster.transpose("y", "x", "band"), COLOURS)
+        size = pixel_size(tmp_path / name)
+        assert size is not None
+        assert size.metres == pytest.approx(20.1, rel=0.01)
+    kept = (tmp_path / "b.tif.aux.xml").read_text()
+    path = write_geotiff(tmp_path / "b.tif", COLOURS, corner=(148.0, -20.0))
+    for text, words in (
+        (kept, r"b\.tif: lies elsewhere by its tags than by b\.tif\.aux\.xml"),
+        (
+            "<PAMDataset><SRS>EPSG:32755</SRS></PAMDataset>",
+            r"b\.tif: is in WGS 84, but by b\.tif\.aux\.xml in",
+        ),
+        ("<PAMDataset>", r"b\.tif\.aux\.xml: is damaged"),
+    ):
+        (tmp_path / "b.tif.aux.xml").write_text(text)
+        with pytest.raises(GeoError, match=words):
+            read_raster(path)
 
 
 def test_whitsunday_picture_lies_where_its_keys_say(shared, tmp_path):
     maps = shared / "data" / "maps"
     raster = read_raster(maps / "whitsunday_hook_passage_rgb.tif")
-    assert raster.affine == (10.0, 0.0, 697_200.0, 0.0, -10.0, 7_774_100.0)
-    assert raster.crs.to_epsg() == 32755
+    assert transform(raster)[:6] == (10.0, 0.0, 697_200.0, 0.0, -10.0, 7_774_100.0)
+    assert CRS.from_wkt(raster.spatial_ref.attrs["crs_wkt"]).to_epsg() == 32755
     shutil.copy(maps / "whitsunday_hook_passage.png", tmp_path / "hook.png")
     (tmp_path / "hook.pgw").write_text("10\n0\n0\n-10\n697205\n7774095\n")
     twin = read_raster(tmp_path / "hook.png", crs=32755)
-    assert twin.affine == raster.affine
-    assert twin.values.shape == raster.values.shape
+    xr.testing.assert_equal(raster.coords.to_dataset(), twin.coords.to_dataset())
+    assert twin.shape == raster.shape
+
+
+def picture(**options: Any) -> Callable[[Path], Path]:
+    def write(folder: Path) -> Path:
+        Image.fromarray(COLOURS).save(folder / "f.png")
+        for name, text in options.items():
+            (folder / f"f.{name}").write_text(text)
+        return folder / "f.png"
+
+    return write
+
+
+def content(name: str, data: bytes) -> Callable[[Path], Path]:
+    def write(folder: Path) -> Path:
+        (folder / name).write_bytes(data)
+        return folder / name
+
+    return write
+
+
+def cut(folder: Path) -> Path:
+    path = write_geotiff(folder / "c.tif", RNG.integers(0, 255, (64, 64, 3)).astype(np.uint8), compress="lzw")
+    path.write_bytes(path.read_bytes()[:6000])
+    return path
+
+
+@pytest.mark.parametrize(
+    ("write", "crs", "words"),
+    [
+        (lambda folder: folder / "nowhere.tif", None, r"nowhere\.tif: No such file"),
+        (content("f.png", png_header(10_000, 9_000)), None, f"10000 x 9000 pixels .* than {MAX_PIXELS}"),
+        (content("f.png", b"this is a letter"), None, "not a picture"),
+        (content("f.tif", b""), None, "not a picture"),
+        (content("f.asc", b"no such thing"), None, "not a picture or grid that can be read"),
+        (content("f.tif", b"II*\0\x08\0\0\0\x05\0"), None, "f.tif: "),
+        (cut, None, r"c\.tif: "),
+        (picture(), 32755, r"not georeferenced, by its own tags or by a world file: f\.wld or f\.pngw"),
+        (picture(pgw=WORLD), None, "set crs"),
+        (picture(pgw=WORLD), "EPSG:1", "is no coordinate reference system"),
+        (picture(pgw=WORLD), 4978, "neither geographic nor projected"),
+        (picture(pgw="1 2 3"), 32755, r"f\.pgw: a world file holds six numbers"),
+        (picture(pgw="0\n0\n0\n0\n1\n1\n"), 32755, "sizes are not zero"),
+        (picture(pgw="nan\n0\n0\n1\n1\n1\n"), 32755, "pixels have no size"),
+        (picture(pgw=WORLD, prj="here"), None, r"f.prj: holds no coordinate"),
+        (tiff(VALUES, epsg=None), None, r"a\.tif: has no coordinate reference system: set crs"),
+        (tiff(VALUES), 32755, "is in WGS 84, not in WGS 84 / UTM zone 55S as crs says"),
+        (tiff(np.zeros((4, 4, 2), np.uint8), photometric="MINISBLACK"), 4326, "2 bands"),
+        (tiff(COLOURS, photometric="MINISBLACK"), 4326, "no red, green and blue"),
+        (tiff(COLOURS.astype(np.float32)), 4326, "must be colours of 8 or 16 bit, got float32"),
+    ],
+)  # fmt: skip
+def test_files_that_are_refused(tmp_path, write, crs, words):
+    with pytest.raises(GeoError, match=words) as caught:
+        read_raster(write(tmp_path), crs)
+    assert "\n" not in str(caught.value)
+
+
+# Arrays of a user's own
+
+
+def chart(array: xr.DataArray | Path, **options: Any) -> np.ndarray:
+    area = {"lower": (-600.0, 100.0), "upper": (-100.0, 400.0), "pixel_size": 50.0}
+    meanings = {int(value): float(value % 2) for value in np.unique(VALUES)}
+    return np.asarray(
+        chart_from_raster(array, Site(148.0, -20.0), classes=meanings, **area, **options).passability
+    )
+
+
+def test_arrays_in_place_of_files(tmp_path):
+    path = write_geotiff(tmp_path / "a.tif", VALUES, corner=(148.0, -20.0))
+    expected = chart(path)
+    assert 0.0 < expected.mean() < 1.0
+    by_hand = xr.DataArray(
+        VALUES, {"y": -20.0005 - 0.001 * np.arange(7), "x": 148.0005 + 0.001 * np.arange(5)}
+    )
+    named = by_hand.rename(x="lon", y="lat")
+    for array in (read_raster(path), by_hand.assign_attrs(crs=4326), named, named[::-1], named.T):
+        np.testing.assert_array_equal(chart(array), expected)
+    np.testing.assert_array_equal(chart(by_hand, crs=4326), expected)
+    masked = by_hand.assign_coords(mask=(("y", "x"), np.zeros((7, 5))))
+    assert (chart(masked, crs=4326) == 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("array", "words"),
+    [
+        (xr.DataArray(VALUES[0], {"lon": np.arange(5)}), "the given DataArray has dimensions lon, not two"),
+        (xr.DataArray(VALUES, dims=("y", "x")), "has no longitude on its dimensions y, x"),
+        (xr.DataArray(VALUES, {"lat": np.zeros(7), "lon": np.arange(5)}), "latitude neither rises nor falls"),
+        (xr.DataArray(VALUES, {"y": np.arange(7), "x": np.arange(5)}, attrs={"crs": "no"}), "'no' is no c"),
+    ],
+)  # fmt: skip
+def test_arrays_that_are_refused(array, words):
+    with pytest.raises(ValueError, match=words):
+        chart(array)
 
 
 # How large the pixels are
 
 
-def test_pixels_of_a_geotiff_are_measured_on_the_ellipsoid(tmp_path):
-    degrees = write_geotiff(tmp_path / "d.tif", COLOURS, corner=(148.0, 0.0), scale=(0.001, 0.001))
-    size = pixel_size(degrees)
-    assert size.metres == pytest.approx(111.0, rel=0.005)
+@pytest.mark.parametrize(
+    ("where", "metres", "tolerance"),
+    [
+        ({"corner": (148.0, 0.0)}, 111.0, 0.005),
+        ({"corner": (1e6, 8_399_738.0), "scale": (300.0, 300.0), "epsg": 3857}, 150.0, 0.01),  # at 60 N
+        ({"corner": (5e5, 7_774_100.0), "scale": (300.0, 300.0), "epsg": 32755}, 300.0, 1e-3),
+        ({"corner": (10.0, 60.0)}, 111.4 * np.sqrt(0.5), 0.01),
+    ],
+)
+def test_pixels_of_a_geotiff_are_measured_on_the_ellipsoid(tmp_path, where, metres, tolerance):
+    size = pixel_size(write_geotiff(tmp_path / "d.tif", COLOURS, **where))
+    assert size is not None
+    assert size.metres == pytest.approx(metres, rel=tolerance)
     assert size.crs
-    assert size.notes == ()
-    mercator = write_geotiff(
-        tmp_path / "m.tif", COLOURS, corner=(1e6, 8_399_738.0), scale=(300.0, 300.0), epsg=3857
-    )
-    assert pixel_size(mercator).metres == pytest.approx(150.0, rel=0.01), (
-        "the map is stretched twofold at 60 N"
-    )
-    utm = write_geotiff(
-        tmp_path / "u.tif", COLOURS, corner=(5e5, 7_774_100.0), scale=(300.0, 300.0), epsg=32755
-    )
-    assert pixel_size(utm).metres == pytest.approx(300.0, rel=1e-3)
-
-
-def test_pixels_that_are_no_squares_are_stated(tmp_path):
-    path = write_geotiff(tmp_path / "d.tif", COLOURS, corner=(10.0, 60.0), scale=(0.001, 0.001))
-    size = pixel_size(path)
-    assert size.metres == pytest.approx(111.4 * np.sqrt(0.5), rel=0.01)
-    assert "55.81 m by 111.4 m" in size.notes[0]
+    assert ["55.81 m by 111.4 m" in note for note in size.notes] == [True] * (where["corner"][0] == 10.0)
 
 
 @pytest.mark.parametrize(
@@ -311,113 +330,21 @@ def test_pixels_that_are_no_squares_are_stated(tmp_path):
 def test_pixels_of_a_world_file(tmp_path, name, world):
     Image.fromarray(COLOURS).save(tmp_path / name)
     assert pixel_size(tmp_path / name) is None
-    (tmp_path / world).write_text("300\n0\n0\n-300\n697205\n7774095\n")
-    size = pixel_size(tmp_path / name)
-    assert size.metres == 300.0
-    assert not size.crs
-    assert "taken for metres" in size.notes[0]
-    (tmp_path / "a.prj").write_text(CRS.from_epsg(32755).to_wkt("WKT1_ESRI"))
-    size = pixel_size(tmp_path / name)
-    assert size.metres == pytest.approx(300.0, rel=1e-3)
-    assert size.crs
-    assert size.notes == ()
-    (tmp_path / "a.prj").unlink()
-    (tmp_path / world).write_text("0.001\n0\n0\n-0.001\n148\n0.5\n")
-    size = pixel_size(tmp_path / name)
-    assert size.metres == pytest.approx(111.0, rel=0.005)
-    assert "taken for degrees" in size.notes[0]
+    projection = CRS.from_epsg(32755).to_wkt("WKT1_ESRI")
+    for text, system, metres, note in (
+        ("300\n0\n0\n-300\n697205\n7774095\n", None, 300.0, "taken for metres"),
+        ("300\n0\n0\n-300\n697205\n7774095\n", projection, 300.0, None),
+        ("0.001\n0\n0\n-0.001\n148\n0.5\n", None, 111.0, "taken for degrees"),
+    ):
+        (tmp_path / world).write_text(text)
+        (tmp_path / "a.prj").unlink(missing_ok=True)
+        if system is not None:
+            (tmp_path / "a.prj").write_text(system)
+        size = pixel_size(tmp_path / name)
+        assert size is not None
+        assert size.metres == pytest.approx(metres, rel=0.005)
+        assert size.crs == (system is not None)
+        assert size.notes == () if note is None else note in size.notes[0]
     (tmp_path / world).write_text("300\n0\n")
     with pytest.raises(GeoError, match="six numbers"):
         pixel_size(tmp_path / name)
-
-
-def test_pixels_without_data_are_stated(tmp_path):
-    colours = np.array(COLOURS)
-    colours[2:4] = 0
-    path = write_geotiff(tmp_path / "n.tif", colours, nodata="0")
-    assert (np.flatnonzero(read_raster(path).blank.all(axis=1)) == [2, 3]).all()
-    layer = np.dstack([COLOURS, np.full((7, 5), 255, np.uint8)])
-    layer[0, :, 3] = 0
-    Image.fromarray(layer).save(tmp_path / "s.png")
-    (tmp_path / "s.pgw").write_text(WORLD)
-    assert (np.flatnonzero(read_raster(tmp_path / "s.png", crs=32755).blank.any(axis=1)) == [0]).all()
-    assert read_raster(write_geotiff(tmp_path / "v.tif", VALUES)).blank is None
-
-
-def test_what_a_sidecar_tells_of_the_place(tmp_path):
-    """As ArcGIS and GDAL write it beside files that cannot tell themselves."""
-    rasterio = pytest.importorskip("rasterio")
-    place_ = rasterio.Affine(20.0, 3.0, 697200.0, 2.0, -20.0, 7774100.0)
-    size = {"width": 5, "height": 7, "count": 3, "dtype": "uint8"}
-    for driver, name in (("PNG", "p.png"), ("GTiff", "b.tif")):
-        more = {"PROFILE": "BASELINE"} if driver == "GTiff" else {}
-        with rasterio.open(tmp_path / name, "w", driver, crs=32755, transform=place_, **size, **more) as file:
-            file.write(np.moveaxis(COLOURS, -1, 0))
-        assert (tmp_path / f"{name}.aux.xml").exists()
-        raster = read_raster(tmp_path / name)
-        np.testing.assert_allclose(raster.affine, tuple(place_)[:6])
-        assert raster.crs.to_epsg() == 32755
-        np.testing.assert_array_equal(raster.values, COLOURS)
-        size_ = pixel_size(tmp_path / name)
-        assert size_ is not None
-        assert size_.metres == pytest.approx(20.1, rel=0.01)
-    beside = tmp_path / "b.tif.aux.xml"
-    path = write_geotiff(tmp_path / "b.tif", COLOURS, corner=(148.0, -20.0))
-    with pytest.raises(GeoError, match=r"b\.tif: lies elsewhere by its tags than by b\.tif\.aux\.xml"):
-        read_raster(path)
-    beside.write_text("<PAMDataset><SRS>EPSG:32755</SRS></PAMDataset>")
-    with pytest.raises(GeoError, match=r"b\.tif: is in WGS 84, but by b\.tif\.aux\.xml in WGS 84 / UTM zone"):
-        read_raster(path)
-
-
-def test_greys_that_count_from_white_are_turned(tmp_path):
-    path = write_geotiff(tmp_path / "w.tif", COLOURS[..., 0], photometric="miniswhite")
-    np.testing.assert_array_equal(read_raster(path).values, 255 - COLOURS[..., 0])
-    np.testing.assert_array_equal(read_raster(path, indices=True).values, COLOURS[..., 0])
-
-
-@pytest.mark.parametrize(
-    ("driver", "name"),
-    [("AAIGrid", "a.asc"), ("GSBG", "s.grd"), ("HFA", "e.img"), ("JP2OpenJPEG", "j.jp2"), ("GPKG", "g.gpkg")],
-)
-def test_formats_that_gdal_reads(tmp_path, driver, name):
-    rasterio = pytest.importorskip("rasterio")
-    shutil_ = pytest.importorskip("rasterio.shutil")
-    colour = driver in ("JP2OpenJPEG", "GPKG")
-    given = np.moveaxis(RNG.integers(0, 255, (64, 80, 3)).astype(np.uint8), -1, 0)
-    if not colour:
-        given = given[:1].astype(np.float32)
-        given[0, 3, 4] = -9999.0
-    size = {"width": 80, "height": 64, "count": len(given), "dtype": given.dtype}
-    where = rasterio.Affine(0.001, 0.0, 148.9, 0.0, -0.001, -20.2)
-    nodata = None if colour else -9999.0
-    size |= {"crs": 4326, "transform": where, "nodata": nodata}
-    with rasterio.open(tmp_path / "t.tif", "w", "GTiff", **size) as one:
-        one.write(given)
-    options = {"quality": 100, "reversible": "YES"} if driver == "JP2OpenJPEG" else {}
-    options |= {"TILE_FORMAT": "PNG"} if driver == "GPKG" else {}
-    shutil_.copy(tmp_path / "t.tif", tmp_path / name, driver=driver, **options)
-    raster = read_raster(tmp_path / name, 4326 if driver in ("GSBG", "AAIGrid") else None)
-    assert raster.crs.to_epsg(25) == 4326
-    np.testing.assert_allclose(raster.affine, tuple(where)[:6], rtol=1e-9, atol=1e-12)
-    if colour:
-        np.testing.assert_array_equal(raster.values, np.moveaxis(given, 0, -1))
-    else:
-        assert raster.blank is not None
-        assert np.argwhere(raster.blank).tolist() == [[3, 4]]
-        np.testing.assert_allclose(raster.values[~raster.blank], given[0][~raster.blank])
-    (tmp_path / name).write_bytes(b"no such thing")
-    with pytest.raises(GeoError, match=rf"{name}: is no {name[2:].upper()} that can be read"):
-        read_raster(tmp_path / name)
-
-
-def test_a_reference_system_of_the_files_own(tmp_path):
-    rasterio = pytest.importorskip("rasterio")
-    system = "+proj=laea +lat_0=-20 +lon_0=149 +datum=WGS84 +units=us-ft"
-    size = {"width": 5, "height": 7, "count": 3, "dtype": "uint8"}
-    where = rasterio.Affine(20.0, 0.0, 0.0, 0.0, -20.0, 0.0)
-    with rasterio.open(tmp_path / "o.tif", "w", "GTiff", crs=system, transform=where, **size) as file:
-        file.write(np.moveaxis(COLOURS, -1, 0))
-    found = read_raster(tmp_path / "o.tif").nodes().find(np.array([149.001]), np.array([-20.001]))
-    x, y = Transformer.from_crs("EPSG:4326", system, always_xy=True).transform(149.001, -20.001)
-    np.testing.assert_allclose(np.ravel(found), [-y / 20.0 - 0.5, x / 20.0 - 0.5], atol=1e-6)

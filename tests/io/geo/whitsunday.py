@@ -1,7 +1,7 @@
 """What the picture of Hook Passage shows."""
 
 import numpy as np
-import tifffile
+import rasterio
 from pyproj import Transformer
 
 from auvplan.site import Site
@@ -33,6 +33,7 @@ HOOK = {"lower": (700.0, 300.0), "upper": (9300.0, 7100.0)}
 
 def truth(shared, chart, site):
     """The true classes of the picture at a chart's pixels, looked up here."""
-    classes = tifffile.imread(shared / "data" / "maps" / "whitsunday_hook_passage_class.tif")
+    with rasterio.open(shared / "data" / "maps" / "whitsunday_hook_passage_class.tif") as file:
+        classes = file.read(1)
     x, y = utm_of_centres(chart, site)
     return classes[np.floor((7_774_100.0 - y) / 10).astype(int), np.floor((x - 697_200.0) / 10).astype(int)]

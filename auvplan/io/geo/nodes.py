@@ -1,0 +1,466 @@
+"""Where the values of a georeferenced array lie: its axes, its reference system, and how places are found.
+
+Rasters and sea beds share one form: an `xarray.DataArray` on two dimensions, with one of
+
+- `longitude` and `latitude` (CF names, units or standard names), degrees, as two axes or as two grids,
+- `x` and `y` of the pixels' centres and a reference system: a grid mapping (CF), `spatial_ref` as rioxarray
+  writes it, or an attribute `crs`,
+- a reference system whose grid mapping has a `GeoTransform`, where pixels are turned or skewed.
+
+A coordinate `mask` (ROMS: `mask_rho`) on the same dimensions is 0 where values are missing.
+"""
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import xarray as xr
+from numpy.typing import NDArray
+from pyproj import CRS, Transformer
+from scipy.interpolate import LinearNDInterpolator
+
+from auvplan.errors import reason_of
+from auvplan.io.currents.geometry import Curvilinear
+from auvplan.io.geo.error import GeoError
+from auvplan.io.geo.grid import OUTLINE, LocalGrid
+from auvplan.site import Site, swapped_hint
+
+Array = NDArray[np.floating]
+#: A file, or an array in the form above.
+Source = str | Path | xr.DataArray
+Find = Callable[[Array, Array], tuple[Array, Array]]
+
+# Units and names of coordinates (CF sections 4.1 and 4.2).
+_DEGREES = {
+    "longitude": (
+        ("degree_east", "degree_e", "degreee"),
+        re.compile(r"(nav_)?lon(gitude)?(_\w+)?", re.IGNORECASE),
+    ),
+    "latitude": (
+        ("degree_north", "degree_n", "degreen"),
+        re.compile(r"(nav_)?lat(itude)?(_\w+)?", re.IGNORECASE),
+    ),
+}
+_MASKS = ("mask", "mask_rho")
+# Nodes of a grid of two-dimensional coordinates that are searched at most.
+_SCATTERED = 1_000_000
+# Per cent of confidence with which a spelling without a code is of an EPSG system.
+_CONFIDENCE = 25
+
+
+@dataclass(frozen=True)
+class Nodes:
+    """Where the values of an array lie.
+
+    Attributes:
+        find: longitude and latitude, degrees, to row and column, whole numbers at the nodes, which are pixel
+            centres; NaN where there is none.
+        shape: rows and columns.
+        middle: longitude of their middle, degrees, where columns go by longitude: it decides which of the
+            longitudes that name one place is meant. None in projected coordinates.
+        cyclic: whether the first column follows upon the last one.
+    """
+
+    find: Find
+    shape: tuple[int, int]
+    middle: float | None = None
+    cyclic: bool = False
+
+    def seen_from(self, site: Site, grid: LocalGrid) -> Find:
+        """Local north and east, m, to row and column, continuous over the grid."""
+        low, high = np.asarray(grid.lower), np.asarray(grid.upper)
+        centre = float(site.to_geographic(*((low + high) / 2))[0])
+        if self.middle is not None:
+            centre += 360.0 * np.round((self.middle - centre) / 360.0)
+
+        def find(north: Array, east: Array) -> tuple[Array, Array]:
+            longitude, latitude = site.to_geographic(north, east)
+            near = centre + (longitude - centre + 180.0) % 360.0 - 180.0
+            row, column = self.find(near, latitude)
+            finite = np.isfinite(row) & np.isfinite(column)
+            return np.where(finite, row, np.nan), np.where(finite, column, np.nan)
+
+        return find
+
+
+def placed(
+    what: object, array: xr.DataArray, site: Site, grid: LocalGrid, crs: Any = None
+) -> tuple[xr.DataArray, Nodes]:
+    """Find where the values of an array lie.
+
+    Args:
+        what: the array, as messages call it.
+        array: in the form above.
+        site: where local coordinates count from.
+        grid: where values will be wanted, which is what two-dimensional coordinates are searched for.
+        crs: reference system of x and y, as pyproj takes it, where the array has none.
+
+    Returns:
+        The array [rows, columns], with a coordinate `mask` if it has one, and its nodes. A last column that
+        repeats the first one is left out.
+
+    Raises:
+        GeoError: one line; the array has no such coordinates, or they contradict themselves.
+    """
+    if array.ndim != 2:
+        raise GeoError(f"{what} has dimensions {listed(array.dims)}, not two")
+    longitude, latitude = (_degrees_of(array, kind) for kind in _DEGREES)
+    if longitude is None or latitude is None:
+        x, y, system = _axis(array, "x"), _axis(array, "y"), crs_of(what, array, crs)
+        if system is not None and x is not None and y is not None:
+            return _on_axes(what, array, x, y, system)
+        if system is not None and "GeoTransform" in _grid_mapping(array):
+            return _masked(array), _on_pixels(what, array, system)
+        longitude = _if_degrees(x) if longitude is None else longitude
+        latitude = _if_degrees(y) if latitude is None else latitude
+    for kind, axis in (("longitude", longitude), ("latitude", latitude)):
+        if axis is None:
+            raise GeoError(
+                f"{what} has no {kind} on its dimensions {listed(array.dims)}, nor x and y with a reference "
+                "system: use gdalwarp -t_srs EPSG:4326"
+            )
+    assert longitude is not None
+    assert latitude is not None
+    if longitude.ndim == latitude.ndim == 2:
+        places = (axis.transpose(*array.dims).values.astype(float) for axis in (longitude, latitude))
+        return _masked(array), _scattered(what, *places, site=site, grid=grid)
+    if not longitude.ndim == latitude.ndim == 1 or longitude.dims == latitude.dims:
+        raise GeoError(f"{what}: longitude and latitude are neither two axes nor two grids of its dimensions")
+    return _on_axes(what, array, longitude, latitude, None)
+
+
+def _on_axes(
+    what: object, array: xr.DataArray, across: xr.DataArray, along: xr.DataArray, system: CRS | None
+) -> tuple[xr.DataArray, Nodes]:
+    """`placed` of two axes: x and y of a reference system, or longitude and latitude without one."""
+    array = _masked(array.transpose(*along.dims, *across.dims))
+    x, y = np.asarray(across.values, float), np.asarray(along.values, float)
+    degrees = _in_degrees(system)
+    if degrees:
+        x = _one_turn(what, x)
+        array = array.isel({array.dims[1]: slice(0, x.size)})
+    for name, axis in zip(("longitude", "latitude") if degrees else "xy", (x, y), strict=True):
+        _check_axis(f"{what}: {name}", axis)
+    if degrees and np.abs(y).max() > 90.001:
+        raise GeoError(f"{what}: latitude reaches beyond 90 degrees")
+    forward = _forward(system)
+
+    def find(longitude: Array, latitude: Array) -> tuple[Array, Array]:
+        at_x, at_y = forward(longitude, latitude)
+        return _index(y, at_y), _index(x, at_x)
+
+    step = abs(x[-1] - x[0]) / (x.size - 1)
+    cyclic = degrees and bool(abs(step * x.size - 360.0) < 0.01 * step)
+    return array, Nodes(find, (y.size, x.size), float(x[0] + x[-1]) / 2 if degrees else None, cyclic)
+
+
+def _on_pixels(what: object, array: xr.DataArray, system: CRS) -> Nodes:
+    """Return nodes of a raster by the transformation from its pixels to coordinates."""
+    c, a, b, f, d, e = (float(word) for word in str(_grid_mapping(array)["GeoTransform"]).split())
+    matrix = np.array([[a, b], [d, e]])
+    if not np.isfinite((*matrix.flat, c, f)).all() or not abs(np.linalg.det(matrix)) > 0.0:
+        raise GeoError(f"{what}: its pixels have no size: {matrix.tolist()}")
+    inverse, forward = np.linalg.inv(matrix), _forward(system)
+
+    def find(longitude: Array, latitude: Array) -> tuple[Array, Array]:
+        x, y = forward(longitude, latitude)
+        column, row = (by_x * (x - c) + by_y * (y - f) - 0.5 for by_x, by_y in inverse)
+        return row, column
+
+    rows, columns = array.shape
+    middle = float(a * columns / 2 + b * rows / 2 + c)
+    return Nodes(find, (rows, columns), middle if _in_degrees(system) else None)
+
+
+def _in_degrees(system: CRS | None) -> bool:
+    return system is None or (system.is_geographic and system.axis_info[0].unit_name == "degree")
+
+
+def _forward(system: CRS | None) -> Find:
+    """Longitude and latitude, degrees, to coordinates of a system, in the turn of the longitude given."""
+    if system is None or system == CRS.from_epsg(4326):
+        return lambda longitude, latitude: (longitude, latitude)
+    transformer, degrees = Transformer.from_crs("EPSG:4326", system, always_xy=True), _in_degrees(system)
+
+    def forward(longitude: Array, latitude: Array) -> tuple[Array, Array]:
+        x, y = transformer.transform(longitude, latitude)
+        return x + 360.0 * np.round((longitude - x) / 360.0) if degrees else x, y
+
+    return forward
+
+
+def as_crs(given: Any) -> CRS:
+    """Return a coordinate reference system of whatever pyproj understands.
+
+    Raises:
+        GeoError: pyproj does not.
+    """
+    try:
+        return CRS.from_user_input(given)
+    except Exception as error:
+        why = f"{given!r} is no coordinate reference system ({reason_of(error)})"
+        raise GeoError(why, field="crs") from None
+
+
+def same_crs(one: CRS, other: CRS) -> bool:
+    """Return whether two reference systems are the same, also where one is ESRI's spelling of it."""
+    code = one.to_epsg(_CONFIDENCE)
+    return one.equals(other, ignore_axis_order=True) or (
+        code is not None and code == other.to_epsg(_CONFIDENCE)
+    )
+
+
+def crs_of(what: object, array: xr.DataArray, given: Any = None) -> CRS | None:
+    """Return the reference system of an array's x and y: its own, else the one given.
+
+    Raises:
+        GeoError: one line; both are there and differ, or one is neither geographic nor projected.
+    """
+    mapping, wanted = _grid_mapping(array), None if given is None else as_crs(given)
+    own = None
+    if stated := {key: value for key, value in mapping.items() if key != "GeoTransform"}:
+        text = stated.get("crs_wkt") or stated.get("spatial_ref")
+        try:
+            own = CRS.from_user_input(text) if text else CRS.from_cf(stated)
+        except Exception as error:
+            raise GeoError(f"{what}: its grid mapping is none ({reason_of(error)})") from None
+    elif "crs" in array.attrs:
+        own = as_crs(array.attrs["crs"])
+    if own is not None and wanted is not None and not same_crs(own, wanted):
+        raise GeoError(f"{what}: is in {own.name}, not in {wanted.name} as crs says")
+    system = own or wanted
+    if system is not None and not (system.is_geographic or system.is_projected):
+        raise GeoError(f"{what}: {system.name} is neither geographic nor projected")
+    return system
+
+
+def _grid_mapping(array: xr.DataArray) -> dict[str, Any]:
+    name = array.attrs.get("grid_mapping") or array.encoding.get("grid_mapping") or "spatial_ref"
+    return dict(array.coords[name].attrs) if name in array.coords else {}
+
+
+def _axis(array: xr.DataArray, name: str) -> xr.DataArray | None:
+    """Return the axis that is x or y by its standard name or its own."""
+    for key, axis in array.coords.items():
+        standard = axis.attrs.get("standard_name", "")
+        if axis.ndim == 1 and (standard == f"projection_{name}_coordinate" or str(key).lower() == name):
+            return axis
+    return None
+
+
+def _if_degrees(axis: xr.DataArray | None) -> xr.DataArray | None:
+    """Return an axis x or y that may be degrees, as plain grids call longitude and latitude."""
+    plain = axis is not None and str(axis.attrs.get("units", "")).lower() in ("", "degree", "degrees")
+    return axis if plain else None
+
+
+def _degrees_of(array: xr.DataArray, kind: str) -> xr.DataArray | None:
+    """Return the coordinate that is longitude or latitude."""
+    names = (name for name, axis in array.coords.items() if axis.ndim and is_degrees(name, axis.attrs, kind))
+    name = next(names, None)
+    return None if name is None else array.coords[name]
+
+
+def is_degrees(name: Any, attributes: Mapping[Any, Any], kind: str) -> bool:
+    """Return whether a variable is a "longitude" or "latitude", by standard name, units or its own name."""
+    standard = str(attributes.get("standard_name", "")).lower()
+    if standard:
+        return standard == kind
+    unit = str(attributes.get("units", "")).lower().replace("degrees", "degree")
+    units, names = _DEGREES[kind]
+    return unit in units or names.fullmatch(str(name)) is not None
+
+
+def _masked(array: xr.DataArray) -> xr.DataArray:
+    """Return the array with its mask, if it has one, as coordinate `mask` of the same order."""
+    for name in _MASKS:
+        if name in array.coords and set(array.coords[name].dims) == set(array.dims):
+            return array.assign_coords(mask=array.coords[name].transpose(*array.dims).variable)
+    return array
+
+
+def _one_turn(what: object, x: Array) -> Array:
+    """Continuous longitudes, of one turn at most."""
+    if not np.isfinite(x).all():
+        raise GeoError(f"{what}: longitude has values that are not finite")
+    x = np.unwrap(x, period=360.0)
+    if x.size > 2 and abs(x[-1] - x[0]) > 360.0 - 1e-6:
+        x = x[:-1]  # the meridian of the seam is given twice
+    if np.abs(x).max() > 720.0 or abs(x[-1] - x[0]) > 360.0:
+        raise GeoError(f"{what}: longitude runs from {x[0]:g} to {x[-1]:g}, which are no degrees")
+    return x
+
+
+def _check_axis(what: str, axis: Array) -> None:
+    if axis.size < 2:
+        raise GeoError(f"{what} has {axis.size} value, at least two are needed")
+    steps = np.diff(axis)
+    if not np.isfinite(axis).all() or not ((steps > 0).all() or (steps < 0).all()):
+        raise GeoError(f"{what} neither rises nor falls throughout")
+
+
+def _index(axis: Array, at: Array) -> Array:
+    """Fractional index along a monotonic axis, going on beyond its ends at the pace of its ends."""
+    if axis[0] > axis[-1]:
+        axis, at = -axis, -at
+    last = axis.size - 1
+    inside = np.interp(at, axis, np.arange(axis.size, dtype=float))
+    before, after = (at - axis[0]) / (axis[1] - axis[0]), last + (at - axis[-1]) / (axis[-1] - axis[-2])
+    return np.where(at < axis[0], before, np.where(at > axis[-1], after, inside))
+
+
+def _scattered(what: object, longitude: Array, latitude: Array, *, site: Site, grid: LocalGrid) -> Nodes:
+    """Return nodes of two-dimensional coordinates.
+
+    Row and column are interpolated on triangles of local metres.
+    """
+    north, east = site.to_local(longitude, np.clip(latitude, -90.0, 90.0))
+    known = np.isfinite(north) & np.isfinite(east) & (np.abs(latitude) <= 90.0)
+    if known.sum() < 4 or min(longitude.shape) < 2:
+        raise GeoError(f"{what}: its longitudes and latitudes are no grid")
+    if Curvilinear(("row", "column"), np.asarray(longitude, float), np.asarray(latitude, float)).folds:
+        raise GeoError(f"{what}: its longitudes and latitudes contradict each other, the grid folds")
+    middle = (np.asarray(grid.lower) + np.asarray(grid.upper)) / 2
+    gap = np.where(known, np.hypot(north - middle[0], east - middle[1]), np.inf)
+    i, j = np.unravel_index(np.argmin(gap), gap.shape)
+    around = gap[max(i - 1, 0) : i + 2, max(j - 1, 0) : j + 2]
+    reach = np.hypot(*(np.asarray(grid.upper) - grid.lower)) / 2 + 4 * np.max(
+        around, where=np.isfinite(around), initial=0.0
+    )
+    rows, columns = np.nonzero(gap <= reach)
+    part = np.s_[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
+    count = known[part].sum()
+    if count > _SCATTERED:
+        raise GeoError(f"{what}: {count} nodes lie about the area, more than {_SCATTERED}")
+    r, c = np.nonzero(known[part])
+    index = np.stack([r + rows.min(), c + columns.min()], axis=-1).astype(float)
+    try:
+        lookup = LinearNDInterpolator(np.stack([north[part][r, c], east[part][r, c]], axis=-1), index)
+    except Exception:
+        raise GeoError(f"{what}: its longitudes and latitudes are no grid") from None
+
+    def find(longitude: Array, latitude: Array) -> tuple[Array, Array]:
+        found = lookup(*site.to_local(longitude, latitude))
+        return found[..., 0], found[..., 1]
+
+    return Nodes(find, longitude.shape)  # type: ignore[arg-type]
+
+
+def steps(find: Find, grid: LocalGrid) -> Array:
+    """[2, 2] m: displacement (north, east) of one row, and of one column, in the middle of the grid."""
+    middle = (np.asarray(grid.lower) + np.asarray(grid.upper)) / 2
+    h = min(1.0, 0.01 * float(np.min(np.asarray(grid.upper) - np.asarray(grid.lower))))
+    around = middle + h * np.array([[1.0, 0], [-1, 0], [0, 1], [0, -1]])
+    at = np.stack(find(around[:, 0], around[:, 1]), axis=-1)
+    slopes = np.stack([at[0] - at[1], at[2] - at[3]], axis=-1) / (2 * h)
+    with np.errstate(all="ignore"):
+        if not np.isfinite(slopes).all() or abs(np.linalg.det(slopes)) < 1e-30:
+            return np.full((2, 2), np.nan)
+        return np.linalg.inv(slopes).T
+
+
+def refuse_beyond(
+    path: object, what: str, site: Site, find: Find, grid: LocalGrid, nodes: Nodes, slack: float
+) -> None:
+    """Refuse a grid that reaches more than `slack` rows or columns beyond the outer nodes of a file.
+
+    Raises:
+        GeoError: one line that says by how much, on which side, and whether it would not with longitude and
+            latitude swapped.
+    """
+    try:
+        _refuse_beyond(path, what, find, grid, nodes, slack)
+    except GeoError as error:
+
+        def fits(other: Site) -> bool:
+            _refuse_beyond(path, what, nodes.seen_from(other, grid), grid, nodes, slack)
+            return True
+
+        hint = swapped_hint(site, fits)
+        raise GeoError(f"{error}{hint}") from None
+
+
+def _refuse_beyond(path: object, what: str, find: Find, grid: LocalGrid, nodes: Nodes, slack: float) -> None:
+    row, column = find(*grid.outline())
+    spacing = steps(find, grid)
+    if np.isnan(row).all() or (np.isnan(spacing).any() and not np.isnan(row).any()):
+        raise GeoError(f"{path}: the area lies wholly beyond the {what}")
+    over: dict[str, float] = {}
+    for at, size, step, cyclic in (
+        (row, nodes.shape[0], spacing[0], False),
+        (column, nodes.shape[1], spacing[1], nodes.cyclic),
+    ):
+        past = (-np.nanmin(at), np.nanmax(at) - (size - 1))
+        for by, sense in zip(past, (-1.0, 1.0), strict=True):
+            if by > slack and not cyclic:
+                over[_side(sense * step)] = float((by - 0.5) * np.hypot(*step))
+    if over:
+        sides = " and ".join(f"{metres:.0f} m in the {side}" for side, metres in over.items())
+        raise GeoError(f"{path}: the area reaches beyond the {what} by {sides}")
+    if np.isnan(row).any():
+        north, east = grid.outline()
+        gone = np.isnan(row)
+        sides = " and ".join(
+            f"{metres:.0f} m of its edge in the {side}" for side, metres in _lost(grid, north, east, gone)
+        )
+        raise GeoError(f"{path}: the area reaches beyond the {what} with {sides}")
+
+
+def _side(step: Array) -> str:
+    north, east = (float(c) for c in step)
+    if abs(north) >= abs(east):
+        return "north" if north > 0 else "south"
+    return "east" if east > 0 else "west"
+
+
+def _lost(grid: LocalGrid, north: Array, east: Array, gone: NDArray[np.bool_]) -> list[tuple[str, float]]:
+    """Sides of the rectangle with the length, m, of their part that has no place in the file."""
+    tall, wide = (b - a for a, b in zip(grid.lower, grid.upper, strict=True))
+    sides = ("west", tall), ("east", tall), ("south", wide), ("north", wide)
+    shares = gone.reshape(4, OUTLINE).mean(axis=1)
+    return [(side, share * length) for (side, length), share in zip(sides, shares, strict=True) if share > 0]
+
+
+def nearest(values: NDArray, row: Array, column: Array, cyclic: bool = False) -> NDArray:
+    """Return the value of the nearest node, held beyond the outer ones; [rows, columns] at row and column."""
+    i = np.clip(np.rint(row), 0, values.shape[0] - 1).astype(int)
+    j = np.rint(column).astype(int)
+    return values[i, j % values.shape[1] if cyclic else np.clip(j, 0, values.shape[1] - 1)]
+
+
+def bilinear(values: NDArray, row: Array, column: Array) -> Array:
+    """Bilinear interpolation of [rows, columns], held beyond the outer nodes.
+
+    NaN where a node that bears on the place is NaN: a missing value spreads, it is never guessed.
+    """
+    rows, columns = values.shape
+    nowhere = np.isnan(row) | np.isnan(column)
+    row = np.clip(np.where(nowhere, 0.0, row), 0, rows - 1)
+    column = np.clip(np.where(nowhere, 0.0, column), 0, columns - 1)
+    i = np.minimum(np.floor(row).astype(int), max(rows - 2, 0))
+    j = np.minimum(np.floor(column).astype(int), max(columns - 2, 0))
+    a, b = row - i, column - j
+    up, right = np.minimum(i + 1, rows - 1), np.minimum(j + 1, columns - 1)
+    total = np.where(nowhere, np.nan, 0.0)
+    for weight, at in (
+        ((1 - a) * (1 - b), values[i, j]),
+        ((1 - a) * b, values[i, right]),
+        (a * (1 - b), values[up, j]),
+        (a * b, values[up, right]),
+    ):
+        total += np.where(weight > 0.0, weight * at, 0.0)
+    return total
+
+
+def label(source: Any) -> str:
+    """Return what messages call a file or an object of xarray."""
+    return str(source) if isinstance(source, str | Path) else f"the given {type(source).__name__}"
+
+
+def listed(names: Any) -> str:
+    """Return names for a message, a dozen at most."""
+    every = [str(name) for name in names]
+    return ", ".join(every[:12]) + (" ..." if len(every) > 12 else "")
