@@ -224,6 +224,7 @@ class _Piece:
 
     def since(self, sample: int) -> "_Piece":
         """Return what of a detour comes after a sample."""
+        assert self.excess is not None
         return replace(self, places=self.places[sample:], excess=self.excess[:, sample:])
 
 
@@ -288,26 +289,6 @@ def _rounded(line: _Piece, way: _Piece, radius: float) -> tuple[list[_Piece], fl
     return parts, float(radii[k])
 
 
-def _met(water: Array, ground: Array, units: Array, vehicle: Vehicle, config: PathConfig) -> Array:
-    """[N, 3] m/s, the current of segments along which the vehicle makes its mean speed over ground [N] m/s.
-
-    Args:
-        water: [N, 3] m/s, means of the current that is met.
-        ground: [N] m/s.
-        units: [N, 3], directions of the segments.
-        vehicle: speed and limits.
-        config: how its speed is read.
-    """
-    if config.speed_reading == "eq11":
-        return water
-    across = water - (water * units).sum(axis=1, keepdims=True) * units
-    square = float(np.asarray(vehicle.speed)) ** 2 - np.where(
-        config.speed_reading == "track", (across**2).sum(axis=1), 0.0
-    )
-    along = ground - np.sqrt(np.maximum(square, 0.0))
-    return across + along[:, None] * units
-
-
 def _excess(steps: Steps, env: Environment, vehicle: Vehicle, config: PathConfig) -> Array:
     """[V, N], how far steps break each limit of `VIOLATIONS`; a straight line does not turn."""
     coast, obstacle, altitude, across, ground, made, *vertical = steps.room
@@ -363,7 +344,7 @@ def _joined(
     spare = max(usual - 1 - sum(others) - int((lengths > 0.0).sum()), 0)
     ends = np.rint(np.cumsum(lengths) / max(lengths.sum(), 1e-9) * spare).astype(int)
     parts = [
-        np.linspace(*piece.places, count + 2) if piece.is_line else piece.places
+        np.linspace(piece.places[0], piece.places[1], count + 2) if piece.is_line else piece.places
         for piece, count in zip(pieces, np.diff(ends, prepend=0), strict=True)
     ]
     positions = np.concatenate([parts[0][:1], *(part[1:] for part in parts)])
