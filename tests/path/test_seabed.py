@@ -169,12 +169,25 @@ def test_first_habitats_rise_over_the_ridge():
     start, goal = jnp.asarray(START), jnp.asarray(GOAL)
     lower, upper = habitats.bounds(start, goal, env, CONFIG)
     np.testing.assert_array_equal(lower[20:], 0.0)
-    line = habitats.raise_above_seabed(habitats.straight_line(start, goal, CONFIG)[None], start, goal, env)
+    line = habitats.straight_line(start, goal, CONFIG)[None]
+    line = habitats.raise_above_seabed(line, start, goal, env, CONFIG)
     trajectory = evaluate(curves(line, start, goal, CONFIG), 0.0, env, ap.Vehicle(), CONFIG)
     assert float(trajectory.altitude.min()) > 0.0
     assert (np.asarray(line[0, :20]) == np.asarray(habitats.straight_line(start, goal, CONFIG)[:20])).all()
     many = habitats.initial(jax.random.key(0), 9, start, goal, lower, upper, CONFIG, env)
     assert ((many >= lower) & (many <= upper)).all()
+
+
+def test_a_path_that_follows_the_bed_is_not_raised():
+    env, config = over(RIDGE), CONFIG.replace(control_points=40, samples=160)
+    start, goal = jnp.asarray(START), jnp.asarray(GOAL)
+    x, y, _ = habitats.straight_line(start, goal, config).reshape(3, -1)
+    above, below = ([*x, *y, *(env.seabed.depth_at(x, y) - altitude)] for altitude in (30.0, 0.0))
+    rows = jnp.asarray([above, below])
+    follows, rises = habitats.raise_above_seabed(rows, start, goal, env, config)
+    np.testing.assert_array_equal(follows, rows[0])
+    track = curves(rises[None], start, goal, config)
+    assert float(evaluate(track, 0.0, env, ap.Vehicle(), config).altitude.min()) >= CLEARANCE
 
 
 @pytest.mark.parametrize(
