@@ -21,7 +21,7 @@ from auvplan.path.kinematics import TINY, vertical_speeds
 from auvplan.vehicle import Vehicle, along_track
 
 #: Moves from station to station on each path of a search, and depths to choose from at each.
-STATIONS, LEVELS = 128, 24
+STATIONS, LEVELS = 64, 24
 
 #: Share of the depths that lie where the current changes with depth; the others lie evenly.
 _SHEARED = 0.5
