@@ -186,8 +186,8 @@ def test_a_path_that_follows_the_bed_is_not_raised():
     rows = jnp.asarray([above, below])
     follows, rises = habitats.raise_above_seabed(rows, start, goal, env, config)
     np.testing.assert_array_equal(follows, rows[0])
-    track = curves(rises[None], start, goal, config)
-    assert float(evaluate(track, 0.0, env, ap.Vehicle(), config).altitude.min()) >= CLEARANCE
+    places = np.stack(curves(rises[None], start, goal, config).places, axis=-1)
+    assert env.seabed.altitude(places).min() >= CLEARANCE
 
 
 @pytest.mark.parametrize(
