@@ -15,6 +15,7 @@ not stored are computed first; ``--references`` does nothing else. ``--scales`` 
 """
 
 import argparse
+import gc
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -27,6 +28,7 @@ from rich.progress import Progress
 from rich.table import Table
 
 import auvplan as ap
+from auvplan.compiled import drop_programs
 from benchmarks.depth_problems import DEPTH_FAMILIES, depth_problem, have_levels
 from benchmarks.machine import (
     arguments,
@@ -201,8 +203,16 @@ def plan_all(
             replaced.add(problem.name)
             own = [replace(run, reference=quickest) for run in own]
         runs += own
+        _forget_programs()
     progress.remove_task(bar)
     return runs, replaced
+
+
+def _forget_programs() -> None:
+    """Free what was compiled: programs differ by problem, and hundreds of them fill a long run's memory."""
+    drop_programs()
+    jax.clear_caches()
+    gc.collect()
 
 
 def _planned(problem: PathProblem, preset: str, reference: WaterReference | None, world: World) -> Run:

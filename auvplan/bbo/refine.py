@@ -58,7 +58,8 @@ def descend(
 
     Args:
         guide: gives what to descend on, and the cost and violation that choose the iterate to keep.
-        habitats, lower, upper, steps, args, step_size: as for `refine`; steps and their size may be traced.
+        habitats, lower, upper, steps, args, step_size: as for `refine`; steps and their size may be traced,
+            and each SIV may have a size of its own, [D].
 
     Returns:
         As `refine`.

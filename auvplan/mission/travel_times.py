@@ -300,7 +300,7 @@ def _estimate(
             tried = fan[best]
         else:
             tried = habitats.raise_above_seabed(
-                habitats.straight_line(start, goal, config.path)[None], start, goal, env
+                habitats.straight_line(start, goal, config.path)[None], start, goal, env, config.path
             )
         if steps:
             tried, costs, _ = refine(cost, tried, lower, upper, steps, problem, _STEP_SIZE)

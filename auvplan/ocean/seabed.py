@@ -208,17 +208,17 @@ def _shallowest(raster: NDArray[np.floating], reaches: NDArray[np.floating]) -> 
     """[layers, nx, ny], least values in windows for rising reaches, in pixels.
 
     A window of q steps of a square and d of a cross holds all whole steps (a, b) with |a| and |b| at most
-    q + d and |a| + |b| at most 2 q + d. A circle of radius r lies in the octagon with q + d >= r and
-    2 q + d >= r sqrt(2); one square more makes up for the rounding.
+    q + d and |a| + |b| at most 2 q + d. Ways no longer than r, their parts along both axes rounded up or
+    down, are steps with |a| and |b| at most r rounded up, and |a| + |b| less than r sqrt(2) + 2.
     """
     layers, squares, crosses = [], 0, 0
     for reach in np.ceil(reaches).astype(int):
-        q = -(-reach // 2)
-        for _ in range(q + 1 - squares):
+        q = min(reach, int(np.ceil(reach * np.sqrt(2.0))) + 1 - reach)
+        for _ in range(q - squares):
             raster = _least(_least(raster, (0,)), (1,))
         for _ in range(reach - q - crosses):
             raster = _least(raster, (0, 1))
-        squares, crosses = max(squares, q + 1), max(crosses, reach - q)
+        squares, crosses = max(squares, q), max(crosses, reach - q)
         layers.append(raster)
     return np.stack(layers)
 

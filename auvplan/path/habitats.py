@@ -91,24 +91,31 @@ def initial(
         offset = size * (amplitude @ jnp.asarray(shape, lower.dtype)) * scale
         population = (line + offset.reshape(count, 3 * free)).at[0].set(line)
     population = jnp.clip(population, lower, upper)
-    return population if env is None else raise_above_seabed(population, start, goal, env)
+    return population if env is None else raise_above_seabed(population, start, goal, env, config)
 
 
-def raise_above_seabed(habitats: jax.Array, start: jax.Array, goal: jax.Array, env: Environment) -> jax.Array:
-    """Habitats [P, 3 n] m whose control points rise to the clearance above the sea bed around them.
+def raise_above_seabed(
+    habitats: jax.Array, start: jax.Array, goal: jax.Array, env: Environment, config: PathConfig
+) -> jax.Array:
+    """Habitats [P, 3 n] m raised as far as their curves need it to keep the clearance above the sea bed.
 
-    What lies within the way to the next control point counts, since the curve passes between them.
+    A control point rises by the most that is missing at any sample that it has weight at. Weights sum to one,
+    so every sample rises by at least what it misses, and paths that follow the bed closely keep doing so.
     """
     if env.seabed is None:
         return habitats
-    free = habitats.shape[1] // 3
-    x, y, z = (habitats[:, axis * free : (axis + 1) * free] for axis in range(3))
-    ends = [jnp.broadcast_to(end[:2, None, None], (2, len(habitats), 1)) for end in (start, goal)]
-    polygon = jnp.concatenate([ends[0], jnp.stack([x, y]), ends[1]], axis=2)
-    gap = jnp.sqrt((jnp.diff(polygon, axis=2) ** 2).sum(axis=0) + 1e-8)
-    length = jnp.minimum(2.0 * jnp.maximum(gap[:, :-1], gap[:, 1:]), 2.0 * env.seabed.reach[-1])
-    z = jnp.minimum(z, deepest(env, x, y, length))
-    return jnp.concatenate([x, y, z], axis=1)
+    basis = basis_matrix(config.samples, config.control_points + 2, config.degree)
+    planes = jnp.stack(jnp.split(habitats, 3, axis=1))
+    ends = (jnp.broadcast_to(end[:, None, None], (3, len(habitats), 1)) for end in (start, goal))
+    first, last = ends
+    polygon = jnp.concatenate([first, planes, last], axis=2)
+    x, y, z = polygon @ jnp.asarray(basis.T, habitats.dtype)
+    gap = jnp.sqrt(jnp.diff(x, axis=1) ** 2 + jnp.diff(y, axis=1) ** 2 + 1e-8)
+    longer = jnp.maximum(jnp.pad(gap, [(0, 0), (1, 0)]), jnp.pad(gap, [(0, 0), (0, 1)]))
+    missing = jnp.maximum(z - deepest(env, x, y, longer), 0.0)
+    weighs = jnp.asarray(basis[:, 1:-1] > 0.0)
+    rise = jnp.where(weighs, missing[:, :, None], 0.0).max(axis=1)
+    return jnp.concatenate([*planes[:2], jnp.maximum(planes[2] - rise, env.lower[2])], axis=1)
 
 
 def deepest(env: Environment, x: jax.Array, y: jax.Array, length: jax.Array) -> jax.Array:

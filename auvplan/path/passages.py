@@ -198,7 +198,7 @@ def trace_passages(
     times, habitats = jnp.concatenate([p.times for p, _ in parts]), []
     for settings in (config, config.fine()):
         rows = jnp.concatenate([_fitted(p, depths, start, goal, settings) for p, depths in parts])
-        rows = raise_above_seabed(rows, start, goal, env)
+        rows = raise_above_seabed(rows, start, goal, env, settings)
         if vehicle.pitch_max is not None and (others := min(_WINDING, count // 2)):
             winding, lasts, needed = spirals(others, start, goal, depart, vehicle, env, settings)
             rows = rows.at[-others:].set(jnp.where(needed, winding, rows[-others:]))

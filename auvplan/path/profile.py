@@ -185,7 +185,7 @@ def profiles(
     limit = jnp.full_like(x, env.upper[2])
     if env.seabed is not None:
         longer = jnp.maximum(jnp.pad(step, [(0, 0), (1, 0)]), jnp.pad(step, [(0, 0), (0, 1)]))
-        limit = jnp.minimum(limit, deepest(env, x, y, 2.0 * longer))
+        limit = jnp.minimum(limit, deepest(env, x, y, longer))
     at = slice(None, None, max(1, x.shape[1] // 8))
     run = jnp.cumsum(step, axis=1)[:, at] / vehicle.speed
     seen = tuple(plane.ravel() for plane in (x[:, :-1][:, at], y[:, :-1][:, at], depart + run))
@@ -207,7 +207,7 @@ def profiles(
 
     begin = jnp.where(jnp.arange(count) == first, 0.0, jnp.inf)
     cost = jnp.broadcast_to(begin, (x.shape[0], count)).astype(x.dtype)
-    stations = (x[:, :-1].T, y[:, :-1].T, dx.T, dy.T, step.T, limit[:, 1:].T)
+    stations = (x[:, :-1].T, y[:, :-1].T, dx.T, dy.T, step.T, limit[:, :-1].T, limit[:, 1:].T)
     carry = cost, jnp.full_like(cost, depart)
     _, back = jax.lax.scan(move, carry, stations)
 
@@ -233,10 +233,11 @@ def _moves(
     Args:
         depth: [L] m, rising.
         time: [P, L] s, of arrival at the station.
-        station: x, y, dx, dy, level length [P] m of the moves from it, and greatest depth [P] m at the next.
+        station: x, y, dx, dy, level length [P] m of the moves from it, and greatest depth [P] m around it
+            and around the next, as far as halfway between them.
         env, vehicle, config: as for `profiles`.
     """
-    x, y, dx, dy, step, limit = (part[:, None] for part in station)
+    x, y, dx, dy, step, limit, next_limit = (part[:, None] for part in station)
     half = time + 0.5 * step / vehicle.speed
     there = jnp.broadcast_to(depth, half.shape)
     u, v, w = (
@@ -259,14 +260,19 @@ def _moves(
     ).values():
         excess = excess + jnp.maximum(vertical / most - 1.0, 0.0)
     arrived = time[:, :, None] + duration
-    near = jnp.maximum(depth - limit, 0.0) / _TOO_DEEP
+    near = jnp.maximum(depth - next_limit, 0.0) / _TOO_DEEP
     if len(env.obstacles):
         still = jnp.zeros_like(half)
         met = (x + station[2][:, None] + still, y + station[3][:, None] + still, there)
         then = time + station[4][:, None] / vehicle.speed
         clear = obstacle_clearance((met, (still, still, still), then, still), env)
         near = near + jnp.maximum(config.obstacle_margin - clear, 0.0) / _TOO_NEAR
-    return duration, jnp.minimum(excess + near[:, None, :], _MOST), arrived
+    excess = excess + near[:, None, :]
+    if env.seabed is not None:
+        # As `bed_altitude` has it: each half of a move is over the bed that its outer end covers.
+        halfway = 0.5 * (depth[None, :] + depth[:, None]) - jnp.minimum(limit, next_limit)[:, :, None]
+        excess = excess + jnp.maximum(halfway, 0.0) / _TOO_DEEP
+    return duration, jnp.minimum(excess, _MOST), arrived
 
 
 def _mean_between(plane: jax.Array, depth: jax.Array, rise: jax.Array) -> jax.Array:

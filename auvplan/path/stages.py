@@ -57,6 +57,10 @@ _FEW = 2
 #: than a cell.
 _ROUNDABOUT = 1.5
 
+#: Steps of a descent in depth are so many times as great a share of the bounds as those in the plane: bounds
+#: in the plane are wider than the leg, and profiles move through a good part of the box's depth.
+_DEEPER = 4.0
+
 #: A path that breaks a limit after that is polished with the first of these shares of the penalties' weights,
 #: against limits of the vehicle that are lower by the second factor.
 _STRICTER = (0.1, 0.99), (1.0, 0.98)
@@ -316,7 +320,7 @@ def _descended_within(
             real = part.shape[1]
             padded = np.concatenate([part, np.repeat(part[:, -1:], at_once - real, axis=1)], axis=1)
             size = 0.5 * step_size * (1.0 + np.cos(np.pi * done / steps))
-            numbers = np.int32(chunk), np.float32(size), np.float32(SOFTNESS)
+            numbers = np.int32(chunk), _step_sizes(size, world, config), np.float32(SOFTNESS)
             descend = partial(_descend, padded, *bounds, *numbers, **world, config=config.only())
             better = share.spend(work, descend, chunk + 1)
             for plane, new in zip(out, better, strict=True):
@@ -431,7 +435,7 @@ def _descended(
 ) -> tuple[np.ndarray, ...]:
     """Rows [B, R, 3 n] polished by gradients, their costs and violations [B, R], `refine_count` at a time."""
     parts, at_once = [], config.refine_count
-    numbers = np.int32(steps), np.float32(step_size), np.float32(softness)
+    numbers = np.int32(steps), _step_sizes(step_size, world, config), np.float32(softness)
     for begin in range(0, rows.shape[1], at_once):
         part = rows[:, begin : begin + at_once]
         padded = part
@@ -440,6 +444,13 @@ def _descended(
         better = _descend(padded, *bounds, *numbers, **world, config=config.only())
         parts.append([np.asarray(plane)[:, : part.shape[1]] for plane in better])
     return tuple(np.concatenate(planes, axis=1) for planes in zip(*parts, strict=True))
+
+
+def _step_sizes(step_size: float, world: dict[str, Any], config: PathConfig) -> np.ndarray | np.float32:
+    """Return the first step of a descent as shares of the bounds, [3 n] where depth is searched, else []."""
+    if not _traced(world, config)["deep"]:
+        return np.float32(step_size)
+    return np.repeat(np.float32([step_size, step_size, _DEEPER * step_size]), config.control_points)
 
 
 def _ranked(rows: np.ndarray, costs: np.ndarray, violations: np.ndarray) -> tuple[np.ndarray, ...]:

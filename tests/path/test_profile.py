@@ -12,6 +12,7 @@ from auvplan.mission.travel_times import TravelTimeConfig, travel_times
 from auvplan.ocean.currents import SumCurrent, varies_with_depth
 from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.path.profile import levels, profiles
+from auvplan.path.stages import Legs, _step_sizes, _world, split
 
 WAY, SPEED = 4000.0, 1.5
 UNLIMITED = ap.Vehicle(SPEED, surge_max=50.0, sway_max=50.0, pitch_max=None)
@@ -260,3 +261,15 @@ def test_paths_wind_where_the_straight_line_is_too_steep(goal):
     assert least * 0.999 < plan.travel_time < 1.1 * least
     assert plan.lengthened.startswith(f"winds over {plan.length:,.0f} m")
     assert f"{least:,.0f} s at least" in plan.lengthened
+
+
+@pytest.mark.parametrize(("env", "deeper"), [(sea(), True), (sea(bottom=0.0), False)])
+def test_descents_take_greater_steps_in_depth_where_depth_is_searched(env, deeper):
+    config = ap.PathConfig(control_points=5)
+    legs = Legs(np.zeros((1, 3)), np.array([[WAY, 0.0, 0.0]]), np.zeros(1), None)
+    _, shared = split(env, world_per_leg=False)
+    sizes = _step_sizes(0.01, _world(legs, shared, UNLIMITED, config), config)
+    north, east, down = np.broadcast_to(sizes, 15).reshape(3, 5)
+    np.testing.assert_array_equal([north, east], np.float32(0.01))
+    assert ((down > 0.02) == deeper).all()
+    assert deeper or sizes.shape == ()  # one number, as it always was

@@ -170,7 +170,7 @@ def test_first_habitats_rise_over_the_ridge():
     def first(start, goal):
         straight = habitats.straight_line(start, goal, CONFIG)
         bounds = habitats.bounds(start, goal, env, CONFIG)
-        return straight, habitats.raise_above_seabed(straight[None], start, goal, env), *bounds
+        return straight, habitats.raise_above_seabed(straight[None], start, goal, env, CONFIG), *bounds
 
     straight, line, lower, upper = map(np.asarray, first(jnp.asarray(START), jnp.asarray(GOAL)))
     np.testing.assert_array_equal(lower[20:], 0.0)
@@ -179,6 +179,18 @@ def test_first_habitats_rise_over_the_ridge():
     assert (line[0, :20] == straight[:20]).all()
     many = np.asarray(population(9, START, GOAL, env, CONFIG, over=env))
     assert ((many >= lower) & (many <= upper)).all()
+
+
+def test_a_path_that_follows_the_bed_is_not_raised():
+    env, config = over(RIDGE), CONFIG.replace(control_points=40, samples=160)
+    start, goal = jnp.asarray(START), jnp.asarray(GOAL)
+    x, y, _ = habitats.straight_line(start, goal, config).reshape(3, -1)
+    above, below = ([*x, *y, *(env.seabed.depth_at(x, y) - altitude)] for altitude in (30.0, 0.0))
+    rows = jnp.asarray([above, below])
+    follows, rises = habitats.raise_above_seabed(rows, start, goal, env, config)
+    np.testing.assert_array_equal(follows, rows[0])
+    places = np.stack(curves(rises[None], start, goal, config).places, axis=-1)
+    assert env.seabed.altitude(places).min() >= CLEARANCE
 
 
 @pytest.mark.parametrize(
