@@ -53,6 +53,41 @@ def test_no_vehicle_is_faster_than_its_own_speed_and_the_fastest_current(step, s
     assert not faults(run, "time does not advance")
 
 
+def turning(phase, planned_anew):
+    """A leg that turns to the right, then to the left at 0.1 rad/s, seen every 3 s from a phase on.
+
+    At the turn, or shortly after it, a new path may lead straight ahead.
+    """
+    fine = np.arange(0.0, 60.0, 0.01)
+    rate = np.where(fine < 21.0 + phase, 0.1, 0.0 if planned_anew else -0.1)
+    course = np.concatenate([[0.0], np.cumsum(rate[:-1]) * 0.01])
+    velocity = SPEED * np.stack([np.cos(course), np.sin(course), 0.0 * course], axis=1)
+    places = np.concatenate([np.zeros((1, 3)), np.cumsum(velocity[:-1], axis=0) * 0.01])
+    seen = slice(0, None, 300)
+    run = along(places[seen] + [0.0, 0.0, 30.0], fine[seen])
+    (leg,) = run.legs
+    leg.motion = Motion.through_water(velocity[seen], np.zeros(3))
+    leg.plans = [
+        replace(leg.plans[0], made_at=made_at) for made_at in ([0.0, 21.0] if planned_anew else [0.0])
+    ]
+    return run
+
+
+@pytest.mark.parametrize("phase", [0.0, 0.7, 1.5, 2.2, 2.9])
+def test_a_track_that_turns_follows_its_velocities(phase):
+    run = turning(phase, planned_anew=False)
+    assert not faults(run, "off the next position")
+    run.legs[0].positions[7, :2] += [0.0, 1.2]
+    assert faults(run, "off the next position")
+
+
+def test_what_a_new_path_does_says_nothing_of_the_step_before_it():
+    run = turning(0.0, planned_anew=True)
+    assert not faults(run, "off the next position")
+    run.legs[0].positions[6, :2] += [0.0, 1.5]
+    assert faults(run, "off the next position")
+
+
 DIVES = [
     # Executed, pitch_max in degrees, rates in m/s, and what is said of a dive at 20 degrees. What was
     # executed may have met another current than it was planned in.

@@ -158,6 +158,14 @@ def test_the_checker_sees_a_line_out_of_its_window_and_a_priority_that_has_falle
     assert any("a part of line 'swath' from" in fault for fault in faults)
 
 
+@pytest.mark.parametrize("change", [-1.0, 1.0])
+def test_the_checker_sees_a_route_that_is_worth_something_else_at_the_times_it_expects(survey, change):
+    dataset = to_dataset(survey)
+    priority = dataset["route_priority"]
+    faults = check_dataset(survey.summary(), dataset.assign(route_priority=priority + change)).faults
+    assert f"route 0: its tasks are worth 7, its priority is given as {7 + change:g}" in faults
+
+
 def test_a_job_comes_after_the_fall_where_its_window_does(tmp_path):
     jobs = Jobs((JobPoint("buoy", (300.0, 40.0, 5.0), 3.0, 60.0, ((OPENS, CLOSES),), ((900.0, 2.0),)),))
     _, area = windowed()
