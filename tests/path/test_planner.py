@@ -274,14 +274,15 @@ def test_winding_ways_are_planned_with_more_control_points():
 
 
 def test_a_path_that_the_last_polish_still_improves_is_polished_finely():
-    env, key = world(), jax.random.key(0)
-    usual = ap.plan_path(START, GOAL, env, key=key, config=CONFIG)
-    fine = ap.plan_path(START, GOAL, env, key=key, config=CONFIG.replace(finer=2, settled=0.0))
+    # With few steps before it the last polish has something left to improve.
+    env, key, config = world(), jax.random.key(0), CONFIG.replace(passage_steps=3)
+    usual = ap.plan_path(START, GOAL, env, key=key, config=config)
+    fine = ap.plan_path(START, GOAL, env, key=key, config=config.replace(finer=2, settled=0.0))
     assert fine.feasible
     assert len(fine.times) == 2 * 63 + 1
     assert fine.travel_time < usual.travel_time
     # What counts as settled is left as it is.
-    calm = ap.plan_path(START, GOAL, env, key=key, config=CONFIG.replace(finer=2, settled=1.0))
+    calm = ap.plan_path(START, GOAL, env, key=key, config=config.replace(finer=2, settled=1.0))
     assert calm.travel_time == usual.travel_time
 
 
