@@ -59,6 +59,9 @@ PRESETS = {"default": ap.PathConfig, "quick": ap.PathConfig.quick, "paper": ap.P
 #: m, longest side of the box at which problems are posed for `--scales`; the first is compared with.
 SIDES = 10_000.0, 2.0, 20.0, 200.0, 2000.0, 50_000.0, 200_000.0
 
+#: Problems after which programs are forgotten.
+_TOGETHER = 8
+
 #: Families whose first problem is posed at all sides, beside the problems of the literature.
 SCALED_FAMILIES = "open", "coast", "sounds"
 
@@ -192,7 +195,7 @@ def plan_all(
     """
     bar = progress.add_task("plans", total=len(cases) * len(presets))
     runs, replaced = [], set()
-    for problem, reference in cases:
+    for number, (problem, reference) in enumerate(cases, 1):
         world, own = World.of(problem), []
         for preset in presets:
             own.append(_planned(problem, preset, reference, world))
@@ -203,7 +206,8 @@ def plan_all(
             replaced.add(problem.name)
             own = [replace(run, reference=quickest) for run in own]
         runs += own
-        _forget_programs()
+        if number % _TOGETHER == 0:
+            _forget_programs()
     progress.remove_task(bar)
     return runs, replaced
 
