@@ -128,7 +128,7 @@ def follow_line(
     tried, plans, kept = [], [], []
     # Where a detour sets out too sharply for the vehicle to turn, the line is left earlier.
     for lead in (0.0, turning):
-        tried.append(_pieces(place, line, sea, config, depart, detour, lead))
+        tried.append(_pieces(place, line, sea, config, depart, detour, lead, turning))
         rounded, smooth = _with_corners_rounded(tried[-1], sea, depart)
         plans.append(_joined(rounded, sea, env, config, depart))
         kept.append(_on_line(rounded) if smooth and plans[-1].feasible else -np.inf)
@@ -153,8 +153,12 @@ def _pieces(
     depart: float,
     detour: Detour,
     lead: float,
+    turning: float,
 ) -> list["_Piece"]:
-    """Return stretches of a line and detours that join; arguments as `follow_line`, `blocked_stretches`."""
+    """Return stretches of a line and detours that join.
+
+    Arguments as for `follow_line` and `blocked_stretches`, and m, the radius of the vehicle's turns.
+    """
     start, end = (np.asarray(point, float) for point in line)
     length = float(np.linalg.norm(end - start))
     unit = (end - start) / length
@@ -162,7 +166,8 @@ def _pieces(
     off = float(np.linalg.norm(place - start - at * unit))
     here, now, joins = np.asarray(place, float), float(depart), at
     if off > _ON_LINE:
-        joins = min(at + off, length)
+        # Far off at an angle of 45 degrees; nearby so that two turns lead there, one after the other.
+        joins = min(at + max(off, 2.0 * np.sqrt(turning * off)), length)
     pieces: list[_Piece] = [_Piece.around(detour(here, end, now))] if at >= length else []
     while at < length:
         # From the line itself: where the vehicle is off it, all up to where it joins counts as blocked.
@@ -258,6 +263,8 @@ def _rounded(line: _Piece, way: _Piece, radius: float) -> tuple[list[_Piece], fl
     """
     ahead = np.diff(line.places, axis=0)[0]
     level = float(np.hypot(*ahead[:2]))
+    if level < _ON_LINE:  # straight down, where the hull may turn as it likes
+        return [line, way], radius
     unit, corner = ahead / level, line.places[1]
     samples = way.places[1 : len(way.places) // 2 + 1]
     course = way.places[2 : len(samples) + 2] - way.places[: len(samples)]

@@ -157,10 +157,12 @@ def test_two_obstacles_side_by_side_are_passed_in_one_detour_and_others_in_two()
     assert len(plan.positions) == 3 * CONFIG.samples
 
 
-def test_a_vehicle_off_the_line_joins_it_ahead():
-    plan, ((start, goal, _),) = followed(world(), np.array([1000.0, 1100.0, 10.0]))
-    np.testing.assert_allclose(start, [1000.0, 1100.0, 10.0])
-    np.testing.assert_allclose(goal, [1100.0, 1000.0, 10.0])
+@pytest.mark.parametrize(("off", "ahead"), [(100.0, 100.0), (5.0, 20.0)])
+def test_a_vehicle_off_the_line_joins_it_ahead(off, ahead):
+    """From nearby along twice the root of the turning radius, 20 m, times the distance."""
+    plan, ((start, goal, _), *_) = followed(world(), np.array([1000.0, 1000.0 + off, 10.0]))
+    np.testing.assert_allclose(start, [1000.0, 1000.0 + off, 10.0])
+    np.testing.assert_allclose(goal, [1000.0 + ahead, 1000.0, 10.0])
     np.testing.assert_allclose(plan.positions[-1], END, atol=1e-2)
 
 
