@@ -2,11 +2,9 @@
 
 import hashlib
 import json
-import mmap
 import os
 import secrets
 import shutil
-import struct
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
@@ -264,8 +262,7 @@ def read_dataset(folder: str | Path, name: str) -> "xr.Dataset":
 def require_whole(path: str | Path, fault: type[AuvplanError]) -> None:
     """Refuse a NetCDF file that leads its library elsewhere, or nowhere.
 
-    HDF5 reads values that lie in other files, whatever these are, and does not come to the end of some heaps;
-    scipy believes every length that the head of a classic file tells.
+    HDF5 reads values that lie in other files, whatever these are, and does not come to the end of some heaps.
 
     Args:
         path: of the file. What h5py raises on a damaged one is passed on.
@@ -273,12 +270,7 @@ def require_whole(path: str | Path, fault: type[AuvplanError]) -> None:
     """
     with open(path, "rb") as file:
         start = file.read(4)
-    if start in (b"CDF\x01", b"CDF\x02"):
-        try:
-            _walk_classic_head(Path(path))
-        except (ValueError, KeyError, struct.error):
-            raise fault(f"{path}: not a readable NetCDF file (its head goes on beyond its end)") from None
-    elif not start.startswith(b"CDF"):
+    if not start.startswith(b"CDF"):
         _require_whole_hdf5(path, fault)
 
 
@@ -329,44 +321,6 @@ def _has_endless_heap(path: Path) -> bool:
             else:
                 at += size
     return False
-
-
-def _walk_classic_head(path: Path) -> None:
-    """Read past the head of a classic NetCDF file, of which scipy believes every length that it tells.
-
-    Raises:
-        ValueError, struct.error, KeyError: it does not end within the file.
-    """
-    sizes = {1: 1, 2: 1, 3: 2, 4: 4, 5: 4, 6: 8}
-    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
-        begins = 8 if content[3] == 2 else 4
-
-        def number() -> int:
-            return struct.unpack(">I", content.read(4))[0]
-
-        def entries() -> range:
-            number()  # the kind of list
-            return range(number())
-
-        def skip(length: int) -> None:
-            content.seek(-length % 4 + length, os.SEEK_CUR)
-
-        def skip_attributes() -> None:
-            for _ in entries():
-                skip(number())
-                size = sizes[number()]
-                skip(size * number())
-
-        content.seek(8)
-        for _ in entries():
-            skip(number())
-            number()
-        skip_attributes()
-        for _ in entries():
-            skip(number())
-            skip(4 * number())
-            skip_attributes()
-            skip(8 + begins)
 
 
 def _is_elsewhere(part: Any) -> bool:
