@@ -114,3 +114,25 @@ class Share:
             self._ends, seconds = self._ends + seconds, again
         _seconds[work] = max(seconds / units, _MEMORY * _seconds.get(work, 0.0))
         return result
+
+
+class Unlimited:
+    """A share without an end: all work is done, in one chunk."""
+
+    def keep_for(self, *work: Hashable) -> None:
+        """Keep nothing."""
+
+    def allows(self, work: Hashable) -> bool:
+        """Return that a piece of work ends in time."""
+        return True
+
+    def units(self, work: Hashable, most: int) -> int:
+        """Return that all units make one chunk."""
+        return most
+
+    def spend(self, work: Hashable, call: Callable[[], T], units: int = 1) -> T:
+        """Return what a call returns."""
+        return call()
+
+
+UNLIMITED = Unlimited()

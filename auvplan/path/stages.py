@@ -15,7 +15,7 @@ import numpy as np
 from auvplan import prng
 from auvplan.bbo import search
 from auvplan.bbo.refine import descend
-from auvplan.budget import Budget, Share
+from auvplan.budget import UNLIMITED, Budget, Share, Unlimited
 from auvplan.compiled import compiled
 from auvplan.ocean.currents import Current, combine, is_quasi_steady, partition
 from auvplan.ocean.environment import Environment
@@ -151,87 +151,36 @@ def search_legs(
     """
     effort = config.window() if window else config
     world = _world(legs, shared, vehicle, config)
-    if budget is not None:
-        return _search_within(budget.next_row(), keys, legs, population, world, config, effort, window)
-    found = None
-    if config.passages:
-        passages, _, *found = _trace(**world, config=config.only("field_cells"), **_traced(world, config))
-        found = passages, *found
-    fresh = config.only("start_shape", "width", "depth_width")
-    size = config.bbo.population
-    begun = _begin(keys, population, found, **world, config=fresh, size=size, count=effort.passages)
-    population, bounds = np.asarray(begun["population"]), (begun["lower"], begun["upper"], begun["pace"])
-
-    descended = partial(_descended, bounds=bounds, world=world, config=config)
-    if (count := effort.passages) and effort.passage_steps:
-        # All passages at first, then the better half of them: a few steps tell which ones lead nowhere.
-        first, step_size = effort.passage_steps // 3, config.refine_step_size
-        rows = _ranked(*descended(population[:, -count:], first, step_size))[0]
-        half = -(-count // 2)
-        better = descended(rows[:, :half], effort.passage_steps - first, step_size)[0]
-        population = np.concatenate([population[:, :-count], better, rows[:, half:]], axis=1)
-        if window:
-            # The rest of the path in hand, bent round what has come.
-            bent = descended(population[:, :1], config.passage_steps, step_size)[0]
-            population = np.concatenate([bent, population[:, 1:]], axis=1)
-
-    iterations = np.int32(effort.bbo.iterations)
-    state, history = _evolve(keys, population, *bounds, iterations, **world, config=config.only("bbo"))
-    polished = None
-    if effort.refine_steps:
-        elite = np.asarray(state.population)[:, : config.refine_count]
-        polished = descended(elite, effort.refine_steps, config.refine_step_size / 3.0)
-    known = None if found is None else found[2:]
-    plans, last = _finish(state, polished, known, **world, config=config.only())
-    plans, last, history = jax.device_get((plans, last, history))
-    history = jax.tree.map(lambda rows: rows[:, : iterations + 1], history)
-    unsettled = np.zeros(len(last.best), bool)
-    if polished is not None:
-        unsettled = last.best < (1.0 - config.settled) * history.best[:, -1]
-        history = jax.tree.map(lambda rows, end: np.concatenate([rows, end[:, None]], axis=1), history, last)
-    return plans | {"history": history, "unsettled": unsettled}
-
-
-def _search_within(
-    share: Share,
-    keys: jax.Array,
-    legs: Legs,
-    population: Any,
-    world: dict[str, Any],
-    config: PathConfig,
-    effort: PathConfig,
-    window: bool,
-) -> dict[str, Any]:
-    """`search_legs` by the same programs in chunks, as far as the time goes; arguments as there."""
-    size = config.bbo.population
-    work = partial(_named, world, config)
+    share, work = UNLIMITED if budget is None else budget.next_row(), partial(_named, world, config)
     share.keep_for(work("finish"), work("begin"), work("evolve"))
-    found = None
-    if config.passages:
-        found = _no_passages(legs, config)
-        if share.allows(work("trace")):
-            trace = partial(_trace, **world, config=config.only("field_cells"), **_traced(world, config))
-            passages, _, *known = share.spend(work("trace"), trace)
-            found = passages, *known
-    fresh = config.only("start_shape", "width", "depth_width")
+    found = _no_passages(legs, config) if config.passages else None
+    if config.passages and share.allows(work("trace")):
+        trace = partial(_trace, **world, config=config.only("field_cells"), **_traced(world, config))
+        passages, _, *known = share.spend(work("trace"), trace)
+        found = passages, *known
+    fresh, size = config.only("start_shape", "width", "depth_width"), config.bbo.population
     begin = partial(_begin, keys, population, found, **world, config=fresh, size=size, count=effort.passages)
     begun = share.spend(work("begin"), begin)
     population, bounds = np.asarray(begun["population"]), (begun["lower"], begun["upper"], begun["pace"])
 
-    descended = partial(_descended_within, share, work("descend"), bounds=bounds, world=world, config=config)
+    descended = partial(_descended, share, work("descend"), bounds=bounds, world=world, config=config)
     if (count := effort.passages) and effort.passage_steps:
-        rows = descended(population[:, -count:], None, effort.passage_steps, config.refine_step_size)
-        population = np.concatenate([population[:, :-count], rows[0]], axis=1)
+        # All passages at first, then the better half of them: a few steps tell which ones lead nowhere.
+        first, step_size = effort.passage_steps // 3, config.refine_step_size
+        rows = _ranked(*descended(population[:, -count:], None, first, step_size))[0]
+        half = -(-count // 2)
+        better = descended(rows[:, :half], None, effort.passage_steps - first, step_size)[0]
+        population = np.concatenate([population[:, :-count], better, rows[:, half:]], axis=1)
         if window:
-            rows = descended(population[:, :1], None, config.passage_steps, config.refine_step_size)
-            population = np.concatenate([rows[0], population[:, 1:]], axis=1)
+            # The rest of the path in hand, bent round what has come.
+            bent = descended(population[:, :1], None, config.passage_steps, step_size)[0]
+            population = np.concatenate([bent, population[:, 1:]], axis=1)
 
-    state, history = _evolved_within(share, work("evolve"), keys, population, bounds, world, config, effort)
+    state, history = _evolved(share, work("evolve"), keys, population, bounds, world, config, effort)
     before, polished = np.asarray(history.best)[:, -1], None
     if effort.refine_steps:
         elite = [np.asarray(plane)[:, : config.refine_count] for plane in _planes(state)]
-        step_size = config.refine_step_size / 3.0
-        polished = descended(elite[0], elite[1:], effort.refine_steps, step_size)
+        polished = descended(elite[0], elite[1:], effort.refine_steps, config.refine_step_size / 3.0)
     finish = partial(_finish, state, polished, None if found is None else found[2:], **world)
     plans, last = share.spend(work("finish"), partial(finish, config=config.only()))
     plans, last = jax.device_get((plans, last))
@@ -263,8 +212,8 @@ def _planes(state: search.State) -> tuple[jax.Array, jax.Array, jax.Array]:
     return state.population, state.cost, state.violation
 
 
-def _evolved_within(
-    share: Share,
+def _evolved(
+    share: Share | Unlimited,
     work: tuple,
     keys: jax.Array,
     population: np.ndarray,
@@ -275,7 +224,7 @@ def _evolved_within(
 ) -> tuple[search.State, search.History]:
     """States and histories of as many iterations as the time allows; none is enough for a score."""
     most, done, parts, settings = effort.bbo.iterations, 0, [], config.only("bbo")
-    while done < most:
+    while done < most or not parts:
         chunk = share.units(work, most - done)
         if not chunk and parts:
             break
@@ -292,8 +241,8 @@ def _evolved_within(
     return state, jax.tree.map(lambda rows: np.pad(rows, ((0, 0), (0, still)), mode="edge"), history)
 
 
-def _descended_within(
-    share: Share,
+def _descended(
+    share: Share | Unlimited,
     work: tuple,
     rows: np.ndarray,
     scores: list[np.ndarray] | None,
@@ -302,13 +251,15 @@ def _descended_within(
     bounds: tuple,
     world: dict[str, Any],
     config: PathConfig,
+    softness: float = SOFTNESS,
 ) -> tuple[np.ndarray, ...]:
-    """`_descended` in chunks of ever smaller steps, as far as the time allows.
+    """Rows [B, R, 3 n] polished by gradients, their costs and violations [B, R], `refine_count` at a time.
 
-    Rows that none was left for are as they were, with the scores given.
+    As far as the time allows, in chunks of ever smaller steps. Rows that none was left for are as they were,
+    with the scores given, or the worst.
     """
     at_once, out = config.refine_count, [np.array(rows)]
-    out += [np.array(plane) for plane in scores or [np.zeros(rows.shape[:2], np.float32)] * 2]
+    out += [np.array(plane) for plane in scores or [np.full(rows.shape[:2], np.inf, np.float32)] * 2]
     groups = [slice(begin, begin + at_once) for begin in range(0, rows.shape[1], at_once)]
     done = 0
     while done < steps:
@@ -320,7 +271,7 @@ def _descended_within(
             real = part.shape[1]
             padded = np.concatenate([part, np.repeat(part[:, -1:], at_once - real, axis=1)], axis=1)
             size = 0.5 * step_size * (1.0 + np.cos(np.pi * done / steps))
-            numbers = np.int32(chunk), _step_sizes(size, world, config), np.float32(SOFTNESS)
+            numbers = np.int32(chunk), _step_sizes(size, world, config), np.float32(softness)
             descend = partial(_descend, padded, *bounds, *numbers, **world, config=config.only())
             better = share.spend(work, descend, chunk + 1)
             for plane, new in zip(out, better, strict=True):
@@ -420,29 +371,11 @@ def _polished(
         begun = _begin(keys, None, found, **world, config=fresh, size=together, count=together)
         bounds, steps = (begun["lower"], begun["upper"], begun["pace"]), config.refine_steps
         part = np.asarray(begun["population"])
-        parts.append(_descended(part, steps, config.refine_step_size, bounds, world, config, softness))
-    return tuple(np.concatenate(planes, axis=1) for planes in zip(*parts, strict=True))
-
-
-def _descended(
-    rows: np.ndarray,
-    steps: int,
-    step_size: float,
-    bounds: tuple,
-    world: dict[str, Any],
-    config: PathConfig,
-    softness: float = SOFTNESS,
-) -> tuple[np.ndarray, ...]:
-    """Rows [B, R, 3 n] polished by gradients, their costs and violations [B, R], `refine_count` at a time."""
-    parts, at_once = [], config.refine_count
-    numbers = np.int32(steps), _step_sizes(step_size, world, config), np.float32(softness)
-    for begin in range(0, rows.shape[1], at_once):
-        part = rows[:, begin : begin + at_once]
-        padded = part
-        if more := at_once - part.shape[1]:
-            padded = np.concatenate([part, np.repeat(part[:, -1:], more, axis=1)], axis=1)
-        better = _descend(padded, *bounds, *numbers, **world, config=config.only())
-        parts.append([np.asarray(plane)[:, : part.shape[1]] for plane in better])
+        parts.append(
+            _descended(
+                UNLIMITED, (), part, None, steps, config.refine_step_size, bounds, world, config, softness
+            )
+        )
     return tuple(np.concatenate(planes, axis=1) for planes in zip(*parts, strict=True))
 
 
