@@ -16,7 +16,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from auvplan.check.inputs import Job, job_faults, read_jobs
-from auvplan.check.legs import TIME_TOLERANCE, Leg, near, scenario_of, waypoint_names
+from auvplan.check.legs import PLACE_TOLERANCE, TIME_TOLERANCE, Leg, near, scenario_of, waypoint_names
 from auvplan.check.lines import line_faults, share_of_line
 from auvplan.files import MISSION, SUMMARY
 
@@ -99,12 +99,13 @@ def tally_faults(
 
 
 def _route_faults(dataset: xr.Dataset, legs: list[Leg], jobs: list[Job] | None, once: bool) -> Iterator[str]:
-    """Yield routes whose priority is not that of their tasks at the times that they expect."""
+    """Yield routes that expect the impossible, or a priority that its tasks do not have."""
     if "route_nodes" not in dataset or not legs:
         return
-    # Without jobs it is not known by how much priorities fall.
-    timed = jobs is None and any(name in dataset for name in ("edge_enters", "edge_falls", "window_opens"))
-    start = int(dataset.attrs["start"])
+    # Without jobs, or times of the legs, it is not known by how much priorities fall.
+    falling = any(name in dataset for name in ("edge_enters", "edge_falls", "window_opens"))
+    start, under_way = int(dataset.attrs["start"]), _under_way(scenario_of(dataset))
+    fastest = float(dataset.attrs.get("vehicle_surge_max", np.inf))
     free = np.ones(dataset["adjacency"].shape)
     if "task_followable" in dataset:
         free = dataset["task_followable"].values
@@ -118,10 +119,19 @@ def _route_faults(dataset: xr.Dataset, legs: list[Leg], jobs: list[Job] | None, 
             if jobs is not None and place >= len(done):
                 takes = replace(book).earn(leg, revisit, share).duration
                 leg = replace(leg, times=leg.times - takes)
-            earned = book.earn(leg, revisit, share).priority
-            total += earned if place >= len(done) else 0.0
+            earned = book.earn(leg, revisit, share)
+            if place >= len(done):
+                total += earned.priority
+                lasts = leg.t_expected - (0.0 if under_way else earned.duration)
+                length = float(np.linalg.norm(leg.positions[1] - leg.positions[0]))
+                if length > fastest * lasts + PLACE_TOLERANCE:
+                    yield (
+                        f"route {number}: expects to make the {length:.0f} m from waypoint {leg.start} to "
+                        f"{leg.goal} in {lasts:.0f} s, the vehicle's limit is {fastest:g} m/s over ground"
+                    )
             visited |= {leg.start, leg.goal}
         given = float(dataset["route_priority"].values[number])
+        timed = falling and (jobs is None or not all(np.isfinite(leg.t_expected) for leg in ahead))
         if given - total > _PRIORITY_TOLERANCE or (not timed and total - given > _PRIORITY_TOLERANCE):
             yield f"route {number}: its tasks are worth {total:g}, its priority is given as {given:g}"
 
@@ -130,12 +140,17 @@ def _expected_legs(dataset: xr.Dataset, number: int, leg: Leg) -> list[Leg]:
     """Return the legs that a route expects, in the form of one: their times are when it is left again."""
     nodes, places = dataset["route_nodes"].values[number], dataset["waypoint_position"].values
     nodes = nodes[nodes >= 0]
-    left = float(dataset["route_made_at"].values[number])
-    left = left + np.cumsum(np.nan_to_num(dataset["route_leg_time"].values[number]))
+    lasts, waits = np.full(len(nodes), np.nan), np.zeros(len(nodes))
+    if "route_leg_time" in dataset:
+        lasts, waits = (dataset[f"route_{name}"].values[number] for name in ("leg_time", "wait"))
+    left = float(dataset["route_made_at"].values[number]) + np.cumsum(lasts)
     return [
-        replace(leg, start=i, goal=j, positions=places[[i, j]].astype(float), times=left[[k]], t_wait=0.0)
+        replace(
+            leg, start=i, goal=j, positions=places[[i, j]].astype(float), times=left[[k]], t_wait=0.0,
+            t_expected=float(lasts[k] - waits[k]),
+        )
         for k, (i, j) in enumerate(pairwise(nodes.tolist()))
-    ]
+    ]  # fmt: skip
 
 
 def _visits(settings: dict[str, Any]) -> str:

@@ -88,6 +88,15 @@ def test_what_a_new_path_does_says_nothing_of_the_step_before_it():
     assert faults(run, "off the next position")
 
 
+@pytest.mark.parametrize(("faster", "found"), [(1.0, 0), (2.2, 1)])
+def test_no_route_expects_more_than_the_vehicle_makes_over_ground(faster, found):
+    run = make_run()
+    run.vehicle = Vehicle(SPEED, surge_max=2.0 * SPEED)
+    route, task = run.routes[0], run.legs[0].t_task
+    route.leg_times[0] = task + (route.leg_times[0] - task) / faster
+    assert len(faults(run, "the vehicle's limit is 5 m/s over ground")) == found
+
+
 DIVES = [
     # Executed, pitch_max in degrees, rates in m/s, and what is said of a dive at 20 degrees. What was
     # executed may have met another current than it was planned in.
