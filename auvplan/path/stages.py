@@ -383,7 +383,9 @@ def _step_sizes(step_size: float, world: dict[str, Any], config: PathConfig) -> 
     """Return the first step of a descent as shares of the bounds, [3 n] where depth is searched, else []."""
     if not _traced(world, config)["deep"]:
         return np.float32(step_size)
-    return np.repeat(np.float32([step_size, step_size, _DEEPER * step_size]), config.control_points)
+    return np.repeat(
+        np.asarray([step_size, step_size, _DEEPER * step_size], np.float32), config.control_points
+    )
 
 
 def _ranked(rows: np.ndarray, costs: np.ndarray, violations: np.ndarray) -> tuple[np.ndarray, ...]:
