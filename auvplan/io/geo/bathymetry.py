@@ -151,6 +151,8 @@ def _opened(
     else:
         with Path(source).open("rb") as file:
             start = file.read(4)
+        if not start:
+            raise GeoError(f"{path}: is empty, neither NetCDF nor a raster")
         classic, hdf = start[:3] == b"CDF", start == b"\x89HDF" and Path(source).suffix.lower() != ".bag"
         if not classic and not hdf:
             array = read_raster(source, crs, numbers=True)

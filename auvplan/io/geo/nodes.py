@@ -144,7 +144,7 @@ def _on_axes(
         array = array.isel({array.dims[1]: slice(0, x.size)})
     for name, axis in zip(("longitude", "latitude") if degrees else "xy", (x, y), strict=True):
         _check_axis(f"{what}: {name}", axis)
-    if degrees and np.abs(y).max() > 90.001:
+    if system is None and np.abs(y).max() > 90.001:
         raise GeoError(f"{what}: latitude reaches beyond 90 degrees")
     forward = _forward(system)
 
