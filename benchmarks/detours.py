@@ -344,9 +344,9 @@ def disagreements(run: MissionRun, folder: Path) -> list[str]:
                 found.append(f"{name}: no waypoint at {leg[:3].tolist()}")
                 break
             at += 1 + int(np.argmax(near))
-            told = ~np.isnan(rows[at, 3:])
+            given = ~np.isnan(rows[at, 3:])
             what = f"{name}, time and task at {leg[:3].tolist()}"
-            same(what, leg[3:][told], rows[at, 3:][told], 0.06)
+            same(what, leg[3:][given], rows[at, 3:][given], 0.06)
     limits = {row["name"]: row["least"] for row in page["limits"]}
     for name in ("coast", "closed", "obstacle"):
         least = [stop[name] for stop in sheet["stops"] if stop[name] is not None]

@@ -120,7 +120,7 @@ def follow_line(
     Returns:
         A plan from `place` to the end of the line. Corners between line and detour are arcs that the
         vehicle's turn rate allows, unless every such path breaks a limit. Samples are `config.samples`, and
-        so many more for each detour. It has no population to re-plan from, and the history of the last
+        as many again for each detour. It has no population to re-plan from, and the history of the last
         detour.
     """
     sea = Straights.through(env, vehicle, config.speed_reading)
@@ -129,7 +129,7 @@ def follow_line(
     # Where a detour sets out too sharply for the vehicle to turn, the line is left earlier.
     for lead in (0.0, turning):
         tried.append(_pieces(place, line, sea, config, depart, detour, lead, turning))
-        rounded, smooth = _with_corners_rounded(tried[-1], sea, depart)
+        rounded, smooth = _with_corners_rounded(tried[-1], vehicle)
         plans.append(_joined(rounded, sea, env, config, depart))
         kept.append(_on_line(rounded) if smooth and plans[-1].feasible else -np.inf)
         if kept[-1] >= _on_line(tried[-1]) - _GIVEN_UP * turning * (len(tried[-1]) - 1):
@@ -141,7 +141,7 @@ def follow_line(
 
 
 def _on_line(pieces: list["_Piece"]) -> float:
-    """M of the line in pieces of a path."""
+    """Return the length of the line, m, in pieces of a path."""
     return sum(piece.length for piece in pieces if piece.is_line)
 
 
@@ -219,7 +219,7 @@ class _Piece:
 
     @property
     def length(self) -> float:
-        """M along the piece."""
+        """Length, m."""
         return float(np.linalg.norm(np.diff(self.places, axis=0), axis=1).sum())
 
     def reversed(self) -> "_Piece":
@@ -233,13 +233,11 @@ class _Piece:
         return replace(self, places=self.places[sample:], excess=self.excess[:, sample:])
 
 
-def _with_corners_rounded(pieces: list[_Piece], sea: Straights, depart: float) -> tuple[list[_Piece], bool]:
+def _with_corners_rounded(pieces: list[_Piece], vehicle: Vehicle) -> tuple[list[_Piece], bool]:
     """Return pieces with arcs between line and detours, and whether the vehicle's turn rate allows all."""
-    if all(piece.is_line for piece in pieces):
-        return pieces, True
-    water = sea.follow(np.concatenate([piece.places for piece in pieces]), depart)[0].water
-    fastest = float(np.asarray(sea.vehicle.speed)) + float(np.linalg.norm(water[:, :2], axis=1).max())
-    radius = fastest / float(np.asarray(sea.vehicle.turn_rate_max))
+    currents = [np.hypot(*piece.plan.water.T[:2]).max() for piece in pieces if piece.plan is not None]
+    fastest = float(np.asarray(vehicle.speed)) + float(max(currents, default=0.0))
+    radius = fastest / float(np.asarray(vehicle.turn_rate_max))
     found, smooth = pieces[:1], True
     for piece in pieces[1:]:
         before = found.pop()

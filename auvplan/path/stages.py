@@ -57,8 +57,8 @@ _FEW = 2
 #: than a cell.
 _ROUNDABOUT = 1.5
 
-#: Steps of a descent in depth are so many times as great a share of the bounds as those in the plane: bounds
-#: in the plane are wider than the leg, and profiles move through a good part of the box's depth.
+#: Factor on the steps of a descent in depth, as shares of the bounds, over those in the plane: bounds in the
+#: plane are wider than the leg, and profiles move through a good part of the box's depth.
 _DEEPER = 4.0
 
 #: A path that breaks a limit after that is polished with the first of these shares of the penalties' weights,
@@ -153,11 +153,13 @@ def search_legs(
     world = _world(legs, shared, vehicle, config)
     share, work = UNLIMITED if budget is None else budget.next_row(), partial(_named, world, config)
     share.keep_for(work("finish"), work("begin"), work("evolve"))
-    found = _no_passages(legs, config) if config.passages else None
+    found = None
     if config.passages and share.allows(work("trace")):
         trace = partial(_trace, **world, config=config.only("field_cells"), **_traced(world, config))
         passages, _, *known = share.spend(work("trace"), trace)
         found = passages, *known
+    elif config.passages:
+        found = _no_passages(legs, config)
     fresh, size = config.only("start_shape", "width", "depth_width"), config.bbo.population
     begin = partial(_begin, keys, population, found, **world, config=fresh, size=size, count=effort.passages)
     begun = share.spend(work("begin"), begin)

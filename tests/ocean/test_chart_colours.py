@@ -18,7 +18,7 @@ BLUE = Style((214, 196, 146), (150, 214, 204), (70, 130, 200), grain=3.0)
 
 
 @functools.cache
-def told(name):
+def classified(name):
     return classify_picture(paint(STYLES[name]), colours=ChartColours(**STYLES[name].named))
 
 
@@ -29,7 +29,7 @@ def untold(style):
 
 @pytest.mark.parametrize("name", STYLES)
 def test_told_colours_make_the_chart(name):
-    found = told(name)
+    found = classified(name)
     assert not found.doubts
     assert min(shares_right(found.passability, KINDS).values()) > 0.98
     reef = found.passability[KINDS == 1]
@@ -140,7 +140,7 @@ def test_pictures_from_space_are_told_from_charts(texture, seed):
 
 @pytest.mark.parametrize("name", [name for name in STYLES if name != "satellite"])
 def test_charts_of_all_colours_are_no_photographs(name):
-    assert told(name).warnings == ()
+    assert classified(name).warnings == ()
 
 
 def test_real_charts_are_no_photographs(shared):

@@ -45,9 +45,10 @@ def around(env):
         places = np.stack([np.interp(share, range(4), axis) for axis in corners.T], axis=1)
         marks = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(places, axis=0), axis=1))])
         none = np.zeros((len(VIOLATIONS), CONFIG.samples - 1))
+        water = np.tile([env.current.u, env.current.v, 0.0], (CONFIG.samples - 1, 1))
         return PathPlan(
             marks[-1] / 2.0, marks[-1], places, depart + marks / 2.0, corners, none.mean(axis=1), 1e6, 1e6,
-            marks[-1] / 2.0, jnp.zeros((0, 3)), None, none, np.zeros((CONFIG.samples - 1, 3)),
+            marks[-1] / 2.0, jnp.zeros((0, 3)), None, none, water,
             Conditions(env, VEHICLE, CONFIG),
         )  # fmt: skip
 

@@ -237,7 +237,7 @@ def _load(array: xr.DataArray, first: int, last: int, left: int, right: int) -> 
         left, right: columns; those beyond the last one count on from the first.
     """
     columns = array.shape[1]
-    # In stretches: a window across the seam of longitudes is two of them.
+    # In stretches: a window across the antimeridian is two of them.
     breaks = [left, *range(left - left % columns + columns, right + 1, columns), right + 1]
     parts = []
     for a, b in pairwise(breaks):

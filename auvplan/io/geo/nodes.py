@@ -288,7 +288,7 @@ def _one_turn(what: object, x: Array) -> Array:
         raise GeoError(f"{what}: longitude has values that are not finite")
     x = np.unwrap(x, period=360.0)
     if x.size > 2 and abs(x[-1] - x[0]) > 360.0 - 1e-6:
-        x = x[:-1]  # the meridian of the seam is given twice
+        x = x[:-1]  # the first meridian is given again at the end
     if np.abs(x).max() > 720.0 or abs(x[-1] - x[0]) > 360.0:
         raise GeoError(f"{what}: longitude runs from {x[0]:g} to {x[-1]:g}, which are no degrees")
     return x
