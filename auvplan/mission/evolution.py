@@ -10,7 +10,7 @@ import numpy as np
 
 from auvplan import prng
 from auvplan.bbo import search
-from auvplan.budget import Budget
+from auvplan.budget import UNLIMITED, Budget
 from auvplan.compiled import compiled
 from auvplan.mission import beam, local_search
 from auvplan.mission import decoder as decoders
@@ -87,24 +87,25 @@ def search_missions(
 
 
 def search_within(
-    budget: Budget,
+    budget: Budget | None,
     keys: jax.Array,
     *problem: Any,
     count: int,
     iterations: int,
     config: MissionConfig,
 ) -> tuple[search.Result, decoders.Decoded, jax.Array]:
-    """`search_missions` in chunks of generations, as far as a budget goes; arguments as there.
+    """`search_missions` in chunks as far as a budget goes, in one without; arguments as there.
 
     Where it is too short for a beam search, it starts without one.
     """
     *graph, given, known = problem
-    share, kind = budget.next_row(), (given.shape, known.shape, len(keys))
-    plain = config.replace(seeds=0)
-    seeded = config if share.allows((config, *kind)) else plain
+    share = UNLIMITED if budget is None else budget.next_row()
+    kind = given.shape, known.shape, len(keys)
+    seeded = config if share.allows((config, *kind)) else config.replace(seeds=0)
+    done = iterations if budget is None else 0
     begin = partial(search_missions, keys, *graph, given, known, count=count, config=seeded)
-    result, best, least = share.spend((seeded, *kind), partial(begin, iterations=np.int32(0)))
-    rows, done, later = _rows(result, slice(0, 1)), 0, config.replace(seeds=0, plant=False)
+    result, best, least = share.spend((seeded, *kind), partial(begin, iterations=np.int32(done)))
+    later, chunks = config.replace(seeds=0, plant=False), [_rows(result, slice(0, done + 1))]
     while done < iterations and (chunk := share.units((later, *kind), iterations - done)):
         population = result.state.population
         search_on = partial(
@@ -118,19 +119,17 @@ def search_within(
             config=later,
         )
         result, best, _ = share.spend((later, *kind), search_on, chunk + 1)
-        rows = jax.tree.map(_joined, rows, _rows(result, slice(1, chunk + 1)))
+        chunks.append(_rows(result, slice(1, chunk + 1)))
         done += chunk
-    most = config.bbo.iterations + 1
-    still = jax.tree.map(lambda row: np.pad(row, ((0, 0), (0, most - row.shape[1])), mode="edge"), rows)
-    return replace(result, history=still), best, least
+    left = iterations - done
+    history = jax.tree.map(
+        lambda *rows: np.pad(np.concatenate(rows, axis=1), ((0, 0), (0, left)), mode="edge"), *chunks
+    )
+    return replace(result, history=history), best, least
 
 
 def _rows(result: search.Result, kept: slice) -> search.History:
     return jax.tree.map(lambda row: np.asarray(row)[:, kept], result.history)
-
-
-def _joined(first: np.ndarray, then: np.ndarray) -> np.ndarray:
-    return np.concatenate([first, then], axis=1)
 
 
 def _planted(population: jax.Array, known: jax.Array, problem: Problem, config: MissionConfig) -> jax.Array:

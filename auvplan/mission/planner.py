@@ -15,7 +15,7 @@ from auvplan.deprecation import renamed_arguments
 from auvplan.mission import decoder as decoders
 from auvplan.mission import labels
 from auvplan.mission.config import MissionConfig
-from auvplan.mission.evolution import search_missions, search_within
+from auvplan.mission.evolution import search_within
 from auvplan.mission.exact import certify
 from auvplan.mission.graph import MissionGraph
 from auvplan.mission.labels import Clocked
@@ -257,10 +257,8 @@ def plan_missions(
         None if graphs.timetable is None else graphs.timetable.padded(more),
         np.pad(graphs.duration, square),
     )
-    program = partial(search_missions, count=count, iterations=np.int32(iterations), config=shared)
-    if budget is not None:
-        watch = Budget(budget, batch)
-        program = partial(search_within, watch, count=count, iterations=iterations, config=shared)
+    watch = None if budget is None else Budget(budget, batch)
+    program = partial(search_within, watch, count=count, iterations=iterations, config=shared)
     found = batch_map(
         program,
         keys,
@@ -275,8 +273,7 @@ def plan_missions(
     )
     result, best, least = found
     population = np.delete(result.state.population, np.s_[size : size + more], axis=2)
-    history = jax.tree.map(lambda rows: rows[:, : iterations + 1], result.history)
-    result = replace(result, state=replace(result.state, population=population), history=history)
+    result = replace(result, state=replace(result.state, population=population))
     best = replace(best, nodes=best.nodes[..., :size])
     open_legs = np.where(closed[:, None, :], np.inf, legs)
     nodes = np.where(np.asarray(best.reached), np.asarray(best.nodes[:, 0]), -1)
