@@ -86,7 +86,7 @@ CAPABILITIES: dict[str, dict[str, tuple[str, ...]]] = {
         "independent": ("tests/mission/test_exact.py", "tests/mission/test_bound.py"),
         "peer": ("benchmarks.missions",),
     },
-    "Routes by the clock": {
+    "Time-dependent routing": {
         "tests": ("tests/mission/test_timetable.py", "tests/executive/test_clock.py"),
         "independent": ("benchmarks.clock", "benchmarks.windows", "tests/check/test_windows.py"),
         "peer": ("benchmarks.clock_peers", "benchmarks.solomon"),
