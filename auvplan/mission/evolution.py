@@ -17,6 +17,7 @@ from auvplan.mission import decoder as decoders
 from auvplan.mission import objective as objectives
 from auvplan.mission.config import MissionConfig
 from auvplan.mission.problem import Edges, Problem, prepare
+from auvplan.rows import over_rows
 
 
 @partial(compiled, static_argnames=("config",))
@@ -83,7 +84,7 @@ def search_missions(
         best = decoders.decode(result.x[None], problem, config.decoder, config.rate_weight)
         return result, best, problem.time_to_go[start]
 
-    return jax.vmap(one)(keys, edges, starts, goals, budgets, visited, margins, given, known)
+    return over_rows(one)(keys, edges, starts, goals, budgets, visited, margins, given, known)
 
 
 def search_within(

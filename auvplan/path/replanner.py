@@ -23,7 +23,7 @@ from auvplan.path.planner import plan_finely
 from auvplan.path.sensitivity import Conditions
 from auvplan.path.stages import Legs, search_legs, split, world_of
 from auvplan.prng import as_key
-from auvplan.rows import batch_map
+from auvplan.rows import batch_map, over_rows
 from auvplan.vehicle import Vehicle
 
 
@@ -165,4 +165,4 @@ def _kept(
             kept = jnp.concatenate([kept[: kept.shape[0] - fresh], new])
         return kept, search_key
 
-    return jax.vmap(one)(keys, populations, starts, reached, legs)
+    return over_rows(one)(keys, populations, starts, reached, legs)

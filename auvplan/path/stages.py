@@ -39,6 +39,7 @@ from auvplan.path.passages import trace_passages
 from auvplan.path.profile import is_searched_in_depth
 from auvplan.path.scaling import WAY, factor_of, scaled
 from auvplan.pytree import row_kinds
+from auvplan.rows import over_rows
 from auvplan.vehicle import VERTICAL_LIMITS, Vehicle
 
 #: Start and goal [3] m, departure s, world and vehicle: what paths are judged by.
@@ -417,7 +418,7 @@ def _trace(legs: Legs, common: Common, config: PathConfig, count: int, deep: boo
         problem, own, _ = _posed(leg, common, config)
         return trace_passages(*problem, count=count, config=own, deep=deep)
 
-    return jax.vmap(one)(legs)
+    return over_rows(one)(legs)
 
 
 @partial(compiled, static_argnames=("config", "size", "count"), wide=True, quick=True)
@@ -452,7 +453,7 @@ def _begin(
         pace = _pace(problem, own)
         return {"population": population, "lower": lower, "upper": upper, "pace": pace}
 
-    return jax.vmap(one)(keys, populations, found, legs)
+    return over_rows(one)(keys, populations, found, legs)
 
 
 def _keys(key: jax.Array) -> jax.Array:
@@ -515,7 +516,7 @@ def _descend(
             step_size,
         )
 
-    return jax.vmap(one)(rows, lowers, uppers, paces, legs)
+    return over_rows(one)(rows, lowers, uppers, paces, legs)
 
 
 @partial(compiled, static_argnames=("config",), wide=True)
@@ -547,7 +548,7 @@ def _evolve(
         )
         return result.state, _in_seconds(result.history, leg)
 
-    return jax.vmap(one)(keys, populations, lowers, uppers, paces, legs)
+    return over_rows(one)(keys, populations, lowers, uppers, paces, legs)
 
 
 @partial(compiled, static_argnames=("config",), wide=True, quick=True)
@@ -593,7 +594,7 @@ def _finish(
             plan |= {"closed": closed / factor, "wanting": jnp.where(broken, closed == 0.0, slower)}
         return plan, _in_seconds(search.statistics(state), leg)
 
-    return jax.vmap(one)(states, polished, known, legs)
+    return over_rows(one)(states, polished, known, legs)
 
 
 def _in_seconds(history: search.History, leg: Legs) -> search.History:
