@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from auvplan.mission.graph import MissionGraph
 from auvplan.mission.tasks import task_graph
-from auvplan.ocean.chart import Chart
 
 #: Of so many waypoints or fewer every pair is joined by default; of more, each with so many nearest ones.
 COMPLETE, NEIGHBOURS = 40, 7
@@ -226,13 +225,6 @@ def _drops(job: JobPoint | JobLine) -> list[tuple[float, float]]:
     """Return the moments at which a priority falls, and by how much."""
     before = [job.priority, *(priority for _, priority in job.falls)]
     return [(moment, last - priority) for last, (moment, priority) in zip(before, job.falls, strict=False)]
-
-
-def jobs_on_land(jobs: Jobs, chart: Chart) -> list[str]:
-    """Return names of the jobs that have a place on the coast or off the chart."""
-    named = [(point.name, [point.position]) for point in jobs.points]
-    named += [(line.name, list(line.positions)) for line in jobs.lines]
-    return [name for name, places in named if not chart.is_water(*np.array(places)[:, :2].T).all()]
 
 
 def ways_off_lines(names: Sequence[str], adjacency: NDArray[np.bool_]) -> list[tuple[int, int]]:

@@ -6,8 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse.csgraph import connected_components
 
-from auvplan.mission.jobs import JobLine, JobPoint, Jobs, jobs_graph, jobs_on_land, ways_off_lines
-from auvplan.ocean.chart import Chart
+from auvplan.mission.jobs import JobLine, JobPoint, jobs_graph, ways_off_lines
 from tests.mission.naive import best_priority
 
 START, GOAL = (0.0, 0.0, 5.0), (1000.0, 300.0, 5.0)
@@ -159,13 +158,3 @@ def test_without_jobs_there_is_one_edge():
     assert names == ["start", "goal"]
     assert graph.adjacency[0, 1]
     assert graph.priority.sum() == 0.0
-
-
-def test_jobs_on_land():
-    water = np.ones((100, 80), bool)
-    water[15:25, 0:10] = False
-    chart = Chart.from_mask(water, 10.0, (0.0, 0.0))
-    points = (*POINTS, JobPoint("near", (160.0, 110.0, 0.0)), JobPoint("far", (2000.0, 10.0, 0.0)))
-    assert jobs_on_land(Jobs(points, (LINE,)), chart) == ["reef", "gate", "far"]
-    broken = JobLine("broken", ((600.0, 10.0, 0.0), (200.0, 90.0, 0.0)))
-    assert jobs_on_land(Jobs((), (LINE, broken)), chart) == ["broken"]
