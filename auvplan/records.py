@@ -321,6 +321,11 @@ class MissionRun(Brief):
         return reach if reach > 1.0 else math.inf
 
     @property
+    def stated_closures(self) -> list[Closure]:
+        """The areas that are closed at some hours, closed as long as stated: without `safety.closing`."""
+        return [closure.widened(-self.safety.closing) for closure in self.closures]
+
+    @property
     def planning(self) -> PlanningRules:
         """The scenario's rules of planning."""
         return PlanningSettings.model_validate(self.scenario.get("planning", {})).resolved

@@ -44,7 +44,7 @@ def plot_departures(found: Departures, *, ax: Axes | None = None) -> NDArray[Any
     panels.append((found.current, "current [m/s]", style.RED))
     order = np.argsort(found.departs, kind="stable")
     when = _when(found)
-    figure = style.room_of(ax, 9.5, 1.3 + 1.75 * len(panels))
+    figure = style.figure_for(ax, 9.5, 1.3 + 1.75 * len(panels))
     rows = figure.subplots(len(panels), sharex=True, squeeze=False)[:, 0]
     for axes, (values, name, colour) in zip(rows, panels, strict=True):
         mark = {"marker": "o", "ms": 4.5 if len(found) <= _FEW else 2.0, "lw": 1.2}
@@ -69,7 +69,7 @@ def plot_departures(found: Departures, *, ax: Axes | None = None) -> NDArray[Any
     share = f"{found.feasible.sum()} of {len(found)}"
     figure.suptitle(f"When to leave: {share} departures of the {kind} feasible", fontsize=11)
     if rows[0].get_legend_handles_labels()[0]:
-        figure.legend(loc="outside lower center", ncols=2, fontsize=8, frameon=False)
+        style.legend_below(figure, ncols=2)
     return rows
 
 
@@ -84,9 +84,7 @@ def _when(found: Departures) -> NDArray[Any]:
 def _scale(axes: Axes, values: NDArray[np.floating]) -> None:
     """Room above and below, so that no marker is cut, and whole numbers where there are such alone."""
     axes.margins(y=0.18)
-    axes.grid(alpha=0.25)
-    axes.set_axisbelow(True)
-    axes.tick_params(labelsize=8)
+    style.grid(axes)
     known = values[np.isfinite(values)]
     whole = bool((known == np.rint(known)).all())
     axes.yaxis.set_major_locator(MaxNLocator(5, integer=whole, min_n_ticks=1, steps=[1, 2, 5, 10]))

@@ -6,13 +6,13 @@ from typing import Any, Literal
 
 from auvplan.files import output_folder
 from auvplan.plot.convergence import plot_convergence
-from auvplan.plot.currents import plot_currents
-from auvplan.plot.legs import busiest_leg, done_leg
 from auvplan.plot.mission import plot_mission
-from auvplan.plot.obstacles import plot_obstacles
+from auvplan.plot.paths import plot_currents
+from auvplan.plot.space import plot_obstacles
 from auvplan.plot.style import save
 from auvplan.plot.timeline import plot_timeline
 from auvplan.records import LegRecord, MissionRun
+from auvplan.view.scene import busiest_leg, done_leg
 
 #: The figure of the mission as a whole.
 MAP = "mission.png"

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from auvplan.export.section import PARTS, run_sections
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.currents import evaluated
 from auvplan.ocean.seabed import Seabed
 from auvplan.records import MissionRun, PlanRecord
 from auvplan.report.page import packed
 from auvplan.site import Site
+from auvplan.view.section import PARTS, run_sections
 
 Array = NDArray[np.floating]
 
@@ -29,28 +29,6 @@ _ARROWS, _MOMENTS = 22, 60
 _NONE = -32768
 #: m/s, steps in which currents are stored.
 _STEP = 0.001
-#: The shorter edge of a map is at least such a share of the longer one.
-_SLENDER = 0.55
-
-
-def frame(points: Array, chart: Chart | None = None, margin: float = 0.07) -> tuple[Array, Array]:
-    """Lower and upper corner, (north, east) m, of a map around points [n, >= 2] m.
-
-    Args:
-        points: north and east first.
-        chart: that the map does not reach beyond, or None.
-        margin: share of the longer edge left free on each side.
-    """
-    low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
-    longest = max(float((high - low).max()), 200.0)
-    half = np.maximum(0.5 * (high - low), 0.5 * _SLENDER * longest) + margin * longest
-    middle = 0.5 * (low + high)
-    low, high = middle - half, middle + half
-    if chart is not None:
-        inner = np.maximum(low, np.asarray(chart.lower)), np.minimum(high, np.asarray(chart.upper))
-        if (inner[1] - inner[0] > 0.0).all():
-            low, high = inner
-    return low, high
 
 
 def map_data(

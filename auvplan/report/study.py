@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from auvplan.report.area import frame, map_data
+from auvplan.report.area import map_data
 from auvplan.report.page import packed
 from auvplan.scenario.file import shipped_scenarios
 from auvplan.scenario.provenance import changed_settings, file_names
 from auvplan.study.statistics import leg_times, priority_gap, summarise, sweep_dims, use_of_time
 from auvplan.study.table import study_chart
+from auvplan.view.scene import window
 
 #: Missions whose legs and routes a page holds at most; of all others it holds the figures.
 _DETAILED = 1000
@@ -50,7 +51,11 @@ def study_data(
     waypoints = dataset["waypoint_position"].values.reshape(-1, 3)
     known = waypoints[np.isfinite(waypoints).all(axis=1)]
     chart = study_chart(dataset)
-    ground = map_data(*frame(known, chart), chart, None, None) if len(known) else None
+    ground = (
+        map_data(*window(known, 0.07, chart, slender=0.55, least=200.0), chart, None, None)
+        if len(known)
+        else None
+    )
     return {
         "kind": "rehearsal" if rehearsal else "study",
         "name": str(settings.get("name") or "study"),

@@ -12,8 +12,7 @@ from scipy import stats
 from auvplan.files import OutputError
 from auvplan.plot import study as figures
 from auvplan.plot import style
-from auvplan.plot.replans import shown_mission
-from auvplan.plot.study import draw_study
+from auvplan.plot.study import draw_study, shown_mission
 from auvplan.plot.sweep import MEASURES, plot_paired, plot_sweep
 from auvplan.study.statistics import leg_times, relative_errors
 from tests.plot.sample_study import AVAILABLE, SPEED, make_study, without_legs

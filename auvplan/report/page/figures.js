@@ -41,6 +41,24 @@ report.logAxis = function (colours, title, values, more) {
   });
 };
 
+/** Points, or what `more` makes of them. */
+report.points = (x, y, more) => ({ type: "scatter", mode: "markers", x, y, ...more });
+
+/** A line that says nothing under the pointer. */
+report.line = (x, y, line, more) => ({ mode: "lines", x, y, line, hoverinfo: "skip", ...more });
+
+/** A layout with its legend above the figure. */
+report.legendAbove = { showlegend: true, legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 } };
+
+/** Error bars from values to their ends, none where an end is not known. */
+report.errors = (values, low, high, more) => ({
+  type: "data",
+  symmetric: false,
+  array: values.map((value, k) => (high[k] ?? value) - value),
+  arrayminus: values.map((value, k) => value - (low[k] ?? value)),
+  ...more,
+});
+
 /**
  * A figure in the place of an element.
  *

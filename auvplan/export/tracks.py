@@ -1,6 +1,7 @@
-"""KML 2.2 with Google's tracks: plan and executed legs that can be played in time, waypoints and fences.
+"""Maps' and receivers' XML: GPX 1.1 and KML 2.2. Elevations and altitudes are minus depth.
 
-Altitudes are absolute, minus depth: by default they would be ignored and everything be laid on the ground.
+GPX has the plan as a route and what was executed as a track. KML has Google's tracks, which can be played in
+time; its altitudes are absolute: by default they would be ignored and everything be laid on the ground.
 """
 
 from pathlib import Path
@@ -10,17 +11,70 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.export.fences import Circle
-from auvplan.export.itinerary import Itinerary
+from auvplan.export.itinerary import Itinerary, degrees, metres, moment, waypoints
 from auvplan.export.markup import Element, child, write_xml
-from auvplan.export.places import degrees, metres, moment, waypoints
 from auvplan.site import Site
 
 Array = NDArray[np.floating]
 
+_GPX = "http://www.topografix.com/GPX/1/1"
 _KML, _GX = "http://www.opengis.net/kml/2.2", "http://www.google.com/kml/ext/2.2"
 
 #: Colours, aabbggrr: plan, executed, fences.
 _COLOURS = {"plan": "ffb8680a", "executed": "ff2b9af2", "fence": "ff3030c0"}
+
+
+def write_gpx(itinerary: Itinerary, path: str | Path) -> Path:
+    """Write a `.gpx` file; without times where the site has no epoch.
+
+    Raises:
+        OutputError: the operating system refused; one line that names the file.
+    """
+    ElementTree.register_namespace("", _GPX)
+    root = ElementTree.Element(
+        f"{{{_GPX}}}gpx", {"version": "1.1", "creator": f"auvplan {itinerary.version}".strip()}
+    )
+    about = _gpx(root, "metadata")
+    _gpx(about, "name", itinerary.name)
+    _gpx(about, "desc", itinerary.description)
+    site = itinerary.site
+    route = _gpx(root, "rte")
+    _gpx(route, "name", f"{itinerary.name}, plan")
+    _gpx(route, "desc", "; ".join(leg.note for leg in itinerary.legs))
+    for row in waypoints(itinerary):
+        point = _gpx_point(route, "rtept", row.longitude, row.latitude, -row.depth, moment(site, row.seconds))
+        _gpx(point, "name", row.name)
+        if row.task:
+            _gpx(point, "desc", row.task)
+    if itinerary.executed:
+        track = _gpx(root, "trk")
+        _gpx(track, "name", f"{itinerary.name}, executed")
+        for leg in itinerary.executed:
+            segment = _gpx(track, "trkseg")
+            longitude, latitude = site.to_geographic(leg.positions[:, 0], leg.positions[:, 1])
+            for k, time in enumerate(leg.times):
+                when = moment(site, float(time))
+                _gpx_point(
+                    segment, "trkpt", float(longitude[k]), float(latitude[k]), -leg.positions[k, 2], when
+                )
+    return write_xml(root, path)
+
+
+def _gpx(parent: Element, name: str, text: str | None = None) -> Element:
+    return child(parent, f"{{{_GPX}}}{name}", text)
+
+
+def _gpx_point(
+    parent: Element, name: str, longitude: float, latitude: float, elevation: float, when: str | None
+) -> Element:
+    east = degrees(longitude)
+    # The schema's longitudes end just before 180.
+    place = {"lat": degrees(latitude), "lon": degrees(-180.0) if east == degrees(180.0) else east}
+    point = child(parent, f"{{{_GPX}}}{name}", None, place)
+    _gpx(point, "ele", metres(elevation))
+    if when is not None:
+        _gpx(point, "time", when)
+    return point
 
 
 def write_kml(itinerary: Itinerary, path: str | Path) -> Path:

@@ -15,8 +15,6 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import shortest_path
 
-from auvplan.export.itinerary import END_BEHAVIOURS
-from auvplan.export.margins import Margins
 from auvplan.files import write_atomically
 from auvplan.mission.graph import shortest_way, time_to_go
 from auvplan.mission.jobs import jobs_done, jobs_of
@@ -25,8 +23,10 @@ from auvplan.mission.travel_times import ONE_PLACE
 from auvplan.path.reasons import lengthening
 from auvplan.records import LegRecord, MissionRun
 from auvplan.scenario.provenance import SourceFile, source_files
-from auvplan.schedule import closures_in_words, spans_in_words, time_in_words
 from auvplan.site import Site
+from auvplan.view.margins import Margins
+from auvplan.view.scene import waypoint_name
+from auvplan.view.timeline import END_BEHAVIOURS, closures_in_words, spans_in_words, time_in_words
 from auvplan.words import clearance, figure, hours
 
 
@@ -318,13 +318,6 @@ def _bounded(run: MissionRun) -> str:
 
 def _zone(run: MissionRun) -> str:
     return str((run.scenario.get("site") or {}).get("timezone") or "")
-
-
-def waypoint_name(run: MissionRun, node: int) -> str:
-    """Return a waypoint for people: its name, or its number where it has none."""
-    if run.names:
-        return run.called(node)
-    return {run.start: "start", run.goal: "goal"}.get(node, f"waypoint {node}")
 
 
 def _moment(run: MissionRun, seconds: float) -> str:
