@@ -105,8 +105,9 @@ def stay_specification(itinerary: Itinerary, position: Array, name: str) -> Elem
 def _plan(name: str, description: str, manoeuvres: list[tuple[str, Element]]) -> Element:
     """Return a PlanSpecification of manoeuvres, one after the other."""
     names = [name for name, _ in manoeuvres]
+    plaintext = description.encode("ascii", "replace").decode("ascii")  # as IMC has it
     return _message("PlanSpecification", {
-        "plan_id": plan_identifier(name), "description": _ascii(description),
+        "plan_id": plan_identifier(name), "description": plaintext,
         "vnamespace": "", "variables": (), "start_man_id": names[0],
         "maneuvers": [
             _message("PlanManeuver", {
@@ -231,11 +232,6 @@ def _message(name: str, fields: _Fields) -> Element:
         else:
             child(element, field).extend(value)
     return element
-
-
-def _ascii(text: str) -> str:
-    """IMC's plaintext is ASCII."""
-    return text.encode("ascii", "replace").decode("ascii")
 
 
 def plan_identifier(name: str) -> str:

@@ -22,7 +22,6 @@ from auvplan.io.schema import (
 )
 from auvplan.records import MissionRun
 from auvplan.scenario.provenance import source_digests
-from auvplan.site import Site
 
 #: Attributes of a file that are the run's own, by their types: in the run and, where it differs, in the file.
 OF_RUN: dict[str, type] = {
@@ -90,6 +89,12 @@ def to_dataset(run: MissionRun) -> xr.Dataset:
 
 def _attributes(run: MissionRun) -> dict[str, Any]:
     limits = {limit.name: getattr(run.vehicle, limit.name) for limit in fields(run.vehicle)}
+    place: dict[str, Any] = {}
+    if (site := run.site) is not None:  # the azimuthal equidistant projection about a place
+        place = {"site_longitude": site.longitude, "site_latitude": site.latitude}
+        place["site_origin"] = np.asarray(site.origin, float)
+        if site.epoch is not None:
+            place["site_epoch"] = site.epoch.isoformat()
     sources = source_digests(run.scenario, run.folder) if run.sources is None else run.sources
     return {
         "Conventions": "CF-1.11",
@@ -108,13 +113,6 @@ def _attributes(run: MissionRun) -> dict[str, Any]:
         **stated(run),
         "sources": json.dumps(sources),
         **{f"vehicle_{name}": float(limit) for name, limit in limits.items() if limit is not None},
-        **({} if run.site is None else _site_attributes(run.site)),
+        **place,
         **({} if run.seabed is None else {"seabed_clearance": float(np.asarray(run.seabed.clearance))}),
     }
-
-
-def _site_attributes(site: Site) -> dict[str, Any]:
-    """Return where the local frame lies: the azimuthal equidistant projection about a place."""
-    dated = {} if site.epoch is None else {"site_epoch": site.epoch.isoformat()}
-    place = {"site_longitude": site.longitude, "site_latitude": site.latitude}
-    return place | {"site_origin": np.asarray(site.origin, float)} | dated

@@ -100,10 +100,12 @@ def plot_clusters(chart: Chart, picture: NDArray[np.uint8], window: tuple[int, i
     figure = style.new_figure(9.6, 9.8)
     grid = figure.subplots(2, 2)
     raster = np.asarray(chart.passability)[::-1]  # rows from the north
+    colours = [to_rgb(colour) for colour in (_COAST, _UNCERTAIN, _WATER)]
+    coloured = np.asarray(colours)[np.where(raster == 0.0, 0, np.where(raster == 1.0, 2, 1))]
     size = (np.asarray(chart.upper, float) - np.asarray(chart.lower, float))[0] / raster.shape[0]
     parts = ((slice(None), slice(None)), (slice(row, row + rows), slice(column, column + columns)))
     for line, part in zip(grid, parts, strict=True):
-        for axes, image in zip(line, (picture[part], _coloured(raster[part])), strict=True):
+        for axes, image in zip(line, (picture[part], coloured[part]), strict=True):
             north, east = size / 1000.0 * np.asarray(image.shape[:2])
             axes.imshow(image, extent=(0.0, east, 0.0, north), interpolation="none")
             axes.set_xlabel("east [km]")
@@ -131,10 +133,3 @@ def plot_clusters(chart: Chart, picture: NDArray[np.uint8], window: tuple[int, i
     style.legend_below(figure, handles, fontsize=9)
     figure.suptitle("Map of the mission planner (above) and of the path planner (below)", fontsize=11)
     return figure
-
-
-def _coloured(raster: style.Array) -> style.Array:
-    image = np.empty((*raster.shape, 3))
-    image[:] = to_rgb(_UNCERTAIN)
-    image[raster == 0.0], image[raster == 1.0] = to_rgb(_COAST), to_rgb(_WATER)
-    return image

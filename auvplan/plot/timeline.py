@@ -63,7 +63,9 @@ def plot_timeline(run: MissionRun, *, ax: Axes | None = None) -> Axes:
     if routes:
         axes.axhline(rows - 1.5, color="black", lw=0.8)
     axes.axvline(run.t_available, color="red", lw=2.0, zorder=5)
-    names = [*(_name(run, k) for k in range(len(routes))), _executed_name(run), *closures_in_words(run)]
+    executed_name = f"{'executed' if run.simulated else 'plan'}\npriority {figure(run.total_priority)}, "
+    executed_name += f"{run.t_mission:,.0f} s ({hours(run.t_mission)})"
+    names = [*(_name(run, k) for k in range(len(routes))), executed_name, *closures_in_words(run)]
     axes.set_yticks([*range(rows), *_closure_rows(run, rows)], names)
     axes.set_xlabel("time since the mission began [s]")
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:,.0f}")
@@ -140,11 +142,6 @@ def _name(run: MissionRun, number: int) -> str:
     if route.cause == "late" and (why := lateness(run, route)):
         title += f":\n{why}"
     return f"{title}\npriority {figure(route.priority)}, {route.time:,.0f} s"
-
-
-def _executed_name(run: MissionRun) -> str:
-    what = "executed" if run.simulated else "plan"
-    return f"{what}\npriority {figure(run.total_priority)}, {run.t_mission:,.0f} s ({hours(run.t_mission)})"
 
 
 def _legend(run: MissionRun, refused: bool, windows: bool) -> list[Any]:

@@ -12,7 +12,7 @@ from PIL import Image
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.currents import evaluated
 from auvplan.ocean.seabed import Seabed
-from auvplan.records import MissionRun, PlanRecord
+from auvplan.records import MissionRun
 from auvplan.report.page import packed
 from auvplan.site import Site
 from auvplan.view.section import PARTS, run_sections
@@ -41,12 +41,16 @@ def map_data(
         chart, seabed: or None.
         site: or None; with one, the corners' longitude and latitude are given.
     """
+    # South-west, south-east, north-west and north-east, degrees.
+    corners = np.asarray([low[0], low[0], high[0], high[0]]), np.tile([low[1], high[1]], 2)
     return {
         "low": low,
         "high": high,
         "chart": None if chart is None else _picture(chart, low, high),
         "depths": None if seabed is None else _depths(seabed, low, high),
-        "corners": None if site is None else _corners(site, low, high),
+        "corners": None
+        if site is None
+        else np.stack(site.to_geographic(*np.stack(corners)), axis=1).tolist(),
     }
 
 
@@ -104,12 +108,6 @@ def _grid(low: Array, high: Array, most: int) -> tuple[Array, Array]:
     return north, east
 
 
-def _corners(site: Site, low: Array, high: Array) -> list[list[float]]:
-    """Longitude and latitude of the south-west, south-east, north-west and north-east corner, degrees."""
-    north, east = np.asarray([low[0], low[0], high[0], high[0]]), np.tile([low[1], high[1]], 2)
-    return np.stack(site.to_geographic(north, east), axis=1).tolist()
-
-
 def current_data(
     run: MissionRun, low: Array, high: Array, times: Array, depths: Array
 ) -> dict[str, Any] | None:
@@ -139,7 +137,9 @@ def current_data(
     u, v = (np.zeros((len(moments), *x.shape)) for _ in range(2))
     for number in np.unique(latest):
         here = np.flatnonzero(latest == number)
-        u[here], v[here] = _looked_up(plans[number], x, y, levels[here], moments[here])
+        z, t = (values[here, None, None] for values in (levels, moments))
+        where = np.broadcast_arrays(x, y, z, t)
+        u[here], v[here], _ = evaluated(plans[number].current, *where)
     speed = np.hypot(u, v)
     known = np.isfinite(speed)
     if run.chart is not None:
@@ -155,14 +155,6 @@ def current_data(
         "v": packed(np.where(known, v, _NONE * _STEP), "i16", _STEP),
         "fastest": float(np.quantile(speed[known], 0.99)),
     }
-
-
-def _looked_up(plan: PlanRecord, x: Array, y: Array, depths: Array, times: Array) -> tuple[Array, Array]:
-    """Current of a plan, m/s north and east, [k, n, m], on a grid at k depths and times."""
-    shape = (len(times), *x.shape)
-    z, t = (np.broadcast_to(values[:, None, None], shape) for values in (depths, times))
-    u, v, _ = evaluated(plan.current, np.broadcast_to(x, shape), np.broadcast_to(y, shape), z, t)
-    return u, v
 
 
 def section_data(run: MissionRun) -> dict[str, Any] | None:

@@ -4,6 +4,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
+from zoneinfo import ZoneInfo
 
 import numpy as np
 
@@ -107,6 +108,21 @@ def time_in_words(run: MissionRun, seconds: float) -> str:
     """Return a moment to the minute: UTC, or since the departure."""
     moment = None if run.site is None else run.site.utc(60.0 * round(seconds / 60.0))
     return hours(seconds) if moment is None else f"{moment:%H:%M}"
+
+
+def time_zone(run: MissionRun) -> str:
+    """Return the name of the local time zone, or nothing."""
+    return str((run.scenario.get("site") or {}).get("timezone") or "")
+
+
+def moment_in_words(run: MissionRun, seconds: float) -> str:
+    """Return a moment to the minute with its date, in UTC and local time; since the departure without one."""
+    moment = None if run.site is None else run.site.utc(60.0 * round(seconds / 60.0))
+    if moment is None:
+        return f"after {hours(seconds)}"
+    zone = time_zone(run)
+    local = f", {moment.astimezone(ZoneInfo(zone)):%Y-%m-%d %H:%M} {zone.split('/')[-1]}" if zone else ""
+    return f"{moment:%Y-%m-%d %H:%M} UTC{local}"
 
 
 def closures_in_words(run: MissionRun) -> list[str]:

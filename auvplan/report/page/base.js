@@ -134,7 +134,7 @@ report.tiles = (entries) =>
   report.element(
     "dl",
     { class: "tiles" },
-    entries
+    (entries || [])
       .filter(Boolean)
       .map(([name, value, note]) =>
         report.element(
@@ -240,7 +240,8 @@ report.pair = (...parts) =>
   report.element("div", { class: "pair" }, parts.filter(Boolean).map((part) => report.element("div", {}, part)));
 
 /** A remark in small letters. */
-report.remark = (...children) => report.element("p", { class: "small quiet" }, ...children);
+report.remark = (...children) =>
+  report.element("p", { class: "small quiet", style: "margin-top: .6rem" }, ...children);
 
 /** A choice from a list of [value, words]. */
 report.select = (attributes, entries, chosen) =>

@@ -21,26 +21,21 @@
     ]
       .filter(Boolean)
       .join(" · "),
-    tiles: [
-      best ? ["best departure", moment(best), dated ? "UTC" : "after the scenario's"] : null,
-      best
-        ? [
-            leg ? "travel time" : "mission time",
-            report.hours(best.time_s),
-            `${report.fixed(best.time_s)} s${available ? ` of ${report.fixed(available)} s` : ""}`,
-          ]
-        : null,
-      best && !leg
-        ? ["total priority", report.figure(best.total_priority, 3), report.counted(best.tasks, "task")]
-        : null,
-      best && leg
+    tiles: best && [
+      ["best departure", moment(best), dated ? "UTC" : "after the scenario's"],
+      [
+        leg ? "travel time" : "mission time",
+        report.hours(best.time_s),
+        `${report.fixed(best.time_s)} s${available ? ` of ${report.fixed(available)} s` : ""}`,
+      ],
+      leg
         ? [
             "way",
             `${report.fixed(best.length_m / 1000, 1)} km`,
             best.clearance_m === null ? "open water" : `${report.fixed(best.clearance_m)} m clear`,
           ]
-        : null,
-      best ? ["current", `${report.fixed(best.current_m_s, 2)} m/s`, "mean at that departure"] : null,
+        : ["total priority", report.figure(best.total_priority, 3), report.counted(best.tasks, "task")],
+      ["current", `${report.fixed(best.current_m_s, 2)} m/s`, "mean at that departure"],
     ],
   });
 

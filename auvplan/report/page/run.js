@@ -119,15 +119,13 @@
     return made.length ? made[made.length - 1] : null;
   }
 
-  /** Obstacles at a time with their collision boundaries: { kind, north, east, depth, radius, boundary }. */
+  /** Obstacles at a time with their collision boundaries: { kind, north, east, radius, boundary }. */
   function obstaclesAt(time) {
     const number = legAt(time);
     const found = run.known.map((known) => ({
       kind: "known",
-      name: known.name,
       north: known.position[0] + known.velocity[0] * time,
       east: known.position[1] + known.velocity[1] * time,
-      depth: null,
       radius: known.radius,
       boundary: known.radius,
     }));
@@ -135,16 +133,9 @@
     if (!told || !told.places) return found;
     const [count, at] = [told.kinds.length, step(told.times, time)];
     told.kinds.forEach((kind, m) => {
-      const [north, east, depth] = [0, 1, 2].map((axis) => between(told.places, at, 3 * count, 3 * m + axis));
-      found.push({
-        kind,
-        name: `${kind} obstacle`,
-        north,
-        east,
-        depth,
-        radius: told.radii[m],
-        boundary: told.radii[m] + grown(number, told.looks[m], time),
-      });
+      const [north, east] = [0, 1].map((axis) => between(told.places, at, 3 * count, 3 * m + axis));
+      const radius = told.radii[m];
+      found.push({ kind, north, east, radius, boundary: radius + grown(number, told.looks[m], time) });
     });
     return found;
   }
@@ -168,6 +159,10 @@
     leg: run.simulated ? "simulated leg" : "planned leg",
   }[run.kind];
   const start = report.utc(0, run.epoch);
+  const whole = run.kind !== "leg";
+  const { path_replans, mission_replans } = figures;
+  const sum = (name) => run.legs.reduce((total, leg) => total + leg[name], 0);
+  const begun = run.legs.filter((leg) => leg.begin !== null);
   report.head({
     title: run.name,
     badge: run.reason || (run.success ? "in time" : "failed"),
@@ -182,41 +177,27 @@
         `${report.fixed(figures.t_mission)} of ${report.fixed(figures.t_available)} s`,
       ],
       ["time left", report.hours(figures.t_residual), `${report.fixed(figures.t_residual)} s`],
-      run.kind === "leg"
-        ? null
-        : [
-            run.simulated ? "tasks done" : "tasks",
-            report.fixed(figures.tasks),
-            report.counted(waypoints.length, "waypoint"),
-          ],
-      run.kind === "leg"
-        ? null
-        : [
-            "total priority",
-            report.figure(figures.total_priority, 3),
-            figures.priority_bound ? `at most ${report.figure(figures.priority_bound, 3)} possible` : null,
-          ],
-      [
-        "way",
-        `${report.fixed(run.legs.reduce((sum, leg) => sum + leg.length, 0) / 1000, 1)} km`,
-        report.counted(run.legs.filter((leg) => leg.begin !== null).length, "leg"),
+      whole && [
+        run.simulated ? "tasks done" : "tasks",
+        report.fixed(figures.tasks),
+        report.counted(waypoints.length, "waypoint"),
       ],
-      run.simulated
-        ? [
-            "re-plans",
-            report.fixed(figures.path_replans + figures.mission_replans),
-            run.kind === "leg"
-              ? "of the path"
-              : `${figures.path_replans} of paths, ${figures.mission_replans} of the route`,
-          ]
-        : null,
-      run.simulated
-        ? [
-            "collisions",
-            report.fixed(figures.collisions),
-            figures.collisions ? "points inside an obstacle or on land" : "none on the track",
-          ]
-        : null,
+      whole && [
+        "total priority",
+        report.figure(figures.total_priority, 3),
+        figures.priority_bound ? `at most ${report.figure(figures.priority_bound, 3)} possible` : null,
+      ],
+      ["way", `${report.fixed(sum("length") / 1000, 1)} km`, report.counted(begun.length, "leg")],
+      run.simulated && [
+        "re-plans",
+        report.fixed(path_replans + mission_replans),
+        whole ? `${path_replans} of paths, ${mission_replans} of the route` : "of the path",
+      ],
+      run.simulated && [
+        "collisions",
+        report.fixed(figures.collisions),
+        figures.collisions ? "points inside an obstacle or on land" : "none on the track",
+      ],
     ],
     warnings: [...run.warnings, ...run.provenance.assumed],
   });

@@ -69,7 +69,7 @@
   const [missions, onTime] = [total("missions"), total("on_time")];
   const rehearsal = study.rehearsal;
   const first = cases[0].summary;
-  const mean = (name) => (cases.length === 1 && first.figures[name] ? first.figures[name].mean : null);
+  const mean = (name) => (first.figures[name] ? first.figures[name].mean : null);
   report.head({
     title: study.name,
     badge: `${report.fixed(onTime)} of ${report.counted(missions, "mission")} on time`,
@@ -89,27 +89,23 @@
           ? `95 %: ${report.fixed(first.on_time_percent.low, 1)} to ${report.fixed(first.on_time_percent.high, 1)} %`
           : `${report.counted(cases.length, "setting")}`,
       ],
-      rehearsal
-        ? [
-            "all planned tasks done",
-            report.fixed(rehearsal.all_planned_tasks),
-            `on time, of ${report.counted(rehearsal.missions, "mission")}`,
-          ]
-        : null,
-      cases.length === 1
-        ? ["use of the time", `${report.fixed(mean("use_of_time_percent"), 1)} %`, "mean"]
-        : null,
-      cases.length === 1
-        ? ["total priority", report.figure(mean("total_priority"), 3), "mean of a mission"]
-        : null,
-      cases.length === 1 ? ["tasks", report.fixed(mean("tasks"), 1), "mean of a mission"] : null,
-      cases.length === 1
-        ? [
-            "re-plans",
-            report.fixed(mean("path_replans") + mean("mission_replans"), 1),
-            "of paths and route, mean",
-          ]
-        : null,
+      rehearsal && [
+        "all planned tasks done",
+        report.fixed(rehearsal.all_planned_tasks),
+        `on time, of ${report.counted(rehearsal.missions, "mission")}`,
+      ],
+      ...(cases.length > 1
+        ? []
+        : [
+            ["use of the time", `${report.fixed(mean("use_of_time_percent"), 1)} %`, "mean"],
+            ["total priority", report.figure(mean("total_priority"), 3), "mean of a mission"],
+            ["tasks", report.fixed(mean("tasks"), 1), "mean of a mission"],
+            [
+              "re-plans",
+              report.fixed(mean("path_replans") + mean("mission_replans"), 1),
+              "of paths and route, mean",
+            ],
+          ]),
       ["collisions", report.fixed(total("collisions")), "found by the checker"],
       ["faults", report.fixed(total("faults")), "found by the checker"],
     ],
