@@ -26,8 +26,8 @@ from auvplan.view.scene import (
     chosen_plans,
     extent_points,
     leg_title,
+    near_obstacles,
     plan_name,
-    shown_obstacles,
     until_next,
     window,
 )
@@ -183,11 +183,11 @@ def plot_windows(run: MissionRun, leg: LegRecord | None = None) -> Figure:
     pen = Map(figure.subplots(), low, high)
     pen.coast(run.coast)
     pen.closures(run)
-    kinds = [leg.obstacle_kinds[m] for m in shown_obstacles(leg)]
+    kinds = [leg.obstacle_kinds[m] for m in near_obstacles(leg)]
     for number, plan in enumerate(plans, 1):
         strength = 0.25 + 0.6 * number / len(plans)
         places, radii = boundaries(run, leg, plan.made_at)
-        for place, radius, m in zip(places, radii, shown_obstacles(leg), strict=True):
+        for place, radius, m in zip(places, radii, near_obstacles(leg), strict=True):
             colour = style.KIND_COLOURS.get(leg.obstacle_kinds[m], style.GREY)
             pen.disc(place, leg.obstacle_radii[m], fc=colour, alpha=strength, lw=0, zorder=2)
             pen.disc(place, radius, fill=False, ec=colour, alpha=strength, lw=1.1, zorder=2)

@@ -19,7 +19,7 @@ from auvplan.view.scene import (
     busiest_leg,
     extent_points,
     leg_title,
-    shown_obstacles,
+    near_obstacles,
     until_next,
     window,
 )
@@ -244,7 +244,7 @@ def _draw_boundaries(pen: Space, run: MissionRun, leg: LegRecord, times: list[fl
     """Draw each obstacle at the last time, its track, and rings: its boundary at each; return their kinds."""
     kinds, circle = [], np.linspace(0.0, 2.0 * np.pi, 40)
     steps = [boundaries(run, leg, time) for time in times]
-    for k, m in enumerate(shown_obstacles(leg)):
+    for k, m in enumerate(near_obstacles(leg)):
         track = np.stack([places[k] for places, _ in steps])
         if not ((track[-1, :2] > pen.low) & (track[-1, :2] < pen.high)).all():
             continue

@@ -168,12 +168,17 @@ def as_filed(positions: ArrayLike) -> Array:
 # --- obstacles ---------------------------------------------------------------------------------------
 
 
-def shown_obstacles(leg: LegRecord) -> list[int]:
-    """Numbers of the obstacles that were not known before and are anywhere near."""
+def near_obstacles(leg: LegRecord) -> list[int]:
+    """Numbers of a leg's obstacles that are anywhere near."""
     if not len(leg.times):
         return []
     away = np.abs(leg.obstacle_positions[0] - leg.positions[0]).max(axis=1, initial=0.0)
-    return [m for m, kind in enumerate(leg.obstacle_kinds) if kind != KNOWN and away[m] < FAR]
+    return np.flatnonzero(away < FAR).tolist()
+
+
+def shown_obstacles(leg: LegRecord) -> list[int]:
+    """Numbers of the obstacles that were not known before and are anywhere near."""
+    return [m for m in near_obstacles(leg) if leg.obstacle_kinds[m] != KNOWN]
 
 
 def true_obstacles(leg: LegRecord) -> tuple[Array, Array]:
@@ -238,15 +243,18 @@ def grown(run: MissionRun, leg: LegRecord, times: Array, errors: bool = True) ->
 
 
 def boundaries(run: MissionRun, leg: LegRecord, time: float) -> tuple[Array, Array]:
-    """Return where `shown_obstacles` truly are at a time, [M, 3] m, and their radii as grown by then, [M] m.
+    """Return where `near_obstacles` truly are at a time, [M, 3] m, and their radii as grown by then, [M] m.
 
-    The errors of measurement, which widen boundaries further, are left out.
+    Known ones do not grow; the errors of measurement, which widen boundaries further, are left out.
     """
-    tracks, radii = true_obstacles(leg)
-    if not len(radii):
-        return np.zeros((0, 3)), radii
-    places = [[np.interp(time, leg.times, axis) for axis in track.T] for track in tracks.swapaxes(0, 1)]
-    return np.asarray(places), radii + grown(run, leg, np.array([time]), errors=False)[0]
+    near, shown = near_obstacles(leg), shown_obstacles(leg)
+    growth = dict(
+        zip(shown, grown(run, leg, np.array([time]), errors=False)[0] if shown else (), strict=True)
+    )
+    tracks = np.asarray(leg.obstacle_positions, float)
+    places = [[np.interp(time, leg.times, tracks[:, m, axis]) for axis in range(3)] for m in near]
+    radii = [leg.obstacle_radii[m] + growth.get(m, 0.0) for m in near]
+    return np.reshape(places, (-1, 3)), np.asarray(radii, float)
 
 
 def _sensors(run: MissionRun) -> SensorSettings:
