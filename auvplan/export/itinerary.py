@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from auvplan.errors import AuvplanError
 from auvplan.export.fences import Fence, fences_around
-from auvplan.export.markup import plain
 from auvplan.export.thin import thin
 from auvplan.mission.survey import LinePart
 from auvplan.motion import Motion
@@ -20,7 +19,7 @@ from auvplan.ocean.environment import Environment
 from auvplan.site import Site, as_utc
 from auvplan.vehicle import Vehicle
 from auvplan.view.timeline import END_BEHAVIOURS
-from auvplan.words import counted, figure
+from auvplan.words import counted, figure, plain
 
 Array = NDArray[np.floating]
 
