@@ -240,8 +240,7 @@ report.pair = (...parts) =>
   report.element("div", { class: "pair" }, parts.filter(Boolean).map((part) => report.element("div", {}, part)));
 
 /** A remark in small letters. */
-report.remark = (...children) =>
-  report.element("p", { class: "small quiet", style: "margin-top: .6rem" }, ...children);
+report.remark = (...children) => report.element("p", { class: "small quiet" }, ...children);
 
 /** A choice from a list of [value, words]. */
 report.select = (attributes, entries, chosen) =>

@@ -622,21 +622,16 @@
         told.routes,
         { id: "mission-routes" },
       );
-      detail.append(
-        report.element(
-          "div",
-          { style: "margin-top: 1.1rem" },
-          report.pair(
-            [
-              report.element("div", { class: "choices" }, report.element("label", {}, "Shown", list)),
-              host,
-              report.remark("Straight lines between waypoints: a study keeps no tracks."),
-            ],
-            legs,
-          ),
-        ),
-        made,
+      const beside = report.pair(
+        [
+          report.element("div", { class: "choices" }, report.element("label", {}, "Shown", list)),
+          host,
+          report.remark("Straight lines between waypoints: a study keeps no tracks."),
+        ],
+        legs,
       );
+      beside.style.marginTop = "1.1rem";
+      detail.append(beside, made);
       route = study.map && routeMap(host, list, told);
     }
     if (scroll) {
