@@ -67,6 +67,9 @@ def trajectories(itinerary: Itinerary) -> xr.Dataset:
     longitude, latitude = itinerary.site.to_geographic(places[:, 0], places[:, 1])
     kept = [np.isin(np.arange(len(leg.times)), leg.kept) for leg in itinerary.legs]
     kept += [np.zeros(len(track.times), bool) for track in itinerary.executed]
+    units = TIME_UNITS
+    if (epoch := itinerary.site.epoch) is not None:
+        units = f"seconds since {as_utc(epoch).astimezone(UTC).replace(tzinfo=None).isoformat(' ')}"
     flags = {"flag_values": np.asarray([0, 1], np.int8)}
     dataset = xr.Dataset({
         "trajectory": _variable(
@@ -82,7 +85,7 @@ def trajectories(itinerary: Itinerary) -> xr.Dataset:
         ),
         "time": _variable(
             "obs", np.concatenate([track.times for track in tracks]), "time", standard_name="time",
-            units=_units(itinerary), calendar="standard", axis="T",
+            units=units, calendar="standard", axis="T",
         ),
         "lon": _variable(
             "obs", longitude, "longitude", standard_name="longitude", units="degrees_east", axis="X"
@@ -122,13 +125,6 @@ def write_netcdf(itinerary: Itinerary, path: str | Path) -> Path:
 
 def _variable(dims: str, values: ArrayLike, name: str, **attrs: Any) -> xr.Variable:
     return xr.Variable(dims, np.asarray(values), {"long_name": name} | attrs)
-
-
-def _units(itinerary: Itinerary) -> str:
-    epoch = itinerary.site.epoch
-    if epoch is None:
-        return TIME_UNITS
-    return f"seconds since {as_utc(epoch).astimezone(UTC).replace(tzinfo=None).isoformat(' ')}"
 
 
 def _attributes(itinerary: Itinerary) -> dict[str, Any]:

@@ -198,7 +198,7 @@ def motion_variables(dims: str | tuple[str, ...], motion: Motion, prefix: str = 
     yaw, pitch = (np.degrees(angle).astype(np.float32) for angle in (motion.yaw, motion.pitch))
     body = np.where(np.abs(motion.body_velocity) < _ROUNDING, 0.0, motion.body_velocity).astype(np.float32)
     # The course is that of what is filed, so that a run that was read back is filed as it was.
-    course = Motion.of_body(*(np.radians(angle, dtype=float) for angle in (yaw, pitch)), body).course
+    course = Motion.of_body(np.radians(yaw, dtype=float), np.radians(pitch, dtype=float), body).course
     angles = {
         "course": (np.degrees(course % (2.0 * np.pi)), "course over ground, from north", "platform_course"),
         "yaw": (yaw, "yaw psi of the hull, from north towards east", "platform_yaw_fore_starboard"),

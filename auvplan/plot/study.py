@@ -15,8 +15,16 @@ from auvplan.files import output_folder
 from auvplan.plot import style
 from auvplan.plot.maps import Map
 from auvplan.plot.sweep import plot_paired, plot_sweep, set_title
-from auvplan.study.statistics import leg_times, over_finite, relative_errors, sweep_dims, use_of_time
-from auvplan.study.table import study_chart
+from auvplan.study.statistics import (
+    call_times,
+    leg_times,
+    over_finite,
+    planning_time,
+    relative_errors,
+    sweep_dims,
+    use_of_time,
+)
+from auvplan.study.table import flag_names, study_chart
 from auvplan.view.scene import window
 from auvplan.words import counted
 from auvplan.words import figure as number_in_words
@@ -153,9 +161,8 @@ def plot_planning_time(dataset: xr.Dataset) -> Figure:
         dataset: without a sweep, missions in order of seed.
     """
     calls = _positive(dataset["plan_cpu"].values)
-    low, middle, high = (over_finite(calls, partial(np.nanquantile, q=q)) for q in (0.05, 0.5, 0.95))
-    parts = [dataset[name].values.astype(float) for name in ("path_cpu", "mission_cpu", "travel_time_cpu")]
-    whole = _positive(over_finite(np.stack(parts, axis=-1), np.nansum))
+    low, middle, high = call_times(dataset)
+    whole = _positive(planning_time(dataset))
     place = np.arange(len(whole))
     figure = style.new_figure(11.0, 5.4)
     axes = figure.subplots()
@@ -187,8 +194,7 @@ def plot_call_times(dataset: xr.Dataset, calls: xr.Dataset, interval: float) -> 
     """
     figure = style.new_figure(11.6, 5.6)
     left, right = figure.subplots(1, 2, width_ratios=[3.2, 1], sharey=True)
-    parts = [dataset[name].values.astype(float) for name in ("path_cpu", "mission_cpu", "travel_time_cpu")]
-    place, whole = np.arange(dataset.sizes["mission"]), np.nansum(parts, axis=0)
+    place, whole = np.arange(dataset.sizes["mission"]), np.nan_to_num(planning_time(dataset))
     at = np.searchsorted(dataset["seed"].values, calls["seed"].values)
     shown = (
         (place, whole, "s", style.RED, "all planning of the mission, wall-clock time"),
@@ -299,10 +305,7 @@ def _nodes(one: xr.Dataset, route: int) -> list[int]:
 
 def _route_name(one: xr.Dataset, route: int, number: int) -> str:
     """Return what a route was made for, when, and what it holds; `number` counts from the first route, 0."""
-    causes = one["route_cause"]
-    meanings = str(causes.attrs.get("flag_meanings", "")).split()
-    flags = np.atleast_1d(causes.attrs.get("flag_values", [])).tolist()
-    cause = dict(zip(flags, meanings, strict=False)).get(int(causes.values[route]), "")
+    cause = flag_names(one["route_cause"])[route]
     name = "first route" if number == 0 else ", ".join(filter(None, [f"re-plan R{number}", cause]))
     legs = max(len(_nodes(one, route)) - 1, 0)
     at, time, priority = (float(one[f"route_{key}"].values[route]) for key in ("made_at", "time", "priority"))

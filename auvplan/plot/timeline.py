@@ -54,7 +54,11 @@ def plot_timeline(run: MissionRun, *, ax: Axes | None = None) -> Axes:
         _draw(axes, row, route, norm, letter)
     _draw(axes, rows - 1, executed, norm, letter)
     windows = _draw_windows(axes, run, rows - 1, executed)
-    _draw_closures(axes, run, rows, last)
+    for row, closure in zip(_closure_rows(run, rows), run.stated_closures, strict=True):
+        for begins, ends in closure.spans:
+            begin, end = max(begins, 0.0), min(ends, 1.02 * last)
+            if begin < end:
+                axes.barh(row, end - begin, left=begin, height=0.4, **style.CLOSED)
     for row, route in enumerate(routes[1:], start=1):
         axes.plot([route.made_at] * 2, [row - 0.48, row + 0.48], color=style.RED, lw=1.6, zorder=4)
     refused = [leg.plans[-1].made_at for leg in refused_legs(run)]
@@ -97,14 +101,6 @@ def _draw_windows(axes: Axes, run: MissionRun, row: int, bars: list[Bar]) -> boo
 def _closure_rows(run: MissionRun, rows: int) -> list[float]:
     """Return where the row of each closed area is, under those of the routes."""
     return [rows - 0.05 + 0.6 * number for number in range(len(run.closures))]
-
-
-def _draw_closures(axes: Axes, run: MissionRun, rows: int, last: float) -> None:
-    for row, closure in zip(_closure_rows(run, rows), run.stated_closures, strict=True):
-        for begins, ends in closure.spans:
-            begin, end = max(begins, 0.0), min(ends, 1.02 * last)
-            if begin < end:
-                axes.barh(row, end - begin, left=begin, height=0.4, **style.CLOSED)
 
 
 def _norm(run: MissionRun) -> Normalize:

@@ -1,6 +1,6 @@
 """The page of one mission, one plan or one leg: what its scripts show."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from typing import Any
@@ -55,6 +55,9 @@ def run_data(run: MissionRun, summary: Mapping[str, Any]) -> dict[str, Any]:
     planned = [as_filed(plan.positions) for leg in run.legs for plan in leg.plans]
     points = np.concatenate([np.asarray(run.graph.positions, float), way.places, *planned])
     low, high = window(points, 0.07, run.chart, slender=0.55, least=200.0)
+    least, safety = way.margins.least(), run.safety
+    margins = {"coast": safety.coast, "closed": safety.coast, "obstacle": safety.obstacles}
+    margins["bed"] = safety.seabed
     begin = (
         float(way.times[0]) if len(way.times) else min((route.made_at for route in run.routes), default=0.0)
     )
@@ -96,7 +99,9 @@ def run_data(run: MissionRun, summary: Mapping[str, Any]) -> dict[str, Any]:
         "sensing": sensing_data(run),
         "routes": _routes(run),
         "tasks": task_data(run, stated),
-        "limits": _limits(run, way),
+        "limits": [
+            {"name": name, "margin": margin, "least": least[name]} for name, margin in margins.items()
+        ],
         "provenance": {
             "files": list(stated.get("files", [])),
             "assumed": list(stated.get("assumed", [])),
@@ -219,25 +224,16 @@ def _routes(run: MissionRun) -> list[dict[str, Any]]:
             "time": route.time,
             "cpu": route.cpu,
             "nodes": route.nodes,
-            "bars": [_bar(bar) for bar in planned_bars(run, route)],
+            "bars": _bars(planned_bars(run, route)),
         }
         for route in (run.routes if run.simulated else [])
     ]
     done = {"cause": "done", "priority": run.total_priority, "time": run.t_mission, "nodes": run.route}
-    return [*rows, done | {"bars": [_bar(bar) for bar in executed_bars(run)]}]
+    return [*rows, done | {"bars": _bars(executed_bars(run))}]
 
 
-def _bar(bar: Bar) -> list[float]:
-    return [bar.start, bar.goal, bar.begin, bar.travel, bar.task, bar.priority]
-
-
-def _limits(run: MissionRun, way: _Way) -> list[dict[str, Any]]:
-    """Margins of the plans, and the least distances on the whole way."""
-    safety = run.safety
-    margins = {"coast": safety.coast, "closed": safety.coast, "obstacle": safety.obstacles}
-    margins["bed"] = safety.seabed
-    least = way.margins.least()
-    return [{"name": name, "margin": margin, "least": least[name]} for name, margin in margins.items()]
+def _bars(bars: Sequence[Bar]) -> list[list[float]]:
+    return [[bar.start, bar.goal, bar.begin, bar.travel, bar.task, bar.priority] for bar in bars]
 
 
 def obstacle_data(run: MissionRun, leg: LegRecord, rows: NDArray[np.int_]) -> dict[str, Any]:

@@ -230,6 +230,13 @@ def without_clocks(dataset: xr.Dataset) -> xr.Dataset:
     return dataset.drop_vars([name for name, variable in VARIABLES.items() if variable.clock])
 
 
+def flag_names(variable: xr.DataArray) -> list[str]:
+    """Return the names of a row of flags; empty ones where the file does not tell."""
+    meanings = str(variable.attrs.get("flag_meanings", "")).split()
+    names = dict(zip(np.atleast_1d(variable.attrs.get("flag_values", [])).tolist(), meanings, strict=False))
+    return [names.get(int(code), "") for code in variable.values]
+
+
 def study_chart(dataset: xr.Dataset) -> Chart | None:
     """Return the chart that all missions share; None for open water.
 

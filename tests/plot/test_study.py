@@ -29,6 +29,12 @@ def coarse(monkeypatch):
     monkeypatch.setattr(style, "DPI", 50)
 
 
+@pytest.fixture(autouse=True)
+def of_others():
+    """What is counted are the figures of one test."""
+    plt.close("all")
+
+
 def assert_pictures(paths, names):
     assert [path.name for path in paths] == names
     assert sorted(path.name for path in paths[0].parent.iterdir()) == sorted(names)
