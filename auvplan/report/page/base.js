@@ -239,6 +239,13 @@ report.yesNo = (title, of, bad = false, no = () => "no") => ({
 report.pair = (...parts) =>
   report.element("div", { class: "pair" }, parts.filter(Boolean).map((part) => report.element("div", {}, part)));
 
+/** Words with something between them; those that are not there are left out. */
+report.joined = (between, ...parts) => parts.filter(Boolean).join(between);
+
+/** What is shown on demand. */
+report.details = (summary, ...children) =>
+  report.element("details", {}, report.element("summary", {}, summary), ...children);
+
 /** A remark in small letters. */
 report.remark = (...children) => report.element("p", { class: "small quiet" }, ...children);
 

@@ -14,13 +14,12 @@
       ? `${feasible.length} of ${report.counted(departures.length, "departure")} feasible`
       : "no departure is feasible",
     good: feasible.length > 0,
-    line: [
+    line: report.joined(
+      " · ",
       leg ? "departures of a leg" : "departures of a mission",
       dated ? "times in UTC" : "hours after the scenario's departure",
       description,
-    ]
-      .filter(Boolean)
-      .join(" · "),
+    ),
     tiles: best && [
       ["best departure", moment(best), dated ? "UTC" : "after the scenario's"],
       [

@@ -47,6 +47,13 @@ report.points = (x, y, more) => ({ type: "scatter", mode: "markers", x, y, ...mo
 /** A line that says nothing under the pointer. */
 report.line = (x, y, line, more) => ({ mode: "lines", x, y, line, hoverinfo: "skip", ...more });
 
+/** A straight line over all of a figure, at a value of its axis `x` or of another one upwards. */
+report.rule = function (axis, value, line) {
+  const [at, along] = axis === "x" ? ["x", "y"] : ["y", "x"];
+  const ends = { [`${at}0`]: value, [`${at}1`]: value, [`${along}0`]: 0, [`${along}1`]: 1 };
+  return { type: "line", [`${at}ref`]: axis, [`${along}ref`]: "paper", ...ends, line };
+};
+
 /** A layout with its legend above the figure. */
 report.legendAbove = { showlegend: true, legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 } };
 

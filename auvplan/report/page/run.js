@@ -167,9 +167,7 @@
     title: run.name,
     badge: run.reason || (run.success ? "in time" : "failed"),
     good: run.success,
-    line: [`${kind}, seed ${run.seed}`, start && `departure ${start}`, run.description]
-      .filter(Boolean)
-      .join(" · "),
+    line: report.joined(" · ", `${kind}, seed ${run.seed}`, start && `departure ${start}`, run.description),
     tiles: [
       [
         "mission time",
@@ -417,15 +415,14 @@
       text: nodes.map((node) => {
         const { name, place } = waypoints[node];
         const why = words === "left" && reasons.get(name.replace(/\[\d+\]$/, ""));
-        return [
+        return report.joined(
+          "<br>",
           `<b>${report.literal(name)}</b>`,
           words,
           why && report.literal(why),
           `depth ${report.fixed(place[2])} m`,
           where(place[0], place[1]),
-        ]
-          .filter(Boolean)
-          .join("<br>");
+        );
       }),
     });
     const inner = waypoints.map((_, node) => node).filter((node) => node !== run.start && node !== run.goal);
@@ -630,18 +627,15 @@
     const here = vehicle(state.time),
       level = current ? current.depths[Math.max(latest(current.times, state.time), 0)] : null;
     const place = state.map.place(here.north, here.east);
+    const number = legAt(state.time);
+    const moving = number >= 0 && state.time < run.legs[number].end;
     const apart = (name) => (report.isNumber(here[name]) ? `${distance(name, here[name])} m` : null);
     const entries = [
       ["depth", `${report.fixed(here.depth)} m`],
-      [
-        "speed over ground",
-        legAt(state.time) >= 0 && state.time < run.legs[legAt(state.time)].end
-          ? `${report.fixed(here.speed, 2)} m/s`
-          : "on station",
-      ],
+      ["speed over ground", moving ? `${report.fixed(here.speed, 2)} m/s` : "on station"],
       ["to the coast", apart("coast")],
       ["to a closed area", apart("closed")],
-      ["to an obstacle", legAt(state.time) >= 0 ? apart("obstacle") : null],
+      ["to an obstacle", number >= 0 ? apart("obstacle") : null],
       ["above the sea bed", apart("bed")],
       ["position", place || `${report.fixed(here.north)} N, ${report.fixed(here.east)} E m`],
     ];
@@ -652,46 +646,35 @@
         .flatMap(([name, value]) => [report.element("dt", {}, name), report.element("dd", {}, value)]),
     );
     note.replaceChildren(
-      [
+      report.joined(
+        " ",
         current &&
           `Arrows: current at ${report.fixed(level)} m, the vehicle's depth; the longest are ${report.fixed(current.fastest, 2)} m/s.`,
         run.sensing &&
           present.length &&
           "Boundaries allow for three standard deviations of place and size and grow from one look to the next; drawn about the true place.",
         run.known.length && "Known obstacles are drawn as they are, whatever the vehicle's depth.",
-      ]
-        .filter(Boolean)
-        .join(" "),
+      ),
     );
   }
 
   // --- side view -----------------------------------------------------------------------------------------
 
   const way = new Float64Array(track.time.length);
-  for (let k = 1; k < way.length; k++)
-    way[k] =
-      way[k - 1] +
-      Math.hypot(
-        track.north[k] - track.north[k - 1],
-        track.east[k] - track.east[k - 1],
-        track.depth[k] - track.depth[k - 1],
-      );
+  for (let k = 1; k < way.length; k++) {
+    const steps = ["north", "east", "depth"].map((name) => track[name][k] - track[name][k - 1]);
+    way[k] = way[k - 1] + Math.hypot(...steps);
+  }
   const wayAt = (time) => (way.length ? between(way, step(track.time, time)) : 0);
   const along = (time) => (state.axis === "time" ? since(time) / 3600 : wayAt(time) / 1000);
   state.followers = [];
 
+  const inline = { style: "display: inline-flex; gap: .35rem; align-items: center" };
   const legendOf = (entries) =>
     report.element(
       "div",
       { class: "choices small quiet" },
-      entries.map(([words, shape, colour]) =>
-        report.element(
-          "span",
-          { style: "display: inline-flex; gap: .35rem; align-items: center" },
-          swatch(shape, colour),
-          words,
-        ),
-      ),
+      entries.map(([words, shape, colour]) => report.element("span", inline, swatch(shape, colour), words)),
     );
   const CLEARANCES = [
     ["coast", "to the coast", "left"],
@@ -702,16 +685,11 @@
   if (track.time.length) {
     const side = report.element("div", { id: "side" });
     const near = CLEARANCES.filter(([name]) => track[name]);
-    const choice = report.segments(
-      "axis",
-      "Horizontal axis",
-      { time: "over time", distance: "over distance" },
-      "time",
-      (value) => {
-        state.axis = value;
-        profile.draw();
-      },
-    );
+    const axes = { time: "over time", distance: "over distance" };
+    const choice = report.segments("axis", "Horizontal axis", axes, "time", (value) => {
+      state.axis = value;
+      profile.draw();
+    });
     const made = report.section(
       "profile",
       "Side view",
@@ -799,17 +777,8 @@
       const shapes = [];
       for (const { name, margin } of run.limits) {
         const drawn = near.find(([other]) => other === name);
-        if (drawn && margin > 0)
-          shapes.push({
-            type: "line",
-            xref: "paper",
-            yref: "y2",
-            x0: 0,
-            x1: 1,
-            y0: margin,
-            y1: margin,
-            line: { color: colours[drawn[2]], width: 1.2, dash: "dash" },
-          });
+        const line = drawn && { color: colours[drawn[2]], width: 1.2, dash: "dash" };
+        if (drawn && margin > 0) shapes.push(report.rule("y2", margin, line));
       }
       const two = near.length > 0;
       const title = state.axis === "time" ? "time since departure [h]" : "way [km]";
@@ -908,6 +877,8 @@
       const last =
         Math.max(run.available, since(run.end), ...bars.map(({ bar }) => since(bar[2]) + bar[3] + bar[4])) /
         3600;
+      const available = { x: run.available / 3600, y: 1, xref: "x", yref: "paper", showarrow: false };
+      Object.assign(available, { yanchor: "bottom", xanchor: "right" });
       return {
         data: [
           one(0.76, (bar) => bar[2], (bar) => bar[3]),
@@ -929,31 +900,8 @@
             automargin: false,
             title: { text: "" },
           }),
-          annotations: [
-            {
-              x: run.available / 3600,
-              y: 1,
-              xref: "x",
-              yref: "paper",
-              yanchor: "bottom",
-              xanchor: "right",
-              text: "time available",
-              showarrow: false,
-              font: { size: 11, color: colours.bad },
-            },
-          ],
-          shapes: [
-            {
-              type: "line",
-              xref: "x",
-              yref: "paper",
-              x0: run.available / 3600,
-              x1: run.available / 3600,
-              y0: 0,
-              y1: 1,
-              line: { color: colours.bad, width: 2 },
-            },
-          ],
+          annotations: [{ ...available, text: "time available", font: { size: 11, color: colours.bad } }],
+          shapes: [report.rule("x", run.available / 3600, { color: colours.bad, width: 2 })],
         },
       };
     };
@@ -961,23 +909,12 @@
       if (first) state.followers.push(report.cursor(host, () => since(state.time) / 3600));
     });
     const late = rows.map((route, k) => ({ route, k })).filter(({ route }) => route.why);
+    const why = ({ route, k }) => report.element("li", {}, `${title(route, k)}: ${route.why}`);
     if (late.length)
       made.append(
-        report.element(
-          "details",
-          {},
-          report.element("summary", {}, "Why the route was planned anew"),
-          report.element(
-            "ul",
-            { class: "small" },
-            late.map(({ route, k }) =>
-              report.element(
-                "li",
-                {},
-                `R${k} at ${report.fixed(since(route.made))} s, ${CAUSES[route.cause] || route.cause}: ${route.why}`,
-              ),
-            ),
-          ),
+        report.details(
+          "Why the route was planned anew",
+          report.element("ul", { class: "small" }, late.map(why)),
         ),
       );
   }
@@ -1128,10 +1065,8 @@
       ),
     ]),
     plans.length
-      ? report.element(
-          "details",
-          {},
-          report.element("summary", {}, `Every path plan (${plans.length})`),
+      ? report.details(
+          `Every path plan (${plans.length})`,
           report.table(
             "Path plans in the order of the legs",
             [

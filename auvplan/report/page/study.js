@@ -74,13 +74,12 @@
     title: study.name,
     badge: `${report.fixed(onTime)} of ${report.counted(missions, "mission")} on time`,
     good: onTime === missions,
-    line: [
+    line: report.joined(
+      " · ",
       rehearsal ? "rehearsal of a plan" : "study of simulated missions",
       `seeds ${study.provenance.seeds}`,
       study.description,
-    ]
-      .filter(Boolean)
-      .join(" · "),
+    ),
     tiles: [
       [
         "on time",
