@@ -199,8 +199,10 @@ def motion_variables(dims: str | tuple[str, ...], motion: Motion, prefix: str = 
     body = np.where(np.abs(motion.body_velocity) < _ROUNDING, 0.0, motion.body_velocity).astype(np.float32)
     # The course is that of what is filed, so that a run that was read back is filed as it was.
     course = Motion.of_body(np.radians(yaw, dtype=float), np.radians(pitch, dtype=float), body).course
+    course = np.degrees(course % (2.0 * np.pi)).astype(np.float32)
+    course = np.where(course >= 360.0, 0.0, course)  # a hair west of north
     angles = {
-        "course": (np.degrees(course % (2.0 * np.pi)), "course over ground, from north", "platform_course"),
+        "course": (course, "course over ground, from north", "platform_course"),
         "yaw": (yaw, "yaw psi of the hull, from north towards east", "platform_yaw_fore_starboard"),
         "pitch": (pitch, "pitch theta of the hull, nose up", "platform_pitch_fore_up"),
     }
