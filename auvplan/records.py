@@ -61,8 +61,8 @@ class PlanRecord(Brief):
 
     @property
     def travel_time(self) -> float:
-        """Travel time, s."""
-        return float(self.times[-1] - self.times[0])
+        """Travel time, s, in double precision whatever that of the times."""
+        return float(self.times[-1]) - float(self.times[0])
 
     @property
     def gap(self) -> float:
