@@ -61,8 +61,8 @@ class PlanRecord(Brief):
 
     @property
     def travel_time(self) -> float:
-        """Travel time, s."""
-        return float(self.times[-1] - self.times[0])
+        """Travel time, s, in double precision whatever that of the times."""
+        return float(self.times[-1]) - float(self.times[0])
 
     @property
     def gap(self) -> float:
@@ -319,6 +319,11 @@ class MissionRun(Brief):
         sides += [np.asarray(self.coast.upper) - np.asarray(self.chart.upper)]
         reach = float(np.min(sides))
         return reach if reach > 1.0 else math.inf
+
+    @property
+    def stated_closures(self) -> list[Closure]:
+        """The areas that are closed at some hours, closed as long as stated: without `safety.closing`."""
+        return [closure.widened(-self.safety.closing) for closure in self.closures]
 
     @property
     def planning(self) -> PlanningRules:

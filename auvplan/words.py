@@ -1,6 +1,10 @@
-"""Numbers, their nouns and durations, as people write them."""
+"""Numbers, their nouns and durations, as people write them; texts that all files can hold."""
 
 import math
+import re
+
+#: What XML 1.0 does not know as characters.
+_FORBIDDEN = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def counted(count: int, noun: str) -> str:
@@ -60,3 +64,8 @@ def clearance(metres: float | None, accuracy: float = 0.0, reach: float = math.i
     if 0.0 <= metres < accuracy:
         return f"< {accuracy:,.0f}"
     return f"{accuracy * (metres // accuracy) if accuracy > 0.0 else metres:,.0f}"
+
+
+def plain(text: str) -> str:
+    """Return text with question marks for what is no character to XML 1.0, and to most other formats."""
+    return _FORBIDDEN.sub("?", text)

@@ -32,7 +32,6 @@ import auvplan as ap
 from auvplan.check.run import check_run
 from auvplan.executive.planning import load_area_at, plan_scenario
 from auvplan.export import export, itinerary_of
-from auvplan.export.sheet import sheet_of
 from auvplan.io import save_run
 from auvplan.io.restore import restore_run
 from auvplan.mission.travel_times import TURN_TO
@@ -40,6 +39,7 @@ from auvplan.ocean.currents import evaluated
 from auvplan.records import MissionRun
 from auvplan.report.run import run_data
 from auvplan.site import Site
+from auvplan.view.sheet import sheet_of
 from benchmarks.machine import machine
 
 #: Off Hobart, in Storm Bay.

@@ -34,9 +34,8 @@ from auvplan.report.departures import departures_data, read_departures
 from auvplan.report.study import study_data
 from auvplan.scenario.file import read_scenario
 from auvplan.study import Design, Sweep, load_study, summarise
-from auvplan.study.row import row_of
 from auvplan.study.store import Store
-from auvplan.study.table import table
+from auvplan.study.table import row_of, table
 from benchmarks.machine import AUVPLAN, SHARED
 from tests.io.geo.enc_cells import Object, write_cell
 from tests.io.geo.files import write_geotiff

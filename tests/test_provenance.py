@@ -4,8 +4,8 @@ import hashlib
 
 import h5py
 
-from auvplan.export.sheet import MissionSheet, write_html
 from auvplan.scenario.provenance import source_files
+from auvplan.view.sheet import MissionSheet, write_html
 
 
 def test_files_by_name_size_and_hash(tmp_path):

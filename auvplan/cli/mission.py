@@ -116,8 +116,8 @@ def _run(
                 progress=lambda _, now, doing: advance(now, doing),
             )
         painter.begin(run, partial)
-        from auvplan.export.sheet import sheet_of
         from auvplan.io import save_run
+        from auvplan.view.sheet import sheet_of
 
         sheet = sheet_of(run).plain()
         save_run(run, partial, sheet=sheet)

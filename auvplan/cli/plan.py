@@ -35,8 +35,8 @@ from auvplan.plot.painter import Pictures
 from auvplan.words import counted, figure
 
 if TYPE_CHECKING:
-    from auvplan.export.sheet import MissionSheet
     from auvplan.records import MissionRun
+    from auvplan.view.sheet import MissionSheet
 
 
 def plan(
@@ -88,8 +88,8 @@ def plan(
                 area=area,
                 progress=lambda when, doing: advance(when - now, doing),
             )
-        from auvplan.export.sheet import sheet_of, write_html
         from auvplan.io import save_run
+        from auvplan.view.sheet import sheet_of, write_html
 
         sheet = sheet_of(run)
         save_run(run, partial, sheet=sheet.plain())

@@ -6,17 +6,15 @@ from pathlib import Path
 
 from auvplan.export.fences import Circle, Fence, Polygon
 from auvplan.export.geojson import write_geojson
-from auvplan.export.gpx import write_gpx
 from auvplan.export.imc import write_imc
 from auvplan.export.itinerary import ExportError, Itinerary, PlannedLeg, Track, itinerary_of_parts
-from auvplan.export.kml import write_kml
+from auvplan.export.markup import write_gpx, write_kml
 from auvplan.export.qgroundcontrol import qgc_notes, validate_plan, write_qgc
 from auvplan.export.ros import write_ros
 from auvplan.export.runs import itinerary_of
 from auvplan.export.speeds import speed_note
-from auvplan.export.table import write_csv
+from auvplan.export.tables import write_csv, write_netcdf
 from auvplan.export.thin import Thinned, thin
-from auvplan.export.trajectories import write_netcdf
 from auvplan.files import output_folder
 from auvplan.records import MissionRun
 from auvplan.site import Site

@@ -9,9 +9,8 @@ import shapely
 from numpy.typing import NDArray
 
 from auvplan.export.fences import Circle, Fence
-from auvplan.export.itinerary import Itinerary
-from auvplan.export.places import DEGREES, elevation, moment, waypoints
-from auvplan.export.track_limits import ground_share
+from auvplan.export.itinerary import DEGREES, Itinerary, elevation, moment, waypoints
+from auvplan.export.speeds import ground_share
 from auvplan.files import write_atomically
 from auvplan.site import Site
 

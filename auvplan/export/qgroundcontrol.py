@@ -14,8 +14,7 @@ import numpy as np
 import shapely
 
 from auvplan.export.fences import Circle, Fence, nearest_fences
-from auvplan.export.itinerary import ExportError, Itinerary
-from auvplan.export.places import DEGREES, Waypoint, waypoints
+from auvplan.export.itinerary import DEGREES, ExportError, Itinerary, Waypoint, waypoints
 from auvplan.export.speeds import approach, speed_note, stretches
 from auvplan.files import write_atomically
 from auvplan.site import Site

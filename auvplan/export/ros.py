@@ -10,8 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from auvplan.export.itinerary import ExportError, Itinerary
-from auvplan.export.places import Waypoint, elevation, waypoints
+from auvplan.export.itinerary import ExportError, Itinerary, Waypoint, elevation, waypoints
 from auvplan.files import write_atomically
 from auvplan.site import as_utc
 

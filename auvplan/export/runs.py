@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from auvplan.export.itinerary import ExportError, Itinerary, PlannedLeg, Track, itinerary_of_parts
-from auvplan.export.track_limits import SLOW, track_notes
+from auvplan.export.speeds import SLOW, track_notes
 from auvplan.ocean.environment import Environment
 from auvplan.ocean.obstacles import Obstacles
 from auvplan.records import LegRecord, MissionRun, PlanRecord

@@ -1,10 +1,11 @@
-"""Speeds that a vehicle is given for its lines.
+"""Speeds that a vehicle is given for its lines, and what it may not be able to follow on them.
 
 Autopilots hold a speed over ground where they see the ground, and the plan keeps one through the water: over
 ground it makes more on one line than on another. A vehicle that is given what each line is planned to make
 keeps the plan's times, and its speed through the water.
 """
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -21,6 +22,18 @@ LEAST = 0.1
 
 #: Lines one after the other whose speeds are within such a share of their mean are given that.
 ALIKE = 0.05
+
+#: Share of the speed through the water below which a leg counts as slow over ground.
+SLOW = 0.5
+
+#: m, lines shorter than this lead from one task to another in the same place.
+_NO_WAY = 0.5
+
+#: Degrees, steepest dive of common vehicles.
+STEEPEST = 30.0
+
+#: Degrees by which a line may be steeper: it is as steep as the vehicle's own limit where that binds.
+_HAIR = 0.05
 
 
 class Stretch(NamedTuple):
@@ -98,3 +111,72 @@ def _over(speeds: Array, times: Array, begin: int, end: int) -> float:
 def _mean(shares: Array) -> float:
     known = shares[np.isfinite(shares)]
     return float(known.mean()) if len(known) else 1.0
+
+
+def ground_share(leg: "PlannedLeg", speed: float) -> float:
+    """Return the least share of a speed, m/s, that a leg's straight lines are planned to make over ground.
+
+    A leg that leads nowhere has 1.
+    """
+    gaps = np.linalg.norm(np.diff(leg.waypoints, axis=0), axis=1)
+    shares = gaps / np.maximum(np.diff(leg.kept_times), 1e-9) / speed
+    return float(shares[gaps > _NO_WAY].min()) if (gaps > _NO_WAY).any() else 1.0
+
+
+def track_notes(
+    legs: Sequence["PlannedLeg"],
+    speed: float,
+    turn_rate_max: float,
+    slow: float = SLOW,
+    pitch_max: float | None = None,
+) -> list[str]:
+    """Return lines on legs that are slow over ground, turn too sharply or dive too steeply.
+
+    A corner is too sharp where a turn of radius speed / turn rate does not fit into the halves of its lines.
+
+    Args:
+        legs: thinned.
+        speed: through the water, m/s.
+        turn_rate_max: rad/s.
+        slow: share of the speed.
+        pitch_max: rad, the vehicle's; that of common vehicles counts where it has none.
+    """
+    notes, radius = [], speed / turn_rate_max
+    steepest = STEEPEST if pitch_max is None else float(np.degrees(pitch_max))
+    whose = "common vehicles do" if pitch_max is None else "the vehicle's pitch_max is"
+    for leg in legs:
+        share = ground_share(leg, speed)
+        if share < slow:
+            notes.append(
+                f"leg {leg.number} is slow: on its slowest line it makes {100.0 * share:.0f} % of its "
+                "speed over ground"
+            )
+        ways = np.diff(leg.waypoints, axis=0)
+        level, sink = np.linalg.norm(ways[:, :2], axis=1), np.abs(ways[:, 2])
+        needed = radius * np.tan(0.5 * _turns(ways))
+        sharp = np.flatnonzero(needed > 0.5 * np.minimum(level[:-1], level[1:]))
+        if len(sharp):
+            notes.append(
+                f"leg {leg.number} turns too sharply for {radius:.0f} m at {_at(sharp + 1)}: "
+                "the vehicle leaves its lines"
+            )
+        angles = np.degrees(np.arctan2(sink, level))
+        steep = np.flatnonzero(angles > steepest + _HAIR)
+        if len(steep):
+            rate = speed * np.sin(np.radians(angles.max()))
+            notes.append(
+                f"leg {leg.number} dives or climbs at {angles.max():.0f} degrees, {rate:.1f} m/s, after "
+                f"{_at(steep)}: {whose} {steepest:.0f}"
+            )
+    return notes
+
+
+def _turns(ways: Array) -> Array:
+    """Return [k - 1] rad, changes of course between [k, 3] m."""
+    course = np.arctan2(ways[:, 1], ways[:, 0])
+    turn = np.abs(np.diff(course))
+    return np.minimum(np.minimum(turn, 2.0 * np.pi - turn), 0.99 * np.pi)
+
+
+def _at(corners: NDArray[np.integer]) -> str:
+    return f"waypoint {', '.join(str(int(k)) for k in corners)}"

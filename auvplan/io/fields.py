@@ -34,6 +34,9 @@ _VORTICES = {
 _BODY = {"surge": "forward", "sway": "to starboard", "heave": "downward"}
 
 
+#: m/s, what is slower is nought with the rounding of angles.
+_ROUNDING = 1e-12
+
 #: Histories of a search, by iteration, with what they are and their units.
 HISTORIES = {
     "best": ("least cost", "s"),
@@ -192,16 +195,19 @@ def motion_variables(dims: str | tuple[str, ...], motion: Motion, prefix: str = 
         motion: of as many moments.
         prefix: of the names.
     """
+    yaw, pitch = (np.degrees(angle).astype(np.float32) for angle in (motion.yaw, motion.pitch))
+    body = np.where(np.abs(motion.body_velocity) < _ROUNDING, 0.0, motion.body_velocity).astype(np.float32)
+    # The course is that of what is filed, so that a run that was read back is filed as it was.
+    course = Motion.of_body(np.radians(yaw, dtype=float), np.radians(pitch, dtype=float), body).course
+    course = np.degrees(course % (2.0 * np.pi)).astype(np.float32)
+    course = np.where(course >= 360.0, 0.0, course)  # a hair west of north
     angles = {
-        "course": (motion.course % (2.0 * np.pi), "course over ground, from north", "platform_course"),
-        "yaw": (motion.yaw, "yaw psi of the hull, from north towards east", "platform_yaw_fore_starboard"),
-        "pitch": (motion.pitch, "pitch theta of the hull, nose up", "platform_pitch_fore_up"),
+        "course": (course, "course over ground, from north", "platform_course"),
+        "yaw": (yaw, "yaw psi of the hull, from north towards east", "platform_yaw_fore_starboard"),
+        "pitch": (pitch, "pitch theta of the hull, nose up", "platform_pitch_fore_up"),
     }
-    body = motion.body_velocity.astype(np.float32)
     return {
-        prefix + name: variable(
-            dims, np.degrees(values).astype(np.float32), what, "degree", standard_name=standard_name
-        )
+        prefix + name: variable(dims, values.astype(np.float32), what, "degree", standard_name=standard_name)
         for name, (values, what, standard_name) in angles.items()
     } | {
         prefix + name: variable(

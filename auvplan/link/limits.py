@@ -92,7 +92,7 @@ OVER_GROUND = {"mavlink": True, "imc": True}
 
 #: By link, of vehicles as they come (docs/execution.md): ArduSub stops at every waypoint (jerk of 1 m/s3,
 #: arrival within 2 m) and dives at 1.5 m/s; DUNE is 10.3 s longer at a task than commanded, 0.5 s of them as
-#: IMC has whole seconds, and ends the way there 5 s ahead of it (`auvplan.export.dune` has the rest).
+#: IMC has whole seconds, and ends the way there 5 s ahead of it (`auvplan.export.imc` has the rest).
 ALLOWANCES = {
     "mavlink": Allowance(start=3.3, dive=1.5, stop=3.0, by_speed=2.4),
     "imc": Allowance(task=6.8),

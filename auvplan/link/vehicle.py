@@ -8,8 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan.export.itinerary import Itinerary
-from auvplan.export.places import waypoints
+from auvplan.export.itinerary import Itinerary, waypoints
 from auvplan.export.speeds import led
 from auvplan.link.limits import Allowance
 

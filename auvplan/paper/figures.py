@@ -16,14 +16,12 @@ from auvplan.ocean.whitsunday import render, whitsunday_chart
 from auvplan.paper.claims import NO_VIOLATION, Evidence, no_violation
 from auvplan.paper.legs import SHOWN_RATE, Legs, changed, displacement, followed, leg_of, shown_leg
 from auvplan.plot import style
-from auvplan.plot.clusters import plot_clusters
+from auvplan.plot.chart import plot_clusters
 from auvplan.plot.convergence import plot_populations
-from auvplan.plot.currents import plot_currents
-from auvplan.plot.layers import plot_layers
-from auvplan.plot.replans import plot_replans
-from auvplan.plot.study import plot_call_times, plot_expected_times, plot_time_use
+from auvplan.plot.paths import plot_currents, plot_windows
+from auvplan.plot.space import plot_layers
+from auvplan.plot.study import plot_call_times, plot_expected_times, plot_replans, plot_time_use
 from auvplan.plot.timeline import plot_timeline
-from auvplan.plot.windows import plot_windows
 from auvplan.records import MissionRun
 from auvplan.scenario.scenario import Scenario
 

@@ -2,13 +2,13 @@ from .animation import animate_run as animate_run
 from .chart import draw_chart as draw_chart
 from .chart import plot_chart as plot_chart
 from .convergence import plot_convergence as plot_convergence
-from .currents import plot_currents as plot_currents
 from .departures import plot_departures as plot_departures
-from .legs import busiest_leg as busiest_leg
 from .mission import plot_mission as plot_mission
-from .obstacles import plot_obstacles as plot_obstacles
-from .path import plot_path as plot_path
+from .paths import plot_currents as plot_currents
+from .paths import plot_path as plot_path
+from .run import busiest_leg as busiest_leg
 from .run import draw_run as draw_run
+from .space import plot_obstacles as plot_obstacles
 from .study import draw_study as draw_study
 from .timeline import plot_timeline as plot_timeline
 

@@ -14,17 +14,17 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import EllipseCollection, LineCollection
 from matplotlib.colors import to_rgb, to_rgba
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.patches import Circle, Patch
+from matplotlib.patches import Circle
 from numpy.typing import NDArray
 from PIL import Image
 
 from auvplan.errors import AuvplanError
 from auvplan.files import OutputError, output_folder, write_atomically
 from auvplan.plot import style
-from auvplan.plot.depths import draw_depths
+from auvplan.plot.maps import Map
 from auvplan.records import LegRecord, MissionRun
 from auvplan.site import at_time
+from auvplan.view.scene import executed_legs, refused_legs, window
 from auvplan.words import counted, figure, hours
 
 #: Longest film and most pictures a second; formats hold no more than a hundredth of a second apart well.
@@ -111,9 +111,9 @@ def _writer(path: Path) -> Callable[[Iterator[Frame], "_Film", Path, int], None]
 
 @dataclass(frozen=True)
 class _Shown:
-    """A plan and how long it is followed: `line` [S, 2] in the axes' unit, from `begin` to `end`, s."""
+    """A plan and how long it is followed: `places` [S, 3] m, from `begin` to `end`, s."""
 
-    line: style.Array
+    places: style.Array
     begin: float
     end: float
     kept: bool
@@ -131,16 +131,13 @@ class _Film:
             fade: s of mission time in which a plan that is given up fades.
         """
         self._run, self._fade = run, fade
-        self._legs = [leg for leg in run.legs if len(leg.times)]
+        self._legs = executed_legs(run)
         self._times = np.concatenate([leg.times for leg in self._legs])
         track = np.concatenate([leg.positions for leg in self._legs])
         self.ends = float(max(run.t_mission, self._times[-1]))
         self._waypoints = np.asarray(run.graph.positions, float)
-        low, high = style.frame_on_chart(np.concatenate([self._waypoints, track]), run.chart, margin=0.05)
+        low, high = window(np.concatenate([self._waypoints, track]), 0.05, run.chart)
         self._stops = [node for node in range(len(self._waypoints)) if node not in (run.start, run.goal)]
-        self._unit = unit = style.Unit.for_extent(float((high - low).max()))
-        self._track = style.flat(track, unit)
-        self._plans = _plans(run, self._legs, unit)
         tall, wide = high - low
         self._figure = Figure(
             figsize=(width / _DPI, width / _DPI * float(np.clip(0.87 * tall / wide, 0.4, 1.3)) + 1.35),
@@ -149,23 +146,25 @@ class _Film:
         )
         self._canvas = FigureCanvasAgg(self._figure)
         self._axes = axes = self._figure.subplots()
-        style.map_axes(axes, low, high, unit)
+        self._pen = pen = Map(axes, low, high)
+        self._track, self._plans = pen.flat(track), _plans(run)
         axes.tick_params(labelsize=7)
         axes.set_xlabel(axes.get_xlabel(), fontsize=8)
         axes.set_ylabel(axes.get_ylabel(), fontsize=8)
-        handles: list[Any] = list(style.draw_coast(axes, run.coast, unit))[:1]
-        handles += style.draw_closures(axes, run, unit)
-        draw_depths(axes, run.seabed, unit)
-        places = style.flat(self._waypoints, unit)
-        style.draw_compass(axes, unit, np.concatenate([places, self._track]))
+        pen.depths(run.seabed)
+        pen.handles.clear()
+        pen.coast(run.coast)
+        del pen.handles[1:]
+        pen.closures(run)
+        pen.compass(np.concatenate([self._waypoints, track]))
         for node, kind, label in (
             (run.start, style.START, "start"),
             (run.goal, style.GOAL, "destination"),
         ):
-            kind = kind | {"s": 0.6 * kind["s"]}
-            handles.append(style.draw_end(axes, self._waypoints[node], kind, label, unit))
+            pen.end(self._waypoints[node], kind | {"s": 0.6 * kind["s"]}, label)
+        handles = list(pen.handles)
         if not run.simulated:
-            style.draw_known(axes, run.obstacles, 0.0, unit)
+            pen.known(run.obstacles, 0.0)
         axes.set_title(self._words(0.0), fontsize=8.5, loc="left")
         self._figure.legend(
             handles=handles + self._legend(), loc="outside lower center", ncols=4, fontsize=7,
@@ -173,7 +172,7 @@ class _Film:
         )  # fmt: skip
         self._canvas.draw()
         self._figure.set_layout_engine("none")
-        self.moving = self._parts(places)
+        self.moving = self._parts()
         self._canvas.draw()
         self._still = self._canvas.copy_from_bbox(self._figure.bbox)
 
@@ -200,9 +199,9 @@ class _Film:
         mixed = [share * np.array(to_rgb(colour)) + (1.0 - share) * water for colour, share in pale]
         return np.array([*(to_rgb(colour) for colour in (*still, *moving)), *mixed])
 
-    def _parts(self, places: style.Array) -> dict[str, Any]:
+    def _parts(self) -> dict[str, Any]:
         """Make the moving parts."""
-        axes, run = self._axes, self._run
+        axes, run, places = self._axes, self._run, self._pen.flat(self._waypoints)
         line: dict[str, Any] = {"solid_capstyle": "round", "animated": True}
         (route,) = axes.plot([], [], color=_ROUTE, lw=1.0, ls=(0, (1, 2)), alpha=0.8, zorder=4, **line)
         (track,) = axes.plot([], [], color=_TRACK, lw=2.2, path_effects=style.halo(3.4), zorder=5, **line)
@@ -220,7 +219,7 @@ class _Film:
         scale = float(axes.transData.transform((1.0, 0.0))[0] - axes.transData.transform((0.0, 0.0))[0])
         obstacles = []
         for leg in self._legs if run.simulated else ():
-            across = 2.0 * np.maximum(leg.obstacle_radii / self._unit.metres, _LEAST / scale)
+            across = 2.0 * np.maximum(leg.obstacle_radii / self._pen.metres, _LEAST / scale)
             disks = EllipseCollection(
                 across, across, np.zeros_like(across), units="xy", offsets=np.zeros((len(across), 2)),
                 offset_transform=axes.transData, edgecolors="none", zorder=4.5, animated=True,
@@ -236,7 +235,7 @@ class _Film:
     def _range(self) -> float:
         """Of the sensors, in the axes' unit; zero where it is not known or nothing is sensed."""
         known = self._run.scenario.get("sensors", {}).get("range", 0.0) if self._run.simulated else 0.0
-        return float(known) / self._unit.metres
+        return float(known) / self._pen.metres
 
     def _moved(self, time: float) -> list[Any]:
         """Move the parts to where they are at a time; return those to draw, the lowest first."""
@@ -248,7 +247,7 @@ class _Film:
         parts["vehicle"].set_offsets(here)
         parts["title"].set_text(self._words(time))
         ahead = self._ahead(time)
-        parts["route"].set_data(*style.flat(self._waypoints[ahead], self._unit).T)
+        parts["route"].set_data(*self._pen.flat(self._waypoints[ahead]).T)
         parts["stops"].set_facecolors(self._states(time, ahead))
         drawn = [parts["route"], self._past(time)]
         if self._run.simulated:
@@ -256,7 +255,7 @@ class _Film:
         drawn.append(parts["track"])
         current = [plan for plan in self._plans if plan.begin <= time < plan.end]
         if current:
-            parts["plan"].set_data(*current[-1].line.T)
+            parts["plan"].set_data(*self._pen.flat(current[-1].places).T)
             drawn.append(parts["plan"])
         drawn.append(parts["stops"])
         if self._range:
@@ -269,7 +268,7 @@ class _Film:
         ages = [(plan, (time - plan.end) / self._fade) for plan in self._plans if not plan.kept]
         shown = [(plan, age) for plan, age in ages if 0.0 <= age < 1.0]
         past = self.moving["past"]
-        past.set_segments([plan.line for plan, _ in shown])
+        past.set_segments([self._pen.flat(plan.places) for plan, _ in shown])
         past.set_color([to_rgba(_PLAN, 0.75 * (1.0 - age)) for _, age in shown])
         return past
 
@@ -282,8 +281,8 @@ class _Film:
         before, share = int(place), place - int(place)
         after = min(before + 1, len(leg.times) - 1)
         tracks = np.asarray(leg.obstacle_positions, float)
-        at = style.flat((1.0 - share) * tracks[before] + share * tracks[after], self._unit)
-        away = np.linalg.norm(at - here, axis=1) - leg.obstacle_radii / self._unit.metres
+        at = self._pen.flat((1.0 - share) * tracks[before] + share * tracks[after])
+        away = np.linalg.norm(at - here, axis=1) - leg.obstacle_radii / self._pen.metres
         strength = np.where(away <= self._range, 1.0, _UNSEEN) if self._range else np.ones(len(away))
         colours = [style.KIND_COLOURS.get(kind, style.GREY) for kind in leg.obstacle_kinds]
         disks.set_offsets(at)
@@ -337,44 +336,32 @@ class _Film:
 
     def _legend(self) -> list[Any]:
         """Return what the moving parts are."""
-
-        def dot(colour: str, label: str, edge: str = "black", size: float = 5.0) -> Line2D:
-            return Line2D([], [], ls="", marker="o", ms=size, color=colour, mec=edge, label=label)
-
+        dot: dict[str, Any] = {"ls": "", "marker": "o", "ms": 5.0, "mec": "black"}
         found: list[Any] = [
-            dot(_PLAN, "vehicle", "white", 7.0),
-            Line2D([], [], color=_TRACK, lw=2.2, label="executed"),
-            Line2D([], [], color=_PLAN, lw=1.8, label="plan"),
-            dot(_AHEAD, "task ahead"),
-            dot(_TASK_DONE, "task done"),
-            Line2D([], [], color=_ROUTE, lw=1.0, ls=":", label="route"),
+            style.mark(style.VEHICLE, "vehicle", mec="white"),
+            style.line("executed", color=_TRACK, lw=2.2),
+            style.line("plan", color=_PLAN, lw=1.8),
+            style.line("task ahead", color=_AHEAD, **dot),
+            style.line("task done", color=_TASK_DONE, **dot),
+            style.line("route", color=_ROUTE, lw=1.0, ls=":"),
         ]
         if not all(plan.kept for plan in self._plans):
-            found.insert(3, Line2D([], [], color=to_rgba(_PLAN, 0.4), lw=1.3, label="plan given up"))
+            found.insert(3, style.line("plan given up", color=to_rgba(_PLAN, 0.4), lw=1.3))
         if self._range:
-            found.append(Line2D([], [], color=_PLAN, lw=1.0, ls="--", label="sensed range"))
-        kinds = dict.fromkeys(kind for leg in self._legs for kind in leg.obstacle_kinds)
-        for kind in kinds if self._run.simulated else ():
-            colour = style.KIND_COLOURS.get(kind, style.GREY)
-            found.append(Patch(facecolor=colour, label=f"{kind} obstacle"))
-        return found
+            found.append(style.line("sensed range", color=_PLAN, lw=1.0, ls="--"))
+        kinds = [kind for leg in self._legs for kind in leg.obstacle_kinds]
+        return found + (style.obstacle_patches(kinds, "") if self._run.simulated else [])
 
 
-def _plans(run: MissionRun, executed: list[LegRecord], unit: style.Unit) -> list[_Shown]:
+def _plans(run: MissionRun) -> list[_Shown]:
     """Return all plans that were followed or refused, by time."""
-    found = []
-    for leg in run.legs:
-        if not leg.plans:
-            continue
-        if not any(leg is one for one in executed):
-            plan = leg.plans[-1]
-            found.append(_Shown(style.flat(plan.positions, unit), plan.made_at, plan.made_at, False))
-            continue
-        plans = leg.followed_plans
+    refused = [leg.plans[-1] for leg in refused_legs(run)]
+    found = [_Shown(plan.positions, plan.made_at, plan.made_at, False) for plan in refused]
+    for leg in executed_legs(run):
+        plans, ends = leg.followed_plans, float(leg.times[-1])
         for plan, later in pairwise(plans):
-            found.append(_Shown(style.flat(plan.positions, unit), plan.made_at, later.made_at, False))
-        last, ends = plans[-1], float(leg.times[-1])
-        found.append(_Shown(style.flat(last.positions, unit), min(last.made_at, ends), ends, True))
+            found.append(_Shown(plan.positions, plan.made_at, later.made_at, False))
+        found += [_Shown(last.positions, min(last.made_at, ends), ends, True) for last in plans[-1:]]
     return sorted(found, key=lambda plan: plan.begin)
 
 

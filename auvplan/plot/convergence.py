@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from auvplan.plot import style
-from auvplan.plot.legs import busiest_leg, leg_title
 from auvplan.records import LegRecord, MissionRun, PlanRecord
+from auvplan.view.scene import busiest_leg, leg_title
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -38,18 +38,17 @@ def plot_convergence(
     """
     leg = leg or busiest_leg(run)
     if leg is None:
-        return np.array([style.say_why(ax, "no path was planned")])
+        return np.array([style.annotate_empty(ax, "no path was planned")])
     if not all(plan.history for plan in leg.plans):
         raise ValueError("the run's plans have no histories: it was saved without them")
     if not (plans := [plan for plan in leg.plans if len(plan.history["best"])]):
-        return np.array([style.say_why(ax, "nothing was searched for: the leg follows a survey line")])
-    figure = style.room_of(ax, 9.0, 6.6)
+        return np.array([style.annotate_empty(ax, "nothing was searched for: the leg follows a survey line")])
+    figure = style.figure_for(ax, 9.0, 6.6)
     upper, lower = panels = figure.subplots(2, 1, sharex=True)
     _draw(upper, plans, ("best", "mean", "std"), "cost [s, penalties included]")
     _draw(lower, plans, ("violation_best", "violation_mean", "violation_std"), "violation [-]")
     lower.set_xlabel("iteration [-]")
-    handles, labels = upper.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=5, fontsize=8, frameon=False)
+    style.legend_below(figure, ncols=5)
     figure.suptitle(f"Convergence of the path planner, {leg_title(run, leg)}", fontsize=11)
     return panels
 
@@ -81,8 +80,7 @@ def plot_populations(legs: "xr.Dataset", met: style.Array, least: float) -> Figu
             f"mean violation below {least:g}: {share:.0f} % of {met.shape[1]} seeds", fontsize=9
         )
         grid[1, column].set_xlabel("iteration [-]")
-    handles, labels = grid[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=8, frameon=False)
+    style.legend_below(figure, ncols=3)
     figure.suptitle("First plans of a leg: cost and violation of the population by iteration", fontsize=11)
     return figure
 

@@ -43,8 +43,12 @@ def plot_departures(found: Departures, *, ax: Axes | None = None) -> NDArray[Any
         ]
     panels.append((found.current, "current [m/s]", style.RED))
     order = np.argsort(found.departs, kind="stable")
-    when = _when(found)
-    figure = style.room_of(ax, 9.5, 1.3 + 1.75 * len(panels))
+    epoch = None if found.site is None else found.site.epoch
+    when: NDArray[Any] = found.departs / 3600.0
+    if epoch is not None:
+        first = np.datetime64(epoch.astimezone(UTC).replace(tzinfo=None), "ms")
+        when = first + np.rint(found.departs * 1000.0).astype("timedelta64[ms]")
+    figure = style.figure_for(ax, 9.5, 1.3 + 1.75 * len(panels))
     rows = figure.subplots(len(panels), sharex=True, squeeze=False)[:, 0]
     for axes, (values, name, colour) in zip(rows, panels, strict=True):
         mark = {"marker": "o", "ms": 4.5 if len(found) <= _FEW else 2.0, "lw": 1.2}
@@ -63,30 +67,24 @@ def plot_departures(found: Departures, *, ax: Axes | None = None) -> NDArray[Any
             axes.set_ylim(0.0, 1.12 * max(axes.get_ylim()[1], 1e-3))
     if len(found) == 1:
         rows[-1].set_xlim(*_around(when))
-    _time_axis(rows[-1], found)
+    rows[-1].set_xlabel("departure [h after the scenario's]" if epoch is None else "departure [UTC]")
+    if epoch is not None:
+        locator = AutoDateLocator(tz=UTC, minticks=4, maxticks=9)
+        rows[-1].xaxis.set_major_locator(locator)
+        rows[-1].xaxis.set_major_formatter(ConciseDateFormatter(locator, tz=UTC))
     figure.align_ylabels(rows)
     kind = "leg" if found.routes is None else "mission"
     share = f"{found.feasible.sum()} of {len(found)}"
     figure.suptitle(f"When to leave: {share} departures of the {kind} feasible", fontsize=11)
     if rows[0].get_legend_handles_labels()[0]:
-        figure.legend(loc="outside lower center", ncols=2, fontsize=8, frameon=False)
+        style.legend_below(figure, ncols=2)
     return rows
-
-
-def _when(found: Departures) -> NDArray[Any]:
-    """Departures on the time axis: moments in UTC, or hours."""
-    if found.site is None or found.site.epoch is None:
-        return found.departs / 3600.0
-    epoch = np.datetime64(found.site.epoch.astimezone(UTC).replace(tzinfo=None), "ms")
-    return epoch + np.rint(found.departs * 1000.0).astype("timedelta64[ms]")
 
 
 def _scale(axes: Axes, values: NDArray[np.floating]) -> None:
     """Room above and below, so that no marker is cut, and whole numbers where there are such alone."""
     axes.margins(y=0.18)
-    axes.grid(alpha=0.25)
-    axes.set_axisbelow(True)
-    axes.tick_params(labelsize=8)
+    style.grid(axes)
     known = values[np.isfinite(values)]
     whole = bool((known == np.rint(known)).all())
     axes.yaxis.set_major_locator(MaxNLocator(5, integer=whole, min_n_ticks=1, steps=[1, 2, 5, 10]))
@@ -121,14 +119,3 @@ def _around(times: NDArray[Any]) -> list[Any]:
     """Half an hour before and after a time that stands alone."""
     half = np.timedelta64(30, "m") if times.dtype.kind == "M" else 0.5
     return [times[0] - half, times[0] + half]
-
-
-def _time_axis(axes: Axes, found: Departures) -> None:
-    """Dates in UTC, or hours after the scenario's departure."""
-    if found.site is None or found.site.epoch is None:
-        axes.set_xlabel("departure [h after the scenario's]")
-        return
-    locator = AutoDateLocator(tz=UTC, minticks=4, maxticks=9)
-    axes.xaxis.set_major_locator(locator)
-    axes.xaxis.set_major_formatter(ConciseDateFormatter(locator, tz=UTC))
-    axes.set_xlabel("departure [UTC]")

@@ -6,13 +6,13 @@ from typing import Any, Literal
 
 from auvplan.files import output_folder
 from auvplan.plot.convergence import plot_convergence
-from auvplan.plot.currents import plot_currents
-from auvplan.plot.legs import busiest_leg, done_leg
 from auvplan.plot.mission import plot_mission
-from auvplan.plot.obstacles import plot_obstacles
+from auvplan.plot.paths import plot_currents
+from auvplan.plot.space import plot_obstacles
 from auvplan.plot.style import save
 from auvplan.plot.timeline import plot_timeline
 from auvplan.records import LegRecord, MissionRun
+from auvplan.view.scene import busiest_leg, done_leg
 
 #: The figure of the mission as a whole.
 MAP = "mission.png"
@@ -58,7 +58,11 @@ def draw_run(
         AuvplanError: there is no such leg; one line that says which there are.
         OutputError: the folder or a file cannot be written; one line that names it.
     """
-    shown = _legs(run, leg)
+    if leg == "all":
+        shown = {f"-{number}": one for number, one in enumerate(run.done, start=1) if one.plans}
+    else:
+        one = busiest_leg(run) if leg is None else done_leg(run, leg)
+        shown = {"": one} if one and one.plans else {}
     target = output_folder(folder)
     wanted = list(FIGURES if names is None else names)
     if not shown:
@@ -77,11 +81,3 @@ def draw_run(
         progress(number / len(drawn), name)
         written.append(save(draw(), target / name))
     return written
-
-
-def _legs(run: MissionRun, leg: int | Literal["all"] | None) -> dict[str, LegRecord]:
-    """Return the legs whose figures are drawn, by what is added to the names of these."""
-    if leg == "all":
-        return {f"-{number}": one for number, one in enumerate(run.done, start=1) if one.plans}
-    one = busiest_leg(run) if leg is None else done_leg(run, leg)
-    return {} if one is None or not one.plans else {"": one}

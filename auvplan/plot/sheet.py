@@ -7,8 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
-from auvplan.export.sheet import MissionSheet
 from auvplan.files import write_atomically
+from auvplan.view.sheet import MissionSheet
 from auvplan.words import figure
 
 #: Inches of an A4 page on its side, and of its margin.

@@ -1,6 +1,6 @@
 """Pictures of a Monte Carlo study: use of time, expected times, planning time, routes (Figs 12 to 15)."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,17 +13,28 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator
 
 from auvplan.files import output_folder
 from auvplan.plot import style
-from auvplan.plot.replans import plot_replans, shown_mission
+from auvplan.plot.maps import Map
 from auvplan.plot.sweep import plot_paired, plot_sweep, set_title
-from auvplan.study.statistics import leg_times, over_finite, relative_errors, sweep_dims, use_of_time
+from auvplan.study.statistics import (
+    call_times,
+    leg_times,
+    over_finite,
+    planning_time,
+    relative_errors,
+    sweep_dims,
+    use_of_time,
+)
+from auvplan.study.table import flag_names, study_chart
+from auvplan.view.scene import window
 from auvplan.words import counted
+from auvplan.words import figure as number_in_words
 
 Array = style.Array
 
 #: Missions that get boxes of their own.
 _BOXES = 25
-#: Failed missions that are named.
-_NAMED = 8
+#: Failed missions that are named, and routes that get a map.
+_NAMED, _MAPS = 8, 6
 _EXECUTED = "executed, $T_{path}$"
 
 
@@ -89,8 +100,7 @@ def plot_time_use(dataset: xr.Dataset) -> Figure:
     lower.set_ylabel("$T_{residual}$ [s]")
     _dress(upper, lower)
     upper.margins(y=0.12)
-    handles, labels = upper.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=8, frameon=False)
+    style.legend_below(figure, ncols=3)
     share = float(over_finite(use_of_time(dataset), np.nanmean))
     text = f"mean use of time {share:.1f} %, {success.sum()} of {counted(len(place), 'mission')} on time"
     failed = [str(seed) for seed in dataset["seed"].values[~success]]
@@ -151,9 +161,8 @@ def plot_planning_time(dataset: xr.Dataset) -> Figure:
         dataset: without a sweep, missions in order of seed.
     """
     calls = _positive(dataset["plan_cpu"].values)
-    low, middle, high = (over_finite(calls, partial(np.nanquantile, q=q)) for q in (0.05, 0.5, 0.95))
-    parts = [dataset[name].values.astype(float) for name in ("path_cpu", "mission_cpu", "travel_time_cpu")]
-    whole = _positive(over_finite(np.stack(parts, axis=-1), np.nansum))
+    low, middle, high = call_times(dataset)
+    whole = _positive(planning_time(dataset))
     place = np.arange(len(whole))
     figure = style.new_figure(11.0, 5.4)
     axes = figure.subplots()
@@ -166,12 +175,9 @@ def plot_planning_time(dataset: xr.Dataset) -> Figure:
     axes.vlines(place, low, high, color=style.SKY, lw=max(0.8, 0.8 * size), label=band)
     axes.plot(place, middle, marker="o", color=style.BLUE, label="one path planning call, median", **marks)
     axes.set_ylabel("CPU time of planning [s]")
-    axes.tick_params(labelsize=8)
-    axes.grid(which="both", axis="y", alpha=0.25)
-    axes.set_axisbelow(True)
+    style.grid(axes, which="both", axis="y")
     _mission_axis(axes, dataset)
-    handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=3, fontsize=8, frameon=False)
+    style.legend_below(figure, ncols=3)
     one, total = (float(over_finite(values.ravel(), np.nanmedian)) for values in (calls, whole))
     text = f"median of a path planning call {one:.3g} s, of a mission's planning {total:.3g} s"
     set_title(figure, dataset, text)
@@ -188,8 +194,7 @@ def plot_call_times(dataset: xr.Dataset, calls: xr.Dataset, interval: float) -> 
     """
     figure = style.new_figure(11.6, 5.6)
     left, right = figure.subplots(1, 2, width_ratios=[3.2, 1], sharey=True)
-    parts = [dataset[name].values.astype(float) for name in ("path_cpu", "mission_cpu", "travel_time_cpu")]
-    place, whole = np.arange(dataset.sizes["mission"]), np.nansum(parts, axis=0)
+    place, whole = np.arange(dataset.sizes["mission"]), np.nan_to_num(planning_time(dataset))
     at = np.searchsorted(dataset["seed"].values, calls["seed"].values)
     shown = (
         (place, whole, "s", style.RED, "all planning of the mission, wall-clock time"),
@@ -209,16 +214,143 @@ def plot_call_times(dataset: xr.Dataset, calls: xr.Dataset, interval: float) -> 
     for axes in (left, right):
         axes.axhline(interval, color=style.GREY, ls="--", lw=1.3, label=f"between two looks, {interval:g} s")
         axes.set_yscale("log")
-        axes.tick_params(labelsize=8)
-        axes.grid(which="both", axis="y", alpha=0.25)
-        axes.set_axisbelow(True)
+        style.grid(axes, which="both", axis="y")
     left.set_ylabel("time of planning [s]")
     _mission_axis(left, dataset)
-    handles, labels = left.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=2, fontsize=8, frameon=False)
+    style.legend_below(figure, ncols=2)
     share = 100.0 * medians[1] / medians[0]
     set_title(figure, dataset, f"a path call takes {share:.2g} % of a mission's planning (medians)")
     return figure
+
+
+def plot_replans(dataset: xr.Dataset, seed: int | None = None) -> Figure:
+    """Maps of one mission's routes: the first and up to five re-plans (Fig. 15).
+
+    Args:
+        dataset: without a sweep.
+        seed: of the mission; that with most routes among those on time where not given.
+
+    Raises:
+        ValueError: the study has no mission of that seed.
+    """
+    one = dataset.isel(mission=shown_mission(dataset, seed))
+    made = np.flatnonzero((one["route_nodes"].values >= 0).any(axis=-1))
+    places = one["waypoint_position"].values
+    known = np.isfinite(places).all(axis=-1)
+    if not made.size or not known.any():
+        return style.empty_figure(f"seed {int(one['seed'])}: no route was made")
+    chart = study_chart(dataset)
+    low, high = window(places[known], 0.06, chart)
+    chosen = np.unique(np.rint(np.linspace(0, len(made) - 1, min(len(made), _MAPS))).astype(int))
+    columns = 2 if len(chosen) == 4 else min(len(chosen), 3)
+    rows = -(-len(chosen) // columns)
+    tall = float(np.clip((high - low)[0] / (high - low)[1], 0.5, 2.0))
+    figure = style.new_figure(max(4.5 * columns, 7.5), (4.3 * tall + 0.6) * rows + 1.0)
+    grid = figure.subplots(rows, columns, squeeze=False).ravel()
+    done, pens = _visited(one, made), []
+    for k, (axes, number) in enumerate(zip(grid, chosen, strict=False)):
+        pens.append(pen := Map(axes, low, high))
+        below, beside = k + columns < len(chosen), k % columns > 0
+        axes.tick_params(labelbottom=not below, labelleft=not beside)
+        if below:
+            axes.set_xlabel("")
+        if beside:
+            axes.set_ylabel("")
+        pen.coast(chart)
+        _draw_route(pen, one, int(made[number]), done[number])
+        axes.set_title(_route_name(one, int(made[number]), int(number)), fontsize=9)
+    for axes in grid[len(chosen) :]:
+        axes.set_visible(False)
+    style.legend_below(figure, pens[-1].handles)
+    ending = "on time" if int(one["success"]) == 1 else "failed"
+    text = f"seed {int(one['seed'])}: {counted(len(made) - 1, 'mission re-plan')}, {ending}"
+    set_title(figure, dataset, text + (f"; {len(chosen)} routes of {len(made)}" * (len(chosen) < len(made))))
+    for pen, number in zip(pens, chosen, strict=True):
+        _label_route(pen, one, int(made[number]), done[number])
+    return figure
+
+
+def shown_mission(dataset: xr.Dataset, seed: int | None = None) -> int:
+    """Index of the mission of a seed; without one, of that with most routes, one on time where there is any.
+
+    Raises:
+        ValueError: the study has no mission of that seed.
+    """
+    seeds = dataset["seed"].values
+    if seed is None:
+        routes = (dataset["route_nodes"].values >= 0).any(axis=-1).sum(axis=-1)
+        success = dataset["success"].values == 1
+        return max(range(len(seeds)), key=lambda mission: (success[mission], routes[mission]))
+    found = np.flatnonzero(seeds == seed)
+    if not found.size:
+        raise ValueError(f"no mission of seed {seed}; the study's are {seeds.min()} to {seeds.max()}")
+    return int(found[0])
+
+
+def _visited(one: xr.Dataset, made: Iterable[int]) -> list[list[int]]:
+    """For each route, the waypoints from the start to where the vehicle was when it was made."""
+    reached = one["leg_arrived"].values == 1
+    stops = [_nodes(one, route)[0] for route in made]
+    way = [stops[0], *(int(node) for node in one["leg_to"].values[reached])]
+    found, legs = [], 0
+    for here in stops:
+        legs = next((k for k in range(legs, len(way)) if way[k] == here), legs)
+        found.append(way[: legs + 1])
+    return found
+
+
+def _nodes(one: xr.Dataset, route: int) -> list[int]:
+    return [int(node) for node in one["route_nodes"].values[route] if node >= 0]
+
+
+def _route_name(one: xr.Dataset, route: int, number: int) -> str:
+    """Return what a route was made for, when, and what it holds; `number` counts from the first route, 0."""
+    cause = flag_names(one["route_cause"])[route]
+    name = "first route" if number == 0 else ", ".join(filter(None, [f"re-plan R{number}", cause]))
+    legs = max(len(_nodes(one, route)) - 1, 0)
+    at, time, priority = (float(one[f"route_{key}"].values[route]) for key in ("made_at", "time", "priority"))
+    return (
+        f"{name}, at {at:,.0f} s\n{counted(legs, 'leg')} left, priority {number_in_words(priority)}, "
+        f"{time:,.0f} s of {float(one['t_available']) - at:,.0f} s"
+    )
+
+
+def _draw_route(pen: Map, one: xr.Dataset, route: int, done: list[int]) -> None:
+    """Waypoints, the part executed in grey, the route with an arrow for each leg."""
+    places = one["waypoint_position"].values
+    nodes = _nodes(one, route)
+    pen.dots(places, s=14, color="white", edgecolors="black", linewidths=0.7, zorder=3)
+    pen.line(places[done], color=style.GREY, lw=2.6, zorder=2, solid_capstyle="round")
+    flat = pen.flat(places[nodes])
+    steps = np.diff(flat, axis=0)
+    if len(steps):
+        pen.axes.quiver(
+            *flat[:-1].T, *steps.T, angles="xy", scale_units="xy", scale=1.0, color=style.BLUE, width=0.006,
+            headwidth=4.5, headlength=6.0, headaxislength=5.5, zorder=4,
+        )  # fmt: skip
+    pen.handles += [
+        style.line("waypoint", ls="", marker="o", ms=4, color="white", mec="black"),
+        style.line("executed", color=style.GREY, lw=2.6),
+        style.line("route", color=style.BLUE, lw=1.8, marker=">", ms=5),
+    ]
+    for kind, node, scale, name in (
+        (style.START, done[0], 0.7, "start"),
+        (style.GOAL, nodes[-1], 0.4, "destination"),
+        (style.VEHICLE, nodes[0], 0.45, "vehicle"),
+    ):
+        pen.dots(places[node], zorder=5, **(kind | {"s": scale * kind["s"]}))
+        pen.handles.append(style.mark(kind, name))
+
+
+def _label_route(pen: Map, one: xr.Dataset, route: int, done: list[int]) -> None:
+    """Numbers of the waypoints in a route, off the lines."""
+    places = one["waypoint_position"].values[:, :2]
+    nodes, share = _nodes(one, route), np.linspace(0.0, 1.0, 20)[:, None, None]
+    lines = [
+        (places[way][:-1] + share * np.diff(places[way], axis=0)).reshape(-1, 2) for way in (nodes, done)
+    ]
+    taken = np.concatenate([places[np.isfinite(places).all(axis=-1)], *lines])
+    pen.labels(places[nodes], [str(node) for node in nodes], taken, zorder=8)
 
 
 def _draw_scatter(axes: Axes, expected: Array, executed: Array, errors: Array) -> None:
@@ -260,9 +392,7 @@ def _dress(*panels: Axes) -> None:
     """Grid and ticks of panels whose y axis is in s."""
     for axes in panels:
         axes.yaxis.set_major_formatter(_seconds)
-        axes.tick_params(labelsize=8)
-        axes.grid(axis="y", alpha=0.25)
-        axes.set_axisbelow(True)
+        style.grid(axes, axis="y")
 
 
 def _seconds(value: float, _: Any) -> str:

@@ -211,9 +211,7 @@ def _value_axis(axes: Axes, dataset: xr.Dataset, places: Array, values: Any, nam
     elif gaps.size and gaps.min() > 0.012 * span * max(map(len, names)) * 2.0:
         axes.set_xticks(places, names)
     axes.set_xlabel(setting_name(dataset, _first_setting(dataset)), fontsize=9)
-    axes.tick_params(labelsize=8)
-    axes.grid(alpha=0.25)
-    axes.set_axisbelow(True)
+    style.grid(axes)
 
 
 def _explain(axes: Axes, lines: list[str], note: str) -> None:

@@ -6,21 +6,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import BoundaryNorm, LinearSegmentedColormap, Normalize
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from auvplan.plot import style
-from auvplan.plot.legs import refused_legs
 from auvplan.records import MissionRun
-from auvplan.schedule import (
-    Bar,
-    closures_in_words,
-    executed_bars,
-    lateness,
-    planned_bars,
-    stated_closures,
-    windows_of,
-)
+from auvplan.view.scene import refused_legs
+from auvplan.view.timeline import Bar, closures_in_words, executed_bars, lateness, planned_bars, windows_of
 from auvplan.words import figure, hours
 
 #: Pale to dark blue: priorities.
@@ -63,7 +54,11 @@ def plot_timeline(run: MissionRun, *, ax: Axes | None = None) -> Axes:
         _draw(axes, row, route, norm, letter)
     _draw(axes, rows - 1, executed, norm, letter)
     windows = _draw_windows(axes, run, rows - 1, executed)
-    _draw_closures(axes, run, rows, last)
+    for row, closure in zip(_closure_rows(run, rows), run.stated_closures, strict=True):
+        for begins, ends in closure.spans:
+            begin, end = max(begins, 0.0), min(ends, 1.02 * last)
+            if begin < end:
+                axes.barh(row, end - begin, left=begin, height=0.4, **style.CLOSED)
     for row, route in enumerate(routes[1:], start=1):
         axes.plot([route.made_at] * 2, [row - 0.48, row + 0.48], color=style.RED, lw=1.6, zorder=4)
     refused = [leg.plans[-1].made_at for leg in refused_legs(run)]
@@ -72,13 +67,13 @@ def plot_timeline(run: MissionRun, *, ax: Axes | None = None) -> Axes:
     if routes:
         axes.axhline(rows - 1.5, color="black", lw=0.8)
     axes.axvline(run.t_available, color="red", lw=2.0, zorder=5)
-    names = [*(_name(run, k) for k in range(len(routes))), _executed_name(run), *closures_in_words(run)]
+    executed_name = f"{'executed' if run.simulated else 'plan'}\npriority {figure(run.total_priority)}, "
+    executed_name += f"{run.t_mission:,.0f} s ({hours(run.t_mission)})"
+    names = [*(_name(run, k) for k in range(len(routes))), executed_name, *closures_in_words(run)]
     axes.set_yticks([*range(rows), *_closure_rows(run, rows)], names)
-    axes.tick_params(labelsize=8)
     axes.set_xlabel("time since the mission began [s]")
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:,.0f}")
-    axes.grid(axis="x", alpha=0.25)
-    axes.set_axisbelow(True)
+    style.grid(axes, axis="x")
     bar = axes.figure.colorbar(ScalarMappable(norm, _PRIORITY), ax=axes, pad=0.01, fraction=0.03)
     if isinstance(norm, BoundaryNorm):
         bar.set_ticks((norm.boundaries[1:] - 0.5).tolist())
@@ -106,14 +101,6 @@ def _draw_windows(axes: Axes, run: MissionRun, row: int, bars: list[Bar]) -> boo
 def _closure_rows(run: MissionRun, rows: int) -> list[float]:
     """Return where the row of each closed area is, under those of the routes."""
     return [rows - 0.05 + 0.6 * number for number in range(len(run.closures))]
-
-
-def _draw_closures(axes: Axes, run: MissionRun, rows: int, last: float) -> None:
-    for row, closure in zip(_closure_rows(run, rows), stated_closures(run), strict=True):
-        for begins, ends in closure.spans:
-            begin, end = max(begins, 0.0), min(ends, 1.02 * last)
-            if begin < end:
-                axes.barh(row, end - begin, left=begin, height=0.4, **style.CLOSED)
 
 
 def _norm(run: MissionRun) -> Normalize:
@@ -153,23 +140,18 @@ def _name(run: MissionRun, number: int) -> str:
     return f"{title}\npriority {figure(route.priority)}, {route.time:,.0f} s"
 
 
-def _executed_name(run: MissionRun) -> str:
-    what = "executed" if run.simulated else "plan"
-    return f"{what}\npriority {figure(run.total_priority)}, {run.t_mission:,.0f} s ({hours(run.t_mission)})"
-
-
 def _legend(run: MissionRun, refused: bool, windows: bool) -> list[Any]:
     handles: list[Any] = [
         Patch(facecolor="#6aaed6", edgecolor="black", label="travel"),
         Patch(facecolor="#6aaed6", edgecolor="black", label="on-station time (half height)"),
-        Line2D([], [], color="red", lw=2.0, label=f"time available, {run.t_available:,.0f} s"),
+        style.line(f"time available, {run.t_available:,.0f} s", color="red", lw=2.0),
     ]
     if len(run.routes) > 1 and run.simulated:
-        handles.append(Line2D([], [], color=style.RED, lw=1.6, label="re-planned"))
+        handles.append(style.line("re-planned", color=style.RED, lw=1.6))
     if windows:
-        handles.append(Line2D([], [], color=style.GREEN, lw=3.0, label="the task may begin"))
+        handles.append(style.line("the task may begin", color=style.GREEN, lw=3.0))
     if run.closures:
         handles.append(Patch(label="area closed", **style.CLOSED))
     if refused:
-        handles.append(Line2D([], [], label="a leg planned and refused", **_REFUSED))
+        handles.append(style.line("a leg planned and refused", **_REFUSED))
     return handles

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from auvplan.export.section import PARTS, run_sections
 from auvplan.ocean.chart import Chart
 from auvplan.ocean.currents import evaluated
 from auvplan.ocean.seabed import Seabed
-from auvplan.records import MissionRun, PlanRecord
+from auvplan.records import MissionRun
 from auvplan.report.page import packed
 from auvplan.site import Site
+from auvplan.view.section import PARTS, run_sections
 
 Array = NDArray[np.floating]
 
@@ -29,28 +29,6 @@ _ARROWS, _MOMENTS = 22, 60
 _NONE = -32768
 #: m/s, steps in which currents are stored.
 _STEP = 0.001
-#: The shorter edge of a map is at least such a share of the longer one.
-_SLENDER = 0.55
-
-
-def frame(points: Array, chart: Chart | None = None, margin: float = 0.07) -> tuple[Array, Array]:
-    """Lower and upper corner, (north, east) m, of a map around points [n, >= 2] m.
-
-    Args:
-        points: north and east first.
-        chart: that the map does not reach beyond, or None.
-        margin: share of the longer edge left free on each side.
-    """
-    low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
-    longest = max(float((high - low).max()), 200.0)
-    half = np.maximum(0.5 * (high - low), 0.5 * _SLENDER * longest) + margin * longest
-    middle = 0.5 * (low + high)
-    low, high = middle - half, middle + half
-    if chart is not None:
-        inner = np.maximum(low, np.asarray(chart.lower)), np.minimum(high, np.asarray(chart.upper))
-        if (inner[1] - inner[0] > 0.0).all():
-            low, high = inner
-    return low, high
 
 
 def map_data(
@@ -63,12 +41,16 @@ def map_data(
         chart, seabed: or None.
         site: or None; with one, the corners' longitude and latitude are given.
     """
+    # South-west, south-east, north-west and north-east, degrees.
+    corners = np.asarray([low[0], low[0], high[0], high[0]]), np.tile([low[1], high[1]], 2)
     return {
         "low": low,
         "high": high,
         "chart": None if chart is None else _picture(chart, low, high),
         "depths": None if seabed is None else _depths(seabed, low, high),
-        "corners": None if site is None else _corners(site, low, high),
+        "corners": None
+        if site is None
+        else np.stack(site.to_geographic(*np.stack(corners)), axis=1).tolist(),
     }
 
 
@@ -126,12 +108,6 @@ def _grid(low: Array, high: Array, most: int) -> tuple[Array, Array]:
     return north, east
 
 
-def _corners(site: Site, low: Array, high: Array) -> list[list[float]]:
-    """Longitude and latitude of the south-west, south-east, north-west and north-east corner, degrees."""
-    north, east = np.asarray([low[0], low[0], high[0], high[0]]), np.tile([low[1], high[1]], 2)
-    return np.stack(site.to_geographic(north, east), axis=1).tolist()
-
-
 def current_data(
     run: MissionRun, low: Array, high: Array, times: Array, depths: Array
 ) -> dict[str, Any] | None:
@@ -161,7 +137,9 @@ def current_data(
     u, v = (np.zeros((len(moments), *x.shape)) for _ in range(2))
     for number in np.unique(latest):
         here = np.flatnonzero(latest == number)
-        u[here], v[here] = _looked_up(plans[number], x, y, levels[here], moments[here])
+        z, t = (values[here, None, None] for values in (levels, moments))
+        where = np.broadcast_arrays(x, y, z, t)
+        u[here], v[here], _ = evaluated(plans[number].current, *where)
     speed = np.hypot(u, v)
     known = np.isfinite(speed)
     if run.chart is not None:
@@ -177,14 +155,6 @@ def current_data(
         "v": packed(np.where(known, v, _NONE * _STEP), "i16", _STEP),
         "fastest": float(np.quantile(speed[known], 0.99)),
     }
-
-
-def _looked_up(plan: PlanRecord, x: Array, y: Array, depths: Array, times: Array) -> tuple[Array, Array]:
-    """Current of a plan, m/s north and east, [k, n, m], on a grid at k depths and times."""
-    shape = (len(times), *x.shape)
-    z, t = (np.broadcast_to(values[:, None, None], shape) for values in (depths, times))
-    u, v, _ = evaluated(plan.current, np.broadcast_to(x, shape), np.broadcast_to(y, shape), z, t)
-    return u, v
 
 
 def section_data(run: MissionRun) -> dict[str, Any] | None:

@@ -1,29 +1,32 @@
 """The page of one mission, one plan or one leg: what its scripts show."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import shortest_path
 
-from auvplan.export.margins import FAR, Margins, shown_obstacles, true_obstacles
-from auvplan.export.section import looks, sensing_data
-from auvplan.export.sheet import leg_depths, sheet_of, waypoint_name
 from auvplan.records import LegRecord, MissionRun, PlanRecord
-from auvplan.report.area import current_data, frame, map_data, section_data
+from auvplan.report.area import current_data, map_data, section_data
 from auvplan.report.page import packed
-from auvplan.report.tasks import task_data
 from auvplan.scenario.provenance import changed_settings
-from auvplan.schedule import (
-    Bar,
-    closures_in_words,
-    executed_bars,
-    lateness,
-    planned_bars,
-    stated_closures,
+from auvplan.view.margins import Margins
+from auvplan.view.scene import (
+    as_filed,
+    looks,
+    sensing_data,
+    shown_obstacles,
+    true_obstacles,
+    waypoint_name,
+    window,
 )
+from auvplan.view.sheet import leg_depths, sheet_of
+from auvplan.view.timeline import Bar, closed_areas, executed_bars, lateness, planned_bars
+from auvplan.words import hours
 
 Array = NDArray[np.floating]
 
@@ -49,9 +52,12 @@ def run_data(run: MissionRun, summary: Mapping[str, Any]) -> dict[str, Any]:
     stated = summary.get("sheet") or sheet_of(run).plain()
     way = _Way.of(run)
     legs = [_leg(run, leg, way, part) for leg, part in zip(run.legs, way.parts, strict=True)]
-    planned = [_places(plan) for leg in run.legs for plan in leg.plans]
+    planned = [as_filed(plan.positions) for leg in run.legs for plan in leg.plans]
     points = np.concatenate([np.asarray(run.graph.positions, float), way.places, *planned])
-    low, high = frame(points, run.chart)
+    low, high = window(points, 0.07, run.chart, slender=0.55, least=200.0)
+    least, safety = way.margins.least(), run.safety
+    margins = {"coast": safety.coast, "closed": safety.coast, "obstacle": safety.obstacles}
+    margins["bed"] = safety.seabed
     begin = (
         float(way.times[0]) if len(way.times) else min((route.made_at for route in run.routes), default=0.0)
     )
@@ -83,21 +89,19 @@ def run_data(run: MissionRun, summary: Mapping[str, Any]) -> dict[str, Any]:
         "plans": [_plan(number, leg, plan) for number, leg in enumerate(run.legs) for plan in leg.plans],
         "closures": [
             {
-                "name": words,
-                "spans": np.clip(closure.spans, -1e9, 1e9),
-                "rings": [np.round(ring, 1) for ring in closure.rings],
+                "name": area.name,
+                "spans": np.clip(area.spans, -1e9, 1e9),
+                "rings": [np.round(ring, 1) for ring in area.rings],
             }
-            for closure, words in zip(stated_closures(run), closures_in_words(run), strict=True)
-        ]
-        + [
-            {"name": zone.name, "spans": [[-1e9, 1e9]], "rings": [np.round(ring, 1) for ring in zone.rings]}
-            for zone in run.zones
+            for area in closed_areas(run)
         ],
         "known": [asdict(obstacle) for obstacle in run.obstacles],
         "sensing": sensing_data(run),
         "routes": _routes(run),
         "tasks": task_data(run, stated),
-        "limits": _limits(run, way),
+        "limits": [
+            {"name": name, "margin": margin, "least": least[name]} for name, margin in margins.items()
+        ],
         "provenance": {
             "files": list(stated.get("files", [])),
             "assumed": list(stated.get("assumed", [])),
@@ -132,11 +136,6 @@ class _Way:
         ends = np.cumsum([0, *(len(leg.times) for leg in run.legs)])
         return cls(times, places, margins, [slice(*pair) for pair in pairwise(ends.tolist())])
 
-    def least(self, name: str, part: slice) -> float | None:
-        """Return the least distance of a leg; None of what is nowhere near."""
-        least = float(getattr(self.margins, name)[part].min(initial=np.inf))
-        return least if least < FAR else None
-
     @property
     def stride(self) -> int:
         """Of how many records one is kept."""
@@ -154,10 +153,9 @@ def _track(way: _Way) -> dict[str, Any]:
     rows = np.concatenate([np.zeros(0, int), *kept])
     north, east, depth = way.places[rows].T
     found = {"time": way.times[rows], "north": north, "east": east, "depth": depth}
-    for name in ("coast", "closed", "bed", "obstacle"):
-        values = getattr(way.margins, name)
+    for name, values in vars(way.margins).items():
         if len(rows) and np.isfinite(values).any():
-            found[name] = np.round(np.where(values < FAR, values, np.nan)[rows], 1)
+            found[name] = np.round(values[rows], 1)
     return {name: packed(values) for name, values in found.items()}
 
 
@@ -193,15 +191,10 @@ def _leg(run: MissionRun, leg: LegRecord, way: _Way, part: slice) -> dict[str, A
         "replans": {cause: causes.count(cause) for cause in dict.fromkeys(causes)},
         "length": float(np.linalg.norm(np.diff(way.places[part], axis=0), axis=1).sum()),
         "depths": np.round(leg_depths(leg.times, way.places[part]), 1) if executed else None,
-        **{name: way.least(name, part) for name in ("coast", "closed", "obstacle", "bed")},
+        **way.margins.least(part),
         "followed": leg.followed_numbers,
         "obstacles": obstacle_data(run, leg, _kept(len(leg.times), _EVERY * way.stride)),
     }
-
-
-def _places(plan: PlanRecord) -> Array:
-    """Places [S, 3] m of a plan, as single precision has them: that is how files keep them."""
-    return np.asarray(plan.positions, np.float32).astype(float)
 
 
 def _plan(number: int, leg: LegRecord, plan: PlanRecord) -> dict[str, Any]:
@@ -215,7 +208,7 @@ def _plan(number: int, leg: LegRecord, plan: PlanRecord) -> dict[str, Any]:
         "feasible": plan.feasible,
         "violation": float(broken[-1]) if len(broken) else None,
         "cpu": plan.cpu,
-        "places": packed(np.round(_places(plan), 2)),
+        "places": packed(np.round(as_filed(plan.positions), 2)),
         "times": packed(plan.times),
     }
 
@@ -231,27 +224,16 @@ def _routes(run: MissionRun) -> list[dict[str, Any]]:
             "time": route.time,
             "cpu": route.cpu,
             "nodes": route.nodes,
-            "bars": [_bar(bar) for bar in planned_bars(run, route)],
+            "bars": _bars(planned_bars(run, route)),
         }
         for route in (run.routes if run.simulated else [])
     ]
     done = {"cause": "done", "priority": run.total_priority, "time": run.t_mission, "nodes": run.route}
-    return [*rows, done | {"bars": [_bar(bar) for bar in executed_bars(run)]}]
+    return [*rows, done | {"bars": _bars(executed_bars(run))}]
 
 
-def _bar(bar: Bar) -> list[float]:
-    return [bar.start, bar.goal, bar.begin, bar.travel, bar.task, bar.priority]
-
-
-def _limits(run: MissionRun, way: _Way) -> list[dict[str, Any]]:
-    """Margins of the plans, and the least distances on the whole way."""
-    safety = run.safety
-    margins = {"coast": safety.coast, "closed": safety.coast, "obstacle": safety.obstacles}
-    margins["bed"] = safety.seabed
-    return [
-        {"name": name, "margin": margin, "least": way.least(name, slice(None))}
-        for name, margin in margins.items()
-    ]
+def _bars(bars: Sequence[Bar]) -> list[list[float]]:
+    return [[bar.start, bar.goal, bar.begin, bar.travel, bar.task, bar.priority] for bar in bars]
 
 
 def obstacle_data(run: MissionRun, leg: LegRecord, rows: NDArray[np.int_]) -> dict[str, Any]:
@@ -273,3 +255,64 @@ def obstacle_data(run: MissionRun, leg: LegRecord, rows: NDArray[np.int_]) -> di
         "places": packed(tracks[rows]),
         "looks": looks(run, leg),
     }
+
+
+def task_data(run: MissionRun, stated: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return the tasks that were done, in order, and then those that were left.
+
+    Args:
+        run: as executed, or a plan.
+        stated: the run's mission sheet as plain data.
+    """
+    done = [
+        {"name": stop["task"], "priority": stop["priority"], "done": True, "at": stop["arrival"],
+         "duration": stop["hold"], "why": ""}
+        for stop in stated.get("stops", [])
+        if stop["task"]
+    ]  # fmt: skip
+    left = [
+        {"name": job["name"], "priority": job["priority"], "done": False, "at": None, "duration": None,
+         "why": job["reason"]}
+        for job in stated.get("left_out", [])
+    ]  # fmt: skip
+    return [*done, *(left if run.names else _unvisited(run))]
+
+
+def _unvisited(run: MissionRun) -> list[dict[str, Any]]:
+    """Waypoints that were never visited, with the shortest detour to each at the vehicle's speed.
+
+    Tasks of waypoints without names lie on the edges between them: stated is the highest priority of an edge
+    that leads there.
+    """
+    route, priority = run.route, np.asarray(run.graph.priority, float)
+    times = np.asarray(run.graph.leg_times(float(run.vehicle.speed)))  # type: ignore[arg-type]
+    travel = times - np.asarray(run.graph.duration)
+    edges = np.nonzero(np.isfinite(travel))
+    ways = shortest_path(csr_array((travel[edges], edges), shape=travel.shape))
+    rows = []
+    for node in sorted(set(range(len(travel))) - set(route)):
+        detours = [ways[i, node] + ways[node, j] - travel[i, j] for i, j in pairwise(route)]
+        rows.append(
+            {
+                "name": waypoint_name(run, node),
+                "priority": float(priority[:, node].max()),
+                "done": False,
+                "at": None,
+                "duration": None,
+                "why": _why_unvisited(run, float(min(detours, default=np.inf))),
+            }
+        )
+    return sorted(rows, key=lambda row: -row["priority"])
+
+
+def _why_unvisited(run: MissionRun, extra: float) -> str:
+    if not run.arrived:
+        return "the mission ended before"
+    if not np.isfinite(extra):
+        return "no way leads there"
+    if extra > run.t_residual:
+        return f"the detour takes about {hours(extra)} in still water, {hours(run.t_residual)} were left"
+    return (
+        f"the detour takes about {hours(extra)} in still water: current, reserve and the worth of the tasks "
+        "passed over stood against it"
+    )

@@ -9,12 +9,21 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from auvplan.report.area import frame, map_data
+from auvplan.report.area import map_data
 from auvplan.report.page import packed
 from auvplan.scenario.file import shipped_scenarios
 from auvplan.scenario.provenance import changed_settings, file_names
-from auvplan.study.statistics import leg_times, priority_gap, summarise, sweep_dims, use_of_time
-from auvplan.study.table import study_chart
+from auvplan.study.statistics import (
+    call_times,
+    leg_times,
+    planning_time,
+    priority_gap,
+    summarise,
+    sweep_dims,
+    use_of_time,
+)
+from auvplan.study.table import flag_names, study_chart
+from auvplan.view.scene import window
 
 #: Missions whose legs and routes a page holds at most; of all others it holds the figures.
 _DETAILED = 1000
@@ -50,7 +59,11 @@ def study_data(
     waypoints = dataset["waypoint_position"].values.reshape(-1, 3)
     known = waypoints[np.isfinite(waypoints).all(axis=1)]
     chart = study_chart(dataset)
-    ground = map_data(*frame(known, chart), chart, None, None) if len(known) else None
+    ground = (
+        map_data(*window(known, 0.07, chart, slender=0.55, least=200.0), chart, None, None)
+        if len(known)
+        else None
+    )
     return {
         "kind": "rehearsal" if rehearsal else "study",
         "name": str(settings.get("name") or "study"),
@@ -85,8 +98,7 @@ def _case(case: xr.Dataset, room: int) -> dict[str, Any]:
     """Return the missions of one setting: figures of all, legs and routes of the first."""
     figures = {name: case[name].values.astype(float) for name in _FIGURES if name in case}
     figures |= {"use": use_of_time(case), "gap": priority_gap(case)}
-    parts = [np.nan_to_num(figures[name]) for name in ("path_cpu", "mission_cpu", "travel_time_cpu")]
-    figures["planning"] = np.sum(parts, axis=0)
+    figures["planning"] = np.nan_to_num(planning_time(case))
     count = case.sizes["mission"]
     return {
         "success": case["success"].values == 1,
@@ -95,7 +107,7 @@ def _case(case: xr.Dataset, room: int) -> dict[str, Any]:
             name: [_significant(value) for value in np.asarray(values)] for name, values in figures.items()
         },
         "legs": _legs(case),
-        "calls": _calls(case),
+        "calls": [[_significant(value) for value in row] for row in np.stack(call_times(case), axis=-1)],
         "missions": [_mission(case.isel(mission=number)) for number in range(min(count, room))],
     }
 
@@ -116,20 +128,9 @@ def _legs(case: xr.Dataset) -> dict[str, Any]:
     }
 
 
-def _calls(case: xr.Dataset) -> list[list[float | None]]:
-    """5 %, median and 95 % of the time of each mission's path planning calls, s."""
-    found = []
-    for row in case["plan_cpu"].values:
-        row = row[np.isfinite(row) & (row > 0.0)]
-        quantiles = np.quantile(row, [0.05, 0.5, 0.95]) if len(row) else np.full(3, np.nan)
-        found.append([_significant(value) for value in quantiles])
-    return found
-
-
 def _mission(one: xr.Dataset) -> dict[str, Any]:
     """Return the legs, routes and waypoints of a mission."""
-    causes = one["route_cause"]
-    meanings = str(causes.attrs.get("flag_meanings", "none")).split()
+    causes = flag_names(one["route_cause"])
     legs = np.flatnonzero(one["leg_from"].values >= 0)
     columns = ("leg_from", "leg_to", "leg_t_expected", "leg_t_path", "leg_t_task", "leg_priority")
     rows = np.stack([one[name].values[legs].astype(float) for name in columns], axis=1)
@@ -139,8 +140,9 @@ def _mission(one: xr.Dataset) -> dict[str, Any]:
     for number, nodes in enumerate(one["route_nodes"].values):
         if (nodes >= 0).any():
             figures = (one[f"route_{name}"].values[number] for name in ("made_at", "time", "priority"))
-            cause = meanings[int(causes.values[number])]
-            routes.append([cause, *(_significant(float(value)) for value in figures), nodes[nodes >= 0]])
+            routes.append(
+                [causes[number], *(_significant(float(value)) for value in figures), nodes[nodes >= 0]]
+            )
     places = one["waypoint_position"].values
     return {
         "legs": [[*map(_significant, row), *more] for row, more in zip(rows, whole.tolist(), strict=True)],

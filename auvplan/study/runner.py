@@ -92,7 +92,7 @@ def run_study(
         progress: called with missions done, missions in all, and the share of the work that is done.
 
     Returns:
-        The dataset, see `auvplan.study.row.VARIABLES`.
+        The dataset, see `auvplan.study.table.VARIABLES`.
 
     Raises:
         StudyError: the folder holds a study that is not to be replaced, or another one than is to be resumed;

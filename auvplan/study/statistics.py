@@ -1,6 +1,7 @@
 """Statistics over the missions of a study, with 95 % intervals."""
 
 from collections.abc import Callable
+from functools import partial
 from itertools import product
 from typing import Any
 
@@ -99,6 +100,20 @@ def cost_per_metre(dataset: xr.Dataset) -> Array:
     cost = np.take_along_axis(dataset["plan_cost"].values, made_for.argmax(axis=-2), axis=-1)
     usable &= made_for.any(axis=-2)
     return over_finite(np.where(usable, cost, np.nan) / np.where(usable, distance, 1.0), np.nanmean)
+
+
+def planning_time(dataset: xr.Dataset) -> Array:
+    """All planning of each mission, paths, routes and travel times, [..., missions] s; NaN without any."""
+    parts = [dataset[name].values.astype(float) for name in ("path_cpu", "mission_cpu", "travel_time_cpu")]
+    return over_finite(np.stack(parts, axis=-1), np.nansum)
+
+
+def call_times(dataset: xr.Dataset) -> tuple[Array, Array, Array]:
+    """Return 5 %, median and 95 % of the time of each mission's path planning calls, [..., missions] s."""
+    calls = dataset["plan_cpu"].values
+    calls = np.where(np.isfinite(calls) & (calls > 0.0), calls, np.nan)
+    low, middle, high = (over_finite(calls, partial(np.nanquantile, q=q)) for q in (0.05, 0.5, 0.95))
+    return low, middle, high
 
 
 def priority_gap(dataset: xr.Dataset) -> Array:

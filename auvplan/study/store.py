@@ -19,8 +19,7 @@ from auvplan.files import (
     write_dataset,
 )
 from auvplan.study.design import Design, StudyError
-from auvplan.study.row import VARIABLES, Row
-from auvplan.study.table import rows_of
+from auvplan.study.table import VARIABLES, Row, rows_of
 from auvplan.words import counted
 
 #: Names in the folder of a study: what it runs, its missions while it runs, its results.

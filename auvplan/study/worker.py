@@ -13,7 +13,7 @@ from typing import Any
 
 from auvplan.errors import ScenarioWarning
 from auvplan.study.design import Design, by_case
-from auvplan.study.row import Row
+from auvplan.study.table import Row
 
 #: Seconds between two reports of progress.
 _INTERVAL = 0.5
@@ -66,7 +66,7 @@ def run_job(job: Job, report: Callable[[Report], None]) -> None:
     """Execute the missions of a job, and report each one as it ends."""
     from auvplan.executive import execute_missions, seed_keys
     from auvplan.io.results import save_run
-    from auvplan.study.row import row_of
+    from auvplan.study.table import row_of
 
     design, compile_seconds = Design.of(job.design), 0.0
     watch = _Watch(report)

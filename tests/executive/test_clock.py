@@ -9,10 +9,10 @@ from auvplan.check.run import check_dataset
 from auvplan.executive import plan_departures, plan_scenario
 from auvplan.executive.loop import seed_keys
 from auvplan.export import itinerary_of
-from auvplan.export.sheet import sheet_of
 from auvplan.io.geo import read_jobs
 from auvplan.io.results import to_dataset
 from auvplan.mission.jobs import JobPoint, Jobs
+from auvplan.view.sheet import sheet_of
 from tests.executive.tide import CHANNEL, channel, tidal_area
 
 pytestmark = pytest.mark.usefixtures("light_search")

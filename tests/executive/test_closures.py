@@ -13,7 +13,6 @@ from auvplan.check.run import check_dataset
 from auvplan.errors import ScenarioError
 from auvplan.executive import plan_scenario
 from auvplan.export import itinerary_of
-from auvplan.export.sheet import sheet_of
 from auvplan.io.area import load_closures
 from auvplan.io.geo import GeoError
 from auvplan.io.results import to_dataset
@@ -22,6 +21,7 @@ from auvplan.ocean.chart import Chart
 from auvplan.ocean.closures import Closure
 from auvplan.path import PathConfig
 from auvplan.site import Site
+from auvplan.view.sheet import sheet_of
 from tests.executive.tide import CHANNEL, EPOCH, channel, tidal_area
 
 pytestmark = pytest.mark.usefixtures("light_search")

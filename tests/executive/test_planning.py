@@ -13,12 +13,12 @@ from auvplan.check.run import check_dataset
 from auvplan.executive import plan_departures, plan_scenario
 from auvplan.executive.loop import seed_keys
 from auvplan.export import itinerary_of
-from auvplan.export.sheet import sheet_of
 from auvplan.io.restore import restore_run
 from auvplan.io.results import save_run, to_dataset
 from auvplan.mission.jobs import JobLine, JobPoint, Jobs
 from auvplan.ocean.known import KnownObstacle
 from auvplan.scenario.area import OperatingArea
+from auvplan.view.sheet import sheet_of
 from tests.executive.small import planning, scenario
 from tests.executive.tide import CHANNEL, channel, tidal_area
 

@@ -9,7 +9,6 @@ import pytest
 from auvplan.check.run import check_dataset
 from auvplan.executive import plan_scenario, run_missions
 from auvplan.export import itinerary_of
-from auvplan.export.sheet import sheet_of
 from auvplan.io.restore import restore_run
 from auvplan.io.results import save_run, to_dataset
 from auvplan.mission.jobs import JobLine, JobPoint, Jobs
@@ -20,6 +19,7 @@ from auvplan.scenario.area import OperatingArea
 from auvplan.scenario.lines import line_warnings
 from auvplan.simulation.faults import Obstacle
 from auvplan.site import Site
+from auvplan.view.sheet import sheet_of
 from tests.executive.small import SMALL, scenario
 
 pytestmark = pytest.mark.usefixtures("light_search")

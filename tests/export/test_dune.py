@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from auvplan.export import PlannedLeg
-from auvplan.export.dune import Begun, commanded, first_begun
-from auvplan.export.imc import plan_specification
+from auvplan.export.imc import Begun, commanded, first_begun, plan_specification
 from auvplan.export.speeds import stretches
 from auvplan.link import Upload
 from tests.export.sample import SPEED, in_current

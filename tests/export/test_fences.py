@@ -8,8 +8,7 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from auvplan.export import Circle, Fence, Polygon
-from auvplan.export.fences import MOST, fences_around
-from auvplan.export.outline import CORNERS
+from auvplan.export.fences import CORNERS, MOST, fences_around
 from auvplan.ocean.chart import Chart
 
 ORIGIN = (-400.0, 250.0)

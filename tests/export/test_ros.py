@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from auvplan.export import write_ros
-from auvplan.export.places import waypoints
+from auvplan.export.itinerary import waypoints
 from auvplan.export.ros import TYPE, geo_path
 from auvplan.site import as_utc
 from tests.export.sample import make_itinerary

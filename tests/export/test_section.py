@@ -6,14 +6,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from auvplan.export.section import PARTS, run_sections
-from auvplan.export.sheet import sheet_of
 from auvplan.ocean.currents import FunctionCurrent, UniformCurrent
 from auvplan.ocean.known import KnownObstacle
 from auvplan.ocean.seabed import Seabed
 from auvplan.plot import plot_mission
 from auvplan.plot.style import figure_of
 from auvplan.report.area import section_data
+from auvplan.view.section import PARTS, run_sections
+from auvplan.view.sheet import sheet_of
 from tests.io.sample_run import WAYPOINTS, make_run
 from tests.report.test_pages import unpacked
 

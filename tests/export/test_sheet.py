@@ -10,7 +10,6 @@ import shapely
 from auvplan.check.run import check_run
 from auvplan.errors import ScenarioWarning
 from auvplan.export import export_notes, itinerary_of
-from auvplan.export.sheet import sheet_of, write_html
 from auvplan.io import save_run
 from auvplan.io.area import load_area
 from auvplan.io.examine import examine_scenario
@@ -22,6 +21,7 @@ from auvplan.scenario.file import load_scenario
 from auvplan.scenario.scenario import Scenario
 from auvplan.site import Site
 from auvplan.vehicle import Vehicle
+from auvplan.view.sheet import sheet_of, write_html
 from auvplan.words import clearance
 from tests.io.sample_run import make_run
 

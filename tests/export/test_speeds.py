@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from auvplan.export import Itinerary, PlannedLeg
-from auvplan.export.dune import commanded, first_begun
-from auvplan.export.imc import plan_specification
+from auvplan.export.imc import commanded, first_begun, plan_specification
 from auvplan.export.qgroundcontrol import item_speeds, qgc_notes, qgc_plan, validate_plan
 from auvplan.export.speeds import LEAST, led, stretches
 from auvplan.motion import Motion

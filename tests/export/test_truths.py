@@ -10,7 +10,7 @@ import pytest
 from auvplan.export import Circle, PlannedLeg, Polygon, export_notes, itinerary_of, write_csv, write_qgc
 from auvplan.export.fences import nearest_fences, points
 from auvplan.export.qgroundcontrol import qgc_plan
-from auvplan.export.track_limits import ground_share, track_notes
+from auvplan.export.speeds import ground_share, track_notes
 from auvplan.site import Site
 from tests.export.sample import make_itinerary
 from tests.io.sample_run import make_run

@@ -16,6 +16,7 @@ from auvplan.files import ResultError
 from auvplan.io import save_run
 from auvplan.io.restore import restore_run
 from auvplan.mission.timetable import Timetable
+from auvplan.ocean.known import KnownObstacle
 from auvplan.ocean.seabed import Seabed
 from auvplan.scenario.scenario import Scenario
 from auvplan.site import Site
@@ -78,13 +79,29 @@ def test_routes_histories_and_figures_come_back(run, tmp_path):
     assert again == first
 
 
-def test_a_file_without_histories_has_none(run, tmp_path):
-    for leg in run.legs:
-        for plan in leg.plans:
+@pytest.mark.parametrize("change", ["as it is", "refused", "without histories", "bounded", "plan", "bare"])
+def test_a_run_that_came_back_is_saved_as_it_was(run, tmp_path, change):
+    run.saved_bound, plans = 12.0, [plan for leg in run.legs for plan in leg.plans]
+    if change == "refused":
+        run.legs.insert(1, refused_leg(run))
+    elif change == "without histories":
+        for plan in plans:
             plan.history = {}
-    back = restore_run(save_run(run, tmp_path))
-    assert all(plan.history == {} for leg in back.legs for plan in leg.plans)
-    assert back.routes == run.routes
+    elif change == "bounded":
+        plans[0].lower_bound = 100.0
+        run.legs[0].current = np.full((len(run.legs[0].times), 2), 0.25)
+    elif change == "plan":
+        run.simulated, run.departed = False, 60.0
+        run.obstacles = (KnownObstacle("buoy", (500.0, 600.0), 20.0, 0.0, np.inf, (0.1, 0.0)),)
+    elif change == "bare":
+        run = make_run((0, 1), chart=False, obstacles=False)
+        run.scenario = Scenario().model_dump(mode="json")
+    back = restore_run(save_run(run, tmp_path / "one"))
+    save_run(back, tmp_path / "two")
+    for name in ("mission.nc", "summary.json"):
+        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
+    histories = [plan.history for leg in back.legs for plan in leg.plans]
+    assert (change == "without histories") == (not any(histories))
 
 
 def test_a_restored_run_is_exported_as_the_run_itself(run, tmp_path):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from auvplan.errors import AuvplanError
-from auvplan.export.places import waypoints
+from auvplan.export.itinerary import waypoints
 from auvplan.export.qgroundcontrol import item_speeds
 from auvplan.link import Limits, Upload
 from auvplan.link.opening import check_address

@@ -6,22 +6,16 @@ from itertools import pairwise
 import numpy as np
 import xarray as xr
 
+from auvplan.study.table import VARIABLES
+
 AVAILABLE = 14400.0
 SPEED = 2.5
 WAYPOINTS = 20
 #: Room for legs, path plans, routes and stops of a route.
-LEGS, PLANS, ROUTES, STOPS = 14, 80, 9, 14
+SIZES = {"leg": 14, "plan": 80, "route": 9, "stop": 14, "waypoint": WAYPOINTS, "axis": 3}
 
-_FLOATS = {
-    "t_available": "s", "t_mission": "s", "t_residual": "s", "total_priority": "1", "path_cpu": "s",
-    "mission_cpu": "s", "mission_replan_cpu": "s", "travel_time_cpu": "s",
-    "cost_mission": "1", "cost_total": "1", "priority_bound": "1",
-    "coast_clearance": "m", "obstacle_clearance": "m", "seabed_altitude": "m",
-}  # fmt: skip
-_COUNTS = ("tasks", "path_calls", "path_replans", "mission_replans", "collisions", "faults")
 _LEG_FLOATS = ("leg_t_expected", "leg_t_path", "leg_t_task", "leg_priority", "leg_distance", "leg_cpu")
 _LEG_COUNTS = ("leg_from", "leg_to", "leg_path_replans")
-_ROUTE_FLOATS = ("route_made_at", "route_time", "route_priority", "route_cpu")
 
 
 def make_study(
@@ -49,7 +43,8 @@ def make_study(
         _execute(row, np.random.default_rng(first_seed + index[-1]), sum(index[:-1]))
         if index[-1] in failed:
             _fail(row)
-    dataset = xr.Dataset({name: _variable(name, values, dims) for name, values in arrays.items()})
+    lead = [*dims, "mission"]
+    dataset = xr.Dataset({name: ((*lead, *VARIABLES[name].dims), values) for name, values in arrays.items()})
     dataset["route_cause"].attrs |= {
         "flag_values": np.arange(5, dtype=np.int8), "flag_meanings": "none start late early refused"
     }  # fmt: skip
@@ -75,34 +70,15 @@ def without_legs(study: xr.Dataset) -> xr.Dataset:
 
 
 def _empty(shape: tuple[int, ...]) -> dict[str, np.ndarray]:
-    def full(trail: tuple[int, ...], value: float | str, dtype: type = float) -> np.ndarray:
-        return np.full((*shape, *trail), value, dtype)
-
-    return {
-        **{name: full((), np.nan) for name in _FLOATS},
-        **{name: full((), 0, np.int32) for name in _COUNTS},
-        "success": full((), 1, np.int8),
-        "reason": full((), "destination reached in time", object),
-        **{name: full((LEGS,), np.nan) for name in _LEG_FLOATS},
-        **{name: full((LEGS,), -1, np.int32) for name in _LEG_COUNTS},
-        "leg_arrived": full((LEGS,), -1, np.int8),
-        "plan_cpu": full((PLANS,), np.nan),
-        "plan_cost": full((PLANS,), np.nan),
-        "plan_leg": full((PLANS,), -1, np.int32),
-        "plan_cause": full((PLANS,), 0, np.int8),
-        **{name: full((ROUTES,), np.nan) for name in _ROUTE_FLOATS},
-        "route_cause": full((ROUTES,), 0, np.int8),
-        "route_nodes": full((ROUTES, STOPS), -1, np.int32),
-        "waypoint_position": full((WAYPOINTS, 3), 0.0),
-    }
-
-
-def _variable(name: str, values: np.ndarray, dims: list[str]) -> xr.Variable:
-    inner = {"route_nodes": ["route", "stop"], "waypoint_position": ["waypoint", "axis"]}
-    prefix = name.split("_")[0]
-    trail = inner.get(name, [prefix] if prefix in ("leg", "plan", "route") else [])
-    units = {"units": _FLOATS[name]} if name in _FLOATS else {}
-    return xr.Variable([*dims, "mission", *trail], values, units)
+    """Variables of a study in which nothing was done yet."""
+    found = {}
+    for name, variable in VARIABLES.items():
+        kind = np.int8 if variable.meanings else {-1: np.int32, "": object}.get(variable.fill, float)
+        trail = (SIZES[dim] for dim in variable.dims)
+        found[name] = np.full((*shape, *trail), variable.fill, kind)
+    found["success"][...], found["waypoint_position"][...] = 1, 0.0
+    found["reason"][...] = "destination reached in time"
+    return found
 
 
 def _execute(row: dict[str, np.ndarray], rng: np.random.Generator, harm: int) -> None:
@@ -142,10 +118,10 @@ def _execute(row: dict[str, np.ndarray], rng: np.random.Generator, harm: int) ->
         now += float(executed + tasks[j])
         rest = rest[1:]
         cause = 2 if executed > 1.06 * expected else 0
-        if cause and len(rest) > 3 and routes < ROUTES:
+        if cause and len(rest) > 3 and routes < SIZES["route"]:
             middle = rest[1:-1]
             rest = [rest[0], *rng.permutation(middle)[: len(middle) - 1].tolist(), rest[-1]]
-        cause = cause if routes < ROUTES else 0
+        cause = cause if routes < SIZES["route"] else 0
         if len(rest) < 2:
             break
     _total(row, rng, plans, routes)

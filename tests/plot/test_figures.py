@@ -46,26 +46,23 @@ def assert_pictures(paths):
         assert len(np.unique(pixels @ [1, 256, 256**2])) > 20, f"{path.name} is empty"
 
 
-def test_all_figures(tmp_path):
-    assert_pictures(draw_run(make_run(), tmp_path))
+def a_run(legs):
+    """A made run of three legs, of one in open water, or with a leg that was refused among them or alone."""
+    if legs == "open water":
+        return make_run((0, 1), chart=False, obstacles=False)
+    run = make_run()
+    if legs != "three":
+        run.legs = (
+            [*run.legs[:1], refused_leg(run), *run.legs[1:]] if legs == "refused" else [refused_leg(run)]
+        )
+    return run
+
+
+@pytest.mark.parametrize("legs", ["three", "open water", "refused", "only refused"])
+def test_all_figures(tmp_path, legs):
+    assert_pictures(draw_run(a_run(legs), tmp_path))
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(NAMES)
-    assert all(path.stat().st_size > 20_000 for path in tmp_path.iterdir())
-
-
-def test_single_leg_in_open_water(tmp_path):
-    assert_pictures(draw_run(make_run((0, 1), chart=False, obstacles=False), tmp_path))
-
-
-def test_refused_leg(tmp_path):
-    run = make_run()
-    run.legs.insert(1, refused_leg(run))
-    assert_pictures(draw_run(run, tmp_path))
-
-
-def test_only_a_refused_leg(tmp_path):
-    run = make_run()
-    run.legs = [refused_leg(run)]
-    assert_pictures(draw_run(run, tmp_path))
+    assert legs != "three" or all(path.stat().st_size > 20_000 for path in tmp_path.iterdir())
 
 
 def test_mission_that_never_began(tmp_path):

@@ -5,7 +5,8 @@ import pytest
 
 from auvplan.errors import AuvplanError
 from auvplan.plot import busiest_leg, draw_run, plot_currents, plot_mission, plot_timeline, style
-from auvplan.plot.legs import clearance, done_leg, leg_title, plan_name
+from auvplan.plot.maps import Map
+from auvplan.view.scene import clearance, done_leg, leg_title, plan_name
 from tests.io.sample_run import make_run, refused_leg
 
 
@@ -87,12 +88,11 @@ def test_refused_legs_are_marked_where_there_are_some(plot):
 
 
 def test_the_compass_keeps_off_what_is_drawn():
-    unit = style.Unit("m", 1.0)
     everywhere = np.random.default_rng(0).uniform(0.0, 1000.0, (400, 2))
     for corner in ((0, 0), (1, 0), (0, 1), (1, 1)):
         axes = style.new_figure(4.0, 4.0).subplots()
-        style.map_axes(axes, np.zeros(2), np.full(2, 1000.0), unit)
+        pen = Map(axes, np.zeros(2), np.full(2, 1000.0))
         free = ~np.all(np.abs(everywhere / 1000.0 - corner) < 0.4, axis=1)
-        style.draw_compass(axes, unit, everywhere[free])
+        pen.compass(everywhere[free][:, ::-1])
         bar = axes.lines[0].get_xydata()
         assert np.all((bar > 500.0) == np.array(corner, bool))

@@ -6,13 +6,12 @@ import xarray as xr
 
 from auvplan.ocean.chart import Chart
 from auvplan.plot import style
-from auvplan.plot.clusters import plot_clusters
+from auvplan.plot.chart import plot_clusters
 from auvplan.plot.convergence import plot_populations
-from auvplan.plot.currents import plot_currents
-from auvplan.plot.layers import plot_layers
+from auvplan.plot.paths import plot_currents, plot_windows
+from auvplan.plot.space import plot_layers
 from auvplan.plot.study import plot_call_times
 from auvplan.plot.timeline import plot_timeline
-from auvplan.plot.windows import plot_windows
 from tests.io.sample_run import make_run, refused_leg
 from tests.paper import evidence
 from tests.plot.sample_study import make_study

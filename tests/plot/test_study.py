@@ -12,8 +12,7 @@ from scipy import stats
 from auvplan.files import OutputError
 from auvplan.plot import study as figures
 from auvplan.plot import style
-from auvplan.plot.replans import shown_mission
-from auvplan.plot.study import draw_study
+from auvplan.plot.study import draw_study, shown_mission
 from auvplan.plot.sweep import MEASURES, plot_paired, plot_sweep
 from auvplan.study.statistics import leg_times, relative_errors
 from tests.plot.sample_study import AVAILABLE, SPEED, make_study, without_legs
@@ -28,6 +27,12 @@ OBJECTIVES = {"planning.objective": ["priority", "weighted"]}
 def coarse(monkeypatch):
     """Pictures of few pixels, where it is enough that they come about."""
     monkeypatch.setattr(style, "DPI", 50)
+
+
+@pytest.fixture(autouse=True)
+def of_others():
+    """What is counted are the figures of one test."""
+    plt.close("all")
 
 
 def assert_pictures(paths, names):

@@ -6,13 +6,13 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from auvplan.export.sheet import sheet_of
 from auvplan.files import write_dataset
 from auvplan.io import save_run
 from auvplan.ocean.seabed import Seabed
 from auvplan.report import write_report
 from auvplan.scenario.scenario import Scenario
 from auvplan.site import Site
+from auvplan.view.sheet import sheet_of
 from tests.io.sample_run import make_run
 from tests.plot.sample_study import make_study
 

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from auvplan.export.sheet import waypoint_name
 from auvplan.files import REPORT, RESULTS, ResultError, write_dataset
 from auvplan.report import write_report, write_run_report
 from auvplan.report.area import current_data, map_data
@@ -18,6 +17,7 @@ from auvplan.report.page import asset, packed, plain, script_json
 from auvplan.report.run import obstacle_data, run_data
 from auvplan.report.study import study_data
 from auvplan.scenario.scenario import Scenario
+from auvplan.view.sheet import waypoint_name
 from tests.io.sample_run import make_closure, make_run, refused_leg
 from tests.plot.sample_study import make_study, without_legs
 from tests.report.conftest import HOSTILE, save

@@ -13,8 +13,7 @@ from auvplan.mission.jobs import JobPoint, Jobs
 from auvplan.scenario import Scenario
 from auvplan.study import Design
 from auvplan.study.rehearsal import rehearsal_of, require_one_sea
-from auvplan.study.row import row_of
-from auvplan.study.table import table
+from auvplan.study.table import row_of, table
 from tests.executive.tide import CHANNEL, channel, tidal_area
 
 pytestmark = pytest.mark.usefixtures("light_search")

@@ -18,7 +18,7 @@ from auvplan.io import load_run
 from auvplan.scenario.scenario import Scenario
 from auvplan.study import Design, StudyError, Sweep, load_study, run_study, summarise, without_clocks
 from auvplan.study import runner as runner_module
-from auvplan.study.row import VARIABLES
+from auvplan.study.table import VARIABLES
 from tests.study import light
 from tests.study.light import mission, small
 

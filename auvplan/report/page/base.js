@@ -134,7 +134,7 @@ report.tiles = (entries) =>
   report.element(
     "dl",
     { class: "tiles" },
-    entries
+    (entries || [])
       .filter(Boolean)
       .map(([name, value, note]) =>
         report.element(
@@ -209,6 +209,53 @@ report.table = function (caption, columns, rows, options = {}) {
     made,
   );
 };
+
+/** A column of numbers: of a field or a function of a row, with so many decimals. */
+report.number = function (title, of, decimals = 0, more = {}) {
+  const key = typeof of === "function" ? of : (row) => row[of];
+  return { title, key, text: (row) => report.fixed(key(row), decimals), ...more };
+};
+
+/** A column of numbers with three significant digits. */
+report.weight = (title, key, none) => ({
+  title,
+  key,
+  text: (row) => (none && !key(row) ? none : report.figure(key(row), 3)),
+});
+
+/** A column of words, sorted by them or by another key. */
+report.words = (title, text, more = {}) => ({ title, words: true, text, ...more });
+
+/** A column of yes and no; what is not so stands out where that is bad. */
+report.yesNo = (title, of, bad = false, no = () => "no") => ({
+  title,
+  words: true,
+  key: (row) => Number(of(row)),
+  text: (row) => (of(row) ? "yes" : no(row)),
+  class: (row) => (bad && !of(row) ? "bad-cell" : ""),
+});
+
+/** Parts beside each other where there is room. */
+report.pair = (...parts) =>
+  report.element("div", { class: "pair" }, parts.filter(Boolean).map((part) => report.element("div", {}, part)));
+
+/** Words with something between them; those that are not there are left out. */
+report.joined = (between, ...parts) => parts.filter(Boolean).join(between);
+
+/** What is shown on demand. */
+report.details = (summary, ...children) =>
+  report.element("details", {}, report.element("summary", {}, summary), ...children);
+
+/** A remark in small letters. */
+report.remark = (...children) => report.element("p", { class: "small quiet" }, ...children);
+
+/** A choice from a list of [value, words]. */
+report.select = (attributes, entries, chosen) =>
+  report.element(
+    "select",
+    attributes,
+    entries.map(([value, words]) => report.element("option", { value, selected: value === chosen }, words)),
+  );
 
 /** A table of names and values. */
 report.facts = function (caption, entries) {
@@ -330,10 +377,10 @@ report.provenance = function (told) {
       report.table(
         "Files that the scenario names",
         [
-          { title: "field", text: (file) => file.field, words: true },
-          { title: "file", text: (file) => file.name, words: true, class: "code" },
+          report.words("field", (file) => file.field),
+          report.words("file", (file) => file.name, { class: "code" }),
           { title: "bytes", text: (file) => report.fixed(file.size) },
-          { title: "SHA-256", text: (file) => file.sha256 || "–", words: true, class: "code" },
+          report.words("SHA-256", (file) => file.sha256 || "–", { class: "code" }),
         ],
         files,
       ),
@@ -355,33 +402,25 @@ report.provenance = function (told) {
     ...Object.entries(told.versions || {}).map(([name, value]) => [`version of ${name}`, value]),
   ];
   const { settings } = told;
+  const code = { class: "code" };
+  const differ = () =>
+    report.table(
+      "Settings that differ from the defaults",
+      [
+        report.words("setting", (row) => row.field, code),
+        report.words("value", (row) => report.setting(row.value), code),
+        report.words("default", (row) => report.setting(row.default), code),
+      ],
+      settings,
+    );
   parts.push(
-    report.element(
-      "div",
-      { class: "pair" },
-      origin.length ? report.element("div", {}, report.facts("Seed and versions", origin)) : null,
-      report.element(
-        "div",
-        {},
-        !settings
-          ? report.element("p", {}, "The folder does not tell which scenario this was.")
-          : settings.length
-            ? report.table(
-                "Settings that differ from the defaults",
-                [
-                  { title: "setting", text: (row) => row.field, words: true, class: "code" },
-                  { title: "value", text: (row) => report.setting(row.value), words: true, class: "code" },
-                  {
-                    title: "default",
-                    text: (row) => report.setting(row.default),
-                    words: true,
-                    class: "code",
-                  },
-                ],
-                settings,
-              )
-            : report.element("p", {}, "All settings have their defaults."),
-      ),
+    report.pair(
+      origin.length && report.facts("Seed and versions", origin),
+      !settings
+        ? report.element("p", {}, "The folder does not tell which scenario this was.")
+        : settings.length
+          ? differ()
+          : report.element("p", {}, "All settings have their defaults."),
     ),
   );
   report.section("provenance", "Provenance", null, ...parts);

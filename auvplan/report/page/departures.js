@@ -14,33 +14,27 @@
       ? `${feasible.length} of ${report.counted(departures.length, "departure")} feasible`
       : "no departure is feasible",
     good: feasible.length > 0,
-    line: [
+    line: report.joined(
+      " · ",
       leg ? "departures of a leg" : "departures of a mission",
       dated ? "times in UTC" : "hours after the scenario's departure",
       description,
-    ]
-      .filter(Boolean)
-      .join(" · "),
-    tiles: [
-      best ? ["best departure", moment(best), dated ? "UTC" : "after the scenario's"] : null,
-      best
-        ? [
-            leg ? "travel time" : "mission time",
-            report.hours(best.time_s),
-            `${report.fixed(best.time_s)} s${available ? ` of ${report.fixed(available)} s` : ""}`,
-          ]
-        : null,
-      best && !leg
-        ? ["total priority", report.figure(best.total_priority, 3), report.counted(best.tasks, "task")]
-        : null,
-      best && leg
+    ),
+    tiles: best && [
+      ["best departure", moment(best), dated ? "UTC" : "after the scenario's"],
+      [
+        leg ? "travel time" : "mission time",
+        report.hours(best.time_s),
+        `${report.fixed(best.time_s)} s${available ? ` of ${report.fixed(available)} s` : ""}`,
+      ],
+      leg
         ? [
             "way",
             `${report.fixed(best.length_m / 1000, 1)} km`,
             best.clearance_m === null ? "open water" : `${report.fixed(best.clearance_m)} m clear`,
           ]
-        : null,
-      best ? ["current", `${report.fixed(best.current_m_s, 2)} m/s`, "mean at that departure"] : null,
+        : ["total priority", report.figure(best.total_priority, 3), report.counted(best.tasks, "task")],
+      ["current", `${report.fixed(best.current_m_s, 2)} m/s`, "mean at that departure"],
     ],
   });
 
@@ -74,28 +68,21 @@
         const y = departures.map((one) =>
           one[column] === null || one[column] === undefined ? null : factor * one[column],
         );
-        const line = {
-          type: "scatter",
+        const line = report.points(when, y, {
           mode: "lines+markers",
           yaxis: axisName(k),
           name: title,
-          x: when,
-          y,
           customdata: departures.map((_, at) => at),
           line: { color: colours[colour], width: 1.6 },
           marker: { size: 7, color: colours[colour] },
           hovertemplate: `%{x}<br>${title}: %{y:,.4g}<extra></extra>`,
-        };
+        });
         const at = departures.indexOf(best);
-        const star = {
-          type: "scatter",
-          mode: "markers",
+        const star = report.points([when[at]], [y[at]], {
           yaxis: axisName(k),
-          x: [when[at]],
-          y: [y[at]],
           hoverinfo: "skip",
           marker: { symbol: "star", size: 16, color: colours.start, line: { color: "#000000", width: 1 } },
-        };
+        });
         return at >= 0 && column !== "current_m_s" ? [line, star] : [line];
       });
       const places = when.map((value) => (dated ? new Date(value).getTime() : value));
@@ -150,37 +137,22 @@
     },
   );
 
-  const number = (column, title, decimals) => ({
-    title,
-    key: (one) => one[column],
-    text: (one) => report.fixed(one[column], decimals),
-  });
   const table = report.table(
     report.counted(departures.length, "departure"),
     [
-      {
-        title: dated ? "departure, UTC" : "departure",
-        words: true,
-        key: (one) => one.departure_s,
-        text: moment,
-      },
-      {
-        title: "feasible",
-        words: true,
+      report.words(dated ? "departure, UTC" : "departure", moment, { key: (one) => one.departure_s }),
+      report.words("feasible", (one) => (one.best ? "best" : one.feasible ? "yes" : "no"), {
         key: (one) => Number(one.feasible),
-        text: (one) => (one.best ? "best" : one.feasible ? "yes" : "no"),
         class: (one) => (one.best ? "good-cell" : one.feasible ? "" : "bad-cell"),
-      },
-      number("time_s", leg ? "travel time, s" : "time, s", 0),
+      }),
+      report.number(leg ? "travel time, s" : "time, s", "time_s"),
       ...(leg
-        ? [number("length_m", "length, m", 0), number("clearance_m", "clearance, m", 0)]
-        : [number("tasks", "tasks", 0), number("total_priority", "priority", 1)]),
-      number("current_m_s", "current, m/s", 2),
-      ...(leg ? [] : [{ title: "waypoints", words: true, class: "long", text: (one) => one.waypoints }]),
-      ...(feasible.length < departures.length
-        ? [{ title: "why not", words: true, class: "long", text: (one) => one.reason }]
-        : []),
-    ],
+        ? [report.number("length, m", "length_m"), report.number("clearance, m", "clearance_m")]
+        : [report.number("tasks", "tasks"), report.number("priority", "total_priority", 1)]),
+      report.number("current, m/s", "current_m_s", 2),
+      !leg && report.words("waypoints", (one) => one.waypoints, { class: "long" }),
+      feasible.length < departures.length && report.words("why not", (one) => one.reason, { class: "long" }),
+    ].filter(Boolean),
     departures,
     { id: "departures-table" },
   );

@@ -41,6 +41,31 @@ report.logAxis = function (colours, title, values, more) {
   });
 };
 
+/** Points, or what `more` makes of them. */
+report.points = (x, y, more) => ({ type: "scatter", mode: "markers", x, y, ...more });
+
+/** A line that says nothing under the pointer. */
+report.line = (x, y, line, more) => ({ mode: "lines", x, y, line, hoverinfo: "skip", ...more });
+
+/** A straight line over all of a figure, at a value of its axis `x` or of another one upwards. */
+report.rule = function (axis, value, line) {
+  const [at, along] = axis === "x" ? ["x", "y"] : ["y", "x"];
+  const ends = { [`${at}0`]: value, [`${at}1`]: value, [`${along}0`]: 0, [`${along}1`]: 1 };
+  return { type: "line", [`${at}ref`]: axis, [`${along}ref`]: "paper", ...ends, line };
+};
+
+/** A layout with its legend above the figure. */
+report.legendAbove = { showlegend: true, legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 } };
+
+/** Error bars from values to their ends, none where an end is not known. */
+report.errors = (values, low, high, more) => ({
+  type: "data",
+  symmetric: false,
+  array: values.map((value, k) => (high[k] ?? value) - value),
+  arrayminus: values.map((value, k) => value - (low[k] ?? value)),
+  ...more,
+});
+
 /**
  * A figure in the place of an element.
  *

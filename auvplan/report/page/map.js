@@ -30,7 +30,6 @@ report.map = function (host, label, ground, traces, labels, paint) {
     unit: Math.max(east - west, north - south) > 4000 ? 1000 : 1,
     labels,
     hidden: new Set(),
-    before: 0,
   };
   const name = map.unit === 1000 ? "km" : "m";
   const corners = ground.corners;
@@ -40,14 +39,12 @@ report.map = function (host, label, ground, traces, labels, paint) {
     longitude: [(corners[0][0] + corners[2][0]) / 2, (corners[1][0] + corners[3][0]) / 2],
     latitude: [(corners[0][1] + corners[1][1]) / 2, (corners[2][1] + corners[3][1]) / 2],
   };
+  const share = (value, from, to, [low, high]) => low + ((value - from) / (to - from)) * (high - low);
   map.place = function (n, e) {
     if (!along) return "";
-    const longitude =
-      along.longitude[0] + ((e - west) / (east - west)) * (along.longitude[1] - along.longitude[0]);
-    const latitude =
-      along.latitude[0] + ((n - south) / (north - south)) * (along.latitude[1] - along.latitude[0]);
     const text = (value, signs) => `${Math.abs(value).toFixed(4)}°\u00a0${signs[value < 0 ? 1 : 0]}`;
-    return `${text(latitude, "NS")}, ${text(longitude, "EW")}`;
+    const latitude = text(share(n, south, north, along.latitude), "NS");
+    return `${latitude}, ${text(share(e, west, east, along.longitude), "EW")}`;
   };
 
   function depthLines(colours) {
@@ -62,6 +59,7 @@ report.map = function (host, label, ground, traces, labels, paint) {
       }),
     );
     const deepest = depths.reduce((most, depth) => Math.max(most, depth), 0);
+    const { step } = report.ticks(0, Math.max(deepest, 1), 8);
     return [
       {
         type: "contour",
@@ -77,7 +75,9 @@ report.map = function (host, label, ground, traces, labels, paint) {
           coloring: "none",
           showlabels: true,
           labelfont: { size: 9, color: colours.depth, family: report.font },
-          ...levels(deepest),
+          start: step,
+          end: deepest,
+          size: step,
         },
         autocontour: false,
         connectgaps: false,
@@ -85,28 +85,14 @@ report.map = function (host, label, ground, traces, labels, paint) {
       },
     ];
   }
-  function levels(deepest) {
-    const { step } = report.ticks(0, Math.max(deepest, 1), 8);
-    return { start: step, end: deepest, size: step };
-  }
 
   function chartImages() {
     if (!ground.chart) return [];
     const { low, high } = ground.chart;
-    return [
-      {
-        source: ground.chart[report.theme()],
-        xref: "x",
-        yref: "y",
-        x: low[1] / map.unit,
-        y: high[0] / map.unit,
-        sizex: (high[1] - low[1]) / map.unit,
-        sizey: (high[0] - low[0]) / map.unit,
-        sizing: "stretch",
-        layer: "below",
-        visible: !map.hidden.has("chart"),
-      },
-    ];
+    const place = { x: low[1] / map.unit, y: high[0] / map.unit };
+    const edges = { sizex: (high[1] - low[1]) / map.unit, sizey: (high[0] - low[0]) / map.unit };
+    const shown = { sizing: "stretch", layer: "below", visible: !map.hidden.has("chart") };
+    return [{ source: ground.chart[report.theme()], xref: "x", yref: "y", ...place, ...edges, ...shown }];
   }
 
   /** Scale, arrow to the north, longitudes and latitudes along the edges, labels, for the ranges that are shown. */
@@ -117,89 +103,43 @@ report.map = function (host, label, ground, traces, labels, paint) {
     const metres = length * map.unit;
     const part = length / (right - left);
     const text = metres >= 1000 ? `${metres / 1000} km` : `${metres} m`;
-    const shapes = [
-      {
-        type: "rect",
-        xref: "x domain",
-        yref: "y domain",
-        x0: 0.02,
-        x1: 0.02 + part,
-        y0: 14 / size.height,
-        y1: 18 / size.height,
-        fillcolor: colours.text,
-        line: { width: 0 },
-        layer: "above",
-      },
-    ];
+    const corner = { xref: "x domain", yref: "y domain" };
+    const foot = 18 / size.height;
+    const bar = { x0: 0.02, x1: 0.02 + part, y0: 14 / size.height, y1: foot, fillcolor: colours.text };
+    const shapes = [{ type: "rect", ...corner, ...bar, line: { width: 0 }, layer: "above" }];
+    const arrow = { arrowhead: 2, arrowsize: 1.1, arrowwidth: 1.8, arrowcolor: colours.text };
+    const scale = { x: 0.02 + part / 2, y: foot, yanchor: "bottom", text: `<b>${text}</b>` };
+    const compass = { x: 0.035, y: foot, ax: 0, ay: 30, yshift: 56, text: "<b>N</b>", ...arrow };
     const notes = [
-      {
-        xref: "x domain",
-        yref: "y domain",
-        x: 0.02 + part / 2,
-        y: 18 / size.height,
-        yanchor: "bottom",
-        text: `<b>${text}</b>`,
-        showarrow: false,
-        font: { size: 11 },
-      },
-      {
-        xref: "x domain",
-        yref: "y domain",
-        x: 0.035,
-        y: 18 / size.height,
-        ax: 0,
-        ay: 30,
-        yshift: 56,
-        text: "<b>N</b>",
-        showarrow: true,
-        arrowhead: 2,
-        arrowsize: 1.1,
-        arrowwidth: 1.8,
-        arrowcolor: colours.text,
-        font: { size: 12 },
-      },
+      { ...corner, ...scale, showarrow: false, font: { size: 11 } },
+      { ...corner, ...compass, showarrow: true, font: { size: 12 } },
     ];
     if (along && map.wide) {
-      const share = (value, [low, high]) => low + ((value - west) / (east - west)) * (high - low);
-      const up = (value, [low, high]) => low + ((value - south) / (north - south)) * (high - low);
       const edges = [
         {
-          ends: [left, right].map((x) => share(x * map.unit, along.longitude)),
+          ends: [left, right].map((x) => share(x * map.unit, west, east, along.longitude)),
           from: left,
           to: right,
           signs: "EW",
-          across: true,
+          room: size.width / 110,
+          where: (x) => ({ xref: "x", yref: "y domain", x, y: 1, yanchor: "bottom", yshift: 1 }),
         },
         {
-          ends: [bottom, top].map((y) => up(y * map.unit, along.latitude)),
+          ends: [bottom, top].map((y) => share(y * map.unit, south, north, along.latitude)),
           from: bottom,
           to: top,
           signs: "NS",
-          across: false,
+          room: size.height / 70,
+          where: (y) => ({ xref: "x domain", yref: "y", x: 1, y, xanchor: "left", xshift: 3, textangle: 0 }),
         },
       ];
-      for (const { ends, from, to, signs, across } of edges) {
-        const room = across ? size.width / 110 : size.height / 70;
+      for (const { ends, from, to, signs, room, where } of edges) {
         const { step, values } = report.ticks(ends[0], ends[1], Math.max(2, Math.floor(room)));
         const decimals = Math.max(0, Math.ceil(-Math.log10(step) - 1e-9));
         for (const value of values) {
           const at = from + ((value - ends[0]) / (ends[1] - ends[0])) * (to - from);
-          const words = `${Math.abs(value).toFixed(decimals)}° ${signs[value < 0 ? 1 : 0]}`;
-          const common = { text: words, showarrow: false, font: { size: 10, color: colours.quiet } };
-          notes.push(
-            across
-              ? { ...common, xref: "x", yref: "y domain", x: at, y: 1, yanchor: "bottom", yshift: 1 }
-              : {
-                  ...common,
-                  xref: "x domain",
-                  yref: "y",
-                  x: 1,
-                  y: at,
-                  xanchor: "left",
-                  xshift: 3,
-                  textangle: 0,
-                },
-          );
+          const text = `${Math.abs(value).toFixed(decimals)}° ${signs[value < 0 ? 1 : 0]}`;
+          notes.push({ text, showarrow: false, font: { size: 10, color: colours.quiet }, ...where(at) });
         }
       }
     }
@@ -239,16 +179,8 @@ report.map = function (host, label, ground, traces, labels, paint) {
     for (const k of order) {
       const [x, y] = pixel(inside[k]);
       const [wide, tall] = [pen.measureText(inside[k].text).width + 2, 12];
-      for (const [h, v] of [
-        [1, -1],
-        [1, 1],
-        [-1, -1],
-        [-1, 1],
-        [1, 0],
-        [-1, 0],
-        [0, -1],
-        [0, 1],
-      ]) {
+      const around = [[1, -1], [1, 1], [-1, -1], [-1, 1], [1, 0], [-1, 0], [0, -1], [0, 1]]; // prettier-ignore
+      for (const [h, v] of around) {
         const distance = h && v ? 5 : 8;
         const [cx, cy] = [x + h * (distance + wide / 2), y + v * (distance + tall / 2)];
         const box = [cx - wide / 2, cy - tall / 2, cx + wide / 2, cy + tall / 2];
@@ -287,7 +219,7 @@ report.map = function (host, label, ground, traces, labels, paint) {
       [south / map.unit, north / map.unit],
     ];
     const under = depthLines(colours);
-    map.before = under.length;
+    const frame = { constrain: "domain", automargin: false, showgrid: false, mirror: true };
     return {
       data: [...under, ...traces(colours, map)],
       height: tall + margin.t + margin.b,
@@ -295,21 +227,12 @@ report.map = function (host, label, ground, traces, labels, paint) {
         margin,
         plot_bgcolor: colours.water,
         dragmode: matchMedia("(pointer: coarse)").matches ? false : "pan",
-        xaxis: report.axis(colours, `east [${name}]`, {
-          range: ranges[0],
-          constrain: "domain",
-          automargin: false,
-          showgrid: false,
-          mirror: true,
-        }),
+        xaxis: report.axis(colours, `east [${name}]`, { ...frame, range: ranges[0] }),
         yaxis: report.axis(colours, `north [${name}]`, {
+          ...frame,
           range: ranges[1],
-          constrain: "domain",
           scaleanchor: "x",
           scaleratio: 1,
-          automargin: false,
-          showgrid: false,
-          mirror: true,
         }),
         images: chartImages(),
         ...furniture(ranges, { width: inner, height: tall }),
@@ -341,21 +264,17 @@ report.map = function (host, label, ground, traces, labels, paint) {
     const [x, y] = share ? [about(left, right), about(bottom, top)] : whole;
     return Plotly.relayout(host, { "xaxis.range": x, "yaxis.range": y });
   };
+  const button = (words, share, label) => {
+    const attributes = { type: "button", "aria-label": label, onclick: () => map.zoom(share) };
+    return report.element("button", attributes, words);
+  };
   map.buttons = () =>
     report.element(
       "div",
       { class: "choices screen" },
-      report.element(
-        "button",
-        { type: "button", "aria-label": "Zoom in", onclick: () => map.zoom(1 / 1.6) },
-        "+",
-      ),
-      report.element(
-        "button",
-        { type: "button", "aria-label": "Zoom out", onclick: () => map.zoom(1.6) },
-        "−",
-      ),
-      report.element("button", { type: "button", onclick: () => map.zoom() }, "Whole map"),
+      button("+", 1 / 1.6, "Zoom in"),
+      button("−", 1.6, "Zoom out"),
+      button("Whole map"),
     );
   /** Show or hide a layer: the chart, the names, what is painted, or all traces whose `meta` is its name. */
   map.toggle = function (layer, on) {

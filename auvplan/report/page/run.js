@@ -8,28 +8,14 @@
       report.unpack(run.track[name]),
     ]),
   );
-  const executed = run.simulated ? "executed" : "planned";
   const waypoints = run.waypoints;
-  const obstacles = run.legs.map(({ obstacles: told }) => ({
-    ...told,
-    times: report.unpack(told.times),
-    places: report.unpack(told.places),
-  }));
-  const plans = run.plans.map((plan) => ({
-    ...plan,
-    places: report.unpack(plan.places),
-    times: report.unpack(plan.times),
-  }));
-  const current = run.current && {
-    ...run.current,
-    u: report.unpack(run.current.u),
-    v: report.unpack(run.current.v),
-  };
-  const section = run.section && {
-    ...run.section,
-    times: report.unpack(run.section.times),
-    along: report.unpack(run.section.along),
-  };
+  /** The same with the arrays of these names unpacked. */
+  const unpacked = (one, ...names) =>
+    one && { ...one, ...Object.fromEntries(names.map((name) => [name, report.unpack(one[name])])) };
+  const obstacles = run.legs.map((leg) => unpacked(leg.obstacles, "times", "places"));
+  const plans = run.plans.map((plan) => unpacked(plan, "places", "times"));
+  const current = unpacked(run.current, "u", "v");
+  const section = unpacked(run.section, "times", "along");
   const state = { time: run.begin, axis: "time", playing: false };
   const since = (time) => time - run.begin;
   const CAUSES = {
@@ -133,15 +119,13 @@
     return made.length ? made[made.length - 1] : null;
   }
 
-  /** Obstacles at a time with their collision boundaries: { kind, north, east, depth, radius, boundary }. */
+  /** Obstacles at a time with their collision boundaries: { kind, north, east, radius, boundary }. */
   function obstaclesAt(time) {
     const number = legAt(time);
     const found = run.known.map((known) => ({
       kind: "known",
-      name: known.name,
       north: known.position[0] + known.velocity[0] * time,
       east: known.position[1] + known.velocity[1] * time,
-      depth: null,
       radius: known.radius,
       boundary: known.radius,
     }));
@@ -149,16 +133,9 @@
     if (!told || !told.places) return found;
     const [count, at] = [told.kinds.length, step(told.times, time)];
     told.kinds.forEach((kind, m) => {
-      const [north, east, depth] = [0, 1, 2].map((axis) => between(told.places, at, 3 * count, 3 * m + axis));
-      found.push({
-        kind,
-        name: `${kind} obstacle`,
-        north,
-        east,
-        depth,
-        radius: told.radii[m],
-        boundary: told.radii[m] + grown(number, told.looks[m], time),
-      });
+      const [north, east] = [0, 1].map((axis) => between(told.places, at, 3 * count, 3 * m + axis));
+      const radius = told.radii[m];
+      found.push({ kind, north, east, radius, boundary: radius + grown(number, told.looks[m], time) });
     });
     return found;
   }
@@ -182,13 +159,15 @@
     leg: run.simulated ? "simulated leg" : "planned leg",
   }[run.kind];
   const start = report.utc(0, run.epoch);
+  const whole = run.kind !== "leg";
+  const { path_replans, mission_replans } = figures;
+  const sum = (name) => run.legs.reduce((total, leg) => total + leg[name], 0);
+  const begun = run.legs.filter((leg) => leg.begin !== null);
   report.head({
     title: run.name,
     badge: run.reason || (run.success ? "in time" : "failed"),
     good: run.success,
-    line: [`${kind}, seed ${run.seed}`, start && `departure ${start}`, run.description]
-      .filter(Boolean)
-      .join(" · "),
+    line: report.joined(" · ", `${kind}, seed ${run.seed}`, start && `departure ${start}`, run.description),
     tiles: [
       [
         "mission time",
@@ -196,41 +175,27 @@
         `${report.fixed(figures.t_mission)} of ${report.fixed(figures.t_available)} s`,
       ],
       ["time left", report.hours(figures.t_residual), `${report.fixed(figures.t_residual)} s`],
-      run.kind === "leg"
-        ? null
-        : [
-            run.simulated ? "tasks done" : "tasks",
-            report.fixed(figures.tasks),
-            report.counted(waypoints.length, "waypoint"),
-          ],
-      run.kind === "leg"
-        ? null
-        : [
-            "total priority",
-            report.figure(figures.total_priority, 3),
-            figures.priority_bound ? `at most ${report.figure(figures.priority_bound, 3)} possible` : null,
-          ],
-      [
-        "way",
-        `${report.fixed(run.legs.reduce((sum, leg) => sum + leg.length, 0) / 1000, 1)} km`,
-        report.counted(run.legs.filter((leg) => leg.begin !== null).length, "leg"),
+      whole && [
+        run.simulated ? "tasks done" : "tasks",
+        report.fixed(figures.tasks),
+        report.counted(waypoints.length, "waypoint"),
       ],
-      run.simulated
-        ? [
-            "re-plans",
-            report.fixed(figures.path_replans + figures.mission_replans),
-            run.kind === "leg"
-              ? "of the path"
-              : `${figures.path_replans} of paths, ${figures.mission_replans} of the route`,
-          ]
-        : null,
-      run.simulated
-        ? [
-            "collisions",
-            report.fixed(figures.collisions),
-            figures.collisions ? "points inside an obstacle or on land" : "none on the track",
-          ]
-        : null,
+      whole && [
+        "total priority",
+        report.figure(figures.total_priority, 3),
+        figures.priority_bound ? `at most ${report.figure(figures.priority_bound, 3)} possible` : null,
+      ],
+      ["way", `${report.fixed(sum("length") / 1000, 1)} km`, report.counted(begun.length, "leg")],
+      run.simulated && [
+        "re-plans",
+        report.fixed(path_replans + mission_replans),
+        whole ? `${path_replans} of paths, ${mission_replans} of the route` : "of the path",
+      ],
+      run.simulated && [
+        "collisions",
+        report.fixed(figures.collisions),
+        figures.collisions ? "points inside an obstacle or on land" : "none on the track",
+      ],
     ],
     warnings: [...run.warnings, ...run.provenance.assumed],
   });
@@ -427,44 +392,15 @@
   /** Marks of the waypoints: tasks done, visited, left, start and destination. */
   function places(colours, { unit, hidden, place: where }) {
     const shrunk = narrow() ? 0.72 : 1;
+    const mark = (symbol, size, color, line) => ({ symbol, size: shrunk * size, color, line });
     const groups = [
-      [
-        "left",
-        "left",
-        { symbol: "circle-open", size: shrunk * 7, color: colours.left, line: { width: 1.6 } },
-      ],
-      [
-        "visited",
-        "passed, without a task",
-        {
-          symbol: "circle",
-          size: shrunk * 7,
-          color: colours.card,
-          line: { color: colours.text, width: 1.4 },
-        },
-      ],
-      [
-        "task",
-        "task done",
-        {
-          symbol: "circle",
-          size: shrunk * 8.5,
-          color: colours.task,
-          line: { color: colours.halo, width: 1 },
-        },
-      ],
+      ["left", "left", mark("circle-open", 7, colours.left, { width: 1.6 })],
+      ["visited", "passed, without a task", mark("circle", 7, colours.card, { color: colours.text, width: 1.4 })],
+      ["task", "task done", mark("circle", 8.5, colours.task, { color: colours.halo, width: 1 })],
     ];
     const ends = [
-      [
-        run.start,
-        "start",
-        { symbol: "circle", size: shrunk * 12, color: colours.start, line: { color: "#000000", width: 1.2 } },
-      ],
-      [
-        run.goal,
-        "destination",
-        { symbol: "star", size: shrunk * 16, color: colours.task, line: { color: "#000000", width: 1 } },
-      ],
+      [run.start, "start", mark("circle", 12, colours.start, { color: "#000000", width: 1.2 })],
+      [run.goal, "destination", mark("star", 16, colours.task, { color: "#000000", width: 1 })],
     ];
     const one = (nodes, words, marker) => ({
       type: "scatter",
@@ -479,26 +415,22 @@
       text: nodes.map((node) => {
         const { name, place } = waypoints[node];
         const why = words === "left" && reasons.get(name.replace(/\[\d+\]$/, ""));
-        return [
+        return report.joined(
+          "<br>",
           `<b>${report.literal(name)}</b>`,
           words,
           why && report.literal(why),
           `depth ${report.fixed(place[2])} m`,
           where(place[0], place[1]),
-        ]
-          .filter(Boolean)
-          .join("<br>");
+        );
       }),
     });
     const inner = waypoints.map((_, node) => node).filter((node) => node !== run.start && node !== run.goal);
     return [
-      ...groups.map(([mark, words, marker]) =>
-        one(
-          inner.filter((node) => waypoints[node].state === mark),
-          words,
-          marker,
-        ),
-      ),
+      ...groups.map(([mark, words, marker]) => {
+        const nodes = inner.filter((node) => waypoints[node].state === mark);
+        return one(nodes, words, marker);
+      }),
       ...ends.map(([node, words, marker]) => one([node], words, marker)),
     ];
   }
@@ -510,6 +442,12 @@
     ["○", "passed", "text"],
     ["○", "left", "left"],
   ].filter((_, k) => waypoints.some(({ state: mark }) => mark === ["task", "visited", "left"][k]));
+  const signs = (entries) =>
+    entries.map(([sign, words, colour], k) => [
+      k ? ", " : "",
+      report.element("span", { style: `color: var(--${colour}); font-weight: 600` }, `${sign} `),
+      words,
+    ]);
   const boxes = report.element(
     "fieldset",
     { class: "layers" },
@@ -528,26 +466,13 @@
         words,
       ),
     ),
-    report.element(
-      "div",
-      { class: "small quiet", style: "margin-top: .4rem" },
-      "Waypoints: ",
-      marks.map(([sign, words, colour], k) => [
-        k ? ", " : "",
-        report.element("span", { style: `color: var(--${colour}); font-weight: 600` }, `${sign} `),
-        words,
-      ]),
-    ),
+    report.element("div", { class: "small quiet", style: "margin-top: .4rem" }, "Waypoints: ", signs(marks)),
     present.length > 1
       ? report.element(
           "div",
           { class: "small quiet" },
           "Obstacles: ",
-          present.map(([name, colour], k) => [
-            k ? ", " : "",
-            report.element("span", { style: `color: var(--${colour}); font-weight: 600` }, "● "),
-            name,
-          ]),
+          signs(present.map(([name, colour]) => ["●", name, colour])),
         )
       : null,
   );
@@ -610,13 +535,7 @@
   const usual = Object.keys(speeds).reduce((best, speed) =>
     Math.abs(length / speed - 45) < Math.abs(length / best - 45) ? speed : best,
   );
-  const speed = report.element(
-    "select",
-    { id: "speed", "aria-label": "Speed of play" },
-    Object.entries(speeds).map(([value, words]) =>
-      report.element("option", { value, selected: value === usual }, words),
-    ),
-  );
+  const speed = report.select({ id: "speed", "aria-label": "Speed of play" }, Object.entries(speeds), usual);
   const transport = report.element(
     "div",
     { class: "transport", role: "group", "aria-label": "Time" },
@@ -683,11 +602,7 @@
     slider.setAttribute("aria-valuetext", `${report.hours(since(state.time))}, ${doing(state.time)}`);
     clock.replaceChildren(
       `${report.clock(since(state.time))} `,
-      report.element(
-        "small",
-        {},
-        [report.utc(state.time, run.epoch) || `${report.fixed(since(state.time))} s`].join(""),
-      ),
+      report.element("small", {}, report.utc(state.time, run.epoch) || `${report.fixed(since(state.time))} s`),
     );
     if (!state.due) {
       state.due = true;
@@ -712,18 +627,15 @@
     const here = vehicle(state.time),
       level = current ? current.depths[Math.max(latest(current.times, state.time), 0)] : null;
     const place = state.map.place(here.north, here.east);
+    const number = legAt(state.time);
+    const moving = number >= 0 && state.time < run.legs[number].end;
     const apart = (name) => (report.isNumber(here[name]) ? `${distance(name, here[name])} m` : null);
     const entries = [
       ["depth", `${report.fixed(here.depth)} m`],
-      [
-        "speed over ground",
-        legAt(state.time) >= 0 && state.time < run.legs[legAt(state.time)].end
-          ? `${report.fixed(here.speed, 2)} m/s`
-          : "on station",
-      ],
+      ["speed over ground", moving ? `${report.fixed(here.speed, 2)} m/s` : "on station"],
       ["to the coast", apart("coast")],
       ["to a closed area", apart("closed")],
-      ["to an obstacle", legAt(state.time) >= 0 ? apart("obstacle") : null],
+      ["to an obstacle", number >= 0 ? apart("obstacle") : null],
       ["above the sea bed", apart("bed")],
       ["position", place || `${report.fixed(here.north)} N, ${report.fixed(here.east)} E m`],
     ];
@@ -734,46 +646,35 @@
         .flatMap(([name, value]) => [report.element("dt", {}, name), report.element("dd", {}, value)]),
     );
     note.replaceChildren(
-      [
+      report.joined(
+        " ",
         current &&
           `Arrows: current at ${report.fixed(level)} m, the vehicle's depth; the longest are ${report.fixed(current.fastest, 2)} m/s.`,
         run.sensing &&
           present.length &&
           "Boundaries allow for three standard deviations of place and size and grow from one look to the next; drawn about the true place.",
         run.known.length && "Known obstacles are drawn as they are, whatever the vehicle's depth.",
-      ]
-        .filter(Boolean)
-        .join(" "),
+      ),
     );
   }
 
   // --- side view -----------------------------------------------------------------------------------------
 
   const way = new Float64Array(track.time.length);
-  for (let k = 1; k < way.length; k++)
-    way[k] =
-      way[k - 1] +
-      Math.hypot(
-        track.north[k] - track.north[k - 1],
-        track.east[k] - track.east[k - 1],
-        track.depth[k] - track.depth[k - 1],
-      );
+  for (let k = 1; k < way.length; k++) {
+    const steps = ["north", "east", "depth"].map((name) => track[name][k] - track[name][k - 1]);
+    way[k] = way[k - 1] + Math.hypot(...steps);
+  }
   const wayAt = (time) => (way.length ? between(way, step(track.time, time)) : 0);
   const along = (time) => (state.axis === "time" ? since(time) / 3600 : wayAt(time) / 1000);
   state.followers = [];
 
+  const inline = { style: "display: inline-flex; gap: .35rem; align-items: center" };
   const legendOf = (entries) =>
     report.element(
       "div",
       { class: "choices small quiet" },
-      entries.map(([words, shape, colour]) =>
-        report.element(
-          "span",
-          { style: "display: inline-flex; gap: .35rem; align-items: center" },
-          swatch(shape, colour),
-          words,
-        ),
-      ),
+      entries.map(([words, shape, colour]) => report.element("span", inline, swatch(shape, colour), words)),
     );
   const CLEARANCES = [
     ["coast", "to the coast", "left"],
@@ -784,16 +685,11 @@
   if (track.time.length) {
     const side = report.element("div", { id: "side" });
     const near = CLEARANCES.filter(([name]) => track[name]);
-    const choice = report.segments(
-      "axis",
-      "Horizontal axis",
-      { time: "over time", distance: "over distance" },
-      "time",
-      (value) => {
-        state.axis = value;
-        profile.draw();
-      },
-    );
+    const axes = { time: "over time", distance: "over distance" };
+    const choice = report.segments("axis", "Horizontal axis", axes, "time", (value) => {
+      state.axis = value;
+      profile.draw();
+    });
     const made = report.section(
       "profile",
       "Side view",
@@ -837,25 +733,13 @@
         },
       ];
       for (const { kind, grown, times, depths } of section.outlines) {
-        const colour = colours[Object.fromEntries(KINDS)[kind] || "quiet"];
-        drawn.push({
-          x: times.map(along),
-          y: depths,
-          mode: "lines",
-          line: { color: colour, width: 1.2, dash: grown ? "dash" : "solid" },
-          fill: "toself",
-          fillcolor: report.mix(colour, grown ? 0 : 0.8),
-          hoverinfo: "skip",
-        });
+        const color = colours[Object.fromEntries(KINDS)[kind] || "quiet"];
+        const line = { color, width: 1.2, dash: grown ? "dash" : "solid" };
+        const filled = { fill: "toself", fillcolor: report.mix(color, grown ? 0 : 0.8) };
+        drawn.push(report.line(times.map(along), depths, line, filled));
       }
       for (const { times, depths } of section.earlier)
-        drawn.push({
-          x: times.map(along),
-          y: depths,
-          mode: "lines",
-          line: { color: colours.earlier, width: 1.4, dash: "dash" },
-          hoverinfo: "skip",
-        });
+        drawn.push(report.line(times.map(along), depths, { color: colours.earlier, width: 1.4, dash: "dash" }));
       return drawn;
     };
     const draw = (colours, width) => {
@@ -867,62 +751,34 @@
       const bed = track.bed && Array.from(track.bed, (above, k) => track.depth[k] + above);
       const floor = section ? section.depth.at(-1) : Math.max(...(bed || track.depth)) * 1.06 + 1;
       const data = section ? water(colours) : [];
+      /** A line over the way that the pointer asks the moment of. */
+      const told = (y, color, width, name, words, more) =>
+        data.push({
+          x: axis,
+          y,
+          customdata: when,
+          mode: "lines",
+          name,
+          line: { color, width },
+          hovertemplate: `${words}<extra></extra>`,
+          ...more,
+        });
       if (bed) {
-        data.push({
-          x: axis,
-          y: bed,
-          customdata: when,
-          mode: "lines",
-          name: "sea bed",
-          line: { color: colours.bed, width: 1.5 },
-          hovertemplate: "sea bed %{y:,.0f} m<extra></extra>",
-        });
-        data.push({
-          x: [axis[0], axis[axis.length - 1]],
-          y: [floor, floor],
-          mode: "lines",
-          line: { width: 0 },
-          fill: "tonexty",
-          fillcolor: report.mix(colours.bed, 0.6, colours.card),
-          hoverinfo: "skip",
-        });
+        told(bed, colours.bed, 1.5, "sea bed", "sea bed %{y:,.0f} m");
+        const ends = [axis[0], axis[axis.length - 1]];
+        const filled = { fill: "tonexty", fillcolor: report.mix(colours.bed, 0.6, colours.card) };
+        data.push(report.line(ends, [floor, floor], { width: 0 }, filled));
       }
-      data.push({
-        x: axis,
-        y: Array.from(track.depth),
-        customdata: when,
-        mode: "lines",
-        name: "vehicle",
-        line: { color: colours.plan, width: 2.2 },
-        hovertemplate: "vehicle %{y:,.0f} m deep at %{customdata}<extra></extra>",
-      });
+      const depth = Array.from(track.depth);
+      told(depth, colours.plan, 2.2, "vehicle", "vehicle %{y:,.0f} m deep at %{customdata}");
       const safe = (values) => Array.from(values, (value) => Math.max(value, 0.5));
-      for (const [name, words, colour] of near) {
-        data.push({
-          x: axis,
-          y: safe(track[name]),
-          customdata: when,
-          yaxis: "y2",
-          mode: "lines",
-          name: words,
-          line: { color: colours[colour], width: 1.6 },
-          hovertemplate: `%{y:,.0f} m ${words}<extra></extra>`,
-        });
-      }
+      for (const [name, words, colour] of near)
+        told(safe(track[name]), colours[colour], 1.6, words, `%{y:,.0f} m ${words}`, { yaxis: "y2" });
       const shapes = [];
       for (const { name, margin } of run.limits) {
         const drawn = near.find(([other]) => other === name);
-        if (drawn && margin > 0)
-          shapes.push({
-            type: "line",
-            xref: "paper",
-            yref: "y2",
-            x0: 0,
-            x1: 1,
-            y0: margin,
-            y1: margin,
-            line: { color: colours[drawn[2]], width: 1.2, dash: "dash" },
-          });
+        const line = drawn && { color: colours[drawn[2]], width: 1.2, dash: "dash" };
+        if (drawn && margin > 0) shapes.push(report.rule("y2", margin, line));
       }
       const two = near.length > 0;
       const title = state.axis === "time" ? "time since departure [h]" : "way [km]";
@@ -960,9 +816,7 @@
     });
     if (run.limits.some(({ name, margin }) => margin > 0 && near.some(([other]) => other === name))) {
       made.append(
-        report.element(
-          "p",
-          { class: "quiet small" },
+        report.remark(
           "Dashed: the margin that a plan keeps. Clearances on a logarithmic scale. A click shows that moment.",
         ),
       );
@@ -982,11 +836,11 @@
       timeline,
     );
     const rows = run.routes;
-    const title = (route, k) => {
+    const title = (route, k, brief) => {
       if (route.cause === "done") return run.simulated ? "<b>done</b>" : "<b>plan</b>";
-      return k
-        ? `R${k} at ${report.fixed(since(route.made))} s, ${CAUSES[route.cause] || report.literal(route.cause)}`
-        : "first route";
+      const cause = report.literal(route.cause);
+      if (!k) return brief ? "first" : "first route";
+      return brief ? `R${k} ${cause}` : `R${k} at ${report.fixed(since(route.made))} s, ${CAUSES[route.cause] || cause}`;
     };
     const draw = (colours, width) => {
       const narrow = width < 620;
@@ -1023,18 +877,12 @@
       const last =
         Math.max(run.available, since(run.end), ...bars.map(({ bar }) => since(bar[2]) + bar[3] + bar[4])) /
         3600;
+      const available = { x: run.available / 3600, y: 1, xref: "x", yref: "paper", showarrow: false };
+      Object.assign(available, { yanchor: "bottom", xanchor: "right" });
       return {
         data: [
-          one(
-            0.76,
-            (bar) => bar[2],
-            (bar) => bar[3],
-          ),
-          one(
-            0.3,
-            (bar) => bar[2] + bar[3],
-            (bar) => bar[4],
-          ),
+          one(0.76, (bar) => bar[2], (bar) => bar[3]),
+          one(0.3, (bar) => bar[2] + bar[3], (bar) => bar[4]),
         ],
         height: 74 + Math.max(24, Math.min(40, 300 / rows.length)) * rows.length + 14,
         layout: {
@@ -1046,47 +894,14 @@
           yaxis: report.axis(colours, "", {
             range: [rows.length - 0.4, -0.6],
             tickvals: rows.map((_, k) => k),
-            ticktext: rows.map((route, k) =>
-              narrow
-                ? route.cause === "done"
-                  ? run.simulated
-                    ? "<b>done</b>"
-                    : "<b>plan</b>"
-                  : k
-                    ? `R${k} ${report.literal(route.cause)}`
-                    : "first"
-                : title(route, k),
-            ),
+            ticktext: rows.map((route, k) => title(route, k, narrow)),
             showgrid: false,
             ticks: "",
             automargin: false,
             title: { text: "" },
           }),
-          annotations: [
-            {
-              x: run.available / 3600,
-              y: 1,
-              xref: "x",
-              yref: "paper",
-              yanchor: "bottom",
-              xanchor: "right",
-              text: "time available",
-              showarrow: false,
-              font: { size: 11, color: colours.bad },
-            },
-          ],
-          shapes: [
-            {
-              type: "line",
-              xref: "x",
-              yref: "paper",
-              x0: run.available / 3600,
-              x1: run.available / 3600,
-              y0: 0,
-              y1: 1,
-              line: { color: colours.bad, width: 2 },
-            },
-          ],
+          annotations: [{ ...available, text: "time available", font: { size: 11, color: colours.bad } }],
+          shapes: [report.rule("x", run.available / 3600, { color: colours.bad, width: 2 })],
         },
       };
     };
@@ -1094,23 +909,12 @@
       if (first) state.followers.push(report.cursor(host, () => since(state.time) / 3600));
     });
     const late = rows.map((route, k) => ({ route, k })).filter(({ route }) => route.why);
+    const why = ({ route, k }) => report.element("li", {}, `${title(route, k)}: ${route.why}`);
     if (late.length)
       made.append(
-        report.element(
-          "details",
-          {},
-          report.element("summary", {}, "Why the route was planned anew"),
-          report.element(
-            "ul",
-            { class: "small" },
-            late.map(({ route, k }) =>
-              report.element(
-                "li",
-                {},
-                `R${k} at ${report.fixed(since(route.made))} s, ${CAUSES[route.cause] || route.cause}: ${route.why}`,
-              ),
-            ),
-          ),
+        report.details(
+          "Why the route was planned anew",
+          report.element("ul", { class: "small" }, late.map(why)),
         ),
       );
   }
@@ -1118,19 +922,28 @@
   // --- tables ----------------------------------------------------------------------------------------------
 
   const nodeName = (node) => waypoints[node].name;
-  const seconds = (name) => (leg) => report.fixed(leg[name]);
   const causes = (leg) =>
     Object.entries(leg.replans)
       .map(([cause, count]) => `${count} ${CAUSES[cause] || cause}`)
       .join(", ");
-  const margins = Object.fromEntries(run.limits.map(({ name, margin }) => [name, margin]));
+  const inside = (value) => (report.isNumber(value) && value < 0 ? "bad-cell" : "");
   const clearance = (name, title) =>
     run.legs.some((leg) => report.isNumber(leg[name])) && {
       title,
       key: (leg) => leg[name],
       text: (leg) => distance(name, leg[name]),
-      class: (leg) => (report.isNumber(leg[name]) && leg[name] < 0 ? "bad-cell" : ""),
+      class: (leg) => inside(leg[name]),
     };
+  const showLeg = (leg, k) => {
+    const onclick = () => {
+      show(leg.begin);
+      reveal();
+    };
+    const attributes = { type: "button", class: "link", "aria-label": `Show leg ${k + 1}`, onclick };
+    return report.element("button", attributes, String(k + 1));
+  };
+  const behind = ({ executed, expected }) =>
+    `${executed >= expected ? "+" : ""}${report.fixed(executed - expected)}`;
   if (run.legs.length) {
     report.section(
       "legs",
@@ -1142,69 +955,37 @@
           {
             title: "leg",
             key: (leg) => run.legs.indexOf(leg),
-            text: (leg, k) =>
-              leg.begin === null
-                ? String(k + 1)
-                : report.element(
-                    "button",
-                    {
-                      type: "button",
-                      class: "link",
-                      "aria-label": `Show leg ${k + 1}`,
-                      onclick: () => {
-                        show(leg.begin);
-                        reveal();
-                      },
-                    },
-                    String(k + 1),
-                  ),
+            text: (leg, k) => (leg.begin === null ? String(k + 1) : showLeg(leg, k)),
           },
-          {
-            title: "from → to",
-            words: true,
+          report.words("from → to", (leg) => `${nodeName(leg.from)} → ${nodeName(leg.to)}`, {
             key: (leg) => nodeName(leg.from),
-            text: (leg) => `${nodeName(leg.from)} → ${nodeName(leg.to)}`,
-          },
-          run.kind !== "leg" && {
-            title: "priority",
-            key: (leg) => leg.priority,
-            text: (leg) => (leg.priority ? report.figure(leg.priority, 3) : "–"),
-          },
-          { title: "expected", key: (leg) => leg.expected, text: seconds("expected") },
-          { title: "planned", key: (leg) => leg.planned, text: seconds("planned") },
-          run.simulated && { title: "executed", key: (leg) => leg.executed, text: seconds("executed") },
+          }),
+          run.kind !== "leg" && report.weight("priority", (leg) => leg.priority, "–"),
+          report.number("expected", "expected"),
+          report.number("planned", "planned"),
+          run.simulated && report.number("executed", "executed"),
           run.simulated && {
             title: "executed − expected",
             key: (leg) => leg.executed - leg.expected,
-            text: (leg) =>
-              report.isNumber(leg.executed)
-                ? `${leg.executed >= leg.expected ? "+" : ""}${report.fixed(leg.executed - leg.expected)}`
-                : "–",
+            text: (leg) => (report.isNumber(leg.executed) ? behind(leg) : "–"),
           },
-          { title: "task", key: (leg) => leg.task, text: seconds("task") },
-          { title: "way", key: (leg) => leg.length, text: (leg) => report.fixed(leg.length) },
+          report.number("task", "task"),
+          report.number("way", "length"),
           {
             title: "depth",
             key: (leg) => leg.depths && leg.depths[1],
-            text: (leg) => (leg.depths ? [...new Set([0, 2].map((k) => report.fixed(leg.depths[k])))].join("–") : "–"),
+            text: ({ depths }) =>
+              depths ? [...new Set([0, 2].map((k) => report.fixed(depths[k])))].join("–") : "–",
           },
           clearance("coast", "coast"),
           clearance("closed", "closed area"),
           clearance("obstacle", "obstacle"),
           clearance("bed", "bed"),
-          run.simulated && {
-            title: "re-plans",
-            words: true,
-            key: (leg) => Object.values(leg.replans).reduce((a, b) => a + b, 0),
-            text: (leg) => causes(leg) || "none",
-          },
-          {
-            title: "reached",
-            words: true,
-            key: (leg) => Number(leg.arrived),
-            text: (leg) => (leg.arrived ? "yes" : leg.begin === null ? "refused" : "no"),
-            class: (leg) => (leg.arrived ? "" : "bad-cell"),
-          },
+          run.simulated &&
+            report.words("re-plans", (leg) => causes(leg) || "none", {
+              key: (leg) => Object.values(leg.replans).reduce((a, b) => a + b, 0),
+            }),
+          report.yesNo("reached", (leg) => leg.arrived, true, (leg) => (leg.begin === null ? "refused" : "no")),
         ].filter(Boolean),
         run.legs,
         { id: "legs-table" },
@@ -1214,175 +995,89 @@
 
   if (run.tasks.length) {
     const [done, left] = [true, false].map((wanted) => run.tasks.filter((task) => task.done === wanted));
-    const priority = {
-      title: "priority",
-      key: (task) => task.priority,
-      text: (task) => report.figure(task.priority, 3),
-    };
-    const called = {
-      title: "task",
-      words: true,
-      class: "long",
-      key: (task) => task.name,
-      text: (task) => task.name,
-    };
+    const priority = report.weight("priority", (task) => task.priority);
+    const called = (more) => report.words("task", (task) => task.name, { key: (task) => task.name, ...more });
     report.section(
       "tasks",
       "Tasks",
       null,
-      report.element(
-        "div",
-        { class: "pair" },
-        report.element(
-          "div",
-          {},
-          report.table(
-            `${run.simulated ? "Done" : "Planned"}: ${report.counted(figures.tasks, "task")}`,
-            [
-              called,
-              priority,
-              { title: "after", key: (task) => task.at, text: (task) => report.clock(since(task.at)) },
-              {
-                title: "on station, s",
-                key: (task) => task.duration,
-                text: (task) => report.fixed(task.duration),
-              },
-            ],
-            done,
-            { id: "done-table" },
-          ),
+      report.pair(
+        report.table(
+          `${run.simulated ? "Done" : "Planned"}: ${report.counted(figures.tasks, "task")}`,
+          [
+            called({ class: "long" }),
+            priority,
+            { title: "after", key: (task) => task.at, text: (task) => report.clock(since(task.at)) },
+            report.number("on station, s", "duration"),
+          ],
+          done,
+          { id: "done-table" },
         ),
-        left.length
-          ? report.element(
-              "div",
-              {},
-              report.table(
-                `Left: ${report.fixed(left.length)}`,
-                [
-                  { ...called, class: "" },
-                  priority,
-                  { title: "why", words: true, class: "long", text: (task) => task.why },
-                ],
-                left,
-                { id: "left-table" },
-              ),
-            )
-          : null,
+        left.length &&
+          report.table(
+            `Left: ${report.fixed(left.length)}`,
+            [called(), priority, report.words("why", (task) => task.why, { class: "long" })],
+            left,
+            { id: "left-table" },
+          ),
       ),
     );
   }
 
-  const cpu = figures.cpu;
-  const forecast = figures.forecast;
+  const { cpu, forecast } = figures;
   const words = { coast: "coast", closed: "closed area", obstacle: "obstacle", bed: "sea bed" };
   const broken = plans.filter((plan) => !plan.feasible).length;
+  const planned = cpu.path_s + cpu.mission_s > 0;
+  const took = (value, more = "") => `${report.fixed(value, 2)} s${more}`;
+  const costs = [
+    ["cost of the mission (Eq. 15)", report.fixed(figures.cost_mission, 1)],
+    ["with re-planning time (Eq. 16)", report.fixed(figures.cost_total, 1)],
+    planned && ["planning of paths", took(cpu.path_s, `, ${report.counted(figures.path_calls, "leg")}`)],
+    planned && ["planning of routes", took(cpu.mission_s, `, of which re-plans ${took(cpu.mission_replans_s)}`)],
+    planned && ["estimates of travel times", took(cpu.travel_times_s)],
+    cpu.charged_s && ["charged to the mission's clock", took(cpu.charged_s)],
+    forecast && [
+      "travel time, planned and simulated",
+      `${report.fixed(forecast.planned_s)} s, ${report.fixed(forecast.executed_s)} s`,
+    ],
+    forecast && ["forecast error of the current", `${report.fixed(forecast.current_difference, 2)} m/s (rms)`],
+  ].filter(Boolean);
   report.section(
     "costs",
     "Costs and limits",
     null,
-    report.element(
-      "div",
-      { class: "pair" },
-      report.element(
-        "div",
-        {},
-        report.facts(
-          "Costs and planning",
-          [
-            ["cost of the mission (Eq. 15)", report.fixed(figures.cost_mission, 1)],
-            ["with re-planning time (Eq. 16)", report.fixed(figures.cost_total, 1)],
-            ...(cpu.path_s + cpu.mission_s > 0
-              ? [
-                  [
-                    "planning of paths",
-                    `${report.fixed(cpu.path_s, 2)} s, ${report.counted(figures.path_calls, "leg")}`,
-                  ],
-                  [
-                    "planning of routes",
-                    `${report.fixed(cpu.mission_s, 2)} s, of which re-plans ${report.fixed(cpu.mission_replans_s, 2)} s`,
-                  ],
-                  ["estimates of travel times", `${report.fixed(cpu.travel_times_s, 2)} s`],
-                ]
-              : []),
-            cpu.charged_s ? ["charged to the mission's clock", `${report.fixed(cpu.charged_s, 2)} s`] : null,
-            forecast
-              ? [
-                  "travel time, planned and simulated",
-                  `${report.fixed(forecast.planned_s)} s, ${report.fixed(forecast.executed_s)} s`,
-                ]
-              : null,
-            forecast
-              ? ["forecast error of the current", `${report.fixed(forecast.current_difference, 2)} m/s (rms)`]
-              : null,
-          ].filter(Boolean),
-        ),
+    report.pair(report.facts("Costs and planning", costs), [
+      report.table(
+        "Least distances on the whole way, m",
+        [
+          report.words("to", (row) => words[row.name]),
+          { title: "margin of plans", text: (row) => report.fixed(row.margin) },
+          {
+            title: "least",
+            text: (row) => (report.isNumber(row.least) ? distance(row.name, row.least) : "none near"),
+            class: (row) => inside(row.least),
+          },
+        ],
+        run.limits,
       ),
-      report.element(
-        "div",
-        {},
-        report.table(
-          "Least distances on the whole way, m",
-          [
-            { title: "to", words: true, text: (row) => words[row.name] },
-            { title: "margin of plans", text: (row) => report.fixed(row.margin) },
-            {
-              title: "least",
-              text: (row) => (report.isNumber(row.least) ? distance(row.name, row.least) : "none near"),
-              class: (row) => (report.isNumber(row.least) && row.least < 0 ? "bad-cell" : ""),
-            },
-          ],
-          run.limits,
-        ),
-        report.element(
-          "p",
-          { class: "small quiet", style: "margin-top: .6rem" },
-          `${report.counted(figures.collisions, "collision")} on the track; ${broken ? `${report.counted(broken, "path plan")} of ${plans.length} kept not every limit, as the planner saw it` : "every path plan kept all limits, as the planner saw it"}. Margins are the planner's; the true sea may take some of them.`,
-        ),
+      report.remark(
+        `${report.counted(figures.collisions, "collision")} on the track; ${broken ? `${report.counted(broken, "path plan")} of ${plans.length} kept not every limit, as the planner saw it` : "every path plan kept all limits, as the planner saw it"}. Margins are the planner's; the true sea may take some of them.`,
       ),
-    ),
+    ]),
     plans.length
-      ? report.element(
-          "details",
-          {},
-          report.element("summary", {}, `Every path plan (${plans.length})`),
+      ? report.details(
+          `Every path plan (${plans.length})`,
           report.table(
             "Path plans in the order of the legs",
             [
               { title: "leg", key: (plan) => plan.leg, text: (plan) => String(plan.leg + 1) },
-              {
-                title: "made after",
-                key: (plan) => plan.made,
-                text: (plan) => report.clock(since(plan.made)),
-              },
-              {
-                title: "cause",
-                words: true,
-                key: (plan) => plan.cause,
-                text: (plan) => CAUSES[plan.cause] || plan.cause,
-              },
-              { title: "travel time, s", key: (plan) => plan.time, text: (plan) => report.fixed(plan.time) },
-              {
-                title: "cost (Eq. 12), s",
-                key: (plan) => plan.cost,
-                text: (plan) => report.fixed(plan.cost, 1),
-              },
-              {
-                title: "violation",
-                key: (plan) => plan.violation,
-                text: (plan) => report.figure(plan.violation, 3),
-              },
-              {
-                title: "limits kept",
-                words: true,
-                key: (plan) => Number(plan.feasible),
-                text: (plan) => (plan.feasible ? "yes" : "no"),
-                class: (plan) => (plan.feasible ? "" : "bad-cell"),
-              },
-              cpu.path_s > 0 && {
-                title: "planning, s",
-                key: (plan) => plan.cpu,
-                text: (plan) => report.fixed(plan.cpu, 3),
-              },
+              { title: "made after", key: (plan) => plan.made, text: (plan) => report.clock(since(plan.made)) },
+              report.words("cause", (plan) => CAUSES[plan.cause] || plan.cause, { key: (plan) => plan.cause }),
+              report.number("travel time, s", "time"),
+              report.number("cost (Eq. 12), s", "cost", 1),
+              report.weight("violation", (plan) => plan.violation),
+              report.yesNo("limits kept", (plan) => plan.feasible, true),
+              cpu.path_s > 0 && report.number("planning, s", "cpu", 3),
             ].filter(Boolean),
             plans,
             { id: "plans-table" },

@@ -12,7 +12,11 @@
     },
   }));
   const swept = study.sweeps.map((sweep) => sweep.field);
-  const caseName = (one) => swept.map((field, k) => `${field} = ${one.setting[k]}`).join(", ");
+  const caseName = (one, from = 0) =>
+    swept
+      .map((field, k) => `${field} = ${one.setting[k]}`)
+      .slice(from)
+      .join(", ");
   const state = { case: 0, mission: null };
   const now = () => cases[state.case];
   const followers = [];
@@ -65,18 +69,17 @@
   const [missions, onTime] = [total("missions"), total("on_time")];
   const rehearsal = study.rehearsal;
   const first = cases[0].summary;
-  const mean = (name) => (cases.length === 1 && first.figures[name] ? first.figures[name].mean : null);
+  const mean = (name) => (first.figures[name] ? first.figures[name].mean : null);
   report.head({
     title: study.name,
     badge: `${report.fixed(onTime)} of ${report.counted(missions, "mission")} on time`,
     good: onTime === missions,
-    line: [
+    line: report.joined(
+      " · ",
       rehearsal ? "rehearsal of a plan" : "study of simulated missions",
       `seeds ${study.provenance.seeds}`,
       study.description,
-    ]
-      .filter(Boolean)
-      .join(" · "),
+    ),
     tiles: [
       [
         "on time",
@@ -85,27 +88,23 @@
           ? `95 %: ${report.fixed(first.on_time_percent.low, 1)} to ${report.fixed(first.on_time_percent.high, 1)} %`
           : `${report.counted(cases.length, "setting")}`,
       ],
-      rehearsal
-        ? [
-            "all planned tasks done",
-            report.fixed(rehearsal.all_planned_tasks),
-            `on time, of ${report.counted(rehearsal.missions, "mission")}`,
-          ]
-        : null,
-      cases.length === 1
-        ? ["use of the time", `${report.fixed(mean("use_of_time_percent"), 1)} %`, "mean"]
-        : null,
-      cases.length === 1
-        ? ["total priority", report.figure(mean("total_priority"), 3), "mean of a mission"]
-        : null,
-      cases.length === 1 ? ["tasks", report.fixed(mean("tasks"), 1), "mean of a mission"] : null,
-      cases.length === 1
-        ? [
-            "re-plans",
-            report.fixed(mean("path_replans") + mean("mission_replans"), 1),
-            "of paths and route, mean",
-          ]
-        : null,
+      rehearsal && [
+        "all planned tasks done",
+        report.fixed(rehearsal.all_planned_tasks),
+        `on time, of ${report.counted(rehearsal.missions, "mission")}`,
+      ],
+      ...(cases.length > 1
+        ? []
+        : [
+            ["use of the time", `${report.fixed(mean("use_of_time_percent"), 1)} %`, "mean"],
+            ["total priority", report.figure(mean("total_priority"), 3), "mean of a mission"],
+            ["tasks", report.fixed(mean("tasks"), 1), "mean of a mission"],
+            [
+              "re-plans",
+              report.fixed(mean("path_replans") + mean("mission_replans"), 1),
+              "of paths and route, mean",
+            ],
+          ]),
       ["collisions", report.fixed(total("collisions")), "found by the checker"],
       ["faults", report.fixed(total("faults")), "found by the checker"],
     ],
@@ -114,17 +113,14 @@
   // --- choice of the setting -----------------------------------------------------------------------------
 
   if (cases.length > 1) {
-    const list = report.element(
-      "select",
-      {
-        id: "case",
-        onchange: () => {
-          state.case = Number(list.value);
-          state.mission = null;
-          for (const follow of followers) follow();
-        },
-      },
-      cases.map((one, k) => report.element("option", { value: k }, caseName(one))),
+    const change = () => {
+      state.case = Number(list.value);
+      state.mission = null;
+      for (const follow of followers) follow();
+    };
+    const list = report.select(
+      { id: "case", onchange: change },
+      cases.map((one, k) => [k, caseName(one)]),
     );
     sweepSection(list);
   }
@@ -136,11 +132,7 @@
     );
     const choices = [["on_time", "missions on time, %"], ...names];
     const host = report.element("div", { id: "sweep" });
-    const measure = report.element(
-      "select",
-      { id: "sweep-measure", onchange: () => figure.draw() },
-      choices.map(([name, words]) => report.element("option", { value: name }, words)),
-    );
+    const measure = report.select({ id: "sweep-measure", onchange: () => figure.draw() }, choices);
     report.section(
       "settings",
       "Settings compared",
@@ -154,12 +146,8 @@
       host,
     );
     const of = (one) => {
-      if (measure.value === "on_time")
-        return [
-          one.summary.on_time_percent.share,
-          one.summary.on_time_percent.low,
-          one.summary.on_time_percent.high,
-        ];
+      const share = one.summary.on_time_percent;
+      if (measure.value === "on_time") return [share.share, share.low, share.high];
       const found = one.summary.figures[measure.value] || {};
       return [found.mean ?? null, found.low ?? null, found.high ?? null];
     };
@@ -167,49 +155,34 @@
       const inner = study.sweeps[0].values,
         lines = new Map();
       cases.forEach((one) => {
-        const name = swept
-          .slice(1)
-          .map((field, k) => `${field} = ${one.setting[k + 1]}`)
-          .join(", ");
+        const name = caseName(one, 1);
         if (!lines.has(name)) lines.set(name, []);
         lines.get(name).push(one);
       });
       const numeric = inner.every(report.isNumber);
-      const hues = [
-        colours.plan,
-        colours.earlier,
-        colours.task,
-        colours.static,
-        colours.afloat,
-        colours.route,
-      ];
+      const hues = ["plan", "earlier", "task", "static", "afloat", "route"].map((name) => colours[name]);
       const marks = ["circle", "square", "diamond", "triangle-up", "cross", "x"];
       return {
         height: 340,
         data: [...lines].map(([name, members], k) => {
-          const found = members.map(of);
-          return {
-            type: "scatter",
-            mode: "lines+markers",
-            name: report.literal(name),
-            x: members.map((one) => (numeric ? one.setting[0] : report.literal(one.setting[0]))),
-            y: found.map(([value]) => value),
-            error_y: {
-              type: "data",
-              symmetric: false,
-              array: found.map(([value, , high]) => (high ?? value) - value),
-              arrayminus: found.map(([value, low]) => value - (low ?? value)),
-              width: 5,
-              thickness: 1.4,
+          const [values, low, high] = [0, 1, 2].map((part) => members.map((one) => of(one)[part]));
+          const color = hues[k % hues.length];
+          return report.points(
+            members.map((one) => (numeric ? one.setting[0] : report.literal(one.setting[0]))),
+            values,
+            {
+              mode: "lines+markers",
+              name: report.literal(name),
+              error_y: report.errors(values, low, high, { width: 5, thickness: 1.4 }),
+              line: { color, width: 1.6 },
+              marker: { symbol: marks[k % marks.length], size: 9, color },
+              hovertemplate: "%{y:,.4g}<extra>%{x}</extra>",
             },
-            line: { color: hues[k % hues.length], width: 1.6 },
-            marker: { symbol: marks[k % marks.length], size: 9, color: hues[k % hues.length] },
-            hovertemplate: "%{y:,.4g}<extra>%{x}</extra>",
-          };
+          );
         }),
         layout: {
+          ...report.legendAbove,
           showlegend: lines.size > 1,
-          legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 },
           margin: { l: 64, r: 14, t: lines.size > 1 ? 40 : 12, b: 46 },
           xaxis: report.axis(
             colours,
@@ -238,19 +211,10 @@
       report.table(
         `Tasks in ${report.counted(rehearsal.missions, "simulated mission")}`,
         [
-          { title: "task", words: true, class: "long", key: (job) => job.name, text: (job) => job.name },
-          {
-            title: "planned",
-            words: true,
-            key: (job) => Number(job.planned),
-            text: (job) => (job.planned ? "yes" : "no"),
-          },
-          { title: "done in", key: (job) => job.done, text: (job) => report.fixed(job.done) },
-          {
-            title: "share, %",
-            key: (job) => job.done,
-            text: (job) => report.fixed((100 * job.done) / rehearsal.missions, 1),
-          },
+          report.words("task", (job) => job.name, { class: "long", key: (job) => job.name }),
+          report.yesNo("planned", (job) => job.planned),
+          report.number("done in", "done"),
+          report.number("share, %", (job) => (100 * job.done) / rehearsal.missions, 1),
         ],
         rehearsal.jobs,
         { id: "jobs-table" },
@@ -283,18 +247,13 @@
       report.table(
         `${cases.length > 1 ? `${caseName(now())}: ` : ""}${report.fixed(summary.on_time)} of ${report.counted(summary.missions, "mission")} on time; means with 95 % intervals, and quantiles`,
         [
-          { title: "figure", words: true, class: "long", text: ([name]) => name },
-          cell("mean"),
-          cell("low"),
-          cell("high"),
-          cell("q05"),
-          cell("median"),
-          cell("q95"),
+          report.words("figure", ([name]) => name, { class: "long" }),
+          ...["mean", "low", "high", "q05", "median", "q95"].map(cell),
         ],
         rows,
         { id: "statistics-table" },
       ),
-      ...words.map((text) => report.element("p", { class: "small quiet", style: "margin-top: .6rem" }, text)),
+      ...words.map((text) => report.remark(text)),
     );
   });
 
@@ -333,41 +292,40 @@
     });
   };
 
+  /** Points of the missions on time and of those that failed, with the seed under the pointer. */
+  const groups = (colours, x, y, hover, more = () => ({})) =>
+    [
+      [true, "on time", colours.plan, "circle"],
+      [false, "failed", colours.earlier, "x"],
+    ].map(([wanted, name, color, symbol]) => {
+      const chosen = numbers().filter((k) => now().success[k] === wanted);
+      return report.points(chosen.map(x), chosen.map(y), {
+        name,
+        customdata: chosen,
+        text: chosen.map(seedName),
+        marker: { color, symbol, size: size(), ...more(chosen) },
+        hovertemplate: `%{text}<br>${hover}<extra></extra>`,
+      });
+    });
+  const seedName = (k) => `seed ${seeds[k]}`;
+
   figure(
     "time-use",
     "Time of each mission (Fig. 12)",
     "Above the time that a mission took, and the time available; below what was left. A click shows the mission.",
     (colours) => {
-      const one = now(),
-        { figures, success } = one;
-      const group = (wanted, name, colour, symbol) => {
-        const chosen = numbers().filter((k) => success[k] === wanted);
-        return {
-          type: "scatter",
-          mode: "markers",
-          name,
-          x: chosen,
-          y: chosen.map((k) => figures.t_mission[k]),
-          customdata: chosen,
-          marker: { color: colour, size: size(), symbol },
-          text: chosen.map((k) => `seed ${seeds[k]}`),
-          hovertemplate: "%{text}<br>%{y:,.0f} s<extra></extra>",
-        };
-      };
+      const { figures, success } = now();
+      const available = { color: colours.bad, width: 2, shape: "hvh" };
       return {
         height: 440,
         data: [
-          {
-            type: "scatter",
-            mode: "lines",
-            name: "time available",
-            x: numbers(),
-            y: figures.t_available,
-            line: { color: colours.bad, width: 2, shape: "hvh" },
-            hoverinfo: "skip",
-          },
-          group(true, "on time", colours.plan, "circle"),
-          group(false, "failed", colours.earlier, "x"),
+          report.line(numbers(), figures.t_available, available, { name: "time available" }),
+          ...groups(
+            colours,
+            (k) => k,
+            (k) => figures.t_mission[k],
+            "%{y:,.0f} s",
+          ),
           {
             type: "bar",
             yaxis: "y2",
@@ -377,14 +335,13 @@
             y: figures.t_residual,
             customdata: numbers(),
             marker: { color: numbers().map((k) => (success[k] ? colours.plan : colours.earlier)) },
-            text: numbers().map((k) => `seed ${seeds[k]}`),
+            text: numbers().map(seedName),
             textposition: "none",
             hovertemplate: "%{text}<br>%{y:,.0f} s left<extra></extra>",
           },
         ],
         layout: {
-          showlegend: true,
-          legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 },
+          ...report.legendAbove,
           margin: { l: 66, r: 14, t: 34, b: 46 },
           bargap: 0.25,
           xaxis: seedAxis(colours, { anchor: "y2" }),
@@ -431,39 +388,28 @@
         data: [
           box(expected, "expected", colours.plan, "a"),
           box(executed, "executed", colours.afloat, "b"),
-          {
-            type: "scatter",
-            mode: "lines",
-            xaxis: "x2",
-            yaxis: "y2",
-            x: [least, most],
-            y: [least, most],
-            line: { color: colours.quiet, dash: "dash", width: 1.2 },
-            hoverinfo: "skip",
-            showlegend: false,
-          },
-          {
-            type: "scatter",
-            mode: "markers",
+          report.line([least, most], [least, most], { color: colours.quiet, dash: "dash", width: 1.2 }, {
             xaxis: "x2",
             yaxis: "y2",
             showlegend: false,
-            x: Array.from(expected),
-            y: Array.from(executed),
+          }),
+          report.points(Array.from(expected), Array.from(executed), {
+            xaxis: "x2",
+            yaxis: "y2",
+            showlegend: false,
             customdata: all.map((k) => mission[k]),
             marker: {
               color: colours.plan,
               size: 5,
               opacity: Math.min(0.8, Math.max(0.2, 6 / Math.max(all.length, 1) ** 0.45)),
             },
-            text: all.map((k) => `seed ${seeds[mission[k]]}`),
+            text: all.map((k) => seedName(mission[k])),
             hovertemplate: "%{text}<br>expected %{x:,.0f} s, executed %{y:,.0f} s<extra></extra>",
-          },
+          }),
         ],
         layout: {
           boxmode: "group",
-          showlegend: true,
-          legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 },
+          ...report.legendAbove,
           margin: { l: 62, r: 14, t: 34, b: 46 },
           xaxis: report.axis(colours, "seed of the mission", {
             domain: wide ? [0, 0.6] : [0, 1],
@@ -496,42 +442,25 @@
       const one = now(),
         part = (k) => one.calls.map((row) => row[k]);
       const [low, middle, high] = [0, 1, 2].map(part);
-      const marks = (name, y, colour, symbol, more) => ({
-        type: "scatter",
-        mode: "markers",
-        name,
-        x: numbers(),
-        y,
-        customdata: numbers(),
-        marker: { color: colour, size: size(), symbol },
-        text: numbers().map((k) => `seed ${seeds[k]}`),
-        hovertemplate: "%{text}<br>%{y:.3g} s<extra></extra>",
-        ...more,
-      });
+      const marks = (name, y, color, symbol, more) =>
+        report.points(numbers(), y, {
+          name,
+          customdata: numbers(),
+          marker: { color, size: size(), symbol },
+          text: numbers().map(seedName),
+          hovertemplate: "%{text}<br>%{y:.3g} s<extra></extra>",
+          ...more,
+        });
+      const whole = one.figures.planning.map((value) => value || null);
+      const spread = report.errors(middle, low, high, { color: colours.moving, thickness: 1.4, width: 0 });
       return {
         height: 360,
         data: [
-          marks(
-            "all planning of the mission",
-            one.figures.planning.map((value) => value || null),
-            colours.earlier,
-            "square",
-          ),
-          marks("a path planning call, median", middle, colours.plan, "circle", {
-            error_y: {
-              type: "data",
-              symmetric: false,
-              array: middle.map((value, k) => high[k] - value),
-              arrayminus: middle.map((value, k) => value - low[k]),
-              color: colours.moving,
-              thickness: 1.4,
-              width: 0,
-            },
-          }),
+          marks("all planning of the mission", whole, colours.earlier, "square"),
+          marks("a path planning call, median", middle, colours.plan, "circle", { error_y: spread }),
         ],
         layout: {
-          showlegend: true,
-          legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 },
+          ...report.legendAbove,
           margin: { l: 62, r: 14, t: 34, b: 46 },
           xaxis: seedAxis(colours),
           yaxis: report.logAxis(colours, "time of planning [s]", [...one.figures.planning, ...low, ...high], {
@@ -546,14 +475,7 @@
   // --- missions ------------------------------------------------------------------------------------------
 
   const scatter = report.element("div", { id: "scatter" });
-  const pick = (id, chosen) =>
-    report.element(
-      "select",
-      { id, onchange: () => cloud.draw() },
-      MEASURES.map(([name, words]) =>
-        report.element("option", { value: name, selected: name === chosen }, words),
-      ),
-    );
+  const pick = (id, chosen) => report.select({ id, onchange: () => cloud.draw() }, MEASURES, chosen);
   const [across, up] = [pick("across", "t_residual"), pick("up", "total_priority")];
   const table = report.element("div");
   report.section(
@@ -575,31 +497,20 @@
     (colours) => {
       const one = now();
       const words = (list) => MEASURES.find(([name]) => name === list.value)[1];
-      const group = (wanted, name, colour, symbol) => {
-        const chosen = numbers().filter((k) => one.success[k] === wanted);
-        return {
-          type: "scatter",
-          mode: "markers",
-          name,
-          x: chosen.map((k) => one.figures[across.value][k]),
-          y: chosen.map((k) => one.figures[up.value][k]),
-          customdata: chosen,
-          text: chosen.map((k) => `seed ${seeds[k]}`),
-          marker: {
-            size: chosen.map((k) => (k === state.mission ? 15 : 8)),
-            color: colour,
-            symbol,
-            line: { color: colours.text, width: chosen.map((k) => (k === state.mission ? 2 : 0)) },
-          },
-          hovertemplate: "%{text}<br>%{x:,.4g}, %{y:,.4g}<extra></extra>",
-        };
-      };
       return {
         height: 360,
-        data: [group(true, "on time", colours.plan, "circle"), group(false, "failed", colours.earlier, "x")],
+        data: groups(
+          colours,
+          (k) => one.figures[across.value][k],
+          (k) => one.figures[up.value][k],
+          "%{x:,.4g}, %{y:,.4g}",
+          (chosen) => ({
+            size: chosen.map((k) => (k === state.mission ? 15 : 8)),
+            line: { color: colours.text, width: chosen.map((k) => (k === state.mission ? 2 : 0)) },
+          }),
+        ),
         layout: {
-          showlegend: true,
-          legend: { orientation: "h", y: 1.02, yanchor: "bottom", x: 0 },
+          ...report.legendAbove,
           margin: { l: 62, r: 14, t: 34, b: 46 },
           xaxis: report.axis(colours, words(across)),
           yaxis: report.axis(colours, words(up), { automargin: true }),
@@ -630,18 +541,13 @@
                 String(seeds[k]),
               ),
           },
-          {
-            title: "outcome",
-            words: true,
+          report.words("outcome", (k) => (one.success[k] ? "on time" : "failed"), {
             key: (k) => Number(one.success[k]),
-            text: (k) => (one.success[k] ? "on time" : "failed"),
             class: (k) => (one.success[k] ? "good-cell" : "bad-cell"),
-          },
-          ...MEASURES.map(([name, words, decimals]) => ({
-            title: words,
-            key: (k) => one.figures[name][k],
-            text: (k) => report.fixed(one.figures[name][k], decimals),
-          })),
+          }),
+          ...MEASURES.map(([name, words, decimals]) =>
+            report.number(words, (k) => one.figures[name][k], decimals),
+          ),
         ],
         numbers(),
         { id: "missions-table" },
@@ -676,49 +582,28 @@
       { id: "mission-title" },
       `Seed ${seed}${cases.length > 1 ? `, ${caseName(one)}` : ""}`,
     );
-    const columns = report.element(
-      "div",
-      { class: "pair" },
-      report.element("div", {}, report.facts("Figures", facts)),
-      report.element("div", {}, ways(one, number, seed)),
-    );
+    const columns = report.pair(report.facts("Figures", facts), ways(one, number, seed));
     detail.replaceChildren(title, columns);
     if (told) {
       const host = report.element("div", { class: "map", id: "route" });
-      const routes = told.routes.map((route, k) => [route, k]);
-      const list = report.element(
-        "select",
-        { id: "route-made", onchange: () => route.figure.draw() },
-        report.element("option", { value: "-1" }, "way taken"),
-        routes.map(([[cause, made], k]) =>
-          report.element(
-            "option",
-            { value: k },
-            k ? `route R${k} at ${report.fixed(made)} s, ${cause}` : "first route",
-          ),
-        ),
-      );
+      const list = report.select({ id: "route-made", onchange: () => route.figure.draw() }, [
+        ["-1", "way taken"],
+        ...told.routes.map(([cause, made], k) => [
+          k,
+          k ? `route R${k} at ${report.fixed(made)} s, ${cause}` : "first route",
+        ]),
+      ]);
       const legs = report.table(
         report.counted(told.legs.length, "leg"),
         [
           { title: "leg", key: (leg) => told.legs.indexOf(leg), text: (_, k) => String(k + 1) },
-          { title: "from → to", words: true, text: ([from, to]) => `${from} → ${to}` },
-          { title: "expected, s", key: (leg) => leg[2], text: (leg) => report.fixed(leg[2]) },
-          { title: "executed, s", key: (leg) => leg[3], text: (leg) => report.fixed(leg[3]) },
-          { title: "task, s", key: (leg) => leg[4], text: (leg) => report.fixed(leg[4]) },
-          {
-            title: "priority",
-            key: (leg) => leg[5],
-            text: (leg) => (leg[5] ? report.figure(leg[5], 3) : "–"),
-          },
-          { title: "re-plans", key: (leg) => leg[6], text: (leg) => report.fixed(leg[6]) },
-          {
-            title: "reached",
-            words: true,
-            key: (leg) => leg[7],
-            text: (leg) => (leg[7] === 1 ? "yes" : "no"),
-            class: (leg) => (leg[7] === 1 ? "" : "bad-cell"),
-          },
+          report.words("from → to", ([from, to]) => `${from} → ${to}`),
+          report.number("expected, s", 2),
+          report.number("executed, s", 3),
+          report.number("task, s", 4),
+          report.weight("priority", (leg) => leg[5], "–"),
+          report.number("re-plans", 6),
+          report.yesNo("reached", (leg) => leg[7] === 1, true),
         ],
         told.legs,
         { id: "mission-legs" },
@@ -726,35 +611,26 @@
       const made = report.table(
         "Routes",
         [
-          { title: "route", words: true, text: (_, k) => (k ? `R${k}` : "first") },
-          { title: "cause", words: true, text: ([cause]) => cause },
+          report.words("route", (_, k) => (k ? `R${k}` : "first")),
+          report.words("cause", ([cause]) => cause),
           { title: "made at, s", text: (route) => report.fixed(route[1]) },
           { title: "expected, s", text: (route) => report.fixed(route[2]) },
           { title: "priority", text: (route) => report.figure(route[3], 3) },
-          { title: "waypoints", words: true, class: "long", text: (route) => route[4].join(" → ") },
+          report.words("waypoints", (route) => route[4].join(" → "), { class: "long" }),
         ],
         told.routes,
         { id: "mission-routes" },
       );
-      detail.append(
-        report.element(
-          "div",
-          { class: "pair", style: "margin-top: 1.1rem" },
-          report.element(
-            "div",
-            {},
-            report.element("div", { class: "choices" }, report.element("label", {}, "Shown", list)),
-            host,
-            report.element(
-              "p",
-              { class: "quiet small" },
-              "Straight lines between waypoints: a study keeps no tracks.",
-            ),
-          ),
-          report.element("div", {}, legs),
-        ),
-        made,
+      const beside = report.pair(
+        [
+          report.element("div", { class: "choices" }, report.element("label", {}, "Shown", list)),
+          host,
+          report.remark("Straight lines between waypoints: a study keeps no tracks."),
+        ],
+        legs,
       );
+      beside.style.marginTop = "1.1rem";
+      detail.append(beside, made);
       route = study.map && routeMap(host, list, told);
     }
     if (scroll) {
@@ -828,50 +704,29 @@
         const route = Number(list.value);
         const nodes = route < 0 ? way : told.routes[route][4];
         const until = route < 0 ? [] : way.slice(0, Math.max(way.lastIndexOf(nodes[0]) + 1, 0));
-        const line = (chosen, name, colour, width) => ({
-          type: "scatter",
-          mode: "lines+markers",
-          name,
-          hoverinfo: "skip",
-          x: chosen.map((node) => place(node)[1] / unit),
-          y: chosen.map((node) => place(node)[0] / unit),
-          line: { color: colour, width },
-          marker: { symbol: "arrow", angleref: "previous", size: 11, color: colour },
-        });
+        const at = (chosen, more) =>
+          report.points(
+            chosen.map((node) => place(node)[1] / unit),
+            chosen.map((node) => place(node)[0] / unit),
+            { hoverinfo: "skip", ...more },
+          );
+        const line = (chosen, name, color, width) =>
+          at(chosen, {
+            mode: "lines+markers",
+            name,
+            line: { color, width },
+            marker: { symbol: "arrow", angleref: "previous", size: 11, color },
+          });
+        const end = (node, color, symbol, size) =>
+          at([node], { marker: { symbol, size, color, line: { color: "#000000", width: 1 } } });
         const every = Array.from({ length: count }, (_, node) => node);
+        const open = { size: 6, color: colours.card, line: { color: colours.quiet, width: 1.3 } };
         return [
-          {
-            type: "scatter",
-            mode: "markers",
-            name: "waypoints",
-            hoverinfo: "skip",
-            x: every.map((node) => place(node)[1] / unit),
-            y: every.map((node) => place(node)[0] / unit),
-            marker: {
-              symbol: "circle",
-              size: 6,
-              color: colours.card,
-              line: { color: colours.quiet, width: 1.3 },
-            },
-          },
+          at(every, { name: "waypoints", marker: { symbol: "circle", ...open } }),
           line(until, "executed before", colours.left, 2),
           line(nodes, route < 0 ? "executed" : "route", route < 0 ? colours.track : colours.plan, 2),
-          ...[
-            [nodes[0], colours.start, "circle"],
-            [nodes[nodes.length - 1], colours.task, "star"],
-          ].map(([node, colour, symbol]) => ({
-            type: "scatter",
-            mode: "markers",
-            hoverinfo: "skip",
-            x: [place(node)[1] / unit],
-            y: [place(node)[0] / unit],
-            marker: {
-              symbol,
-              size: symbol === "star" ? 15 : 11,
-              color: colour,
-              line: { color: "#000000", width: 1 },
-            },
-          })),
+          end(nodes[0], colours.start, "circle", 11),
+          end(nodes[nodes.length - 1], colours.task, "star", 15),
         ];
       },
       labels,

@@ -1,5 +1,7 @@
-"""NetCDF by the CF conventions: planned and executed legs as trajectories in a contiguous ragged array."""
+"""Tables: waypoints as comma-separated values, all samples as CF trajectories in NetCDF."""
 
+import csv
+import io
 from datetime import UTC
 from pathlib import Path
 from typing import Any
@@ -8,16 +10,55 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike
 
-from auvplan.export.itinerary import ExportError, Itinerary, Track
-from auvplan.files import OutputError, write_dataset
+from auvplan.export.itinerary import ExportError, Itinerary, Track, degrees, metres, moment, waypoints
+from auvplan.files import OutputError, write_atomically, write_dataset
 from auvplan.io.fields import motion_variables
-from auvplan.io.results import TIME_UNITS
+from auvplan.io.schema import TIME_UNITS
 from auvplan.motion import Motion
 from auvplan.site import as_utc
 
+#: Degrees; metres, north and east in the local frame, depth positive down; UTC; s; the task's priority.
+#: Yaw and pitch of the hull, degrees, and its surge, sway and heave, m/s, are those of the planned path at
+#: that place: the bearing of the straight line to the next waypoint may differ.
+COLUMNS = (
+    "leg", "seq", "name", "lon", "lat", "depth", "time", "north", "east", "hold", "task", "note",
+    "yaw", "pitch", "surge", "sway", "heave",
+)  # fmt: skip
+
+
+def write_csv(itinerary: Itinerary, path: str | Path) -> Path:
+    """Write a `.csv` file.
+
+    Times are empty where the site has no epoch, attitude and velocities where they are not known; notes stand
+    where legs end, and with the first waypoint what concerns all.
+
+    Raises:
+        OutputError: the operating system refused; one line that names the file.
+    """
+    notes = {leg.number: leg.note for leg in itinerary.legs}
+    about = "; ".join((*itinerary.sources, *itinerary.warnings))
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for sequence, row in enumerate(waypoints(itinerary), 1):
+        note = notes[row.leg] if row.ends_leg else about if sequence == 1 else ""
+        writer.writerow((
+            row.leg, sequence, row.name, degrees(row.longitude), degrees(row.latitude), metres(row.depth),
+            moment(itinerary.site, row.seconds) or "", metres(row.position[0]), metres(row.position[1]),
+            f"{row.hold:.1f}", f"{row.priority:g}", note,
+            *(_known(value, 2) for value in (row.yaw, row.pitch)),
+            *(_known(value, 3) for value in row.body_velocity),
+        ))  # fmt: skip
+    return write_atomically(path, lambda part: part.write_text(text.getvalue(), encoding="utf-8"))
+
+
+def _known(value: float, decimals: int) -> str:
+    """Return a number, never -0, or nothing where it is NaN."""
+    return "" if np.isnan(value) else f"{round(float(value), decimals) + 0.0:.{decimals}f}"
+
 
 def trajectories(itinerary: Itinerary) -> xr.Dataset:
-    """Return all samples of all legs, planned first, then executed; `waypoint` marks what was kept."""
+    """Return all samples of all legs as a contiguous ragged array, planned first, then executed."""
     planned = [Track(leg.times, leg.positions, leg.motion) for leg in itinerary.legs]
     tracks = [*planned, *itinerary.executed]
     names = [f"plan, leg {leg.number}" for leg in itinerary.legs]
@@ -26,6 +67,9 @@ def trajectories(itinerary: Itinerary) -> xr.Dataset:
     longitude, latitude = itinerary.site.to_geographic(places[:, 0], places[:, 1])
     kept = [np.isin(np.arange(len(leg.times)), leg.kept) for leg in itinerary.legs]
     kept += [np.zeros(len(track.times), bool) for track in itinerary.executed]
+    units = TIME_UNITS
+    if (epoch := itinerary.site.epoch) is not None:
+        units = f"seconds since {as_utc(epoch).astimezone(UTC).replace(tzinfo=None).isoformat(' ')}"
     flags = {"flag_values": np.asarray([0, 1], np.int8)}
     dataset = xr.Dataset({
         "trajectory": _variable(
@@ -41,7 +85,7 @@ def trajectories(itinerary: Itinerary) -> xr.Dataset:
         ),
         "time": _variable(
             "obs", np.concatenate([track.times for track in tracks]), "time", standard_name="time",
-            units=_units(itinerary), calendar="standard", axis="T",
+            units=units, calendar="standard", axis="T",
         ),
         "lon": _variable(
             "obs", longitude, "longitude", standard_name="longitude", units="degrees_east", axis="X"
@@ -81,13 +125,6 @@ def write_netcdf(itinerary: Itinerary, path: str | Path) -> Path:
 
 def _variable(dims: str, values: ArrayLike, name: str, **attrs: Any) -> xr.Variable:
     return xr.Variable(dims, np.asarray(values), {"long_name": name} | attrs)
-
-
-def _units(itinerary: Itinerary) -> str:
-    epoch = itinerary.site.epoch
-    if epoch is None:
-        return TIME_UNITS
-    return f"seconds since {as_utc(epoch).astimezone(UTC).replace(tzinfo=None).isoformat(' ')}"
 
 
 def _attributes(itinerary: Itinerary) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Depths: contours of the sea bed on maps, vertical sections along a path."""
+"""Vertical sections along a path, below its map."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -6,50 +6,15 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.gridspec import GridSpec
-from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import MaxNLocator
 
-from auvplan.export.section import Section
-from auvplan.ocean.seabed import Seabed
 from auvplan.plot import style
+from auvplan.plot.maps import unit_of
 from auvplan.records import MissionRun
+from auvplan.view.section import Section
 
-#: Contours at most, and pixels along an edge from which on they are drawn from fewer.
-_LEVELS, _EDGE = 7, 400
-_COLOUR = "#7fa6c4"
-#: The sea bed in sections, and the height of a section, inches.
+#: The sea bed, and the height of a section, inches.
 _BED, SECTION = "#a08c5b", 2.3
-
-
-def draw_depths(axes: Axes, seabed: Seabed | None, unit: style.Unit) -> list[Line2D]:
-    """Contours of depth with their metres, at round numbers; returns what a legend says about them.
-
-    Args:
-        axes: whose limits stay as they are.
-        seabed: or None, then nothing is drawn.
-        unit: of the axes.
-    """
-    if seabed is None:
-        return []
-    step = max(1, max(seabed.shape) // _EDGE)
-    depth = np.asarray(seabed.depth)[::step, ::step]
-    size, corner = float(np.asarray(seabed.pixel_size)), np.asarray(seabed.origin, float)
-    north, east = (
-        (corner[k] + size * (step * np.arange(depth.shape[k]) + 0.5)) / unit.metres for k in range(2)
-    )
-    deepest = float(depth.max())
-    levels = [
-        level for level in MaxNLocator(_LEVELS).tick_values(0.0, max(deepest, 1.0)) if 0 < level < deepest
-    ]
-    if min(depth.shape) < 2 or not levels:
-        return []
-    limits = axes.get_xlim(), axes.get_ylim()
-    lines = axes.contour(east, north, depth, levels, colors=_COLOUR, linewidths=0.7, zorder=0.2)
-    axes.clabel(lines, fmt="%g", fontsize=6.5, inline_spacing=2)
-    axes.set_xlim(*limits[0])
-    axes.set_ylim(*limits[1])
-    return [Line2D([], [], color=_COLOUR, lw=0.9, label="depth [m]")]
 
 
 def add_section(above: Axes, sections: Sequence[Section], run: MissionRun | None = None) -> dict[str, Any]:
@@ -68,12 +33,12 @@ def add_section(above: Axes, sections: Sequence[Section], run: MissionRun | None
     above.set_subplotspec(grid[0])
     axes = figure.add_subplot(grid[1], label="section")
     figure.sca(above)
-    unit = style.Unit.for_extent(float(sections[-1].distance[-1]))
+    name, metres = unit_of(float(sections[-1].distance[-1]))
     fastest = np.concatenate([np.abs(section.along[np.isfinite(section.along)]) for section in sections])
     scale = max(float(np.quantile(fastest, 0.995)) if len(fastest) else 0.0, 1e-3)
-    handles: dict[str, Any] = {"path": Line2D([], [], color="black", lw=2.0, label="path, in the section")}
+    handles: dict[str, Any] = {"path": style.line("path, in the section", color="black", lw=2.0)}
     for section in sections:
-        x, depth = section.distance / unit.metres, section.depth
+        x, depth = section.distance / metres, section.depth
         image = axes.imshow(
             section.along, cmap="PRGn", vmin=-scale, vmax=scale, aspect="auto", zorder=0,
             extent=(x[0], x[-1], depth[-1], depth[0]), interpolation="bilinear",
@@ -90,31 +55,31 @@ def add_section(above: Axes, sections: Sequence[Section], run: MissionRun | None
             handles["bed"] = Patch(facecolor=_BED, edgecolor="black", label="sea bed")
         for line in section.earlier:
             kind: dict[str, Any] = {"color": style.RED, "ls": "--", "lw": 1.1}
-            axes.plot(line[:, 0] / unit.metres, line[:, 1], zorder=3, **kind)
-            handles["earlier"] = Line2D([], [], label="earlier plan, in the section", **kind)
+            axes.plot(line[:, 0] / metres, line[:, 1], zorder=3, **kind)
+            handles["earlier"] = style.line("earlier plan, in the section", **kind)
         axes.plot(
-            section.way[:, 0] / unit.metres, section.way[:, 1], color="black", lw=2.0,
+            section.way[:, 0] / metres, section.way[:, 1], color="black", lw=2.0,
             path_effects=style.halo(3.4), zorder=4,
         )  # fmt: skip
     axes.set(
-        xlim=(0.0, sections[-1].distance[-1] / unit.metres), ylim=(depth[-1], depth[0]),
-        xlabel=f"distance along the path [{unit.name}]", ylabel="depth [m]",
+        xlim=(0.0, sections[-1].distance[-1] / metres), ylim=(depth[-1], depth[0]),
+        xlabel=f"distance along the path [{name}]", ylabel="depth [m]",
     )  # fmt: skip
     axes.tick_params(labelsize=8)
     bar = figure.colorbar(image, ax=axes, pad=0.02, extend="both")
     bar.set_label("current along\nthe path [m/s]", fontsize=8)
     bar.ax.tick_params(labelsize=8)
     if run is not None:
-        _name_ends(axes, sections, run, unit)
+        _name_ends(axes, sections, run, metres)
     return handles
 
 
-def _name_ends(axes: Axes, sections: Sequence[Section], run: MissionRun, unit: style.Unit) -> None:
+def _name_ends(axes: Axes, sections: Sequence[Section], run: MissionRun, metres: float) -> None:
     """Mark where legs begin and end, and write the waypoints' names above as far as there is room."""
     size, taken = 7.0, -np.inf
     point = axes.get_xlim()[1] / (72.0 * 0.8 * style.figure_of(axes).get_figwidth())
     ends = [
-        (distance / unit.metres, run.called(node))
+        (distance / metres, run.called(node))
         for section in sections
         if (leg := section.leg)
         for distance, node in ((section.distance[0], leg.start), (section.distance[-1], leg.goal))

@@ -1,15 +1,23 @@
-"""The time line of a mission: legs as routes planned them and as executed, and times in words."""
+"""The time line of a mission: legs as routes planned them and as executed, closed areas, times in words."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any, NamedTuple
+from zoneinfo import ZoneInfo
 
 import numpy as np
 
 from auvplan.mission.timetable import Timetable
-from auvplan.ocean.closures import Closure
 from auvplan.records import MissionRun, RouteRecord
 from auvplan.words import hours
+
+#: What a vehicle does at the last waypoint, in words.
+END_BEHAVIOURS = {
+    "surface": "surface at the last waypoint",
+    "station": "keep station at the last waypoint, at its depth",
+    "loiter": "loiter about the last waypoint, at its depth",
+}
 
 
 @dataclass(frozen=True)
@@ -102,12 +110,40 @@ def time_in_words(run: MissionRun, seconds: float) -> str:
     return hours(seconds) if moment is None else f"{moment:%H:%M}"
 
 
-def stated_closures(run: MissionRun) -> list[Closure]:
-    """Return the areas that are closed at some hours, closed as long as stated: without `safety.closing`."""
-    return [closure.widened(-run.safety.closing) for closure in run.closures]
+def time_zone(run: MissionRun) -> str:
+    """Return the name of the local time zone, or nothing."""
+    return str((run.scenario.get("site") or {}).get("timezone") or "")
+
+
+def moment_in_words(run: MissionRun, seconds: float) -> str:
+    """Return a moment to the minute with its date, in UTC and local time; since the departure without one."""
+    moment = None if run.site is None else run.site.utc(60.0 * round(seconds / 60.0))
+    if moment is None:
+        return f"after {hours(seconds)}"
+    zone = time_zone(run)
+    local = f", {moment.astimezone(ZoneInfo(zone)):%Y-%m-%d %H:%M} {zone.split('/')[-1]}" if zone else ""
+    return f"{moment:%Y-%m-%d %H:%M} UTC{local}"
 
 
 def closures_in_words(run: MissionRun) -> list[str]:
-    """Return the name of each such area and when it is closed."""
+    """Return the name of each area that is closed at some hours, and when it is closed."""
     zone = "" if run.site is None or run.site.epoch is None else " UTC"
-    return [f"{closure.name} {spans_in_words(run, closure.spans)}{zone}" for closure in stated_closures(run)]
+    return [f"{closure.name} {spans_in_words(run, closure.spans)}{zone}" for closure in run.stated_closures]
+
+
+class ClosedArea(NamedTuple):
+    """An area on maps: its name with its hours, rings [n, 2] m, spans [m, 2] s in which it is closed."""
+
+    name: str
+    rings: Sequence[Any]
+    spans: Any
+
+
+def closed_areas(run: MissionRun) -> list[ClosedArea]:
+    """Return the areas that are closed at some hours, and then those that always are."""
+    timed = zip(closures_in_words(run), run.stated_closures, strict=True)
+    always = [[-np.inf, np.inf]]
+    return [
+        *(ClosedArea(name, closure.rings, closure.spans) for name, closure in timed),
+        *(ClosedArea(zone.name, zone.rings, always) for zone in run.zones),
+    ]

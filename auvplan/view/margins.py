@@ -9,13 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from auvplan.check.track import Coast, Walk
 from auvplan.records import LegRecord, MissionRun
-from auvplan.schedule import stated_closures
-from auvplan.simulation.world import KNOWN
+from auvplan.view.scene import FAR, true_obstacles
 
 Array = NDArray[np.floating]
-
-#: m; what is farther away is not there.
-FAR = 1e5
 
 
 @dataclass(frozen=True)
@@ -28,7 +24,7 @@ class Margins:
         bed: [n] above the sea bed.
         obstacle: [n] to the surface of an obstacle, known or met; negative inside.
 
-    What there is none of is infinitely far away.
+    What there is none of, or nowhere near, is infinitely far away.
     """
 
     coast: Array
@@ -75,7 +71,8 @@ class Margins:
         near = [obstacle.distance(walk.positions, walk.times) for obstacle in run.obstacles]
         near += list((np.linalg.norm(walk.obstacles - walk.positions[:, None], axis=2) - np.asarray(radii)).T)
         obstacle = least(np.min(near, axis=0)) if near else nothing
-        return cls(coast, _to_closed(run, times, places), bed, obstacle)
+        found = coast, _to_closed(run, times, places), bed, obstacle
+        return cls(*(np.where(values < FAR, values, np.inf) for values in found))
 
     @classmethod
     def joined(cls, parts: Sequence["Margins"]) -> "Margins":
@@ -83,10 +80,10 @@ class Margins:
         names = [field.name for field in fields(cls)]
         return cls(*(np.concatenate([np.zeros(0), *(getattr(p, name) for p in parts)]) for name in names))
 
-    def least(self) -> dict[str, float | None]:
-        """Return the least of each; None of what there is none of."""
-        found = {field.name: float(getattr(self, field.name).min(initial=np.inf)) for field in fields(self)}
-        return {name: value if value < FAR else None for name, value in found.items()}
+    def least(self, part: slice = slice(None)) -> dict[str, float | None]:
+        """Return the least of each on a part of the records; None of what there is none of."""
+        found = {name: float(values[part].min(initial=np.inf)) for name, values in vars(self).items()}
+        return {name: value if np.isfinite(value) else None for name, value in found.items()}
 
 
 def _to_closed(run: MissionRun, times: Array, places: Array) -> Array:
@@ -97,27 +94,8 @@ def _to_closed(run: MissionRun, times: Array, places: Array) -> Array:
     found = np.full(len(times), np.inf)
     for zone in run.zones:
         found = np.minimum(found, shapely.distance(ways, zone.polygon))
-    for closure in stated_closures(run):
+    for closure in run.stated_closures:
         area = shapely.union_all([shapely.Polygon(ring) for ring in closure.rings])
         shut = np.any([(until >= begins) & (times <= ends) for begins, ends in closure.spans], axis=0)
         found = np.where(shut, np.minimum(found, shapely.distance(ways, area)), found)
     return found
-
-
-def true_obstacles(leg: LegRecord) -> tuple[Array, Array]:
-    """Places [n, M, 3] m and radii [M] m of what was not known before, as single precision has them.
-
-    That is how files keep them. The simulator puts obstacles that find no room on a leg out of the way: they
-    are left out.
-    """
-    shown = shown_obstacles(leg)
-    tracks, radii = (np.asarray(part, np.float32) for part in (leg.obstacle_positions, leg.obstacle_radii))
-    return tracks[:, shown].astype(float), radii[shown].astype(float)
-
-
-def shown_obstacles(leg: LegRecord) -> list[int]:
-    """Numbers of the obstacles that were not known before and are anywhere near."""
-    if not len(leg.times):
-        return []
-    away = np.abs(leg.obstacle_positions[0] - leg.positions[0]).max(axis=1, initial=0.0)
-    return [m for m, kind in enumerate(leg.obstacle_kinds) if kind != KNOWN and away[m] < FAR]

@@ -8,16 +8,13 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from auvplan.export.margins import shown_obstacles, true_obstacles
 from auvplan.ocean.currents import evaluated
-from auvplan.ocean.obstacles import CONFIDENCE
 from auvplan.ocean.seabed import Seabed
 from auvplan.path.plan import PathPlan
 from auvplan.records import LegRecord, MissionRun
 from auvplan.scenario.scenario import Scenario
-from auvplan.scenario.settings import SensorSettings
-from auvplan.simulation.simulator import TIME_STEP
 from auvplan.simulation.world import KNOWN
+from auvplan.view.scene import as_filed, grown, shown_obstacles, true_obstacles
 
 Array = NDArray[np.floating]
 Velocity = Callable[..., Sequence[Array]]
@@ -93,8 +90,7 @@ class _Way:
 
     @classmethod
     def of(cls, times: Array, places: Array, cells: int, begin: float = 0.0) -> "_Way":
-        # Single precision, as files keep them: what comes from these is the same.
-        places = np.asarray(places, np.float32).astype(float)
+        places = as_filed(places)
         row = begin + _arc(places)
         distance = np.linspace(row[0], row[-1], PARTS * cells + 1)
         time, *axes = (np.interp(distance, row, values) for values in (times, *places.T))
@@ -224,16 +220,11 @@ def _cut(kind: str, way: _Way, centre: Array, radius: float, grown: ArrayLike) -
 
 def _leg_cuts(run: MissionRun, leg: LegRecord, way: _Way) -> list[Cut]:
     """Obstacles of a leg, the true ones, and those known beforehand, upright cylinders."""
-    found, (tracks, radii), rule = [], true_obstacles(leg), sensing_data(run)
-    for m, (number, seen) in enumerate(zip(shown_obstacles(leg), looks(run, leg), strict=True)):
+    (tracks, radii), margins = true_obstacles(leg), grown(run, leg, way.time)
+    found = []
+    for m, number in enumerate(shown_obstacles(leg)):
         centre = np.stack([np.interp(way.time, leg.times, axis) for axis in tracks[:, m].T], axis=1)
-        grown = np.full(len(way.time), radii[m])
-        if rule is not None:
-            last = np.searchsorted(seen, way.time, side="right") - 1
-            since = way.time - np.where(last < 0, leg.times[0], np.append(seen, 0.0)[last])
-            grown += np.where(last < 0, rule["prior"], rule["seen"])
-            grown += np.minimum(rule["growth"] * since, rule["growth_max"])
-        found.append(_cut(leg.obstacle_kinds[number], way, centre, float(radii[m]), grown))
+        found.append(_cut(leg.obstacle_kinds[number], way, centre, radii[m], radii[m] + margins[:, m]))
     for known in run.obstacles:
         centre = np.asarray(known.position) + way.time[:, None] * np.asarray(known.velocity)
         inside = np.linalg.norm(centre - way.at[:, :2], axis=1) < known.radius
@@ -265,44 +256,9 @@ def _earlier(leg: LegRecord | None, way: _Way) -> tuple[Array, ...]:
     found = []
     for number, plan in enumerate(leg.plans):
         if number not in leg.followed_numbers[-1:]:
-            places = np.asarray(plan.positions, np.float32).astype(float)
+            places = as_filed(plan.positions)
             arc = _arc(places)
             begin = float(np.interp(plan.made_at, way.times, way.row))
             share = arc / max(arc[-1], 1e-9)
             found.append(np.stack([begin + share * (way.row[-1] - begin), places[:, 2]], axis=1))
     return tuple(found)
-
-
-def looks(run: MissionRun, leg: LegRecord) -> list[Array]:
-    """Return the moments, s, at which the vehicle measured each obstacle within sensor range on its way."""
-    sensors = _sensors(run)
-    apart = max(1, round(sensors.interval / TIME_STEP)) * TIME_STEP
-    times = np.arange(leg.times[0] + apart, leg.times[-1], apart)
-
-    def at(track: Array) -> Array:
-        return np.stack([np.interp(times, leg.times, axis) for axis in np.asarray(track, float).T], axis=1)
-
-    vehicle, (tracks, radii) = at(leg.positions), true_obstacles(leg)
-    away = [np.linalg.norm(at(tracks[:, m]) - vehicle, axis=1) - radii[m] for m in range(len(radii))]
-    return [times[distance <= sensors.range] for distance in away]
-
-
-def sensing_data(run: MissionRun) -> dict[str, float] | None:
-    """How a boundary grows between two looks; None of a plan, which no sensor went into."""
-    if not run.simulated:
-        return None
-    sensors = _sensors(run)
-    # The errors of place and radius add up.
-    spread = CONFIDENCE * 2.0**0.5
-    return {
-        "range": sensors.range,
-        "interval": sensors.interval,
-        "prior": spread * sensors.prior_std,
-        "seen": spread * sensors.position_std,
-        "growth": sensors.growth,
-        "growth_max": sensors.growth_max,
-    }
-
-
-def _sensors(run: MissionRun) -> SensorSettings:
-    return SensorSettings.model_validate(run.scenario.get("sensors", {}))

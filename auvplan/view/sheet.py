@@ -11,12 +11,10 @@ from typing import Any, NamedTuple
 from zoneinfo import ZoneInfo
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import shortest_path
 
-from auvplan.export.itinerary import END_BEHAVIOURS
-from auvplan.export.margins import Margins
 from auvplan.files import write_atomically
 from auvplan.mission.graph import shortest_way, time_to_go
 from auvplan.mission.jobs import jobs_done, jobs_of
@@ -25,8 +23,16 @@ from auvplan.mission.travel_times import ONE_PLACE
 from auvplan.path.reasons import lengthening
 from auvplan.records import LegRecord, MissionRun
 from auvplan.scenario.provenance import SourceFile, source_files
-from auvplan.schedule import closures_in_words, spans_in_words, time_in_words
-from auvplan.site import Site
+from auvplan.view.margins import Margins
+from auvplan.view.scene import waypoint_name
+from auvplan.view.timeline import (
+    END_BEHAVIOURS,
+    closures_in_words,
+    moment_in_words,
+    spans_in_words,
+    time_in_words,
+    time_zone,
+)
 from auvplan.words import clearance, figure, hours
 
 
@@ -199,14 +205,8 @@ class MissionSheet:
 
 #: Columns of the sheet that are left out where they have nothing to say.
 _OPTIONAL = (
-    "latitude, longitude",
-    "transit, m",
-    "window",
-    "wait, s",
-    "hold, s",
-    "closed, m",
-    "bed, m",
-    "obstacle, m",
+    *("latitude, longitude", "transit, m", "window", "wait, s", "hold, s"),
+    *("closed, m", "bed, m", "obstacle, m"),
 )
 
 
@@ -226,8 +226,8 @@ def sheet_of(run: MissionRun) -> MissionSheet:
     epoch = None if run.site is None else run.site.utc(0.0)
     facts = {
         "outcome": run.reason,
-        "departure": "no date" if epoch is None else _moment(run, 0.0),
-        "arrival": _moment(run, run.t_mission),
+        "departure": "no date" if epoch is None else moment_in_words(run, 0.0),
+        "arrival": moment_in_words(run, run.t_mission),
         "time": f"{hours(run.t_mission)} of {hours(run.t_available)} ({run.t_mission:.0f} of "
         f"{run.t_available:.0f} s)",
         "time left": f"{hours(run.t_residual)}, of which no plan uses {run.planning.reserve:g} s",
@@ -251,7 +251,7 @@ def sheet_of(run: MissionRun) -> MissionSheet:
         tuple(_warnings(run, stops)),
         source_files(run.scenario, run.folder),
         run.assumed,
-        _zone(run),
+        time_zone(run),
         float((run.scenario.get("chart") or {}).get("accuracy") or 0.0),
         run.coast_reach,
     )
@@ -316,26 +316,6 @@ def _bounded(run: MissionRun) -> str:
     )
 
 
-def _zone(run: MissionRun) -> str:
-    return str((run.scenario.get("site") or {}).get("timezone") or "")
-
-
-def waypoint_name(run: MissionRun, node: int) -> str:
-    """Return a waypoint for people: its name, or its number where it has none."""
-    if run.names:
-        return run.called(node)
-    return {run.start: "start", run.goal: "goal"}.get(node, f"waypoint {node}")
-
-
-def _moment(run: MissionRun, seconds: float) -> str:
-    moment = None if run.site is None else run.site.utc(60.0 * round(seconds / 60.0))
-    if moment is None:
-        return f"after {hours(seconds)}"
-    zone = _zone(run)
-    local = f", {moment.astimezone(ZoneInfo(zone)):%Y-%m-%d %H:%M} {zone.split('/')[-1]}" if zone else ""
-    return f"{moment:%Y-%m-%d %H:%M} UTC{local}"
-
-
 def _stop(run: MissionRun, leg: LegRecord | None, arrival: float) -> Stop:
     """Return the end of a leg, or the start."""
     node = run.start if leg is None else leg.goal
@@ -344,6 +324,10 @@ def _stop(run: MissionRun, leg: LegRecord | None, arrival: float) -> Stop:
     times = np.zeros(1) if leg is None else leg.times
     speeds = steps[np.diff(times) > 0.0] / np.diff(times)[np.diff(times) > 0.0]
     margins = Margins.along(run, times, places) if leg is None else Margins.of(run, leg)
+    place = None
+    if run.site is not None:  # to a tenth of a metre
+        longitude, latitude = run.site.to_geographic(*np.asarray(run.graph.positions[node], float)[:2])
+        place = round(float(longitude), 6), round(float(latitude), 6)
     task = "" if leg is None or not leg.priority else _task_name(run, leg)
     if leg is not None and leg.missed:
         task = "out of its window"
@@ -361,7 +345,7 @@ def _stop(run: MissionRun, leg: LegRecord | None, arrival: float) -> Stop:
         float(steps.sum() / max(times[-1] - times[0], 1e-9)),
         float(speeds.min()) if len(speeds) else 0.0,
         **margins.least(),
-        place=None if run.site is None else _degrees(run.site, run.graph.positions[node]),
+        place=place,
         travel=float(times[-1] - times[0]),
         transit=None if leg is None else leg_depths(times, places),
     )
@@ -385,12 +369,6 @@ def _transits(stops: Sequence[Stop]) -> list[str]:
 
     level = all(np.abs(np.subtract(stop.transit or stop.depth, stop.depth)).max() < 1.0 for stop in stops)
     return [""] * len(stops) if level else [words(stop) for stop in stops]
-
-
-def _degrees(site: Site, position: ArrayLike) -> tuple[float, float]:
-    """Longitude and latitude of a position, m, to a tenth of a metre."""
-    longitude, latitude = site.to_geographic(*np.asarray(position, float)[:2])
-    return round(float(longitude), 6), round(float(latitude), 6)
 
 
 def _windows(run: MissionRun, node: int, start: int | None = None) -> str:
@@ -452,7 +430,9 @@ def _why(run: MissionRun, nodes: Sequence[int]) -> str:
     if with_it is None:
         return "no open way leads there: the current, the coast or the sea bed closes every leg"
     if not np.isfinite(with_it.ends[-1]):
-        if len(nodes) == 1 and (why := _out_of_window(run, nodes[0], shortest_path(_entries(times)))):
+        edges = np.nonzero(np.isfinite(times))
+        ways = shortest_path(csr_array((times[edges], edges), shape=times.shape))
+        if len(nodes) == 1 and (why := _out_of_window(run, nodes[0], ways)):
             return why
         words = _windows(run, nodes[-1], nodes[0] if len(nodes) > 1 else None)
         return f"its window is {words}: from no place of the route on are it and the other tasks in theirs"
@@ -501,13 +481,8 @@ def _with_job(run: MissionRun, nodes: Sequence[int]) -> _WithJob | None:
         legs = [shortest_way(times, i, j) for i, j in ((route[k - 1], job[0]), (job[-1], route[k]))]
         if not all(legs):
             continue
-        whole = [
-            *route[: k - 1],
-            *legs[0],
-            *job[1:-1],
-            *(legs[1] if len(job) > 1 else legs[1][1:]),
-            *route[k + 1 :],
-        ]
+        onward = legs[1] if len(job) > 1 else legs[1][1:]
+        whole = [*route[: k - 1], *legs[0], *job[1:-1], *onward, *route[k + 1 :]]
         done = stages(table, duration, whole)
         if found is not None and not done.ends[-1] < found.ends[-1]:
             continue
@@ -519,12 +494,6 @@ def _with_job(run: MissionRun, nodes: Sequence[int]) -> _WithJob | None:
         )
         found = _WithJob(done.ends, float(np.max(done.ends + back[whole[1:]])), worth)
     return found
-
-
-def _entries(times: NDArray) -> csr_array:
-    """[N, N] times with entries for the finite ones alone."""
-    edges = np.nonzero(np.isfinite(times))
-    return csr_array((times[edges], edges), shape=times.shape)
 
 
 def _out_of_window(run: MissionRun, node: int, ways: NDArray) -> str:

@@ -1,0 +1,520 @@
+"""The tables of a saved run, each written and read back: legs, plans, routes, tasks, what was known."""
+
+import json
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import shapely
+import xarray as xr
+from numpy.typing import ArrayLike, NDArray
+
+from auvplan.io.fields import (
+    Variables,
+    history_of,
+    history_variables,
+    motion_of,
+    motion_variables,
+    variable,
+    vortices_of,
+)
+from auvplan.mission import MissionGraph
+from auvplan.mission.jobs import JobLine, JobPoint, Jobs
+from auvplan.mission.survey import LinePart
+from auvplan.mission.timetable import Timetable
+from auvplan.motion import Motion
+from auvplan.ocean.closures import Zone
+from auvplan.ocean.currents import Current
+from auvplan.ocean.known import KnownObstacle
+from auvplan.records import LegRecord, MissionRun, PlanRecord, RouteRecord
+
+#: The scenario's epoch has no date of its own; this one stands for it.
+TIME_UNITS = "seconds since 2000-01-01 00:00:00"
+
+#: Names that a flag may take, by their codes from 1; others are added as they appear.
+KINDS = ("static", "afloat", "self-motivated", "known")
+#: Why a path or a route was planned.
+PLAN_CAUSES = ("leg", "window", "hazard")
+ROUTE_CAUSES = ("start", "late", "early", "refused")
+
+
+@dataclass(frozen=True)
+class Column:
+    """A figure that files hold of every leg, plan or route.
+
+    Attributes:
+        name: of its variable; what stands before the first "_" is its dimension.
+        words: what it is.
+        units: or None for indices and flags.
+        kind: of its values: float, int, bool, or the names that it may take.
+        field: of the record that has it; the rest of the name if absent.
+        kept: whether the record is made from it; otherwise it follows from the rest.
+    """
+
+    name: str
+    words: str
+    units: str | None = None
+    kind: type | tuple[str, ...] = float
+    field: str = ""
+    kept: bool = True
+
+    @property
+    def attribute(self) -> str:
+        """The record's attribute."""
+        return self.field or self.name.split("_", 1)[1]
+
+    def values(self, records: Iterable[Any]) -> NDArray[Any]:
+        """Return the figure of each record; names as their codes from 1."""
+        values = [getattr(record, self.attribute) for record in records]
+        if isinstance(self.kind, tuple):
+            return np.asarray([self.kind.index(value) + 1 for value in values], np.int32)
+        return np.asarray(values, {float: float, int: np.int32, bool: bool}[self.kind])
+
+    def variable(self, records: Sequence[Any]) -> xr.Variable:
+        """Return the column of some records."""
+        dim = self.name.split("_", 1)[0]
+        if isinstance(self.kind, tuple):
+            names = np.asarray([getattr(record, self.attribute) for record in records])
+            codes, about = flags(names, self.kind)
+            return variable(dim, codes, self.words, **about)
+        values = self.values(records)
+        return (
+            yes_or_no(dim, values, self.words)
+            if self.kind is bool
+            else variable(dim, values, self.words, self.units)
+        )
+
+    def read(self, dataset: xr.Dataset) -> list[Any]:
+        """Return the figures that `variable` wrote."""
+        values = dataset[self.name].values
+        if isinstance(self.kind, tuple):
+            names = str(dataset[self.name].attrs["flag_meanings"]).split()
+            return [names[int(code)] for code in values]
+        return [self.kind(value) for value in values]
+
+
+LEG = (
+    Column("leg_from", "waypoint left", None, int, "start"),
+    Column("leg_to", "waypoint headed for", None, int, "goal"),
+    Column("leg_t_expected", "expected time, the task included", "s"),
+    Column("leg_t_path", "travel time, executed", "s", kept=False),
+    Column("leg_t_hold", "time waited for the way to open", "s"),
+    Column("leg_t_wait", "time waited for the task's window", "s"),
+    Column("leg_t_task", "time of the task", "s"),
+    Column("leg_priority", "priority of the task, 0 without one", "1"),
+    Column("leg_revisit", "whether the waypoint headed for had been visited before", None, bool),
+    Column("leg_missed", "whether the task's window was missed", None, bool),
+    Column("leg_arrived", "whether the waypoint was reached", None, bool),
+    Column("leg_followed", "which of its plans the leg was begun with", None, int),
+    Column(
+        "leg_current_difference", "root mean square of the current's forecast error along the track", "m s-1"
+    ),
+)
+PLAN = (
+    Column("plan_made_at", "when it was made", TIME_UNITS),
+    Column("plan_cost", "cost of the path (Eq. 12)", "s"),
+    Column("plan_feasible", "whether the planner saw every limit kept", None, bool),
+    Column("plan_cpu", "wall-clock time of planning", "s"),
+    Column("plan_cause", "why it was made", None, PLAN_CAUSES),
+)
+ROUTE = (
+    Column("route_made_at", "when it was made", TIME_UNITS),
+    Column("route_time", "expected time", "s"),
+    Column("route_priority", "total priority", "1"),
+    Column("route_cpu", "wall-clock time of planning", "s"),
+    Column("route_cause", "why it was made", None, ROUTE_CAUSES),
+)
+#: What survey lines come to, by the figures of `LinePart`; NaN of legs without one.
+_LINE = {
+    "length": "length of the part of a survey line that the leg follows, none of others",
+    "tolerance": "distance off the line within which it counts as covered",
+    "covered": "length of it that is covered",
+    "across_mean": "mean distance off the line, where it is covered",
+    "across_worst": "greatest distance off the line, where it is covered",
+}
+#: Of tasks along edges: names of the two arrays of their windows, of the second's unit, and what they are.
+_ALONG = (
+    ("enters", "until", "s", "in one of which the edge is entered and its task is done"),
+    ("falls", "drops", "1", "after each of which the task is worth so much less"),
+)
+
+
+def yes_or_no(dims: str | tuple[str, ...], values: ArrayLike, name: str) -> xr.Variable:
+    """Truth values as 0 and 1: NetCDF has no type for them."""
+    about = {"flag_values": np.asarray([0, 1], np.int8), "flag_meanings": "no yes"}
+    return variable(dims, np.asarray(values, bool).astype(np.int8), name, **about)
+
+
+def flags(names: NDArray[np.str_], known: Sequence[str]) -> tuple[NDArray[np.int8], dict[str, Any]]:
+    """Return names as CF flags: codes from 1 in the order of `known`; 0 where there is none."""
+    meanings = ["none", *known, *sorted(set(names.ravel()) - {"", "none", *known})]
+    code = {meaning: number for number, meaning in enumerate(meanings)} | {"": 0}
+    values = np.asarray([code[str(name)] for name in names.ravel()], np.int8).reshape(names.shape)
+    return values, {
+        "flag_values": np.arange(len(meanings), dtype=np.int8),
+        "flag_meanings": " ".join(meaning.replace(" ", "_") for meaning in meanings),
+    }
+
+
+def padded(rows: Sequence[Any], fill: float, dtype: Any = float, length: int | None = None) -> NDArray[Any]:
+    """Return rows of different lengths as one array, filled up to the longest, or to a length."""
+    trail = np.shape(rows[0])[1:]
+    most = max(len(row) for row in rows) if length is None else length
+    found = np.full((len(rows), most, *trail), fill, dtype)
+    for here, row in zip(found, rows, strict=True):
+        here[: len(row)] = row
+    return found
+
+
+# --- legs --------------------------------------------------------------------------------------------
+
+
+def leg_variables(legs: Sequence[LegRecord]) -> Variables:
+    """Return the table of the legs, their tracks, the true current and the obstacles along them."""
+    time = np.concatenate([np.zeros(0), *(leg.times for leg in legs)])
+    place = np.concatenate([np.zeros((0, 3)), *(np.reshape(leg.positions, (-1, 3)) for leg in legs)])
+    counts = np.asarray([len(leg.times) for leg in legs], np.int32)
+    index = np.repeat(np.arange(len(legs), dtype=np.int32), counts)
+    words = "observations of the leg; none where it was refused"
+    return {
+        "time": variable(
+            "obs", time, "time since the scenario's epoch", TIME_UNITS,
+            standard_name="time", calendar="standard", axis="T",
+        ),
+        # CF calls the eastward coordinate x; this project's x is north.
+        "x": variable("obs", place[:, 0], "north", "m", standard_name="projection_y_coordinate", axis="Y"),
+        "y": variable("obs", place[:, 1], "east", "m", standard_name="projection_x_coordinate", axis="X"),
+        "depth": variable(
+            "obs", place[:, 2], "depth below the surface", "m",
+            standard_name="depth", positive="down", axis="Z",
+        ),
+        "leg_index": variable("obs", index, "index of the leg"),
+        "trajectory": variable(
+            "leg", np.arange(len(legs), dtype=np.int32), "number of the leg", cf_role="trajectory_id"
+        ),
+        "row_size": variable("leg", counts, words, "1", sample_dimension="obs"),
+        **{column.name: column.variable(legs) for column in LEG},
+        **_lines(legs),
+        **_obstacles(legs),
+        **_current(legs),
+        **motion_variables("obs", Motion.joined([leg.motion for leg in legs])),
+    }  # fmt: skip
+
+
+def _lines(legs: Sequence[LegRecord]) -> Variables:
+    """Return what of survey lines was covered; nothing where there is none."""
+    if not any(leg.line for leg in legs):
+        return {}
+    rows = [{} if leg.line is None else leg.line.figures(leg.coverage) for leg in legs]
+    return {
+        f"leg_line_{name}": variable("leg", [float(row.get(name, np.nan)) for row in rows], words, "m")
+        for name, words in _LINE.items()
+    }
+
+
+def _obstacles(legs: Sequence[LegRecord]) -> Variables:
+    """True obstacles along the legs, padded to the leg that has most of them."""
+    most = max((len(leg.obstacle_radii) for leg in legs), default=0)
+    if most == 0:
+        return {}
+    tracks = [np.zeros((0, most, 3), np.float32)]
+    for leg in legs:
+        track = np.full((len(leg.times), most, 3), np.nan, np.float32)
+        if len(leg.times):
+            track[:, : len(leg.obstacle_radii)] = leg.obstacle_positions
+        tracks.append(track)
+    kinds = [[*leg.obstacle_kinds, *[""] * (most - len(leg.obstacle_kinds))] for leg in legs]
+    codes, about = flags(np.asarray(kinds), KINDS)
+    radii = padded([leg.obstacle_radii for leg in legs], np.nan, np.float32, most)
+    return {
+        "obstacle_position": variable(
+            ("obs", "obstacle", "axis"), np.concatenate(tracks), "true place of the obstacle's centre", "m"
+        ),
+        "obstacle_radius": variable(("leg", "obstacle"), radii, "true radius", "m"),
+        "obstacle_kind": variable(("leg", "obstacle"), codes, "kind of obstacle", **about),
+    }
+
+
+def _current(legs: Sequence[LegRecord]) -> Variables:
+    """Return the current along the trajectories, NaN where it is not known; nothing where it nowhere is."""
+    if all(leg.current is None for leg in legs):
+        return {}
+    parts = [np.full((len(leg.times), 2), np.nan) if leg.current is None else leg.current for leg in legs]
+    values = np.concatenate([np.zeros((0, 2)), *parts]).astype(np.float32)
+    return {
+        f"current_{name}": variable(
+            "obs", values[:, axis], f"true current {name}wards, from the time to the next one", "m s-1",
+            standard_name=f"{name}ward_sea_water_velocity",
+        )
+        for axis, name in enumerate(("north", "east"))
+    }  # fmt: skip
+
+
+def legs_of(dataset: xr.Dataset, model: Current | None) -> list[LegRecord]:
+    """Return the legs with their plans.
+
+    Args:
+        dataset: that `leg_variables` and `plan_variables` wrote.
+        model: the true current where it is no vortices, which files keep.
+    """
+    table = {column.attribute: column.read(dataset) for column in LEG if column.kept}
+    motion, plans = motion_of(dataset), _plans_of(dataset, model)
+    place = np.stack([dataset[name].values for name in ("x", "y", "depth")], axis=1).astype(float)
+    ends, counts = np.cumsum(dataset["row_size"].values), dataset["row_size"].values
+    codes = dataset.get("obstacle_kind")
+    names = [] if codes is None else str(codes.attrs["flag_meanings"]).split()
+    legs = []
+    for row, (begin, end) in enumerate(zip(ends - counts, ends, strict=True)):
+        part = slice(int(begin), int(end))
+        leg = LegRecord(**{name: values[row] for name, values in table.items()}, plans=plans[row])
+        leg.times, leg.positions = np.asarray(dataset["time"].values[part], float), place[part]
+        leg.motion, leg.line = motion[part], _line_of(dataset, row)
+        leg.obstacle_positions = np.zeros((len(leg.times), 0, 3))
+        if codes is not None:
+            radii = dataset["obstacle_radius"].values[row].astype(float)
+            real = np.isfinite(radii)
+            leg.obstacle_radii = radii[real]
+            leg.obstacle_positions = dataset["obstacle_position"].values[part][:, real].astype(float)
+            leg.obstacle_kinds = [names[int(code)] for code in codes.values[row][: real.sum()]]
+        if "current_north" in dataset and len(leg.times):
+            known = [dataset[f"current_{name}"].values[part] for name in ("north", "east")]
+            leg.current = np.stack(known, axis=1).astype(float)
+        legs.append(leg)
+    return legs
+
+
+def _line_of(dataset: xr.Dataset, leg: int) -> LinePart | None:
+    """Return the part of a survey line that a leg follows, or None."""
+    if "leg_line_tolerance" not in dataset or np.isnan(dataset["leg_line_tolerance"].values[leg]):
+        return None
+    places = dataset["waypoint_position"].values.astype(float)
+    start, end = (tuple(places[int(dataset[name].values[leg])].tolist()) for name in ("leg_from", "leg_to"))
+    return LinePart(start, end, float(dataset["leg_line_tolerance"].values[leg]))
+
+
+# --- plans -------------------------------------------------------------------------------------------
+
+
+def plan_variables(legs: Sequence[LegRecord]) -> Variables:
+    """Return every path plan of every leg."""
+    plans = [plan for leg in legs for plan in leg.plans]
+    if not plans:
+        return {}
+    numbers = np.repeat(np.arange(len(legs), dtype=np.int32), [len(leg.plans) for leg in legs])
+    most = max(len(plan.times) for plan in plans)
+    places = padded([plan.positions for plan in plans], np.nan, np.float32, most)
+    times = padded([plan.times for plan in plans], np.nan, length=most)
+    bounds, bounded = np.asarray([plan.lower_bound for plan in plans]), {}
+    if np.isfinite(bounds).any():
+        bounded["plan_lower_bound"] = variable("plan", bounds, "travel time that no path can beat", "s")
+    motion = Motion.padded([plan.motion for plan in plans], most - 1)
+    return {
+        **bounded,
+        "plan_position": variable(("plan", "sample", "axis"), places, "planned place", "m"),
+        "plan_time": variable(("plan", "sample"), times, "planned time of the sample", TIME_UNITS),
+        "plan_leg": variable("plan", numbers, "index of the leg"),
+        **{column.name: column.variable(plans) for column in PLAN},
+        **history_variables([plan.history for plan in plans]),
+        **motion_variables(("plan", "segment"), motion, "plan_"),
+    }
+
+
+def _plans_of(dataset: xr.Dataset, model: Current | None) -> list[list[PlanRecord]]:
+    """Return the plans of each leg."""
+    found: list[list[PlanRecord]] = [[] for _ in range(dataset.sizes["leg"])]
+    if "plan_leg" not in dataset:
+        return found
+    table = {column.attribute: column.read(dataset) for column in PLAN}
+    motion, bounds = motion_of(dataset, "plan_"), dataset.get("plan_lower_bound")
+    for row, leg in enumerate(dataset["plan_leg"].values):
+        times = np.asarray(dataset["plan_time"].values[row], float)
+        real = np.isfinite(times)
+        current = vortices_of(dataset, row) or model
+        if current is None:
+            raise KeyError("the current of a plan")
+        plan = PlanRecord(
+            **{name: values[row] for name, values in table.items()},
+            positions=np.asarray(dataset["plan_position"].values[row], float)[real],
+            times=times[real],
+            history=history_of(dataset, row),
+            current=current,
+            motion=motion[row, : real.sum() - 1],
+            lower_bound=np.nan if bounds is None else float(bounds.values[row]),
+        )
+        found[int(leg)].append(plan)
+    return found
+
+
+# --- routes ------------------------------------------------------------------------------------------
+
+
+def route_variables(routes: Sequence[RouteRecord]) -> Variables:
+    """Return the first route and every re-plan."""
+    if not routes:
+        return {}
+    nodes = padded([route.nodes for route in routes], -1, np.int32)
+    legs = padded([route.leg_times for route in routes], np.nan, length=nodes.shape[1])
+    waits = padded([route.waits for route in routes], np.nan, length=nodes.shape[1])
+    stops = ("route", "stop")
+    return {
+        "route_nodes": variable(stops, nodes, "waypoints in order of visit; -1 pads"),
+        "route_leg_time": variable(
+            stops, legs, "time expected of the leg from each stop, waiting and task included", "s"
+        ),
+        "route_wait": variable(stops, waits, "part of it that waits for the task's window", "s"),
+        **{column.name: column.variable(routes) for column in ROUTE},
+    }
+
+
+def routes_of(dataset: xr.Dataset) -> list[RouteRecord]:
+    """Return the routes that `route_variables` wrote."""
+    if "route_nodes" not in dataset:
+        return []
+    table = {column.attribute: column.read(dataset) for column in ROUTE}
+
+    def row_of(name: str, row: int) -> list[float]:
+        values = dataset[name].values[row] if name in dataset else np.zeros(0)
+        return values[np.isfinite(values)].astype(float).tolist()
+
+    return [
+        RouteRecord(
+            **{name: values[row] for name, values in table.items()},
+            nodes=nodes[nodes >= 0].tolist(),
+            leg_times=row_of("route_leg_time", row),
+            waits=row_of("route_wait", row),
+        )
+        for row, nodes in enumerate(dataset["route_nodes"].values)
+    ]
+
+
+# --- the graph of tasks ------------------------------------------------------------------------------
+
+
+def graph_variables(run: MissionRun) -> Variables:
+    """Return waypoints and tasks as they were at the start, and when they may be done."""
+    square, graph = ("waypoint", "waypoint_to"), run.graph
+    single = "part of the priority of edges into the waypoint that belongs to a task there, done once"
+    found = {
+        "waypoint_position": variable(
+            ("waypoint", "axis"), np.asarray(graph.positions, float), "place of the waypoint", "m"
+        ),
+        "adjacency": yes_or_no(square, np.asarray(graph.adjacency), "whether an edge leads there"),
+        "task_priority": variable(
+            square, np.asarray(graph.priority, float), "priority of the edge's task, 0 without one", "1"
+        ),
+        "task_duration": variable(square, np.asarray(graph.duration, float), "time of the edge's task", "s"),
+        "waypoint_priority": variable("waypoint", np.asarray(graph.waypoint_priority, float), single, "1"),
+        "waypoint_duration": variable(
+            "waypoint", np.asarray(graph.waypoint_duration, float), "the same part of their time", "s"
+        ),
+    }
+    if (table := graph.timetable) is not None:
+        for first, last, unit, what in _ALONG:
+            if getattr(table, first).shape[-1]:
+                what, dims = f"of the times since the epoch {what}", (*square, first)
+                found[f"edge_{first}"] = variable(dims, getattr(table, first), f"beginnings {what}", "s")
+                found[f"edge_{last}"] = variable(dims, getattr(table, last), f"ends {what}", unit)
+        if table.opens.shape[-1]:
+            into = np.arange(graph.size) - 1, np.arange(graph.size)  # the same for all edges into a waypoint
+            what = "of the times in which the task at the waypoint may begin, since the epoch"
+            for name, end in (("opens", "beginnings"), ("closes", "ends")):
+                values = getattr(table, name)[into]
+                found[f"window_{name}"] = variable(("waypoint", "window"), values, f"{end} {what}", "s")
+    if run.followable is not None:
+        words = (
+            "share of the edge's own task that can be done, known obstacles and the coast being as they are"
+        )
+        found["task_followable"] = variable(square, run.followable, words, "1")
+    return found
+
+
+def graph_of(dataset: xr.Dataset, speed: float, waiting: bool) -> MissionGraph:
+    """Return the graph that `graph_variables` wrote; `waiting` says whether missions wait for a window."""
+    graph = MissionGraph(
+        dataset["waypoint_position"].values,
+        dataset["adjacency"].values.astype(bool),
+        dataset["task_priority"].values,
+        dataset["task_duration"].values,
+        waypoint_priority=dataset["waypoint_priority"].values,
+        waypoint_duration=dataset["waypoint_duration"].values,
+    )
+    hours = {}
+    for name in ("opens", "closes"):
+        if f"window_{name}" in dataset:
+            values = dataset[f"window_{name}"].values
+            hours[name] = np.broadcast_to(values, (graph.size, *values.shape))
+    for name in (name for along in _ALONG for name in along[:2]):
+        if f"edge_{name}" in dataset:
+            hours[name] = dataset[f"edge_{name}"].values
+    if not hours:
+        return graph
+    still = graph.leg_times(speed) - graph.duration
+    return graph.with_timetable(Timetable(np.zeros(1), still[None], **hours, waiting=waiting))
+
+
+# --- what files were read for, as attributes ---------------------------------------------------------
+
+
+def stated(run: MissionRun) -> dict[str, str]:
+    """Return obstacles, closed areas, jobs and names as JSON, which knows no infinity: it is null there."""
+
+    def finite(values: dict[str, Any]) -> dict[str, Any]:
+        return {name: None if value == np.inf else value for name, value in values.items()}
+
+    def spans(bounds: Iterable[tuple[float, float]]) -> list[list[float | None]]:
+        return [[end if math.isfinite(end) else None for end in span] for span in bounds]
+
+    jobs = run.jobs and {
+        kind: [asdict(job) | {"windows": spans(job.windows)} for job in getattr(run.jobs, kind)]
+        for kind in ("points", "lines")
+    }
+    found = {
+        "known_obstacles": [finite(asdict(obstacle)) for obstacle in run.obstacles],
+        "assumed": run.assumed,
+        "closed_areas": [
+            (zone.name, shapely.to_wkt(zone.polygon, rounding_precision=2)) for zone in run.zones
+        ],
+        "waypoint_names": run.names,
+        "jobs": jobs,
+        "closures": [
+            {"name": area.name, "area": area.outline, "closed": spans(area.spans)}
+            for area in run.stated_closures
+        ],
+    }
+    return {name: json.dumps(value) for name, value in found.items()}
+
+
+def read_stated(attributes: dict[str, Any]) -> dict[str, Any]:
+    """Return what `stated` wrote by the names of `MissionRun`, but for the areas closed at some hours."""
+
+    def read(name: str, absent: str = "[]") -> Any:
+        return json.loads(attributes.get(name, absent))
+
+    def job(kind: type, place: str, values: dict[str, Any]) -> Any:
+        windows = tuple(
+            (-np.inf if opens is None else opens, np.inf if closes is None else closes)
+            for opens, closes in values["windows"]
+        )
+        at = values[place] if place == "position" else map(tuple, values[place])
+        rest = {"windows": windows, "falls": tuple(map(tuple, values["falls"]))}
+        return kind(**(values | rest | {place: tuple(at)}))
+
+    jobs = read("jobs", "null")
+    return {
+        "obstacles": tuple(
+            KnownObstacle(**(one | {
+                "position": tuple(one["position"]), "velocity": tuple(one["velocity"]),
+                "depth_max": np.inf if one["depth_max"] is None else float(one["depth_max"]),
+            }))
+            for one in read("known_obstacles")
+        ),
+        "assumed": tuple(read("assumed")),
+        "zones": tuple(Zone(name, shapely.from_wkt(text)) for name, text in read("closed_areas")),
+        "names": [name for name in json.loads(attributes["waypoint_names"]) if isinstance(name, str)],
+        "jobs": jobs and Jobs(
+            tuple(job(JobPoint, "position", values) for values in jobs["points"]),
+            tuple(job(JobLine, "positions", values) for values in jobs["lines"]),
+        ),
+    }  # fmt: skip

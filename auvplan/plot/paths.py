@@ -1,0 +1,311 @@
+"""Paths on a map: over the current (Fig. 8), a leg with every window (Fig. 10), one plan in its sea."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import jax.numpy as jnp
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from auvplan.ocean.currents import Current, evaluated
+from auvplan.ocean.environment import Environment
+from auvplan.path.plan import PathPlan
+from auvplan.plot import style
+from auvplan.plot.maps import Map
+from auvplan.plot.section import SECTION, add_section
+from auvplan.plot.style import Array
+from auvplan.records import LegRecord, MissionRun
+from auvplan.view.scene import (
+    boundaries,
+    busiest_leg,
+    chosen_plans,
+    extent_points,
+    leg_title,
+    near_obstacles,
+    plan_name,
+    until_next,
+    window,
+)
+from auvplan.view.section import plan_section
+
+#: Panels at most.
+PANELS = 4
+#: Points along each edge of the colour map and of the arrows.
+_FINE, _COARSE = 90, 17
+#: Obstacles farther from a path than this many times the frame's edge are left out.
+_FAR = 0.6
+
+
+@dataclass(frozen=True)
+class Field:
+    """A current over a frame at one depth and time.
+
+    Attributes:
+        low, high: [2] m, north and east.
+        north, east: [n] m.
+        u, v: [n, n] m/s north and east.
+    """
+
+    low: Array
+    high: Array
+    north: Array
+    east: Array
+    u: Array
+    v: Array
+
+    @classmethod
+    def of(cls, current: Current, low: Array, high: Array, depth: float, time: float) -> "Field":
+        """Look a current up over a frame, at a depth in m and a time in s."""
+        north, east = (np.linspace(low[k], high[k], _FINE) for k in range(2))
+        x, y = np.meshgrid(north, east, indexing="ij")
+        u, v, _ = evaluated(current, x, y, np.full_like(x, depth), np.full_like(x, time))
+        return cls(low, high, north, east, u, v)
+
+    @property
+    def speed(self) -> Array:
+        """[n, n] m/s."""
+        return np.hypot(self.u, self.v)
+
+    def draw(self, pen: Map, slowest: float, fastest: float) -> AxesImage:
+        """Paint the speed, and arrows over it."""
+        scale: dict[str, Any] = {"cmap": "cividis", "vmin": slowest, "vmax": fastest}
+        image = pen.image(self.speed, self.low, self.high, interpolation="bilinear", **scale)
+        step = slice(_FINE // _COARSE // 2, None, _FINE // _COARSE)
+        x, y = np.meshgrid(self.north[step], self.east[step], indexing="ij")
+        pen.axes.quiver(
+            y / pen.metres, x / pen.metres, self.v[step, step], self.u[step, step],
+            color="white", alpha=0.75, zorder=0.3, scale=fastest * _COARSE * 1.1, width=0.003,
+        )  # fmt: skip
+        return image
+
+
+def speed_range(fields: Sequence[Field]) -> tuple[float, float, Literal["max", "neither"]]:
+    """Least and greatest speed of a colour scale, m/s, and where the scale is exceeded.
+
+    The core of one strong vortex would darken all the rest: it exceeds the scale.
+    """
+    speeds = np.stack([field.speed for field in fields])
+    fastest = max(float(np.quantile(speeds, 0.995)), 1e-3)
+    return float(speeds.min()), fastest, "max" if float(speeds.max()) > 1.02 * fastest else "neither"
+
+
+def plot_currents(
+    run: MissionRun, leg: LegRecord | None = None, note: str = "", *, ax: Axes | None = None
+) -> NDArray[Any]:
+    """Current and paths at each re-plan of a leg: lighter is faster water.
+
+    Args:
+        run: as executed.
+        leg: that of `busiest_leg` where not given.
+        note: a second line of the title.
+        ax: axes of a grid, whose place the panels take; a new figure if absent.
+
+    Returns:
+        The axes of the panels.
+    """
+    leg = leg or busiest_leg(run)
+    if leg is None:
+        return np.array([style.annotate_empty(ax, "no path was planned")])
+    chosen = chosen_plans(leg, PANELS)
+    columns = 3 if len(chosen) == 3 else min(len(chosen), 2)
+    rows = -(-len(chosen) // columns)
+    figure = style.figure_for(ax, 4.6 * columns + 1.0, 4.3 * rows + 0.9)
+    grid = list(figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).flat)
+    low, high = window(extent_points(leg))
+    depth = float(np.mean(np.concatenate([plan.positions[:, 2] for plan in leg.plans])))
+    plans = [leg.plans[index] for index in chosen]
+    fields = [Field.of(plan.current, low, high, depth, plan.made_at) for plan in plans]
+    slowest, fastest, beyond = speed_range(fields)
+    image, coast = None, []
+    for axes, index, field in zip(grid, chosen, fields, strict=False):
+        pen = Map(axes, low, high)
+        image = field.draw(pen, slowest, fastest)
+        pen.coast(run.coast, see_through=True)
+        coast = pen.handles[:]
+        _draw_paths(pen, leg, index)
+        axes.set_title(plan_name(leg, index), fontsize=9)
+    for axes in grid[len(chosen) :]:
+        axes.set_visible(False)
+    for axes in grid:
+        axes.label_outer()
+    assert image is not None
+    bar = figure.colorbar(image, ax=grid, shrink=0.8, pad=0.02, extend=beyond)
+    bar.set_label(f"current at {depth:.0f} m depth [m/s]")
+    style.legend_below(figure, [
+        style.line("new path", color="black", lw=2.4),
+        style.line("earlier paths", color=style.RED, ls="--", lw=1.3),
+        style.line("executed", color="white", lw=1.6, path_effects=style.halo(3.0, "black")),
+        style.mark(style.START, "start"), style.mark(style.VEHICLE, "vehicle"),
+        style.mark(style.GOAL, "target"), *coast,
+    ])  # fmt: skip
+    figure.suptitle(f"Paths and current, {leg_title(run, leg)}" + f"\n{note}" * bool(note), fontsize=11)
+    return np.array(grid[: len(chosen)])
+
+
+def _draw_paths(pen: Map, leg: LegRecord, index: int) -> None:
+    """The plan of one panel, those before it, and the way taken so far."""
+    for plan in leg.plans[:index]:
+        pen.line(plan.positions, color=style.RED, ls="--", lw=1.3, path_effects=style.halo(2.4), zorder=3)
+    plan, first = leg.plans[index], leg.plans[0].positions
+    executed = leg.positions[leg.times <= plan.made_at] if len(leg.times) else leg.positions
+    if len(executed) > 1:
+        pen.line(executed, color="white", lw=1.6, path_effects=style.halo(3.0, "black"), zorder=4)
+    pen.line(plan.positions, color="black", lw=2.4, path_effects=style.halo(4.0), zorder=5)
+    pen.dots(first[0], zorder=6, **style.START)
+    pen.dots(first[-1], zorder=6, **style.GOAL)
+    if index:
+        pen.dots(plan.positions[0], zorder=7, **style.VEHICLE)
+
+
+def plot_windows(run: MissionRun, leg: LegRecord | None = None) -> Figure:
+    """Draw the first path of a leg and every later one that was followed, on one map.
+
+    Obstacles are drawn where they truly were at each re-plan, the later the darker, within the boundary that
+    had grown around them since the vehicle last saw them; the errors of measurement, which widen it further,
+    are left out.
+
+    Args:
+        run: as executed.
+        leg: that of `busiest_leg` where not given.
+    """
+    leg = leg or busiest_leg(run)
+    if leg is None:
+        return style.empty_figure("no path was planned")
+    plans = leg.followed_plans
+    low, high = window(extent_points(leg), 0.06, run.chart)
+    tall, wide = high - low
+    figure = style.new_figure(8.6, float(np.clip(7.6 * tall / wide, 4.0, 10.0)) + 1.4)
+    pen = Map(figure.subplots(), low, high)
+    pen.coast(run.coast)
+    pen.closures(run)
+    kinds = [leg.obstacle_kinds[m] for m in near_obstacles(leg)]
+    for number, plan in enumerate(plans, 1):
+        strength = 0.25 + 0.6 * number / len(plans)
+        places, radii = boundaries(run, leg, plan.made_at)
+        for place, radius, m in zip(places, radii, near_obstacles(leg), strict=True):
+            colour = style.KIND_COLOURS.get(leg.obstacle_kinds[m], style.GREY)
+            pen.disc(place, leg.obstacle_radii[m], fc=colour, alpha=strength, lw=0, zorder=2)
+            pen.disc(place, radius, fill=False, ec=colour, alpha=strength, lw=1.1, zorder=2)
+    pen.handles += style.obstacle_patches(kinds, ", later darker", alpha=0.7)
+    lines: dict[str, dict[str, Any]] = {
+        "first path": {"ls": "--", "lw": 1.4, "zorder": 4},
+        "planned anew": {"lw": 2.8, "zorder": 5},
+        "given up at the next re-plan": {"ls": ":", "lw": 1.2, "zorder": 3},
+    }
+    first, anew, left = (
+        kind | {"color": "black", "path_effects": style.halo(kind["lw"] + 1.4)} for kind in lines.values()
+    )
+    for number, plan in enumerate(plans):
+        if number == 0:
+            pen.line(plan.positions, **first)
+            continue
+        executed, given_up = until_next(plans, number)
+        pen.line(given_up, **left)
+        pen.line(executed, **anew)
+        pen.dots(plan.positions[0], **(style.VEHICLE | {"zorder": 7}))
+    pen.dots(plans[0].positions[0], **(style.START | {"zorder": 6}))
+    pen.dots(plans[0].positions[-1], **(style.GOAL | {"zorder": 6}))
+    pen.handles += [style.line(label, color="black", **kind) for label, kind in lines.items()]
+    pen.handles += [style.mark(style.START, "start"), style.mark(style.VEHICLE, "vehicle at a re-plan")]
+    pen.handles.append(style.mark(style.GOAL, "target"))
+    style.legend_below(figure, pen.handles)
+    causes = [plan.cause for plan in plans[1:]]
+    count = ", ".join(f"{causes.count(cause)} by {cause}" for cause in dict.fromkeys(causes)) or "none"
+    name = run.scenario.get("name") or "leg"
+    pen.axes.set_title(f"{name}, seed {run.seed}: re-plans {count}; {leg.t_path:,.0f} s", fontsize=11)
+    texts = [f"{plan.made_at:,.0f} s" for plan in plans[1:]]
+    where = [plan.positions[0] for plan in plans[1:]]
+    kind: dict[str, Any] = {"fontsize": 8, "color": style.RED, "weight": "bold", "zorder": 8}
+    pen.labels(where, texts, plans[0].positions[[0, -1]], **kind)
+    return figure
+
+
+def plot_path(plan: PathPlan, *, ax: Axes | None = None) -> Axes:
+    """Draw a path over the current at its departure, the coast, and obstacles where the path passes them.
+
+    In a figure of its own the vertical section along the path is below, if anything differs with depth.
+
+    Args:
+        plan: feasible or not.
+        ax: axes to draw in; those of a new figure if absent. In axes of a map with something in them the path
+            alone is drawn over what is there.
+
+    Returns:
+        The axes of the map.
+
+    Example:
+        >>> import jax, auvplan as ap
+        >>> from auvplan.plot import plot_path
+        >>> env = ap.Environment(ap.UniformCurrent(0.0, 0.5), lower=(-500, -500, 0), upper=(2500, 1500, 0))
+        >>> plan = ap.plan_path((0, 0, 0), (2000, 0, 0), env, key=jax.random.key(0))
+        >>> plot_path(plan).get_xlabel()
+        'east [m]'
+    """
+    if ax is not None and ax.has_data():
+        _draw_way(Map.on(ax), plan)
+        return ax
+    world = plan.conditions.world()
+    positions = np.asarray(plan.positions, float)
+    low, high = window(positions)
+    section = plan_section(plan) if ax is None else None
+    axes = style.own_axes(ax, 7.4, 7.2 + (0.0 if section is None else SECTION))
+    below = add_section(axes, [] if section is None else [section])
+    pen = Map(axes, low, high)
+    depth = float(positions[:, 2].mean())
+    field = Field.of(world.current, low, high, depth, float(plan.times[0]))
+    slowest, fastest, beyond = speed_range([field])
+    bar = axes.figure.colorbar(
+        field.draw(pen, slowest, fastest), ax=axes, shrink=0.8, pad=0.02, extend=beyond
+    )
+    bar.set_label(f"current at {depth:.0f} m depth, at departure [m/s]")
+    pen.coast(world.chart, see_through=True)
+    _draw_obstacles(pen, plan, world)
+    _draw_way(pen, plan)
+    pen.handles += [handle for name, handle in below.items() if name not in ("path", "obstacle")]
+    style.add_legend(axes, pen.handles, ax)
+    broken = "" if plan.feasible else f"\nnot feasible: {', '.join(plan.broken())}"
+    axes.set_title(f"{plan.travel_time:,.0f} s over {plan.length:,.0f} m{broken}", fontsize=11)
+    return axes
+
+
+def _draw_way(pen: Map, plan: PathPlan) -> None:
+    """Draw the path and its ends."""
+    places, lines = np.asarray(plan.positions, float), "-" if plan.feasible else "--"
+    pen.axes.plot(
+        *pen.flat(places).T, color="black", ls=lines, lw=2.4, path_effects=style.halo(4.0), zorder=5
+    )
+    pen.handles.append(style.line("path", color="black", ls=lines, lw=2.4))
+    pen.end(places[0], style.START, "start")
+    pen.end(places[-1], style.GOAL, "goal")
+
+
+def _draw_obstacles(pen: Map, plan: PathPlan, world: Environment) -> None:
+    """Draw obstacles and their collision boundaries when the path is nearest to them."""
+    known = np.flatnonzero(np.asarray(world.obstacles.active)) if len(world.obstacles) else np.zeros(0, int)
+    if not known.size:
+        return
+    moving = world.obstacles.resolved(world.current)
+    positions, times = np.asarray(plan.positions, float), np.asarray(plan.times, float)
+    since = times[:, None, None] - np.asarray(moving.observed_at)[:, None]
+    tracks = np.asarray(moving.position) + since * np.asarray(moving.velocity)
+    nearest = np.linalg.norm(tracks - positions[:, None], axis=2).argmin(axis=0)
+    edge = float(np.ptp(pen.axes.get_xlim())) * pen.metres
+    middle = 0.5 * (positions[:, :2].min(axis=0) + positions[:, :2].max(axis=0))
+    places = {m: tracks[nearest[m], m, :2] for m in known}
+    shown = [m for m, place in places.items() if np.abs(place - middle).max() <= _FAR * edge]
+    for m in shown:
+        bound = float(moving.boundary(jnp.asarray(times[nearest[m]]))[m])
+        solid: dict[str, Any] = {"fc": style.ORANGE, "ec": "black", "lw": 0.6, "alpha": 0.85}
+        pen.disc(places[m], float(moving.radius[m]), zorder=3, **solid)
+        pen.disc(places[m], bound, fill=False, ec=style.ORANGE, lw=1.4, ls="--", zorder=3)
+    hidden = len(known) - len(shown)
+    note = f" ({hidden} out of view)" if hidden else ""
+    pen.handles += [
+        Patch(facecolor=style.ORANGE, edgecolor="black", label=f"obstacle when passed{note}"),
+        style.line("its collision boundary", color=style.ORANGE, ls="--", lw=1.4),
+    ]

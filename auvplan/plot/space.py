@@ -1,0 +1,259 @@
+"""A leg among its obstacles in three dimensions (Fig. 9)."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+
+from auvplan.ocean.currents import evaluated
+from auvplan.plot import style
+from auvplan.plot.maps import unit_of
+from auvplan.plot.style import Array
+from auvplan.records import LegRecord, MissionRun, PlanRecord
+from auvplan.view.scene import (
+    boundaries,
+    busiest_leg,
+    extent_points,
+    leg_title,
+    near_obstacles,
+    until_next,
+    window,
+)
+
+#: Obstacles farther than this many times the frame's edge are left out.
+_FAR = 0.6
+#: Height of the box beside its horizontal edges; depths are drawn at most so many times as large.
+_HEIGHT, _STRETCH = 0.5, 3.0
+#: Points along each edge of a layer of current: of its colours and of its arrows. Height of its box.
+_FINE, _ARROWS, _LAYERS_HEIGHT = 50, 8, 0.75
+
+
+class Space:
+    """Three-dimensional axes, east, north and depth downwards, and the pen that draws in them.
+
+    Places are [..., 3] m north, east, depth.
+    """
+
+    def __init__(self, axes: Any, low: Array, high: Array) -> None:
+        """Draw in axes what is between two corners, [2] m north and east."""
+        self.axes, self.low, self.high = axes, low, high
+        self.name, self.metres = unit_of(float((high - low).max()))
+
+    def line(self, positions: Array, **kind: Any) -> None:
+        """Draw a line through places [n, 3]."""
+        self.axes.plot(positions[:, 1] / self.metres, positions[:, 0] / self.metres, positions[:, 2], **kind)
+
+    def sphere(self, centre: Array, radius: float, kind: str, parts: int, **more: Any) -> None:
+        """Draw an obstacle, of so many parts from the top to the bottom."""
+        around, up = np.meshgrid(
+            np.linspace(0.0, 2.0 * np.pi, 2 * parts + 1), np.linspace(0.0, np.pi, parts + 1)
+        )
+        east = centre[1] + radius * np.cos(around) * np.sin(up)
+        north = centre[0] + radius * np.sin(around) * np.sin(up)
+        colour = style.KIND_COLOURS.get(kind, style.GREY)
+        deep = centre[2] + radius * np.cos(up)
+        more = {"color": colour, "alpha": 0.45, "lw": 0} | more
+        self.axes.plot_surface(east / self.metres, north / self.metres, deep, **more)
+
+    def finish(
+        self, plans: Sequence[PlanRecord], depths: tuple[float, float], height: float, pad: float
+    ) -> None:
+        """Mark the ends of the first plan and where each later one begins; set limits and labels.
+
+        Args:
+            plans: of the leg, at least one.
+            depths: m, at the top and at the bottom.
+            height: of the box beside its horizontal edges.
+            pad: points between a horizontal axis and its label.
+        """
+        marks = [(plans[0].positions[0], style.START), (plans[0].positions[-1], style.GOAL)]
+        marks += [(plan.positions[0], style.VEHICLE) for plan in plans[1:]]
+        for (north, east, depth), kind in marks:
+            place = east / self.metres, north / self.metres, depth
+            self.axes.scatter(*place, zorder=5, depthshade=False, **kind)
+        self.axes.set_xlim(self.low[1] / self.metres, self.high[1] / self.metres)
+        self.axes.set_ylim(self.low[0] / self.metres, self.high[0] / self.metres)
+        self.axes.set_zlim(depths[1], depths[0])
+        self.axes.set_box_aspect((1.0, 1.0, height), zoom=1.12)
+        self.axes.set_xlabel(f"east [{self.name}]", labelpad=pad)
+        self.axes.set_ylabel(f"north [{self.name}]", labelpad=pad)
+        self.axes.set_zlabel("depth [m]", labelpad=pad - 2)
+        self.axes.tick_params(labelsize=8)
+
+
+def plot_obstacles(run: MissionRun, leg: LegRecord | None = None, *, ax: Axes | None = None) -> Axes:
+    """Draw the track and earlier paths, and each obstacle where it was when the vehicle came nearest.
+
+    Args:
+        run: as executed.
+        leg: that of `busiest_leg` where not given.
+        ax: three-dimensional axes to draw in; those of a new figure if absent.
+
+    Returns:
+        The axes.
+
+    Raises:
+        ValueError: the axes given are flat.
+    """
+    leg = leg or busiest_leg(run)
+    if leg is None:
+        return style.annotate_empty(ax, "no path was planned")
+    if ax is not None and ax.name != "3d":
+        raise ValueError('ax must be three-dimensional: figure.add_subplot(projection="3d")')
+    axes: Any = style.own_axes(ax, 8.4, 6.4, projection="3d", computed_zorder=False)
+    low, high = window(extent_points(leg), 0.1)
+    pen, kinds = Space(axes, low, high), leg.obstacle_kinds
+    tracks, nearest = _nearest(leg)
+    edge, middle = float((high - low).max()), 0.5 * (low + high)
+    seen = [k for k in range(len(nearest)) if np.abs(nearest[k, :2] - middle).max() < _FAR * edge]
+    depths = [extent_points(leg)[:, 2]]
+    depths += [nearest[k, 2] + leg.obstacle_radii[k] * np.array([-1.0, 1.0]) for k in seen]
+    top, bottom = min(d.min() for d in depths), max(d.max() for d in depths)
+    top, bottom = top - 0.1 * (bottom - top) - 5.0, bottom + 0.1 * (bottom - top) + 5.0
+    # Room above and below keeps the spheres from being drawn out beyond recognition.
+    missing = max(_HEIGHT * edge / _STRETCH - (bottom - top), 0.0)
+    above = min(0.5 * missing, max(top + 5.0, 0.0))
+    top, bottom = top - above, bottom + missing - above
+    for k in seen:
+        pen.sphere(nearest[k], float(leg.obstacle_radii[k]), kinds[k], 12, zorder=1)
+        near = np.abs(tracks[:, k, :2] - middle).max(axis=1) < _FAR * edge
+        colour = style.KIND_COLOURS.get(kinds[k], style.GREY)
+        pen.line(tracks[near, k], color=colour, lw=1.2, zorder=2)
+    for plan in leg.plans[:-1]:
+        pen.line(plan.positions, color=style.RED, ls="--", lw=1.2, zorder=3)
+    # A leg that was refused was never executed: its plan is shown.
+    executed = len(leg.positions) > 0
+    pen.line(leg.positions if executed else leg.plans[-1].positions, color="black", lw=2.6, zorder=4)
+    pen.finish(leg.plans, (top, bottom), _HEIGHT, pad=6)
+    axes.view_init(elev=28, azim=-60)
+    handles: list[Any] = [
+        style.line("executed" if executed else "planned, not executed", color="black", lw=2.6)
+    ]
+    if len(leg.plans) > 1:
+        handles.append(style.line("earlier plans", color=style.RED, ls="--", lw=1.2))
+    handles += [style.mark(style.START, "start"), style.mark(style.GOAL, "target")]
+    if len(leg.plans) > 1:
+        handles.append(style.mark(style.VEHICLE, "re-plan"))
+    handles += style.obstacle_patches([kinds[k] for k in seen], " and its track", alpha=0.6)
+    style.add_legend(axes, handles, ax)
+    hidden = len(leg.obstacle_radii) - len(seen)
+    note = f", {hidden} of {len(leg.obstacle_radii)} obstacles out of view" if hidden and len(nearest) else ""
+    stretch = _HEIGHT * edge / (bottom - top)
+    (axes.figure.suptitle if ax is None else axes.set_title)(
+        f"Closest points of approach, {leg_title(run, leg)}\nvertical exaggeration {stretch:.1f}{note}",
+        fontsize=11,
+    )
+    return axes
+
+
+def _nearest(leg: LegRecord) -> tuple[Array, Array]:
+    """True tracks [n, M, 3] m, and places [M, 3] m at the time of least distance to the vehicle."""
+    tracks = np.asarray(leg.obstacle_positions, float)
+    if not len(leg.times) or not tracks.size:
+        return np.zeros((0, 0, 3)), np.zeros((0, 3))
+    when = np.linalg.norm(tracks - leg.positions[:, None], axis=2).argmin(axis=0)
+    return tracks, tracks[when, np.arange(tracks.shape[1])]
+
+
+def plot_layers(run: MissionRun, leg: LegRecord | None = None) -> Figure:
+    """Draw a leg's paths among its obstacles, with the current of every time step in a layer of its own.
+
+    Obstacles are drawn where they truly were at the last step, with their tracks; the rings are their
+    boundaries at each step, which grow until the vehicle sees them again.
+
+    Args:
+        run: as executed.
+        leg: that of `busiest_leg` where not given.
+    """
+    leg = leg or busiest_leg(run)
+    if leg is None:
+        return style.empty_figure("no path was planned")
+    plans = leg.followed_plans
+    figure = style.new_figure(9.6, 7.4)
+    axes: Any = figure.add_subplot(projection="3d", computed_zorder=False)
+    low, high = window(extent_points(leg), 0.04)
+    pen = Space(axes, low, high)
+    depths = extent_points(leg)[:, 2]
+    top, bottom = float(min(depths.min(), 0.0)), float(depths.max()) * 1.1 + 10.0
+    speeds = _draw_currents(pen, plans, np.linspace(top, bottom, len(plans) + 2)[1:-1])
+    kinds = _draw_boundaries(pen, run, leg, [plan.made_at for plan in plans])
+    pen.line(plans[0].positions, color=style.RED, ls="--", lw=1.5, zorder=4)
+    for number in range(1, len(plans)):
+        executed, given_up = until_next(plans, number)
+        pen.line(given_up, color="black", ls=":", lw=1.1, zorder=4)
+        pen.line(executed, color="black", lw=2.8, zorder=4)
+    pen.finish(plans, (top, bottom), _LAYERS_HEIGHT, pad=8)
+    axes.view_init(elev=24, azim=-62)
+    bar = figure.colorbar(ScalarMappable(speeds, "cividis"), ax=axes, shrink=0.55, pad=0.08)
+    bar.set_label("current [m/s]")
+    style.legend_below(figure, [
+        style.line("first path", color=style.RED, ls="--", lw=1.5),
+        style.line("planned anew", color="black", lw=2.8),
+        style.line("given up at the next re-plan", color="black", ls=":", lw=1.1),
+        style.mark(style.START, "start"), style.mark(style.VEHICLE, "vehicle at a re-plan"),
+        style.mark(style.GOAL, "target"),
+        *style.obstacle_patches(kinds, ", boundaries as rings", alpha=0.6),
+    ])  # fmt: skip
+    times = ", ".join(f"{plan.made_at:,.0f}" for plan in plans)
+    stretch = _LAYERS_HEIGHT * float((high - low)[0]) / (bottom - top)
+    name = run.scenario.get("name") or "leg"
+    figure.suptitle(
+        f"{name}, seed {run.seed}: layers of the current at {times} s, the first on top\n"
+        f"vertical exaggeration {stretch:.1f}; obstacles are stretched with it",
+        fontsize=11,
+    )
+    return figure
+
+
+def _draw_currents(pen: Space, plans: Sequence[PlanRecord], depths: Array) -> Normalize:
+    """Draw a plane for each plan, coloured by speed, with arrows."""
+
+    def plane(plan: PlanRecord, depth: float, count: int) -> tuple[Array, ...]:
+        """East and north in the axes' unit, and the current's components there, m/s, [count, count] each."""
+        edges = [np.linspace(pen.low[k], pen.high[k], 2 * count + 1)[1::2] for k in range(2)]
+        north, east = np.meshgrid(*edges, indexing="ij")
+        when = np.full_like(north, plan.made_at)
+        u, v, _ = (
+            np.asarray(part)
+            for part in evaluated(plan.current, north, east, np.full_like(north, depth), when)
+        )
+        return east / pen.metres, north / pen.metres, u, v
+
+    planes = [plane(plan, float(z), _FINE) for plan, z in zip(plans, depths, strict=True)]
+    fastest = max(float(np.quantile([np.hypot(u, v) for *_, u, v in planes], 0.995)), 1e-3)
+    norm, levels = Normalize(0.0, fastest), np.linspace(0.0, fastest, 12)
+    reach = 0.8 * float((pen.high - pen.low)[0]) / _ARROWS / fastest / pen.metres
+    for plan, (east, north, u, v), depth in zip(plans, planes, depths, strict=True):
+        pen.axes.contourf(
+            east, north, np.minimum(np.hypot(u, v), fastest), levels, zdir="z",
+            offset=depth, cmap="cividis", norm=norm, alpha=0.3, antialiased=False, zorder=0,
+        )  # fmt: skip
+        east, north, u, v = (part.ravel() for part in plane(plan, float(depth), _ARROWS))
+        pen.axes.quiver(
+            east, north, np.full(len(u), depth), v * reach, u * reach, 0.0 * u,
+            color="#444444", lw=0.6, arrow_length_ratio=0.25, zorder=1,
+        )  # fmt: skip
+    return norm
+
+
+def _draw_boundaries(pen: Space, run: MissionRun, leg: LegRecord, times: list[float]) -> list[str]:
+    """Draw each obstacle at the last time, its track, and rings: its boundary at each; return their kinds."""
+    kinds, circle = [], np.linspace(0.0, 2.0 * np.pi, 40)
+    steps = [boundaries(run, leg, time) for time in times]
+    for k, m in enumerate(near_obstacles(leg)):
+        track = np.stack([places[k] for places, _ in steps])
+        if not ((track[-1, :2] > pen.low) & (track[-1, :2] < pen.high)).all():
+            continue
+        kinds.append(leg.obstacle_kinds[m])
+        colour = style.KIND_COLOURS.get(kinds[-1], style.GREY)
+        pen.sphere(track[-1], float(leg.obstacle_radii[m]), kinds[-1], 10, zorder=2)
+        pen.line(track, color=colour, lw=1.0, zorder=2)
+        for number, (place, (_, radii)) in enumerate(zip(track, steps, strict=True), 1):
+            around = np.stack([np.sin(circle), np.cos(circle), np.zeros(len(circle))], axis=1)
+            kind = {"color": colour, "lw": 1.1, "alpha": 0.3 + 0.7 * number / len(steps)}
+            pen.line(place + radii[k] * around, zorder=3, **kind)
+    return kinds
