@@ -8,17 +8,16 @@ levels and times of the copy, a sea bed and a chart over their rectangle. All el
 
 import argparse
 import json
-import multiprocessing
 import re
 import resource
 import shutil
-import signal
 import tempfile
 import time
 import warnings
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +26,7 @@ import xarray as xr
 
 from auvplan.errors import AuvplanError
 from auvplan.io.currents import open_ocean
+from benchmarks.apart import told_apart, within
 from benchmarks.file_cases import REAL, Currents
 from benchmarks.file_rasters import RASTERS, Rasters
 from benchmarks.file_references import Table, Unreadable
@@ -42,16 +42,6 @@ NEAR, _MEANS = 0.05, "means of their corners"
 #: libraries ("copy"), or as either ("either"); and new names of variables.
 Change = tuple[str, str, dict[str, str]]
 Rng = np.random.Generator
-
-
-@dataclass
-class Told:
-    """What became of a copy: "refused", "right" or a failure in words."""
-
-    file: str
-    copy: int
-    change: str
-    found: str
 
 
 def damage(path: Path, rng: Rng) -> Change:
@@ -444,27 +434,18 @@ def raster(case: Rasters, path: Path, change: Change, original: np.ndarray) -> s
 
 def outcome(work: Callable[[], str]) -> str:
     """What became of a copy; a refusal in one line is one, all else that is raised is a failure."""
-
-    def late(*_: object) -> None:
-        raise TimeoutError(f"longer than {SECONDS} s")
-
-    signal.signal(signal.SIGPROF, late)
-    signal.setitimer(signal.ITIMER_PROF, SECONDS)
     try:
-        return work()
+        with within(SECONDS):
+            return work()
     except AuvplanError as error:
         line = str(error)
-        clean = (
-            "\n" not in line and len(line) < 900 and "MemoryError" not in line and "longer than" not in line
-        )
+        clean = "\n" not in line and len(line) < 900 and "MemoryError" not in line
         return f"refused: {line}" if clean else f"unclean refusal: {line[:200]}"
     except BaseException as error:
         return f"raised {type(error).__name__}: {str(error)[:200]}"
-    finally:
-        signal.setitimer(signal.ITIMER_PROF, 0)
 
 
-def copies_of(case: Currents | Rasters, numbers: list[int], pipe: Any) -> None:
+def copies_of(case: Currents | Rasters, numbers: Sequence[int], pipe: Any) -> None:
     """Make copies and tell what became of each; runs in a process of its own."""
     resource.setrlimit(resource.RLIMIT_AS, (BYTES, BYTES))
     warnings.simplefilter("ignore")
@@ -485,23 +466,15 @@ def copies_of(case: Currents | Rasters, numbers: list[int], pipe: Any) -> None:
             paths = [folder / path.name for path in whole]
             rng = np.random.default_rng([number, *case.name.encode()])
             path = paths[int(rng.integers(len(paths)))]
-            if isinstance(case, Currents):
-                change = netcdf(path, case.variables, rng)
-            elif path.suffix == ".geojson":
-                change = text(path, rng)
-            elif path.suffix == ".tif":
-                change = tiff(path, rng)
-            elif path.suffix == ".nc":
-                change = netcdf(path, BED_VARIABLES[case.name], rng)
+            if path.suffix == ".nc":
+                variables = case.variables if isinstance(case, Currents) else BED_VARIABLES[case.name]
+                change = netcdf(path, variables, rng)
             else:
-                change = damage(path, rng)
-            pipe.send((number, change[0], None))
-
-            def work(paths: Any = paths, change: Any = change) -> str:
-                if isinstance(case, Currents):
-                    return current(case, paths, options, change, original)
-                return raster(case, paths[0], change, original)
-
+                change = {".geojson": text, ".tif": tiff}.get(path.suffix, damage)(path, rng)
+            pipe.send((number, change[0]))
+            work = partial(raster, case, paths[0], change, original)
+            if isinstance(case, Currents):
+                work = partial(current, case, paths, options, change, original)
             pipe.send((number, change[0], outcome(work)))
     pipe.send(None)
 
@@ -513,42 +486,6 @@ BED_VARIABLES = {
     "norkyst_v3_800m_5h.nc, h": ("h", "h", "lon", "lat"),
     "arctic20_polar_stereographic.nc, h": ("h", "h", "longitude", "latitude"),
 }
-
-
-def stated_of(case: Currents | Rasters, count: int, seed: int = 0) -> list[Told]:
-    """What became of the copies of a file; a process that dies is a failure of its copy."""
-    left = list(range(seed, seed + count))
-    found: list[Told] = []
-    died, lost = -1, set()
-    while left:
-        ours, theirs = multiprocessing.get_context("fork").Pipe(duplex=False)
-        process = multiprocessing.get_context("fork").Process(target=copies_of, args=(case, left, theirs))
-        process.start()
-        theirs.close()
-        last: tuple[int, str] | None = None
-        try:
-            while (said := ours.recv()) is not None:
-                number, change, became = said
-                last = (number, change)
-                if became is not None:
-                    found.append(Told(case.name, number, change, became))
-                    last = None
-            left = []
-        except EOFError:
-            if last is None:
-                raise RuntimeError(f"{case.name}: the process ended by itself") from None
-            # HDF5 may trip over what earlier damage left in its memory: once more, in a new process.
-            if last[0] == died:
-                found.append(Told(case.name, *last, "the process died"))
-            died = last[0]
-            left = [number for number in left if number > died or (number == died and last[0] not in lost)]
-            lost.add(died)
-        process.join()
-    return found
-
-
-def is_failure(stated: Told) -> bool:
-    return not stated.found.startswith(("refused", "right"))
 
 
 def main() -> None:
@@ -564,21 +501,19 @@ def main() -> None:
     if options.json and options.json.exists():
         counts = json.loads(options.json.read_text())
     rasters = [case for case in RASTERS if case.origin == "real" and not case.name.endswith("png")]
-    cases: list[Currents | Rasters] = [*REAL, *rasters]
-    if options.kind:
-        cases = list(REAL) if options.kind == "currents" else list(rasters)
-    for case in cases:
+    kinds = {"currents": REAL, "rasters": rasters}
+    for case in [case for kind in kinds if options.kind in (None, kind) for case in kinds[kind]]:
         if options.only and options.only not in case.name:
             continue
-        begin = time.perf_counter()
-        stated = stated_of(case, options.copies)
-        for one in stated:
-            if is_failure(one) or options.all:
-                print(f"  {one.copy}: {one.change}: {re.sub(r'/tmp/[^ :]*/', '', one.found)}", flush=True)
-        kinds = Counter("failed" if is_failure(one) else one.found.split(":")[0] for one in stated)
-        failures = [f"{one.change}: {one.found}" for one in stated if is_failure(one)]
-        counts[case.name] = dict(kinds) | {"copies": len(stated), "failures": failures}
-        print(f"{case.name}: {dict(kinds)}, {time.perf_counter() - begin:.0f} s", flush=True)
+        begin, found, failures = time.perf_counter(), Counter(), []
+        for number, change, became in told_apart(copies_of, (case,), range(options.copies), "fork"):
+            fault = not became.startswith(("refused", "right"))
+            found["failed" if fault else became.split(":")[0]] += 1
+            failures += [f"{change}: {became}"] * fault
+            if fault or options.all:
+                print(f"  {number}: {change}: {re.sub(r'/tmp/[^ :]*/', '', became)}", flush=True)
+        counts[case.name] = dict(found) | {"copies": found.total(), "failures": failures}
+        print(f"{case.name}: {dict(found)}, {time.perf_counter() - begin:.0f} s", flush=True)
         if options.json:
             options.json.write_text(json.dumps(counts, indent=1) + "\n")
 

@@ -27,6 +27,8 @@ Array = NDArray[np.floating]
 MAPS = SHARED / "maps"
 SITES = "hook_passage", "hamilton_dent"
 
+PRESETS = {"default": ap.PathConfig, "quick": ap.PathConfig.quick, "paper": ap.PathConfig.paper}
+
 #: Metres, and seconds at 1 m/s, that stand for a unit of length and of time of the source papers.
 SCALE = 1000.0
 

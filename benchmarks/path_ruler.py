@@ -63,34 +63,6 @@ class Score:
     excess: float
 
 
-@dataclass(frozen=True, kw_only=True)
-class PlannedPath:
-    """A plan beside its reference.
-
-    Attributes:
-        reference: s; None where no path is known.
-        travel_time: s, by the ruler; None where the current beats the vehicle.
-        claimed: whether the planner holds its plan feasible.
-        feasible: whether the ruler does.
-    """
-
-    problem: str
-    family: str
-    preset: str
-    reference: float | None
-    travel_time: float | None
-    claimed: bool
-    feasible: bool
-    seconds: float
-
-    @property
-    def gap(self) -> float | None:
-        """Share of the reference that the plan loses; None if it breaks a limit or no reference is known."""
-        if self.reference is None or self.travel_time is None or not self.feasible:
-            return None
-        return self.travel_time / self.reference - 1.0
-
-
 @dataclass(frozen=True, eq=False)
 class Spheres:
     """M obstacles in linear motion.
@@ -377,12 +349,6 @@ def _traversed(problem: PathProblem, middle: Array, heading: Array, length: Arra
         if np.abs(found.duration - last).sum() < 1e-9 * last.sum():
             break
     return found
-
-
-def current_at(current: Any, x: Array, y: Array, t: Array) -> tuple[Array, Array]:
-    """Current in float64 at the surface, m/s north and east; x, y, t [K] m, m, s."""
-    u, v, _ = velocity_at(current, x, y, np.zeros(len(x)), t)
-    return u, v
 
 
 def velocity_at(current: Any, x: Array, y: Array, z: Array, t: Array) -> tuple[Array, Array, Array]:

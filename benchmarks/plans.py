@@ -5,7 +5,7 @@ every contender in turn: 100 habitats for 100 iterations, so 10,100 evaluations 
 its gradient steps. Every plan is judged by the package's kernel. The compilation counts apart.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -13,11 +13,10 @@ import jax
 import numpy as np
 from rich.console import Console
 from rich.progress import Progress
-from rich.table import Table
 
 import auvplan as ap
 from benchmarks import path_peers
-from benchmarks.machine import Turns, arguments, bars, console, empty_table, installed, take_turns, write
+from benchmarks.machine import arguments, available, bars, console, table, take_turns, write
 from benchmarks.scoring import Problem, problem
 
 POPULATION, ITERATIONS = 100, 100
@@ -27,61 +26,31 @@ SEEDS = 10
 BATCHED_SEEDS = 3
 
 
-@dataclass(frozen=True)
-class Row:
-    """One way to plan.
-
-    Attributes:
-        seconds: median time of a plan.
-        compile_seconds: how much longer the first call took.
-        cost: s, mean over all plans; broken limits weigh a multiple of the straight line's time.
-        median_cost: s.
-        best_cost: s.
-        feasible: share of plans that keep all limits.
-    """
-
-    name: str
-    seconds: float
-    compile_seconds: float
-    cost: float
-    median_cost: float
-    best_cost: float
-    feasible: float
-    plans: int
-
-
-@dataclass(frozen=True)
-class Contender:
-    """A way to plan.
-
-    Attributes:
-        search: ``search(seed) -> [N, 3 n]`` m, the best habitat of each of N plans.
-        plans: N.
-    """
-
-    name: str
-    search: path_peers.Search
-    plans: int = 1
-
+#: A row for each way to plan; broken limits weigh a multiple of the straight line's time in the costs, s.
+TITLE = f"Plans of {POPULATION} habitats x {ITERATIONS} iterations, one leg with coast"
+COLUMNS = {
+    "planner": "{name}", "time per plan": "{milliseconds:.1f} ms", "compilation": "{compile_seconds:.1f} s",
+    "mean cost": "{cost:,.1f} s", "median": "{median_cost:,.1f} s", "best": "{best_cost:,.1f} s",
+    "feasible": "{feasible:.0%}", "plans": "{plans}",
+}  # fmt: skip
 
 #: The paper's planner, with as many control points as the peers are given.
 _PAPER = ap.PathConfig.paper(control_points=10)
 
 
-def contenders(leg: Problem, screen: Console) -> list[Contender]:
-    """The presets and the peers that are installed; a line for each that is not."""
-    found = []
+def contenders(leg: Problem, screen: Console) -> dict[str, tuple[path_peers.Search, int]]:
+    """The presets and the peers that are installed, with plans a call; a line for each that is not.
+
+    Each is ``search(seed) -> [N, 3 n]`` m, the best habitat of each of N plans.
+    """
+    found = {}
     for name, config in (("paper", _PAPER), ("default", ap.PathConfig())):
-        bbo = config.bbo.replace(population=POPULATION, iterations=ITERATIONS)
-        sized = config.replace(bbo=bbo)
-        found.append(Contender(name, partial(_plan, leg, sized, 1)))
-        found.append(Contender(f"{name}, {BATCH} in one call", partial(_plan, leg, sized, BATCH), BATCH))
+        sized = config.replace(bbo=config.bbo.replace(population=POPULATION, iterations=ITERATIONS))
+        found[name] = partial(_plan, leg, sized, 1), 1
+        found[f"{name}, {BATCH} in one call"] = partial(_plan, leg, sized, BATCH), BATCH
     for name, packages, make in path_peers.PEERS:
-        missing = " and ".join(package for package in packages if not installed(package))
-        if missing:
-            screen.print(f"{name}: left out, {missing} not installed: pip install {missing}")
-        else:
-            found.append(Contender(name, make(leg, POPULATION, ITERATIONS)))
+        if available(name, packages, screen):
+            found[name] = make(leg, POPULATION, ITERATIONS), 1
     return found
 
 
@@ -99,45 +68,25 @@ def _judged(leg: Problem, habitats: np.ndarray) -> np.ndarray:
     return np.stack(jax.jit(replace(leg, config=config).cost)(habitats))
 
 
-def rows(screen: Console, progress: Progress, seeds: int = SEEDS) -> list[Row]:
+def rows(screen: Console, progress: Progress, seeds: int = SEEDS) -> list[dict[str, Any]]:
     """All contenders with all seeds."""
     # The peers search the space of the paper's planner; the default's splines have more control points.
     leg = replace(problem(), config=ap.PathConfig(control_points=_PAPER.control_points))
-    known = contenders(leg, screen)
+    known, found = contenders(leg, screen), []
     bar = progress.add_task("plans", total=len(known) * (seeds + 1))
-    calls = {one.name: one.search for one in known}
-    rounds = {one.name: min(seeds, BATCHED_SEEDS) if one.plans > 1 else seeds for one in known}
+    calls = {name: search for name, (search, _) in known.items()}
+    rounds = {name: min(seeds, BATCHED_SEEDS) if plans > 1 else seeds for name, (_, plans) in known.items()}
     turns = take_turns(calls, rounds, 999, partial(progress.advance, bar))
     progress.remove_task(bar)
-    return [_row(leg, one, turns[one.name]) for one in known]
-
-
-def _row(leg: Problem, one: Contender, turns: Turns) -> Row:
-    scores = [_judged(leg, np.asarray(best, np.float32)) for best in turns.results]
-    cost, violation = np.concatenate(scores, axis=1)
-    return Row(
-        name=one.name,
-        seconds=turns.median / one.plans,
-        compile_seconds=turns.compiling,
-        cost=float(cost.mean()),
-        median_cost=float(np.median(cost)),
-        best_cost=float(cost.min()),
-        feasible=float((violation == 0.0).mean()),
-        plans=len(cost),
-    )
-
-
-def table(rows: list[Row]) -> Table:
-    """All rows as one table."""
-    title = f"Plans of {POPULATION} habitats x {ITERATIONS} iterations, one leg with coast"
-    figures = ("time per plan", "compilation", "mean cost", "median", "best", "feasible", "plans")
-    shown = empty_table(title, ["planner"], figures)
-    for row in rows:
-        shown.add_row(
-            row.name, f"{1e3 * row.seconds:.1f} ms", f"{row.compile_seconds:.1f} s", f"{row.cost:,.1f} s",
-            f"{row.median_cost:,.1f} s", f"{row.best_cost:,.1f} s", f"{row.feasible:.0%}", str(row.plans),
-        )  # fmt: skip
-    return shown
+    for name, (_, plans) in known.items():
+        scores = [_judged(leg, np.asarray(best, np.float32)) for best in turns[name].pop("results")]
+        cost, violation = np.concatenate(scores, axis=1)
+        row = {"name": name, "plans": len(cost), "feasible": float((violation == 0.0).mean())} | turns[name]
+        costs = ("cost", np.mean), ("median_cost", np.median), ("best_cost", np.min)
+        row |= {key: float(figure(cost)) for key, figure in costs}
+        row["seconds"] /= plans
+        found.append(row | {"milliseconds": 1e3 * row["seconds"]})
+    return found
 
 
 def main() -> None:
@@ -148,7 +97,7 @@ def main() -> None:
     screen = console()
     with bars(screen) as progress:
         found = rows(screen, progress, options.seeds)
-    screen.print(table(found))
+    screen.print(table(TITLE, found, COLUMNS))
     write(options.out, {"seeds": options.seeds, "rows": found})
 
 

@@ -14,12 +14,11 @@ from typing import Any
 
 import jax
 import numpy as np
-from rich.table import Table
 from scipy.spatial.distance import cdist
 
 from auvplan.mission import MissionGraph, MissionRoute, plan_mission
 from auvplan.mission.timetable import Timetable
-from benchmarks.machine import arguments, console, write
+from benchmarks.machine import arguments, console, table, write
 
 FILE = Path(__file__).with_name("solomon.json")
 #: s: windows close, and the time ends, this much after a tenth.
@@ -76,11 +75,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=5, help="plans of each set")
     parser.add_argument("--limit", type=float, default=120.0, help="s for each proof; 0 for none")
     options = parser.parse_args()
-    rows, screen = [], console()
-    table = Table(
-        *("set", "published", "planned: mean", "worst", "best", "plan, s", "proof"),
-        title="profit of one vehicle, 100 customers",
-    )
+    rows = []
     for name, stated in json.loads(FILE.read_text(encoding="utf-8"))["sets"].items():
         graph, until = posed(stated)
 
@@ -95,12 +90,15 @@ def main() -> None:
         if options.limit:
             exact = planned(0, method="exact", time_limit=options.limit)
             proof = {"priority": profit_of(stated, exact.nodes.tolist()), "bound": float(exact.bound)}
-        row = {"set": name, "published": stated["most"], "found": found, "seconds": seconds, **proof}
-        rows.append(row)
-        words = f"{proof['priority']} to {proof['bound']:.0f}" if proof else "none"
-        figures = f"{np.mean(found):.1f}", str(min(found)), str(max(found)), f"{seconds:.2f}"
-        table.add_row(name, str(stated["most"]), *figures, words)
-    screen.print(table)
+        words = "{priority} to {bound:.0f}".format(**proof) if proof else "none"
+        row = {"set": name, "published": stated["most"], "found": found, "seconds": seconds, "proof": words}
+        row |= {"mean": float(np.mean(found)), "worst": min(found), "best": max(found)}
+        rows.append(row | proof)
+    columns = {
+        "set": "{set}", "published": "{published}", "planned: mean": "{mean:.1f}", "worst": "{worst}",
+        "best": "{best}", "plan, s": "{seconds:.2f}", "proof": "{proof}",
+    }  # fmt: skip
+    console().print(table("profit of one vehicle, 100 customers", rows, columns))
     write(options.out, {"solomon": rows})
 
 
