@@ -341,9 +341,8 @@ def packed(world: World, movers: Array, extra: float = 0.0) -> tuple:
     """Return what `strikes` must know, with so much clearance [m] beyond the margins."""
     fixed, movers = world.spheres.chosen(~world.spheres.moving), movers.copy()
     movers[:, 6] += extra
-    coast = world.distance, world.origin, world.pixel, world.margin + extra
-    bed = world.bed - extra, world.bed_origin, world.bed_pixel
-    return movers, fixed.centres, fixed.reach + extra, *coast, *bed
+    bed = world.bed._replace(values=world.bed.values - extra)
+    return movers, fixed.centres, fixed.reach + extra, world.coast, world.margin + extra, bed
 
 
 def _landmarks(problem: PathProblem, world: World, grid: Grid) -> Array:
@@ -363,28 +362,26 @@ def _landmarks(problem: PathProblem, world: World, grid: Grid) -> Array:
 
 
 @njit(cache=True)
-def _too_near(x, y, z, centres, reach, distance, origin, pixel, margin, bed, bed_origin, bed_pixel):
+def _too_near(x, y, z, centres, reach, coast, margin, bed):
     """Whether a place lies within the margins of a fixed obstacle, the coast or the sea bed."""
     for k in range(len(reach)):
         away = (x - centres[k, 0]) ** 2 + (y - centres[k, 1]) ** 2 + (z - centres[k, 2]) ** 2
         if away < reach[k] ** 2:
             return True
-    if _bilinear(bed, bed_origin, bed_pixel, x, y) < z:
-        return True
-    return _bilinear(distance, origin, pixel, x, y) < margin
+    return _bilinear(bed, x, y) < z or _bilinear(coast, x, y) < margin
 
 
 @njit(cache=True)
-def _bilinear(distance, origin, pixel, x, y):
-    """Look up a raster between pixel centres; beyond them the nearest holds."""
-    north, east = distance.shape
-    i = min(max((x - origin[0]) / pixel - 0.5, 0.0), north - 1.0)
-    j = min(max((y - origin[1]) / pixel - 0.5, 0.0), east - 1.0)
+def _bilinear(raster, x, y):
+    """As `path_ruler.Raster.at`."""
+    v = raster.values
+    north, east = v.shape
+    i = min(max((x - raster.origin[0]) / raster.pixel - 0.5, 0.0), north - 1.0)
+    j = min(max((y - raster.origin[1]) / raster.pixel - 0.5, 0.0), east - 1.0)
     i0, j0 = min(int(i), north - 2), min(int(j), east - 2)
     a, b = i - i0, j - j0
-    south = (1.0 - b) * distance[i0, j0] + b * distance[i0, j0 + 1]
-    northern = (1.0 - b) * distance[i0 + 1, j0] + b * distance[i0 + 1, j0 + 1]
-    return (1.0 - a) * south + a * northern
+    south = (1.0 - b) * v[i0, j0] + b * v[i0, j0 + 1]
+    return (1.0 - a) * south + a * ((1.0 - b) * v[i0 + 1, j0] + b * v[i0 + 1, j0 + 1])
 
 
 @njit(cache=True)
@@ -528,18 +525,16 @@ def strikes(x0, y0, z0, x1, y1, z1, clear, begin, lasts, step, things):
         step: m, between the places at which it is judged.
         things: obstacles that move, fixed ones and the coast, as `packed` has them.
     """
-    movers, centres, reach, distance, origin, pixel, margin, bed, bed_origin, bed_pixel = things
+    movers, centres, reach, coast, margin, bed = things
     way_x, way_y, way_z = x1 - x0, y1 - y0, z1 - z0
     length = np.sqrt(way_x * way_x + way_y * way_y + way_z * way_z)
-    anything = len(reach) > 0 or distance.shape[0] > 2 or bed.shape[0] > 2
+    anything = len(reach) > 0 or coast.values.shape[0] > 2 or bed.values.shape[0] > 2
     if anything and clear <= 1.5 * length:
         parts = int(np.ceil(length / step))
         for part in range(1, parts):
             share = part / parts
             x, y, z = x0 + share * way_x, y0 + share * way_y, z0 + share * way_z
-            if _too_near(
-                x, y, z, centres, reach, distance, origin, pixel, margin, bed, bed_origin, bed_pixel
-            ):
+            if _too_near(x, y, z, centres, reach, coast, margin, bed):
                 return True
     for n in range(len(movers)):
         x, y, z, u, v, w, boundary, growth, growth_max = movers[n]

@@ -161,7 +161,7 @@ def _data(problem: PathProblem, world: World) -> tuple:
         (growth, spheres.growth), (growth_max, spheres.growth_max), (seen, spheres.observed_at),
     ):  # fmt: skip
         padded[:count] = field
-    coast = world.distance, world.origin, world.pixel, world.margin
+    coast = *world.coast, world.margin
     vehicle = problem.vehicle
     limits = tuple(
         float(limit) for limit in (vehicle.speed, vehicle.surge_max, vehicle.sway_max, vehicle.turn_rate_max)

@@ -194,7 +194,8 @@ def _random_problem(rng: np.random.Generator, name: str, family: str, site: int 
         ends = low + size * rng.uniform(0.05, 0.95, (2, 2))
         if np.linalg.norm(ends[1] - ends[0]) < 0.55 * size:
             continue
-        centres, radii = _obstacles(rng, ends)
+        count = rng.integers(4, OBSTACLES + 1)
+        centres, radii = drawn_obstacles(rng, count, ends, (40.0, 480.0), 1.0, CLEAR_ENDS)
         # A third of the coast problems may have the straight line free of land.
         blocked = site is not None and site % 3 != 0
         if not _worth_planning(chart, low, size, ends, centres, radii, blocked):
@@ -208,19 +209,30 @@ def _random_problem(rng: np.random.Generator, name: str, family: str, site: int 
         return PathProblem(name, family, env, start, goal, unlimited_vehicle(2.5))
 
 
-def _obstacles(rng: np.random.Generator, ends: Array) -> tuple[Array, Array]:
-    """Centres [M, 2] m and radii [M] m, clear of both ends [2, 2] m."""
+def drawn_obstacles(
+    rng: np.random.Generator, count: int, ends: Array, radii: tuple[float, float], unit: float, room: float,
+    anywhere: Array | None = None,
+) -> tuple[Array, Array]:  # fmt: skip
+    """Centres [M, 2] m and radii [M] m, clear of both ends [2, 2] m by some room [m].
+
+    Args:
+        radii: least and greatest, in units of `unit` [m].
+        anywhere: [K, 2] m, places to choose from; most lie near the straight line where that is None.
+    """
     way = ends[1] - ends[0]
     aside = np.array([-way[1], way[0]])
-    count = rng.integers(4, OBSTACLES + 1)
-    centres, radii = [], []
-    while len(radii) < count:
-        radius = np.exp(rng.uniform(np.log(40.0), np.log(480.0)))
-        centre = ends[0] + rng.uniform(0.0, 1.0) * way + rng.normal(0.0, 0.15) * aside
-        if np.linalg.norm(ends - centre, axis=1).min() > radius + CLEAR_ENDS:
-            centres.append(centre)
-            radii.append(radius)
-    return np.array(centres), np.array(radii)
+    centres, sizes = np.zeros((count, 2)), np.zeros(count)
+    for k in range(count):
+        while True:
+            radius = unit * np.exp(rng.uniform(*np.log(radii)))
+            if anywhere is not None:
+                centre = rng.choice(anywhere)
+            else:
+                centre = ends[0] + rng.uniform(0.0, 1.0) * way + rng.normal(0.0, 0.15) * aside
+            if np.linalg.norm(ends - centre, axis=1).min() > radius + room:
+                break
+        centres[k], sizes[k] = centre, radius
+    return centres, sizes
 
 
 def drawn_vortices(rng: np.random.Generator, low: Array, size: float) -> tuple[Array, Array, Array]:
@@ -242,11 +254,17 @@ def _vortices(rng: np.random.Generator, low: Array, size: float) -> ap.LambVorti
     return field.scaled(2.5 * rng.uniform(0.2, 0.9) / fastest)
 
 
+@lru_cache(maxsize=2)
+def classes_of(site: str) -> NDArray[np.uint8]:
+    """Classes of a whole map, first row in the south: 0 land, 1 reef or shoal, 2 water; 10 m a pixel."""
+    with Image.open(MAPS / f"whitsunday_{site}_class.tif") as picture:
+        return np.asarray(picture)[::-1]
+
+
 @lru_cache(maxsize=8)
 def _chart(site: str, reefs: bool, coarse: bool) -> ap.Chart:
     """The whole map: 10 m a pixel, or 20 m where it is coarse; reefs are coast or water."""
-    with Image.open(MAPS / f"whitsunday_{site}_class.tif") as picture:
-        classes = np.asarray(picture)[::-1]
+    classes = classes_of(site)
     water = classes == 2 if reefs else classes > 0
     if coarse:
         north, east = water.shape[0] // 2, water.shape[1] // 2

@@ -38,7 +38,7 @@ def vertical(problem: PathProblem, world: World) -> Polished | None:
     tables, beds = [], []
     for beside in (0.0, -0.05 * length, 0.05 * length):
         x, y = (start[k] + arc * along[k] + beside * right[k] for k in range(2))
-        beds.append(world.altitude(x, y, np.zeros_like(x)))
+        beds.append(world.bed.at(x, y))
         x, y = (start[k] + a.ravel() * along[k] + beside * right[k] for k in range(2))
         u, v, w = velocity_at(current, x, y, z.ravel(), np.full(x.size, problem.depart))
         if max(np.abs(u * right[0] + v * right[1]).max(), np.abs(w).max()) > _ALIKE * speed:

@@ -31,7 +31,14 @@ from auvplan.ocean.chart import INTERPOLATION_ERROR
 from auvplan.ocean.currents import Current, Velocity, evaluated, is_steady
 from auvplan.ocean.deviation import deviation
 from benchmarks import water_land as land
-from benchmarks.path_problems import OBSTACLES, PIXELS, PathProblem, drawn_vortices, unlimited_vehicle
+from benchmarks.path_problems import (
+    OBSTACLES,
+    PIXELS,
+    PathProblem,
+    drawn_obstacles,
+    drawn_vortices,
+    unlimited_vehicle,
+)
 
 Array = NDArray[np.floating]
 Rng = np.random.Generator
@@ -270,7 +277,11 @@ def _drawn(rng: Rng, kind: Kind, family: str, name: str) -> PathProblem | None:
     # Moving obstacles are met at the times of a steady current.
     tidal = rng.random() < _TIDAL and not kind.moving
     current, factors = tide(rng, steady, straight) if tidal else (steady, (1.0,))
-    centres, radii = _obstacles(rng, kind, ends, side, coast)
+    count = int(rng.integers(kind.obstacles[0], kind.obstacles[1] + 1))
+    count = min(count, OBSTACLES - 6) if kind.moving else count
+    anywhere = (np.argwhere(coast > 0.0) + 0.5) * side / PIXELS if kind.narrow else None
+    room = 0.012 * side + ap.PathConfig().obstacle_margin
+    centres, radii = drawn_obstacles(rng, count, ends, kind.radii, side, room, anywhere)
     fixed = ap.Obstacles.static(np.c_[centres, np.zeros(len(radii))], radii)
     grid = _Grid.of(coast, pixel, steady, factors, vehicle).without(centres, radii)
     route, obstacles = grid.route(start, goal), fixed
@@ -332,31 +343,6 @@ def tide(rng: Rng, steady: Current, straight: float) -> tuple[TidalCurrent, tupl
     period, phase = straight * rng.uniform(0.7, 4.0), rng.uniform(0.0, 2.0 * np.pi)
     turning = TidalCurrent(steady, mean, 1.0 - mean, period, phase)
     return jax.tree.map(lambda leaf: jnp.asarray(leaf, float), turning), (2.0 * mean - 1.0, 1.0)
-
-
-def _obstacles(rng: Rng, kind: Kind, ends: Array, side: float, coast: Array) -> tuple[Array, Array]:
-    """Return centres [M, 2] m and radii [M] m, clear of both ends [2, 2] m, most near the straight line.
-
-    In narrow waters they lie anywhere on the water.
-    """
-    way = ends[1] - ends[0]
-    aside = np.array([-way[1], way[0]])
-    count = int(rng.integers(kind.obstacles[0], kind.obstacles[1] + 1))
-    count = min(count, OBSTACLES - 6) if kind.moving else count
-    free = np.argwhere(coast > 0.0)
-    room = 0.012 * side + ap.PathConfig().obstacle_margin
-    centres, radii = np.zeros((count, 2)), np.zeros(count)
-    for k in range(count):
-        while True:
-            radius = side * np.exp(rng.uniform(*np.log(kind.radii)))
-            if kind.narrow:
-                centre = (rng.choice(free) + 0.5) * side / PIXELS
-            else:
-                centre = ends[0] + rng.uniform(0.0, 1.0) * way + rng.normal(0.0, 0.15) * aside
-            if np.linalg.norm(ends - centre, axis=1).min() > radius + room:
-                break
-        centres[k], radii[k] = centre, radius
-    return centres, radii
 
 
 def _movers(
