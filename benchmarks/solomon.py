@@ -17,8 +17,8 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from auvplan.mission import MissionGraph, MissionRoute, plan_mission
-from auvplan.mission.timetable import Timetable
 from benchmarks.machine import arguments, console, table, write
+from benchmarks.mission_sets import timed_graph
 
 FILE = Path(__file__).with_name("solomon.json")
 #: s: windows close, and the time ends, this much after a tenth.
@@ -30,21 +30,16 @@ def posed(stated: dict[str, Any]) -> tuple[MissionGraph, float]:
     x, y, profit, ready, due = np.array(stated["customers"], float).T
     depot = np.array(stated["depot"], float)
     places = np.vstack([depot, np.c_[x, y], depot])
-    size = len(places)
     travel = np.floor(10.0 * cdist(places, places) + 1e-9) / 10.0
-    adjacency = ~np.eye(size, dtype=bool)
-    adjacency[0, -1] = adjacency[-1, 0] = False
-    travel[~adjacency] = np.inf
+    np.fill_diagonal(travel, np.inf)
+    travel[0, -1] = travel[-1, 0] = np.inf
 
     def at_ends(inner: np.ndarray, ends: float) -> np.ndarray:
-        row = np.concatenate([[ends], inner, [ends]])
-        return np.broadcast_to(row, (size, size)).copy()
+        return np.concatenate([[ends], inner, [ends]])
 
     service = at_ends(np.full(len(x), float(stated["service"])), 0.0)
-    opens, closes = at_ends(ready, -np.inf)[..., None], at_ends(due + HALF, np.inf)[..., None]
-    graph = MissionGraph(np.c_[places, np.zeros(size)], adjacency, at_ends(profit, 0.0), service)
-    timed = graph.with_timetable(Timetable(np.zeros(1), travel[None], opens, closes))
-    return timed, stated["until"] + HALF
+    windows = at_ends(ready, -np.inf), at_ends(due + HALF, np.inf)
+    return timed_graph(places, travel[None], at_ends(profit, 0.0), service, *windows), stated["until"] + HALF
 
 
 def profit_of(stated: dict[str, Any], nodes: list[int]) -> int:
