@@ -22,19 +22,9 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-PACKAGES = [
-    "auvplan",
-    "jax",
-    "jaxlib",
-    "numpy",
-    "scipy",
-    "numba",
-    "mealpy",
-    "evosax",
-    "cma",
-    "ortools",
-    "pyvrp",
-]
+PACKAGES = (
+    "auvplan", "jax", "jaxlib", "numpy", "scipy", "numba", "mealpy", "evosax", "cma", "ortools", "pyvrp",
+)  # fmt: skip
 WIDTH = 120
 COMPILERS = ("cc", "gcc", "clang")
 
@@ -66,14 +56,18 @@ def compiler() -> str | None:
 def machine() -> dict[str, Any]:
     """Processor, cores, system, versions and date."""
     versions = {package: importlib.metadata.version(package) for package in PACKAGES if installed(package)}
+    facts, path = Path("/proc/cpuinfo"), compiler()
+    lines = facts.read_text().splitlines() if facts.exists() else []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    said = subprocess.run([path, "--version"], capture_output=True, text=True).stdout if path else ""
     return {
-        "processor": _processor(),
+        "processor": names[0] if names else platform.processor() or platform.machine(),
         "cores": os.cpu_count(),
         "system": platform.platform(),
         "python": platform.python_version(),
         "backend": jax.default_backend(),
         "versions": versions,
-        "compiler": _compiler_version(),
+        "compiler": (said.splitlines() or [path])[0],
         "date": time.strftime("%Y-%m-%d"),
     }
 
@@ -191,20 +185,3 @@ def write(path: Path | None, content: dict[str, Any]) -> None:
     """Write figures and rows (dataclasses) as JSON, with the machine; nothing where no file is asked for."""
     if path is not None:
         path.write_text(json.dumps({"machine": machine(), **content}, indent=1, default=asdict) + "\n")
-
-
-def _processor() -> str:
-    """Name of the processor, as far as the system tells it."""
-    facts = Path("/proc/cpuinfo")
-    lines = facts.read_text().splitlines() if facts.exists() else []
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.processor() or platform.machine()
-
-
-def _compiler_version() -> str | None:
-    """First line of what the C compiler says of itself."""
-    path = compiler()
-    if path is None:
-        return None
-    said = subprocess.run([path, "--version"], capture_output=True, text=True).stdout.splitlines()
-    return said[0] if said else path

@@ -133,10 +133,9 @@ def _descended(positions: Array, stage: Stage, extra: float, slack: float, data:
     shapes = _shapes(stage.segments)
 
     def cost(amplitudes: Array) -> tuple[float, Array]:
+        given = base, normal, shapes, stage.price, extra, slack, data, stage.parts
         with jax.enable_x64(True):
-            value, slope = _slope(
-                amplitudes, base, normal, shapes, stage.price, extra, slack, data, stage.parts
-            )
+            value, slope = _slope(amplitudes, *given)
             return float(value), np.asarray(slope)
 
     options = {"maxiter": stage.iterations, "maxcor": 30, "ftol": 1e-11, "gtol": 1e-9}
@@ -168,28 +167,14 @@ def _data(problem: PathProblem, world: World) -> tuple:
     )
     units = world.side / _LENGTHS, problem.distance / limits[0] / _TIMES
     obstacles = centres, velocity, reach, growth, growth_max, seen
-    return (
-        problem.environment.current,
-        limits,
-        problem.depart,
-        obstacles,
-        coast,
-        (world.low, world.high),
-        units,
-    )
+    box = world.low, world.high
+    return problem.environment.current, limits, problem.depart, obstacles, coast, box, units
 
 
 def _cost(
-    amplitudes: jax.Array,
-    base: jax.Array,
-    normal: jax.Array,
-    shapes: jax.Array,
-    price: float,
-    extra: float,
-    slack: float,
-    data: tuple,
-    parts: int,
-) -> jax.Array:
+    amplitudes: jax.Array, base: jax.Array, normal: jax.Array, shapes: jax.Array, price: float, extra: float,
+    slack: float, data: tuple, parts: int,
+) -> jax.Array:  # fmt: skip
     """Travel time plus the price of missing clearance and broken limits, in units of time."""
     current, (speed, surge_max, sway_max, turn_rate_max), depart, obstacles, coast, box, units = data
     points = base + normal * (units[0] * shapes @ amplitudes)[:, None]

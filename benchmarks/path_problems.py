@@ -75,15 +75,8 @@ class PathProblem:
 
     def plan(self, key: jax.Array, config: ap.PathConfig) -> ap.PathPlan:
         """A plan by the package, with the settings that the problem needs."""
-        return ap.plan_path(
-            np.asarray(self.start),
-            np.asarray(self.goal),
-            self.environment,
-            self.vehicle,
-            key=key,
-            config=config.replace(**self.changes),
-            depart=self.depart,
-        )
+        asked = np.asarray(self.start), np.asarray(self.goal), self.environment, self.vehicle
+        return ap.plan_path(*asked, key=key, config=config.replace(**self.changes), depart=self.depart)
 
 
 def path_problems(count: int = 24) -> list[PathProblem]:
@@ -142,10 +135,8 @@ def literature() -> list[PathProblem]:
         corners = (_from_paper(corner) for corner in (low, high))
         env = ap.Environment(FunctionCurrent(function, steady), None, None, *corners)
         ends = _from_paper(start), _from_paper(goal)
-        best_known = best * SCALE
-        problems.append(
-            PathProblem(name, "literature", env, *ends, unlimited_vehicle(1.0), best_known=best_known)
-        )
+        asked = "literature", env, *ends, unlimited_vehicle(1.0)
+        problems.append(PathProblem(name, *asked, best_known=best * SCALE))
     return problems
 
 
@@ -314,8 +305,7 @@ def _worth_planning(
         tails.append(index[rows, columns][joined])
         heads.append(index[shifted][joined])
         lengths.append(np.full(joined.sum(), np.hypot(a, b) * size / (count - 1)))
-    edges = coo_array(
-        (np.concatenate(lengths), (np.concatenate(tails), np.concatenate(heads))), shape=(count**2, count**2)
-    )
+    ends_of = np.concatenate(tails), np.concatenate(heads)
+    edges = coo_array((np.concatenate(lengths), ends_of), shape=(count**2, count**2))
     way = dijkstra(edges.tocsr(), directed=False, indices=nodes[0])[nodes[1]]
     return way <= LONGEST * np.linalg.norm(ends[1] - ends[0])
