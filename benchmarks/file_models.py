@@ -484,7 +484,6 @@ def zarr_store(folder: Path) -> Made:
 
 
 Maker = Callable[[Path], Made]
-_GLOBE = np.arange(0.0, 360.0, 2.0)
 _LINE = np.array([179.96, 179.97, 179.98, 179.99, -180.0, -179.99, -179.98, -179.97, -179.96])
 _NAMES = {
     "hycom": ("water_u", "water_v", "lon", "lat", "depth", "time"),

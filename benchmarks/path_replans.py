@@ -57,15 +57,12 @@ COLUMNS = {
 def situations(count: int, progress: Progress) -> list[Situation]:
     """Disturbed plans of the random problems, several of each."""
     problems, found = random_problems(), []
-    bar = progress.add_task("situations", total=count)
-    for number in range(count):
+    for number in progress.track(range(count), description="situations"):
         problem, rng = problems[number % len(problems)], np.random.default_rng(number)
         plan = problem.plan(jax.random.key(number), ap.PathConfig())
         reached = int(rng.uniform(0.1, 0.5) * len(plan.positions))
         env = _disturbed(rng, problem.environment, plan, reached)
         found.append(Situation(problem, plan, plan.positions[reached], float(plan.times[reached]), env))
-        progress.advance(bar)
-    progress.remove_task(bar)
     return found
 
 
@@ -124,10 +121,9 @@ WAYS: dict[str, Callable[..., ap.PathPlan]] = {
 def rows(count: int, progress: Progress) -> list[dict[str, Any]]:
     """All ways on all situations; the first call for each family of problems compiles and counts apart."""
     all_ = situations(count, progress)
-    bar = progress.add_task("plans anew", total=len(all_) * len(WAYS))
     times, seconds = np.full((2, len(WAYS), len(all_)), np.nan)
     first, compiled = np.zeros(len(WAYS)), set()
-    for k, situation in enumerate(all_):
+    for k, situation in enumerate(progress.track(all_, description="plans anew")):
         for way, (name, plan_anew) in enumerate(WAYS.items()):
             call = partial(plan_anew, situation, jax.random.key(1000 + k))
             if (name, situation.problem.family) not in compiled:
@@ -135,8 +131,6 @@ def rows(count: int, progress: Progress) -> list[dict[str, Any]]:
                 first[way] += clock(call)[0]
             seconds[way, k], plan = clock(call)
             times[way, k] = plan.travel_time if plan.feasible else np.nan
-            progress.advance(bar)
-    progress.remove_task(bar)
     excess = times / times[list(WAYS).index(LARGEST)] - 1.0
     found = zip(
         WAYS, np.nanmean(excess, axis=1), np.nanmax(excess, axis=1), np.isfinite(times).mean(axis=1),

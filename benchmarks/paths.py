@@ -117,13 +117,11 @@ def plan_all(
 ) -> list[Run]:
     """Plan problems with every preset, family by family."""
     references, runs = stored_times(), []
-    bar = progress.add_task("references", total=len(problems) * len(presets))
-    for problem in sorted(problems, key=lambda problem: problem.family):
+    sorted_ = sorted(problems, key=lambda problem: problem.family)
+    for problem in progress.track(sorted_, description="plans"):
         world = World.of(problem)
         for preset in presets:
             runs += plan_one(problem, preset, references.get(problem.name), world, range(seeds))
-            progress.advance(bar)
-    progress.remove_task(bar)
     return runs
 
 

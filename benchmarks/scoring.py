@@ -210,16 +210,14 @@ def rows(screen: Console, progress: Progress, rounds: int = ROUNDS) -> list[dict
         for name, gap in apart.items():
             if gap.max() > APART or (gap < AGREEMENT).mean() < AGREEING:
                 raise RuntimeError(f"{name} and JAX disagree on the costs of {count} paths")
-        bar, shuffle = progress.add_task(f"{count:,} paths", total=rounds), np.random.default_rng(0)
-        for _ in range(rounds):
+        shuffle = np.random.default_rng(0)
+        for _ in progress.track(range(rounds), description=f"{count:,} paths"):
             for name in shuffle.permutation(list(known)):
                 # The first call finds the caches as another contender left them.
                 call = known[name][0]
                 warm, _ = clock(partial(call, device, host))
                 for _ in range(max(1, int(TURN / warm))):
                     then[name].append(clock(partial(call, device, host))[0])
-            progress.advance(bar)
-        progress.remove_task(bar)
         rates = {name: timed(first[name], times) for name, times in then.items()}
         in_c = rates.get("C, 1 thread", {"seconds": None})["seconds"]
         for name, rate in rates.items():

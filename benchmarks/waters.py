@@ -72,8 +72,7 @@ def references(
     Problems without a way have none. The first `most` are returned.
     """
     chosen, found = [(family, seed) for seed in seeds for family in families][:most], []
-    bar = progress.add_task("references", total=len(chosen))
-    for family, seed in chosen:
+    for family, seed in progress.track(chosen, description="references"):
         problem, reference = posed(family, seed), None
         if has_way(family):
             deep = family in DEPTH_FAMILIES
@@ -83,8 +82,6 @@ def references(
                 reference = (depth_reference if deep else water_reference)(problem)
                 store(problem, reference, path)
         found.append((problem, reference))
-        progress.advance(bar)
-    progress.remove_task(bar)
     return found
 
 
@@ -95,9 +92,8 @@ def plan_all(cases: Cases, presets: Sequence[str], progress: Progress) -> tuple[
         ``(runs, replaced)``: where a feasible plan was quicker than the reference, it replaces it in all runs
         of the problem; these are named.
     """
-    bar = progress.add_task("plans", total=len(cases) * len(presets))
     runs, replaced = [], set()
-    for number, (problem, reference) in enumerate(cases, 1):
+    for number, (problem, reference) in enumerate(progress.track(cases, description="plans"), 1):
         world, own = World.of(problem), []
         known = None if reference is None else reference.travel_time
         deep = problem.family in DEPTH_FAMILIES
@@ -107,7 +103,6 @@ def plan_all(cases: Cases, presets: Sequence[str], progress: Progress) -> tuple[
         }
         for preset in presets:
             own += [run | more for run in plan_one(problem, preset, known, world)]
-            progress.advance(bar)
         quickest = min((run["travel_time"] for run in own if run["feasible"]), default=np.inf)
         if has_way(problem.family) and quickest < (np.inf if known is None else known):
             replaced.add(problem.name)
@@ -117,7 +112,6 @@ def plan_all(cases: Cases, presets: Sequence[str], progress: Progress) -> tuple[
             drop_programs()
             jax.clear_caches()
             gc.collect()
-    progress.remove_task(bar)
     return runs, replaced
 
 
@@ -148,9 +142,8 @@ def closed_line(runs: Sequence[Run]) -> str:
 def scales(presets: Sequence[str], screen: Console, progress: Progress) -> dict[str, Any]:
     """Plan problems posed at all `SIDES`; print travel times per unit of length next to the first's."""
     problems = [*literature(), *(water_problem(family, 0) for family in SCALED_FAMILIES)]
-    bar = progress.add_task("scales", total=len(problems) * len(presets) * len(SIDES))
     found, shown = [], []
-    for problem in problems:
+    for problem in progress.track(problems, description="scales"):
         side = float(np.max(np.asarray(problem.environment.upper) - np.asarray(problem.environment.lower)))
         for preset in presets:
             first, row = None, {"problem": problem.name, "preset": preset}
@@ -167,9 +160,7 @@ def scales(presets: Sequence[str], screen: Console, progress: Progress) -> dict[
                 )
                 one = {"problem": problem.name, "preset": preset, "side": wanted, "difference": apart}
                 found.append(one | {"claimed": plan.feasible, "feasible": score.feasible})
-                progress.advance(bar)
             shown.append(row)
-    progress.remove_task(bar)
     title = f"Travel time per unit of length, next to sides of {SIDES[0]:g} m (! breaks a limit)"
     columns = {"problem": "{problem}", "preset": "{preset}"}
     screen.print(table(title, shown, columns | {f"{s:g} m": f"{{at {s:g}}}" for s in SIDES}, names=2))
