@@ -245,29 +245,26 @@ def evaluate(problem: PathProblem, positions: ArrayLike, world: World | None = N
     middle = points[segment] + ((before + 0.5) / parts[segment])[:, None] * way
     heading, length = way / gaps[segment][:, None], (gaps / parts)[segment]
 
-    pieces = _traversed(problem, middle, heading, length)
+    duration, ground, across, upright = _traversed(problem, middle, heading, length)
     ends = np.asarray([problem.start, problem.goal])
     joined = np.abs(points[[0, -1]] - ends).max() < world.tolerance
-    times = problem.depart + np.concatenate([[0.0], np.cumsum(pieces.duration)])
+    times = problem.depart + np.concatenate([[0.0], np.cumsum(duration)])
     marks = np.concatenate([begin, middle, points[-1:]])
     when = np.concatenate([times[:-1], 0.5 * (times[:-1] + times[1:]), times[-1:]])
     x, y, z = marks.T
     clearance = float(world.clearance(x, y, when, z).min())
 
     vehicle = problem.vehicle
-    spent = np.bincount(segment, pieces.duration)
+    spent = np.bincount(segment, duration)
     turn = _turns(np.diff(points, axis=0)) / (0.5 * (spent[1:] + spent[:-1]))
-    excess = max(
-        float(np.max(value, initial=0.0)) / float(limit) - 1.0
-        for value, limit in (
-            (pieces.ground, vehicle.surge_max),
-            (pieces.across, vehicle.sway_max),
-            (turn, vehicle.turn_rate_max),
-            (pieces.upright, upright_max(problem)),
-        )
-    )
-    feasible = pieces.held and joined and clearance > -world.tolerance and excess <= LIMIT_TOLERANCE
-    travel_time = float(pieces.duration.sum()) if pieces.held else np.inf
+    limits = (
+        (ground, vehicle.surge_max), (across, vehicle.sway_max), (turn, vehicle.turn_rate_max),
+        (upright, upright_max(problem)),
+    )  # fmt: skip
+    excess = max(float(np.max(value, initial=0.0)) / float(limit) - 1.0 for value, limit in limits)
+    held = bool((across <= float(vehicle.speed)).all() and (ground > 0.0).all())
+    feasible = held and joined and clearance > -world.tolerance and excess <= LIMIT_TOLERANCE
+    travel_time = float(duration.sum()) if held else np.inf
     return Score(travel_time, bool(feasible), clearance, float(gaps.sum()), excess)
 
 
@@ -285,50 +282,34 @@ def _turns(way: Array) -> Array:
     return np.where(upright[1:] | upright[:-1], 0.0, turn)
 
 
-@dataclass(frozen=True, eq=False)
-class _Pieces:
-    """K short pieces of a path, one after the other.
-
-    Attributes:
-        duration: [K] s.
-        ground: [K] m/s, speed over ground.
-        across: [K] m/s, current across the track.
-        upright: [K] m/s, speed up or down through the water.
-        held: whether the vehicle makes way on every one.
-    """
-
-    duration: Array
-    ground: Array
-    across: Array
-    upright: Array
-    held: bool
-
-
-def _traversed(problem: PathProblem, middle: Array, heading: Array, length: Array) -> _Pieces:
-    """Time each of K pieces, each at the time at which it is reached.
+def _traversed(
+    problem: PathProblem, middle: Array, heading: Array, length: Array
+) -> tuple[Array, Array, Array, Array]:
+    """Time each of K pieces, one after the other, each at the time at which it is reached.
 
     Args:
         middle: [K, 3] m, of each piece.
         heading: [K, 3], unit vectors.
         length: [K] m.
+
+    Returns:
+        [K] each: s on the piece; speed over ground, current across the track, and speed up or down through
+        the water, m/s.
     """
     speed, current = float(problem.vehicle.speed), problem.environment.current
-    x, y, z = middle.T
-    still = np.zeros_like(length)
-    found = _Pieces(length / speed, np.full_like(length, speed), still, still, True)
+    duration = length / speed
     for _ in range(1 if is_steady(current) else _SWEEPS):
-        last = found.duration
+        last = duration
         when = problem.depart + np.cumsum(last) - 0.5 * last
-        water = np.stack(velocity_at(current, x, y, z, when), axis=1)
+        water = np.stack(velocity_at(current, *middle.T, when), axis=1)
         along = (water * heading).sum(axis=1)
         across = np.linalg.norm(water - along[:, None] * heading, axis=1)
         ground = along + np.sqrt(np.maximum(speed**2 - across**2, 0.0))
-        held = bool((across <= speed).all() and (ground > 0.0).all())
         upright = np.abs(ground * heading[:, 2] - water[:, 2])
-        found = _Pieces(length / np.maximum(ground, 1e-3 * speed), ground, across, upright, held)
-        if np.abs(found.duration - last).sum() < 1e-9 * last.sum():
+        duration = length / np.maximum(ground, 1e-3 * speed)
+        if np.abs(duration - last).sum() < 1e-9 * last.sum():
             break
-    return found
+    return duration, ground, across, upright
 
 
 def velocity_at(current: Any, x: Array, y: Array, z: Array, t: Array) -> tuple[Array, Array, Array]:
