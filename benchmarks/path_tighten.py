@@ -42,16 +42,11 @@ _TRIES = 4
 
 @dataclass(frozen=True, eq=False)
 class _Lattices:
-    """What lattices are laid by.
-
-    Attributes:
-        moments: [T] s since departure, at which the current is looked up.
-    """
+    """What lattices are laid by; the current is looked up at the grid's moments."""
 
     problem: PathProblem
     world: World
     grid: Grid
-    moments: Array
 
     @property
     def deep(self) -> bool:
@@ -73,7 +68,6 @@ def tighten(
     positions: Array,
     segments: int = SEGMENTS,
     width: float | tuple[float, float] | None = None,
-    moments: Array | None = None,
 ) -> Polished | None:
     """Tighten a path; None where no path nearby is feasible.
 
@@ -81,12 +75,10 @@ def tighten(
         grid: of the problem, of any spacing.
         positions: [n, 2] m, or [n, 3] where the box has depth, from start to goal.
         width: m, of the first lattice to each side, and up and down; None for two spacings of the grid.
-        moments: [T] s since departure, even, at which a current that is neither steady nor a tide is looked
-            up.
     """
     width = 2.0 * grid.ahead if width is None else width
     size = np.broadcast_to(np.asarray(width, float), 2)
-    lattices = _Lattices(problem, world, grid, np.zeros(1) if moments is None else moments)
+    lattices = _Lattices(problem, world, grid)
     points = positions
     if points.shape[1] == 2:
         points = np.column_stack([points, np.full(len(points), world.low[2])])
@@ -148,11 +140,11 @@ def _sweep(lattices: _Lattices, points: Array, size: Array, extra: float) -> tup
     nodes = points[:, None] + apart[:, :1] * aside[:, None] + apart[:, 1:] * np.cross(tangent, aside)[:, None]
     shape, current = nodes.shape[:2], without_tide(problem.environment.current)
     x, y, z = nodes.reshape(-1, 3).T
-    when = [np.full(x.size, problem.depart + t) for t in lattices.moments]
+    when = [np.full(x.size, problem.depart + t) for t in grid.moments]
     water = np.stack([np.stack(velocity_at(current, x, y, z, t)) for t in when])
     u, v, w = (water[:, k].reshape(-1, *shape) for k in range(3))
     clear = world.clearance(nodes[..., 0], nodes[..., 1], z=nodes[..., 2]) - extra
-    moment = float(lattices.moments[1] - lattices.moments[0]) if len(lattices.moments) > 1 else 1.0
+    moment = float(grid.moments[1] - grid.moments[0]) if len(grid.moments) > 1 else 1.0
     step = 0.25 * grid.ahead
     limits = limits_of(problem, _SLACK)
     fastest = limits[0] + np.sqrt((water**2).sum(axis=1).max()) * np.abs(grid.tide).max()

@@ -103,7 +103,7 @@ def depth_reference(problem: PathProblem) -> Reference:
     found = []
     for cells in _CORRIDORS:
         grid = Grid.corridor(problem, world, cells)
-        how = _DEEP_SEGMENTS, grid.width, grid.moments
+        how = _DEEP_SEGMENTS, grid.width
         candidates = ways(problem, world, grid, _WAYS)
         found += _tightened(
             problem, world, grid, candidates, _DEEP_SLOWER, lambda score: score.feasible, *how
@@ -111,7 +111,7 @@ def depth_reference(problem: PathProblem) -> Reference:
     error = _difference(found)
     if best := _quickest(found):
         narrow = 0.25 * grid.width[0], 0.25 * grid.width[1]
-        finest = tighten(problem, world, grid, best.positions, _DEEP_FINEST, narrow, grid.moments)
+        finest = tighten(problem, world, grid, best.positions, _DEEP_FINEST, narrow)
         found += [finest] if finest is not None and finest.score.feasible else []
     upright = vertical(problem, world)
     found += [upright] if upright is not None and upright.score.feasible else []

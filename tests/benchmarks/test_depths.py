@@ -128,7 +128,7 @@ def test_references_keep_off_spheres_and_are_no_slower_than_a_simple_way(seed):
     world = World.of(problem)
     grid = Grid.corridor(problem, world, (48, 12, 16))
     grid_time, path = next(ways(problem, world, grid, 1))
-    found = tighten(problem, world, grid, path, 64, grid.width, grid.moments)
+    found = tighten(problem, world, grid, path, 64, grid.width)
     assert found.score.feasible
     assert found.score.clearance > -world.tolerance
     assert found.score.travel_time < 1.01 * grid_time
