@@ -173,6 +173,12 @@ def made(folder: Path) -> list[Currents]:
     found = []
     for name, model, maker in file_models.MADE:
         paths, options, known = maker(folder)
-        reading = lambda _, known=known, **more: known  # noqa: E731
-        found.append(Currents(name, model, "made", lambda _, given=(paths, options): given, reading))
+
+        def prepare(_: Path, given: Any = (paths, options)) -> tuple[list[Path], dict[str, Any]]:
+            return given
+
+        def reading(_: Any, known: Table = known, **more: Any) -> Table:
+            return known
+
+        found.append(Currents(name, model, "made", prepare, reading))
     return found

@@ -298,7 +298,10 @@ def fuzz(
     end, whole = time.monotonic() + 60.0 * minutes, 60.0 * minutes
     task, place = bar.add_task(cases.name, total=whole), cases.folder / "case"
     given, numbers = (cases, place, keep), range(first, first + most)
-    left = lambda: end - time.monotonic()  # noqa: E731
+
+    def left() -> float:
+        return end - time.monotonic()
+
     for number, said, found, *grown in told_apart(
         work, given, numbers, "spawn", PATIENCE, lambda: left() > 0
     ):
