@@ -69,8 +69,8 @@ def test_a_tide_multiplies_the_current():
     x, y, t = np.full(5, 1500.0), np.full(5, 1200.0), np.linspace(0.0, 9000.0, 5)
     factor = 0.4 + 0.6 * np.cos(2.0 * np.pi * t / 3600.0 + 0.5)
     np.testing.assert_allclose(tide.factor(t), factor, rtol=1e-12)
-    for found, at_rest in zip(*(velocity_at(water, x, y, 0.0 * x, t)[:2] for water in (tide, steady)), strict=True):
-        np.testing.assert_allclose(found, factor * at_rest, rtol=1e-6)
+    turning, at_rest = (velocity_at(water, x, y, 0.0 * x, t)[:2] for water in (tide, steady))
+    np.testing.assert_allclose(turning, factor * np.asarray(at_rest), rtol=1e-6)
 
 
 def test_the_ruler_times_a_crab_in_closed_form():
