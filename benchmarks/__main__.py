@@ -5,15 +5,18 @@ paths that are called clear, and writes one JSON file with the machine and the v
 stand apart in every row.
 """
 
+from dataclasses import asdict
+from typing import Any
+
 from rich.console import Console
 from rich.progress import Progress
 
 from benchmarks import path_arrivals, path_replans, path_walks, paths, plans, scoring
-from benchmarks.machine import arguments, bars, console, write
+from benchmarks.machine import arguments, bars, console, table, write
 from benchmarks.path_problems import PathProblem, path_problems
 
 
-def against_references(screen: Console, progress: Progress, quick: bool) -> list[paths.Row]:
+def against_references(screen: Console, progress: Progress, quick: bool) -> list[dict[str, Any]]:
     """Rows of `benchmarks.paths` by family, and of the default's parts on the random problems.
 
     Quick: two problems of each family with one seed, and the default alone.
@@ -22,14 +25,15 @@ def against_references(screen: Console, progress: Progress, quick: bool) -> list
     for problem in path_problems():
         families.setdefault(problem.family, []).append(problem)
     chosen = [problem for members in families.values() for problem in (members[:2] if quick else members)]
-    found = paths.rows(paths.plan_all(chosen, list(paths.PRESETS), 1 if quick else 5, progress), "family")
-    screen.print(paths.table(found, "Paths: gap to the reference"))
-    if quick:
-        return found
     random = [problem for problem in chosen if problem.family != "literature"]
-    parts = paths.rows(paths.plan_all(random, list(paths.VARIANTS), 1, progress), "family")
-    screen.print(paths.table(parts, "Paths: the default without some of its parts"))
-    return found + parts
+    asked = [("gap to the reference", chosen, ["default", "paper"], 1 if quick else 5)]
+    asked += [] if quick else [("the default without some of its parts", random, list(paths.VARIANTS), 1)]
+    found = []
+    for title, problems, presets, seeds in asked:
+        rows = paths.rows(paths.plan_all(problems, presets, seeds, progress), "family")
+        screen.print(paths.shown(f"Paths: {title}", rows))
+        found += rows
+    return found
 
 
 def main() -> None:
@@ -37,21 +41,21 @@ def main() -> None:
     parser = arguments("All path benchmarks.", prog="python -m benchmarks")
     parser.add_argument("--quick", action="store_true", help="few rounds and seeds")
     options = parser.parse_args()
-    screen = console()
+    screen, quick = console(), options.quick
     with bars(screen) as progress:
-        scored = scoring.rows(screen, progress, 5 if options.quick else scoring.ROUNDS)
-        screen.print(scoring.table(scored))
-        planned = plans.rows(screen, progress, 2 if options.quick else plans.SEEDS)
-        screen.print(plans.table(planned))
-        compared = against_references(screen, progress, options.quick)
-        anew = path_replans.rows(4 if options.quick else path_replans.SITUATIONS, progress)
-        screen.print(path_replans.table(anew))
+        scored = scoring.rows(screen, progress, 5 if quick else scoring.ROUNDS)
+        screen.print(table(scoring.TITLE, scored, scoring.COLUMNS, names=2))
+        planned = plans.rows(screen, progress, 2 if quick else plans.SEEDS)
+        screen.print(table(plans.TITLE, planned, plans.COLUMNS))
+        compared = against_references(screen, progress, quick)
+        anew = path_replans.rows(4 if quick else path_replans.SITUATIONS, progress)
+        screen.print(table(path_replans.TITLE, anew, path_replans.COLUMNS))
         arrivals = path_arrivals.rows()
-        screen.print(path_arrivals.table(arrivals))
-        walked = path_walks.watched(200 if options.quick else path_walks.COUNT, progress)
+        screen.print(table(path_arrivals.TITLE, arrivals, path_arrivals.COLUMNS, names=2))
+        walked = path_walks.watched(200 if quick else path_walks.COUNT, progress)
         screen.print(path_walks.said(walked))
     parts = {"scoring": scored, "plans": planned, "paths": compared, "replans": anew, "arrivals": arrivals}
-    write(options.out, {"quick": options.quick, **parts, "walks": walked})
+    write(options.out, {"quick": quick, **parts, "walks": asdict(walked)})
 
 
 if __name__ == "__main__":

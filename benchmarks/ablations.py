@@ -6,21 +6,20 @@ Studies on disk are not run again.
 """
 
 import argparse
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
 
 import auvplan as ap
 from auvplan.scenario.file import validate_scenario
 from auvplan.study import Design, load_study, run_study
 from auvplan.study.statistics import mean_interval, median_interval, relative_errors, use_of_time
 from auvplan.study.store import DATASET
-from benchmarks.machine import console, empty_table
+from benchmarks.machine import console, table
 
 #: Settings of each study.
 STUDIES: dict[str, dict[str, Any]] = {
@@ -37,17 +36,12 @@ STUDIES: dict[str, dict[str, Any]] = {
 }
 
 
-def study(name: str, changes: dict[str, Any], count: int, out: Path) -> xr.Dataset:
-    """Run one study, or load it."""
-    folder = out / name.replace(" ", "-").replace("/", "").replace("|", "").replace("--", "-")
+def study(folder: Path, design: Design) -> xr.Dataset:
+    """Run one study, or continue or load it."""
     if (folder / DATASET).is_file():
         return load_study(folder)
-    plain = ap.load_scenario("whitsunday").model_dump(mode="json")
-    plain["planning"] |= changes
-    design = Design(validate_scenario(plain), count)
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=console(), transient=True) as bar:
-        task = bar.add_task(name, total=1.0)
+    with Progress(TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), transient=True) as bar:
+        task = bar.add_task(folder.name, total=1.0)
         return run_study(
             design,
             folder,
@@ -62,28 +56,23 @@ def difference(dataset: xr.Dataset, base: xr.Dataset, of: Callable[[xr.Dataset],
     return f"{mean:+.2f} ± {mean - low:.2f}"
 
 
-def table(found: dict[str, xr.Dataset]) -> Table:
+def rows(found: dict[str, xr.Dataset]) -> Iterator[dict[str, Any]]:
     """A row a study."""
     base = next(iter(found.values()))
-    title = f"{base.sizes['mission']} paired missions; differences to the first row, 95 % intervals"
-    figures = ("total priority", "use of time, %", "on time", "collisions", "|T_path / t_ij - 1|")
-    shown = empty_table(title, ["study"], [*figures, "path re-plans", "routes", "planning, s"])
     for name, dataset in found.items():
-        row = [name]
-        for of in (lambda one: one["total_priority"].values, use_of_time):
+        row = {"name": name}
+        for key, of in (("priority", lambda one: one["total_priority"].values), ("use", use_of_time)):
             own = f"{np.mean(of(dataset)):.2f}"
-            row.append(own if dataset is base else f"{own} ({difference(dataset, base, of)})")
+            row[key] = own if dataset is base else f"{own} ({difference(dataset, base, of)})"
         seconds = sum(dataset[layer].values for layer in ("path_cpu", "mission_cpu", "travel_time_cpu"))
-        row += [
-            f"{int((dataset['success'].values == 1).sum())}",
-            f"{int(dataset['collisions'].values.sum())}",
-            f"{median_interval(relative_errors(dataset))[0]:.1%}",
-            f"{dataset['path_replans'].values.mean():.1f}",
-            f"{1.0 + dataset['mission_replans'].values.mean():.1f}",
-            f"{np.mean(seconds):.2f}",
-        ]
-        shown.add_row(*row)
-    return shown
+        yield row | {
+            "success": int((dataset["success"].values == 1).sum()),
+            "collisions": int(dataset["collisions"].values.sum()),
+            "error": median_interval(relative_errors(dataset))[0],
+            "replans": dataset["path_replans"].values.mean(),
+            "routes": 1.0 + dataset["mission_replans"].values.mean(),
+            "seconds": np.mean(seconds),
+        }
 
 
 def main() -> None:
@@ -92,9 +81,19 @@ def main() -> None:
     parser.add_argument("-n", type=int, default=100, help="missions of each study")
     parser.add_argument("--out", type=Path, default=Path("out/ablations"), help="folder of the studies")
     options = parser.parse_args()
-    found = {name: study(name, changes, options.n, options.out) for name, changes in STUDIES.items()}
-    screen = console()
-    screen.print(table(found))
+    found = {}
+    for name, changes in STUDIES.items():
+        folder = name.replace(" ", "-").replace("/", "").replace("|", "").replace("--", "-")
+        plain = ap.load_scenario("whitsunday").model_dump(mode="json")
+        plain["planning"] |= changes
+        found[name] = study(options.out / folder, Design(validate_scenario(plain), options.n))
+    columns = {
+        "study": "{name}", "total priority": "{priority}", "use of time, %": "{use}", "on time": "{success}",
+        "collisions": "{collisions}", "|T_path / t_ij - 1|": "{error:.1%}", "path re-plans": "{replans:.1f}",
+        "routes": "{routes:.1f}", "planning, s": "{seconds:.2f}",
+    }  # fmt: skip
+    title = f"{options.n} paired missions; differences to the first row, 95 % intervals"
+    console().print(table(title, rows(found), columns))
 
 
 if __name__ == "__main__":

@@ -10,56 +10,50 @@ import copy
 import json
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import xarray as xr
-from rich.table import Table
 
 from auvplan.check.run import check_dataset
 from auvplan.files import read_mission, read_summary
-from benchmarks.machine import arguments, bars, console, write
+from benchmarks.machine import arguments, bars, console, table, write
 
-Alter = Callable[[dict[str, Any], xr.Dataset, np.random.Generator], None]
+Rng = np.random.Generator
+Summary = dict[str, Any]
+Alter = Callable[[Summary, xr.Dataset, Rng], None]
 
 
-def _inner(dataset: xr.Dataset, rng: np.random.Generator) -> int:
+def _altered(name: str, change: float, at: Callable[[xr.Dataset, tuple[int, ...], Rng], Any]) -> Alter:
+    """A figure of the dataset at one place, either way."""
+
+    def alter(summary: Summary, dataset: xr.Dataset, rng: Rng) -> None:
+        values = np.array(dataset[name].values)
+        values[at(dataset, values.shape, rng)] += change * rng.choice([-1.0, 1.0])
+        dataset[name] = dataset[name].copy(data=values)
+
+    return alter
+
+
+def _inner(dataset: xr.Dataset, shape: tuple[int, ...], rng: Rng) -> int:
     """An observation that begins a step of a moving vehicle and is neither first nor last of its leg."""
     leg, moving = dataset["leg_index"].values, np.hypot(*(dataset[name] for name in ("surge", "sway"))) > 0.1
     inner = (leg[1:-1] == leg[:-2]) & (leg[1:-1] == leg[2:]) & moving.values[1:-1] & moving.values[:-2]
     return int(rng.choice(np.flatnonzero(inner))) + 1
 
 
-def _track(name: str, change: float) -> Alter:
-    """One observation's figure, either way."""
-
-    def alter(summary: dict[str, Any], dataset: xr.Dataset, rng: np.random.Generator) -> None:
-        values = np.array(dataset[name].values)
-        values[_inner(dataset, rng)] += change * rng.choice([-1.0, 1.0])
-        dataset[name] = dataset[name].copy(data=values)
-
-    return alter
-
-
-def _row(name: str, change: float, dims: int = 1) -> Alter:
-    """One leg's, route's or task's figure, either way."""
-
-    def alter(summary: dict[str, Any], dataset: xr.Dataset, rng: np.random.Generator) -> None:
-        values = np.array(dataset[name].values)
-        if dims == 1:
-            values[rng.integers(len(values))] += change * rng.choice([-1.0, 1.0])
-        else:
-            values[rng.integers(len(values)), 0] += change * rng.choice([-1.0, 1.0])
-        dataset[name] = dataset[name].copy(data=values)
-
-    return alter
+_track = partial(_altered, at=_inner)
+#: One leg's, route's or plan's figure, and the first of one's.
+_row = partial(_altered, at=lambda dataset, shape, rng: rng.integers(shape[0]))
+_first = partial(_altered, at=lambda dataset, shape, rng: (rng.integers(shape[0]), 0))
 
 
 def _flag(name: str) -> Alter:
     """One leg's yes or no."""
 
-    def alter(summary: dict[str, Any], dataset: xr.Dataset, rng: np.random.Generator) -> None:
+    def alter(summary: Summary, dataset: xr.Dataset, rng: Rng) -> None:
         values = np.array(dataset[name].values)
         k = rng.integers(len(values))
         values[k] = 1 - values[k]
@@ -70,24 +64,20 @@ def _flag(name: str) -> Alter:
 
 def _figure(name: str, change: float) -> Alter:
     """A figure of the summary."""
-
-    def alter(summary: dict[str, Any], dataset: xr.Dataset, rng: np.random.Generator) -> None:
-        summary[name] += change
-
-    return alter
+    return lambda summary, dataset, rng: summary.update({name: summary[name] + change})
 
 
 def _leg_figure(name: str, change: float) -> Alter:
     """A figure of a leg in the summary."""
 
-    def alter(summary: dict[str, Any], dataset: xr.Dataset, rng: np.random.Generator) -> None:
+    def alter(summary: Summary, dataset: xr.Dataset, rng: Rng) -> None:
         rows = [row for row in summary["legs"] if row[name] is not None]
         rows[rng.integers(len(rows))][name] += change
 
     return alter
 
 
-def _swapped(summary: dict[str, Any], dataset: xr.Dataset, rng: np.random.Generator) -> None:
+def _swapped(summary: Summary, dataset: xr.Dataset, rng: Rng) -> None:
     """Two waypoints of the first route change places."""
     nodes = np.array(dataset["route_nodes"].values)
     count = int((nodes[0] >= 0).sum())
@@ -99,7 +89,7 @@ def _swapped(summary: dict[str, Any], dataset: xr.Dataset, rng: np.random.Genera
     dataset["route_nodes"] = dataset["route_nodes"].copy(data=nodes)
 
 
-def _plan_position(summary: dict[str, Any], dataset: xr.Dataset, rng: np.random.Generator) -> None:
+def _plan_position(summary: Summary, dataset: xr.Dataset, rng: Rng) -> None:
     """A planned place moves north."""
     places = np.array(dataset["plan_position"].values)
     places[rng.integers(len(places)), 1, 0] += 10.0
@@ -108,17 +98,18 @@ def _plan_position(summary: dict[str, Any], dataset: xr.Dataset, rng: np.random.
 
 def _attribute(name: str, change: float) -> Alter:
     """A figure of the whole run."""
-
-    def alter(summary: dict[str, Any], dataset: xr.Dataset, rng: np.random.Generator) -> None:
-        dataset.attrs[name] = dataset.attrs[name] + change
-
-    return alter
+    return lambda summary, dataset, rng: dataset.attrs.update({name: dataset.attrs[name] + change})
 
 
-def _kept(name: str, change: Callable[[Any, np.random.Generator], None]) -> Alter:
+def _current(summary: Summary, dataset: xr.Dataset, rng: Rng) -> None:
+    """The current along the whole track."""
+    dataset["current_north"] = dataset["current_north"] + 0.1
+
+
+def _kept(name: str, change: Callable[[Any, Rng], None]) -> Alter:
     """Something of what the run was made from."""
 
-    def alter(summary: dict[str, Any], dataset: xr.Dataset, rng: np.random.Generator) -> None:
+    def alter(summary: Summary, dataset: xr.Dataset, rng: Rng) -> None:
         stated = json.loads(dataset.attrs[name])
         change(stated, rng)
         dataset.attrs[name] = json.dumps(stated)
@@ -126,37 +117,28 @@ def _kept(name: str, change: Callable[[Any, np.random.Generator], None]) -> Alte
     return alter
 
 
-def _named(stated: dict[str, Any], rng: np.random.Generator, timed: bool = False) -> dict[str, Any]:
-    """A job at a place; `timed`: with a window."""
-    return rng.choice([job for job in stated["points"] if job["windows"] or not timed])
+def _job_figure(name: str, change: float) -> Alter:
+    """A figure of a job at a place."""
+
+    def alter(stated: dict[str, Any], rng: Rng) -> None:
+        rng.choice(stated["points"])[name] += change
+
+    return _kept("jobs", alter)
 
 
-def _job_priority(stated: dict[str, Any], rng: np.random.Generator) -> None:
-    _named(stated, rng)["priority"] += 1.0
-
-
-def _job_duration(stated: dict[str, Any], rng: np.random.Generator) -> None:
-    _named(stated, rng)["duration"] += 10.0
-
-
-def _job_window(stated: dict[str, Any], rng: np.random.Generator) -> None:
-    window = _named(stated, rng, timed=True)["windows"][0]
+def _job_window(stated: dict[str, Any], rng: Rng) -> None:
+    window = rng.choice([job for job in stated["points"] if job["windows"]])["windows"][0]
     window[:] = [None if end is None else end + 10.0 for end in window]
 
 
-def _jobs_swapped(stated: dict[str, Any], rng: np.random.Generator) -> None:
-    one, two = rng.choice(len(stated["points"]), 2, replace=False)
+def _jobs_swapped(stated: dict[str, Any], rng: Rng) -> None:
     jobs = stated["points"]
+    one, two = rng.choice(len(jobs), 2, replace=False)
     jobs[one]["position"], jobs[two]["position"] = jobs[two]["position"], jobs[one]["position"]
 
 
-def _digest(stated: list[dict[str, Any]], rng: np.random.Generator) -> None:
+def _digest(stated: list[dict[str, Any]], rng: Rng) -> None:
     rng.choice(stated)["sha256"] = "0" * 64
-
-
-def _current(summary: dict[str, Any], dataset: xr.Dataset, rng: np.random.Generator) -> None:
-    """The current along the whole track."""
-    dataset["current_north"] = dataset["current_north"] + 0.1
 
 
 #: What is altered, by how much it says so.
@@ -183,15 +165,15 @@ KINDS: dict[str, Alter] = {
     "a leg's revisit": _flag("leg_revisit"),
     "a route's time by 10 s": _row("route_time", 10.0),
     "a route's priority by 1": _row("route_priority", 1.0),
-    "a route's first leg by 10 s": _row("route_leg_time", 10.0, dims=2),
+    "a route's first leg by 10 s": _first("route_leg_time", 10.0),
     "two waypoints of a route": _swapped,
-    "a plan's first time by 10 s": _row("plan_time", 10.0, dims=2),
+    "a plan's first time by 10 s": _first("plan_time", 10.0),
     "a plan's position by 10 m": _plan_position,
     "the mission's time by 10 s": _attribute("t_mission", 10.0),
     "the charged planning time by 10 s": _attribute("charged_compute", 10.0),
     "the speed of the vehicle by 0.2 m/s": _attribute("vehicle_speed", 0.2),
-    "a job's priority by 1": _kept("jobs", _job_priority),
-    "a job's duration by 10 s": _kept("jobs", _job_duration),
+    "a job's priority by 1": _job_figure("priority", 1.0),
+    "a job's duration by 10 s": _job_figure("duration", 10.0),
     "a job's window by 10 s": _kept("jobs", _job_window),
     "two jobs swapped": _kept("jobs", _jobs_swapped),
     "the current by 0.1 m/s": _current,
@@ -214,7 +196,7 @@ KINDS: dict[str, Alter] = {
 
 
 def altered(
-    kind: str, summary: dict[str, Any], dataset: xr.Dataset, rng: np.random.Generator
+    kind: str, summary: dict[str, Any], dataset: xr.Dataset, rng: Rng
 ) -> tuple[dict[str, Any], xr.Dataset]:
     """Return an altered copy of a saved run."""
     changed = copy.deepcopy(summary), dataset.copy(deep=True)
@@ -261,15 +243,16 @@ def main() -> int:
             report = check_dataset(*altered(kind, summary, dataset, rng))
             rows.append({"run": str(folder), "kind": kind, "faults": report.faults})
     found = sum(bool(row["faults"]) for row in rows)
-    table, kinds = Table("alteration", "found", "of", "first fault"), {}
-    for kind in sorted({row["kind"] for row in rows}, key=list(KINDS).index):
+    kinds, shown = {}, []
+    for kind in [kind for kind in KINDS if any(row["kind"] == kind for row in rows)]:
         own = [row["faults"] for row in rows if row["kind"] == kind]
         kinds[kind] = sum(map(bool, own)), len(own)
-        table.add_row(kind, *map(str, kinds[kind]), (max(own, key=len) or [""])[0])
-    console().print(table)
-    console().print(
-        f"originals without a fault: {clean} of {len(runs)}; alterations found: {found} of {len(rows)}"
-    )
+        row = {"kind": kind, "found": kinds[kind][0], "of": len(own)}
+        shown.append(row | {"first": (max(own, key=len) or [""])[0]})
+    columns = {"alteration": "{kind}", "first fault": "{first}", "found": "{found}", "of": "{of}"}
+    console().print(table("altered runs", shown, columns, names=2))
+    said = f"originals without a fault: {clean} of {len(runs)}; alterations found: {found} of {len(rows)}"
+    console().print(said)
     write(options.out, {"alterations": {"originals": len(runs), "clean": clean, "kinds": kinds}})
     return int(clean < len(runs) or found < len(rows))
 

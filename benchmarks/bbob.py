@@ -11,7 +11,7 @@ import json
 import time
 import warnings
 from collections.abc import Callable
-from functools import lru_cache, partial
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -132,11 +132,14 @@ def evosax(name: str, size: int, dim: int) -> Search:
     return search
 
 
+_score = jax.jit(score)
+
+
 def pycma(seed: int, number: int, given: Instance, dim: int) -> float:
     """CMA-ES of pycma with doubled populations at restarts (IPOP)."""
     import cma
 
-    fun, best, left = _compiled_score(), np.inf, EVALUATIONS * dim
+    best, left = np.inf, EVALUATIONS * dim
     start = np.random.default_rng(seed)
     size, options = 4 + int(3 * np.log(dim)), {"bounds": [LOWER, UPPER], "verbose": -9}
     while left >= size:
@@ -146,14 +149,11 @@ def pycma(seed: int, number: int, given: Instance, dim: int) -> float:
             method = cma.CMAEvolutionStrategy(start.uniform(-4.0, 4.0, dim), 2.0, options)
             while not method.stop() and left >= size:
                 asked = np.stack(method.ask())
-                cost = np.asarray(fun(asked, number, given))
+                cost = np.asarray(_score(asked, number, given))
                 method.tell(list(asked), cost.tolist())
                 best, left = min(best, cost.min()), left - size
         size *= 2
     return best
-
-
-_compiled_score = partial(lambda compiled: compiled, jax.jit(score))
 
 
 def searches(dim: int) -> dict[str, Search]:

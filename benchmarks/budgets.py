@@ -11,16 +11,17 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
+from functools import cache
+from itertools import product
 from typing import Any
 
 import jax
 import numpy as np
-from rich.table import Table
 
 import auvplan as ap
 from auvplan import cores
 from auvplan.mission import random_graph
-from benchmarks.machine import arguments, console, write
+from benchmarks.machine import arguments, console, table, write
 from benchmarks.path_problems import path_problems
 
 #: s.
@@ -36,7 +37,6 @@ def calls() -> dict[str, tuple[Call, Callable[[Any], float]]]:
     rng = np.random.default_rng(0)
     graphs = [random_graph(rng, rng.uniform(0.0, 8000.0, (40, 3)) * (1, 1, 0.01)) for _ in range(4)]
     quick = ap.PathConfig.quick()
-    plans: dict[int, ap.PathPlan] = {}
 
     def posed(number: int) -> tuple:
         problem = problems[number % len(problems)]
@@ -46,16 +46,17 @@ def calls() -> dict[str, tuple[Call, Callable[[Any], float]]]:
         return ap.plan_path(*posed(number), key=jax.random.fold_in(key, number), budget=budget)
 
     def four(number: int, budget: float | None) -> ap.PathPlans:
-        start, goal, env, vehicle = posed(number)
-        starts, goals = np.tile(start, (4, 1)), np.tile(goal, (4, 1))
+        *ends, env, vehicle = posed(number)
+        starts, goals = (np.tile(end, (4, 1)) for end in ends)
         return ap.plan_paths(starts, goals, env, vehicle, key=key, config=quick, budget=budget)
 
+    @cache
+    def before(number: int) -> ap.PathPlan:
+        return ap.plan_path(*posed(number), key=key, config=quick)
+
     def anew(number: int, budget: float | None) -> ap.PathPlan:
-        start, goal, env, vehicle = posed(number)
-        which = number % len(problems)
-        if which not in plans:
-            plans[which] = ap.plan_path(start, goal, env, vehicle, key=key, config=quick)
-        plan = plans[which]
+        _, _, env, vehicle = posed(number)
+        plan = before(number % len(problems))
         middle = len(plan.times) // 3
         at = plan.positions[middle], float(plan.times[middle])
         return ap.replan_path(plan, *at, env, vehicle, key=key, config=quick, budget=budget)
@@ -112,24 +113,22 @@ def main() -> None:
     parser.add_argument("-n", type=int, default=40, help="calls of each kind")
     parser.add_argument("--quick", action="store_true", help="two budgets alone")
     options = parser.parse_args()
-    screen, rows = console(), []
-    table = Table(
-        *("call", "machine", "budget, s", "overrun: median", "95 %", "worst", "beyond a tenth", "worse by"),
-        title="wall-clock time of planning calls against their budgets",
-    )
+    rows, budgets = [], BUDGETS[1:4:2] if options.quick else BUDGETS
     for name, (call, worth) in calls().items():
         for number in range(options.n):  # compiles what each problem needs, and learns how long things take
             for budget in (None, 30.0, 0.1) if number < 4 else (None, 0.1):
                 call(number, budget)
-        for machine in ("as it is", "busy"):
-            for budget in BUDGETS[1:4:2] if options.quick else BUDGETS:
-                with busy() if machine == "busy" else nullcontext():
-                    row = timed(call, worth, budget, options.n)
-                rows.append({"call": name, "machine": machine, "budget": budget} | row)
-                figures = [f"{row[part]:+.1%}" for part in ("median", "p95", "worst")]
-                beyond = f"{row['beyond a tenth']} of {row['calls']}"
-                table.add_row(name, machine, f"{budget:g}", *figures, beyond, f"{row['worse by']:+.2%}")
-    screen.print(table)
+        for machine, budget in product(("as it is", "busy"), budgets):
+            with busy() if machine == "busy" else nullcontext():
+                row = timed(call, worth, budget, options.n)
+            rows.append({"call": name, "machine": machine, "budget": budget} | row)
+    columns = {
+        "call": "{call}", "machine": "{machine}", "budget, s": "{budget:g}",
+        "overrun: median": "{median:+.1%}", "95 %": "{p95:+.1%}", "worst": "{worst:+.1%}",
+        "beyond a tenth": "{beyond a tenth} of {calls}", "worse by": "{worse by:+.2%}",
+    }  # fmt: skip
+    title = "wall-clock time of planning calls against their budgets"
+    console().print(table(title, rows, columns, names=2))
     write(options.out, {"budgets": rows})
 
 

@@ -10,15 +10,15 @@ every leg is walked again in plain Python from the table alone.
 
 import argparse
 import math
-from itertools import pairwise
+from itertools import pairwise, product
 
 import jax
 import numpy as np
 from scipy.spatial.distance import cdist
 
 from auvplan.mission import MissionGraph, plan_mission
-from auvplan.mission.timetable import Timetable
-from benchmarks.machine import machine
+from benchmarks.machine import machine, markdown
+from benchmarks.mission_sets import timed_graph
 
 #: Prizes count so many times as much as a second of the way.
 PRIZE = 10_000
@@ -54,18 +54,12 @@ def customers(seed: int, count: int, kind: str) -> tuple[np.ndarray, ...]:
 def ours(problem: tuple[np.ndarray, ...], seed: int) -> float:
     """Total prize of the planned route, walked again in whole seconds."""
     places, prizes, service, ready, due = (np.concatenate([part, part[:1]]) for part in problem)
-    size = len(places)
     travel = np.round(cdist(places, places))
     travel[0, -1] = travel[-1, 0] = 1.0
-    adjacency = ~np.eye(size, dtype=bool)
-    travel[~adjacency] = np.inf
-    square = size, size
-    rho, stay = (np.broadcast_to(part.astype(float), square).copy() for part in (prizes, service))
-    opens, closes = (np.broadcast_to(part[:, None], (*square, 1)).copy() for part in (ready, due + HALF))
-    graph = MissionGraph(np.c_[places, np.zeros(size)], adjacency, rho, stay)
-    timed = graph.with_timetable(Timetable(np.zeros(1), travel[None], opens, closes))
+    np.fill_diagonal(travel, np.inf)
+    timed = timed_graph(places, travel[None], prizes, service, ready, due + HALF)
     end = float(due[0]) + HALF
-    route = plan_mission(timed, 0, size - 1, end, speed=1.0, key=jax.random.key(seed))
+    route = plan_mission(timed, 0, timed.size - 1, end, speed=1.0, key=jax.random.key(seed))
     now, total = 0.0, 0.0
     for i, j in pairwise(route.nodes.tolist()):
         begins = max(now + float(travel[i, j]), float(ready[j]))
@@ -101,23 +95,19 @@ def peers(problem: tuple[np.ndarray, ...], seconds: float, seed: int) -> float:
 
 def compare(sizes: list[int], cases: int, seconds: float, first: int) -> None:
     """Print a row for each size and kind."""
-    print("| customers | kind | cases | ours | PyVRP | mean gap | worst gap |")
-    print("|---|---|---|---|---|---|---|")
+    head = markdown(("customers", "kind", "cases", "ours", "PyVRP", "mean gap", "worst gap"), [])
+    print(*head, sep="\n")
     gaps = []
-    for count in sizes:
-        for kind in ("R", "C", "RC"):
-            rows = []
-            for seed in range(first, first + cases):
-                problem = customers(seed, count, kind)
-                rows.append((ours(problem, seed), peers(problem, seconds, seed)))
-            found, best = np.array(rows).T
-            gap = 1.0 - found / best
-            gaps += gap.tolist()
-            print(
-                f"| {count} | {kind} | {cases} | {found.mean():.1f} | {best.mean():.1f} | {gap.mean():.2%} | "
-                f"{gap.max():.2%} |",
-                flush=True,
-            )
+    for count, kind in product(sizes, ("R", "C", "RC")):
+        rows = []
+        for seed in range(first, first + cases):
+            problem = customers(seed, count, kind)
+            rows.append((ours(problem, seed), peers(problem, seconds, seed)))
+        found, best = np.array(rows).T
+        gap = 1.0 - found / best
+        gaps += gap.tolist()
+        means = f"{found.mean():.1f} | {best.mean():.1f}"
+        print(f"| {count} | {kind} | {cases} | {means} | {gap.mean():.2%} | {gap.max():.2%} |", flush=True)
     print(f"all: mean gap {np.mean(gaps):.2%}, worst {np.max(gaps):.2%}, {len(gaps)} cases")
 
 
@@ -133,16 +123,12 @@ def tidal(seed: int) -> tuple[MissionGraph, float]:
     travel = np.where(adjacency, length / (along + np.sqrt(1.5**2 - across**2)), np.inf)
     rho, stay = rng.integers(1, 10, size).astype(float), rng.uniform(60.0, 400.0, size)
     rho[[0, -1]] = stay[[0, -1]] = 0.0
-    opens = rng.uniform(0.0, 0.8 * horizon, (size, 1))
-    closes = opens + rng.uniform(600.0, 6000.0, (size, 1))
+    opens = rng.uniform(0.0, 0.8 * horizon, size)
+    closes = opens + rng.uniform(600.0, 6000.0, size)
     free = rng.random(size) < 0.4
     free[[0, -1]] = True
     opens[free], closes[free] = -np.inf, np.inf
-    square = size, size
-    rho, stay = (np.broadcast_to(part, square).copy() for part in (rho, stay))
-    opens, closes = (np.broadcast_to(part, (*square, 1)).copy() for part in (opens, closes))
-    graph = MissionGraph(np.c_[places, np.zeros(size)], adjacency, rho, stay)
-    return graph.with_timetable(Timetable(departures, travel, opens, closes)), horizon
+    return timed_graph(places, travel, rho, stay, opens, closes, departures=departures), horizon
 
 
 def walked(graph: MissionGraph, nodes: list[int]) -> list[float]:

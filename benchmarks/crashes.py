@@ -19,15 +19,15 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
+from itertools import product
 from pathlib import Path
 from xml.etree import ElementTree
-
-from rich.table import Table
 
 from auvplan.files import MISSION, SUMMARY, read_dataset
 from auvplan.study.store import DATASET, is_unfinished
 from benchmarks import small_sea
-from benchmarks.machine import AUVPLAN, arguments, console, write
+from benchmarks.machine import AUVPLAN, arguments, clock, console, table, write
 
 COMMANDS = "mission", "montecarlo", "export", "report"
 
@@ -67,14 +67,14 @@ def broken(folder: Path) -> str:
     return ""
 
 
+def _names(folder: Path) -> set[str]:
+    return {file.name for file in folder.iterdir()} if folder.is_dir() else set()
+
+
 def _whole(name: str, out: Path, before: set[str]) -> bool:
     """Whether a command's result is there."""
-    names = {file.name for file in out.iterdir()} if out.is_dir() else set()
-    if name == "mission":
-        return {SUMMARY, MISSION} <= names
-    if name == "montecarlo":
-        return {SUMMARY, DATASET} <= names
-    return bool(names - before)
+    needed = {"mission": {SUMMARY, MISSION}, "montecarlo": {SUMMARY, DATASET}}.get(name)
+    return bool(_names(out) - before) if needed is None else needed <= _names(out)
 
 
 def _prepare(name: str, result: Path, out: Path) -> set[str]:
@@ -82,7 +82,7 @@ def _prepare(name: str, result: Path, out: Path) -> set[str]:
     shutil.rmtree(out, ignore_errors=True)
     if name == "report":
         shutil.copytree(result, out)
-    return {file.name for file in out.iterdir()} if out.is_dir() else set()
+    return _names(out)
 
 
 def killed(name: str, scenario: Path, result: Path, folder: Path, kills: int) -> list[str]:
@@ -90,9 +90,7 @@ def killed(name: str, scenario: Path, result: Path, folder: Path, kills: int) ->
     chance, out, found = random.Random(name), folder / f"{name}-out", []
     words = command(name, scenario, result, out)
     _prepare(name, result, out)
-    begin = time.perf_counter()
-    subprocess.run(words, check=False, capture_output=True)
-    seconds = time.perf_counter() - begin
+    seconds, _ = clock(lambda: subprocess.run(words, check=False, capture_output=True))
     for _ in range(kills):
         before = _prepare(name, result, out)
         process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -125,24 +123,21 @@ def small_disk(folder: Path, room: int) -> Iterator[bool]:
 
 def without_room(name: str, scenario: Path, result: Path, folder: Path, disks: int) -> list[str]:
     """Outcomes of a command on small disks, of sizes up to what it needs."""
-    chance, found = random.Random(name), []
-    disk = folder / "disk"
-    whole = _prepare(name, result, folder / f"{name}-size")
-    subprocess.run(command(name, scenario, result, folder / f"{name}-size"), capture_output=True, check=False)
-    used = sum(file.stat().st_size for file in (folder / f"{name}-size").rglob("*") if file.is_file())
+    chance, found, disk, sized = random.Random(name), [], folder / "disk", folder / f"{name}-size"
+    whole = _prepare(name, result, sized)
+    subprocess.run(command(name, scenario, result, sized), capture_output=True, check=False)
+    used = sum(file.stat().st_size for file in sized.rglob("*") if file.is_file())
     least = sum(file.stat().st_size for file in result.iterdir()) + 8192 if whole else 8192
+    words = command(name, scenario, result, disk / "out")
     for number in range(disks):
         room = int(least + (number + chance.random()) / disks * 1.2 * max(used - least, 16384))
         with small_disk(disk, room) as mounted:
             before = _prepare(name, result, disk / "out")
-            limit = (
-                None if mounted else lambda size=room: resource.setrlimit(resource.RLIMIT_FSIZE, (size,) * 2)
-            )
-            words = command(name, scenario, result, disk / "out")
-            ended = subprocess.run(words, capture_output=True, text=True, preexec_fn=limit)
+            limit = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (room, room))
+            limited = None if mounted else limit
+            ended = subprocess.run(words, capture_output=True, text=True, preexec_fn=limited)
             lines = ended.stderr.strip().splitlines()
-            fault = broken(disk / "out")
-            if fault:
+            if fault := broken(disk / "out"):
                 found.append(f"broken: {fault}")
             elif ended.returncode in (0, 1) and _whole(name, disk / "out", before):
                 found.append("room enough")
@@ -161,30 +156,21 @@ def main() -> None:
     parser.add_argument("--kills", type=int, default=30, help="of each command")
     parser.add_argument("--disks", type=int, default=12, help="sizes of disks for each command")
     options = parser.parse_args()
-    rows: list[dict[str, object]] = []
+    rows = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         scenario, result = small_sea.write(folder / "scenario"), folder / "result"
         subprocess.run(command("mission", scenario, result, result), capture_output=True, check=False)
-        for kind, outcomes, count in (
-            ("killed", killed, options.kills),
-            ("disk full", without_room, options.disks),
-        ):
-            for word in COMMANDS:
-                counts = Counter(outcomes(word, scenario, result, folder, count))
-                rows.append({"command": word, "kind": kind, "outcomes": dict(counts)})
-                console().print(f"{word}, {kind}: {dict(counts)}")
-    table = Table("command", "what", "times", "outcomes", title="commands that were broken off")
-    wrong = 0
-    for row in rows:
-        counts = row["outcomes"]
-        assert isinstance(counts, dict)
-        wrong += sum(times for outcome, times in counts.items() if outcome not in GOOD)
-        said = ", ".join(f"{outcome} {times}" for outcome, times in counts.items())
-        table.add_row(str(row["command"]), str(row["kind"]), str(sum(counts.values())), said)
-    console().print(table)
+        kinds = ("killed", killed, options.kills), ("disk full", without_room, options.disks)
+        for (kind, outcomes, count), word in product(kinds, COMMANDS):
+            counts = dict(Counter(outcomes(word, scenario, result, folder, count)))
+            said = ", ".join(f"{outcome} {times}" for outcome, times in counts.items())
+            rows.append({"command": word, "kind": kind, "outcomes": counts, "times": count, "said": said})
+            console().print(f"{word}, {kind}: {said}")
+    columns = {"command": "{command}", "what": "{kind}", "outcomes": "{said}", "times": "{times}"}
+    console().print(table("commands that were broken off", rows, columns, names=3))
     write(options.out, {"crashes": rows})
-    sys.exit(1 if wrong else 0)
+    sys.exit(any(outcome not in GOOD for row in rows for outcome in row["outcomes"]))
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ have one shape, so that problems of a family share compiled programs.
 """
 
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import product
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 import auvplan as ap
-from auvplan.io.currents import CurrentFile, read_current
+from auvplan.io.currents import read_current
 from auvplan.ocean.currents import Current, Velocity
 from auvplan.site import Site
 from benchmarks.machine import SHARED
@@ -149,13 +149,14 @@ class _Leg:
     """Where a leg leads.
 
     Attributes:
+        speed: m/s through the water.
         length: m, level.
         along: [2], its direction.
         depth: m, of the box.
         start, goal: [3] m.
     """
 
-    vehicle: ap.Vehicle
+    speed: float
     length: float
     along: Array
     depth: float
@@ -177,14 +178,7 @@ class _Leg:
             ends[1] = np.clip(ends[1], ends[0] - 0.1 * length, ends[0] + 0.1 * length)
         middle = 0.5 * ROOM * length
         start, goal = (middle + half * length * along for half in (-0.5, 0.5))
-        return cls(
-            unlimited_vehicle(speed), length, along, depth, np.r_[start, ends[0]], np.r_[goal, ends[1]]
-        )
-
-    @property
-    def speed(self) -> float:
-        """m/s through the water."""
-        return float(self.vehicle.speed)
+        return cls(speed, length, along, depth, np.r_[start, ends[0]], np.r_[goal, ends[1]])
 
     @property
     def straight(self) -> float:
@@ -202,7 +196,7 @@ class _Leg:
         side = ROOM * self.length
         corners = (0.0, 0.0, 0.0), (side, side, self.depth)
         env = ap.Environment(current, None, obstacles, *corners, seabed)
-        return _problem(env, self.start, self.goal, self.vehicle)
+        return _problem(env, self.start, self.goal, self.speed)
 
 
 def depth_problem(family: str, seed: int) -> PathProblem:
@@ -237,30 +231,25 @@ def way(problem: PathProblem) -> Array | None:
     Those that are tried keep one depth and bend to one side, both between short ramps.
     """
     world = World.of(problem)
-    for path in _simple_ways(problem, world):
-        if evaluate(problem, path, world).feasible:
-            return path
-    return None
-
-
-def _simple_ways(problem: PathProblem, world: World) -> Iterator[Array]:
     start, goal = np.asarray(problem.start), np.asarray(problem.goal)
     share = np.linspace(0.0, 1.0, _POINTS)
     straight = start + share[:, None] * (goal - start)
-    yield straight
+    if evaluate(problem, straight, world).feasible:
+        return straight
     along = (goal - start)[:2]
     aside = np.array([-along[1], along[0]])
     arc = share * np.linalg.norm(along)
     # No steeper at either end than the ramps.
-    least, most = (
-        np.maximum(start[2] - _SLOPE * arc, goal[2] - _SLOPE * arc[::-1]),
-        np.minimum(start[2] + _SLOPE * arc, goal[2] + _SLOPE * arc[::-1]),
-    )
+    least = np.maximum(start[2] - _SLOPE * arc, goal[2] - _SLOPE * arc[::-1])
+    most = np.minimum(start[2] + _SLOPE * arc, goal[2] + _SLOPE * arc[::-1])
     depths = world.high[2] * np.array([0.02, 0.1, 0.25, 0.5, 0.75, 0.95])
     bends = 0.04, -0.04, 0.1, -0.1, 0.2, -0.2, 0.35, -0.35
     for depth, bend in product(depths, (0.0, *bends)):
         place = straight[:, :2] + (bend * np.sin(np.pi * share))[:, None] * aside
-        yield np.column_stack([place, np.clip(depth, least, most)])
+        path = np.column_stack([place, np.clip(depth, least, most)])
+        if evaluate(problem, path, world).feasible:
+            return path
+    return None
 
 
 def _shear(rng: Rng) -> PathProblem | None:
@@ -336,9 +325,8 @@ def _ridge(rng: Rng) -> PathProblem | None:
     if min(float(seabed.altitude(end[None])[0]) for end in (leg.start, leg.goal)) < _ALTITUDE + 2.0:
         return None
     angles = rng.normal(0.0, 0.35, 2) * (not endless)
-    strengths = (
-        (-rng.uniform(0.3, 1.0), rng.uniform(0.0, 1.0)) if rng.random() < 0.6 else rng.uniform(-1.0, 1.0, 2)
-    )
+    against = rng.random() < 0.6
+    strengths = (-rng.uniform(0.3, 1.0), rng.uniform(0.0, 1.0)) if against else rng.uniform(-1.0, 1.0, 2)
     upper, lower = (strength * leg.turned(angle) for strength, angle in zip(strengths, angles, strict=True))
     layers = _layers(rng, leg, upper, lower, (_FASTEST[0], _FASTEST[1] / (1.0 + gain.max())))
     current = _single(SillCurrent(layers, leg.start[:2], leg.along, place, width, gain))
@@ -350,9 +338,8 @@ def _spheres(rng: Rng) -> PathProblem | None:
     leg = _Leg.drawn(rng, _COLUMNS, shallow=0.5)
     angles = rng.uniform(0.0, 2.0 * np.pi, 2)
     strengths = rng.uniform(0.1, 1.0, 2)
-    layers = _layers(
-        rng, leg, strengths[0] * leg.turned(angles[0]), strengths[1] * leg.turned(angles[1]), (0.05, 0.5)
-    )
+    upper, lower = (strength * leg.turned(angle) for strength, angle in zip(strengths, angles, strict=True))
+    layers = _layers(rng, leg, upper, lower, (0.05, 0.5))
     count = int(rng.integers(4, SPHERES + 1))
     size = min(leg.depth, 0.3 * leg.length)
     radius = np.exp(rng.uniform(np.log(0.08 * size), np.log(0.45 * size), count))
@@ -375,15 +362,10 @@ def _spheres(rng: Rng) -> PathProblem | None:
     own = velocity - drift[:, None] * np.stack(velocity_at(layers, x, y, z, np.zeros(count)), axis=1)
     growth_max = radius * rng.uniform(0.05, 0.3, count) * rng.integers(0, 2, count)
     obstacles = ap.Obstacles.create(
-        centre,
-        radius,
-        velocity=own,
-        drift=drift,
-        position_std=rng.uniform(0.0, 0.02, count) * radius,
+        centre, radius, velocity=own, drift=drift, position_std=rng.uniform(0.0, 0.02, count) * radius,
         radius_std=rng.uniform(0.0, 0.01, count) * radius,
-        growth=growth_max / (leg.straight * rng.uniform(0.2, 1.0, count)),
-        growth_max=growth_max,
-    )
+        growth=growth_max / (leg.straight * rng.uniform(0.2, 1.0, count)), growth_max=growth_max,
+    )  # fmt: skip
     problem = leg.posed(layers, obstacles.padded(SPHERES))
     # The start is clear at first, the goal whenever the vehicle may come.
     world, room = World.of(problem), 0.02 * size + 5.0
@@ -432,30 +414,20 @@ _FINE = 50.0
 def _model(source: _Source) -> tuple[Current, ap.Seabed | None]:
     """Read a file, once; what it does not cover is dry, as land is, where it has depths of the bed."""
     north, east = source.half
-    found = read_current(
-        SHARED / source.path,
-        Site(*source.place),
-        lower=(-north, -east, 0.0),
-        upper=(north, east, source.depth),
-        outside="clamp",
-    )
-    return found.field, _bed(found, source)
-
-
-def _bed(found: CurrentFile, source: _Source) -> ap.Seabed | None:
+    box = {"lower": (-north, -east, 0.0), "upper": (north, east, source.depth)}
+    found = read_current(SHARED / source.path, Site(*source.place), **box, outside="clamp")
     if found.sea_floor is None:
-        return None
+        return found.field, None
     wet = np.where(found.water & np.isfinite(found.sea_floor), found.sea_floor, -10.0)
     sides = 2.0 * np.asarray(source.half)
     pixel = min(_FINE, sides.max() / 200.0)
     lines = [pixel * (np.arange(int(np.ceil(side / pixel))) + 0.5) - 0.5 * side for side in sides]
-    nodes = [
-        (line - first) / apart for line, first, apart in zip(lines, found.origin, found.spacing, strict=True)
-    ]
+    placed = zip(lines, found.origin, found.spacing, strict=True)
+    nodes = [(line - first) / apart for line, first, apart in placed]
     at = np.stack(np.meshgrid(*nodes, indexing="ij"))
     raster = ndimage.map_coordinates(wet, at, order=1, mode="nearest")
     corner = (-0.5 * sides[0], -0.5 * sides[1])
-    return ap.Seabed.from_depth(raster, pixel, corner, clearance=_ALTITUDE)
+    return found.field, ap.Seabed.from_depth(raster, pixel, corner, clearance=_ALTITUDE)
 
 
 def _file(rng: Rng) -> PathProblem | None:
@@ -483,14 +455,14 @@ def _file(rng: Rng) -> PathProblem | None:
     depart = float(rng.uniform(0.0, spare)) if len(times) > 1 else 0.0
     corners = (*-half, 0.0), (*half, source.depth)
     env = ap.Environment(current, None, None, *corners, seabed)
-    return _problem(env, start, goal, unlimited_vehicle(speed), depart)
+    return _problem(env, start, goal, speed, depart)
 
 
 def _problem(
-    env: ap.Environment, start: Array, goal: Array, vehicle: ap.Vehicle, depart: float = 0.0
+    env: ap.Environment, start: Array, goal: Array, speed: float, depart: float = 0.0
 ) -> PathProblem:
     ends = (tuple(float(axis) for axis in end) for end in (start, goal))
-    return PathProblem("", "", env, *ends, vehicle, depart)
+    return PathProblem("", "", env, *ends, unlimited_vehicle(speed), depart)
 
 
 def _log_uniform(rng: Rng, low: float, high: float) -> float:

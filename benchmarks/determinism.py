@@ -17,13 +17,11 @@ import tempfile
 import time
 from pathlib import Path
 
-from rich.table import Table
-
 from auvplan.files import SUMMARY
 from auvplan.study.store import PIECES, RUNS
 from benchmarks import small_sea
-from benchmarks.machine import AUVPLAN, arguments, console, write
-from benchmarks.resilience import clockless
+from benchmarks.machine import AUVPLAN, arguments, console, table, write
+from benchmarks.resilience import clockless, two_workers
 
 RUN = [*AUVPLAN, "mission", "--pictures", "none", "--quiet"]
 STUDY = [*AUVPLAN, "montecarlo", "--quiet", "--save-runs"]
@@ -63,14 +61,6 @@ def killed_and_resumed(command: list[str], folder: Path) -> None:
     _call([*command, "--out", str(folder), "--resume"])
 
 
-def on_dask(command: list[str], folder: Path) -> None:
-    """Run a study on two Dask workers."""
-    from distributed import LocalCluster
-
-    with LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
-        _call([*command, "--out", str(folder), "--dask", cluster.scheduler_address])
-
-
 def compared(name: str, seed: int, count: int, folder: Path) -> list[dict[str, str]]:
     """Digests of one mission's summary by how it came about; a study is of `count` missions."""
     found: list[dict[str, str]] = []
@@ -94,7 +84,8 @@ def compared(name: str, seed: int, count: int, folder: Path) -> list[dict[str, s
         note(f"{beside} beside it in the batch", at)
     study = [*STUDY, name, "-n", str(count), "--seed", str(seed)]
     _call([*study, "--out", str(folder / "local")])
-    on_dask(study, folder / "dask")
+    with two_workers() as cluster:
+        _call([*study, "--out", str(folder / "dask"), "--dask", cluster.scheduler_address])
     killed_and_resumed(study, folder / "killed")
     for how in ("local", "dask", "killed"):
         runs = sorted((folder / how / RUNS).iterdir())
@@ -113,17 +104,14 @@ def main() -> None:
         folder = Path(name)
         chosen = str(small_sea.write(folder)) if options.scenario == "small" else options.scenario
         found = compared(chosen, options.seed, options.n, folder)
-    first = found[0]["digest"]
-    table = Table("how", "summary", title=f"{options.scenario}, seed {options.seed}")
     for row in found:
-        row["same"] = "the same" if row["digest"] == first else "DIFFERENT"
-        table.add_row(row["how"], row["same"])
-    screen = console()
-    screen.print(table)
-    same = sum(row["digest"] == first for row in found)
+        row["same"] = "the same" if row["digest"] == found[0]["digest"] else "DIFFERENT"
+    same, screen = sum(row["same"] == "the same" for row in found), console()
+    title = f"{options.scenario}, seed {options.seed}"
+    screen.print(table(title, found, {"how": "{how}", "summary": "{same}"}, names=2))
     screen.print(f"{same} of {len(found)} summaries are the same to the byte, clock times left out")
     write(options.out, {"determinism": found})
-    sys.exit(0 if same == len(found) else 1)
+    sys.exit(same < len(found))
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -133,22 +134,22 @@ def written(case: Case, folder: Path) -> Path:
         return name
 
     def areas(name: str, rings: dict[str, Array]) -> str:
-        outlines = {each: [at(place) for place in [*ring, ring[0]]] for each, ring in rings.items()}
-        shapes = {each: {"type": "Polygon", "coordinates": [ring]} for each, ring in outlines.items()}
-        return collection(name, [({"name": each}, shape) for each, shape in shapes.items()])
+        parts = []
+        for each, ring in rings.items():
+            outline = [at(place) for place in [*ring, ring[0]]]
+            parts.append(({"name": each}, {"type": "Polygon", "coordinates": [outline]}))
+        return collection(name, parts)
 
-    stated = {
-        name: {"name": name, "priority": rho, "duration": stay, "depth": 10}
-        for name, (_, rho, stay) in case.jobs.items()
-    }
-    points = {name: {"type": "Point", "coordinates": at(place)} for name, (place, _, _) in case.jobs.items()}
-    collection("jobs.geojson", [(stated[name], points[name]) for name in stated])
+    jobs = []
+    for name, (place, rho, stay) in case.jobs.items():
+        stated = {"name": name, "priority": rho, "duration": stay, "depth": 10}
+        jobs.append((stated, {"type": "Point", "coordinates": at(place)}))
+    collection("jobs.geojson", jobs)
     chart: dict = {"source": "none", "pixel_size": 20}
     if case.islands:
         chart |= {"source": "polygons", "file": areas("coast.geojson", case.islands)}
-    constituents = {
-        name: {"u": [east, phase], "v": [north, phase]} for name, (east, north, phase) in TIDE.items()
-    }
+    tide = TIDE.items()
+    constituents = {name: {"u": [u, phase], "v": [v, phase]} for name, (u, v, phase) in tide}
     (folder / "tide.yaml").write_text(yaml.safe_dump({"source": "made up", "constituents": constituents}))
     content = {
         "name": "detours",
@@ -192,12 +193,11 @@ def shortest_paths(case: Case, places: Array) -> dict[tuple[int, int], Array]:
     count = len(places)
     _, before = dijkstra(graph, directed=False, indices=np.arange(count), return_predecessors=True)
     found = {}
-    for start in range(count):
-        for goal in range(count):
-            way = [goal]
-            while way[-1] != start:
-                way.append(int(before[start, way[-1]]))
-            found[start, goal] = nodes[way[::-1]]
+    for start, goal in np.ndindex(count, count):
+        way = [goal]
+        while way[-1] != start:
+            way.append(int(before[start, way[-1]]))
+        found[start, goal] = nodes[way[::-1]]
     return found
 
 
@@ -257,40 +257,32 @@ def waypoints_in_files(folder: Path, site: Site) -> dict[str, Array]:
             seconds = (datetime.fromisoformat(time) - site.epoch).total_seconds()
         return [float(north), float(east), float(depth), seconds, float(hold)]
 
+    found: dict[str, list[list[float]]] = {}
     with (folder / "itinerary.csv").open(newline="") as file:
-        table = [
-            row(*(each[name] for name in ("lon", "lat", "depth", "time", "hold")))
-            for each in csv.DictReader(file)
-        ]
-    collection = []
+        names = ("lon", "lat", "depth", "time", "hold")
+        found["csv"] = [row(*(each[name] for name in names)) for each in csv.DictReader(file)]
+    found["geojson"] = []
     for each in json.loads((folder / "itinerary.geojson").read_text())["features"]:
         stated, place = each["properties"], each["geometry"]["coordinates"][:2]
         if stated["kind"] == "waypoint":
-            collection.append(row(*place, stated["depth_m"], stated["time"], stated["hold_s"]))
-    route = [
-        row(
-            each.get("lon"), each.get("lat"), -float(each.findtext("{*}ele", "nan")), each.findtext("{*}time")
-        )
-        for each in ElementTree.parse(folder / "itinerary.gpx").iterfind(".//{*}rtept")
-    ]
+            found["geojson"].append(row(*place, stated["depth_m"], stated["time"], stated["hold_s"]))
+    found["gpx"] = []
+    for each in ElementTree.parse(folder / "itinerary.gpx").iterfind(".//{*}rtept"):
+        depth = -float(each.findtext("{*}ele", "nan"))
+        found["gpx"].append(row(each.get("lon"), each.get("lat"), depth, each.findtext("{*}time")))
     items = json.loads((folder / "itinerary.plan").read_text())["mission"]["items"]
-    plan = [
-        row(item["params"][5], item["params"][4], -item["params"][6], None, item["params"][0])
-        for item in items
-        if item["command"] == NAV_WAYPOINT
-    ]
-    tracks = []
+    params = (item["params"] for item in items if item["command"] == NAV_WAYPOINT)
+    found["qgc"] = [row(each[5], each[4], -each[6], None, each[0]) for each in params]
+    found["kml"] = []
     for track in ElementTree.parse(folder / "itinerary.kml").iterfind(".//{*}Track"):
         longitude, latitude, height = track.findall("{*}coord")[-1].text.split()
-        tracks.append(row(longitude, latitude, -float(height), track.findall("{*}when")[-1].text))
+        found["kml"].append(row(longitude, latitude, -float(height), track.findall("{*}when")[-1].text))
     with xr.open_dataset(folder / "itinerary.nc") as data:
         ends = data["row_size"].values.cumsum() - 1
         moments = np.datetime_as_string(data["time"].values[ends], unit="ms", timezone="UTC")
         places = (data[name].values[ends] for name in ("lon", "lat", "depth"))
-        trajectories = [row(*each) for each in zip(*places, moments, strict=True)]
-    formats = ("csv", "geojson", "gpx", "qgc", "kml", "netcdf")
-    found = (table, collection, route, plan, tracks, trajectories)
-    return {name: np.array(rows) for name, rows in zip(formats, found, strict=True)}
+        found["netcdf"] = [row(*each) for each in zip(*places, moments, strict=True)]
+    return {name: np.array(rows) for name, rows in found.items()}
 
 
 def disagreements(run: MissionRun, folder: Path) -> list[str]:
@@ -309,9 +301,8 @@ def disagreements(run: MissionRun, folder: Path) -> list[str]:
     found = []
 
     def same(what: str, values: Sequence[float], others: Sequence[float], within: float) -> None:
-        if len(values) != len(others) or not np.allclose(
-            values, others, rtol=0.0, atol=within, equal_nan=True
-        ):
+        near = partial(np.allclose, rtol=0.0, atol=within, equal_nan=True)
+        if len(values) != len(others) or not near(values, others):
             found.append(f"{what}: {[*map(float, values)]} and {[*map(float, others)]}")
 
     total = float(sum(leg.priority for leg in legs))
@@ -319,15 +310,13 @@ def disagreements(run: MissionRun, folder: Path) -> list[str]:
         same(f"priority, {name}", [total], [other["total_priority"]], 1e-6)
         same(f"tasks, {name}", [len(legs)], [other["tasks"]], 0.0)
         same(f"time, {name}", [run.t_mission], [other["t_mission"]], 0.01)
-    arrivals = [float(leg.times[-1]) for leg in legs]
-    ends = [leg.t_wait + arrival for leg, arrival in zip(legs, arrivals, strict=True)]
+    ends = [leg.t_wait + float(leg.times[-1]) for leg in legs]
     holds = [leg.t_wait + leg.t_task for leg in legs]
     places = np.array([run.graph.positions[leg.goal] for leg in legs])
     rho = [leg.priority for leg in legs]
-    same("arrivals, sheet", ends, [stop["arrival"] for stop in stops], 0.01)
-    same("arrivals, page", ends, [task["at"] for task in done], 0.01)
-    same("priorities, sheet", rho, [stop["priority"] for stop in stops], 1e-6)
-    same("priorities, page", rho, [task["priority"] for task in done], 1e-6)
+    for where, rows, arrives in (("sheet", stops, "arrival"), ("page", done, "at")):
+        same(f"arrivals, {where}", ends, [row[arrives] for row in rows], 0.01)
+        same(f"priorities, {where}", rho, [row["priority"] for row in rows], 1e-6)
     same("holds, sheet", holds, [stop["wait"] + stop["hold"] for stop in stops], 0.01)
     same("depths, sheet", places[:, 2], [stop["depth"] for stop in stops], 0.01)
     for axis, values in enumerate(run.site.to_geographic(*places[:, :2].T)):
@@ -354,9 +343,8 @@ def disagreements(run: MissionRun, folder: Path) -> list[str]:
             same(f"least distance, {name}", [min(least, default=np.nan)], [limits[name]], 0.01)
     names = sorted(run.names[leg.goal] for leg in legs)
     left = sorted(job["name"] for job in sheet["left_out"])
-    if sorted(stop["task"] for stop in stops) != names or sorted(names + left) != sorted(
-        name for name in run.names[1:-1] if not name.startswith("(via")
-    ):
+    every = sorted(name for name in run.names[1:-1] if not name.startswith("(via"))
+    if sorted(stop["task"] for stop in stops) != names or sorted(names + left) != every:
         found.append(f"jobs: {names} done, {left} left out")
     return found
 

@@ -12,7 +12,6 @@ from collections import Counter
 from collections.abc import Callable
 
 import numpy as np
-from rich.table import Table
 
 import auvplan as ap
 from auvplan.executive import execute_missions
@@ -27,7 +26,7 @@ from auvplan.simulation.faults import (
     Slower,
     WrongForecast,
 )
-from benchmarks.machine import arguments, bars, console, write
+from benchmarks.machine import arguments, bars, console, table, write
 
 Draw = Callable[[np.random.Generator, float], Fault]
 
@@ -78,25 +77,21 @@ def simulate(
     scenario: ap.Scenario, count: int
 ) -> list[tuple[str, list[Fault], ap.MissionRun, list[Collision]]]:
     """Simulate missions of seeds 0, 1, ...; return kind, faults, record and collisions of each."""
-    names = [*KINDS, MIXED]
+    names, found = [*KINDS, MIXED], []
     kinds = [names[seed % len(names)] for seed in range(count)]
     available = scenario.mission.time_available
     faults = [draw(kind, np.random.default_rng([7, seed]), available) for seed, kind in enumerate(kinds)]
-    found = []
     with bars(console()) as progress:
-        for number, run in progress.track(
-            execute_missions(scenario, seeds=range(count), faults=faults), total=count, description="missions"
-        ):
+        runs = execute_missions(scenario, seeds=range(count), faults=faults)
+        for number, run in progress.track(runs, total=count, description="missions"):
             found.append((kinds[number], faults[number], run, collisions(run, faults[number])))
     return sorted(found, key=lambda row: row[2].seed)
 
 
 def _cause(reason: str) -> str:
     """What missions that fail alike have in common: the reason without its places and figures."""
-    for words in ("no route", "beat the vehicle", "time ran out", "too late", "cannot be executed"):
-        if words in reason:
-            return words
-    return reason or "NO REASON"
+    causes = ("no route", "beat the vehicle", "time ran out", "too late", "cannot be executed")
+    return next((words for words in causes if words in reason), reason or "NO REASON")
 
 
 def main() -> None:
@@ -104,31 +99,22 @@ def main() -> None:
     parser = arguments("Missions with injected faults.")
     parser.add_argument("-n", type=int, default=200, help="missions")
     options = parser.parse_args()
-    screen = console()
+    screen, rows, wrong = console(), [], []
     found = simulate(ap.load_scenario("whitsunday"), options.n)
-    table = Table(
-        "fault", "missions", "on time", "failed", "avoidable", "unavoidable", title="injected faults"
-    )
-    rows, wrong = [], []
     for name in [*KINDS, MIXED, "all"]:
         chosen = [row for row in found if name in (row[0], "all")]
         failed = Counter(_cause(run.reason) for _, _, run, _ in chosen if not run.success)
-        hits = [hit for *_, hits in chosen for hit in hits]
-        row = {
-            "fault": name,
-            "missions": len(chosen),
-            "on time": sum(run.success for _, _, run, _ in chosen),
-            "failed": dict(failed),
-            "avoidable": sum(hit.avoidable for hit in hits),
-            "unavoidable": sum(not hit.avoidable for hit in hits),
-        }
-        rows.append(row)
-        causes = ", ".join(f"{words} {times}" for words, times in failed.most_common())
-        table.add_row(*(causes if key == "failed" else str(value) for key, value in row.items()))
+        hits = [hit.avoidable for *_, hits in chosen for hit in hits]
+        rows.append({
+            "fault": name, "missions": len(chosen), "on time": sum(run.success for _, _, run, _ in chosen),
+            "failed": dict(failed), "avoidable": sum(hits), "unavoidable": len(hits) - sum(hits),
+            "causes": ", ".join(f"{words} {times}" for words, times in failed.most_common()),
+        })  # fmt: skip
     for _, given, run, hits in found:
         wrong += [f"seed {run.seed}: {hit}; {given}" for hit in hits if hit.avoidable]
         wrong += [] if run.reason else [f"seed {run.seed}: ended without a reason; {given}"]
-    screen.print(table)
+    counts = {name: f"{{{name}}}" for name in ("missions", "on time", "avoidable", "unavoidable")}
+    screen.print(table("injected faults", rows, {"fault": "{fault}"} | counts | {"failed": "{causes}"}))
     for line in wrong:
         screen.print(line, soft_wrap=True)
     write(options.out, {"faults": rows, "wrong": wrong})

@@ -4,6 +4,7 @@ import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -73,29 +74,16 @@ def _schism(folder: Path) -> tuple[list[Path], dict[str, Any]]:
     return paths, {"crs": 26910}
 
 
-def _schism_reading(paths: Sequence[Path], **options: Any) -> Table:
-    names = ("horizontalVelX", "horizontalVelY", "SCHISM_hgrid_node_x", "SCHISM_hgrid_node_y", "time")
-    return file_references.mesh(
-        paths, names, nodes=("SCHISM_hgrid_node_x", "SCHISM_hgrid_node_y"),
-        connectivity="SCHISM_hgrid_face_nodes", heights="zCoordinates", dry="dryFlagNode", crs=26910,
-        **options,
-    )  # fmt: skip
-
-
-def _grid(names: str, **options: Any) -> Reading:
-    return lambda paths, **more: file_references.grid(paths, names.split(), **options, **more)
-
-
 def _days(paths: Sequence[Path], **options: Any) -> Table:
     return file_references.joined([file_references.roms([path], **options) for path in paths])
 
 
-def _roms(**options: Any) -> Reading:
-    return lambda paths, **more: file_references.roms(paths, **options, **more)
+def _grid(names: str, **options: Any) -> Reading:
+    return partial(file_references.grid, names=names.split(), **options)
 
 
 def _mesh(names: str, **options: Any) -> Reading:
-    return lambda paths, **more: file_references.mesh(paths, names.split(), **options, **more)
+    return partial(file_references.mesh, names=names.split(), **options)
 
 
 _CMEMS = "currents/cmems_glo12_uo_vo_northsea.nc"
@@ -106,7 +94,7 @@ _UO = "uo vo longitude latitude time"
 _EPOCH = {"epoch": datetime(1970, 1, 1, tzinfo=UTC)}
 
 REAL = (
-    Currents("norfjords160_roms_native_24h.nc", "ROMS, C-grid", "real", _copied(_FJORD), _roms(),
+    Currents("norfjords160_roms_native_24h.nc", "ROMS, C-grid", "real", _copied(_FJORD), file_references.roms,
              ("u", "v", "lon_rho", "lat_rho", "s_rho", "ocean_time")),
     Currents("norkyst_v3_800m_5h.nc", "NorKyst (ROMS on z-levels)", "real", _copied(_NORKYST),
              _grid("u_eastward v_northward lon lat time", floor="h"),
@@ -127,7 +115,9 @@ REAL = (
              _grid("u v longitude latitude time", floor="h", angle=file_references.polar),
              ("u", "v", "longitude", "latitude", "depth", "time")),
     Currents("schism_out2d_1.nc, schism_zCoordinates_1.nc", "SCHISM scribed (velocities made)", "real",
-             _schism, _schism_reading,
+             _schism, _mesh("horizontalVelX horizontalVelY SCHISM_hgrid_node_x SCHISM_hgrid_node_y time",
+                            nodes=("SCHISM_hgrid_node_x", "SCHISM_hgrid_node_y"), heights="zCoordinates",
+                            connectivity="SCHISM_hgrid_face_nodes", dry="dryFlagNode", crs=26910),
              ("horizontalVelX", "horizontalVelY", "SCHISM_hgrid_node_x", "SCHISM_hgrid_node_y",
               "zCoordinates", "time")),
     Currents("mom5_access_om2_u.nc, _v.nc", "MOM5, B-grid, NOLEAP", "real",
@@ -142,7 +132,7 @@ REAL = (
              ("mesh2d_ucx", "mesh2d_ucy", "mesh2d_face_x", "mesh2d_face_y", "", "time")),
     Currents("roms_separate_his.nc, roms_separate_grid.nc", "ROMS, grid in another file, no dates", "real",
              _copied("elsewhere/roms_separate_his.nc", "elsewhere/roms_separate_grid.nc", **_EPOCH),
-             _roms(epoch=0.0, aligned=True),
+             partial(file_references.roms, epoch=0.0, aligned=True),
              ("u", "v", "lon_rho", "lat_rho", "s_rho", "ocean_time")),
     Currents("ngofs_fvcom_small.nc", "FVCOM, two-dimensional", "real",
              _copied("elsewhere/ngofs_fvcom_small.nc"),
@@ -167,7 +157,7 @@ CUTS = (
     Currents("norfjords160, cells 2 to 8 by 3 to 13", "ROMS, C-grid", "cut",
              _changed(_FJORD, lambda data: data.isel(
                  eta_rho=slice(2, 9), xi_rho=slice(3, 14), eta_u=slice(2, 9), xi_u=slice(3, 13),
-                 eta_v=slice(2, 8), xi_v=slice(3, 14))), _roms()),
+                 eta_v=slice(2, 8), xi_v=slice(3, 14))), file_references.roms),
 )  # fmt: skip
 
 
@@ -183,13 +173,12 @@ def made(folder: Path) -> list[Currents]:
     found = []
     for name, model, maker in file_models.MADE:
         paths, options, known = maker(folder)
-        found.append(
-            Currents(
-                name,
-                model,
-                "made",
-                lambda _, paths=paths, options=options: (paths, options),
-                lambda _, known=known, **more: known,
-            )
-        )
+
+        def prepare(_: Path, given: Any = (paths, options)) -> tuple[list[Path], dict[str, Any]]:
+            return given
+
+        def reading(_: Any, known: Table = known, **more: Any) -> Table:
+            return known
+
+        found.append(Currents(name, model, "made", prepare, reading))
     return found

@@ -25,6 +25,12 @@ ALONG_X = {"units": "m s-1", "standard_name": "sea_water_x_velocity"}
 ALONG_Y = {"units": "m s-1", "standard_name": "sea_water_y_velocity"}
 DEGREES_EAST, DEGREES_NORTH = {"units": "degrees_east"}, {"units": "degrees_north"}
 
+#: Variables that many files have: the time, levels, and places in degrees.
+TIMES = {"time": (("time",), HOURS, CLOCK)}
+LEVELS = {"depth": (("depth",), DEPTHS, DOWN)}
+LONGITUDE = {"standard_name": "longitude"} | DEGREES_EAST
+LATITUDE = {"standard_name": "latitude"} | DEGREES_NORTH
+
 #: Files, options of `open_ocean`, and the current.
 Made = tuple[list[Path], dict[str, Any], Table]
 
@@ -145,6 +151,15 @@ def component(which: int, lon: np.ndarray, lat: np.ndarray, angle: Any = 0.0) ->
     return along(*parts, angle)[which]
 
 
+def inner(known: Table, shape: tuple[int, int], beside: Any = False) -> Table:
+    """The table without the rim of a grid, and without places beside land."""
+    rim = np.ones(shape, bool)
+    rim[1:-1, 1:-1] = False
+    for part in (known.east, known.north):
+        part[..., (rim | beside).ravel()] = np.nan
+    return known
+
+
 def nemo(folder: Path) -> Made:
     """NEMO: u and v east and north of the middle with the same index, in files of their own; its mesh."""
     lon, lat, _ = turned_grid()
@@ -166,13 +181,10 @@ def nemo(folder: Path) -> Made:
               "tmask": (("t", "z", "y", "x"), wet, {})}  # fmt: skip
     paths.append(save(folder / "nemo_mesh_mask.nc", fields))
     known = table(lon.ravel(), lat.ravel(), triangles=halves(*size))
-    # The outer cells have one face only; land has none.
-    edge = np.ones(size, bool)
-    edge[1:-1, 1:-1] = wet[0, 0, 1:-1, 1:-1] == 0
-    edge[:3, :3] = True
-    for part in (known.east, known.north):
-        part[..., edge.ravel()] = np.nan
-    return paths, {}, known
+    # The outer cells have one face only; land and what is beside it have none.
+    beside = np.zeros(size, bool)
+    beside[:3, :3] = True
+    return paths, {}, inner(known, size, beside)
 
 
 def c_grid(folder: Path, model: str) -> Made:
@@ -192,16 +204,10 @@ def c_grid(folder: Path, model: str) -> Made:
         north: ((north,), lat, DEGREES_NORTH),
         edge_x: ((edge_x,), x, DEGREES_EAST),
         edge_y: ((edge_y,), y, DEGREES_NORTH),
-        "time": (("time",), HOURS, CLOCK),
-        "depth": (("depth",), DEPTHS, DOWN),
     }
     places = np.meshgrid(lon, lat)
     known = table(places[0].ravel(), places[1].ravel(), triangles=halves(7, 9))
-    rim = np.ones((7, 9), bool)
-    rim[1:-1, 1:-1] = False
-    for part in (known.east, known.north):
-        part[..., rim.ravel()] = np.nan
-    return [save(folder / f"{model}.nc", fields)], {}, known
+    return [save(folder / f"{model}.nc", fields | TIMES | LEVELS)], {}, inner(known, (7, 9))
 
 
 def roms(folder: Path, name: str, transform: int, croco: bool = False) -> Made:
@@ -246,15 +252,12 @@ def roms(folder: Path, name: str, transform: int, croco: bool = False) -> Made:
         still = critical * s + (floor - critical) * curve
         depth = -still - rise * still / floor
     east, north = (np.broadcast_to(part, shape).reshape(*shape[:2], -1).copy() for part in parts)
-    # A cell's value is the mean of its faces; those of the rim are other places' by half.
-    rim = np.ones((rows, columns), bool)
-    rim[1:-1, 1:-1] = False
-    east[..., rim.ravel()] = np.nan
     known = Table(
         lon.ravel(), lat.ravel(), depth.reshape(1, levels, -1), east, north, START + 3600.0 * HOURS,
         (floor + rise).reshape(1, -1), None, halves(rows, columns),
     )  # fmt: skip
-    return [save(folder / f"{name}.nc", fields, **stated)], {}, known
+    # A cell's value is the mean of its faces; those of the rim are other places' by half.
+    return [save(folder / f"{name}.nc", fields, **stated)], {}, inner(known, (rows, columns))
 
 
 def mesh() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -303,10 +306,10 @@ def fvcom(folder: Path, name: str, crs: int | None = None) -> Made:
         "siglay": (("siglay", "node"), np.repeat(sigma[:, None], len(lon), axis=1),
                    {"standard_name": "ocean_sigma/general_coordinate", "positive": "up"}),
         "nv": (("three", "nele"), (triangles.T + 1).astype(np.int32), {}),
-        "lon": (("node",), lon * (not zero), {"standard_name": "longitude"} | DEGREES_EAST),
-        "lat": (("node",), lat * (not zero), {"standard_name": "latitude"} | DEGREES_NORTH),
-        "lonc": (("nele",), middle[0] * (not zero), {"standard_name": "longitude"} | DEGREES_EAST),
-        "latc": (("nele",), middle[1] * (not zero), {"standard_name": "latitude"} | DEGREES_NORTH),
+        "lon": (("node",), lon * (not zero), LONGITUDE),
+        "lat": (("node",), lat * (not zero), LATITUDE),
+        "lonc": (("nele",), middle[0] * (not zero), LONGITUDE),
+        "latc": (("nele",), middle[1] * (not zero), LATITUDE),
         "time": (("time",), days.astype(np.float32), mjd),
         "Itime": (("time",), np.floor(days).astype(np.int32), mjd),
         "Itime2": (("time",), np.round(days % 1 * 86_400_000).astype(np.int32),
@@ -323,8 +326,6 @@ def fvcom(folder: Path, name: str, crs: int | None = None) -> Made:
 def nodes_mesh(folder: Path, model: str) -> Made:
     """FESOM, UGRID and POM-like meshes with the current at nodes; SCHISM with heights of its levels."""
     lon, lat, triangles = mesh()
-    shape = (len(HOURS), len(DEPTHS), len(lon))
-    clock = {"time": (("time",), HOURS, CLOCK)}
     if model == "schism":
         levels, rise = np.array([-30.0, -10.0, -5.0, 0.0]), 0.5
         floor = np.where(lon < LON + 0.035, 10.0, 30.0)
@@ -339,12 +340,12 @@ def nodes_mesh(folder: Path, model: str) -> Made:
             "hvel": ((*dims, "two"), both, {"units": "m/s"}),
             "zcor": (dims, np.repeat(height[None], len(HOURS), axis=0), {"units": "m"}),
             "elev": (dims[:2], np.full((len(HOURS), len(lon)), rise), {"units": "m"}),
-            "SCHISM_hgrid_node_x": (dims[1:2], lon, {"standard_name": "longitude"} | DEGREES_EAST),
-            "SCHISM_hgrid_node_y": (dims[1:2], lat, {"standard_name": "latitude"} | DEGREES_NORTH),
+            "SCHISM_hgrid_node_x": (dims[1:2], lon, LONGITUDE),
+            "SCHISM_hgrid_node_y": (dims[1:2], lat, LATITUDE),
             "SCHISM_hgrid_face_nodes": (("faces", "corners"), faces.astype(np.int32),
                                         {"start_index": np.int32(1), "_FillValue": np.int32(-1)}),
         }  # fmt: skip
-        return [save(folder / "schism.nc", fields | clock)], {}, known
+        return [save(folder / "schism.nc", fields | TIMES)], {}, known
     if model == "selfe":
         sigma, rise = -np.array([1.0, 0.6, 0.2, 0.0]), 2.0
         floor = 40.0 + 1000.0 * (lon - LON)
@@ -361,7 +362,7 @@ def nodes_mesh(folder: Path, model: str) -> Made:
             "lon": (("node",), lon, DEGREES_EAST),
             "lat": (("node",), lat, DEGREES_NORTH),
         }
-        return [save(folder / "selfe.nc", fields | clock)], {}, known
+        return [save(folder / "selfe.nc", fields | TIMES)], {}, known
     known = table(lon, lat, triangles=triangles)
     if model == "fesom":
         fields = {
@@ -372,20 +373,18 @@ def nodes_mesh(folder: Path, model: str) -> Made:
             "lon": (("nod2",), lon, DEGREES_EAST),
             "lat": (("nod2",), lat, DEGREES_NORTH),
         }
-        return [save(folder / "fesom.nc", fields | clock)], {}, known
+        return [save(folder / "fesom.nc", fields | TIMES)], {}, known
     quads = np.concatenate([triangles, np.full((len(triangles), 1), -1)], axis=1).astype(np.int32)
     fields = {
         "mesh": ((), np.int32(0), {"cf_role": "mesh_topology", "topology_dimension": np.int32(2),
                                    "node_coordinates": "mesh_x mesh_y", "face_node_connectivity": "faces"}),
-        "mesh_x": (("n_node",), lon, {"standard_name": "longitude"} | DEGREES_EAST),
-        "mesh_y": (("n_node",), lat, {"standard_name": "latitude"} | DEGREES_NORTH),
+        "mesh_x": (("n_node",), lon, LONGITUDE),
+        "mesh_y": (("n_node",), lat, LATITUDE),
         "faces": (("n_face", "n_corner"), quads, {"_FillValue": np.int32(-1), "start_index": np.int32(0)}),
         "ucx": (("time", "depth", "n_node"), known.east, EAST | {"location": "node", "mesh": "mesh"}),
         "ucy": (("time", "depth", "n_node"), known.north, NORTH | {"location": "node", "mesh": "mesh"}),
-        "depth": (("depth",), DEPTHS, DOWN),
     }  # fmt: skip
-    assert known.east.shape == shape
-    return [save(folder / "ugrid.nc", fields | clock)], {}, known
+    return [save(folder / "ugrid.nc", fields | LEVELS | TIMES)], {}, known
 
 
 def dflow(folder: Path) -> Made:
@@ -405,10 +404,10 @@ def dflow(folder: Path) -> Made:
     count = len(middle[0])
     fields = {
         "mesh2d": ((), np.int32(0), topology),
-        "mesh2d_node_x": (("nmesh2d_node",), lon, {"standard_name": "longitude"} | DEGREES_EAST),
-        "mesh2d_node_y": (("nmesh2d_node",), lat, {"standard_name": "latitude"} | DEGREES_NORTH),
-        "mesh2d_face_x": (("nmesh2d_face",), middle[0], {"standard_name": "longitude"} | DEGREES_EAST),
-        "mesh2d_face_y": (("nmesh2d_face",), middle[1], {"standard_name": "latitude"} | DEGREES_NORTH),
+        "mesh2d_node_x": (("nmesh2d_node",), lon, LONGITUDE),
+        "mesh2d_node_y": (("nmesh2d_node",), lat, LATITUDE),
+        "mesh2d_face_x": (("nmesh2d_face",), middle[0], LONGITUDE),
+        "mesh2d_face_y": (("nmesh2d_face",), middle[1], LATITUDE),
         "mesh2d_face_nodes": (("nmesh2d_face", "max_nodes"), (triangles + 1).astype(np.int32),
                               {"start_index": np.int32(1), "cf_role": "face_node_connectivity"}),
         "mesh2d_ucx": (dims, np.moveaxis(known.east[:, ::-1], 1, 2), EAST | place),
@@ -421,9 +420,8 @@ def dflow(folder: Path) -> Made:
                                {"standard_name": "altitude", "units": "m", "positive": "up"} | place),
         "mesh2d_s1": (("time", "nmesh2d_face"), np.full((len(HOURS), count), rise),
                       {"standard_name": "sea_surface_height", "units": "m"} | place),
-        "time": (("time",), HOURS, CLOCK),
     }  # fmt: skip
-    return [save(folder / "dflow3d.nc", fields)], {}, known
+    return [save(folder / "dflow3d.nc", fields | TIMES)], {}, known
 
 
 def projected(folder: Path, name: str, crs: Any, x: np.ndarray, y: np.ndarray, kind: str) -> Made:
@@ -455,10 +453,8 @@ def projected(folder: Path, name: str, crs: Any, x: np.ndarray, y: np.ndarray, k
         "x": (("x",), x, units | {"standard_name": names[0]}),
         "y": (("y",), y, units | {"standard_name": names[1]}),
         "crs": ((), np.int32(0), {k: v for k, v in mapping.items() if isinstance(v, str | float | int)}),
-        "depth": (("depth",), DEPTHS, DOWN),
-        "time": (("time",), HOURS, CLOCK),
     }
-    return [save(folder / f"{name}.nc", fields)], {}, known
+    return [save(folder / f"{name}.nc", fields | LEVELS | TIMES)], {}, known
 
 
 def pop(folder: Path) -> Made:
@@ -475,9 +471,8 @@ def pop(folder: Path) -> Made:
         "ULAT": (dims[2:], lat, DEGREES_NORTH),
         "ANGLE": (dims[2:], angle, {"units": "radians"}),
         "z_t": (("z_t",), 100.0 * DEPTHS, {"units": "centimeters", "positive": "down"}),
-        "time": (("time",), HOURS, CLOCK),
     }
-    return [save(folder / "pop.nc", fields)], {}, known
+    return [save(folder / "pop.nc", fields | TIMES)], {}, known
 
 
 def zarr_store(folder: Path) -> Made:
@@ -489,7 +484,6 @@ def zarr_store(folder: Path) -> Made:
 
 
 Maker = Callable[[Path], Made]
-_GLOBE = np.arange(0.0, 360.0, 2.0)
 _LINE = np.array([179.96, 179.97, 179.98, 179.99, -180.0, -179.99, -179.98, -179.97, -179.96])
 _NAMES = {
     "hycom": ("water_u", "water_v", "lon", "lat", "depth", "time"),

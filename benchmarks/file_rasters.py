@@ -4,10 +4,10 @@ import json
 import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-import netCDF4
 import numpy as np
 import pyogrio.raw
 import rasterio
@@ -16,10 +16,12 @@ from pyproj import Proj, Transformer
 from rasterio.features import rasterize
 from rasterio.transform import Affine, from_bounds
 from scipy.ndimage import map_coordinates
+from scipy.spatial import KDTree
 
 from auvplan.io.geo import chart_from_polygons, chart_from_raster, read_bathymetry, read_raster
 from auvplan.site import Site
 from benchmarks import file_models
+from benchmarks.file_references import LENGTHS, Raw
 from benchmarks.machine import SHARED
 
 #: Passability of the classes of the pictures' truth: land, reef, water.
@@ -95,70 +97,47 @@ def tiff_depth(path: Path, box: Box) -> np.ndarray:
     return -bilinear(values, row - 0.5, column - 0.5)
 
 
-def _values(variable: Any) -> np.ndarray:
-    variable.set_auto_mask(False)
-    values, stated = np.asarray(variable[...], float), variable.ncattrs()
-    for key in ("_FillValue", "missing_value"):
-        if key in stated:
-            gain, offset = (float(variable.getncattr(k)) if k in stated else d for k, d in _PACKING)
-            values[values == float(variable.getncattr(key)) * gain + offset] = np.nan
-    return values
-
-
-_PACKING = (("scale_factor", 1.0), ("add_offset", 0.0))
-_METRES = {"": 1.0, "m": 1.0, "meter": 1.0, "meters": 1.0, "km": 1000.0, "cm": 0.01}
-
-
-def _height(variable: Any, dims: Sequence[str]) -> np.ndarray:
-    """Values in m on some dimensions; what no sea floor has is missing."""
-    values = _values(variable) * _METRES[str(getattr(variable, "units", "")).lower()]
-    values = values.transpose([variable.dimensions.index(dim) for dim in dims])
+def _height(raw: Raw, name: str, dims: Sequence[str] | None) -> np.ndarray:
+    """Values in m; what no sea floor has is missing."""
+    values = raw.values(name, dims) * raw.factor(name, LENGTHS)
     return np.where((np.abs(values) > 12_000.0) | (np.abs(values) == 9999.0), np.nan, values)
-
-
-def _on(variable: Any, dims: Sequence[str]) -> np.ndarray:
-    return _values(variable).transpose([variable.dimensions.index(dim) for dim in dims])
 
 
 def axes_depth(path: Path, names: Sequence[str], box: Box, sign: float) -> np.ndarray:
     """Depth, m, of a variable on two axes, by netCDF4; names: variable, longitude, latitude."""
-    with netCDF4.Dataset(str(path)) as data:
-        lon, lat = (_values(data[name]) for name in names[1:])
-        z = _height(data[names[0]], (*data[names[2]].dimensions, *data[names[1]].dimensions))
-    lon = np.unwrap(lon, period=360.0)
+    with Raw(path) as raw:
+        lon, lat = (raw.values(name) for name in names[1:])
+        dims = *raw.variable(names[2]).dimensions, *raw.variable(names[1]).dimensions
+        z = _height(raw, names[0], dims)
+    lon, rows = np.unwrap(lon, period=360.0), np.arange(len(lat))
     if lon[0] > lon[-1]:
         lon, z = lon[::-1], z[:, ::-1]
     longitude, latitude = box.centres()
-    row = np.interp(
-        latitude,
-        *((lat, np.arange(len(lat))) if lat[0] < lat[-1] else (lat[::-1], np.arange(len(lat))[::-1])),
-    )
+    row = np.interp(latitude, *((lat, rows) if lat[0] < lat[-1] else (lat[::-1], rows[::-1])))
     near = lon.min() + (longitude - lon.min()) % 360.0
     return sign * bilinear(z, row, np.interp(near, lon, np.arange(len(lon))))
 
 
 def grid_depth(path: Path, names: Sequence[str], box: Box, mask: str | None = None) -> np.ndarray:
     """Depth, m, of a variable on a grid of places, by netCDF4: bilinear in rows and columns."""
-    with netCDF4.Dataset(str(path)) as data:
-        dims = data[names[1]].dimensions
-        lon = _values(data[names[1]])
-        lat, z = (read(data[n], dims) for read, n in ((_on, names[2]), (_height, names[0])))
-        if mask is not None and mask in data.variables:
-            z = np.where(_on(data[mask], dims) == 0, np.nan, z)
+    with Raw(path) as raw:
+        dims = raw.variable(names[1]).dimensions
+        lon, lat, z = raw.values(names[1]), raw.values(names[2], dims), _height(raw, names[0], dims)
+        if mask is not None and raw.find(mask) is not None:
+            z = np.where(raw.values(mask, dims) == 0, np.nan, z)
     local = Proj(proj="aeqd", lon_0=box.site.longitude, lat_0=box.site.latitude, datum="WGS84")
     if not np.isfinite(lon + lat).all():
         raise ValueError("places are missing")
     x, y = local(lon, lat)
     goal = np.stack(local(*box.centres()))
-    near = ((x.ravel()[:, None] - goal[0].ravel()) ** 2 + (y.ravel()[:, None] - goal[1].ravel()) ** 2).argmin(
-        axis=0
-    )
+    nodes = np.stack([x.ravel(), y.ravel()], axis=1)
+    _, near = KDTree(nodes).query(goal.reshape(2, -1).T)
     at = np.stack(np.unravel_index(near, x.shape)).reshape(2, *goal.shape[1:]).astype(float)
+
+    def place(at: np.ndarray) -> np.ndarray:
+        return np.stack([map_coordinates(axis, at, order=1, mode="nearest") for axis in (x, y)])
+
     for _ in range(30):  # Newton's way into the cell
-
-        def place(at: np.ndarray) -> np.ndarray:
-            return np.stack([map_coordinates(axis, at, order=1, mode="nearest") for axis in (x, y)])
-
         off = goal - place(at)
         slopes = []
         for k in range(2):
@@ -266,14 +245,13 @@ def _gebco(folder: Path) -> Path:
 
 def _geopackage(folder: Path) -> Path:
     """The real land polygons in UTM, as a GeoPackage."""
-    meta, _, wkb, _ = pyogrio.raw.read(SHARED / "maps/whitsunday_land_osm.geojson")
+    _, _, wkb, _ = pyogrio.raw.read(SHARED / "maps/whitsunday_land_osm.geojson")
     turn = Transformer.from_crs(4326, 32755, always_xy=True)
     shapes = shapely.transform(shapely.from_wkb(wkb), lambda p: np.stack(turn.transform(*p.T[:2]), axis=1))
-    path = folder / "land_utm.gpkg"
+    path, plain = folder / "land_utm.gpkg", set(shapely.get_type_id(shapes)) == {3}
     pyogrio.raw.write(path, shapely.to_wkb(shapes), [], [], driver="GPKG", crs="EPSG:32755",
-                      geometry_type="Polygon" if set(shapely.get_type_id(shapes)) == {3} else "MultiPolygon",
-                      promote_to_multi=set(shapely.get_type_id(shapes)) != {3})  # fmt: skip
-    del meta
+                      geometry_type="Polygon" if plain else "MultiPolygon",
+                      promote_to_multi=not plain)  # fmt: skip
     return path
 
 
@@ -301,9 +279,12 @@ _WORLD = Box(Site(10.5, 42.2), (90_000.0, 90_000.0), 1000.0)
 def _floor(
     name: str, origin: str, prepare: Any, box: Box, expect: Any, exact: float = 1e-2, **options: Any
 ) -> Rasters:
-    return Rasters(
-        name, "sea bed", origin, prepare, lambda p: bed(p, box, **options), lambda p: expect(p, box), exact
-    )
+    read = partial(bed, box=box, **options)
+    return Rasters(name, "sea bed", origin, prepare, read, lambda path: expect(path, box), exact)
+
+
+def _real(kind: str, name: str, read: Any, expect: Any) -> Rasters:
+    return Rasters(Path(name).name, kind, "real", _copied(name), read, expect)
 
 
 RASTERS = (
@@ -319,31 +300,19 @@ RASTERS = (
     _floor("UTM GeoTIFF, packed in decimetres", "made", _utm_floor, _UTM, tiff_depth, positive="up"),
     _floor("GEBCO NetCDF across Greenwich, 0 to 360", "made", _gebco, _GREENWICH,
            lambda p, b: axes_depth(p, ("elevation", "lon", "lat"), b, -1.0)),
-    Rasters("whitsunday_hook_passage_class.tif", "chart", "real",
-            _copied("maps/whitsunday_hook_passage_class.tif"),
-            lambda p: classes(p, _HOOK), lambda p: tiff_classes(p, _HOOK)),
-    Rasters("whitsunday_hamilton_dent_class.tif", "chart", "real",
-            _copied("maps/whitsunday_hamilton_dent_class.tif"),
-            lambda p: classes(p, _HAMILTON), lambda p: tiff_classes(p, _HAMILTON)),
-    Rasters("whitsunday_land_osm.geojson", "chart", "real", _copied("maps/whitsunday_land_osm.geojson"),
-            lambda p: land(p, _LAND), lambda p: rasterized(p, _LAND)),
-    Rasters("whitsunday_reefs_eatlas.geojson", "chart", "real",
-            _copied("maps/whitsunday_reefs_eatlas.geojson"),
-            lambda p: land(p, _LAND), lambda p: rasterized(p, _LAND)),
-    Rasters("natural_earth_110m_land.geojson", "chart", "real",
-            _copied("elsewhere/natural_earth_110m_land.geojson"),
-            lambda p: land(p, _WORLD), lambda p: rasterized(p, _WORLD)),
+    _real("chart", "maps/whitsunday_hook_passage_class.tif", partial(classes, box=_HOOK),
+          partial(tiff_classes, box=_HOOK)),
+    _real("chart", "maps/whitsunday_hamilton_dent_class.tif", partial(classes, box=_HAMILTON),
+          partial(tiff_classes, box=_HAMILTON)),
+    *(_real("chart", name, partial(land, box=box), partial(rasterized, box=box)) for name, box in (
+        ("maps/whitsunday_land_osm.geojson", _LAND), ("maps/whitsunday_reefs_eatlas.geojson", _LAND),
+        ("elsewhere/natural_earth_110m_land.geojson", _WORLD))),
     Rasters("whitsunday_land_osm in UTM, GeoPackage", "chart", "cut", _geopackage,
-            lambda p: land(p, _LAND), lambda p: rasterized(p, _LAND)),
-    Rasters("whitsunday_hook_passage_rgb.tif", "picture", "real",
-            _copied("maps/whitsunday_hook_passage_rgb.tif"),
-            picture, pixels),
-    Rasters("whitsunday_hamilton_dent_rgb.tif", "picture", "real",
-            _copied("maps/whitsunday_hamilton_dent_rgb.tif"), picture, pixels),
-    Rasters("world_rgb_lzw_band.tif", "picture", "real", _copied("elsewhere/world_rgb_lzw_band.tif"),
-            lambda p: picture(p, 4326), pixels),
-    Rasters("whitsunday_hook_passage.png", "picture", "real", _copied("maps/whitsunday_hook_passage.png"),
-            lambda p: picture(p, 32755), pixels),
+            partial(land, box=_LAND), partial(rasterized, box=_LAND)),
+    _real("picture", "maps/whitsunday_hook_passage_rgb.tif", picture, pixels),
+    _real("picture", "maps/whitsunday_hamilton_dent_rgb.tif", picture, pixels),
+    _real("picture", "elsewhere/world_rgb_lzw_band.tif", partial(picture, crs=4326), pixels),
+    _real("picture", "maps/whitsunday_hook_passage.png", partial(picture, crs=32755), pixels),
     Rasters("whitsunday_hook_passage.png with a world file", "picture", "cut", _world_file,
-            lambda p: picture(p, 32755), pixels),
+            partial(picture, crs=32755), pixels),
 )  # fmt: skip

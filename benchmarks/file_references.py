@@ -7,6 +7,7 @@ theirs is used.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ import cftime
 import netCDF4
 import numpy as np
 import shapely
-from pyproj import CRS, Proj, Transformer
+from pyproj import Proj, Transformer
 from scipy.spatial import Delaunay
 
 SPEEDS = {
@@ -93,23 +94,17 @@ class Table:
         """Points and shares whose mixture a place is; None beyond the grid."""
         if self.rows is not None:
             return self._bilinear(longitude, latitude)
-        if (
-            self.cells is not None
-            and not self._tree("cells")
-            .query(shapely.Point(self._turned(longitude), latitude), predicate="intersects")
-            .size
-        ):
+        place = shapely.Point(self._turned(longitude), latitude)
+        if self._cells is not None and not self._cells.query(place, predicate="intersects").size:
             return None
         assert self.triangles is not None
         local = Proj(proj="aeqd", lon_0=longitude, lat_0=latitude, datum="WGS84")
-        near = self._tree("triangles").query(
-            shapely.Point(self._turned(longitude), latitude), predicate="dwithin", distance=1e-4
-        )
+        near = self._corners_tree.query(place, predicate="dwithin", distance=1e-4)
         for number in near:
             corners = self.triangles[number]
             x, y = local(self.longitude[corners], self.latitude[corners])
             area = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
-            if abs(area) < 1e-6 or np.hypot(np.diff(x), np.diff(y)).max() > self._longest():
+            if abs(area) < 1e-6 or np.hypot(np.diff(x), np.diff(y)).max() > self._longest:
                 continue
             b = (x[2] - x[0]) * y[0] - x[0] * (y[2] - y[0])
             c = x[0] * (y[1] - y[0]) - (x[1] - x[0]) * y[0]
@@ -118,38 +113,34 @@ class Table:
                 return corners.tolist(), np.clip(shares, 0.0, 1.0).tolist()
         return None
 
-    def _longest(self) -> float:
-        """Longest side, m, of a triangle."""
-        kept = self.__dict__.get("_side")
-        if kept is None:
-            assert self.triangles is not None
-            corners = np.stack([self._turned(self.longitude), self.latitude], axis=-1)[self.triangles]
-            corners[..., 0] *= np.cos(np.deg2rad(np.nanmedian(self.latitude)))
-            sides = np.hypot(*np.moveaxis(np.diff(corners, axis=1), 2, 0)).ravel() * 111_195.0
-            kept = self.torn * float(np.nanmedian(sides))
-            object.__setattr__(self, "_side", kept)
-        return kept
-
     def _turned(self, longitude: Any) -> Any:
         """Degrees about the middle of the grid."""
         middle = float(np.nanmedian(self.longitude))
         return middle + (np.asarray(longitude) - middle + 180.0) % 360.0 - 180.0
 
-    def _tree(self, which: str) -> shapely.STRtree:
-        kept = self.__dict__.get("_trees", {})
-        if which not in kept:
-            if which == "cells":
-                shapes = self.cells
-            else:
-                corners = np.stack([self._turned(self.longitude), self.latitude], axis=-1)[self.triangles]
-                # A place that is not given is a corner of nothing, which keeps its number.
-                shapes = shapely.polygons(
-                    np.where(np.isfinite(corners).all((1, 2), keepdims=True), corners, 0.0)
-                )
-                shapes[~np.isfinite(corners).all((1, 2))] = shapely.Polygon()
-            kept[which] = shapely.STRtree(np.asarray(shapes, object))
-            object.__setattr__(self, "_trees", kept)
-        return kept[which]
+    @cached_property
+    def _corners(self) -> np.ndarray:
+        """[N, 3, 2] degrees of the triangles' corners."""
+        return np.stack([self._turned(self.longitude), self.latitude], axis=-1)[self.triangles]
+
+    @cached_property
+    def _longest(self) -> float:
+        """Longest side, m, of a triangle."""
+        corners = self._corners * [np.cos(np.deg2rad(np.nanmedian(self.latitude))), 1.0]
+        sides = np.hypot(*np.moveaxis(np.diff(corners, axis=1), 2, 0)).ravel() * 111_195.0
+        return self.torn * float(np.nanmedian(sides))
+
+    @cached_property
+    def _cells(self) -> shapely.STRtree | None:
+        return None if self.cells is None else shapely.STRtree(self.cells)
+
+    @cached_property
+    def _corners_tree(self) -> shapely.STRtree:
+        # A place that is not given is a corner of nothing, which keeps its number.
+        there = np.isfinite(self._corners).all((1, 2))
+        shapes = shapely.polygons(np.where(there[:, None, None], self._corners, 0.0))
+        shapes[~there] = shapely.Polygon()
+        return shapely.STRtree(shapes)
 
     def _bilinear(self, longitude: float, latitude: float) -> tuple[list[int], list[float]] | None:
         assert self.rows is not None
@@ -223,7 +214,7 @@ class Raw:
         return str(variable.getncattr(key)).strip() if key in variable.ncattrs() else ""
 
     def factor(self, name: str, known: Mapping[str, float]) -> float:
-        units = self.attribute(name, "units")
+        units = self.attribute(name, "units").lower()
         if units not in known:
             raise Unreadable(f"{name} in {units!r}")
         return known[units]
@@ -360,8 +351,6 @@ def grid(
 def roms(
     paths: Sequence[Path],
     *,
-    edges: tuple[str, str] = ("u", "v"),
-    grid_dims: Sequence[str] = ("eta_rho", "xi_rho"),
     epoch: float | None = None,
     aligned: bool = False,
     renamed: Mapping[str, str] | None = None,
@@ -372,46 +361,41 @@ def roms(
     """
     with Raw(*paths, names=renamed) as raw:
         times = raw.seconds("ocean_time") if epoch is None else epoch + raw.values("ocean_time")
-        longitude, latitude = (raw.values(name, grid_dims) for name in ("lon_rho", "lat_rho"))
+        rho = "eta_rho", "xi_rho"
+        longitude, latitude = (raw.values(name, rho) for name in ("lon_rho", "lat_rho"))
         ny, nx = longitude.shape
         mask = np.ones((ny, nx), bool)
         if raw.find("mask_rho") is not None:
-            mask = np.nan_to_num(raw.values("mask_rho", grid_dims)) > 0.5
+            mask = np.nan_to_num(raw.values("mask_rho", rho)) > 0.5
             mask |= not mask.any()  # a mask of land alone was never written
-        parts = []
-        for name, axis in zip(edges, (1, 0), strict=True):
-            dims = list(raw.variable(name).dimensions)
-            own = [dim for dim in dims if dim not in raw.variable("ocean_time").dimensions]
-            level = raw.variable("s_rho").dimensions[0]
-            across = [dim for dim in own if dim != level]
-            values = raw.values(name, [*raw.variable("ocean_time").dimensions, level, *across])
-            values = values * raw.factor(name, SPEEDS)
-            count = (ny, nx)[axis] - 1
-            values = values[..., :count] if axis == 1 else values[..., :count, :]
-            if values.shape[2:] != ((ny, nx - 1) if axis == 1 else (ny - 1, nx)):
+        parts, clock = [], list(raw.variable("ocean_time").dimensions)
+        level = raw.variable("s_rho").dimensions[0]
+        for name, axis in (("u", 1), ("v", 0)):
+            across = [dim for dim in raw.variable(name).dimensions if dim not in (*clock, level)]
+            values = raw.values(name, [*clock, level, *across]) * raw.factor(name, SPEEDS)
+            shape = (ny, nx - 1) if axis == 1 else (ny - 1, nx)
+            values = values[..., : nx - 1] if axis == 1 else values[..., : ny - 1, :]
+            if values.shape[2:] != shape:
                 raise Unreadable(f"{name} does not fit the grid")
             wet = mask[:, 1:] & mask[:, :-1] if axis == 1 else mask[1:] & mask[:-1]
-            values = np.where(wet, values, np.nan)
-            pad = [(0, 0), (0, 0), (0, 0), (0, 0)]
-            sides = []
-            for before in (True, False):
-                pad[2 + axis] = (1, 0) if before else (0, 1)
-                sides.append(np.pad(values, pad, constant_values=np.nan))
-            known = [np.isfinite(side) for side in sides]
-            total = sum(np.where(there, side, 0.0) for side, there in zip(sides, known, strict=True))
-            number = known[0].astype(int) + known[1]
+            faces = np.where(wet, values, np.nan)
+            sides = np.full((2, *values.shape[:2], ny, nx), np.nan)
+            sides[0][(..., slice(1, None)) if axis == 1 else (..., slice(1, None), slice(None))] = faces
+            sides[1][(..., slice(-1)) if axis == 1 else (..., slice(-1), slice(None))] = faces
+            number = np.isfinite(sides).sum(axis=0)
+            total = np.nansum(sides, axis=0)
             parts.append(np.where((number > 0) & mask, total / np.maximum(number, 1), np.nan))
         angle, degrees = np.zeros((ny, nx)), False
         if aligned:
             angle = np.full((ny, nx), np.pi * (np.nanmean(np.diff(longitude, axis=1)) < 0.0))
         else:
-            angle, units = raw.values("angle", grid_dims), raw.attribute("angle", "units").lower()
+            angle, units = raw.values("angle", rho), raw.attribute("angle", "units").lower()
             degrees = units.startswith("deg") or (not units and np.nanmax(np.abs(angle)) > 2.0 * np.pi)
         east, north = turned(*parts, np.deg2rad(angle) if degrees else angle)
-        floor = raw.values("h", grid_dims) * raw.factor("h", LENGTHS)
+        floor = raw.values("h", rho) * raw.factor("h", LENGTHS)
         rise = np.zeros((1, ny, nx))
         if raw.find("zeta") is not None:
-            rise = raw.values("zeta", [*raw.variable("ocean_time").dimensions, *grid_dims])
+            rise = raw.values("zeta", [*clock, *rho])
             rise = np.nan_to_num(rise * raw.factor("zeta", LENGTHS))
         s, curve = (raw.values(name)[:, None, None] for name in ("s_rho", "Cs_r"))
         critical = float(raw.values("hc"))
@@ -514,18 +498,6 @@ def mesh(
             np.asarray(x), np.asarray(y), depth, *parts, raw.seconds(names[4]), floor, None, triangles, cells,
             1000.0,
         ))  # fmt: skip
-
-
-def convergence(crs: Any) -> Angle:
-    """The angle from east to the x axis of a projection, from PROJ's factors."""
-
-    def angle(raw: Raw, longitude: np.ndarray, latitude: np.ndarray) -> np.ndarray:
-        del raw
-        return -np.deg2rad(
-            Proj(CRS.from_user_input(crs)).get_factors(longitude, latitude).meridian_convergence
-        )
-
-    return angle
 
 
 def polar(raw: Raw, longitude: np.ndarray, latitude: np.ndarray) -> np.ndarray:

@@ -10,7 +10,8 @@ import argparse
 import json
 import tempfile
 import warnings
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from auvplan.site import Site
 from benchmarks.file_cases import CUTS, REAL, Currents, made
 from benchmarks.file_rasters import RASTERS, Rasters
 from benchmarks.file_references import Table
-from benchmarks.machine import machine
+from benchmarks.machine import machine, markdown
 
 COUNT = 200
 #: m/s, above which a row says why.
@@ -90,29 +91,13 @@ benchmarks.mutated_files --json FILE` and `python -m benchmarks.files --mutated 
 docs/files.md`."""
 
 
-@dataclass(frozen=True)
-class Row:
-    """A current file: largest differences, m/s; None where there is nothing to compare.
+#: Columns of the tables; a row that is refused says why in the last one.
+CURRENTS = "file", "model", "", "nodes", "between levels and times", "inside cells", "planner's grid", ""
+PIXELS = "file", "what", "", "pixels equal", "largest difference", ""
+COPIES = "file", "copies", "refused", "read right", "failed"
 
-    Attributes:
-        name, model, origin: as in `Currents`.
-        refusal: the one line, where it is refused.
-        nodes: at points, levels and times of the file.
-        between: at points, between levels and times.
-        inside: inside cells or triangles, at levels and times.
-        local: on the grid that the planner gets.
-        share: of the local grid's values that were compared; others touch land.
-    """
-
-    name: str
-    model: str
-    origin: str
-    refusal: str | None = None
-    nodes: float | None = None
-    between: float | None = None
-    inside: float | None = None
-    local: float | None = None
-    share: float | None = None
+#: Longitude and latitude in degrees, m deep, s, and the current [2] m/s that is expected there.
+Place = tuple[float, float, float, float, np.ndarray]
 
 
 def places(table: Table, rng: np.random.Generator, count: int) -> np.ndarray:
@@ -122,52 +107,38 @@ def places(table: Table, rng: np.random.Generator, count: int) -> np.ndarray:
     return wet[rng.choice(len(wet), min(count, len(wet)), replace=False)]
 
 
-def at_nodes(ocean: Any, table: Table, rng: np.random.Generator, count: int = COUNT) -> float:
-    """Largest difference, m/s, at the file's own points, levels and times."""
-    chosen = places(table, rng, count)
-    t, k, p = chosen.T
+def at_nodes(table: Table, rng: np.random.Generator) -> Iterator[Place]:
+    """The file's own points, levels and times."""
+    t, k, p = places(table, rng, COUNT).T
     depth = np.broadcast_to(table.depth, table.east.shape)[t, k, p]
-    found = ocean.at(table.longitude[p], table.latitude[p], depth, table.times[t])
-    return largest(found, (table.east[t, k, p], table.north[t, k, p]))
+    current = np.stack([table.east[t, k, p], table.north[t, k, p]], axis=1)
+    yield from zip(table.longitude[p], table.latitude[p], depth, table.times[t], current, strict=True)
 
 
-def between(ocean: Any, table: Table, rng: np.random.Generator, count: int = COUNT) -> float | None:
-    """Largest difference at the file's points between its levels and times; None for one of each."""
+def between(table: Table, rng: np.random.Generator) -> Iterator[Place]:
+    """The file's points between its levels and times; nowhere for one of each."""
     if len(table.times) == 1 and table.depth.shape[1] == 1:
-        return None
-    asked, expected = [], []
-    for t, _, p in places(table, rng, 4 * count):
+        return
+    for t, _, p in places(table, rng, 4 * COUNT):
         last = min(t + 1, len(table.times) - 1)
-        columns = [table.column(frame, p)[0] for frame in (t, last)]
-        if not all(len(levels) for levels in columns):
-            continue
-        low, high = max(levels[0] for levels in columns), min(levels[-1] for levels in columns)
-        depth = float(rng.uniform(low, max(low, high)))
-        second = float(rng.uniform(table.times[t], table.times[last]))
-        value = table.at([p], [1.0], depth, second)
-        if np.isfinite(value).all():
-            asked.append((table.longitude[p], table.latitude[p], depth, second))
-            expected.append(value)
-        if len(asked) == count:
-            break
-    if not asked:
-        return None
-    return largest(ocean.at(*np.transpose(asked)), np.transpose(expected))
+        span = common_depths(table, (t, last), (p, p))
+        if span is not None:
+            depth = float(rng.uniform(*span))
+            second = float(rng.uniform(table.times[t], table.times[last]))
+            value = table.at([p], [1.0], depth, second)
+            yield table.longitude[p], table.latitude[p], depth, second, value
 
 
-def inside(ocean: Any, table: Table, rng: np.random.Generator, count: int = COUNT) -> float:
-    """Largest difference inside cells or triangles all of whose corners have a current."""
-    asked, expected = [], []
+def inside(table: Table, rng: np.random.Generator) -> Iterator[Place]:
+    """Inside cells or triangles all of whose corners have a current."""
     groups = table.triangles
     if table.rows is not None:
         rows = table.rows
-        groups = np.stack([rows[:-1, :-1], rows[:-1, 1:], rows[1:, :-1], rows[1:, 1:]], axis=-1).reshape(
-            -1, 4
-        )
+        sides = rows[:-1, :-1], rows[:-1, 1:], rows[1:, :-1], rows[1:, 1:]
+        groups = np.stack(sides, axis=-1).reshape(-1, 4)
     assert groups is not None
-    wet = np.isfinite(table.east[:, :, groups]).any(axis=1).all(axis=(0, 2))
-    groups = groups[wet]
-    for number in rng.choice(len(groups), 8 * count):
+    groups = groups[np.isfinite(table.east[:, :, groups]).any(axis=1).all(axis=(0, 2))]
+    for number in rng.choice(len(groups), 8 * COUNT):
         corners = groups[number]
         shares = rng.dirichlet(np.ones(len(corners)))
         lon = table.longitude[corners]
@@ -175,18 +146,28 @@ def inside(ocean: Any, table: Table, rng: np.random.Generator, count: int = COUN
         place = float(shares @ lon), float(shares @ table.latitude[corners])
         mixture = table.mixture(*place)
         frame = int(rng.integers(len(table.times)))
-        levels = [table.column(frame, int(p))[0] for p in corners]
-        if mixture is None or not all(len(axis) for axis in levels):
-            continue
-        low, high = max(axis[0] for axis in levels), min(axis[-1] for axis in levels)
-        depth = float(rng.uniform(low, max(low, high)))
-        value = table.at(*mixture, depth, float(table.times[frame]))
-        if np.isfinite(value).all():
-            asked.append((*place, depth, table.times[frame]))
-            expected.append(value)
-        if len(asked) == count:
-            break
-    return largest(ocean.at(*np.transpose(asked)), np.transpose(expected))
+        span = common_depths(table, [frame] * len(corners), corners)
+        if mixture is not None and span is not None:
+            depth = float(rng.uniform(*span))
+            yield *place, depth, table.times[frame], table.at(*mixture, depth, float(table.times[frame]))
+
+
+def common_depths(table: Table, frames: Any, points: Any) -> tuple[float, float] | None:
+    """The depths between which all of some columns have levels, m; None where one has none at all."""
+    levels = [table.column(frame, int(p))[0] for frame, p in zip(frames, points, strict=True)]
+    if not all(len(axis) for axis in levels):
+        return None
+    low, high = max(axis[0] for axis in levels), min(axis[-1] for axis in levels)
+    return low, max(low, high)
+
+
+def farthest(ocean: Any, asked: Iterator[Place]) -> float | None:
+    """Largest difference, m/s, at the first `COUNT` places where a current is expected; None without any."""
+    rows = list(islice((one for one in asked if np.isfinite(one[-1]).all()), COUNT))
+    if not rows:
+        return None
+    *at, expected = (np.array(part) for part in zip(*rows, strict=True))
+    return largest(ocean.at(*at), expected.T)
 
 
 def box_of(table: Table) -> tuple[Site, float, float, float]:
@@ -271,141 +252,87 @@ def largest(found: Any, expected: Any) -> float:
     return float(max(np.nanmax(np.abs(a - b), initial=0.0) for a, b in zip(*pairs, strict=True)))
 
 
-def compared(case: Currents, folder: Path) -> Row:
-    """The row of a file."""
+def compared(case: Currents, folder: Path) -> list[str]:
+    """The row of a current file."""
     paths, options = case.prepare(folder)
-    about = case.name, case.model, case.origin
+    about = [case.name, case.model, case.origin]
     try:
         ocean = open_ocean(paths, **options)
     except AuvplanError as error:
-        return Row(*about, refusal=str(error).replace(f"{folder}/", ""))
+        return [*about, "refused", "", "", "", str(error).replace(f"{folder}/", "")]
     table, rng = case.reading(paths), np.random.default_rng(0)
     with ocean:
-        parts = [part(ocean, table, rng) for part in (at_nodes, between, inside)]
-    local, share = on_local_grid(paths, options, table)
-    return Row(*about, None, *parts, local, share)
+        nodes, *parts = (farthest(ocean, asked(table, rng)) for asked in (at_nodes, between, inside))
+    local, _ = on_local_grid(paths, options, table)
+    why = WHY.get(case.name, "") if (nodes or 0.0) > SAME else ""
+    return [*about, *map(shown, (nodes, *parts, local)), why]
 
 
-def shown(value: float | None) -> str:
-    if value is None:
-        return "-"
-    return "0" if value == 0.0 else f"{value:.0e}"
-
-
-def table_of(rows: list[Row]) -> list[str]:
-    """Markdown of the currents."""
-    lines = [
-        "| file | model | | nodes | between levels and times | inside cells | planner's grid | |",
-        "|---|---|---|---|---|---|---|---|",
-    ]
-    for row in rows:
-        if row.refusal:
-            lines.append(f"| {row.name} | {row.model} | {row.origin} | refused | | | | {row.refusal} |")
-            continue
-        values = " | ".join(shown(v) for v in (row.nodes, row.between, row.inside, row.local))
-        why = WHY.get(row.name, "") if (row.nodes or 0.0) > SAME else ""
-        lines.append(f"| {row.name} | {row.model} | {row.origin} | {values} | {why} |")
-    return lines
-
-
-@dataclass(frozen=True)
-class Pixels:
-    """A sea bed or a chart.
-
-    Attributes:
-        name, kind, origin: as in `Rasters`.
-        refusal: the one line, where it is refused.
-        equal: share of pixels that are equal.
-        far: largest difference, m of a sea bed, else of passability or colour.
-    """
-
-    name: str
-    kind: str
-    origin: str
-    refusal: str | None = None
-    equal: float | None = None
-    far: float | None = None
-
-
-def raster(case: Rasters, folder: Path) -> Pixels:
+def raster(case: Rasters, folder: Path) -> list[str]:
     """The row of a sea bed or a chart."""
-    path, about = case.prepare(folder), (case.name, case.kind, case.origin)
+    path, about = case.prepare(folder), [case.name, case.kind, case.origin]
     try:
         found = np.asarray(case.read(path), float)
     except AuvplanError as error:
-        return Pixels(*about, refusal=str(error).replace(f"{folder}/", ""))
+        return [*about, "refused", "", str(error).replace(f"{folder}/", "")]
     expected = np.asarray(case.expect(path), float)
-    gap = np.abs(found - expected)
-    equal = (gap <= case.exact) | (np.isnan(found) & np.isnan(expected))
+    gap, missing = np.abs(found - expected), np.isnan(found) & np.isnan(expected)
     odd = (np.isnan(found) != np.isnan(expected)).any()
-    return Pixels(*about, None, float(equal.mean()), np.inf if odd else float(np.nanmax(gap, initial=0.0)))
+    far = shown(np.inf if odd else float(np.nanmax(gap, initial=0.0)))
+    equal = float(((gap <= case.exact) | missing).mean())
+    return [*about, f"{equal:.2%}", far + " m" * (case.kind == "sea bed"), ""]
 
 
-def raster_table(rows: list[Pixels]) -> list[str]:
-    """Markdown of sea beds and charts."""
-    lines = ["| file | what | | pixels equal | largest difference | |", "|---|---|---|---|---|---|"]
-    for row in rows:
-        about = f"| {row.name} | {row.kind} | {row.origin} |"
-        if row.refusal is not None:
-            lines.append(f"{about} refused | | {row.refusal} |")
-        else:
-            unit = " m" if row.kind == "sea bed" else ""
-            lines.append(f"{about} {row.equal:.2%} | {shown(row.far)}{unit} | |")
-    return lines
+def shown(value: float | None) -> str:
+    """A difference in a table."""
+    return "-" if value is None else "0" if value == 0.0 else f"{value:.0e}"
 
 
 def mutated_table(counts: dict[str, Any]) -> list[str]:
     """Markdown of what became of damaged and altered copies."""
-    lines = ["| file | copies | refused | read right | failed |", "|---|---|---|---|---|"]
-    total = dict.fromkeys(("copies", "refused", "right", "failed"), 0)
-    for name, kinds in counts.items():
-        values = {key: kinds.get(key, 0) for key in total}
-        total = {key: total[key] + values[key] for key in total}
-        lines.append(f"| {name} | " + " | ".join(str(value) for value in values.values()) + " |")
-    lines.append("| all | " + " | ".join(str(value) for value in total.values()) + " |")
-    lines += [f"\n{name}: {line}" for name, kinds in counts.items() for line in kinds.get("failures", [])]
-    return lines
+    rows = [
+        [kinds.get(key, 0) for key in ("copies", "refused", "right", "failed")] for kinds in counts.values()
+    ]
+    named = [*zip(counts, rows, strict=True), ("all", np.sum(rows, axis=0))]
+    lines = markdown(COPIES, [[name, *map(str, row)] for name, row in named])
+    return lines + [
+        f"\n{name}: {line}" for name, kinds in counts.items() for line in kinds.get("failures", [])
+    ]
 
 
-def page(rows: list[Row], pixels: list[Pixels], counts: dict[str, Any]) -> str:
+def page(rows: list[list[str]], pixels: list[list[str]], counts: dict[str, Any]) -> str:
     """The whole page."""
-    about = machine()
-    real = sum(row.origin != "made" for row in [*rows, *pixels])
+    about, every = machine(), [*rows, *pixels]
     head = HEAD.format(
-        files=len(rows) + len(pixels), real=real, count=COUNT, same=f"{SAME:g}",
+        files=len(every), real=sum(row[2] != "made" for row in every), count=COUNT, same=f"{SAME:g}",
         processor=about["processor"], cores=about["cores"],
     )  # fmt: skip
-    refused = ["## What is not read", "", "| what | instead |", "|---|---|"]
-    refused += [f"| {what} | {then} |" for what, then in REFUSED]
-    parts = [head, "\n".join(table_of(rows)), BEDS, "\n".join(raster_table(pixels)), "\n".join(refused)]
-    if counts:
-        parts += [MUTATED, "\n".join(mutated_table(counts))]
-    return "\n\n".join(parts) + "\n"
+    tables = [head, markdown(CURRENTS, rows), BEDS, markdown(PIXELS, pixels)]
+    tables += ["## What is not read", markdown(("what", "instead"), REFUSED)]
+    tables += [MUTATED, mutated_table(counts)] if counts else []
+    texts = ("\n".join([part] if isinstance(part, str) else part) for part in tables)
+    return "\n\n".join(texts).replace("|  |", "| |").replace("|  |", "| |") + "\n"
 
 
 def main() -> None:
     """Print or write the page."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.files", description=__doc__)
     parser.add_argument("--out", type=Path, help="Markdown file to write")
-    parser.add_argument("--only", help="part of the names of files")
+    parser.add_argument("--only", default="", help="part of the names of files")
     parser.add_argument("--mutated", type=Path, help="JSON file of benchmarks.mutated_files")
     options = parser.parse_args()
-    rows: list[Row] = []
-    pixels: list[Pixels] = []
+    rows: dict[Callable[..., list[str]], list[list[str]]] = {compared: [], raster: []}
     with tempfile.TemporaryDirectory() as name, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         folder = Path(name)
-        for case in [*REAL, *CUTS, *made(folder)]:
-            if not options.only or options.only in case.name:
-                rows.append(compared(case, folder))
-                print(table_of(rows)[-1], flush=True)
-        for case in RASTERS:
-            if not options.only or options.only in case.name:
-                pixels.append(raster(case, folder))
-                print(raster_table(pixels)[-1], flush=True)
+        for row_of, cases in ((compared, [*REAL, *CUTS, *made(folder)]), (raster, RASTERS)):
+            for case in cases:
+                if options.only in case.name:
+                    rows[row_of].append(row_of(case, folder))
+                    print(f"| {' | '.join(rows[row_of][-1])} |", flush=True)
     counts = json.loads(options.mutated.read_text()) if options.mutated else {}
     if options.out:
-        options.out.write_text(page(rows, pixels, counts))
+        options.out.write_text(page(*rows.values(), counts))
 
 
 if __name__ == "__main__":

@@ -11,11 +11,9 @@ folder with the reader, the seed and the number of the case; the same seed makes
 import contextlib
 import ctypes
 import json
-import multiprocessing
 import os
 import resource
 import shutil
-import signal
 import struct
 import sys
 import sysconfig
@@ -36,13 +34,13 @@ import jax
 import joblib
 import numpy as np
 from rich.progress import Progress
-from rich.table import Table
 
 import auvplan
 from auvplan.errors import AuvplanError
+from benchmarks.apart import Late, told_apart, within
 from benchmarks.fuzz_changes import change
 from benchmarks.fuzz_readers import READERS, Reader, Seed, write_sources
-from benchmarks.machine import arguments, bars, console, write
+from benchmarks.machine import arguments, bars, console, table, write
 
 #: Processor time of a case, s; wall-clock time after which its process is ended.
 SECONDS, PATIENCE = 10, 90.0
@@ -50,6 +48,8 @@ SECONDS, PATIENCE = 10, 90.0
 BYTES = 2 << 30
 #: Longest line that refuses a file.
 LINE = 2000
+#: Outcomes that are as they should be.
+GOOD = "read", "refused"
 
 #: Files that no reader may open: none names the linked ones but from within, and only scenarios name others.
 OUTSIDE = ("linked.nc", "linked.txt", "linked.geojson", "other.geojson", "other.nc")
@@ -58,10 +58,6 @@ _FORBIDDEN = (
     "subprocess.Popen", "os.system", "os.exec", "os.posix_spawn", "os.spawn", "os.startfile",
     "socket.connect", "socket.getaddrinfo", "pickle.find_class", "os.remove", "os.rename",
 )  # fmt: skip
-
-
-class Late(BaseException):
-    """A case takes too long; no reader takes this for a fault of its file."""
 
 
 @dataclass
@@ -220,9 +216,13 @@ def attempt(cases: Cases, path: Path, place: Path, watch: Watch, wire: Tripwire)
             cases.reader.read(path)
             found = "read"
         except AuvplanError as error:
-            found = _refusal(" ".join(str(error).split()))
-        except Late:
-            found = f"longer than {SECONDS} s"
+            line, found = " ".join(str(error).split()), "refused"
+            if "MemoryError" in line or "Unable to allocate" in line:
+                found = f"memory: {line[:160]}"
+            elif len(line) > LINE:
+                found = f"a line of {len(line)} characters: {line[:160]}"
+        except Late as error:
+            found = str(error)
         except Exception as error:
             where = traceback.extract_tb(error.__traceback__)
             own = [frame for frame in where if "/auvplan/" in frame.filename] or list(where)
@@ -234,19 +234,9 @@ def attempt(cases: Cases, path: Path, place: Path, watch: Watch, wire: Tripwire)
     return found
 
 
-def _refusal(line: str) -> str:
-    if "MemoryError" in line or "Unable to allocate" in line:
-        return f"memory: {line[:160]}"
-    if len(line) > LINE:
-        return f"a line of {len(line)} characters: {line[:160]}"
-    return "refused"
-
-
-def work(cases: Cases, numbers: range, place: Path, keep: Path, pipe: Connection) -> None:
+def work(cases: Cases, place: Path, keep: Path, numbers: range, pipe: Connection) -> None:
     """Make and read cases, and tell of each before and after; runs in a process of its own."""
     os.environ["AUVPLAN_CACHE"] = "off"
-    log = os.open(place.with_suffix(".log"), os.O_WRONLY | os.O_CREAT | os.O_APPEND)
-    os.dup2(log, 2)
     warnings.simplefilter("ignore")
     watch, wire = Watch(), Tripwire(cases.outside)
     watch.install()
@@ -255,30 +245,25 @@ def work(cases: Cases, numbers: range, place: Path, keep: Path, pipe: Connection
             shutil.rmtree(place, ignore_errors=True)
             shutil.copytree(cases.folder / seed.name, place / seed.name)
             cases.reader.read(place / seed.name / seed.main)
-
-    def late(*_: object) -> None:
-        raise Late
-
-    signal.signal(signal.SIGPROF, late)
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 2)  # libraries in C complain of files
     _, hard = resource.getrlimit(resource.RLIMIT_DATA)
     for number in numbers:
         path, said = cases.make(number, place)
-        pipe.send((number, said, None, 0.0))
+        pipe.send((number, said))
         _status("VmHWM", reset=True)
         before = _status("VmRSS")
         resource.setrlimit(resource.RLIMIT_DATA, (_status("VmData") + BYTES, hard))
-        signal.setitimer(signal.ITIMER_PROF, SECONDS)
         try:
-            found = attempt(cases, path, place, watch, wire)
-        except Late:
-            found = f"longer than {SECONDS} s"
+            with within(SECONDS):
+                found = attempt(cases, path, place, watch, wire)
+        except Late as error:
+            found = str(error)
         finally:
-            signal.setitimer(signal.ITIMER_PROF, 0)
             resource.setrlimit(resource.RLIMIT_DATA, (hard, hard))
         grown = max(_status("VmHWM") - before, 0)
-        if grown > BYTES and found in ("read", "refused"):
+        if grown > BYTES and found in GOOD:
             found = f"memory: {grown / 2**30:.1f} GiB"
-        if found not in ("read", "refused"):
+        if found not in GOOD:
             keep_case(cases, number, said, found, place, keep)
         pipe.send((number, said, found, grown / 2**20))
     pipe.send(None)
@@ -305,93 +290,34 @@ def keep_case(cases: Cases, number: int, said: str, found: str, place: Path, kee
     (folder / "case.txt").write_text(text, encoding="utf-8", errors="replace")
 
 
-@dataclass
-class Row:
-    """What became of a reader's cases."""
+def fuzz(
+    cases: Cases, minutes: float, most: int, keep: Path, bar: Progress, first: int = 0
+) -> dict[str, Any]:
+    """Read cases of a reader, for so long or so many; return what became of them."""
+    outcomes, failures, memory = Counter(), [], 0.0
+    end, whole = time.monotonic() + 60.0 * minutes, 60.0 * minutes
+    task, place = bar.add_task(cases.name, total=whole), cases.folder / "case"
+    given, numbers = (cases, place, keep), range(first, first + most)
 
-    reader: str
-    outcomes: Counter[str] = field(default_factory=Counter)
-    failures: list[dict[str, Any]] = field(default_factory=list)
-    memory: float = 0.0
-    largest: int = -1
-    again: int = 0
+    def left() -> float:
+        return end - time.monotonic()
 
-    def plain(self) -> dict[str, Any]:
-        return {
-            "reader": self.reader,
-            "cases": sum(self.outcomes.values()),
-            "read": self.outcomes["read"],
-            "refused": self.outcomes["refused"],
-            "failures": self.outcomes["failure"],
-            "memory": round(self.memory, 1),
-            "largest": self.largest,
-            "again": self.again,
-            "failed": self.failures[:50],
-        }
-
-
-def fuzz(cases: Cases, minutes: float, most: int, keep: Path, bar: Progress, first: int = 0) -> Row:
-    """Read cases of a reader, for so long or so many."""
-    row, next_, end = Row(cases.name), first, time.monotonic() + 60.0 * minutes
-    task = bar.add_task(cases.name, total=60.0 * minutes)
-    died = -1
-    context = multiprocessing.get_context("spawn")
-    place = cases.folder / "case"
-    while (died == next_ or time.monotonic() < end) and next_ < first + most:
-        ours, theirs = context.Pipe(duplex=False)
-        given = cases, range(next_, first + most), place, keep, theirs
-        process = context.Process(target=work, args=given, daemon=True)
-        process.start()
-        theirs.close()
-        begun: tuple[int, str] | None = None
-        stopped = False
-        while not stopped and (begun is not None or died == next_ or time.monotonic() < end):
-            if not ours.poll(PATIENCE):
-                process.kill()
-                found = f"no answer in {PATIENCE:.0f} s"
-            else:
-                try:
-                    told = ours.recv()
-                except EOFError:
-                    process.join()
-                    found = f"the process died ({process.exitcode})"
-                else:
-                    if told is None:
-                        stopped = True
-                        continue
-                    number, said, outcome, grown = told
-                    begun = (number, said) if outcome is None else None
-                    if outcome is not None:
-                        next_ = number + 1
-                        _book(row, number, said, outcome, grown)
-                        bar.update(task, completed=60.0 * minutes - max(end - time.monotonic(), 0.0))
-                    continue
-            stopped = True
-            if begun is None:
-                log = place.with_suffix(".log").read_text(errors="replace")[-2000:]
-                raise RuntimeError(f"{cases.name}: the process ended by itself\n{log}")
-            # What HDF5 trips over may be what earlier damage left in its memory: once more, in a new process.
-            if died != begun[0]:
-                died = begun[0]
-                row.again += 1
-                continue
+    for number, said, found, *grown in told_apart(
+        work, given, numbers, "spawn", PATIENCE, lambda: left() > 0
+    ):
+        if not grown:
             with contextlib.suppress(OSError):
-                keep_case(cases, *begun, found, place, keep)
-            _book(row, *begun, found, 0.0)
-            next_ = begun[0] + 1
-        process.kill()
-        process.join()
+                keep_case(cases, number, said, found, place, keep)
+        outcomes[found if found in GOOD else "failures"] += 1
+        memory = max(memory, *grown, 0.0)
+        if found not in GOOD:
+            failures.append({"case": number, "change": said[:300], "found": found})
+        bar.update(task, completed=whole - max(left(), 0.0))
     bar.remove_task(task)
-    return row
-
-
-def _book(row: Row, number: int, said: str, found: str, grown: float) -> None:
-    good = found in ("read", "refused")
-    row.outcomes[found if good else "failure"] += 1
-    if grown > row.memory:
-        row.memory, row.largest = grown, number
-    if not good:
-        row.failures.append({"case": number, "change": said[:300], "found": found})
+    return {
+        "reader": cases.name, "cases": outcomes.total(), "failed": failures[:50], "memory": round(memory, 1),
+        **{name: outcomes[name] for name in (*GOOD, "failures")},
+    }  # fmt: skip
 
 
 def main() -> None:
@@ -407,33 +333,26 @@ def main() -> None:
     shown = console()
     keep = options.keep or Path(tempfile.mkdtemp(prefix="auvplan-fuzz-"))
     chosen = [name for name in READERS if (options.only or "") in name]
-    rows: list[Row] = []
+    rows = []
     with tempfile.TemporaryDirectory() as name, bars(shown) as bar:
         folder = Path(name)
         outside = write_outside(folder)
         write_sources(folder / "sources")
-        readers = bar.add_task("readers", total=len(chosen))
-        for reader in chosen:
+        for reader in bar.track(chosen, description="readers"):
             place = folder / "readers" / f"{len(rows)}"
             seeds = tuple(READERS[reader].write(place, folder / "sources"))
             cases = Cases(reader, seeds, place, outside, options.seed)
             rows.append(fuzz(cases, options.minutes, options.cases, keep, bar, options.first))
-            for failure in {one["found"][:60]: one for one in rows[-1].failures[::-1]}.values():
-                line = f"{reader}, case {failure['case']}, {failure['change']}: {failure['found']}"
-                shown.print(line, markup=False, highlight=False)
-            bar.advance(readers)
-    table = Table("reader", "cases", "read", "refused", "failures", "most memory, MiB", title="changed files")
-    for row in rows:
-        plain = row.plain()
-        table.add_row(
-            *(str(plain[key]) for key in ("reader", "cases", "read", "refused", "failures", "memory"))
-        )
-    shown.print(table)
-    failed = sum(row.outcomes["failure"] for row in rows)
+            for failure in {one["found"][:60]: one for one in rows[-1]["failed"][::-1]}.values():
+                line = "{case}, {change}: {found}".format(**failure)
+                shown.print(f"{reader}, case {line}", markup=False, highlight=False)
+    columns = {name: f"{{{name}}}" for name in ("reader", "cases", "read", "refused", "failures")}
+    shown.print(table("changed files", rows, columns | {"most memory, MiB": "{memory}"}))
+    failed = sum(row["failures"] for row in rows)
     shown.print(f"memory of a case: at most {BYTES >> 30} GiB beyond what is loaded; time: {SECONDS} s")
     if failed:
         shown.print(f"failures are kept in {keep}", markup=False)
-    write(options.out, {"fuzz": [row.plain() for row in rows]})
+    write(options.out, {"fuzz": rows})
     sys.exit(1 if failed else 0)
 
 

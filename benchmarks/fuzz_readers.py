@@ -4,9 +4,9 @@ import json
 import shutil
 import subprocess
 import zipfile
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -43,6 +43,8 @@ from tests.io.sample_run import make_run
 
 ROOT = Path(__file__).resolve().parent.parent
 DATA = ROOT / "auvplan" / "data"
+_SCENARIOS = *sorted((DATA / "scenarios").glob("*.yaml")), *sorted(DATA.glob("[et]*/scenario.yaml"))
+RUN = "mission.nc"
 
 #: Real files of currents and sea beds, those of them that are small enough to be changed often.
 _CURRENTS = (
@@ -151,44 +153,42 @@ def _box() -> dict[str, Any]:
     return {"lower": lower[:2], "upper": upper[:2], "pixel_size": 20.0}
 
 
-def _copied(*files: tuple[str, Path]) -> Callable[[Path, Path], list[Seed]]:
-    """Seeds that are a file each: its name and where it lies, from the sources where that is not absolute."""
+def _put(folder: Path, name: str, files: Mapping[str, Any], changed: tuple[str, ...] = ()) -> Seed:
+    """Write a seed of files: texts, paths to copy, or calls that write them; the first is the main one."""
+    (folder / name).mkdir(parents=True)
+    for file, content in files.items():
+        path = folder / name / file
+        if isinstance(content, str):
+            path.write_text(content, encoding="utf-8")
+        elif isinstance(content, Path):
+            shutil.copy(content, path)
+        else:
+            content(path)
+    return Seed(name, next(iter(files)), changed)
+
+
+def _copied(name: str, *places: Path) -> Callable[[Path, Path], list[Seed]]:
+    """Seeds that are a file each, of those that are there; from the sources where a path is not absolute."""
 
     def write(folder: Path, sources: Path) -> list[Seed]:
-        seeds = []
-        for number, (name, place) in enumerate(files):
-            path = sources / place
-            if path.is_file():
-                (folder / f"{number}").mkdir(parents=True)
-                shutil.copy(path, folder / f"{number}" / name)
-                seeds.append(Seed(f"{number}", name))
-        return seeds
+        there = [(f"{number}", sources / place) for number, place in enumerate(places)]
+        return [_put(folder, number, {name: path}) for number, path in there if path.is_file()]
 
     return write
 
 
-def _stated(**files: str) -> Callable[[Path, Path], list[Seed]]:
-    """Seeds that are a text each, beside what the export of the same format wrote."""
+def _stated(suffix: str, text: str) -> Callable[[Path, Path], list[Seed]]:
+    """A text, and what the export of the same format wrote."""
 
     def write(folder: Path, sources: Path) -> list[Seed]:
-        seeds = []
-        for number, (suffix, text) in enumerate(files.items()):
-            exported = sources / "exports" / f"itinerary.{suffix}"
-            texts = {"stated": text} | (
-                {"exported": exported.read_text("utf-8")} if exported.is_file() else {}
-            )
-            for name, content in texts.items():
-                (folder / f"{name}{number}").mkdir(parents=True)
-                (folder / f"{name}{number}" / f"jobs.{suffix}").write_text(content, encoding="utf-8")
-                seeds.append(Seed(f"{name}{number}", f"jobs.{suffix}"))
+        seeds = [_put(folder, "stated0", {f"jobs.{suffix}": text})]
+        exported = sources / "exports" / f"itinerary.{suffix}"
+        if exported.is_file():
+            content = exported.read_text("utf-8")
+            seeds.append(_put(folder, "exported0", {f"jobs.{suffix}": content}))
         return seeds
 
     return write
-
-
-def _scenarios(folder: Path, sources: Path) -> list[Seed]:
-    places = [*sorted((DATA / "scenarios").glob("*.yaml")), *sorted(DATA.glob("[et]*/scenario.yaml"))]
-    return _copied(*(("scenario.yaml", place) for place in places))(folder, sources)
 
 
 def _folders(folder: Path, sources: Path) -> list[Seed]:
@@ -202,10 +202,11 @@ def _folders(folder: Path, sources: Path) -> list[Seed]:
 
 
 def _kmz(folder: Path, sources: Path) -> list[Seed]:
-    (folder / "zip").mkdir(parents=True)
-    with zipfile.ZipFile(folder / "zip" / "jobs.kmz", "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("doc.kml", _KML)
-    return [Seed("zip", "jobs.kmz")]
+    def write(path: Path) -> None:
+        with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+            archive.writestr("doc.kml", _KML)
+
+    return [_put(folder, "zip", {"jobs.kmz": write})]
 
 
 def _picture() -> np.ndarray:
@@ -217,33 +218,29 @@ def _picture() -> np.ndarray:
 
 def _pictures(folder: Path, sources: Path) -> list[Seed]:
     """PNG pictures with a world file and a projection."""
-    seeds = []
     pictures = {"made": _picture()}
     real = SHARED / "maps" / "whitsunday_hook_passage.png"
     if real.is_file():
         with Image.open(real) as opened:
             pictures["real"] = np.asarray(opened.convert("RGB").crop((300, 300, 400, 400)))
-    for name, values in pictures.items():
-        (folder / name).mkdir(parents=True)
-        Image.fromarray(values).save(folder / name / "chart.png")
-        world = "0.002\n0\n0\n-0.002\n148.9\n-20.28\n"
-        (folder / name / "chart.pgw").write_text(world)
-        (folder / name / "chart.prj").write_text("EPSG:4326")
-        seeds.append(Seed(name, "chart.png", ("chart.png", "chart.png", "chart.pgw", "chart.prj")))
-    return seeds
+    placed = {"chart.pgw": "0.002\n0\n0\n-0.002\n148.9\n-20.28\n", "chart.prj": "EPSG:4326"}
+    changed = "chart.png", "chart.png", "chart.pgw", "chart.prj"
+    return [
+        _put(folder, name, {"chart.png": Image.fromarray(values).save} | placed, changed)
+        for name, values in pictures.items()
+    ]
 
 
 _PLACE: dict[str, Any] = {"corner": (148.9, -20.28), "scale": (0.002, 0.002), "compress": "deflate"}
 
 
 def _tiffs(folder: Path, sources: Path) -> list[Seed]:
-    folder.mkdir(parents=True)
     values = _picture()
-    seeds = [Seed(name, "chart.tif") for name in ("colour", "classes")]
-    for seed, array in zip(seeds, (values, (values[..., 0] < 80).astype(np.uint8)), strict=True):
-        (folder / seed.name).mkdir()
-        write_geotiff(folder / seed.name / seed.main, array, **_PLACE)
-    return seeds
+    rasters = {"colour": values, "classes": (values[..., 0] < 80).astype(np.uint8)}
+    return [
+        _put(folder, name, {"chart.tif": lambda path, array=array: write_geotiff(path, array, **_PLACE)})
+        for name, array in rasters.items()
+    ]
 
 
 def _read_tiff(path: Path) -> object:
@@ -255,35 +252,26 @@ def _read_tiff(path: Path) -> object:
 def _land(folder: Path, sources: Path) -> list[Seed]:
     """Polygons as GeoJSON, and as what else GDAL writes."""
     own = sources / "example" / "whitsunday_coast.geojson"
-    files = [
-        ("land.geojson", own),
-        ("land.geojson", SHARED / "elsewhere" / "natural_earth_110m_land.geojson"),
-    ]
-    seeds = _copied(*files)(folder, sources)
+    world = SHARED / "elsewhere" / "natural_earth_110m_land.geojson"
+    seeds = _copied("land.geojson", own, world)(folder, sources)
     if find_spec("pyogrio") is None:
         return seeds
     from pyogrio import raw
 
     shapes = [shapely.geometry.shape(one["geometry"]) for one in json.loads(own.read_text())["features"]]
     shapes = [part for shape in shapes for part in shapely.get_parts(shape)]
+    names = np.asarray([f"part {k}" for k in range(len(shapes))], object)
+    geometry = shapely.to_wkb(np.asarray(shapes, object))
+    how = {"field_data": [names], "fields": ["name"], "geometry_type": "Polygon", "crs": "EPSG:4326"}
     for suffix in ("gpkg", "shp", "fgb"):
-        (folder / suffix).mkdir()
-        raw.write(
-            folder / suffix / f"land.{suffix}",
-            geometry=shapely.to_wkb(np.asarray(shapes, object)),
-            field_data=[np.asarray([f"part {k}" for k in range(len(shapes))], object)],
-            fields=["name"],
-            geometry_type="Polygon",
-            crs="EPSG:4326",
-        )
-        files = sorted(path.name for path in (folder / suffix).iterdir())
-        seeds.append(Seed(suffix, f"land.{suffix}", tuple(files)))
+        main = f"land.{suffix}"
+        _put(folder, suffix, {main: lambda path: raw.write(path, geometry=geometry, **how)})
+        seeds.append(Seed(suffix, main, tuple(sorted(path.name for path in (folder / suffix).iterdir()))))
     return seeds
 
 
 def _cells(folder: Path, sources: Path) -> list[Seed]:
     """A cell with land, depth areas, a wreck, a rock and a prohibited area, and an update of it."""
-    (folder / "cell").mkdir(parents=True)
     west, south, east, north = 148.85, -20.45, 149.1, -20.2
     bay = shapely.box(west, south, east, north)
     objects = [
@@ -295,10 +283,12 @@ def _cells(folder: Path, sources: Path) -> list[Seed]:
         Object("UWTROC", shapely.Point(148.97, -20.35), {"WATLEV": 3}),
         Object("RESARE", shapely.box(149.0, -20.3, 149.02, -20.28), {"RESTRN": 7}),
     ]
-    write_cell(folder / "cell" / "AU5WHIT1.000", objects)
     more = [Object("OBSTRN", shapely.Point(148.98, -20.33), {"VALSOU": 7}, number=99)]
-    write_cell(folder / "cell" / "AU5WHIT1.001", more, update=1, first=1000)
-    return [Seed("cell", "AU5WHIT1.000", ("AU5WHIT1.000", "AU5WHIT1.001"))]
+    files = {
+        "AU5WHIT1.000": lambda path: write_cell(path, objects),
+        "AU5WHIT1.001": lambda path: write_cell(path, more, update=1, first=1000),
+    }
+    return [_put(folder, "cell", files, tuple(files))]
 
 
 def _read_closed(path: Path) -> object:
@@ -308,18 +298,15 @@ def _read_closed(path: Path) -> object:
 
 
 def _beds(folder: Path, sources: Path) -> list[Seed]:
-    files = [("bed.nc", Path("example/bathymetry.nc")), ("bed.nc", SHARED / "elsewhere" / "etopo60_rose.nc")]
-    seeds = _copied(*files)(folder, sources)
-    (folder / "tiff").mkdir()
+    places = Path("example/bathymetry.nc"), SHARED / "elsewhere" / "etopo60_rose.nc"
     values = -np.linspace(0.0, 60.0, 60 * 80).reshape(60, 80).astype(np.float32)
-    write_geotiff(folder / "tiff" / "bed.tif", values, band={"units": "m"}, **_PLACE)
-    return [*seeds, Seed("tiff", "bed.tif")]
+    write = partial(write_geotiff, values=values, band={"units": "m"}, **_PLACE)
+    return [*_copied("bed.nc", *places)(folder, sources), _put(folder, "tiff", {"bed.tif": write})]
 
 
 def _currents(folder: Path, sources: Path) -> list[Seed]:
-    files = [("current.nc", Path("example/current.nc"))]
-    files += [("current.nc", SHARED / name) for name in _CURRENTS]
-    return _copied(*files)(folder, sources)
+    places = Path("example/current.nc"), *(SHARED / name for name in _CURRENTS)
+    return _copied("current.nc", *places)(folder, sources)
 
 
 def _read_currents(path: Path) -> object:
@@ -333,17 +320,15 @@ def _read_currents(path: Path) -> object:
 
 
 def _tides(folder: Path, sources: Path) -> list[Seed]:
-    seeds = _copied(("tide.yaml", Path("times/tide.yaml")))(folder, sources)
-    stated = yaml.safe_load((sources / "times" / "tide.yaml").read_text(encoding="utf-8"))
+    tide = sources / "times" / "tide.yaml"
+    stated = yaml.safe_load(tide.read_text(encoding="utf-8"))
     one = {name: stated.pop(name) for name in ("constituents", "mean") if name in stated}
     places = [
-        {"longitude": 148.95, "latitude": -20.33, **one},
-        {"longitude": 148.97, "latitude": -20.35, **one},
+        {"longitude": longitude, "latitude": latitude, **one}
+        for longitude, latitude in ((148.95, -20.33), (148.97, -20.35))
     ]
-    (folder / "places").mkdir()
     text = yaml.safe_dump(stated | {"places": json.loads(json.dumps(places))})
-    (folder / "places" / "tide.yaml").write_text(text, encoding="utf-8")
-    return [*seeds, Seed("places", "tide.yaml")]
+    return [_put(folder, "0", {"tide.yaml": tide}), _put(folder, "places", {"tide.yaml": text})]
 
 
 def _design() -> Design:
@@ -377,31 +362,27 @@ def _read_study(folder: Path) -> object:
     return study_data(dataset, None, [])
 
 
+def _in_folder(folder: Path, name: str, files: Mapping[str, Any], *more: str) -> Seed:
+    """A seed whose reader is given the folder."""
+    return Seed(_put(folder, name, files).name, ".", (*files, *more))
+
+
 def _runs(folder: Path, sources: Path) -> list[Seed]:
-    seeds = []
-    for name in ("sample", "planned"):
-        if (sources / name).is_dir():
-            (folder / name).mkdir(parents=True)
-            for file in (SUMMARY, "mission.nc"):
-                shutil.copy(sources / name / file, folder / name)
-            seeds.append(Seed(name, ".", (SUMMARY, "mission.nc", "mission.nc", "mission.nc")))
-    return seeds
+    return [
+        _in_folder(folder, name, {file: sources / name / file for file in (SUMMARY, RUN)}, RUN, RUN)
+        for name in ("sample", "planned")
+        if (sources / name).is_dir()
+    ]
 
 
 def _departures(folder: Path, sources: Path) -> list[Seed]:
-    folder.mkdir(parents=True)
-    (folder / "table").mkdir()
-    (folder / "table" / DEPARTURES).write_text(_DEPARTURES, encoding="utf-8")
     stated = {"scenario": _sea().model_dump(mode="json"), "seed": 0, "notes": [], "files": [], "versions": {}}
-    (folder / "table" / DEPARTED).write_text(json.dumps(stated), encoding="utf-8")
-    return [Seed("table", ".", (DEPARTURES, DEPARTED))]
+    return [_in_folder(folder, "table", {DEPARTURES: _DEPARTURES, DEPARTED: json.dumps(stated)})]
 
 
 def _notices(folder: Path, sources: Path) -> list[Seed]:
-    (folder / "lines").mkdir(parents=True)
     text = "".join(json.dumps(line) + "\n" for line in _LINES)
-    (folder / "lines" / "notices.jsonl").write_text(text, encoding="utf-8")
-    return [Seed("lines", "notices.jsonl")]
+    return [_put(folder, "lines", {"notices.jsonl": text})]
 
 
 def _plan() -> str:
@@ -428,26 +409,20 @@ def _read_jobs(path: Path) -> object:
 _JOBS = {"csv": (DATA / "tide" / "jobs.csv").read_text("utf-8"), "gpx": _GPX, "kml": _KML, "plan": _plan()}
 
 READERS: dict[str, Reader] = {
-    "scenario": Reader(_scenarios, read_scenario, names=True),
+    "scenario": Reader(_copied("scenario.yaml", *_SCENARIOS), read_scenario, names=True),
     "scenario and its files": Reader(_folders, examine_scenario, names=True),
     "jobs, GeoJSON": Reader(
-        _copied(
-            ("jobs.geojson", DATA / "example" / "jobs.geojson"),
-            ("jobs.geojson", Path("exports/itinerary.geojson")),
-        ),
+        _copied("jobs.geojson", DATA / "example" / "jobs.geojson", Path("exports/itinerary.geojson")),
         _read_jobs,
     ),
-    **{f"jobs, {kind.upper()}": Reader(_stated(**{kind: text}), _read_jobs) for kind, text in _JOBS.items()},
+    **{f"jobs, {kind.upper()}": Reader(_stated(kind, text), _read_jobs) for kind, text in _JOBS.items()},
     "jobs, KMZ": Reader(_kmz, _read_jobs),
     "closed areas": Reader(
-        _copied(
-            ("no_go.geojson", DATA / "example" / "no_go.geojson"),
-            ("no_go.geojson", DATA / "tide" / "no_go.geojson"),
-        ),
+        _copied("no_go.geojson", *(DATA / name / "no_go.geojson" for name in ("example", "tide"))),
         _read_closed,
     ),
     "obstacles": Reader(
-        _copied(("obstacles.geojson", DATA / "example" / "obstacles.geojson")),
+        _copied("obstacles.geojson", DATA / "example" / "obstacles.geojson"),
         lambda path: geo.read_obstacles(path, _site()),
     ),
     "land": Reader(_land, lambda path: chart_from_polygons(path, _site(), **_box(), fringe=60.0)),

@@ -6,27 +6,21 @@ sampled from the three layers, which a tide turns about. The currents take turns
 see the same machine; the ratios are of medians and of the shortest times. Compilation counts apart.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from rich.progress import Progress
-from rich.table import Table
 
 import auvplan as ap
 from auvplan.ocean.currents import Current
 from auvplan.ocean.gridded import GriddedCurrent
 from auvplan.path import PathPlan
-from benchmarks.machine import arguments, bars, console, empty_table, named_once, take_turns, write
+from benchmarks.machine import arguments, bars, console, table, take_turns, write
+from benchmarks.path_problems import PRESETS
 
-PRESETS: dict[str, Callable[[], ap.PathConfig]] = {
-    "default": ap.PathConfig,
-    "quick": ap.PathConfig.quick,
-    "paper": ap.PathConfig.paper,
-}
 ROUNDS = 15
 SIDE, DEEPEST = 10e3, 100.0
 NODES, LEVELS, HOURS = 100, 10, 24
@@ -39,28 +33,14 @@ RADII = np.array([100.0, 150.0, 120.0])
 ONE_LAYER, THREE_LAYERS = "vortices, 1 layer", "vortices, 3 layers"
 
 
-@dataclass(frozen=True)
-class Row:
-    """One preset in one current.
-
-    Attributes:
-        seconds: median time of a plan.
-        compile_seconds: how much longer the first call took.
-        to_one_layer, to_three_layers: `seconds` over those in the vortices.
-        least_to_one_layer, least_to_three_layers: the same of `least_seconds`.
-        feasible: share of plans that keep all limits.
-    """
-
-    preset: str
-    current: str
-    seconds: float
-    least_seconds: float
-    compile_seconds: float
-    to_one_layer: float
-    to_three_layers: float
-    least_to_one_layer: float
-    least_to_three_layers: float
-    feasible: float
+#: A row for each preset and current: median and shortest time of a plan, and both over those in the vortices.
+TITLE = f"Plans in gridded currents ({NODES} x {NODES} x {LEVELS} x {HOURS}), over those in 12 vortices"
+COLUMNS = {
+    "preset": "{preset}", "current": "{current}", "median": "{milliseconds:.1f} ms",
+    "least": "{least:.1f} ms", "to 1 layer": "{to_one_layer:.2f}", "least/1": "{least_to_one_layer:.2f}",
+    "to 3": "{to_three_layers:.2f}", "least/3": "{least_to_three_layers:.2f}",
+    "compiling": "{compile_seconds:.1f} s", "feasible": "{feasible:.0%}",
+}  # fmt: skip
 
 
 def currents() -> dict[str, Current]:
@@ -90,7 +70,7 @@ def _plan(current: Current, config: ap.PathConfig, seed: int) -> PathPlan:
     return ap.plan_path(START, GOAL, env, key=jax.random.key(seed), config=config, depart=DEPART)
 
 
-def rows(presets: list[str], rounds: int, progress: Progress) -> list[Row]:
+def rows(presets: list[str], rounds: int, progress: Progress) -> list[dict[str, Any]]:
     """All currents with each of the presets."""
     known, found = currents(), []
     for preset in presets:
@@ -98,41 +78,14 @@ def rows(presets: list[str], rounds: int, progress: Progress) -> list[Row]:
         calls = {name: partial(_plan, current, PRESETS[preset]()) for name, current in known.items()}
         turns = take_turns(calls, dict.fromkeys(calls, rounds), 0, partial(progress.advance, bar))
         progress.remove_task(bar)
-        median = {name: taken.median for name, taken in turns.items()}
-        least = {name: min(taken.seconds) for name, taken in turns.items()}
-        for name, taken in turns.items():
-            found.append(
-                Row(
-                    preset=preset,
-                    current=name,
-                    seconds=median[name],
-                    least_seconds=least[name],
-                    compile_seconds=taken.compiling,
-                    to_one_layer=median[name] / median[ONE_LAYER],
-                    to_three_layers=median[name] / median[THREE_LAYERS],
-                    least_to_one_layer=least[name] / least[ONE_LAYER],
-                    least_to_three_layers=least[name] / least[THREE_LAYERS],
-                    feasible=float(np.mean([plan.feasible for plan in taken.results])),
-                )
-            )
+        for name, row in turns.items():
+            row["feasible"] = float(np.mean([plan.feasible for plan in row.pop("results")]))
+            for layers, other in (("one_layer", ONE_LAYER), ("three_layers", THREE_LAYERS)):
+                row[f"to_{layers}"] = row["seconds"] / turns[other]["seconds"]
+                row[f"least_to_{layers}"] = row["least_seconds"] / turns[other]["least_seconds"]
+            row |= {"milliseconds": 1e3 * row["seconds"], "least": 1e3 * row["least_seconds"]}
+            found.append({"preset": preset, "current": name} | row)
     return found
-
-
-def table(rows: list[Row]) -> Table:
-    """All rows as one table."""
-    size = f"{NODES} x {NODES} x {LEVELS} x {HOURS}"
-    title = f"Plans in gridded currents ({size}), over those in 12 vortices"
-    figures = ("median", "least", "to 1 layer", "least", "to 3", "least", "compilation", "feasible")
-    shown = empty_table(title, ["preset", "current"], figures, no_wrap=True)
-    for name, row in named_once(rows, "preset"):
-        shown.add_row(
-            name, row.current,
-            f"{1e3 * row.seconds:.1f} ms", f"{1e3 * row.least_seconds:.1f} ms",
-            f"{row.to_one_layer:.2f}", f"{row.least_to_one_layer:.2f}",
-            f"{row.to_three_layers:.2f}", f"{row.least_to_three_layers:.2f}",
-            f"{row.compile_seconds:.1f} s", f"{row.feasible:.0%}",
-        )  # fmt: skip
-    return shown
 
 
 def main() -> None:
@@ -144,7 +97,7 @@ def main() -> None:
     screen = console()
     with bars(screen) as progress:
         found = rows(options.preset or list(PRESETS), options.rounds, progress)
-    screen.print(table(found))
+    screen.print(table(TITLE, found, COLUMNS, names=2, no_wrap=True))
     write(options.out, {"rounds": options.rounds, "rows": found})
 
 

@@ -5,11 +5,11 @@
 Sizes are those of the files that the installed distributions record, compiled byte code left out.
 """
 
-import re
-from importlib.metadata import Distribution, PackageNotFoundError, distribution
+from importlib.metadata import PackageNotFoundError, distribution
 
 from packaging.markers import default_environment
 from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 #: What most people who would use auvplan have already.
 KNOWN = ("jax", "numpy", "scipy", "scikit-learn", "matplotlib")
@@ -17,39 +17,24 @@ KNOWN = ("jax", "numpy", "scipy", "scikit-learn", "matplotlib")
 EXTRAS = ("readers", "exact", "dask")
 
 
-def name_of(text: str) -> str:
-    """A distribution's name as indexes spell it."""
-    return re.sub(r"[-_.]+", "-", text).lower()
-
-
 def needed_by(name: str, extra: str = "") -> set[str]:
     """Names of all distributions that one needs, itself among them; of those installed here."""
-    found: set[str] = set()
-    waiting = [(name_of(name), extra)]
+    found, seen, waiting = set(), set(), [(name, extra)]
     while waiting:
         name, extra = waiting.pop()
+        if (name, extra) in seen:
+            continue
+        seen.add((name, extra))
         try:
             requirements = distribution(name).requires or []
         except PackageNotFoundError:
             continue
-        found.add(name)
+        found.add(canonicalize_name(name))
         environment = {**default_environment(), "extra": extra}
-        for requirement in map(Requirement, requirements):
-            if requirement.marker is None or requirement.marker.evaluate(environment):
-                for wanted in ("", *requirement.extras):
-                    one = name_of(requirement.name)
-                    if one not in found or wanted:
-                        waiting.append((one, wanted))
-                        found.add(one)
-    return {one for one in found if installed(one)}
-
-
-def installed(name: str) -> Distribution | None:
-    """The distribution, or None."""
-    try:
-        return distribution(name)
-    except PackageNotFoundError:
-        return None
+        for needed in map(Requirement, requirements):
+            if needed.marker is None or needed.marker.evaluate(environment):
+                waiting += [(canonicalize_name(needed.name), wanted) for wanted in ("", *needed.extras)]
+    return found
 
 
 def size(name: str) -> float:

@@ -91,10 +91,9 @@ def books(record, plan: RollingPlan, peer) -> tuple[int, int]:
         north, east = site.to_local(task.longitude, task.latitude)
         places.append((float(north), float(east), task.depth))
     lost, matched = 0, [0] * len(places)
+    legs = {f"{plan.run.called(leg.start)} - {plan.run.called(leg.goal)}": leg for leg in plan.legs}
     for name in record.tasks:
-        (leg,) = (
-            leg for leg in plan.legs if f"{plan.run.called(leg.start)} - {plan.run.called(leg.goal)}" == name
-        )
+        leg = legs[name]
         goal = np.asarray(plan.run.graph.positions[leg.goal], float)
         near = [k for k, place in enumerate(places) if np.linalg.norm(goal - place) < 10.0]
         lost += not near
@@ -161,18 +160,18 @@ def main() -> None:
     parser.add_argument("-n", type=int, default=20, help="missions a kind")
     parser.add_argument("--kind", choices=["mavlink", "imc"], action="append")
     parser.add_argument("--first", type=int, default=0, help="first seed")
-    parser.add_argument(
-        "--scale", type=float, default=50.0, help="s of mission time in one of wall-clock time"
-    )
+    parser.add_argument("--scale", type=float, default=50.0, help="s of mission in one of wall-clock time")
     parser.add_argument("--loss", type=float, default=0.05)
     parser.add_argument("--out", type=Path, default=None, help="file of JSON lines")
     parser.add_argument("--verbose", action="store_true")
     parser.add_argument("--link", help="a vehicle that is running: mavlink:ADDRESS or imc:HOST:PORT")
-    parser.add_argument(
-        "--current", type=float, nargs=2, default=[0.0, 0.0], help="m/s north and east, with --link"
-    )
+    parser.add_argument("--current", type=float, nargs=2, default=[0.0, 0.0], help="m/s, with --link")
     given = parser.parse_args()
-    tell = _show if given.verbose else _hide
+
+    def tell(event) -> None:
+        if given.verbose:
+            print(f"  {event.time:8.1f} {event.kind}: {event.text}", flush=True)
+
     if given.link:
         for seed in range(given.first, given.first + given.n):
             found = mission_nearby(given.link, seed, given.scale, given.current, tell)
@@ -187,7 +186,6 @@ def main() -> None:
             if given.out:
                 with given.out.open("a", encoding="utf-8") as file:
                     file.write(json.dumps(row) + "\n")
-    for kind in given.kind or ["mavlink", "imc"]:
         _print_totals(kind, [row for row in rows if row["kind"] == kind])
     sys.stdout.flush()
     os._exit(0)  # MAVSDK's threads outlive its objects
@@ -203,14 +201,6 @@ def _print_totals(kind: str, rows: list[dict]) -> None:
         f"{total['as_planned']} of {total['uploads']} uploads as planned; "
         f"{total['tasks']} tasks, {total['lost']} lost, {total['doubled']} doubled; packets {packets}"
     )
-
-
-def _show(event) -> None:
-    print(f"  {event.time:8.1f} {event.kind}: {event.text}", flush=True)
-
-
-def _hide(event) -> None:
-    pass
 
 
 if __name__ == "__main__":

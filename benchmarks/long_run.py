@@ -17,13 +17,12 @@ from pathlib import Path
 
 import jax
 import numpy as np
-from rich.table import Table
 
 import auvplan as ap
 from auvplan.compiled import compilations
 from auvplan.executive import execute_missions
 from benchmarks import clock, small_sea
-from benchmarks.machine import arguments, console, write
+from benchmarks.machine import arguments, console, table, write
 
 #: Missions between two rows, and between two that are saved.
 EVERY, SAVED = 50, 20
@@ -36,17 +35,6 @@ def scenario(sea: str, folder: Path) -> ap.Scenario:
     if sea == "vortices":
         return small_sea.scenario()
     return clock.scenario(SEAS[sea], clock.seas(folder)[SEAS[sea]], departures=24)
-
-
-def memory() -> float:
-    """Resident memory of this process, MiB."""
-    pages = int(Path("/proc/self/statm").read_text().split()[1])
-    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
-
-
-def open_files() -> int:
-    """Open files of this process, the one that this takes to look left out."""
-    return len(os.listdir("/proc/self/fd")) - 1
 
 
 class Compiled(logging.Handler):
@@ -73,13 +61,11 @@ class Compiled(logging.Handler):
 
 
 def watched(sea: str, count: int, compiled: Compiled) -> list[dict[str, float]]:
-    """Simulate so many missions; return what was seen every so often."""
-    rows, done, late = [], 0, 0
-    screen = console()
+    """Simulate so many missions; return what was seen every so often: memory in MiB, programs, open files."""
+    rows, late = [], 0
     with tempfile.TemporaryDirectory() as name:
         missions = execute_missions(scenario(sea, Path(name)), seeds=range(count), together=TOGETHER)
-        for _, run in missions:
-            done += 1
+        for done, (_, run) in enumerate(missions, 1):
             compiled.warm = done >= count / 10
             late += not run.success
             if done % SAVED == 0:
@@ -87,14 +73,12 @@ def watched(sea: str, count: int, compiled: Compiled) -> list[dict[str, float]]:
                 ap.restore_run(name)
             if done % EVERY == 0 or done == count:
                 gc.collect()
-                row = {
-                    "missions": done,
-                    "memory": memory(),
-                    "programs": compilations(),
-                    "files": open_files(),
-                }
+                pages = int(Path("/proc/self/statm").read_text().split()[1])
+                row = {"missions": done, "memory": pages * os.sysconf("SC_PAGE_SIZE") / 2**20}
+                # The file that this takes to look is left out.
+                row |= {"programs": compilations(), "files": len(os.listdir("/proc/self/fd")) - 1}
                 rows.append(row | {"failed": late})
-                screen.print(", ".join(f"{key} {value:.0f}" for key, value in rows[-1].items()))
+                console().print(", ".join(f"{key} {value:.0f}" for key, value in rows[-1].items()))
     return rows
 
 
@@ -106,18 +90,15 @@ def main() -> None:
     options = parser.parse_args()
     compiled = Compiled()
     rows = watched(options.sea, options.n, compiled)
-    warm = next(row for row in rows if row["missions"] >= options.n / 10)
-    last, screen = rows[-1], console()
-    table = Table(
-        "", "after warm-up", "at the end", title=f"{last['missions']} missions, {SEAS[options.sea]}"
-    )
-    for name, words in (
-        ("missions", "missions"), ("memory", "memory, MiB"), ("programs", "programs compiled"),
-        ("files", "files open"), ("failed", "missions failed"),
-    ):  # fmt: skip
-        table.add_row(words, f"{warm[name]:.0f}", f"{last[name]:.0f}")
-    screen.print(table)
-    later = [row for row in rows if row["missions"] >= warm["missions"]]
+    later = [row for row in rows if row["missions"] >= options.n / 10]
+    warm, last, screen = later[0], rows[-1], console()
+    words = {
+        "missions": "missions", "memory": "memory, MiB", "programs": "programs compiled",
+        "files": "files open", "failed": "missions failed",
+    }  # fmt: skip
+    shown = [{"what": words[name], "warm": warm[name], "last": last[name]} for name in words]
+    columns = {"": "{what}", "after warm-up": "{warm:.0f}", "at the end": "{last:.0f}"}
+    screen.print(table(f"{last['missions']} missions, {SEAS[options.sea]}", shown, columns))
     slope = np.polyfit([row["missions"] for row in later], [row["memory"] for row in later], 1)[0]
     screen.print(f"memory grows by {1000.0 * slope:.1f} MiB per 1,000 missions after warm-up")
     for text in compiled.again:

@@ -10,8 +10,8 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -22,19 +22,9 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-PACKAGES = [
-    "auvplan",
-    "jax",
-    "jaxlib",
-    "numpy",
-    "scipy",
-    "numba",
-    "mealpy",
-    "evosax",
-    "cma",
-    "ortools",
-    "pyvrp",
-]
+PACKAGES = (
+    "auvplan", "jax", "jaxlib", "numpy", "scipy", "numba", "mealpy", "evosax", "cma", "ortools", "pyvrp",
+)  # fmt: skip
 WIDTH = 120
 COMPILERS = ("cc", "gcc", "clang")
 
@@ -50,6 +40,14 @@ def installed(package: str) -> bool:
     return importlib.util.find_spec(package) is not None
 
 
+def available(name: str, packages: Iterable[str], screen: Console) -> bool:
+    """Whether a contender can take part; a line where one of its packages is missing."""
+    missing = " and ".join(package for package in packages if not installed(package))
+    if missing:
+        screen.print(f"{name}: left out, {missing} not installed: pip install 'auvplan[bench]'")
+    return not missing
+
+
 def compiler() -> str | None:
     """Path of a C compiler; None where there is none."""
     return next((path for name in COMPILERS if (path := shutil.which(name))), None)
@@ -58,14 +56,18 @@ def compiler() -> str | None:
 def machine() -> dict[str, Any]:
     """Processor, cores, system, versions and date."""
     versions = {package: importlib.metadata.version(package) for package in PACKAGES if installed(package)}
+    facts, path = Path("/proc/cpuinfo"), compiler()
+    lines = facts.read_text().splitlines() if facts.exists() else []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    said = subprocess.run([path, "--version"], capture_output=True, text=True).stdout if path else ""
     return {
-        "processor": _processor(),
+        "processor": names[0] if names else platform.processor() or platform.machine(),
         "cores": os.cpu_count(),
         "system": platform.platform(),
         "python": platform.python_version(),
         "backend": jax.default_backend(),
         "versions": versions,
-        "compiler": _compiler_version(),
+        "compiler": (said.splitlines() or [path])[0],
         "date": time.strftime("%Y-%m-%d"),
     }
 
@@ -89,30 +91,12 @@ def clock(call: Callable[[], Any]) -> tuple[float, Any]:
     return time.perf_counter() - begin, result
 
 
-@dataclass
-class Turns:
-    """Times of a call, s, and what it returned; the first call compiles and counts apart."""
-
-    first: float
-    seconds: list[float] = field(default_factory=list)
-    results: list[Any] = field(default_factory=list)
-
-    @property
-    def median(self) -> float:
-        return float(np.median(self.seconds))
-
-    @property
-    def compiling(self) -> float:
-        """How much longer the first call took, s."""
-        return max(0.0, self.first - self.median)
-
-
 def take_turns(
     calls: Mapping[str, Callable[[int], Any]],
     rounds: Mapping[str, int],
     first: int,
     bar: Callable[[], object],
-) -> dict[str, Turns]:
+) -> dict[str, dict[str, Any]]:
     """Time calls of seeds 0, 1, ... in turns, so that all see the same machine.
 
     Args:
@@ -120,10 +104,13 @@ def take_turns(
         rounds: for each of them.
         first: seed of the calls that compile.
         bar: called once for each turn of each call.
+
+    Returns:
+        By name: median and least time of a call, how much longer the first one took, s, and all results.
     """
-    found = {}
+    compiling, times, results = {}, {name: [] for name in calls}, {name: [] for name in calls}
     for name, call in calls.items():
-        found[name] = Turns(clock(partial(call, first))[0])
+        compiling[name], _ = clock(partial(call, first))
         bar()
     for turn in range(max(rounds.values())):
         for name, call in calls.items():
@@ -132,9 +119,16 @@ def take_turns(
                 # The first call of a turn finds the caches as another contender left them.
                 jax.block_until_ready(call(turn))
                 seconds, result = clock(partial(call, turn))
-                found[name].seconds.append(seconds)
-                found[name].results.append(result)
-    return found
+                times[name].append(seconds)
+                results[name].append(result)
+    return {name: timed(compiling[name], times[name]) | {"results": results[name]} for name in calls}
+
+
+def timed(first: float, seconds: Sequence[float]) -> dict[str, Any]:
+    """Return median and least of times of a call, and how much longer the first one took, all s."""
+    median = float(np.median(seconds))
+    least, compiling = float(min(seconds)), max(0.0, first - median)
+    return {"seconds": median, "least_seconds": least, "compile_seconds": compiling}
 
 
 def arguments(description: str, prog: str | None = None) -> argparse.ArgumentParser:
@@ -150,22 +144,32 @@ def seed_range(text: str) -> range:
     return range(int(first), int(end) if end else int(first) + 1)
 
 
-def empty_table(title: str, names: Iterable[str], figures: Iterable[str], **options: Any) -> Table:
-    """Return a table with columns of names, to the left, and of figures, to the right."""
-    table = Table(title=title)
-    for names_or_figures, side in ((names, "left"), (figures, "right")):
-        for name in names_or_figures:
-            table.add_column(name, justify=side, **options)
-    return table
+def table(
+    title: str, rows: Iterable[Mapping[str, Any]], columns: Mapping[str, str], names: int = 1, **options: Any
+) -> Table:
+    """Return a table of rows.
 
-
-def named_once(rows: Sequence[Any], attribute: str) -> Iterator[tuple[str, Any]]:
-    """Yield each row after its name, which is blank where the row before has the same."""
-    last = None
+    Args:
+        title: above it.
+        columns: heading to a format of a row's entries, such as "{gap:.2%}"; "-" where an entry is None.
+        names: so many of the first columns are names, to the left; the first is written once.
+        options: of all columns, as rich has them.
+    """
+    made, last = Table(title=title), None
+    for number, heading in enumerate(columns):
+        made.add_column(heading, justify="left" if number < names else "right", **options)
     for row in rows:
-        name = getattr(row, attribute)
-        yield "" if name == last else name, row
-        last = name
+        first, *others = (_cell(form, row) for form in columns.values())
+        made.add_row("" if first == last else first, *others)
+        last = first
+    return made
+
+
+def _cell(form: str, row: Mapping[str, Any]) -> str:
+    try:
+        return form.format_map(row)
+    except TypeError:  # None has no format
+        return "-"
 
 
 def markdown(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
@@ -181,20 +185,3 @@ def write(path: Path | None, content: dict[str, Any]) -> None:
     """Write figures and rows (dataclasses) as JSON, with the machine; nothing where no file is asked for."""
     if path is not None:
         path.write_text(json.dumps({"machine": machine(), **content}, indent=1, default=asdict) + "\n")
-
-
-def _processor() -> str:
-    """Name of the processor, as far as the system tells it."""
-    facts = Path("/proc/cpuinfo")
-    lines = facts.read_text().splitlines() if facts.exists() else []
-    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.processor() or platform.machine()
-
-
-def _compiler_version() -> str | None:
-    """First line of what the C compiler says of itself."""
-    path = compiler()
-    if path is None:
-        return None
-    said = subprocess.run([path, "--version"], capture_output=True, text=True).stdout.splitlines()
-    return said[0] if said else path

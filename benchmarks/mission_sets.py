@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.mission import MissionGraph, random_graph
+from auvplan.mission.timetable import Timetable
 from benchmarks.machine import SHARED
 
 
@@ -40,6 +41,26 @@ class Case:
     def leg_times(self) -> NDArray[np.floating]:
         """[N, N] s."""
         return self.graph.leg_times(self.speed)
+
+
+def timed_graph(
+    places: NDArray[np.floating], travel: NDArray[np.floating], *tasks: NDArray[np.floating],
+    departures: NDArray[np.floating] | None = None,
+) -> MissionGraph:  # fmt: skip
+    """Return a graph by the clock, whose tasks are at waypoints.
+
+    Args:
+        places: [N, 2] m.
+        travel: [T, N, N] s, infinite where there is no edge.
+        tasks: [N] priority and duration [s], and when the task opens and closes [s].
+        departures: [T] s; None for steady travel times.
+    """
+    size = len(places)
+    square = size, size
+    priority, duration, opens, closes = (np.broadcast_to(task.astype(float), square).copy() for task in tasks)
+    graph = MissionGraph(np.c_[places, np.zeros(size)], np.isfinite(travel[0]), priority, duration)
+    departures = np.zeros(1) if departures is None else departures
+    return graph.with_timetable(Timetable(departures, travel, opens[..., None], closes[..., None]))
 
 
 def shared_cases() -> list[Case]:

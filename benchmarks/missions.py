@@ -7,21 +7,56 @@ orienteering sets only, whose prizes sit on waypoints: it cannot express tasks o
 minimises Eq. 15, which is not the most total priority.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
+from typing import Any
 
+import jax
+import numpy as np
 from rich.console import Console
-from rich.table import Table
+from rich.progress import Progress
 
 import auvplan as ap
+from auvplan.mission import MissionGraph, check_route, plan_mission, plan_missions, time_to_go
+from auvplan.mission.bound import upper_bound
 from benchmarks import mission_peers as peers
-from benchmarks.machine import SHARED, arguments, bars, console, empty_table, installed, named_once, write
-from benchmarks.mission_runs import Bench, Row, Solver, preset
+from benchmarks.machine import SHARED, arguments, available, bars, clock, console, installed, table, write
 from benchmarks.mission_sets import Case, generated_cases, shared_cases
 
-LARGEST_BATCHED = 100
-LARGEST_MEALPY = 64
-PEER_SEEDS = 2
+BATCH, LARGEST_BATCHED, LARGEST_MEALPY, PEER_SEEDS = 32, 100, 64, 2
+PHI1, PHI2 = 1.0, 100.0
+
+COLUMNS = {
+    "set": "{family}", "solver": "{solver}", "mean gap": "{sign}{mean_gap:.2%}{star}",
+    "worst gap": "{sign}{worst_gap:.2%}", "feasible": "{feasible:.0%}",
+    "time per plan": "{milliseconds:.1f} ms", "compilation": "{compile_seconds:.1f} s", "plans": "{plans}",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Solver:
+    """A way to plan.
+
+    Attributes:
+        plan: (case, seed) into waypoints, none where there is no plan.
+        compiles: a call that compiles what `plan` needs; None where nothing is compiled.
+        seeds: plans of each case at most.
+    """
+
+    name: str
+    plan: Callable[[Case, int], Any]
+    compiles: Callable[[Case], Any] | None = None
+    seeds: int | None = None
+    fits: Callable[[Case], bool] = lambda case: True
+
+
+def preset(case: Case, seed: int, config: ap.MissionConfig) -> Any:
+    """Waypoints that `plan_mission` finds."""
+    asked = case.graph, case.start, case.goal, case.time_available
+    route = plan_mission(*asked, speed=case.speed, key=jax.random.key(seed), config=config)
+    return route.nodes if route.feasible else []
 
 
 def variants() -> dict[str, ap.MissionConfig]:
@@ -38,73 +73,186 @@ def variants() -> dict[str, ap.MissionConfig]:
     }
 
 
-def solvers(with_variants: bool, with_peers: bool, limit: float, console: Console) -> list[Solver]:
+def solvers(with_variants: bool, with_peers: bool, limit: float, screen: Console) -> list[Solver]:
     """The presets, and with them the peers that are installed; a line for each that is not."""
-    found = []
+    found, seconds = [], min(limit, 2.0)
     presets = {"default": ap.MissionConfig(), "paper": ap.MissionConfig.paper()}
     for name, config in (presets | (variants() if with_variants else {})).items():
         plan = partial(preset, config=config)
         found.append(Solver(name, plan, compiles=partial(plan, seed=999)))
-    if not with_peers:
-        return found
-    seconds = min(limit, 2.0)
     cp_sat = Solver("CP-SAT", lambda case, _: peers.cp_sat(case, limit).nodes, seeds=1)
     pyvrp = Solver(
-        f"PyVRP, {seconds:g} s",
-        lambda case, seed: peers.pyvrp(case, seed, seconds),
-        seeds=PEER_SEEDS,
-        fits=lambda case: case.prizes is not None,
-    )
+        f"PyVRP, {seconds:g} s", lambda case, seed: peers.pyvrp(case, seed, seconds), None, PEER_SEEDS,
+        lambda case: case.prizes is not None,
+    )  # fmt: skip
     mealpy = Solver(
-        "mealpy OriginalBBO",
-        peers.mealpy_bbo,
-        compiles=partial(peers.mealpy_bbo, seed=0, population=5, iterations=1),
-        seeds=PEER_SEEDS,
-        fits=lambda case: case.graph.size <= LARGEST_MEALPY,
-    )
-    for solver, packages in ((cp_sat, ["ortools"]), (pyvrp, ["pyvrp"]), (mealpy, ["mealpy", "numba"])):
-        missing = " and ".join(package for package in packages if not installed(package))
-        if missing:
-            console.print(f"{solver.name}: left out, {missing} not installed: pip install 'auvplan[bench]'")
-        else:
-            found.append(solver)
+        "mealpy OriginalBBO", peers.mealpy_bbo, partial(peers.mealpy_bbo, seed=0, population=5, iterations=1),
+        PEER_SEEDS, lambda case: case.graph.size <= LARGEST_MEALPY,
+    )  # fmt: skip
+    needs = (cp_sat, ["ortools"]), (pyvrp, ["pyvrp"]), (mealpy, ["mealpy", "numba"])
+    if with_peers:
+        found += [solver for solver, packages in needs if available(solver.name, packages, screen)]
     return found
 
 
-def families(quick: bool, console: Console) -> Iterator[tuple[str, list[Case]]]:
+def families(quick: bool, screen: Console) -> Iterator[tuple[str, list[Case]]]:
     """Cases by family; quick: one or two of each, of 200 waypoints at most."""
     cases = shared_cases()
     if not cases:
-        console.print(f"shared graphs and orienteering sets: left out, not found at {SHARED}")
+        screen.print(f"shared graphs and orienteering sets: left out, not found at {SHARED}")
     cases += generated_cases(count=1 if quick else 3)
-    groups: dict[str, list[Case]] = {}
-    for case in cases:
-        groups.setdefault(case.family, []).append(case)
-    for family, members in groups.items():
-        if quick and members[0].graph.size > 200:
-            continue
-        yield family, members[:: max(1, len(members) // 2)][:2] if quick else members
+    for family in dict.fromkeys(case.family for case in cases):
+        members = [case for case in cases if case.family == family]
+        if not quick:
+            yield family, members
+        elif members[0].graph.size <= 200:
+            yield family, members[:: max(1, len(members) // 2)][:2]
 
 
-def optimum(case: Case, limit: float) -> tuple[float, bool]:
-    """Total priority to compare with and whether it is proved."""
-    return (case.optimum, True) if case.optimum is not None else peers.reference(case, limit)
+class Bench:
+    """Runs solvers on families of cases and collects rows.
 
+    A row has mean and worst gap, the share of plans that keep all rules, the median time of a plan and how
+    much longer the first call took, the most of the graphs of this size so far.
 
-def table(rows: list[Row]) -> Table:
-    """All rows as one table."""
-    figures = ("mean gap", "worst gap", "feasible", "time per plan", "compilation", "plans")
-    shown = empty_table("Missions: gap to the proven optimum (* to a bound)", ["set", "solver"], figures)
-    for name, row in named_once(rows, "family"):
-        compilation = "-" if row.compile_seconds is None else f"{row.compile_seconds:.1f} s"
-        sign = "+" if row.solver == "upper bound" else ""
-        star = "" if row.proved == 1.0 else " *"
-        shown.add_row(
-            name, row.solver, f"{sign}{row.mean_gap:.2%}{star}",
-            f"{sign}{row.worst_gap:.2%}", f"{row.feasible:.0%}", f"{1e3 * row.seconds:.1f} ms", compilation,
-            str(row.plans),
-        )  # fmt: skip
-    return shown
+    Args:
+        seeds: plans of each case.
+        limit: s, to prove an optimum in.
+    """
+
+    def __init__(self, seeds: int, limit: float, progress: Progress) -> None:
+        self.rows: list[dict[str, Any]] = []
+        self._seeds, self._limit, self._progress = seeds, limit, progress
+        self._optima: dict[str, tuple[float, bool]] = {}
+        self._compilation: dict[tuple[str, int], float] = {}
+
+    def compare_with_optima(self, cases: list[Case]) -> None:
+        """Find the total priority to compare with, and whether it is proved."""
+        for case in cases:
+            known = case.optimum is not None
+            self._optima[case.name] = (case.optimum, True) if known else peers.reference(case, self._limit)
+
+    def run(self, family: str, cases: list[Case], solver: Solver) -> None:
+        """Plan each case with each seed, one at a time."""
+        seeds = min(self._seeds, solver.seeds or self._seeds)
+        for case in cases if solver.compiles is not None else ():
+            self._clock_compilation(solver.name, case.graph.size, partial(solver.compiles, case))
+        judged, times = [], []
+        for case, seed in self._watched(f"{family}, {solver.name}", cases, seeds):
+            seconds, nodes = clock(partial(solver.plan, case, seed))
+            times.append(seconds)
+            judged.append(self._judge(case, nodes))
+        self._add(family, solver.name, cases, *zip(*judged, strict=True), times)
+
+    def run_batched(self, family: str, cases: list[Case], repeats: int = 3) -> None:
+        """Plan the cases of a family, repeated with other seeds, in calls of `BATCH` missions."""
+        name = f"default, {BATCH} in one call"
+        batch = [cases[k % len(cases)] for k in range(BATCH)]
+        graphs = MissionGraph.stack(case.graph for case in batch)
+        starts, goals = [case.start for case in batch], [case.goal for case in batch]
+        budgets, speeds = [case.time_available for case in batch], [case.speed for case in batch]
+
+        def call(seed: int) -> Any:
+            keys = jax.random.split(jax.random.key(seed), BATCH)
+            return plan_missions(graphs, starts, goals, budgets, speed=speeds, key=keys)
+
+        self._clock_compilation(name, cases[0].graph.size, partial(call, 999))
+        judged, times = [], []
+        for seed in self._progress.track(range(repeats), description=f"{family}, {name}"):
+            seconds, routes = clock(partial(call, seed))
+            times.append(seconds / BATCH)
+            judged += [self._judge(case, route.nodes) for case, route in zip(batch, routes, strict=True)]
+        self._add(family, name, cases, *zip(*judged, strict=True), times)
+
+    def run_bound(self, family: str, cases: list[Case]) -> None:
+        """The linear bound: its gap is how far it is above the optimum."""
+        gaps, times = [], []
+        for case in cases:
+            asked = case.leg_times, case.graph.priority, case.start, case.goal, case.time_available
+            seconds, bound = clock(partial(upper_bound, *asked))
+            times.append(seconds)
+            gaps.append(bound / self._optima[case.name][0] - 1.0)
+        self._add(family, "upper bound", cases, gaps, [True], times, sign="+")
+
+    def run_replanning(self, family: str, cases: list[Case], situations: int = 50) -> None:
+        """Plan again on the way; the gap is to the rest of the old route where that still fits the time.
+
+        Late vehicles that no route brings home in time, by the shortest path, count as feasible.
+        """
+        rng = np.random.default_rng(0)
+        gaps, kept, times = [], [], []
+        for turn in range(-1, situations):
+            case = cases[turn % len(cases)]
+            budget, key = case.time_available, jax.random.key(turn + 1)
+            old = plan_mission(case.graph, case.start, case.goal, budget, speed=case.speed, key=key)
+            passed = int(rng.integers(1, len(old.nodes) - 1))
+            left = budget - float(old.leg_times[:passed].sum()) * rng.uniform(0.9, 1.1)
+            graph = case.graph.without_edges(pairwise(old.nodes[: passed + 1].tolist()))
+            rest = old.nodes[passed:]
+            asked = graph, int(rest[0]), case.goal, left
+            again = {"speed": case.speed, "key": key, "population": old.population, "known_route": rest}
+            seconds, route = clock(partial(plan_mission, *asked, **again))
+            if turn < 0:
+                continue
+            times.append(seconds)
+            fits = old.leg_times[passed:].sum() < left * (1.0 - 1e-5)
+            remainder = sum(case.graph.priority[leg] for leg in pairwise(rest)) if fits else 0.0
+            gaps.append(max(0.0, 1.0 - route.priority / remainder) if remainder else 0.0)
+            shortest = float(time_to_go(graph.leg_times(case.speed), case.goal)[rest[0]])
+            valid = check_route(graph, route.nodes, rest[0], case.goal, left, case.speed).valid
+            kept.append(valid or (shortest >= left and not route.feasible))
+        self._add(f"{family}, on the way", "re-plan against the old rest", cases, gaps, kept, times)
+
+    def run_eq15(self, family: str, cases: list[Case]) -> None:
+        """Eq. 15 as the aim: costs against the best and the bound that CP-SAT finds."""
+        plan = partial(preset, config=ap.MissionConfig(objective="eq15", phi1=PHI1, phi2=PHI2))
+        best, proved, peer_times = {}, [], []
+        for case in self._progress.track(cases, description=f"{family}, Eq. 15 by CP-SAT"):
+            self._clock_compilation("eq15", case.graph.size, partial(plan, case, 999))
+            seconds, (nodes, bound) = clock(partial(peers.cp_sat_eq15, case, PHI1, PHI2, self._limit))
+            peer_times.append(seconds)
+            best[case.name] = peers.eq15_cost(case, nodes, PHI1, PHI2)
+            proved.append(best[case.name] <= bound * (1.0 + 1e-3))
+        gaps, kept, times = [], [], []
+        for case, seed in self._watched(f"{family}, Eq. 15", cases, self._seeds):
+            seconds, nodes = clock(partial(plan, case, seed))
+            times.append(seconds)
+            kept.append(self._judge(case, nodes)[1])
+            gaps.append(peers.eq15_cost(case, nodes, PHI1, PHI2) / best[case.name] - 1.0)
+        name, share = f"{family}, cost of Eq. 15", float(np.mean(proved))
+        self._add(name, "eq15", cases, gaps, kept, times, proved=share)
+        self._add(name, "CP-SAT", cases, [0.0] * len(cases), [True], peer_times, proved=share)
+
+    def _watched(self, what: str, cases: list[Case], seeds: int) -> Any:
+        pairs = [(case, seed) for case in cases for seed in range(seeds)]
+        return self._progress.track(pairs, description=what)
+
+    def _clock_compilation(self, solver: str, size: int, call: Callable[[], Any]) -> None:
+        """How much longer the first call takes than the second, the most of all graphs of one size."""
+        times = [clock(call)[0] for _ in range(2)]
+        known = self._compilation.get((solver, size), 0.0)
+        self._compilation[solver, size] = max(times[0] - times[1], known)
+
+    def _judge(self, case: Case, nodes: Any) -> tuple[float, bool]:
+        """Gap of a route and whether it keeps all rules."""
+        valid = check_route(case.graph, nodes, case.start, case.goal, case.time_available, case.speed).valid
+        found = sum(case.graph.priority[leg] for leg in pairwise(map(int, nodes))) if valid else 0.0
+        return 1.0 - found / self._optima[case.name][0], valid
+
+    def _add(
+        self, family: str, solver: str, cases: list[Case], gaps: Any, kept: Any, times: list[float],
+        proved: float | None = None, sign: str = "",
+    ) -> None:  # fmt: skip
+        """Add a row; `proved` is the share of the cases whose optimum is."""
+        if proved is None:
+            proved = float(np.mean([self._optima[case.name][1] for case in cases]))
+        self.rows.append({
+            "family": family, "solver": solver, "mean_gap": float(np.mean(gaps)), "plans": len(gaps),
+            "worst_gap": float(np.max(gaps)), "feasible": float(np.mean(kept)), "proved": proved,
+            "milliseconds": 1e3 * float(np.median(times)), "sign": sign,
+            "star": "" if proved == 1.0 else " *",
+            "compile_seconds": self._compilation.get((solver, cases[0].graph.size)),
+        })  # fmt: skip
 
 
 def main() -> None:
@@ -121,11 +269,10 @@ def main() -> None:
     with bars(screen) as progress:
         sets = dict(families(options.quick, screen))
         sets = {name: cases for name, cases in sets.items() if not options.only or name in options.only}
-        bench = Bench(seeds, progress)
+        bench = Bench(seeds, limit, progress)
         chosen = solvers(options.variants, options.peers, limit, screen)
-        whole = progress.add_task("all", total=len(sets))
-        for family, cases in sets.items():
-            bench.compare_with({case.name: optimum(case, limit) for case in cases})
+        for family, cases in progress.track(sets.items(), description="all"):
+            bench.compare_with_optima(cases)
             bench.run_bound(family, cases)
             for solver in chosen:
                 if all(solver.fits(case) for case in cases):
@@ -134,12 +281,12 @@ def main() -> None:
                 bench.run_batched(family, cases, repeats=1 if options.quick else 3)
             if family == "knn40":
                 bench.run_replanning(family, cases)
-            progress.advance(whole)
         if "knn40" in sets and installed("ortools"):
-            bench.run_eq15("knn40", sets["knn40"], limit)
+            bench.run_eq15("knn40", sets["knn40"])
         else:
             screen.print("Eq. 15: left out, it needs the shared graphs and OR-Tools")
-    screen.print(table(bench.rows))
+    title = "Missions: gap to the proven optimum (* to a bound)"
+    screen.print(table(title, bench.rows, COLUMNS, names=2))
     write(options.out, {"seeds": seeds, "rows": bench.rows})
 
 

@@ -8,17 +8,15 @@ levels and times of the copy, a sea bed and a chart over their rectangle. All el
 
 import argparse
 import json
-import multiprocessing
 import re
 import resource
 import shutil
-import signal
 import tempfile
 import time
 import warnings
 from collections import Counter
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +25,7 @@ import xarray as xr
 
 from auvplan.errors import AuvplanError
 from auvplan.io.currents import open_ocean
+from benchmarks.apart import told_apart, within
 from benchmarks.file_cases import REAL, Currents
 from benchmarks.file_rasters import RASTERS, Rasters
 from benchmarks.file_references import Table, Unreadable
@@ -42,16 +41,6 @@ NEAR, _MEANS = 0.05, "means of their corners"
 #: libraries ("copy"), or as either ("either"); and new names of variables.
 Change = tuple[str, str, dict[str, str]]
 Rng = np.random.Generator
-
-
-@dataclass
-class Told:
-    """What became of a copy: "refused", "right" or a failure in words."""
-
-    file: str
-    copy: int
-    change: str
-    found: str
 
 
 def damage(path: Path, rng: Rng) -> Change:
@@ -243,37 +232,27 @@ def text(path: Path, rng: Rng) -> Change:
     rings = feature["geometry"]["coordinates"]
     ring = rings[0] if feature["geometry"]["type"] == "Polygon" else rings[0][0]
     kind = int(rng.integers(9))
-    said, expect = "a feature dropped", "copy"
-    if kind == 0:
-        features.remove(feature)
-    elif kind == 1:
-        ring[int(rng.integers(len(ring)))] = [float("nan"), 0.0]
-        said = "NaN in a ring"
-    elif kind == 2:
-        for position in ring:
-            position[:2] = position[1::-1]
-        said = "a ring's longitude and latitude swapped"
-    elif kind == 3:
-        ring.pop()
-        said = "a ring opened"
-    elif kind == 4:
-        ring.reverse()
-        said, expect = "a ring reversed", "same"
-    elif kind == 5:
-        root["crs"] = {"type": "name", "properties": {"name": str(rng.choice(_GEO_KEYS))}}
-        said, expect = f"crs {root['crs']['properties']['name']}", "same"
-    elif kind == 6:
-        feature["geometry"] = None
-        said = "a geometry taken away"
-    elif kind == 7:
-        for position in ring:
-            position[0] += 360.0
-        said, expect = "a ring one turn further east", "same"
-    else:
-        features.append(feature)
-        said, expect = "a feature doubled", "same"
+    place = int(rng.integers(len(ring))) if kind == 1 else 0
+    crs = str(rng.choice(_GEO_KEYS)) if kind == 5 else ""
+    said, expect, apply = (
+        ("a feature dropped", "copy", lambda: features.remove(feature)),
+        ("NaN in a ring", "copy", lambda: ring.__setitem__(place, [float("nan"), 0.0])),
+        ("a ring's longitude and latitude swapped", "copy", lambda: [_swap(position) for position in ring]),
+        ("a ring opened", "copy", ring.pop),
+        ("a ring reversed", "same", ring.reverse),
+        (f"crs {crs}", "same", lambda: root.update(crs={"type": "name", "properties": {"name": crs}})),
+        ("a geometry taken away", "copy", lambda: feature.update(geometry=None)),
+        ("a ring one turn further east", "same", lambda: [_swap(position, 360.0) for position in ring]),
+        ("a feature doubled", "same", lambda: features.append(feature)),
+    )[kind]
+    apply()
     path.write_text(json.dumps(root))
     return said, expect, {}
+
+
+def _swap(position: list[float], east: float = 0.0) -> None:
+    """Swap the axes of a position, or move it so many degrees to the east."""
+    position[:2] = position[1::-1] if not east else [position[0] + east, position[1]]
 
 
 def tiff(path: Path, rng: Rng) -> Change:
@@ -284,34 +263,29 @@ def tiff(path: Path, rng: Rng) -> Change:
 
     with rasterio.open(path) as source:
         profile, values = source.profile, source.read()
-    kind = int(rng.integers(7))
-    said, expect = "rows from the south", "copy"
+    kind, t, expect = int(rng.integers(7)), profile["transform"], "copy"
     if kind == 0:
-        t = profile["transform"]
-        values = values[:, ::-1]
+        said, values = "rows from the south", values[:, ::-1]
         profile["transform"] = rasterio.Affine(t.a, t.b, t.c, t.d, -t.e, t.f + t.e * values.shape[1])
     elif kind == 1:
         profile["crs"] = str(rng.choice(["EPSG:4326", "EPSG:32755", "EPSG:3857"]))
         said = f"crs {profile['crs']}"
     elif kind == 2:
-        profile.pop("crs")
-        said = "crs taken away"
+        said, _ = "crs taken away", profile.pop("crs")
     elif kind == 3:
         profile["nodata"] = float(values.flat[int(rng.integers(values.size))])
         said = f"nodata {profile['nodata']:g}"
     elif kind == 4:
-        t = profile["transform"]
-        profile["transform"] = rasterio.Affine(t.a, t.b, t.c + 3 * t.a, t.d, t.e, t.f)
         said = "three pixels further east"
+        profile["transform"] = rasterio.Affine(t.a, t.b, t.c + 3 * t.a, t.d, t.e, t.f)
     elif kind == 5:
         profile |= {"tiled": True, "blockxsize": 16, "blockysize": 16,
                     "compress": str(rng.choice(["lzw", "deflate", "none", "zstd"])),
                     "interleave": str(rng.choice(["band", "pixel"]))}  # fmt: skip
         said, expect = f"tiled, {profile['compress']}, by {profile['interleave']}", "same"
     else:
-        values = values.copy()
+        said, values = "a third of the rows even", values.copy()
         values[:, : values.shape[1] // 3] = values.flat[0]
-        said = "a third of the rows even"
     with rasterio.open(path, "w", **profile) as sink:
         sink.write(values)
     return said, expect, {}
@@ -343,35 +317,22 @@ def difference(found: np.ndarray, expected: np.ndarray | None) -> float:
     return np.inf if odd.any() else float(np.nanmax(np.abs(found - expected), initial=0.0))
 
 
-@dataclass(frozen=True)
-class Sample:
-    """Where a current is asked for: places, depths and moments, [M]."""
+def sampled(table: Table) -> tuple[np.ndarray, ...]:
+    """Longitudes, latitudes, depths and moments [M] of points, levels and times that have a current."""
+    wet = np.argwhere(np.isfinite(table.east) & np.isfinite(table.depth))
+    t, k, p = wet[np.random.default_rng(1).choice(len(wet), min(POINTS, len(wet)), replace=False)].T
+    depth = np.broadcast_to(table.depth, table.east.shape)[t, k, p]
+    return table.longitude[p], table.latitude[p], depth, table.times[t]
 
-    longitude: np.ndarray
-    latitude: np.ndarray
-    depth: np.ndarray
-    moment: np.ndarray
 
-    @classmethod
-    def of(cls, table: Table, rng: Rng) -> "Sample":
-        """Points, levels and times of a table that have a current."""
-        known = np.isfinite(table.east) & np.isfinite(table.depth)
-        wet = np.argwhere(known)
-        t, k, p = wet[rng.choice(len(wet), min(POINTS, len(wet)), replace=False)].T
-        depth = np.broadcast_to(table.depth, table.east.shape)[t, k, p]
-        return cls(table.longitude[p], table.latitude[p], depth, table.times[t])
-
-    def expected(self, table: Table) -> np.ndarray:
-        """[2, M] m/s by the table's own interpolation."""
-        found = []
-        for lon, lat, depth, moment in zip(
-            self.longitude, self.latitude, self.depth, self.moment, strict=True
-        ):
-            mixture = table.mixture(float(lon), float(lat))
-            found.append(
-                np.full(2, np.nan) if mixture is None else table.at(*mixture, float(depth), float(moment))
-            )
-        return np.transpose(found)
+def expected(table: Table, sample: tuple[np.ndarray, ...]) -> np.ndarray:
+    """[2, M] m/s by the table's own interpolation."""
+    found = []
+    for lon, lat, depth, moment in zip(*sample, strict=True):
+        mixture = table.mixture(float(lon), float(lat))
+        missing = mixture is None
+        found.append(np.full(2, np.nan) if missing else table.at(*mixture, float(depth), float(moment)))
+    return np.transpose(found)
 
 
 def current(
@@ -380,41 +341,38 @@ def current(
     """What became of a copy of a current's files."""
     _, expect, names = change
     with open_ocean(paths, **options) as ocean:
-        table = original
-        if expect != "same":
-            try:
+        table, why = original, ""
+        try:
+            if expect != "same":
                 table = case.reading(paths, renamed=names)
-            except Unreadable as error:
-                table = error
-            except Exception as error:
-                table = Unreadable(f"{type(error).__name__}: {error}")
-        rng = np.random.default_rng(1)
-        base = original if isinstance(table, Unreadable) else table
+        except Exception as error:
+            table, why = (
+                None,
+                str(error) if isinstance(error, Unreadable) else f"{type(error).__name__}: {error}",
+            )
+        base = original if table is None else table
         if nothing := not (np.isfinite(base.east) & np.isfinite(base.depth)).any():
-            table = Unreadable("no current anywhere")
-            base = original
-        sample = Sample.of(base, rng)
-        found = np.stack(ocean.at(sample.longitude, sample.latitude, sample.depth, sample.moment)[:2])
+            table, base, why = None, original, "no current anywhere"
+        sample = sampled(base)
+        found = np.stack(ocean.at(*sample)[:2])
         if nothing and np.isnan(found).all():
             return "right: no current anywhere"
-        wanted = None if isinstance(table, Unreadable) else sample.expected(table)
+        wanted = None if table is None else expected(table, sample)
         if wanted is not None and np.isnan(wanted).any():
             known = np.isfinite(wanted).all(axis=0)
             found, wanted = found[:, known], wanted[:, known]
-        off = difference(found, wanted)
+        off, plain = difference(found, wanted), np.inf
         if off <= SAME:
             return "right"
-        plain = np.inf
         if expect == "either" or wanted is None:
-            sample = Sample.of(original, np.random.default_rng(1))
-            found = np.stack(ocean.at(sample.longitude, sample.latitude, sample.depth, sample.moment)[:2])
-            plain = difference(found, sample.expected(original))
+            sample = sampled(original)
+            plain = difference(np.stack(ocean.at(*sample)[:2]), expected(original, sample))
             if plain <= SAME:
                 return "right: as the original"
         if min(off, plain) <= NEAR and any(_MEANS in note for note in ocean.notes):
             return "right: with a note"
-        why = f" ({table})" if isinstance(table, Unreadable) else ""
-        return f"off by {min(off, plain):.3g} m/s{why}; notes: {'; '.join(ocean.notes)}"
+        because = f" ({why})" if why else ""
+        return f"off by {min(off, plain):.3g} m/s{because}; notes: {'; '.join(ocean.notes)}"
 
 
 def raster(case: Rasters, path: Path, change: Change, original: np.ndarray) -> str:
@@ -444,27 +402,18 @@ def raster(case: Rasters, path: Path, change: Change, original: np.ndarray) -> s
 
 def outcome(work: Callable[[], str]) -> str:
     """What became of a copy; a refusal in one line is one, all else that is raised is a failure."""
-
-    def late(*_: object) -> None:
-        raise TimeoutError(f"longer than {SECONDS} s")
-
-    signal.signal(signal.SIGPROF, late)
-    signal.setitimer(signal.ITIMER_PROF, SECONDS)
     try:
-        return work()
+        with within(SECONDS):
+            return work()
     except AuvplanError as error:
         line = str(error)
-        clean = (
-            "\n" not in line and len(line) < 900 and "MemoryError" not in line and "longer than" not in line
-        )
+        clean = "\n" not in line and len(line) < 900 and "MemoryError" not in line
         return f"refused: {line}" if clean else f"unclean refusal: {line[:200]}"
     except BaseException as error:
         return f"raised {type(error).__name__}: {str(error)[:200]}"
-    finally:
-        signal.setitimer(signal.ITIMER_PROF, 0)
 
 
-def copies_of(case: Currents | Rasters, numbers: list[int], pipe: Any) -> None:
+def copies_of(case: Currents | Rasters, numbers: Sequence[int], pipe: Any) -> None:
     """Make copies and tell what became of each; runs in a process of its own."""
     resource.setrlimit(resource.RLIMIT_AS, (BYTES, BYTES))
     warnings.simplefilter("ignore")
@@ -485,23 +434,15 @@ def copies_of(case: Currents | Rasters, numbers: list[int], pipe: Any) -> None:
             paths = [folder / path.name for path in whole]
             rng = np.random.default_rng([number, *case.name.encode()])
             path = paths[int(rng.integers(len(paths)))]
-            if isinstance(case, Currents):
-                change = netcdf(path, case.variables, rng)
-            elif path.suffix == ".geojson":
-                change = text(path, rng)
-            elif path.suffix == ".tif":
-                change = tiff(path, rng)
-            elif path.suffix == ".nc":
-                change = netcdf(path, BED_VARIABLES[case.name], rng)
+            if path.suffix == ".nc":
+                variables = case.variables if isinstance(case, Currents) else BED_VARIABLES[case.name]
+                change = netcdf(path, variables, rng)
             else:
-                change = damage(path, rng)
-            pipe.send((number, change[0], None))
-
-            def work(paths: Any = paths, change: Any = change) -> str:
-                if isinstance(case, Currents):
-                    return current(case, paths, options, change, original)
-                return raster(case, paths[0], change, original)
-
+                change = {".geojson": text, ".tif": tiff}.get(path.suffix, damage)(path, rng)
+            pipe.send((number, change[0]))
+            work = partial(raster, case, paths[0], change, original)
+            if isinstance(case, Currents):
+                work = partial(current, case, paths, options, change, original)
             pipe.send((number, change[0], outcome(work)))
     pipe.send(None)
 
@@ -513,42 +454,6 @@ BED_VARIABLES = {
     "norkyst_v3_800m_5h.nc, h": ("h", "h", "lon", "lat"),
     "arctic20_polar_stereographic.nc, h": ("h", "h", "longitude", "latitude"),
 }
-
-
-def stated_of(case: Currents | Rasters, count: int, seed: int = 0) -> list[Told]:
-    """What became of the copies of a file; a process that dies is a failure of its copy."""
-    left = list(range(seed, seed + count))
-    found: list[Told] = []
-    died, lost = -1, set()
-    while left:
-        ours, theirs = multiprocessing.get_context("fork").Pipe(duplex=False)
-        process = multiprocessing.get_context("fork").Process(target=copies_of, args=(case, left, theirs))
-        process.start()
-        theirs.close()
-        last: tuple[int, str] | None = None
-        try:
-            while (said := ours.recv()) is not None:
-                number, change, became = said
-                last = (number, change)
-                if became is not None:
-                    found.append(Told(case.name, number, change, became))
-                    last = None
-            left = []
-        except EOFError:
-            if last is None:
-                raise RuntimeError(f"{case.name}: the process ended by itself") from None
-            # HDF5 may trip over what earlier damage left in its memory: once more, in a new process.
-            if last[0] == died:
-                found.append(Told(case.name, *last, "the process died"))
-            died = last[0]
-            left = [number for number in left if number > died or (number == died and last[0] not in lost)]
-            lost.add(died)
-        process.join()
-    return found
-
-
-def is_failure(stated: Told) -> bool:
-    return not stated.found.startswith(("refused", "right"))
 
 
 def main() -> None:
@@ -564,21 +469,19 @@ def main() -> None:
     if options.json and options.json.exists():
         counts = json.loads(options.json.read_text())
     rasters = [case for case in RASTERS if case.origin == "real" and not case.name.endswith("png")]
-    cases: list[Currents | Rasters] = [*REAL, *rasters]
-    if options.kind:
-        cases = list(REAL) if options.kind == "currents" else list(rasters)
-    for case in cases:
+    kinds = {"currents": REAL, "rasters": rasters}
+    for case in [case for kind in kinds if options.kind in (None, kind) for case in kinds[kind]]:
         if options.only and options.only not in case.name:
             continue
-        begin = time.perf_counter()
-        stated = stated_of(case, options.copies)
-        for one in stated:
-            if is_failure(one) or options.all:
-                print(f"  {one.copy}: {one.change}: {re.sub(r'/tmp/[^ :]*/', '', one.found)}", flush=True)
-        kinds = Counter("failed" if is_failure(one) else one.found.split(":")[0] for one in stated)
-        failures = [f"{one.change}: {one.found}" for one in stated if is_failure(one)]
-        counts[case.name] = dict(kinds) | {"copies": len(stated), "failures": failures}
-        print(f"{case.name}: {dict(kinds)}, {time.perf_counter() - begin:.0f} s", flush=True)
+        begin, found, failures = time.perf_counter(), Counter(), []
+        for number, change, became in told_apart(copies_of, (case,), range(options.copies), "fork"):
+            fault = not became.startswith(("refused", "right"))
+            found["failed" if fault else became.split(":")[0]] += 1
+            failures += [f"{change}: {became}"] * fault
+            if fault or options.all:
+                print(f"  {number}: {change}: {re.sub(r'/tmp/[^ :]*/', '', became)}", flush=True)
+        counts[case.name] = dict(found) | {"copies": found.total(), "failures": failures}
+        print(f"{case.name}: {dict(found)}, {time.perf_counter() - begin:.0f} s", flush=True)
         if options.json:
             options.json.write_text(json.dumps(counts, indent=1) + "\n")
 

@@ -6,6 +6,7 @@ function, under three laws of mutation by rank.
 """
 
 import argparse
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import jax
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 
 import auvplan as ap
 from auvplan.bbo import BBOConfig, minimize, rates
-from benchmarks.machine import console, empty_table
+from benchmarks.machine import console, table
 from benchmarks.mission_sets import generated_cases
 
 #: SIVs of the small function, each within +-5.12.
@@ -31,13 +32,12 @@ class OfLinearRates(BBOConfig):
         return rates.mutation_rates(*rates.linear_rates(self.population), largest)
 
 
-def laws(bbo: BBOConfig) -> dict[str, BBOConfig]:
-    """The same search under three laws of mutation."""
-    return {
-        "of the configured rates (Eq. 5)": bbo,
-        "of linear unit rates": OfLinearRates(**vars(bbo)),
-        "m_max for all": bbo.replace(mutation_law="constant"),
-    }
+#: The same search under three laws of mutation.
+LAWS: dict[str, Callable[[BBOConfig], BBOConfig]] = {
+    "of the configured rates (Eq. 5)": lambda bbo: bbo,
+    "of linear unit rates": lambda bbo: OfLinearRates(**vars(bbo)),
+    "m_max for all": lambda bbo: bbo.replace(mutation_law="constant"),
+}
 
 
 def rastrigin(x: jax.Array) -> jax.Array:
@@ -68,21 +68,22 @@ def mission_costs(bbo: BBOConfig, seeds: int) -> tuple[NDArray[np.float64], NDAr
 
 def main() -> None:
     """Print the table."""
-    parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.mutation_laws", description="Laws of mutation."
-    )
+    parser = argparse.ArgumentParser(description="Laws of mutation.")
     parser.add_argument("--seeds", type=int, default=10, help="runs of each problem")
     options = parser.parse_args()
+    small, rows = ap.MissionConfig.paper().bbo, []
+    for name, law in LAWS.items():
+        cost, priority = mission_costs(law(small), options.seeds)
+        found = search_costs(law(small).replace(mutation_max=0.1), options.seeds)
+        values = {"cost": cost, "priority": priority, "found": found}
+        cells = {key: f"{each.mean():.4g} ({each.std(ddof=1):.2g})" for key, each in values.items()}
+        rows.append({"name": name} | cells)
     title = f"Laws of mutation under constant migration rates, {options.seeds} seeds: mean (std)"
-    figures = "Eq. 15, 3 graphs", "total priority", f"Rastrigin, {DIM} SIVs"
-    table = empty_table(title, ["mutation by rank"], figures)
-    small = ap.MissionConfig.paper().bbo
-    for name, bbo in laws(small).items():
-        cost, priority = mission_costs(bbo, options.seeds)
-        found = search_costs(bbo.replace(mutation_max=0.1), options.seeds)
-        cells = (f"{values.mean():.4g} ({values.std(ddof=1):.2g})" for values in (cost, priority, found))
-        table.add_row(name, *cells)
-    console().print(table)
+    columns = {
+        "mutation by rank": "{name}", "Eq. 15, 3 graphs": "{cost}", "total priority": "{priority}",
+        f"Rastrigin, {DIM} SIVs": "{found}",
+    }  # fmt: skip
+    console().print(table(title, rows, columns))
 
 
 if __name__ == "__main__":

@@ -15,9 +15,9 @@ import xarray as xr
 
 from auvplan.paper.claims import MISSION_QUESTIONS, Evidence, cut_off, late_legs
 from auvplan.paper.legs import changed
-from auvplan.study import Design, load_study, run_study
+from auvplan.study import Design
 from auvplan.study.statistics import leg_times
-from auvplan.study.store import DATASET
+from benchmarks.ablations import study
 
 #: Settings of each reading under the paper's preset: what delta_ij counts in besides t_ij, then the rest.
 READINGS: dict[str, dict[str, Any]] = {
@@ -44,15 +44,6 @@ READINGS: dict[str, dict[str, Any]] = {
     "T_path alone, 6, most total priority": {"control_points": 6, "objective": "priority"},
     "T_path alone, 4 (the preset)": {},
 }
-
-
-def study(number: int, changes: dict[str, Any], count: int, seed: int, out: Path) -> xr.Dataset:
-    """Run one study, continue or load it."""
-    folder = out / f"reading-{number}"
-    if (folder / DATASET).is_file():
-        return load_study(folder)
-    design = Design(changed("whitsunday", "paper", planning=changes), count, seed)
-    return run_study(design, folder, resume=(folder / "study.json").is_file())
 
 
 def row(name: str, missions: xr.Dataset) -> str:
@@ -91,7 +82,9 @@ def main() -> None:
     options = parser.parse_args()
     for number, (name, changes) in enumerate(READINGS.items(), 1):
         if options.only is None or number in options.only:
-            missions = study(number, changes, options.missions, options.seed, options.out)
+            scenario = changed("whitsunday", "paper", planning=changes)
+            design = Design(scenario, options.missions, options.seed)
+            missions = study(options.out / f"reading-{number}", design)
             print(f"{number}. {row(name, missions)}", flush=True)
 
 

@@ -6,42 +6,27 @@ what travel times and gradients of eight paths take by it, as a polish asks for 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
-import numpy as np
-from rich.table import Table
 
 import auvplan as ap
-from auvplan.compiled import compiled
 from auvplan.ocean.currents import is_steady
 from auvplan.path import kinematics
 from auvplan.path.cost import Track, curves
-from benchmarks.machine import arguments, clock, console, empty_table, write
+from benchmarks.machine import arguments, clock, console, table, timed, write
 from benchmarks.path_problems import PathProblem, literature
 from benchmarks.path_ruler import evaluate
 
-SWEEPS = (1, 3, 8, 20)
+METHODS = {"segment by segment": None, **{f"{count} sweeps": count for count in (1, 3, 8, 20)}}
 ROUNDS, PATHS = 50, 8
-
-
-@dataclass(frozen=True)
-class Row:
-    """One method on one problem.
-
-    Attributes:
-        error: travel time of the plan over the ruler's, less one.
-        seconds: median time of travel times and gradients of `PATHS` paths.
-        compile_seconds: how much longer the first call took.
-    """
-
-    problem: str
-    method: str
-    error: float
-    seconds: float
-    compile_seconds: float
+TITLE = f"Arrival times: {PATHS} paths, travel times and gradients"
+COLUMNS = {
+    "problem": "{problem}", "method": "{method}", "error": "{error:+.4%}", "time": "{milliseconds:.2f} ms",
+    "compilation": "{compile_seconds:.1f} s",
+}  # fmt: skip
 
 
 def travel_time(track: Track, problem: PathProblem, config: ap.PathConfig, sweeps: int | None) -> jax.Array:
@@ -71,42 +56,33 @@ def program(problem: PathProblem, config: ap.PathConfig, sweeps: int | None) -> 
         times = travel_time(curves(habitats, start, goal, config), problem, config, sweeps)
         return times.sum(), times
 
-    return compiled(jax.value_and_grad(total, has_aux=True))
+    # Stored programs are told apart by name and arguments, and these by what the function encloses.
+    return jax.jit(jax.value_and_grad(total, has_aux=True))
 
 
-def rows() -> list[Row]:
-    """All methods on all problems."""
-    methods = {"segment by segment": None, **{f"{count} sweeps": count for count in SWEEPS}}
-    changing = [problem for problem in literature() if not is_steady(problem.environment.current)]
+def rows() -> list[dict[str, Any]]:
+    """All methods on all problems; the error is the plan's travel time over the ruler's, less one."""
     found = []
-    for problem in changing:
+    for problem in literature():
+        if is_steady(problem.environment.current):
+            continue
         config = ap.PathConfig(**problem.changes)
         plan = problem.plan(jax.random.key(0), config)
         truth = evaluate(problem, plan.positions).travel_time
-        for name, sweeps in methods.items():
-            timed = partial(program(problem, config, sweeps), plan.population[:PATHS])
-            first, ((_, times), _) = clock(timed)
-            seconds = float(np.median([clock(timed)[0] for _ in range(ROUNDS)]))
-            found.append(Row(problem.name, name, float(times[0]) / truth - 1.0, seconds, first - seconds))
+        for name, sweeps in METHODS.items():
+            call = partial(program(problem, config, sweeps), plan.population[:PATHS])
+            first, ((_, times), _) = clock(call)
+            row = timed(first, [clock(call)[0] for _ in range(ROUNDS)])
+            row |= {"problem": problem.name, "method": name, "error": float(times[0]) / truth - 1.0}
+            found.append(row | {"milliseconds": 1e3 * row["seconds"]})
     return found
-
-
-def table(found: list[Row]) -> Table:
-    """All rows as one table."""
-    title = f"Arrival times: {PATHS} paths, travel times and gradients"
-    shown = empty_table(title, ["problem", "method"], ["error", "time", "compilation"])
-    for row in found:
-        figures = f"{row.error:+.4%}", f"{1e3 * row.seconds:.2f} ms", f"{row.compile_seconds:.1f} s"
-        shown.add_row(row.problem, row.method, *figures)
-    return shown
 
 
 def main() -> None:
     """Print the table and write the file."""
-    parser = arguments("Arrival times in changing currents.")
-    options = parser.parse_args()
+    options = arguments("Arrival times in changing currents.").parse_args()
     found = rows()
-    console().print(table(found))
+    console().print(table(TITLE, found, COLUMNS, names=2))
     write(options.out, {"rows": found})
 
 

@@ -1,73 +1,105 @@
-"""Quickest paths on a fine grid, label by label in the order of arrival, and the best one of every passage.
+"""Quickest paths on a grid, label by label in the order of arrival, and the best one of every passage.
 
-Every node has 80 moves in different directions. A move takes the time that the current makes it take when it
-is begun, so fields may change with time; whoever departs earlier is taken to arrive earlier. Moves keep the
-vehicle's limits on surge and sway, and off obstacles that move at the time of arrival; turns are free.
+A plane has nodes all over the box, with 80 moves in different directions. A problem in depth has them in a
+corridor along its straight line, turned with it, with 135 moves. A move takes the time that the current makes
+it take when it is begun, so fields may change with time; whoever departs earlier is taken to arrive earlier.
+Moves keep the vehicle's limits on surge, sway and pitch, and off obstacles that move at the time of arrival;
+turns are free. The best path through every node follows from a second search from the goal: `passages` are
+those that pass things as no other does, `ways` those that are the best about where they pass.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from heapq import heappop, heappush
-from math import gcd, hypot
+from math import gcd
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from auvplan.ocean.currents import Current, is_steady
+from auvplan.ocean.currents import is_steady
 from auvplan.ocean.vortices import LambVortices
 from auvplan.vehicle import SPEED_FLOOR
 from benchmarks.path_problems import PathProblem
-from benchmarks.path_ruler import Spheres, World, current_at
+from benchmarks.path_ruler import Spheres, World, upright_max, velocity_at
 from benchmarks.water_problems import TidalCurrent, without_tide
 
 Array = NDArray[np.floating]
 Index = NDArray[np.integer]
 
-#: Nodes along the longer side of the box.
+#: Nodes along the longer side of a plane.
 NODES = 560
 
-#: Times at which a changing current is tabulated, and how many straight-line times they span.
-_MOMENTS, _SPAN = 41, 4.0
+#: Corridor: cells beyond start and goal, as a share of those between; half its width in lengths of the leg.
+_BEYOND, _WIDE = 0.06, 0.35
 
-#: The same of the factor of a tide.
-_TIDES, _TIDAL_SPAN = 6001, 30.0
+#: Times at which a changing current is tabulated, and how many straight-line times they span: in a plane, in
+#: a corridor, and the same of the factor of a tide.
+_PLANE_TIMES, _DEEP_TIMES, _TIDES = (41, 4.0), (9, 2.5), (6001, 30.0)
 
-#: Paths around other things than the best one are kept if the grid finds them this much slower at most.
-SLOWER = 0.04
+#: Other paths than the best one are kept if the grid finds them this much slower at most.
+_PLANE_SLOWER, _DEEP_SLOWER = 0.04, 0.06
 
 #: One node in so many to each side stands for the passages through its neighbours.
 _THINNED = 2
 
-_REACH = 5
-_MOVES = np.array(
-    [(a, b) for a in range(-_REACH, _REACH + 1) for b in range(-_REACH, _REACH + 1) if gcd(a, b) == 1]
+#: Cross-sections in which ways are told apart, shares of the leg; cells by which they differ in the mean.
+_SECTIONS, _APART = (0.15, 0.3, 0.5, 0.7, 0.85), 1.5
+
+_REACH = range(-5, 6)
+#: Levels that a move rises or sinks: many where it leads ahead, few where it leads aside.
+_MANY, _FEW = (0, 1, 2, 3, 5, 8, 13, 21, 34), (0, 1, 3, 8)
+
+#: Cells ahead, aside and down of every move, [M, 3].
+_PLANE_MOVES = np.array([(a, b, 0) for a in _REACH for b in _REACH if gcd(a, b) == 1])
+_DEEP_MOVES = np.array(
+    [
+        (a, b, down)
+        for ahead, aside, levels in (
+            ((1, 2, 3), (0,), _MANY),
+            ((1,), (-1, 1), _MANY),
+            ((2, 3, 5), (-1, 1), _FEW),
+            ((1,), (-2, 2), _FEW),
+            ((0,), (-1, 1), (0, 2)),
+            ((-1,), (-1, 0, 1), (0,)),
+            ((0,), (0,), (1,)),
+        )
+        for a in ahead
+        for b in aside
+        for level in levels
+        if gcd(a, b, level) == 1
+        for down in ((level, -level) if level else (0,))
+    ]
 )
 
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """A problem on nodes.
+    """A problem on nodes: ahead, aside and down, in that order of axes.
 
     Attributes:
-        low: [2] m, place of node (0, 0).
-        spacing: m.
-        clear: [nx, ny] m beyond the margins at each node, without obstacles that move.
-        u, v: [T, nx, ny] m/s north and east; T is 1 where the current is steady or turns with a tide.
-        moment: s from one table of the current to the next.
+        origin: [2] m, north and east of the node (0, 0, any).
+        along: [2], unit vector ahead.
+        ahead, aside: m between nodes.
+        levels: [nz] m, depths of nodes.
+        clear: [na, nb, nz] m beyond the margins at each node, without obstacles that move.
+        water: [T, na, nb, nz, 3] m/s north, east, down; T is 1 where it is steady or turns with a tide.
+        moments: [T] s since departure, of the tables of the current.
         tide: [F] factors of the current; one where it has no tide.
         tidal_moment: s from one factor to the next.
-        movers: [K, 9], obstacles that move, see `movers_of`.
-        start, goal: flat index of the node at the start and of the one nearest to the goal.
+        movers: [K, 9], obstacles that move, see `movers_of`; in depth all of them.
+        start, goal: flat index of the node at the start and of the one at or nearest to the goal.
     """
 
-    low: Array
-    spacing: float
+    origin: Array
+    along: Array
+    ahead: float
+    aside: float
+    levels: Array
     clear: Array
-    u: Array
-    v: Array
-    moment: float
+    water: Array
+    moments: Array
     tide: Array
     tidal_moment: float
     movers: Array
@@ -75,50 +107,100 @@ class Grid:
     goal: int
 
     @classmethod
-    def of(cls, problem: PathProblem, world: World, nodes: int = NODES) -> "Grid":
+    def plane(cls, problem: PathProblem, world: World, nodes: int = NODES) -> "Grid":
         """Lay nodes all over the box, one of them at the start."""
         spacing = float((world.high - world.low)[:2].max() / nodes)
         start, goal = (np.asarray(end)[:2] for end in (problem.start, problem.goal))
         before = np.floor((start - world.low[:2]) / spacing).astype(int)
-        low = start - before * spacing
-        shape = tuple(int(n) for n in np.floor((world.high[:2] - low) / spacing).astype(int) + 1)
-        x, y = np.meshgrid(*(low[k] + spacing * np.arange(shape[k]) for k in range(2)), indexing="ij")
-        straight = problem.distance / float(problem.vehicle.speed)
-        current, tide, tidal_moment = tidal_table(problem, straight)
-        count = 1 if is_steady(current) else _MOMENTS
-        moment = _SPAN * straight / max(count - 1, 1)
-        tables = [
-            current_at(current, x.ravel(), y.ravel(), np.full(x.size, problem.depart + k * moment))
-            for k in range(count)
-        ]
-        u, v = (np.stack([table[k].reshape(shape) for table in tables]) for k in range(2))
+        origin = start - before * spacing
+        shape = *(np.floor((world.high[:2] - origin) / spacing).astype(int) + 1), 1
+        nearest = np.minimum(np.rint((goal - origin) / spacing).astype(int), np.array(shape[:2]) - 1)
+        frame = origin, np.array([1.0, 0.0]), spacing, spacing, world.low[2:]
         moving = world.spheres.chosen(world.spheres.moving)
-        i, j = np.minimum(np.rint((goal - low) / spacing).astype(int), np.array(shape) - 1)
-        nearest = before[0] * shape[1] + before[1], i * shape[1] + j
+        return cls._laid(
+            problem, world, frame, shape, problem.distance, _PLANE_TIMES, moving, (*before, 0), (*nearest, 0)
+        )
+
+    @classmethod
+    def corridor(cls, problem: PathProblem, world: World, cells: tuple[int, int, int]) -> "Grid":
+        """Lay nodes along the straight line, between the least depth of the box and the greatest.
+
+        Args:
+            cells: between start and goal, to both sides together, and from the least depth to the greatest.
+        """
+        start, goal = np.asarray(problem.start), np.asarray(problem.goal)
+        length = float(np.linalg.norm((goal - start)[:2]))
+        along = (goal - start)[:2] / length
+        beyond, half = int(np.ceil(_BEYOND * cells[0])), cells[1] // 2
+        ahead, aside = length / cells[0], _WIDE * length / half
+        right = np.array([-along[1], along[0]])
+        origin = start[:2] - beyond * ahead * along - half * aside * right
+        levels, (last, first) = levels_through(world, cells[2] + 1, (goal[2], start[2]))
+        shape = cells[0] + 2 * beyond + 1, 2 * half + 1, cells[2] + 1
+        ends = (beyond, half, first), (beyond + cells[0], half, last)
+        frame = origin, along, ahead, aside, levels
+        return cls._laid(problem, world, frame, shape, length, _DEEP_TIMES, world.spheres, *ends)
+
+    @classmethod
+    def _laid(
+        cls, problem: PathProblem, world: World, frame: tuple, shape: tuple[int, ...], length: float,
+        times: tuple[int, float], movers: Spheres, start: tuple[int, ...], goal: tuple[int, ...],
+    ) -> "Grid":  # fmt: skip
+        """Look up clearance and current at the nodes."""
+        origin, along, ahead, aside, levels = frame
+        right = np.array([-along[1], along[0]])
+        i, j, k = np.meshgrid(*(np.arange(n) for n in shape), indexing="ij")
+        x, y = (origin[axis] + i * ahead * along[axis] + j * aside * right[axis] for axis in range(2))
+        z = levels[k]
+        straight = length / float(problem.vehicle.speed)
+        current, tide, tidal_moment = problem.environment.current, np.ones(1), 1.0
+        if isinstance(current, TidalCurrent) and is_steady(current.current):
+            tidal_moment = _TIDES[1] * straight / (_TIDES[0] - 1)
+            tide = np.asarray(current.factor(problem.depart + tidal_moment * np.arange(_TIDES[0])), float)
+            current = current.current
+        count, span = (1, 0.0) if is_steady(current) else times
+        moments = np.linspace(0.0, span * straight, count)
+        places = x.ravel(), y.ravel(), z.ravel()
+        water = [velocity_at(current, *places, np.full(x.size, problem.depart + t)) for t in moments]
         return cls(
-            low, spacing, world.clearance(x, y), u, v, moment, tide, tidal_moment,
-            movers_of(problem, moving), int(nearest[0]), int(nearest[1]),
+            *frame, world.clearance(x, y, z=z),
+            np.stack([np.stack(each, axis=1) for each in water]).reshape(count, *shape, 3),
+            moments, tide, tidal_moment, movers_of(problem, movers),
+            *(int(np.ravel_multi_index(end, shape)) for end in (start, goal)),
         )  # fmt: skip
 
+    @property
+    def width(self) -> tuple[float, float]:
+        """Of a first lattice about a path on the grid, to each side and up and down, m."""
+        return 2.0 * self.aside, 3.0 * float(self.levels[-1] - self.levels[0]) / max(len(self.levels) - 1, 1)
+
     def places(self, nodes: Index) -> Array:
-        """Return positions, [n, 2] m."""
-        return self.low + self.spacing * np.stack(np.unravel_index(nodes, self.clear.shape), axis=1)
+        """Return positions of flat nodes, [n, 3] m."""
+        i, j, k = np.unravel_index(nodes, self.clear.shape)
+        right = np.array([-self.along[1], self.along[0]])
+        level = self.origin + np.outer(i * self.ahead, self.along) + np.outer(j * self.aside, right)
+        return np.column_stack([level, self.levels[k]])
 
 
-def tidal_table(problem: PathProblem, straight: float) -> tuple[Current, Array, float]:
-    """Return the current without its tide, factors of the tide, and s from one to the next.
+def levels_through(world: World, count: int, depths: tuple[float, ...]) -> tuple[Array, list[int]]:
+    """Return even levels over the depth of the box, those nearest to some depths moved there, and which."""
+    levels = np.linspace(world.low[2], world.high[2], count)
+    nearest = [int(np.argmin(np.abs(levels - depth))) for depth in depths]
+    for level, depth in zip(nearest, depths, strict=True):
+        levels[level] = depth
+    return levels, nearest
 
-    The factor is 1 where there is no tide; `straight` is the time of the straight line in still water, s.
+
+def limits_of(problem: PathProblem, slack: float = 0.0) -> tuple[float, float, float, float]:
+    """Return speed, and limits on ground speed, current across and speed up or down through water, m/s.
+
+    Args:
+        slack: share of the limits that is not used.
     """
-    current = problem.environment.current
-    if not isinstance(current, TidalCurrent) or not is_steady(current.current):
-        return current, np.ones(1), 1.0
-    moment = _TIDAL_SPAN * straight / (_TIDES - 1)
-    return (
-        current.current,
-        np.asarray(current.factor(problem.depart + moment * np.arange(_TIDES)), float),
-        moment,
-    )
+    vehicle = problem.vehicle
+    speed, surge_max, sway_max = map(float, (vehicle.speed, vehicle.surge_max, vehicle.sway_max))
+    share = 1.0 - slack
+    return speed, share * surge_max, min(share * sway_max, 0.999 * speed), share * upright_max(problem)
 
 
 def movers_of(problem: PathProblem, spheres: Spheres) -> Array:
@@ -135,67 +217,140 @@ def movers_of(problem: PathProblem, spheres: Spheres) -> Array:
     )
 
 
-def passages(
-    problem: PathProblem, world: World, most: int, grid: Grid | None = None
-) -> Iterator[tuple[float, Array]]:
-    """Find the best grid path that passes things as no other does, for each way to pass them, quickest first.
+@dataclass(frozen=True, eq=False)
+class _Searched:
+    """Both searches of a grid: from the start and from the goal.
 
-    Args:
-        grid: of the problem, where it is at hand.
+    Attributes:
+        total: [na, nb, nz] s, of the best path through each node.
+        before, after: flat, the next node on the way to the start and to the goal, -1 at these.
+        settled, resettled: nodes in the order in which each search settled them.
+        best: s, of the best path.
+    """
+
+    total: Array
+    before: Index
+    after: Index
+    settled: Index
+    resettled: Index
+    best: float
+
+    @classmethod
+    def of(
+        cls, world: World, grid: Grid, limits: tuple[float, ...], moves: tuple[Index, Index], slower: float
+    ) -> "_Searched | None":
+        """Search both ways with moves of their own; None where there is no way."""
+        fastest = limits[0] + np.linalg.norm(grid.water, axis=-1).max() * np.abs(grid.tide).max()
+        moment = float(grid.moments[1]) if len(grid.moments) > 1 else 1.0
+        sea = grid.water, moment, grid.tide, grid.tidal_moment, *limits, fastest
+        frame = grid.origin, grid.along, grid.ahead, grid.aside, grid.levels
+        table = grid.clear, frame, sea, packed(world, grid.movers), slower
+        still = np.zeros(grid.clear.shape)
+        ahead, before, settled = _labels(grid.start, grid.goal, False, still, *table, moves[0])
+        if not np.isfinite(ahead.flat[grid.goal]):
+            return None
+        back, after, resettled = _labels(grid.goal, grid.start, True, ahead, *table, moves[1])
+        return cls(ahead + back, before, after, settled, resettled, float(ahead.flat[grid.goal]))
+
+    def route(self, node: int) -> Index:
+        """Return the nodes of the best path through a node."""
+        to_start, to_goal = [node], []
+        while self.before[to_start[-1]] >= 0:
+            to_start.append(int(self.before[to_start[-1]]))
+        while (node := int(self.after[node])) >= 0:
+            to_goal.append(node)
+        return np.array(to_start[::-1] + to_goal)
+
+
+def passages(problem: PathProblem, world: World, grid: Grid, most: int) -> Iterator[tuple[float, Array]]:
+    """Find the best path in a plane for each way to pass things, quickest first.
 
     Yields:
         ``(time s, positions [n, 2] m)``, from start to goal; none where the grid finds no way.
     """
-    grid = grid or Grid.of(problem, world)
     vehicle = problem.vehicle
-    limits = [float(limit) for limit in (vehicle.speed, vehicle.surge_max, vehicle.sway_max)]
-    strongest = np.hypot(grid.u, grid.v).max() * np.abs(grid.tide).max()
-    water = (grid.u, grid.v, grid.moment, grid.tide, grid.tidal_moment, *limits, limits[0] + strongest)
-    things = packed(world, grid.movers)
-    none = np.zeros(grid.clear.shape)
-    table = grid.clear, np.r_[grid.low, world.low[2]], grid.spacing, water, things
-    ahead, before, settled = _field(grid.start, grid.goal, False, none, *table)
-    best = ahead.flat[grid.goal]
-    if not np.isfinite(best):
+    limits = *(float(limit) for limit in (vehicle.speed, vehicle.surge_max, vehicle.sway_max)), np.inf
+    found = _Searched.of(world, grid, limits, (_PLANE_MOVES, _PLANE_MOVES), _PLANE_SLOWER)
+    if found is None:
         return
-    back, after, resettled = _field(grid.goal, grid.start, True, ahead, *table)
-    total = ahead + back
-    landmarks = _landmarks(problem, world, grid)
-    near = np.isfinite(total) & (total <= best * (1.0 + SLOWER))
+    total, shape = found.total[..., 0], found.total.shape[:2]
+    near = np.isfinite(total) & (total <= found.best * (1.0 + _PLANE_SLOWER))
     near.flat[grid.goal] = True
-    order, returning = (
-        _with_parents(near.ravel(), nodes, towards)
-        for nodes, towards in ((settled, before), (resettled, after))
-    )
-    thinned = np.zeros(total.shape, bool)
+    order = _with_parents(near.ravel(), found.settled, found.before)
+    returning = _with_parents(near.ravel(), found.resettled, found.after)
+    thinned = np.zeros(shape, bool)
     thinned[::_THINNED, ::_THINNED] = True
     nodes = np.flatnonzero(near & thinned)
     nodes = np.r_[grid.goal, nodes[np.argsort(total.flat[nodes], kind="stable")]]
-    marks = landmarks - grid.low
-    shape = grid.clear.shape
-    turns = _turns(order, returning, nodes, before, after, shape[0] * shape[1], shape[1], grid.spacing, marks)
+    marks = _landmarks(problem, world, grid) - grid.origin
+    turns = _turns(
+        order, returning, nodes, found.before, found.after, total.size, shape[1], grid.ahead, marks
+    )
     _, firsts = np.unique(turns, return_index=True)
     for first in np.sort(firsts)[:most]:
-        points = grid.places(route_through(nodes[first], before, after))
+        points = grid.places(found.route(nodes[first]))[:, :2]
         points[-1] = problem.goal[:2]
         yield float(total.flat[nodes[first]]), points
+
+
+def ways(problem: PathProblem, world: World, grid: Grid, most: int) -> Iterator[tuple[float, Array]]:
+    """Find the best path in depth, and others that are the best about where they pass, quickest first.
+
+    Paths pass different things, or at other depths, where they are locally the best of a cross-section.
+
+    Yields:
+        ``(time s, positions [n, 3] m)``, from start to goal; none where the grid finds no way.
+    """
+    moves = _DEEP_MOVES, -_DEEP_MOVES
+    found = _Searched.of(world, grid, limits_of(problem), moves, _DEEP_SLOWER)
+    if found is None:
+        return
+    nodes, shape = [grid.goal], found.total.shape
+    first, last = (np.unravel_index(end, shape)[0] for end in (grid.start, grid.goal))
+    for share in _SECTIONS:
+        at = round(first + share * (last - first))
+        section = np.where(np.isfinite(found.total[at]), found.total[at], np.inf)
+        lowest = section <= ndimage.minimum_filter(section, 5)
+        lowest &= section <= found.best * (1.0 + _DEEP_SLOWER)
+        nodes += [int(np.ravel_multi_index((at, j, k), shape)) for j, k in np.argwhere(lowest)]
+    times = [found.best if node == grid.goal else float(found.total.flat[node]) for node in nodes]
+    kept: list[Array] = []
+    for k in np.argsort(times, kind="stable"):
+        points = grid.places(found.route(nodes[k]))
+        profile = _profile(points, grid)
+        if any(np.abs(profile - other).max(axis=1).mean() < _APART for other in kept):
+            continue
+        kept.append(profile)
+        points[0], points[-1] = problem.start, problem.goal
+        yield times[k], points
+        if len(kept) == most:
+            return
+
+
+def _profile(points: Array, grid: Grid) -> Array:
+    """Return where a path passes cross-sections, [n, 2] cells aside and down."""
+    away = points[:, :2] - grid.origin
+    arc, aside = away @ grid.along, away @ np.array([-grid.along[1], grid.along[0]])
+    order = np.maximum.accumulate(arc)
+    at = np.linspace(order[0], order[-1], 64)
+    down = (points[:, 2] - grid.levels[0]) / (grid.levels[-1] - grid.levels[0]) * (len(grid.levels) - 1)
+    return np.column_stack([np.interp(at, order, aside / grid.aside), np.interp(at, order, down)])
 
 
 def packed(world: World, movers: Array, extra: float = 0.0) -> tuple:
     """Return what `strikes` must know, with so much clearance [m] beyond the margins."""
     fixed, movers = world.spheres.chosen(~world.spheres.moving), movers.copy()
     movers[:, 6] += extra
-    coast = world.distance, world.origin, world.pixel, world.margin + extra
-    bed = world.bed - extra, world.bed_origin, world.bed_pixel
-    return movers, fixed.centres, fixed.reach + extra, *coast, *bed
+    bed = world.bed._replace(values=world.bed.values - extra)
+    return movers, fixed.centres, fixed.reach + extra, world.coast, world.margin + extra, bed
 
 
 def _landmarks(problem: PathProblem, world: World, grid: Grid) -> Array:
     """Return [K, 2] m, what a path may pass on either side: obstacles, islands, vortices, else a lattice."""
     marks = [world.spheres.centres[~world.spheres.moving, :2]]
     if problem.environment.chart is not None:
-        labels, count = ndimage.label(grid.clear < 0.0)
-        marks += [grid.low + grid.spacing * np.argwhere(labels == k)[:1] for k in range(1, count + 1)]
+        labels, count = ndimage.label(grid.clear[..., 0] < 0.0)
+        marks += [grid.origin + grid.ahead * np.argwhere(labels == k)[:1] for k in range(1, count + 1)]
     current = without_tide(problem.environment.current)
     if isinstance(current, LambVortices):
         centers, strength = np.asarray(current.centers, float)[0], np.asarray(current.strength)[0]
@@ -206,39 +361,27 @@ def _landmarks(problem: PathProblem, world: World, grid: Grid) -> Array:
     return np.concatenate(marks)
 
 
-def route_through(node: int, before: Index, after: Index) -> Index:
-    """Return the nodes of the best path through a node."""
-    to_start, to_goal = [node], []
-    while before[to_start[-1]] >= 0:
-        to_start.append(int(before[to_start[-1]]))
-    while (node := int(after[node])) >= 0:
-        to_goal.append(node)
-    return np.array(to_start[::-1] + to_goal)
-
-
 @njit(cache=True)
-def _too_near(x, y, z, centres, reach, distance, origin, pixel, margin, bed, bed_origin, bed_pixel):
+def _too_near(x, y, z, centres, reach, coast, margin, bed):
     """Whether a place lies within the margins of a fixed obstacle, the coast or the sea bed."""
     for k in range(len(reach)):
         away = (x - centres[k, 0]) ** 2 + (y - centres[k, 1]) ** 2 + (z - centres[k, 2]) ** 2
         if away < reach[k] ** 2:
             return True
-    if _bilinear(bed, bed_origin, bed_pixel, x, y) < z:
-        return True
-    return _bilinear(distance, origin, pixel, x, y) < margin
+    return _bilinear(bed, x, y) < z or _bilinear(coast, x, y) < margin
 
 
 @njit(cache=True)
-def _bilinear(distance, origin, pixel, x, y):
-    """Look up a raster between pixel centres; beyond them the nearest holds."""
-    north, east = distance.shape
-    i = min(max((x - origin[0]) / pixel - 0.5, 0.0), north - 1.0)
-    j = min(max((y - origin[1]) / pixel - 0.5, 0.0), east - 1.0)
+def _bilinear(raster, x, y):
+    """As `path_ruler.Raster.at`."""
+    v = raster.values
+    north, east = v.shape
+    i = min(max((x - raster.origin[0]) / raster.pixel - 0.5, 0.0), north - 1.0)
+    j = min(max((y - raster.origin[1]) / raster.pixel - 0.5, 0.0), east - 1.0)
     i0, j0 = min(int(i), north - 2), min(int(j), east - 2)
     a, b = i - i0, j - j0
-    south = (1.0 - b) * distance[i0, j0] + b * distance[i0, j0 + 1]
-    northern = (1.0 - b) * distance[i0 + 1, j0] + b * distance[i0 + 1, j0 + 1]
-    return (1.0 - a) * south + a * northern
+    south = (1.0 - b) * v[i0, j0] + b * v[i0, j0 + 1]
+    return (1.0 - a) * south + a * ((1.0 - b) * v[i0 + 1, j0] + b * v[i0 + 1, j0 + 1])
 
 
 @njit(cache=True)
@@ -250,40 +393,123 @@ def tabulated(table, moment, t):
 
 
 @njit(cache=True)
-def _move_time(i, j, a, b, depart, spacing, water):
-    """s of the move from node (i, j) by (a, b), begun `depart` s after the start; infinite if impossible."""
-    u, v, moment, tide, tidal_moment, speed, surge_max, sway_max, _ = water
-    steps = hypot(a, b)
-    parts = max(abs(a), abs(b))
-    north, east = a / steps, b / steps
-    last = u.shape[0] - 1
+def _labels(source, target, backward, departs, clear, frame, sea, things, slower, moves):
+    """Least time [na, nb, nz] s from the source, or to it; the next node on the way there, flat, -1 ends it.
+
+    Backwards every move departs from a node at `departs`, the time at which the node can be reached at all,
+    and nodes that no path leads through which is nearly as quick as the best are left out. The third is the
+    nodes in the order in which they are settled.
+    """
+    origin, along, step_ahead, step_aside, levels = frame
+    na, nb, nz = clear.shape
+    fastest = sea[8]
+    times = np.full((na, nb, nz), np.inf)
+    towards = np.full(na * nb * nz, -1)
+    done = np.zeros((na, nb, nz), np.bool_)
+    times[source // (nb * nz), source // nz % nb, source % nz] = 0.0
+    bound = np.inf
+    if backward:
+        bound = (1.0 + slower) * departs[source // (nb * nz), source // nz % nb, source % nz]
+    settled = np.empty(na * nb * nz, np.int64)
+    count = 0
+    heap = [(0.0, source)]
+    while heap:
+        now, node = heappop(heap)
+        i, j, k = node // (nb * nz), node // nz % nb, node % nz
+        if done[i, j, k]:
+            continue
+        if now > bound:
+            break
+        done[i, j, k] = True
+        settled[count] = node
+        count += 1
+        if node == target and not backward:
+            bound = (1.0 + slower) * now
+        for move in range(len(moves)):
+            a, b, c = moves[move]
+            h, m, n = i + a, j + b, k + c
+            if h < 0 or m < 0 or n < 0 or h >= na or m >= nb or n >= nz:
+                continue
+            if done[h, m, n] or clear[h, m, n] < 0.0:
+                continue
+            level_x, level_y, down = a * step_ahead, b * step_aside, levels[n] - levels[k]
+            length = np.sqrt(level_x * level_x + level_y * level_y + down * down)
+            if now + length / fastest >= times[h, m, n]:
+                continue
+            if backward:
+                begin = departs[h, m, n]
+                if now + length / fastest + begin > bound:
+                    continue
+                lasts = _move_time(h, m, n, -a, -b, -c, -level_x, -level_y, -down, along, begin, sea)
+            else:
+                begin = now
+                lasts = _move_time(i, j, k, a, b, c, level_x, level_y, down, along, now, sea)
+            arrival = now + lasts
+            if arrival >= times[h, m, n]:
+                continue
+            x0 = origin[0] + i * step_ahead * along[0] - j * step_aside * along[1]
+            y0 = origin[1] + i * step_ahead * along[1] + j * step_aside * along[0]
+            x1 = x0 + level_x * along[0] - level_y * along[1]
+            y1 = y0 + level_x * along[1] + level_y * along[0]
+            z0, z1 = levels[k], levels[n]
+            if backward:
+                x0, y0, z0, x1, y1, z1 = x1, y1, z1, x0, y0, z0
+            both = clear[i, j, k] + clear[h, m, n]
+            if not strikes(x0, y0, z0, x1, y1, z1, both, begin, lasts, 0.25 * step_ahead, things):
+                times[h, m, n] = arrival
+                towards[(h * nb + m) * nz + n] = node
+                heappush(heap, (arrival, (h * nb + m) * nz + n))
+    return times, towards, settled[:count]
+
+
+@njit(cache=True)
+def _move_time(i, j, k, a, b, c, level_x, level_y, down, along, depart, sea):
+    """s of the move from node (i, j, k) by (a, b, c) cells, begun at `depart`; infinite if impossible."""
+    water, moment, tide, tidal_moment, speed, surge_max, sway_max, upright_max, _ = sea
+    length = np.sqrt(level_x * level_x + level_y * level_y + down * down)
+    north = (level_x * along[0] - level_y * along[1]) / length
+    east = (level_x * along[1] + level_y * along[0]) / length
+    sink = down / length
+    parts = max(abs(a), abs(b), min(abs(c), 6))
+    last = len(water) - 1
     elapsed = 0.0
     for part in range(parts):
         share = (part + 0.5) / parts
-        x, y = i + share * a, j + share * b
-        i0, j0 = min(int(x), u.shape[1] - 2), min(int(y), u.shape[2] - 2)
-        c, d = x - i0, y - j0
-        k0, e = 0, 0.0
-        if last > 0:
-            when = min((depart + elapsed) / moment, float(last))
-            k0 = min(int(when), last - 1)
-            e = when - k0
+        x, y, z = i + share * a, j + share * b, k + share * c
+        i0 = min(int(x), water.shape[1] - 2)
+        j0 = min(int(y), water.shape[2] - 2)
+        k0 = max(min(int(z), water.shape[3] - 2), 0)
+        p, q, r = x - i0, y - j0, z - k0
+        when = min((depart + elapsed) / moment, float(last))
+        table = min(int(when), max(last - 1, 0))
+        later = when - table if last > 0 else 0.0
         strength = tabulated(tide, tidal_moment, depart + elapsed)
-        cu, cv = 0.0, 0.0
-        for k in range(k0, min(k0 + 2, last + 1)):
-            w = strength * ((1.0 - e) if k == k0 else e)
-            w00, w01, w10, w11 = w * (1 - c) * (1 - d), w * (1 - c) * d, w * c * (1 - d), w * c * d
-            cu += w00 * u[k, i0, j0] + w01 * u[k, i0, j0 + 1]
-            cu += w10 * u[k, i0 + 1, j0] + w11 * u[k, i0 + 1, j0 + 1]
-            cv += w00 * v[k, i0, j0] + w01 * v[k, i0, j0 + 1]
-            cv += w10 * v[k, i0 + 1, j0] + w11 * v[k, i0 + 1, j0 + 1]
-        along, across = cu * north + cv * east, abs(cu * east - cv * north)
+        cu, cv, cw = 0.0, 0.0, 0.0
+        for corner in range(8):
+            ci, cj, ck = corner // 4, corner // 2 % 2, corner % 2
+            weight = (p if ci else 1.0 - p) * (q if cj else 1.0 - q) * (r if ck else 1.0 - r)
+            if weight == 0.0:
+                continue
+            weight *= strength
+            now = weight * (1.0 - later)
+            cu += now * water[table, i0 + ci, j0 + cj, k0 + ck, 0]
+            cv += now * water[table, i0 + ci, j0 + cj, k0 + ck, 1]
+            cw += now * water[table, i0 + ci, j0 + cj, k0 + ck, 2]
+            if later > 0.0:
+                then = weight * later
+                cu += then * water[table + 1, i0 + ci, j0 + cj, k0 + ck, 0]
+                cv += then * water[table + 1, i0 + ci, j0 + cj, k0 + ck, 1]
+                cw += then * water[table + 1, i0 + ci, j0 + cj, k0 + ck, 2]
+        ahead = cu * north + cv * east + cw * sink
+        across = np.sqrt(max(cu * cu + cv * cv + cw * cw - ahead * ahead, 0.0))
         if across >= speed or across > sway_max:
             return np.inf
-        ground = along + np.sqrt(speed * speed - across * across)
+        ground = ahead + np.sqrt(speed * speed - across * across)
         if ground <= SPEED_FLOOR * speed or ground > surge_max:
             return np.inf
-        elapsed += steps * spacing / parts / ground
+        if abs(ground * sink - cw) > upright_max:
+            return np.inf
+        elapsed += length / parts / ground
     return elapsed
 
 
@@ -297,20 +523,18 @@ def strikes(x0, y0, z0, x1, y1, z1, clear, begin, lasts, step, things):
         begin: s since departure.
         lasts: s.
         step: m, between the places at which it is judged.
-        things: obstacles that move, fixed ones and the coast, as `passages` packs them.
+        things: obstacles that move, fixed ones and the coast, as `packed` has them.
     """
-    movers, centres, reach, distance, origin, pixel, margin, bed, bed_origin, bed_pixel = things
+    movers, centres, reach, coast, margin, bed = things
     way_x, way_y, way_z = x1 - x0, y1 - y0, z1 - z0
     length = np.sqrt(way_x * way_x + way_y * way_y + way_z * way_z)
-    anything = len(reach) > 0 or distance.shape[0] > 2 or bed.shape[0] > 2
+    anything = len(reach) > 0 or coast.values.shape[0] > 2 or bed.values.shape[0] > 2
     if anything and clear <= 1.5 * length:
         parts = int(np.ceil(length / step))
         for part in range(1, parts):
             share = part / parts
             x, y, z = x0 + share * way_x, y0 + share * way_y, z0 + share * way_z
-            if _too_near(
-                x, y, z, centres, reach, distance, origin, pixel, margin, bed, bed_origin, bed_pixel
-            ):
+            if _too_near(x, y, z, centres, reach, coast, margin, bed):
                 return True
     for n in range(len(movers)):
         x, y, z, u, v, w, boundary, growth, growth_max = movers[n]
@@ -324,70 +548,6 @@ def strikes(x0, y0, z0, x1, y1, z1, clear, begin, lasts, step, things):
         if away_x * away_x + away_y * away_y + away_z * away_z < kept * kept:
             return True
     return False
-
-
-@njit(cache=True)
-def _field(source, target, backward, departs, clear, low, spacing, water, things):
-    """Least time [nx, ny] s from the source, or to it; the next node on the way there, flat, -1 ends it.
-
-    Backwards every move departs from a node at `departs`, the time at which the node can be reached at all,
-    and nodes that no path leads through which is nearly as quick as the best are left out. The third is the
-    nodes in the order in which they are settled.
-    """
-    nx, ny = clear.shape
-    fastest = water[8]
-    times = np.full((nx, ny), np.inf)
-    towards = np.full(nx * ny, -1)
-    done = np.zeros((nx, ny), np.bool_)
-    times[source // ny, source % ny] = 0.0
-    bound = np.inf
-    if backward:
-        bound = (1.0 + SLOWER) * departs[source // ny, source % ny]
-    settled = np.empty(nx * ny, np.int64)
-    count = 0
-    heap = [(0.0, source)]
-    while heap:
-        now, node = heappop(heap)
-        i, j = node // ny, node % ny
-        if done[i, j]:
-            continue
-        if now > bound:
-            break
-        done[i, j] = True
-        settled[count] = node
-        count += 1
-        if node == target and not backward:
-            bound = (1.0 + SLOWER) * now
-        for move in range(len(_MOVES)):
-            a, b = _MOVES[move]
-            k, m = i + a, j + b
-            if k < 0 or m < 0 or k >= nx or m >= ny or done[k, m] or clear[k, m] < 0.0:
-                continue
-            least = now + hypot(a, b) * spacing / fastest
-            if least >= times[k, m]:
-                continue
-            if backward:
-                begin = departs[k, m]
-                if least + begin > bound:
-                    continue
-                lasts = _move_time(k, m, -a, -b, begin, spacing, water)
-            else:
-                begin = now
-                lasts = _move_time(i, j, a, b, now, spacing, water)
-            arrival = now + lasts
-            if arrival >= times[k, m]:
-                continue
-            x0, y0 = low[0] + spacing * i, low[1] + spacing * j
-            x1, y1 = low[0] + spacing * k, low[1] + spacing * m
-            if backward:
-                x0, y0, x1, y1 = x1, y1, x0, y0
-            both = clear[i, j] + clear[k, m]
-            z = low[2]
-            if not strikes(x0, y0, z, x1, y1, z, both, begin, lasts, 0.25 * spacing, things):
-                times[k, m] = arrival
-                towards[k * ny + m] = node
-                heappush(heap, (arrival, k * ny + m))
-    return times, towards, settled[:count]
 
 
 @njit(cache=True)

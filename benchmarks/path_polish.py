@@ -133,10 +133,9 @@ def _descended(positions: Array, stage: Stage, extra: float, slack: float, data:
     shapes = _shapes(stage.segments)
 
     def cost(amplitudes: Array) -> tuple[float, Array]:
+        given = base, normal, shapes, stage.price, extra, slack, data, stage.parts
         with jax.enable_x64(True):
-            value, slope = _slope(
-                amplitudes, base, normal, shapes, stage.price, extra, slack, data, stage.parts
-            )
+            value, slope = _slope(amplitudes, *given)
             return float(value), np.asarray(slope)
 
     options = {"maxiter": stage.iterations, "maxcor": 30, "ftol": 1e-11, "gtol": 1e-9}
@@ -161,35 +160,21 @@ def _data(problem: PathProblem, world: World) -> tuple:
         (growth, spheres.growth), (growth_max, spheres.growth_max), (seen, spheres.observed_at),
     ):  # fmt: skip
         padded[:count] = field
-    coast = world.distance, world.origin, world.pixel, world.margin
+    coast = *world.coast, world.margin
     vehicle = problem.vehicle
     limits = tuple(
         float(limit) for limit in (vehicle.speed, vehicle.surge_max, vehicle.sway_max, vehicle.turn_rate_max)
     )
     units = world.side / _LENGTHS, problem.distance / limits[0] / _TIMES
     obstacles = centres, velocity, reach, growth, growth_max, seen
-    return (
-        problem.environment.current,
-        limits,
-        problem.depart,
-        obstacles,
-        coast,
-        (world.low, world.high),
-        units,
-    )
+    box = world.low, world.high
+    return problem.environment.current, limits, problem.depart, obstacles, coast, box, units
 
 
 def _cost(
-    amplitudes: jax.Array,
-    base: jax.Array,
-    normal: jax.Array,
-    shapes: jax.Array,
-    price: float,
-    extra: float,
-    slack: float,
-    data: tuple,
-    parts: int,
-) -> jax.Array:
+    amplitudes: jax.Array, base: jax.Array, normal: jax.Array, shapes: jax.Array, price: float, extra: float,
+    slack: float, data: tuple, parts: int,
+) -> jax.Array:  # fmt: skip
     """Travel time plus the price of missing clearance and broken limits, in units of time."""
     current, (speed, surge_max, sway_max, turn_rate_max), depart, obstacles, coast, box, units = data
     points = base + normal * (units[0] * shapes @ amplitudes)[:, None]

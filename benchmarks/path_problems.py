@@ -27,6 +27,8 @@ Array = NDArray[np.floating]
 MAPS = SHARED / "maps"
 SITES = "hook_passage", "hamilton_dent"
 
+PRESETS = {"default": ap.PathConfig, "quick": ap.PathConfig.quick, "paper": ap.PathConfig.paper}
+
 #: Metres, and seconds at 1 m/s, that stand for a unit of length and of time of the source papers.
 SCALE = 1000.0
 
@@ -73,15 +75,8 @@ class PathProblem:
 
     def plan(self, key: jax.Array, config: ap.PathConfig) -> ap.PathPlan:
         """A plan by the package, with the settings that the problem needs."""
-        return ap.plan_path(
-            np.asarray(self.start),
-            np.asarray(self.goal),
-            self.environment,
-            self.vehicle,
-            key=key,
-            config=config.replace(**self.changes),
-            depart=self.depart,
-        )
+        asked = np.asarray(self.start), np.asarray(self.goal), self.environment, self.vehicle
+        return ap.plan_path(*asked, key=key, config=config.replace(**self.changes), depart=self.depart)
 
 
 def path_problems(count: int = 24) -> list[PathProblem]:
@@ -140,10 +135,8 @@ def literature() -> list[PathProblem]:
         corners = (_from_paper(corner) for corner in (low, high))
         env = ap.Environment(FunctionCurrent(function, steady), None, None, *corners)
         ends = _from_paper(start), _from_paper(goal)
-        best_known = best * SCALE
-        problems.append(
-            PathProblem(name, "literature", env, *ends, unlimited_vehicle(1.0), best_known=best_known)
-        )
+        asked = "literature", env, *ends, unlimited_vehicle(1.0)
+        problems.append(PathProblem(name, *asked, best_known=best * SCALE))
     return problems
 
 
@@ -192,7 +185,8 @@ def _random_problem(rng: np.random.Generator, name: str, family: str, site: int 
         ends = low + size * rng.uniform(0.05, 0.95, (2, 2))
         if np.linalg.norm(ends[1] - ends[0]) < 0.55 * size:
             continue
-        centres, radii = _obstacles(rng, ends)
+        count = rng.integers(4, OBSTACLES + 1)
+        centres, radii = drawn_obstacles(rng, count, ends, (40.0, 480.0), 1.0, CLEAR_ENDS)
         # A third of the coast problems may have the straight line free of land.
         blocked = site is not None and site % 3 != 0
         if not _worth_planning(chart, low, size, ends, centres, radii, blocked):
@@ -206,19 +200,30 @@ def _random_problem(rng: np.random.Generator, name: str, family: str, site: int 
         return PathProblem(name, family, env, start, goal, unlimited_vehicle(2.5))
 
 
-def _obstacles(rng: np.random.Generator, ends: Array) -> tuple[Array, Array]:
-    """Centres [M, 2] m and radii [M] m, clear of both ends [2, 2] m."""
+def drawn_obstacles(
+    rng: np.random.Generator, count: int, ends: Array, radii: tuple[float, float], unit: float, room: float,
+    anywhere: Array | None = None,
+) -> tuple[Array, Array]:  # fmt: skip
+    """Centres [M, 2] m and radii [M] m, clear of both ends [2, 2] m by some room [m].
+
+    Args:
+        radii: least and greatest, in units of `unit` [m].
+        anywhere: [K, 2] m, places to choose from; most lie near the straight line where that is None.
+    """
     way = ends[1] - ends[0]
     aside = np.array([-way[1], way[0]])
-    count = rng.integers(4, OBSTACLES + 1)
-    centres, radii = [], []
-    while len(radii) < count:
-        radius = np.exp(rng.uniform(np.log(40.0), np.log(480.0)))
-        centre = ends[0] + rng.uniform(0.0, 1.0) * way + rng.normal(0.0, 0.15) * aside
-        if np.linalg.norm(ends - centre, axis=1).min() > radius + CLEAR_ENDS:
-            centres.append(centre)
-            radii.append(radius)
-    return np.array(centres), np.array(radii)
+    centres, sizes = np.zeros((count, 2)), np.zeros(count)
+    for k in range(count):
+        while True:
+            radius = unit * np.exp(rng.uniform(*np.log(radii)))
+            if anywhere is not None:
+                centre = rng.choice(anywhere)
+            else:
+                centre = ends[0] + rng.uniform(0.0, 1.0) * way + rng.normal(0.0, 0.15) * aside
+            if np.linalg.norm(ends - centre, axis=1).min() > radius + room:
+                break
+        centres[k], sizes[k] = centre, radius
+    return centres, sizes
 
 
 def drawn_vortices(rng: np.random.Generator, low: Array, size: float) -> tuple[Array, Array, Array]:
@@ -240,11 +245,17 @@ def _vortices(rng: np.random.Generator, low: Array, size: float) -> ap.LambVorti
     return field.scaled(2.5 * rng.uniform(0.2, 0.9) / fastest)
 
 
+@lru_cache(maxsize=2)
+def classes_of(site: str) -> NDArray[np.uint8]:
+    """Classes of a whole map, first row in the south: 0 land, 1 reef or shoal, 2 water; 10 m a pixel."""
+    with Image.open(MAPS / f"whitsunday_{site}_class.tif") as picture:
+        return np.asarray(picture)[::-1]
+
+
 @lru_cache(maxsize=8)
 def _chart(site: str, reefs: bool, coarse: bool) -> ap.Chart:
     """The whole map: 10 m a pixel, or 20 m where it is coarse; reefs are coast or water."""
-    with Image.open(MAPS / f"whitsunday_{site}_class.tif") as picture:
-        classes = np.asarray(picture)[::-1]
+    classes = classes_of(site)
     water = classes == 2 if reefs else classes > 0
     if coarse:
         north, east = water.shape[0] // 2, water.shape[1] // 2
@@ -294,8 +305,7 @@ def _worth_planning(
         tails.append(index[rows, columns][joined])
         heads.append(index[shifted][joined])
         lengths.append(np.full(joined.sum(), np.hypot(a, b) * size / (count - 1)))
-    edges = coo_array(
-        (np.concatenate(lengths), (np.concatenate(tails), np.concatenate(heads))), shape=(count**2, count**2)
-    )
+    ends_of = np.concatenate(tails), np.concatenate(heads)
+    edges = coo_array((np.concatenate(lengths), ends_of), shape=(count**2, count**2))
     way = dijkstra(edges.tocsr(), directed=False, indices=nodes[0])[nodes[1]]
     return way <= LONGEST * np.linalg.norm(ends[1] - ends[0])

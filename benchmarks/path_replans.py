@@ -10,16 +10,16 @@ plans are feasible, and the time of one.
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from rich.progress import Progress
-from rich.table import Table
 
 import auvplan as ap
 from auvplan.ocean.vortices import CurrentUpdate, LambVortices, evolve
-from benchmarks.machine import arguments, bars, clock, console, empty_table, write
+from benchmarks.machine import arguments, bars, clock, console, table, write
 from benchmarks.path_problems import PathProblem, random_problems
 
 SITUATIONS = 50
@@ -46,36 +46,23 @@ class Situation:
     env: ap.Environment
 
 
-@dataclass(frozen=True)
-class Row:
-    """One way to plan anew, over all situations.
-
-    Attributes:
-        mean: mean excess of the travel time over that of the largest budget, where both are feasible.
-        seconds: median time of a plan.
-        first_seconds: of the first call for each family of problems, compilation and all.
-    """
-
-    name: str
-    mean: float
-    worst: float
-    feasible: float
-    seconds: float
-    first_seconds: float
+#: A row for each way to plan: excess of the travel time over that of the largest budget.
+TITLE = "Planning anew on the way"
+COLUMNS = {
+    "how": "{name}", "mean excess": "{mean:+.2%}", "worst": "{worst:+.2%}", "feasible": "{feasible:.0%}",
+    "a plan": "{milliseconds:.0f} ms", "first calls": "{first_seconds:.0f} s",
+}  # fmt: skip
 
 
 def situations(count: int, progress: Progress) -> list[Situation]:
     """Disturbed plans of the random problems, several of each."""
     problems, found = random_problems(), []
-    bar = progress.add_task("situations", total=count)
-    for number in range(count):
+    for number in progress.track(range(count), description="situations"):
         problem, rng = problems[number % len(problems)], np.random.default_rng(number)
         plan = problem.plan(jax.random.key(number), ap.PathConfig())
         reached = int(rng.uniform(0.1, 0.5) * len(plan.positions))
         env = _disturbed(rng, problem.environment, plan, reached)
         found.append(Situation(problem, plan, plan.positions[reached], float(plan.times[reached]), env))
-        progress.advance(bar)
-    progress.remove_task(bar)
     return found
 
 
@@ -99,94 +86,58 @@ def _disturbed(
     return replace(env, current=current, obstacles=replace(spheres, position=jnp.asarray(places, float)))
 
 
-def ways() -> dict[str, Callable[[Situation, jax.Array], ap.PathPlan]]:
-    """Ways to plan anew."""
-    return {
-        "warm": _warm,
-        "warm, no passages": partial(_warm, passages=0),
-        "warm, no passages, no gradient": partial(_warm, passages=0, refine_steps=0),
-        "warm, nothing fresh": partial(_warm, fresh_share=0.0),
-        "cold, a window's budget": partial(_cold, times=1, passages=0),
-        "cold, a window's budget, no gradient": partial(_cold, times=1, passages=0, refine_steps=0),
-        "cold, a window's budget, passages": partial(_cold, times=1),
-        f"cold, {TIMES} windows' budget, passages": partial(_cold, times=TIMES),
-    }
+def warm(situation: Situation, key: jax.Array, **changes: object) -> ap.PathPlan:
+    """Plan from the kept population."""
+    problem = situation.problem
+    config = ap.PathConfig(**problem.changes).replace(**changes)
+    now = situation.position, situation.now, situation.env, problem.vehicle
+    return ap.replan_path(situation.plan, *now, key=key, config=config)
 
 
-def _config(situation: Situation, **changes: object) -> ap.PathConfig:
-    return ap.PathConfig(**situation.problem.changes).replace(**changes)
+def cold(situation: Situation, key: jax.Array, times: int, **changes: object) -> ap.PathPlan:
+    """Plan as if for the first time, with so many times a window's budget."""
+    problem = situation.problem
+    window = ap.PathConfig(**problem.changes).replace(**changes).window()
+    bbo = window.bbo.replace(iterations=times * window.bbo.iterations)
+    steps = {name: times * getattr(window, name) for name in ("refine_steps", "passage_steps")}
+    asked = situation.position, np.asarray(problem.goal), situation.env, problem.vehicle
+    return ap.plan_path(*asked, key=key, config=window.replace(bbo=bbo, **steps), depart=situation.now)
 
 
-def _warm(situation: Situation, key: jax.Array, **changes: object) -> ap.PathPlan:
-    return ap.replan_path(
-        situation.plan,
-        situation.position,
-        situation.now,
-        situation.env,
-        situation.problem.vehicle,
-        key=key,
-        config=_config(situation, **changes),
-    )
+LARGEST = f"cold, {TIMES} windows' budget, passages"
+#: Ways to plan anew.
+WAYS: dict[str, Callable[..., ap.PathPlan]] = {
+    "warm": warm,
+    "warm, no passages": partial(warm, passages=0),
+    "warm, no passages, no gradient": partial(warm, passages=0, refine_steps=0),
+    "warm, nothing fresh": partial(warm, fresh_share=0.0),
+    "cold, a window's budget": partial(cold, times=1, passages=0),
+    "cold, a window's budget, no gradient": partial(cold, times=1, passages=0, refine_steps=0),
+    "cold, a window's budget, passages": partial(cold, times=1),
+    LARGEST: partial(cold, times=TIMES),
+}
 
 
-def _cold(situation: Situation, key: jax.Array, times: int, **changes: object) -> ap.PathPlan:
-    config = _config(situation, **changes)
-    window = config.window()
-    bbo = config.bbo.replace(iterations=times * window.bbo.iterations)
-    return ap.plan_path(
-        situation.position,
-        np.asarray(situation.problem.goal),
-        situation.env,
-        situation.problem.vehicle,
-        key=key,
-        config=window.replace(
-            bbo=bbo, refine_steps=times * window.refine_steps, passage_steps=times * window.passage_steps
-        ),
-        depart=situation.now,
-    )
-
-
-def rows(count: int, progress: Progress) -> list[Row]:
-    """All ways on all situations."""
-    all_, methods = situations(count, progress), ways()
-    bar = progress.add_task("plans anew", total=len(all_) * len(methods))
-    times = {name: np.full(len(all_), np.nan) for name in methods}
-    seconds: dict[str, list[float]] = {name: [] for name in methods}
-    first: dict[str, float] = dict.fromkeys(methods, 0.0)
-    compiled = set()
-    for k, situation in enumerate(all_):
-        for name, plan_anew in methods.items():
-            key = jax.random.key(1000 + k)
+def rows(count: int, progress: Progress) -> list[dict[str, Any]]:
+    """All ways on all situations; the first call for each family of problems compiles and counts apart."""
+    all_ = situations(count, progress)
+    times, seconds = np.full((2, len(WAYS), len(all_)), np.nan)
+    first, compiled = np.zeros(len(WAYS)), set()
+    for k, situation in enumerate(progress.track(all_, description="plans anew")):
+        for way, (name, plan_anew) in enumerate(WAYS.items()):
+            call = partial(plan_anew, situation, jax.random.key(1000 + k))
             if (name, situation.problem.family) not in compiled:
                 compiled.add((name, situation.problem.family))
-                first[name] += clock(partial(plan_anew, situation, key))[0]
-            took, plan = clock(partial(plan_anew, situation, key))
-            seconds[name].append(took)
-            times[name][k] = plan.travel_time if plan.feasible else np.nan
-            progress.advance(bar)
-    progress.remove_task(bar)
-    best = times[f"cold, {TIMES} windows' budget, passages"]
-    return [
-        Row(
-            name,
-            float(np.nanmean(times[name] / best - 1.0)),
-            float(np.nanmax(times[name] / best - 1.0)),
-            float(np.isfinite(times[name]).mean()),
-            float(np.median(seconds[name])),
-            first[name],
-        )
-        for name in methods
-    ]
-
-
-def table(found: list[Row]) -> Table:
-    """The ways to plan anew as a table."""
-    figures = ["mean excess", "worst", "feasible", "a plan", "first calls"]
-    shown = empty_table("Planning anew on the way", ["how"], figures)
-    for row in found:
-        shares = f"{row.mean:+.2%}", f"{row.worst:+.2%}", f"{row.feasible:.0%}"
-        shown.add_row(row.name, *shares, f"{1e3 * row.seconds:.0f} ms", f"{row.first_seconds:.0f} s")
-    return shown
+                first[way] += clock(call)[0]
+            seconds[way, k], plan = clock(call)
+            times[way, k] = plan.travel_time if plan.feasible else np.nan
+    excess = times / times[list(WAYS).index(LARGEST)] - 1.0
+    found = zip(
+        WAYS, np.nanmean(excess, axis=1), np.nanmax(excess, axis=1), np.isfinite(times).mean(axis=1),
+        1e3 * np.median(seconds, axis=1), first, strict=True,
+    )  # fmt: skip
+    names = ("mean", "worst", "feasible", "milliseconds", "first_seconds")
+    return [{"name": name, **dict(zip(names, map(float, row), strict=True))} for name, *row in found]
 
 
 def main() -> None:
@@ -197,7 +148,7 @@ def main() -> None:
     screen = console()
     with bars(screen) as progress:
         found = rows(options.situations, progress)
-    screen.print(table(found))
+    screen.print(table(TITLE, found, COLUMNS))
     write(options.out, {"rows": found})
 
 

@@ -6,7 +6,7 @@ settings; obstacles that move are where they are when the vehicle arrives.
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -63,34 +63,6 @@ class Score:
     excess: float
 
 
-@dataclass(frozen=True, kw_only=True)
-class PlannedPath:
-    """A plan beside its reference.
-
-    Attributes:
-        reference: s; None where no path is known.
-        travel_time: s, by the ruler; None where the current beats the vehicle.
-        claimed: whether the planner holds its plan feasible.
-        feasible: whether the ruler does.
-    """
-
-    problem: str
-    family: str
-    preset: str
-    reference: float | None
-    travel_time: float | None
-    claimed: bool
-    feasible: bool
-    seconds: float
-
-    @property
-    def gap(self) -> float | None:
-        """Share of the reference that the plan loses; None if it breaks a limit or no reference is known."""
-        if self.reference is None or self.travel_time is None or not self.feasible:
-            return None
-        return self.travel_time / self.reference - 1.0
-
-
 @dataclass(frozen=True, eq=False)
 class Spheres:
     """M obstacles in linear motion.
@@ -116,13 +88,10 @@ class Spheres:
         """Return the active obstacles; the current where and when they were last observed carries them on."""
         found, config = problem.environment.obstacles, PathConfig(**problem.changes)
         active = np.asarray(found.active)
+        names = "position velocity drift radius position_std radius_std growth growth_max observed_at"
         position, own, drift, radius, position_std, radius_std, growth, growth_max, observed_at = (
-            np.asarray(getattr(found, name), float)[active]
-            for name in (
-                "position", "velocity", "drift", "radius", "position_std", "radius_std", "growth",
-                "growth_max", "observed_at",
-            )
-        )  # fmt: skip
+            np.asarray(getattr(found, name), float)[active] for name in names.split()
+        )
         carried = np.zeros((len(radius), 3))
         if drift.any():
             x, y, z = position.T
@@ -141,26 +110,50 @@ class Spheres:
 
     def chosen(self, which: NDArray[np.bool_]) -> "Spheres":
         """Return some of them."""
-        fields = (self.centres, self.velocity, self.reach, self.growth, self.growth_max, self.observed_at)
-        return Spheres(*(field[which] for field in fields))
+        return Spheres(*(field[which] for field in self._fields))
+
+    @property
+    def _fields(self) -> tuple[Array, ...]:
+        return self.centres, self.velocity, self.reach, self.growth, self.growth_max, self.observed_at
 
     def clearance(self, x: Array, y: Array, z: ArrayLike, t: ArrayLike) -> Array:
         """Return m to the nearest, at the times t [s]; `_FAR` without any."""
         clear = np.full(np.shape(x), _FAR)
-        for (a, b, c), (u, v, w), reach, growth, most, seen in zip(
-            self.centres,
-            self.velocity,
-            self.reach,
-            self.growth,
-            self.growth_max,
-            self.observed_at,
-            strict=True,
-        ):
+        for (a, b, c), (u, v, w), reach, growth, most, seen in zip(*self._fields, strict=True):
             since = np.asarray(t) - seen
             grown = np.minimum(growth * np.maximum(since, 0.0), most)
             level = np.hypot(x - a - u * since, y - b - v * since)
             clear = np.minimum(clear, np.hypot(level, z - c - w * since) - reach - grown)
         return clear
+
+
+class Raster(NamedTuple):
+    """Values between which a look-up is bilinear.
+
+    Attributes:
+        values: [nx, ny] at pixel centres.
+        origin: [2] m, its corner.
+        pixel: m.
+    """
+
+    values: Array
+    origin: Array
+    pixel: float
+
+    @classmethod
+    def of(cls, placed: Any, values: ArrayLike) -> "Raster":
+        """Return values that lie as a chart or a sea bed does."""
+        return cls(np.asarray(values, float), np.asarray(placed.origin, float), float(placed.pixel_size))
+
+    def at(self, x: Array, y: Array) -> Array:
+        """Look up places [m]; beyond the outer centres the nearest holds."""
+        north, east = self.values.shape
+        i = np.clip((x - self.origin[0]) / self.pixel - 0.5, 0.0, north - 1.0)
+        j = np.clip((y - self.origin[1]) / self.pixel - 0.5, 0.0, east - 1.0)
+        i0, j0 = np.minimum(i.astype(int), north - 2), np.minimum(j.astype(int), east - 2)
+        a, b, v = i - i0, j - j0, self.values
+        south = (1.0 - b) * v[i0, j0] + b * v[i0, j0 + 1]
+        return (1.0 - a) * south + a * ((1.0 - b) * v[i0 + 1, j0] + b * v[i0 + 1, j0 + 1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,52 +163,30 @@ class World:
     Attributes:
         low, high: [3] m, the box.
         spheres: the obstacles, the margin included.
-        distance: [nx, ny] m to the coast at pixel centres; [2, 2] far away where there is no chart.
-        origin: [2] m, corner of the chart.
-        pixel: m.
+        coast: m to the coast; far away where there is no chart.
         margin: m, to be kept from the coast, the error of interpolation included.
-        bed: [nx, ny] m, greatest depth that the sea bed allows at pixel centres; [2, 2] far down without.
-        bed_origin: [2] m, corner of the sea bed's raster.
-        bed_pixel: m.
+        bed: m, greatest depth that the sea bed allows; far down without.
     """
 
     low: Array
     high: Array
     spheres: Spheres
-    distance: Array
-    origin: Array
-    pixel: float
+    coast: Raster
     margin: float
-    bed: Array
-    bed_origin: Array
-    bed_pixel: float
+    bed: Raster
 
     @classmethod
     def of(cls, problem: PathProblem) -> "World":
         """Return the world of a problem, with the margins of the planner's settings."""
         env, config = problem.environment, PathConfig(**problem.changes)
-        if env.chart is None:
-            distance, origin, pixel = np.full((2, 2), _FAR), np.zeros(2), 1.0
-        else:
-            distance = np.asarray(env.chart.signed_distance, float)
-            origin, pixel = np.asarray(env.chart.origin, float), float(env.chart.pixel_size)
-        if env.seabed is None:
-            bed, bed_origin, bed_pixel = np.full((2, 2), _FAR), np.zeros(2), 1.0
-        else:
-            bed = np.asarray(env.seabed.depth, float) - float(env.seabed.clearance)
-            bed_origin, bed_pixel = np.asarray(env.seabed.origin, float), float(env.seabed.pixel_size)
-        return cls(
-            np.asarray(env.lower, float),
-            np.asarray(env.upper, float),
-            Spheres.of(problem),
-            distance,
-            origin,
-            pixel,
-            config.coast_margin + INTERPOLATION_ERROR * pixel,
-            bed,
-            bed_origin,
-            bed_pixel,
-        )
+        coast = bed = Raster(np.full((2, 2), _FAR), np.zeros(2), 1.0)
+        if env.chart is not None:
+            coast = Raster.of(env.chart, env.chart.signed_distance)
+        if env.seabed is not None:
+            bed = Raster.of(env.seabed, np.asarray(env.seabed.depth, float) - float(env.seabed.clearance))
+        margin = config.coast_margin + INTERPOLATION_ERROR * coast.pixel
+        low, high = np.asarray(env.lower, float), np.asarray(env.upper, float)
+        return cls(low, high, Spheres.of(problem), coast, margin, bed)
 
     @property
     def side(self) -> float:
@@ -236,8 +207,8 @@ class World:
             z: m; None for the box's least depth.
         """
         z = np.full(np.shape(x), self.low[2]) if z is None else z
-        clear = np.minimum(self.coast_distance(x, y) - self.margin, _FAR)
-        clear = np.minimum(clear, self.altitude(x, y, z))
+        clear = np.minimum(self.coast.at(x, y) - self.margin, _FAR)
+        clear = np.minimum(clear, self.bed.at(x, y) - z)
         spheres = self.spheres.chosen(~self.spheres.moving) if t is None else self.spheres
         clear = np.minimum(clear, spheres.clearance(x, y, z, 0.0 if t is None else t))
         for line, low, high in zip((x, y, z), self.low, self.high, strict=True):
@@ -248,25 +219,6 @@ class World:
                 clear, np.where(inside >= 0.0, np.maximum(inside, least), inside) + self.tolerance / 2
             )
         return clear
-
-    def coast_distance(self, x: Array, y: Array) -> Array:
-        """Return m to the coast, bilinear between pixel centres."""
-        return _bilinear(self.distance, self.origin, self.pixel, x, y)
-
-    def altitude(self, x: Array, y: Array, z: Array) -> Array:
-        """Return m above what the sea bed allows, bilinear between pixel centres."""
-        return _bilinear(self.bed, self.bed_origin, self.bed_pixel, x, y) - z
-
-
-def _bilinear(raster: Array, origin: Array, pixel: float, x: Array, y: Array) -> Array:
-    """Look up a raster between pixel centres; beyond them the nearest holds."""
-    north, east = raster.shape
-    i = np.clip((x - origin[0]) / pixel - 0.5, 0.0, north - 1.0)
-    j = np.clip((y - origin[1]) / pixel - 0.5, 0.0, east - 1.0)
-    i0, j0 = np.minimum(i.astype(int), north - 2), np.minimum(j.astype(int), east - 2)
-    a, b = i - i0, j - j0
-    south = (1.0 - b) * raster[i0, j0] + b * raster[i0, j0 + 1]
-    return (1.0 - a) * south + a * ((1.0 - b) * raster[i0 + 1, j0] + b * raster[i0 + 1, j0 + 1])
 
 
 def evaluate(problem: PathProblem, positions: ArrayLike, world: World | None = None) -> Score:
@@ -293,29 +245,26 @@ def evaluate(problem: PathProblem, positions: ArrayLike, world: World | None = N
     middle = points[segment] + ((before + 0.5) / parts[segment])[:, None] * way
     heading, length = way / gaps[segment][:, None], (gaps / parts)[segment]
 
-    pieces = _traversed(problem, middle, heading, length)
+    duration, ground, across, upright = _traversed(problem, middle, heading, length)
     ends = np.asarray([problem.start, problem.goal])
     joined = np.abs(points[[0, -1]] - ends).max() < world.tolerance
-    times = problem.depart + np.concatenate([[0.0], np.cumsum(pieces.duration)])
+    times = problem.depart + np.concatenate([[0.0], np.cumsum(duration)])
     marks = np.concatenate([begin, middle, points[-1:]])
     when = np.concatenate([times[:-1], 0.5 * (times[:-1] + times[1:]), times[-1:]])
     x, y, z = marks.T
     clearance = float(world.clearance(x, y, when, z).min())
 
     vehicle = problem.vehicle
-    spent = np.bincount(segment, pieces.duration)
+    spent = np.bincount(segment, duration)
     turn = _turns(np.diff(points, axis=0)) / (0.5 * (spent[1:] + spent[:-1]))
-    excess = max(
-        float(np.max(value, initial=0.0)) / float(limit) - 1.0
-        for value, limit in (
-            (pieces.ground, vehicle.surge_max),
-            (pieces.across, vehicle.sway_max),
-            (turn, vehicle.turn_rate_max),
-            (pieces.upright, upright_max(problem)),
-        )
-    )
-    feasible = pieces.held and joined and clearance > -world.tolerance and excess <= LIMIT_TOLERANCE
-    travel_time = float(pieces.duration.sum()) if pieces.held else np.inf
+    limits = (
+        (ground, vehicle.surge_max), (across, vehicle.sway_max), (turn, vehicle.turn_rate_max),
+        (upright, upright_max(problem)),
+    )  # fmt: skip
+    excess = max(float(np.max(value, initial=0.0)) / float(limit) - 1.0 for value, limit in limits)
+    held = bool((across <= float(vehicle.speed)).all() and (ground > 0.0).all())
+    feasible = held and joined and clearance > -world.tolerance and excess <= LIMIT_TOLERANCE
+    travel_time = float(duration.sum()) if held else np.inf
     return Score(travel_time, bool(feasible), clearance, float(gaps.sum()), excess)
 
 
@@ -333,56 +282,34 @@ def _turns(way: Array) -> Array:
     return np.where(upright[1:] | upright[:-1], 0.0, turn)
 
 
-@dataclass(frozen=True, eq=False)
-class _Pieces:
-    """K short pieces of a path, one after the other.
-
-    Attributes:
-        duration: [K] s.
-        ground: [K] m/s, speed over ground.
-        across: [K] m/s, current across the track.
-        upright: [K] m/s, speed up or down through the water.
-        held: whether the vehicle makes way on every one.
-    """
-
-    duration: Array
-    ground: Array
-    across: Array
-    upright: Array
-    held: bool
-
-
-def _traversed(problem: PathProblem, middle: Array, heading: Array, length: Array) -> _Pieces:
-    """Time each of K pieces, each at the time at which it is reached.
+def _traversed(
+    problem: PathProblem, middle: Array, heading: Array, length: Array
+) -> tuple[Array, Array, Array, Array]:
+    """Time each of K pieces, one after the other, each at the time at which it is reached.
 
     Args:
         middle: [K, 3] m, of each piece.
         heading: [K, 3], unit vectors.
         length: [K] m.
+
+    Returns:
+        [K] each: s on the piece; speed over ground, current across the track, and speed up or down through
+        the water, m/s.
     """
     speed, current = float(problem.vehicle.speed), problem.environment.current
-    x, y, z = middle.T
-    still = np.zeros_like(length)
-    found = _Pieces(length / speed, np.full_like(length, speed), still, still, True)
+    duration = length / speed
     for _ in range(1 if is_steady(current) else _SWEEPS):
-        last = found.duration
+        last = duration
         when = problem.depart + np.cumsum(last) - 0.5 * last
-        water = np.stack(velocity_at(current, x, y, z, when), axis=1)
+        water = np.stack(velocity_at(current, *middle.T, when), axis=1)
         along = (water * heading).sum(axis=1)
         across = np.linalg.norm(water - along[:, None] * heading, axis=1)
         ground = along + np.sqrt(np.maximum(speed**2 - across**2, 0.0))
-        held = bool((across <= speed).all() and (ground > 0.0).all())
         upright = np.abs(ground * heading[:, 2] - water[:, 2])
-        found = _Pieces(length / np.maximum(ground, 1e-3 * speed), ground, across, upright, held)
-        if np.abs(found.duration - last).sum() < 1e-9 * last.sum():
+        duration = length / np.maximum(ground, 1e-3 * speed)
+        if np.abs(duration - last).sum() < 1e-9 * last.sum():
             break
-    return found
-
-
-def current_at(current: Any, x: Array, y: Array, t: Array) -> tuple[Array, Array]:
-    """Current in float64 at the surface, m/s north and east; x, y, t [K] m, m, s."""
-    u, v, _ = velocity_at(current, x, y, np.zeros(len(x)), t)
-    return u, v
+    return duration, ground, across, upright
 
 
 def velocity_at(current: Any, x: Array, y: Array, z: Array, t: Array) -> tuple[Array, Array, Array]:

@@ -7,17 +7,16 @@ was found, half as wide where that gains nothing.
 """
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from auvplan.vehicle import SPEED_FLOOR
-from benchmarks.path_grid import packed, strikes, tabulated
+from benchmarks.path_grid import Grid, limits_of, packed, strikes, tabulated
 from benchmarks.path_polish import Polished, spread
 from benchmarks.path_problems import PathProblem
-from benchmarks.path_ruler import World, evaluate, upright_max, velocity_at
+from benchmarks.path_ruler import World, evaluate, velocity_at
 from benchmarks.water_problems import without_tide
 
 Array = NDArray[np.floating]
@@ -41,31 +40,13 @@ _SLACK = 0.002
 _TRIES = 4
 
 
-class Tables(Protocol):
-    """What a grid knows of a problem besides its nodes, see `path_grid.Grid`."""
-
-    @property
-    def spacing(self) -> float: ...
-    @property
-    def tide(self) -> Array: ...
-    @property
-    def tidal_moment(self) -> float: ...
-    @property
-    def movers(self) -> Array: ...
-
-
 @dataclass(frozen=True, eq=False)
 class _Lattices:
-    """What lattices are laid by.
-
-    Attributes:
-        moments: [T] s since departure, at which the current is looked up.
-    """
+    """What lattices are laid by; the current is looked up at the grid's moments."""
 
     problem: PathProblem
     world: World
-    tables: Tables
-    moments: Array
+    grid: Grid
 
     @property
     def deep(self) -> bool:
@@ -83,24 +64,21 @@ class _Lattices:
 def tighten(
     problem: PathProblem,
     world: World,
-    tables: Tables,
+    grid: Grid,
     positions: Array,
     segments: int = SEGMENTS,
     width: float | tuple[float, float] | None = None,
-    moments: Array | None = None,
 ) -> Polished | None:
     """Tighten a path; None where no path nearby is feasible.
 
     Args:
-        tables: a grid of the problem, of any spacing.
+        grid: of the problem, of any spacing.
         positions: [n, 2] m, or [n, 3] where the box has depth, from start to goal.
         width: m, of the first lattice to each side, and up and down; None for two spacings of the grid.
-        moments: [T] s since departure, even, at which a current that is neither steady nor a tide is looked
-            up.
     """
-    width = 2.0 * tables.spacing if width is None else width
+    width = 2.0 * grid.ahead if width is None else width
     size = np.broadcast_to(np.asarray(width, float), 2)
-    lattices = _Lattices(problem, world, tables, np.zeros(1) if moments is None else moments)
+    lattices = _Lattices(problem, world, grid)
     points = positions
     if points.shape[1] == 2:
         points = np.column_stack([points, np.full(len(points), world.low[2])])
@@ -151,7 +129,7 @@ def _sweep(lattices: _Lattices, points: Array, size: Array, extra: float) -> tup
         size: [2] m, from a station's middle to its outermost nodes aside, and up or down.
         extra: m of clearance beyond the margins.
     """
-    problem, world, tables, offsets = lattices.problem, lattices.world, lattices.tables, lattices.offsets
+    problem, world, grid, offsets = lattices.problem, lattices.world, lattices.grid, lattices.offsets
     tangent = np.gradient(points, axis=0)
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     level = np.hypot(tangent[:, 0], tangent[:, 1])
@@ -162,17 +140,17 @@ def _sweep(lattices: _Lattices, points: Array, size: Array, extra: float) -> tup
     nodes = points[:, None] + apart[:, :1] * aside[:, None] + apart[:, 1:] * np.cross(tangent, aside)[:, None]
     shape, current = nodes.shape[:2], without_tide(problem.environment.current)
     x, y, z = nodes.reshape(-1, 3).T
-    when = [np.full(x.size, problem.depart + t) for t in lattices.moments]
+    when = [np.full(x.size, problem.depart + t) for t in grid.moments]
     water = np.stack([np.stack(velocity_at(current, x, y, z, t)) for t in when])
     u, v, w = (water[:, k].reshape(-1, *shape) for k in range(3))
     clear = world.clearance(nodes[..., 0], nodes[..., 1], z=nodes[..., 2]) - extra
-    moment = float(lattices.moments[1] - lattices.moments[0]) if len(lattices.moments) > 1 else 1.0
-    step = 0.25 * tables.spacing
+    moment = float(grid.moments[1] - grid.moments[0]) if len(grid.moments) > 1 else 1.0
+    step = 0.25 * grid.ahead
     limits = limits_of(problem, _SLACK)
-    fastest = limits[0] + np.sqrt((water**2).sum(axis=1).max()) * np.abs(tables.tide).max()
+    fastest = limits[0] + np.sqrt((water**2).sum(axis=1).max()) * np.abs(grid.tide).max()
     chosen, time = _lattice(
-        nodes, u, v, w, moment, clear, limits, fastest, tables.tide, tables.tidal_moment, step,
-        packed(world, _near(tables.movers, nodes, extra), extra),
+        nodes, u, v, w, moment, clear, limits, fastest, grid.tide, grid.tidal_moment, step,
+        packed(world, _near(grid.movers, nodes, extra), extra),
     )  # fmt: skip
     if not np.isfinite(time):
         return None
@@ -193,14 +171,6 @@ def _near(movers: Array, nodes: Array, extra: float) -> Array:
     since = np.maximum((away * velocity).sum(axis=2) / ((velocity**2).sum(axis=1) + 1e-12), 0.0)
     nearest = np.linalg.norm(away - since[..., None] * velocity, axis=2).min(axis=0, initial=np.inf)
     return movers[nearest <= movers[:, 6] + movers[:, 8] + extra + longest]
-
-
-def limits_of(problem: PathProblem, slack: float) -> tuple[float, float, float, float]:
-    """Return speed, and limits on ground speed, current across and speed up or down through water, m/s."""
-    vehicle = problem.vehicle
-    speed, surge_max, sway_max = map(float, (vehicle.speed, vehicle.surge_max, vehicle.sway_max))
-    share = 1.0 - slack
-    return speed, share * surge_max, min(share * sway_max, 0.999 * speed), share * upright_max(problem)
 
 
 @njit(cache=True)

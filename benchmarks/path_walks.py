@@ -52,8 +52,10 @@ def walks(count: int, seed: int = 0, advance: Callable[[int], object] = lambda d
     world = seed
     while found < count:
         leg = problem(world)
-        assert leg.env.chart is not None
-        coast = _coast(leg.env.chart)
+        chart = leg.env.chart
+        assert chart is not None
+        land, origin = np.asarray(chart.passability) == 0.0, np.asarray(chart.origin, float)
+        coast = Coast(land, origin, float(chart.pixel_size), np.zeros((0, 2)))
         positions, times = _clear_paths(leg, world)
         drawn, world = drawn + _DRAWN, world + 1
         for path, when in zip(positions[: count - found], times, strict=False):
@@ -66,31 +68,16 @@ def walks(count: int, seed: int = 0, advance: Callable[[int], object] = lambda d
 
 def _clear_paths(leg: Problem, seed: int) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
     """Positions [P, S, 3] m and times [P, S] s of random paths that break no limit, without margins."""
-    config = leg.config.replace(coast_margin=0.0, obstacle_margin=0.0)
-    trajectory = jax.jit(_fly, static_argnums=5)(
-        leg.paths(_DRAWN, seed), leg.start, leg.goal, leg.env, ap.Vehicle(turn_rate_max=1e6), config
-    )
+    config, vehicle = leg.config.replace(coast_margin=0.0, obstacle_margin=0.0), ap.Vehicle(turn_rate_max=1e6)
+
+    @jax.jit
+    def executed(paths: jax.Array) -> Trajectory:
+        return evaluate(curves(paths, leg.start, leg.goal, config), jnp.zeros(()), leg.env, vehicle, config)
+
+    trajectory = executed(leg.paths(_DRAWN, seed))
     clear = np.asarray(violations(trajectory).sum(axis=0) == 0.0)
-    places = np.stack(
-        [np.asarray(axis, float).T for axis in (trajectory.x, trajectory.y, trajectory.z)], axis=2
-    )
-    return places[clear], np.asarray(trajectory.times, float).T[clear]
-
-
-def _fly(
-    paths: jax.Array,
-    start: jax.Array,
-    goal: jax.Array,
-    env: ap.Environment,
-    vehicle: ap.Vehicle,
-    config: ap.PathConfig,
-) -> Trajectory:
-    return evaluate(curves(paths, start, goal, config), jnp.zeros(()), env, vehicle, config)
-
-
-def _coast(chart: ap.Chart) -> Coast:
-    land = np.asarray(chart.passability) == 0.0
-    return Coast(land, np.asarray(chart.origin, float), float(chart.pixel_size), np.zeros((0, 2)))
+    axes = (np.asarray(axis, float).T for axis in (trajectory.x, trajectory.y, trajectory.z))
+    return np.stack(list(axes), axis=2)[clear], np.asarray(trajectory.times, float).T[clear]
 
 
 def _walk(

@@ -7,7 +7,6 @@ lowers the feasible share. Times are of one plan, the compilation apart.
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -17,12 +16,10 @@ from rich.progress import Progress
 from rich.table import Table
 
 import auvplan as ap
-from benchmarks.machine import arguments, bars, clock, console, empty_table, named_once, write
-from benchmarks.path_problems import PathProblem, have_charts, path_problems
-from benchmarks.path_reference import stored_references
-from benchmarks.path_ruler import PlannedPath, World, evaluate
-
-PRESETS = {"default": ap.PathConfig, "paper": ap.PathConfig.paper}
+from benchmarks.machine import arguments, bars, clock, console, table, write
+from benchmarks.path_problems import PRESETS, PathProblem, have_charts, path_problems
+from benchmarks.path_ruler import World, evaluate
+from benchmarks.references import stored_times
 
 
 def _plainer(iterations: int | None = None, **changes: Any) -> ap.PathConfig:
@@ -43,125 +40,94 @@ VARIANTS: dict[str, Callable[[], ap.PathConfig]] = {
     "evolution only": partial(_plainer, passages=0, refine_steps=0),
 }
 
-
-@dataclass(frozen=True, kw_only=True)
-class Run(PlannedPath):
-    """One plan.
-
-    Attributes:
-        compile_seconds: the first plan of the problem took longer than this one by so much.
-    """
-
-    seed: int
-    compile_seconds: float
+#: One plan beside its reference [s], None where that is not known. `travel_time` is the ruler's, s, None
+#: where the current beats the vehicle; `claimed` says whether the planner holds it feasible, `feasible`
+#: whether the ruler does; `gap` is a share, None for a plan that breaks a limit.
+Run = dict[str, Any]
 
 
-@dataclass(frozen=True)
-class Row:
-    """Runs of a family or of a problem with one preset.
+def plan_one(
+    problem: PathProblem, preset: str, reference: float | None, world: World, seeds: Iterable[int] = (0,)
+) -> list[Run]:
+    """Plan a problem from some seeds, after a plan that compiles what is not compiled yet."""
+    config = {**PRESETS, **VARIANTS}[preset]()
+    first, _ = clock(lambda: problem.plan(jax.random.key(10_000), config))
+    runs = []
+    for seed in seeds:
+        seconds, made = clock(partial(problem.plan, jax.random.key(seed), config))
+        score = evaluate(problem, made.positions, world)
+        run = {
+            "problem": problem.name, "family": problem.family, "preset": preset, "seed": seed,
+            "travel_time": score.travel_time if np.isfinite(score.travel_time) else None,
+            "claimed": made.feasible, "feasible": score.feasible, "status": made.status.name,
+            "seconds": seconds, "compile_seconds": max(first - seconds, 0.0),
+        }  # fmt: skip
+        runs.append(beside(run, reference))
+    return runs
 
-    Attributes:
-        mean_gap, median_gap, worst_gap, best_gap: over feasible plans; None without any.
-        feasible: share of plans that keep all limits by the ruler.
-        claimed: share that the planner holds feasible.
-        false_claims: plans that it holds feasible and the ruler does not.
-        milliseconds: median of a plan.
-        compile_seconds: summed over the problems.
-    """
 
-    name: str
-    preset: str
-    mean_gap: float | None
-    median_gap: float | None
-    worst_gap: float | None
-    best_gap: float | None
-    feasible: float
-    claimed: float
-    false_claims: int
-    milliseconds: float
-    compile_seconds: float
-    plans: int
+def beside(run: Run, reference: float | None) -> Run:
+    """Return the run with this reference and the gap to it."""
+    known = reference is not None and run["travel_time"] is not None and run["feasible"]
+    return run | {"reference": reference, "gap": run["travel_time"] / reference - 1.0 if known else None}
 
-    @classmethod
-    def of(cls, name: str, runs: list[Run]) -> "Row":
-        """Sum up runs of one preset."""
-        gaps = [run.gap for run in runs if run.gap is not None]
-        mean, median, worst, best = (
-            float(figure(gaps)) if gaps else None for figure in (np.mean, np.median, np.max, np.min)
-        )
-        return cls(
-            name=name,
-            preset=runs[0].preset,
-            mean_gap=mean,
-            median_gap=median,
-            worst_gap=worst,
-            best_gap=best,
-            feasible=float(np.mean([run.feasible for run in runs])),
-            claimed=float(np.mean([run.claimed for run in runs])),
-            false_claims=sum(run.claimed and not run.feasible for run in runs),
-            milliseconds=1e3 * float(np.median([run.seconds for run in runs])),
-            compile_seconds=sum({run.problem: run.compile_seconds for run in runs}.values()),
-            plans=len(runs),
-        )
+
+def summed(name: str, runs: Sequence[Run]) -> dict[str, Any]:
+    """Sum up runs of one preset; the feasible share is of the problems that have a reference."""
+    gaps = [run["gap"] for run in runs if run["gap"] is not None]
+    known = [run["feasible"] for run in runs if run["reference"] is not None]
+    mean, median, worst = (figure(of, gaps) for of in (np.mean, np.median, np.max))
+    high, highest = (figure(partial(np.percentile, q=q), gaps) for q in (95, 99))
+    wrong, unknown = sum(run["claimed"] and not run["feasible"] for run in runs), len(runs) - len(known)
+    return {
+        "name": name, "preset": runs[0]["preset"], "mean": mean, "median": median, "high": high,
+        "highest": highest, "worst": worst, "feasible": figure(np.mean, known),
+        "false_claims": wrong, "wrong": f" ({wrong} wrong)" if wrong else "",
+        "milliseconds": 1e3 * float(np.median([run["seconds"] for run in runs])),
+        "compile_seconds": sum({run["problem"]: run["compile_seconds"] for run in runs}.values()),
+        "plans": len(runs), "unknown": f" ({unknown} unknown)" if unknown else "",
+    }  # fmt: skip
+
+
+def figure(of: Callable[..., Any], values: Sequence[float]) -> float | None:
+    """Return a figure of some values; None of none."""
+    return float(of(values)) if values else None
+
+
+def rows(runs: Iterable[Run], by: str) -> list[dict[str, Any]]:
+    """A row for each family or problem, as `by` says, and preset."""
+    groups: dict[tuple[str, str], list[Run]] = {}
+    for run in runs:
+        groups.setdefault((run[by], run["preset"]), []).append(run)
+    return [summed(name, members) for (name, _), members in groups.items()]
+
+
+def gaps_table(title: str, found: Sequence[dict[str, Any]], **more: str) -> Table:
+    """Return sums as a table, with more columns."""
+    columns = {
+        "set": "{name}", "preset": "{preset}", "mean gap": "{mean:.2%}", "median": "{median:.2%}",
+        "95 %": "{high:.2%}", "99 %": "{highest:.2%}", "worst": "{worst:.2%}",
+        "feasible": "{feasible:.1%}{wrong}", "ms a plan": "{milliseconds:.0f}",
+    }  # fmt: skip
+    return table(title, found, columns | more | {"plans": "{plans}{unknown}"}, names=2)
 
 
 def plan_all(
     problems: Sequence[PathProblem], presets: Sequence[str], seeds: int, progress: Progress
 ) -> list[Run]:
     """Plan problems with every preset, family by family."""
-    references, runs = stored_references(), []
-    bar = progress.add_task("references", total=len(problems) * len(presets))
-    for problem in sorted(problems, key=lambda problem: problem.family):
+    references, runs = stored_times(), []
+    sorted_ = sorted(problems, key=lambda problem: problem.family)
+    for problem in progress.track(sorted_, description="plans"):
         world = World.of(problem)
         for preset in presets:
-            runs += plan_one(problem, preset, seeds, references.get(problem.name), world)
-            progress.advance(bar)
-    progress.remove_task(bar)
+            runs += plan_one(problem, preset, references.get(problem.name), world, range(seeds))
     return runs
 
 
-def plan_one(
-    problem: PathProblem, preset: str, seeds: int, reference: float | None, world: World
-) -> list[Run]:
-    """Plan a problem from `seeds` keys, after a plan that compiles."""
-    config = {**PRESETS, **VARIANTS}[preset]()
-    first, _ = clock(lambda: problem.plan(jax.random.key(10_000), config))
-    runs = []
-    for seed in range(seeds):
-        seconds, made = clock(partial(problem.plan, jax.random.key(seed), config))
-        score = evaluate(problem, made.positions, world)
-        travel_time = score.travel_time if np.isfinite(score.travel_time) else None
-        run = Run(
-            problem=problem.name, family=problem.family, preset=preset, seed=seed, reference=reference,
-            travel_time=travel_time, claimed=made.feasible, feasible=score.feasible, seconds=seconds,
-            compile_seconds=max(first - seconds, 0.0),
-        )  # fmt: skip
-        runs.append(run)
-    return runs
-
-
-def rows(runs: Iterable[Run], by: str) -> list[Row]:
-    """A row for each family or problem, as `by` says, and preset."""
-    groups: dict[tuple[str, str], list[Run]] = {}
-    for run in runs:
-        groups.setdefault((getattr(run, by), run.preset), []).append(run)
-    return [Row.of(name, members) for (name, _), members in groups.items()]
-
-
-def table(shown: list[Row], title: str) -> Table:
-    """Rows as a table; a name is written once."""
-    figures = "mean gap", "median", "worst", "best", "feasible", "claimed", "ms a plan", "compiling", "plans"
-    made = empty_table(title, ["set", "preset"], figures)
-    for name, row in named_once(shown, "name"):
-        gaps = (row.mean_gap, row.median_gap, row.worst_gap, row.best_gap)
-        wrong = f" ({row.false_claims} wrong)" if row.false_claims else ""
-        made.add_row(
-            name, row.preset,
-            *("-" if gap is None else f"{gap:.2%}" for gap in gaps),
-            f"{row.feasible:.0%}", f"{row.claimed:.0%}{wrong}", f"{row.milliseconds:.0f}",
-            f"{row.compile_seconds:.1f} s", str(row.plans),
-        )  # fmt: skip
-    return made
+def shown(title: str, found: Sequence[dict[str, Any]]) -> Table:
+    """Return rows as a table, with the time of the compilation."""
+    return gaps_table(title, found, compiling="{compile_seconds:.1f} s")
 
 
 def main() -> None:
@@ -169,7 +135,8 @@ def main() -> None:
     parser = arguments("Paths against global references.")
     parser.add_argument("--seeds", type=int, default=5, help="plans of each problem")
     parser.add_argument("--only", nargs="+", help="families or problems, such as coast or open-03")
-    parser.add_argument("--preset", nargs="+", choices=[*PRESETS, *VARIANTS], default=list(PRESETS))
+    presets = [*PRESETS, *VARIANTS]
+    parser.add_argument("--preset", nargs="+", choices=presets, default=["default", "paper"])
     parser.add_argument("--each", action="store_true", help="a row for each problem too")
     options = parser.parse_args()
     screen = console()
@@ -184,14 +151,9 @@ def main() -> None:
         runs = plan_all(chosen, options.preset, options.seeds, progress)
     families, problems = rows(runs, "family"), rows(runs, "problem")
     if options.each:
-        screen.print(table(problems, "Each problem: gap to the reference"))
-    screen.print(table(families, "Paths: gap to the reference"))
-    content = {
-        "seeds": options.seeds,
-        "families": families,
-        "problems": problems,
-        "runs": runs,
-    }
+        screen.print(shown("Each problem: gap to the reference", problems))
+    screen.print(shown("Paths: gap to the reference", families))
+    content = {"seeds": options.seeds, "families": families, "problems": problems, "runs": runs}
     write(options.out, content)
 
 

@@ -4,7 +4,7 @@ All go to one place through 12 vortices, past 12 obstacles that drift. The first
 that of a second one with another key.
 """
 
-from dataclasses import asdict, dataclass
+from typing import Any
 
 import jax
 import numpy as np
@@ -19,22 +19,6 @@ START, GOAL = np.array([200.0, 300.0, 10.0]), np.array([3200.0, 3000.0, 50.0])
 _NEAR, _FAR = np.array([100.0, 100.0, 5.0]), np.array([1500.0, 1500.0, 60.0])
 
 
-@dataclass(frozen=True)
-class Row:
-    """One preset.
-
-    Attributes:
-        preset: name.
-        first, seconds: s, of the first call, which compiles, and of the second.
-        feasible: share of the second's plans that keep all limits.
-    """
-
-    preset: str
-    first: float
-    seconds: float
-    feasible: float
-
-
 def world() -> ap.Environment:
     """12 vortices and 12 drifting obstacles in open water."""
     rng = np.random.default_rng(0)
@@ -45,13 +29,18 @@ def world() -> ap.Environment:
     return ap.Environment(current, obstacles=obstacles, lower=(0, 0, 0), upper=(3500, 3500, 100))
 
 
-def row(preset: str, config: ap.PathConfig, count: int) -> Row:
-    """Plan twice from `count` starts."""
+def row(preset: str, config: ap.PathConfig, count: int) -> dict[str, Any]:
+    """Plan twice from `count` starts; times in s, the first with the compilation."""
     env, goals = world(), np.tile(GOAL, (count, 1))
     starts = np.random.default_rng(5).uniform(_NEAR, _FAR, (count, 3))
-    first, _ = clock(lambda: ap.plan_paths(starts, goals, env, key=jax.random.key(0), config=config))
-    seconds, plans = clock(lambda: ap.plan_paths(starts, goals, env, key=jax.random.key(1), config=config))
-    return Row(preset, first, seconds, float(np.mean(plans.feasible)))
+
+    def call(seed: int) -> ap.PathPlans:
+        return ap.plan_paths(starts, goals, env, key=jax.random.key(seed), config=config)
+
+    (first, _), (seconds, plans) = clock(lambda: call(0)), clock(lambda: call(1))
+    return {
+        "preset": preset, "first": first, "seconds": seconds, "feasible": float(np.mean(plans.feasible))
+    }  # fmt: skip
 
 
 def main() -> None:
@@ -62,10 +51,9 @@ def main() -> None:
     rows = []
     for preset, config in (("default", ap.PathConfig()), ("quick", ap.PathConfig.quick())):
         rows.append(row(preset, config, options.starts))
-        last = rows[-1]
-        took = f"{last.seconds:.1f} s, {last.first:.1f} s with compilation"
-        console().print(f"{options.starts:,} starts, {preset}: {took}; {last.feasible:.1%} feasible")
-    write(options.out, {"starts": options.starts, "rows": [asdict(one) for one in rows]})
+        took = "{preset}: {seconds:.1f} s, {first:.1f} s with compilation; {feasible:.1%} feasible"
+        console().print(f"{options.starts:,} starts, {took.format(**rows[-1])}")
+    write(options.out, {"starts": options.starts, "rows": rows})
 
 
 if __name__ == "__main__":

@@ -3,21 +3,27 @@
 ``python -m benchmarks.plans`` plans one leg past 12 vortices, 12 obstacles and a charted coast, each seed by
 every contender in turn: 100 habitats for 100 iterations, so 10,100 evaluations each; the default preset adds
 its gradient steps. Every plan is judged by the package's kernel. The compilation counts apart.
+
+Peers, each optional, are mealpy's BBO, evosax's DE and CMA-ES, and pycma. All search the same box with the
+same number of evaluations, in coordinates from 0 to 1 across it; what leaves the box is clipped to it. The
+CMA-ES begin at the straight line, the others with uniform draws.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from rich.console import Console
 from rich.progress import Progress
-from rich.table import Table
 
 import auvplan as ap
-from benchmarks import path_peers
-from benchmarks.machine import Turns, arguments, bars, console, empty_table, installed, take_turns, write
+from auvplan.path import habitats
+from benchmarks import path_twins as twins
+from benchmarks.machine import arguments, available, bars, console, table, take_turns, write
 from benchmarks.scoring import Problem, problem
 
 POPULATION, ITERATIONS = 100, 100
@@ -27,61 +33,155 @@ SEEDS = 10
 BATCHED_SEEDS = 3
 
 
-@dataclass(frozen=True)
-class Row:
-    """One way to plan.
+#: A row for each way to plan; broken limits weigh a multiple of the straight line's time in the costs, s.
+TITLE = f"Plans of {POPULATION} habitats x {ITERATIONS} iterations, one leg with coast"
+COLUMNS = {
+    "planner": "{name}", "time per plan": "{milliseconds:.1f} ms", "compilation": "{compile_seconds:.1f} s",
+    "mean cost": "{cost:,.1f} s", "median": "{median_cost:,.1f} s", "best": "{best_cost:,.1f} s",
+    "feasible": "{feasible:.0%}", "plans": "{plans}",
+}  # fmt: skip
 
-    Attributes:
-        seconds: median time of a plan.
-        compile_seconds: how much longer the first call took.
-        cost: s, mean over all plans; broken limits weigh a multiple of the straight line's time.
-        median_cost: s.
-        best_cost: s.
-        feasible: share of plans that keep all limits.
-    """
+#: ``search(seed) -> [1, 3 n]`` m, the best habitat found.
+Search = Callable[[int], Any]
 
-    name: str
-    seconds: float
-    compile_seconds: float
-    cost: float
-    median_cost: float
-    best_cost: float
-    feasible: float
-    plans: int
+#: First standard deviation of the CMA-ES, as a share of the box: the best of 0.02, 0.05, 0.1 and 0.25 here.
+STEP = 0.05
 
 
-@dataclass(frozen=True)
-class Contender:
-    """A way to plan.
+def from_unit(problem: Problem, shares: Any) -> Any:
+    """Habitats [P, 3 n] m from shares of the box [P, 3 n]."""
+    low, high = problem.bounds()
+    return low + (high - low) * jnp.clip(shares, 0.0, 1.0)
 
-    Attributes:
-        search: ``search(seed) -> [N, 3 n]`` m, the best habitat of each of N plans.
-        plans: N.
-    """
 
-    name: str
-    search: path_peers.Search
-    plans: int = 1
+def straight(problem: Problem) -> jax.Array:
+    """The straight line as shares of the box, [3 n]."""
+    low, high = problem.bounds()
+    line = habitats.straight_line(problem.start, problem.goal, problem.config)
+    return (line - low) / jnp.maximum(high - low, 1e-6)
+
+
+def mealpy_bbo(problem: Problem, population: int, iterations: int) -> Search:
+    """`OriginalBBO` as mealpy runs it: one path at a time, here with the cost compiled by Numba."""
+    from mealpy import BBO, FloatVar
+
+    score = twins.in_numba(problem)
+    assert score is not None
+    paths = problem.paths(100)
+    costs = np.asarray(problem.cost(paths)[0])
+    if np.median(np.abs(score(np.asarray(paths))[0] / costs - 1.0)) > 1e-4:
+        raise RuntimeError("the Numba twin and the package's kernel disagree on the costs")
+    low, high = (np.asarray(bound, float) for bound in problem.bounds())
+    bounds = FloatVar(lb=low.tolist(), ub=high.tolist())
+
+    def cost(habitat: twins.Array) -> float:
+        return float(score(habitat[None].astype(np.float32))[0][0])
+
+    def search(seed: int) -> Any:
+        task = {"obj_func": cost, "bounds": bounds, "minmax": "min", "log_to": None}
+        best = BBO.OriginalBBO(epoch=iterations, pop_size=population).solve(task, seed=seed)
+        return best.solution[None]
+
+    return search
+
+
+def evosax_de(problem: Problem, population: int, iterations: int) -> Search:
+    """Differential evolution of evosax, as published there, in one compiled scan."""
+    from evosax.algorithms import DifferentialEvolution
+
+    box = jnp.zeros(problem.bounds()[0].shape)
+    method = DifferentialEvolution(population, box)
+
+    def first(key: jax.Array, params: Any) -> Any:
+        first_key, key = jax.random.split(key)
+        shares = jax.random.uniform(first_key, (population, box.size))
+        return method.init(key, shares, problem.cost(from_unit(problem, shares))[0], params)
+
+    return _scanned(problem, method, method.default_params, first, iterations)
+
+
+def evosax_cma(problem: Problem, population: int, iterations: int) -> Search:
+    """CMA-ES of evosax in one compiled scan."""
+    from evosax.algorithms import CMA_ES
+
+    method = CMA_ES(population, jnp.zeros(problem.bounds()[0].shape))
+    params = method.default_params.replace(std_init=jnp.asarray(STEP))
+
+    def first(key: jax.Array, params: Any) -> Any:
+        return method.init(key, straight(problem), params)
+
+    return _scanned(problem, method, params, first, iterations + 1)
+
+
+def _scanned(problem: Problem, method: Any, params: Any, first: Callable[..., Any], rounds: int) -> Search:
+    """Ask, score and tell `rounds` times in one compiled scan."""
+
+    @jax.jit
+    def run(key: jax.Array, params: Any) -> jax.Array:
+        def generation(state: Any, key: jax.Array) -> tuple[Any, None]:
+            ask_key, tell_key = jax.random.split(key)
+            shares, state = method.ask(ask_key, state, params)
+            cost = problem.cost(from_unit(problem, shares))[0]
+            return method.tell(tell_key, shares, cost, state, params)[0], None
+
+        first_key, key = jax.random.split(key)
+        state, _ = jax.lax.scan(generation, first(first_key, params), jax.random.split(key, rounds))
+        return from_unit(problem, state.best_solution[None])
+
+    return lambda seed: run(jax.random.key(seed), params)
+
+
+def pycma(problem: Problem, population: int, iterations: int) -> Search:
+    """CMA-ES of the `cma` package, which calls the compiled kernel once a generation."""
+    import cma
+
+    low, high = (np.asarray(bound, float) for bound in problem.bounds())
+    score = jax.jit(lambda shares: problem.cost(from_unit(problem, shares))[0])
+    start = np.asarray(straight(problem), float)
+
+    def search(seed: int) -> Any:
+        options = {
+            "bounds": [0.0, 1.0],
+            "popsize": population,
+            "maxiter": iterations + 1,
+            "seed": seed + 1,
+            "verbose": -9,
+        }
+        strategy = cma.CMAEvolutionStrategy(start, STEP, options)
+        for _ in range(iterations + 1):
+            shares = strategy.ask()
+            strategy.tell(shares, np.asarray(score(np.asarray(shares, np.float32)), float).tolist())
+        return low + (high - low) * np.clip(np.asarray(strategy.result.xbest), 0.0, 1.0)[None]
+
+    return search
+
+
+#: Name, packages needed and maker of every peer.
+PEERS: tuple[tuple[str, tuple[str, ...], Callable[[Problem, int, int], Search]], ...] = (
+    ("mealpy OriginalBBO", ("mealpy", "numba"), mealpy_bbo),
+    ("evosax DE", ("evosax",), evosax_de),
+    ("evosax CMA-ES", ("evosax",), evosax_cma),
+    ("cma CMA-ES", ("cma",), pycma),
+)
 
 
 #: The paper's planner, with as many control points as the peers are given.
 _PAPER = ap.PathConfig.paper(control_points=10)
 
 
-def contenders(leg: Problem, screen: Console) -> list[Contender]:
-    """The presets and the peers that are installed; a line for each that is not."""
-    found = []
+def contenders(leg: Problem, screen: Console) -> dict[str, tuple[Search, int]]:
+    """The presets and the peers that are installed, with plans a call; a line for each that is not.
+
+    Each is ``search(seed) -> [N, 3 n]`` m, the best habitat of each of N plans.
+    """
+    found = {}
     for name, config in (("paper", _PAPER), ("default", ap.PathConfig())):
-        bbo = config.bbo.replace(population=POPULATION, iterations=ITERATIONS)
-        sized = config.replace(bbo=bbo)
-        found.append(Contender(name, partial(_plan, leg, sized, 1)))
-        found.append(Contender(f"{name}, {BATCH} in one call", partial(_plan, leg, sized, BATCH), BATCH))
-    for name, packages, make in path_peers.PEERS:
-        missing = " and ".join(package for package in packages if not installed(package))
-        if missing:
-            screen.print(f"{name}: left out, {missing} not installed: pip install {missing}")
-        else:
-            found.append(Contender(name, make(leg, POPULATION, ITERATIONS)))
+        sized = config.replace(bbo=config.bbo.replace(population=POPULATION, iterations=ITERATIONS))
+        found[name] = partial(_plan, leg, sized, 1), 1
+        found[f"{name}, {BATCH} in one call"] = partial(_plan, leg, sized, BATCH), BATCH
+    for name, packages, make in PEERS:
+        if available(name, packages, screen):
+            found[name] = make(leg, POPULATION, ITERATIONS), 1
     return found
 
 
@@ -99,45 +199,25 @@ def _judged(leg: Problem, habitats: np.ndarray) -> np.ndarray:
     return np.stack(jax.jit(replace(leg, config=config).cost)(habitats))
 
 
-def rows(screen: Console, progress: Progress, seeds: int = SEEDS) -> list[Row]:
+def rows(screen: Console, progress: Progress, seeds: int = SEEDS) -> list[dict[str, Any]]:
     """All contenders with all seeds."""
     # The peers search the space of the paper's planner; the default's splines have more control points.
     leg = replace(problem(), config=ap.PathConfig(control_points=_PAPER.control_points))
-    known = contenders(leg, screen)
+    known, found = contenders(leg, screen), []
     bar = progress.add_task("plans", total=len(known) * (seeds + 1))
-    calls = {one.name: one.search for one in known}
-    rounds = {one.name: min(seeds, BATCHED_SEEDS) if one.plans > 1 else seeds for one in known}
+    calls = {name: search for name, (search, _) in known.items()}
+    rounds = {name: min(seeds, BATCHED_SEEDS) if plans > 1 else seeds for name, (_, plans) in known.items()}
     turns = take_turns(calls, rounds, 999, partial(progress.advance, bar))
     progress.remove_task(bar)
-    return [_row(leg, one, turns[one.name]) for one in known]
-
-
-def _row(leg: Problem, one: Contender, turns: Turns) -> Row:
-    scores = [_judged(leg, np.asarray(best, np.float32)) for best in turns.results]
-    cost, violation = np.concatenate(scores, axis=1)
-    return Row(
-        name=one.name,
-        seconds=turns.median / one.plans,
-        compile_seconds=turns.compiling,
-        cost=float(cost.mean()),
-        median_cost=float(np.median(cost)),
-        best_cost=float(cost.min()),
-        feasible=float((violation == 0.0).mean()),
-        plans=len(cost),
-    )
-
-
-def table(rows: list[Row]) -> Table:
-    """All rows as one table."""
-    title = f"Plans of {POPULATION} habitats x {ITERATIONS} iterations, one leg with coast"
-    figures = ("time per plan", "compilation", "mean cost", "median", "best", "feasible", "plans")
-    shown = empty_table(title, ["planner"], figures)
-    for row in rows:
-        shown.add_row(
-            row.name, f"{1e3 * row.seconds:.1f} ms", f"{row.compile_seconds:.1f} s", f"{row.cost:,.1f} s",
-            f"{row.median_cost:,.1f} s", f"{row.best_cost:,.1f} s", f"{row.feasible:.0%}", str(row.plans),
-        )  # fmt: skip
-    return shown
+    for name, (_, plans) in known.items():
+        scores = [_judged(leg, np.asarray(best, np.float32)) for best in turns[name].pop("results")]
+        cost, violation = np.concatenate(scores, axis=1)
+        row = {"name": name, "plans": len(cost), "feasible": float((violation == 0.0).mean())} | turns[name]
+        costs = ("cost", np.mean), ("median_cost", np.median), ("best_cost", np.min)
+        row |= {key: float(figure(cost)) for key, figure in costs}
+        row["seconds"] /= plans
+        found.append(row | {"milliseconds": 1e3 * row["seconds"]})
+    return found
 
 
 def main() -> None:
@@ -148,7 +228,7 @@ def main() -> None:
     screen = console()
     with bars(screen) as progress:
         found = rows(screen, progress, options.seeds)
-    screen.print(table(found))
+    screen.print(table(TITLE, found, COLUMNS))
     write(options.out, {"seeds": options.seeds, "rows": found})
 
 

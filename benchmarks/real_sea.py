@@ -2,9 +2,9 @@
 
     python -m benchmarks.real_sea
 
-Reads the current files of ../shared/data and compares values at random nodes with the files' own; plans a leg
-through a fjord for each of its 24 hours; simulates a mission on a real chart between the Whitsunday Islands
-in a synthetic tide over a synthetic sea bed, checks it and writes every export. Needs ../shared.
+Plans a leg through a fjord for each of its 24 hours; simulates a mission on a real chart between the
+Whitsunday Islands in a synthetic tide over a synthetic sea bed, checks it and writes every export. Needs
+../shared; what is read of files of currents is compared by `benchmarks.files`.
 """
 
 import json
@@ -15,76 +15,13 @@ from pathlib import Path
 
 import jax
 import numpy as np
-import xarray as xr
 import yaml
 
 import auvplan as ap
 from auvplan.check.run import check_run
 from auvplan.export import export_run
-from auvplan.io.currents import OceanData, open_ocean
 from auvplan.io.example import write_example
-
-DATA = Path(__file__).parent.parent / ".." / "shared" / "data"
-FILES = {
-    "cmems_glo12_uo_vo_northsea.nc": ("uo", "vo"),
-    "norkyst_v3_800m_5h.nc": ("u_eastward", "v_northward"),
-    "rtofs_water_u_v_washington_64x3h.nc": ("water_u", "water_v"),
-    "norfjords160_roms_native_24h.nc": ("u", "v"),
-}
-#: Nodes compared in each file.
-NODES = 20
-
-
-def own_values(path: Path, names: tuple[str, str]) -> tuple[np.ndarray, np.ndarray]:
-    """East and north velocity [T, Z, Y, X] as xarray has them; those of ROMS averaged and rotated here."""
-    engine = "scipy" if path.name.startswith("rtofs") else "h5netcdf"
-    with xr.open_dataset(path, engine=engine) as dataset:
-        u, v = (dataset[name].values.astype(float) for name in names)
-        if names != ("u", "v"):
-            return tuple(field if field.ndim == 4 else field[:, None] for field in (u, v))  # type: ignore
-        angle = dataset["angle"].values
-        wide = np.full((*u.shape[:2], *angle.shape), np.nan)
-        tall = wide.copy()
-        wide[..., 1:-1] = 0.5 * (u[..., 1:] + u[..., :-1])
-        tall[..., 1:-1, :] = 0.5 * (v[..., 1:, :] + v[..., :-1, :])
-        return wide * np.cos(angle) - tall * np.sin(angle), wide * np.sin(angle) + tall * np.cos(angle)
-
-
-def depth_of(data: OceanData, path: Path, node: tuple[int, ...]) -> float:
-    """Depth, m, of a node (time, level, row, column)."""
-    if data.levels is not None:
-        return float(data.levels[node[1]])
-    with xr.open_dataset(path, engine="h5netcdf") as dataset:
-        h, zeta = dataset["h"].values[node[2:]], dataset["zeta"].values[(node[0], *node[2:])]
-        s, stretched = dataset["s_rho"].values[node[1]], dataset["Cs_r"].values[node[1]]
-        hc = float(dataset["hc"])
-    share = (hc * s + h * stretched) / (hc + h)  # Vtransform 2
-    return float(-(zeta + h) * share)
-
-
-def compared() -> Iterator[str]:
-    """A line for each file: largest difference at random nodes, m/s."""
-    for name, variables in FILES.items():
-        path, rng = DATA / "currents" / name, np.random.default_rng(1)
-        east, north = own_values(path, variables)
-        water = np.argwhere(np.isfinite(east) & np.isfinite(north))
-        worst = 0.0
-        with open_ocean(path) as data:
-            longitude, latitude = np.broadcast_arrays(*_mesh(data, east.shape[2:]))
-            for node in map(tuple, rng.choice(water, NODES, replace=False)):
-                depth = depth_of(data, path, node)
-                place = longitude[node[2:]], latitude[node[2:]]
-                found = data.at(*place, depth, data.moments[node[0]])
-                error = abs(float(found[0]) - east[node]), abs(float(found[1]) - north[node])
-                worst = float(np.max([worst, *error]))  # a missing value shows
-        yield f"{name:40} {NODES} nodes, largest difference {worst:.1e} m/s"
-
-
-def _mesh(data: OceanData, shape: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray]:
-    longitude, latitude = np.asarray(data.longitude), np.asarray(data.latitude)
-    if longitude.ndim == 1 and longitude.size != int(np.prod(shape)):
-        return longitude[None, :], latitude[:, None]
-    return longitude.reshape(shape), latitude.reshape(shape)
+from benchmarks.machine import SHARED as DATA
 
 
 def fjord() -> str:
@@ -153,8 +90,6 @@ def main() -> None:
     """Print all lines."""
     if not DATA.is_dir():
         raise SystemExit(f"{DATA}: no such folder")
-    for line in compared():
-        print(line, flush=True)
     print(fjord(), flush=True)
     with tempfile.TemporaryDirectory() as folder:
         for line in islands(Path(folder)):

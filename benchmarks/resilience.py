@@ -24,15 +24,15 @@ import threading
 import time
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import xarray as xr
-from rich.table import Table
 
 import auvplan as ap
 from auvplan.files import MISSION, SUMMARY
 from auvplan.study import Design, load_study, run_study, without_clocks
 from auvplan.study.store import DATASET, DESIGN, PIECES
-from benchmarks.machine import AUVPLAN, console
+from benchmarks.machine import AUVPLAN, console, table
 
 #: Shortest and longest life of a command that is killed, as shares of what the unbroken study took.
 LIFE = (0.4, 1.0)
@@ -70,22 +70,28 @@ def killed_and_resumed(count: int, kills: int, seconds: float, folder: Path) -> 
     return found, studies
 
 
+def two_workers() -> Any:
+    """A cluster of two Dask workers on this machine, a process each."""
+    from distributed import LocalCluster
+
+    return LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None)
+
+
 def on_a_cluster(count: int, folder: Path) -> xr.Dataset:
     """The study on two Dask workers, one of which is killed in the middle."""
-    from distributed import Client, LocalCluster
+    from distributed import Client
 
-    design = Design(ap.load_scenario("whitsunday"), count)
-    with LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster:
+    def kill(process: int) -> None:
+        # A short study may be over, and its workers gone, before it is due.
+        with suppress(ProcessLookupError):
+            os.kill(process, signal.SIGKILL)
+
+    with two_workers() as cluster:
         with Client(cluster) as client:
             workers = list(client.run(os.getpid).values())
-        threading.Timer(45.0, _kill, (workers[0],)).start()
+        threading.Timer(45.0, kill, (workers[0],)).start()
+        design = Design(ap.load_scenario("whitsunday"), count)
         return run_study(design, folder, dask=cluster.scheduler_address)
-
-
-def _kill(process: int) -> None:
-    # A short study may be over, and its workers gone, before it is due.
-    with suppress(ProcessLookupError):
-        os.kill(process, signal.SIGKILL)
 
 
 def same(one: xr.Dataset, other: xr.Dataset) -> str:
@@ -182,11 +188,27 @@ def print_outputs(kills: int, folder: Path) -> None:
     """Print the table of `outputs_killed` for all commands."""
     scenario = folder / "example" / "scenario.yaml"
     subprocess.run([*AUVPLAN, "init", str(scenario.parent)], check=True, stdout=subprocess.DEVNULL)
-    table = Table("command", "killed", *HELD, title="results of an earlier run, after a kill of a new one")
-    for name in OUTPUTS:
-        for kind, counts in outputs_killed(name, kills, scenario, folder).items():
-            table.add_row(name, f"{kills} times {kind}", *map(str, counts.values()))
-    console().print(table)
+    rows = [
+        {"command": name, "killed": f"{kills} times {kind}"} | counts
+        for name in OUTPUTS
+        for kind, counts in outputs_killed(name, kills, scenario, folder).items()
+    ]
+    columns = {heading: f"{{{heading}}}" for heading in ("command", "killed", *HELD)}
+    console().print(table("results of an earlier run, after a kill of a new one", rows, columns, names=2))
+
+
+def print_studies(count: int, kills: int, folder: Path) -> None:
+    """Print whether studies that were broken off have the data of one that was not."""
+    begin, screen = time.perf_counter(), console()
+    unbroken = run_study(Design(ap.load_scenario("whitsunday"), count), folder / "unbroken")
+    seconds = time.perf_counter() - begin
+    on_disk, studies = killed_and_resumed(count, kills, seconds, folder / "killed")
+    said = ", ".join(sorted({same(unbroken, load_study(study)) for study in studies}))
+    screen.print(
+        f"{len(studies)} studies killed {len(on_disk)} times, missions on disk then {on_disk}: {said}"
+    )
+    said = same(unbroken, on_a_cluster(count, folder / "dask"))
+    screen.print(f"Dask, one of two workers killed: {said}")
 
 
 def main() -> None:
@@ -198,25 +220,11 @@ def main() -> None:
         "--outputs", action="store_true", help="kill runs that replace earlier results instead"
     )
     options = parser.parse_args()
-    if options.outputs:
-        with tempfile.TemporaryDirectory() as name:
-            print_outputs(options.kills, Path(name))
-        return
-    screen = console()
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        begin = time.perf_counter()
-        unbroken = run_study(Design(ap.load_scenario("whitsunday"), options.n), folder / "unbroken")
-        seconds = time.perf_counter() - begin
-        on_disk, studies = killed_and_resumed(options.n, options.kills, seconds, folder / "killed")
-        said = {same(unbroken, load_study(study)) for study in studies}
-        screen.print(
-            f"{len(studies)} studies killed {len(on_disk)} times, missions on disk then {on_disk}: "
-            f"{', '.join(sorted(said))}"
-        )
-        screen.print(
-            f"Dask, one of two workers killed: {same(unbroken, on_a_cluster(options.n, folder / 'dask'))}"
-        )
+        if options.outputs:
+            print_outputs(options.kills, Path(name))
+        else:
+            print_studies(options.n, options.kills, Path(name))
 
 
 if __name__ == "__main__":

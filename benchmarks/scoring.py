@@ -16,7 +16,6 @@ import jax.numpy as jnp
 import numpy as np
 from rich.console import Console
 from rich.progress import Progress
-from rich.table import Table
 
 import auvplan as ap
 from auvplan.compiled import compiled
@@ -27,7 +26,7 @@ from auvplan.path.bspline import basis_matrix
 from auvplan.path.cost import score
 from auvplan.vehicle import Vehicle
 from benchmarks import path_twins as twins
-from benchmarks.machine import arguments, bars, clock, console, empty_table, named_once, write
+from benchmarks.machine import arguments, bars, clock, console, table, timed, write
 
 COUNTS = (100, 10_000)
 ROUNDS = 30
@@ -145,28 +144,14 @@ def problem(seed: int = 0) -> Problem:
     return Problem(jnp.asarray(start, float), jnp.asarray(goal, float), env, Vehicle(), ap.PathConfig())
 
 
-@dataclass(frozen=True)
-class Row:
-    """One way to score a population.
-
-    Attributes:
-        paths: P.
-        compile_seconds: how much longer the first call took.
-        seconds: median time of a call.
-        to_c: `seconds` over those of C; None without C.
-        to_value: `seconds` over those of the package's kernel.
-        difference: largest relative one to the package's costs.
-    """
-
-    paths: int
-    name: str
-    compile_seconds: float
-    seconds: float
-    least_seconds: float
-    to_c: float | None
-    to_value: float
-    difference: float
-
+#: A row for each way to score a population: times over those of C and of the package's kernel, and the
+#: largest relative difference to that one's costs.
+TITLE = "Scoring paths of 128 samples: 12 vortices, 12 obstacles, 350 x 350 chart"
+COLUMNS = {
+    "paths": "{paths:,}", "what": "{name}", "time": "{milliseconds:.3f} ms", "least": "{least:.3f} ms",
+    "to C": "{to_c:.2f}", "to JAX": "{to_value:.2f}", "compilation": "{compile_seconds:.2f} s",
+    "difference of costs": "{difference:.1e}",
+}  # fmt: skip
 
 Contender = Callable[[jax.Array, twins.Array], Any]
 
@@ -205,7 +190,7 @@ def contenders(problem: Problem, screen: Console) -> dict[str, tuple[Contender, 
     return found
 
 
-def rows(screen: Console, progress: Progress, rounds: int = ROUNDS) -> list[Row]:
+def rows(screen: Console, progress: Progress, rounds: int = ROUNDS) -> list[dict[str, Any]]:
     """All contenders at all sizes.
 
     Raises:
@@ -225,47 +210,23 @@ def rows(screen: Console, progress: Progress, rounds: int = ROUNDS) -> list[Row]
         for name, gap in apart.items():
             if gap.max() > APART or (gap < AGREEMENT).mean() < AGREEING:
                 raise RuntimeError(f"{name} and JAX disagree on the costs of {count} paths")
-        bar, shuffle = progress.add_task(f"{count:,} paths", total=rounds), np.random.default_rng(0)
-        for _ in range(rounds):
+        shuffle = np.random.default_rng(0)
+        for _ in progress.track(range(rounds), description=f"{count:,} paths"):
             for name in shuffle.permutation(list(known)):
                 # The first call finds the caches as another contender left them.
                 call = known[name][0]
                 warm, _ = clock(partial(call, device, host))
                 for _ in range(max(1, int(TURN / warm))):
                     then[name].append(clock(partial(call, device, host))[0])
-            progress.advance(bar)
-        progress.remove_task(bar)
-        median = {name: float(np.median(times)) for name, times in then.items()}
-        for name, seconds in median.items():
-            result.append(
-                Row(
-                    paths=count,
-                    name=name,
-                    compile_seconds=max(0.0, first[name] - seconds),
-                    seconds=seconds,
-                    least_seconds=min(then[name]),
-                    to_c=seconds / median["C, 1 thread"] if "C, 1 thread" in median else None,
-                    to_value=seconds / median["JAX"],
-                    difference=float(apart[name].max()),
-                )
-            )
+        rates = {name: timed(first[name], times) for name, times in then.items()}
+        in_c = rates.get("C, 1 thread", {"seconds": None})["seconds"]
+        for name, rate in rates.items():
+            row = {"paths": count, "name": name, "difference": float(apart[name].max())} | rate
+            row["to_c"] = None if in_c is None else rate["seconds"] / in_c
+            row["to_value"] = rate["seconds"] / rates["JAX"]["seconds"]
+            milliseconds, least = 1e3 * rate["seconds"], 1e3 * rate["least_seconds"]
+            result.append(row | {"milliseconds": milliseconds, "least": least})
     return result
-
-
-def table(rows: list[Row]) -> Table:
-    """All rows as one table."""
-    title = "Scoring paths of 128 samples: 12 vortices, 12 obstacles, 350 x 350 chart"
-    figures = ("time", "least", "to C", "to JAX", "compilation", "difference of costs")
-    shown = empty_table(title, ["paths", "what"], figures)
-    shown.columns[0].justify = "right"
-    for paths, row in named_once(rows, "paths"):
-        shown.add_row(
-            paths and f"{paths:,}", row.name,
-            f"{1e3 * row.seconds:.3f} ms", f"{1e3 * row.least_seconds:.3f} ms",
-            "-" if row.to_c is None else f"{row.to_c:.2f}", f"{row.to_value:.2f}",
-            f"{row.compile_seconds:.2f} s", f"{row.difference:.1e}",
-        )  # fmt: skip
-    return shown
 
 
 def main() -> None:
@@ -276,7 +237,7 @@ def main() -> None:
     screen = console()
     with bars(screen) as progress:
         found = rows(screen, progress, options.rounds)
-    screen.print(table(found))
+    screen.print(table(TITLE, found, COLUMNS, names=2))
     write(options.out, {"rows": found})
 
 

@@ -14,12 +14,11 @@ from typing import Any
 
 import jax
 import numpy as np
-from rich.table import Table
 from scipy.spatial.distance import cdist
 
 from auvplan.mission import MissionGraph, MissionRoute, plan_mission
-from auvplan.mission.timetable import Timetable
-from benchmarks.machine import arguments, console, write
+from benchmarks.machine import arguments, console, table, write
+from benchmarks.mission_sets import timed_graph
 
 FILE = Path(__file__).with_name("solomon.json")
 #: s: windows close, and the time ends, this much after a tenth.
@@ -31,21 +30,16 @@ def posed(stated: dict[str, Any]) -> tuple[MissionGraph, float]:
     x, y, profit, ready, due = np.array(stated["customers"], float).T
     depot = np.array(stated["depot"], float)
     places = np.vstack([depot, np.c_[x, y], depot])
-    size = len(places)
     travel = np.floor(10.0 * cdist(places, places) + 1e-9) / 10.0
-    adjacency = ~np.eye(size, dtype=bool)
-    adjacency[0, -1] = adjacency[-1, 0] = False
-    travel[~adjacency] = np.inf
+    np.fill_diagonal(travel, np.inf)
+    travel[0, -1] = travel[-1, 0] = np.inf
 
     def at_ends(inner: np.ndarray, ends: float) -> np.ndarray:
-        row = np.concatenate([[ends], inner, [ends]])
-        return np.broadcast_to(row, (size, size)).copy()
+        return np.concatenate([[ends], inner, [ends]])
 
     service = at_ends(np.full(len(x), float(stated["service"])), 0.0)
-    opens, closes = at_ends(ready, -np.inf)[..., None], at_ends(due + HALF, np.inf)[..., None]
-    graph = MissionGraph(np.c_[places, np.zeros(size)], adjacency, at_ends(profit, 0.0), service)
-    timed = graph.with_timetable(Timetable(np.zeros(1), travel[None], opens, closes))
-    return timed, stated["until"] + HALF
+    windows = at_ends(ready, -np.inf), at_ends(due + HALF, np.inf)
+    return timed_graph(places, travel[None], at_ends(profit, 0.0), service, *windows), stated["until"] + HALF
 
 
 def profit_of(stated: dict[str, Any], nodes: list[int]) -> int:
@@ -76,11 +70,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=5, help="plans of each set")
     parser.add_argument("--limit", type=float, default=120.0, help="s for each proof; 0 for none")
     options = parser.parse_args()
-    rows, screen = [], console()
-    table = Table(
-        *("set", "published", "planned: mean", "worst", "best", "plan, s", "proof"),
-        title="profit of one vehicle, 100 customers",
-    )
+    rows = []
     for name, stated in json.loads(FILE.read_text(encoding="utf-8"))["sets"].items():
         graph, until = posed(stated)
 
@@ -95,12 +85,15 @@ def main() -> None:
         if options.limit:
             exact = planned(0, method="exact", time_limit=options.limit)
             proof = {"priority": profit_of(stated, exact.nodes.tolist()), "bound": float(exact.bound)}
-        row = {"set": name, "published": stated["most"], "found": found, "seconds": seconds, **proof}
-        rows.append(row)
-        words = f"{proof['priority']} to {proof['bound']:.0f}" if proof else "none"
-        figures = f"{np.mean(found):.1f}", str(min(found)), str(max(found)), f"{seconds:.2f}"
-        table.add_row(name, str(stated["most"]), *figures, words)
-    screen.print(table)
+        words = "{priority} to {bound:.0f}".format(**proof) if proof else "none"
+        row = {"set": name, "published": stated["most"], "found": found, "seconds": seconds, "proof": words}
+        row |= {"mean": float(np.mean(found)), "worst": min(found), "best": max(found)}
+        rows.append(row | proof)
+    columns = {
+        "set": "{set}", "published": "{published}", "planned: mean": "{mean:.1f}", "worst": "{worst}",
+        "best": "{best}", "plan, s": "{seconds:.2f}", "proof": "{proof}",
+    }  # fmt: skip
+    console().print(table("profit of one vehicle, 100 customers", rows, columns))
     write(options.out, {"solomon": rows})
 
 

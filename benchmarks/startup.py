@@ -12,13 +12,11 @@ import statistics
 import subprocess
 import sys
 import tempfile
-import time
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from rich.table import Table
-
-from benchmarks.machine import AUVPLAN, arguments, console, machine, write
+from benchmarks.machine import AUVPLAN, arguments, clock, console, machine, table, write
 
 README = Path(__file__).parent.parent / "README.md"
 
@@ -32,22 +30,14 @@ print(seconds, file=sys.stderr)
 """
 
 
-def seconds(words: list[str], folder: Path) -> float:
-    """Wall-clock time of a process; a mission that fails, status 1, is one all the same."""
+def call(words: list[str], folder: Path) -> tuple[float, str]:
+    """Wall-clock time of a process and its errors; a mission that fails, status 1, is one all the same."""
     place = {**os.environ, "AUVPLAN_CACHE": str(folder / "cache")}
-    begin = time.perf_counter()
-    ended = subprocess.run(words, cwd=folder, env=place, capture_output=True, text=True)
+    run = partial(subprocess.run, words, cwd=folder, env=place, capture_output=True, text=True)
+    seconds, ended = clock(run)
     if ended.returncode not in (0, 1):
         raise RuntimeError(f"{' '.join(words)}: {ended.stderr.strip()}")
-    return time.perf_counter() - begin
-
-
-def own_work(words: list[str], folder: Path) -> float:
-    """Seconds of the second of two calls in one process."""
-    place = {**os.environ, "AUVPLAN_CACHE": str(folder / "cache")}
-    command = [sys.executable, "-c", TWICE, *words]
-    ended = subprocess.run(command, cwd=folder, env=place, capture_output=True, text=True, check=True)
-    return float(ended.stderr.strip().splitlines()[-1])
+    return seconds, ended.stderr.strip()
 
 
 def ten_lines(folder: Path) -> list[str]:
@@ -78,18 +68,15 @@ def other_counts(folder: Path) -> Path:
 def measured(runs: int, study: int, folder: Path) -> list[dict[str, Any]]:
     """First and later times of each command, in the order of a person's first day."""
     rows: list[dict[str, Any]] = []
-    screen = console()
 
     def take(name: str, words: list[str], own: bool = False, later: int = runs) -> None:
-        first = seconds(words, folder)
-        times = [seconds(words, folder) for _ in range(later)]
-        row: dict[str, Any] = {"what": name, "first": first, "later": statistics.median(times or [first])}
-        if own:
-            row["beyond"] = row["later"] - own_work(words[len(AUVPLAN) :], folder)
+        first, *times = (call(words, folder)[0] for _ in range(1 + later))
+        row = {"what": name, "first": first, "later": statistics.median(times or [first]), "beyond": None}
+        if own:  # beyond the second of two calls in one process
+            _, said = call([sys.executable, "-c", TWICE, *words[len(AUVPLAN) :]], folder)
+            row["beyond"] = row["later"] - float(said.splitlines()[-1])
         rows.append(row)
-        screen.print(
-            ", ".join(f"{key} {value:.2f}" if key != "what" else value for key, value in row.items())
-        )
+        console().print("{what}, first {first:.2f}, later {later:.2f}".format(**row))
 
     take("mission, all pictures", [*AUVPLAN, "mission", "--out", "run"])
     take("mission, no pictures", [*AUVPLAN, "mission", "--pictures", "none", "--out", "none"])
@@ -97,13 +84,10 @@ def measured(runs: int, study: int, folder: Path) -> list[dict[str, Any]]:
     take("path scenario-2", [*AUVPLAN, "path", "scenario-2", "--out", "path"])
     take("README's ten lines", ten_lines(folder))
     take("--help", [*AUVPLAN, "--help"])
-    for name, words in (
-        ("check", ["check", "run"]),
-        ("validate", ["validate", "whitsunday"]),
-        ("export", ["export", "run", "--as-simulated", "--out", "files"]),
-        ("plot", ["plot", "run"]),
-    ):
-        take(name, [*AUVPLAN, *words], own=True)
+    take("check", [*AUVPLAN, "check", "run"], own=True)
+    take("validate", [*AUVPLAN, "validate", "whitsunday"], own=True)
+    take("export", [*AUVPLAN, "export", "run", "--as-simulated", "--out", "files"], own=True)
+    take("plot", [*AUVPLAN, "plot", "run"], own=True)
     if study:
         words = [*AUVPLAN, "montecarlo", "-n", str(study), "--force", "--out", "study"]
         (folder / "cache").rename(folder / "before")
@@ -121,11 +105,8 @@ def main() -> None:
         rows = measured(options.runs, options.study, Path(name))
     stated = machine()
     title = f"wall-clock seconds of whole commands, {stated['cores']} cores of {stated['processor']}"
-    table = Table("command", "first", "later", "beyond its own work", title=title)
-    for row in rows:
-        beyond = f"{row['beyond']:.1f}" if "beyond" in row else ""
-        table.add_row(row["what"], f"{row['first']:.1f}", f"{row['later']:.1f}", beyond)
-    console().print(table)
+    times = {"first": "{first:.1f}", "later": "{later:.1f}", "beyond its own work": "{beyond:.1f}"}
+    console().print(table(title, rows, {"command": "{what}"} | times))
     write(options.out, {"startup": rows})
 
 

@@ -17,7 +17,7 @@ import jax
 import auvplan as ap
 from auvplan.executive import seed_keys
 from auvplan.study import Design, run_study
-from benchmarks.machine import console, empty_table
+from benchmarks.machine import console, table
 
 #: Missions that are executed one after the other, and seconds between two looks at the memory.
 SINGLES, PERIOD = 20, 3.0
@@ -72,16 +72,18 @@ def main() -> None:
     watch.over.set()
     single, compiled = one_after_the_other(SINGLES)
     study = whole - clock["compile_s"]
-    figures = ("missions", "compilation", "then", "a mission", "throughput")
-    shown = empty_table(f"{os.cpu_count()} cores, {jax.default_backend()}", ["how"], figures)
-    shown.add_row(
-        "one after the other", str(SINGLES), f"{compiled:.0f} s", f"{single * SINGLES:.1f} s",
-        f"{single:.2f} s", "1",
-    )  # fmt: skip
-    shown.add_row(
-        f"a study, {clock['workers']} processes", str(options.n), f"{clock['compile_s']:.0f} s",
-        f"{study:.1f} s", f"{study / options.n:.2f} s", f"{single / (study / options.n):.2f}",
-    )  # fmt: skip
+    each, workers = study / options.n, clock["workers"]
+    names = "how", "count", "compiled", "then", "each", "ratio"
+    rows = [
+        ("one after the other", SINGLES, compiled, single * SINGLES, single, "1"),
+        (f"a study, {workers} processes", options.n, clock["compile_s"], study, each, f"{single / each:.2f}"),
+    ]
+    columns = {
+        "how": "{how}", "missions": "{count}", "compilation": "{compiled:.0f} s", "then": "{then:.1f} s",
+        "a mission": "{each:.2f} s", "throughput": "{ratio}",
+    }  # fmt: skip
+    title = f"{os.cpu_count()} cores, {jax.default_backend()}"
+    shown = table(title, [dict(zip(names, row, strict=True)) for row in rows], columns)
     shown.caption = f"most memory of the study's processes together {watch.most / 1e9:.2f} GB"
     console().print(shown)
 

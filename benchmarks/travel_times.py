@@ -7,8 +7,7 @@ without the task. Estimates are made as in a mission: from the forecast as the l
 """
 
 import sys
-import time
-from dataclasses import dataclass
+from typing import NamedTuple
 from unittest.mock import patch
 
 import jax
@@ -21,7 +20,8 @@ from auvplan.io.area import load_area
 from auvplan.mission.travel_times import TravelTimeConfig, travel_times
 from auvplan.ocean.vortices import LambVortices
 from auvplan.path import PathConfig
-from auvplan.records import LegRecord, MissionRun
+from auvplan.records import LegRecord
+from benchmarks.machine import clock
 
 LEVELS = {
     "straight line, 32 samples": TravelTimeConfig(PathConfig(control_points=6, samples=32)),
@@ -34,8 +34,7 @@ LEVELS = {
 }
 
 
-@dataclass
-class Planned:
+class Planned(NamedTuple):
     """A leg as it was planned at its start."""
 
     record: LegRecord
@@ -46,7 +45,7 @@ class Planned:
     t_plan: float
 
 
-def executed_legs(count: int) -> tuple[list[Planned], list[MissionRun]]:
+def executed_legs(count: int) -> list[Planned]:
     """Simulate missions and note the forecast at the start of every leg."""
     planned: dict[int, Planned] = {}
     call = path_calls._call
@@ -62,8 +61,8 @@ def executed_legs(count: int) -> tuple[list[Planned], list[MissionRun]]:
         return plans
 
     with patch.object(path_calls, "_call", noting):
-        runs = ap.run_missions(ap.load_scenario("whitsunday"), keys=seed_keys(range(count)))
-    return [leg for leg in planned.values() if leg.record.arrived], runs
+        ap.run_missions(ap.load_scenario("whitsunday"), keys=seed_keys(range(count)))
+    return [leg for leg in planned.values() if leg.record.arrived]
 
 
 def describe(name: str, expected: np.ndarray, planned: np.ndarray, executed: np.ndarray, cost: float) -> None:
@@ -78,32 +77,30 @@ def describe(name: str, expected: np.ndarray, planned: np.ndarray, executed: np.
 
 def main() -> None:
     """Print the table."""
-    scenario = ap.load_scenario("whitsunday")
-    legs, runs = executed_legs(int(sys.argv[1]) if len(sys.argv) > 1 else 16)
-    starts, goals = np.stack([leg.start for leg in legs]), np.stack([leg.goal for leg in legs])
-    departs = np.asarray([leg.depart for leg in legs])
-    planned = np.asarray([leg.t_plan for leg in legs])
-    executed = np.asarray([leg.record.t_path for leg in legs])
-    stated = jax.tree.map(lambda *leaves: jnp.stack(leaves), *[leg.stated for leg in legs])
+    scenario, count = ap.load_scenario("whitsunday"), int(sys.argv[1]) if len(sys.argv) > 1 else 16
+    legs = executed_legs(count)
+    records, starts, goals, departs, stated, t_plan = zip(*legs, strict=True)
+    starts, goals, planned = np.stack(starts), np.stack(goals), np.asarray(t_plan)
+    executed, task, whole = (
+        np.asarray([getattr(record, name) for record in records])
+        for name in ("t_path", "t_task", "t_expected")
+    )
     area = scenario.area
-    env = ap.Environment(stated, load_area(scenario).chart, None, area.lower, area.upper)
-    print(f"{len(legs)} legs of {len(runs)} missions; columns: median and mean error, correlation")
+    current = jax.tree.map(lambda *leaves: jnp.stack(leaves), *stated)
+    env = ap.Environment(current, load_area(scenario).chart, None, area.lower, area.upper)
+    print(f"{len(legs)} legs of {count} missions; columns: median and mean error, correlation")
     print(f"{'':48} {'against T_path planned':^26} {'against the time executed':^26} {'ms an edge':>10}")
     distance = np.linalg.norm(goals - starts, axis=1) / scenario.vehicle.speed
     describe("d / |v| (Eq. 13)", distance, planned, executed, 0.0)
     allowance = scenario.planning.detour * scenario.simulation.obstacles.total
-    world = np.arange(len(legs))
+    asked = starts, goals, env, ap.Vehicle(), np.asarray(departs)
     for name, config in LEVELS.items():
-        times, seconds = [], np.zeros(len(legs))
-        for _ in range(4):
-            begin = time.perf_counter()
-            seconds, _ = travel_times(starts, goals, env, ap.Vehicle(), departs, config, world)
-            times.append(time.perf_counter() - begin)
-        cost = 1e3 * min(times) / len(legs)
+        runs = [
+            clock(lambda config=config: travel_times(*asked, config, np.arange(len(legs)))) for _ in range(4)
+        ]
+        cost, seconds = 1e3 * min(took for took, _ in runs) / len(legs), runs[-1][1][0]
         describe(name, seconds, planned, executed, cost)
         describe(f"  and {allowance:.0f} s for obstacles", seconds + allowance, planned, executed, cost)
-    task = np.asarray([leg.record.t_task for leg in legs])
-    whole = np.asarray([leg.record.t_expected for leg in legs])
     describe("as used in the mission, without the task", whole - task, planned, executed, 0.0)
     describe("as used in the mission, with the task", whole, planned + task, executed + task, 0.0)
     describe("d / |v| with the task (Eq. 13)", distance + task, planned + task, executed + task, 0.0)

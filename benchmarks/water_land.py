@@ -4,15 +4,12 @@ Every mask is [PIXELS, PIXELS], True in water, indexed [north, east]; pixel (i, 
 ((i + 0.5) / PIXELS, (j + 0.5) / PIXELS). Ends are start and goal, [2, 2], on the same unit square.
 """
 
-from functools import lru_cache
-
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 from scipy import ndimage
 
 from auvplan.ocean.whitsunday import classes
-from benchmarks.path_problems import MAPS, PIXELS, SITES, have_charts
+from benchmarks.path_problems import PIXELS, SITES, classes_of, have_charts
 
 Array = NDArray[np.floating]
 Mask = NDArray[np.bool_]
@@ -45,7 +42,7 @@ def coast(rng: Rng, gap: float) -> tuple[Mask, Array]:
 
     The shipped chart stands in where the shared ones are absent.
     """
-    kinds = _chart(SITES[rng.integers(len(SITES))] if have_charts() else None)
+    kinds = classes_of(SITES[rng.integers(len(SITES))]) if have_charts() else classes()[::-1]
     water = (kinds == 2) if rng.random() < 0.5 else (kinds > 0)
     while True:
         mask = _cropped(rng, water)
@@ -264,12 +261,3 @@ def _place_of(node: Array, bent_x: Array, bent_y: Array) -> Array:
     """Return the centre of the pixel whose bent coordinates are nearest to a node."""
     nearest = np.argmin((bent_x - node[0]) ** 2 + (bent_y - node[1]) ** 2)
     return (np.array(divmod(int(nearest), PIXELS)) + 0.5) / PIXELS
-
-
-@lru_cache(maxsize=3)
-def _chart(site: str | None) -> NDArray[np.uint8]:
-    """Return classes of a whole map, north up first row in the south: 0 land, 1 reef or shoal, 2 water."""
-    if site is None:
-        return classes()[::-1]
-    with Image.open(MAPS / f"whitsunday_{site}_class.tif") as picture:
-        return np.asarray(picture)[::-1]

@@ -31,7 +31,14 @@ from auvplan.ocean.chart import INTERPOLATION_ERROR
 from auvplan.ocean.currents import Current, Velocity, evaluated, is_steady
 from auvplan.ocean.deviation import deviation
 from benchmarks import water_land as land
-from benchmarks.path_problems import OBSTACLES, PIXELS, PathProblem, drawn_vortices, unlimited_vehicle
+from benchmarks.path_problems import (
+    OBSTACLES,
+    PIXELS,
+    PathProblem,
+    drawn_obstacles,
+    drawn_vortices,
+    unlimited_vehicle,
+)
 
 Array = NDArray[np.floating]
 Rng = np.random.Generator
@@ -138,9 +145,8 @@ class TidalCurrent:
 
     def factor(self, t: Array) -> Array:
         """Return the factor at times t [s], in NumPy."""
-        mean, swing, period, phase = (
-            np.asarray(part, float) for part in (self.mean, self.swing, self.period, self.phase)
-        )
+        parts = self.mean, self.swing, self.period, self.phase
+        mean, swing, period, phase = (np.asarray(part, float) for part in parts)
         return mean + swing * np.cos(2.0 * np.pi * t / period + phase)
 
 
@@ -188,31 +194,21 @@ def scaled(problem: PathProblem, factor: float) -> PathProblem:
     env, vehicle = problem.environment, problem.vehicle
     chart, found = env.chart, env.obstacles
     if chart is not None:
-        chart = replace(
-            chart,
-            signed_distance=chart.signed_distance * factor,
-            origin=chart.origin * factor,
-            pixel_size=chart.pixel_size * factor,
-        )
+        chart = _multiplied(chart, factor, "signed_distance", "origin", "pixel_size")
     # Growth and velocities are speeds.
     lengths = ("position", "radius", "position_std", "radius_std", "growth_max", "observed_at")
-    obstacles = replace(found, **{name: getattr(found, name) * factor for name in lengths})
+    obstacles = _multiplied(found, factor, *lengths)
     config, changes = ap.PathConfig(**problem.changes), dict(problem.changes)
     # Settings are compiled in: margins of what is not there stay as they are.
     if chart is not None:
         changes["coast_margin"] = config.coast_margin * factor
     if len(found):
         changes["obstacle_margin"] = config.obstacle_margin * factor
+    corners = (np.asarray(corner, float) * factor for corner in (env.lower, env.upper))
     return replace(
         problem,
         name=f"{problem.name} x {factor:g}",
-        environment=ap.Environment(
-            _scaled_current(env.current, factor),
-            chart,
-            obstacles,
-            np.asarray(env.lower, float) * factor,
-            np.asarray(env.upper, float) * factor,
-        ),
+        environment=ap.Environment(_scaled_current(env.current, factor), chart, obstacles, *corners),
         start=tuple(factor * axis for axis in problem.start),
         goal=tuple(factor * axis for axis in problem.goal),
         vehicle=replace(vehicle, turn_rate_max=float(vehicle.turn_rate_max) / factor),
@@ -222,18 +218,17 @@ def scaled(problem: PathProblem, factor: float) -> PathProblem:
     )
 
 
+def _multiplied(placed: Any, factor: float, *names: str) -> Any:
+    return replace(placed, **{name: getattr(placed, name) * factor for name in names})
+
+
 def _scaled_current(current: Current, factor: float) -> Current:
     """Scale vortices and tides field by field, so that they stay what they are; wrap any other current."""
     if isinstance(current, TidalCurrent):
         steady = _scaled_current(current.current, factor)
         return replace(current, current=steady, period=jnp.asarray(current.period) * factor)
     if isinstance(current, ap.LambVortices) and current.strength.shape[0] == 1:
-        return replace(
-            current,
-            centers=current.centers * factor,
-            strength=current.strength * factor,
-            radius=current.radius * factor,
-        )
+        return _multiplied(current, factor, "centers", "strength", "radius")
     return ScaledCurrent(current, jnp.asarray(factor, float))
 
 
@@ -270,11 +265,17 @@ def _drawn(rng: Rng, kind: Kind, family: str, name: str) -> PathProblem | None:
     # Moving obstacles are met at the times of a steady current.
     tidal = rng.random() < _TIDAL and not kind.moving
     current, factors = tide(rng, steady, straight) if tidal else (steady, (1.0,))
-    centres, radii = _obstacles(rng, kind, ends, side, coast)
+    count = int(rng.integers(kind.obstacles[0], kind.obstacles[1] + 1))
+    count = min(count, OBSTACLES - 6) if kind.moving else count
+    anywhere = (np.argwhere(coast > 0.0) + 0.5) * side / PIXELS if kind.narrow else None
+    room = 0.012 * side + ap.PathConfig().obstacle_margin
+    centres, radii = drawn_obstacles(rng, count, ends, kind.radii, side, room, anywhere)
     fixed = ap.Obstacles.static(np.c_[centres, np.zeros(len(radii))], radii)
     grid = _Grid.of(coast, pixel, steady, factors, vehicle).without(centres, radii)
     route, obstacles = grid.route(start, goal), fixed
-    if (route is not None) != kind.way or (not kind.way and _joined(distance, start, goal)):
+    # For a vehicle that keeps no margin.
+    pools, _ = ndimage.label(distance > 0.0, np.ones((3, 3)))
+    if (route is not None) != kind.way or (not kind.way and pools[start] == pools[goal]):
         return None
     if route is not None and kind.moving:
         moving = _movers(rng, grid, route, coast, steady, side, vehicle)
@@ -290,12 +291,6 @@ def _drawn(rng: Rng, kind: Kind, family: str, name: str) -> PathProblem | None:
 def _pixel_of(place: Array, pixel: float) -> tuple[int, int]:
     i, j = np.clip((place / pixel).astype(int), 0, PIXELS - 1)
     return int(i), int(j)
-
-
-def _joined(distance: Array, start: tuple[int, int], goal: tuple[int, int]) -> bool:
-    """Whether water joins start and goal, for a vehicle that keeps no margin."""
-    labels, _ = ndimage.label(distance > 0.0, np.ones((3, 3)))
-    return labels[start] == labels[goal]
 
 
 def _vortices(rng: Rng, side: float, speed: float) -> ap.LambVortices:
@@ -332,31 +327,6 @@ def tide(rng: Rng, steady: Current, straight: float) -> tuple[TidalCurrent, tupl
     period, phase = straight * rng.uniform(0.7, 4.0), rng.uniform(0.0, 2.0 * np.pi)
     turning = TidalCurrent(steady, mean, 1.0 - mean, period, phase)
     return jax.tree.map(lambda leaf: jnp.asarray(leaf, float), turning), (2.0 * mean - 1.0, 1.0)
-
-
-def _obstacles(rng: Rng, kind: Kind, ends: Array, side: float, coast: Array) -> tuple[Array, Array]:
-    """Return centres [M, 2] m and radii [M] m, clear of both ends [2, 2] m, most near the straight line.
-
-    In narrow waters they lie anywhere on the water.
-    """
-    way = ends[1] - ends[0]
-    aside = np.array([-way[1], way[0]])
-    count = int(rng.integers(kind.obstacles[0], kind.obstacles[1] + 1))
-    count = min(count, OBSTACLES - 6) if kind.moving else count
-    free = np.argwhere(coast > 0.0)
-    room = 0.012 * side + ap.PathConfig().obstacle_margin
-    centres, radii = np.zeros((count, 2)), np.zeros(count)
-    for k in range(count):
-        while True:
-            radius = side * np.exp(rng.uniform(*np.log(kind.radii)))
-            if kind.narrow:
-                centre = (rng.choice(free) + 0.5) * side / PIXELS
-            else:
-                centre = ends[0] + rng.uniform(0.0, 1.0) * way + rng.normal(0.0, 0.15) * aside
-            if np.linalg.norm(ends - centre, axis=1).min() > radius + room:
-                break
-        centres[k], radii[k] = centre, radius
-    return centres, radii
 
 
 def _movers(
@@ -400,14 +370,10 @@ def _movers(
     carried = np.stack(current(x, y, jnp.zeros_like(x), jnp.zeros_like(x))[:2], axis=1)
     drift = rng.integers(0, 2, len(radii)).astype(float)
     growth_max = 0.004 * side * rng.integers(0, 2, len(radii))
-    return ap.Obstacles.create(
-        np.c_[position, np.zeros(len(radii))],
-        radii,
-        velocity=np.c_[velocity - drift[:, None] * carried, np.zeros(len(radii))],
-        drift=drift,
-        growth=growth_max / (0.5 * times[-1]),
-        growth_max=growth_max,
-    )
+    level = np.zeros(len(radii))
+    own = np.c_[velocity - drift[:, None] * carried, level]
+    grows = {"growth": growth_max / (0.5 * times[-1]), "growth_max": growth_max}
+    return ap.Obstacles.create(np.c_[position, level], radii, velocity=own, drift=drift, **grows)
 
 
 #: Moves from a pixel to another, and the pixels beside each that must be free as well.
@@ -487,9 +453,8 @@ class _Grid:
             heads.append(_shifted(index, a, b, -1)[joined])
             times.append(0.5 * (seconds + _shifted(seconds, a, b, np.inf))[joined])
         count = int(free.sum())
-        edges = coo_array(
-            (np.concatenate(times), (np.concatenate(tails), np.concatenate(heads))), (count, count)
-        )
+        ends = np.concatenate(tails), np.concatenate(heads)
+        edges = coo_array((np.concatenate(times), ends), (count, count))
         found, before = dijkstra(edges.tocsr(), indices=index[start], return_predecessors=True)
         if not np.isfinite(found[index[goal]]):
             return None
@@ -517,9 +482,8 @@ class _Grid:
             met = centre + times[:, None, None] * velocity
             away = np.linalg.norm(places[:, None] - met, axis=2) - reach - ap.PathConfig().obstacle_margin
             # Between two nodes both move on by no more than this.
-            slack = 2.0 * self.pixel + np.diff(times, append=times[-1])[:, None] * np.linalg.norm(
-                velocity, axis=1
-            )
+            lasts = np.diff(times, append=times[-1])[:, None]
+            slack = 2.0 * self.pixel + lasts * np.linalg.norm(velocity, axis=1)
             struck = away < slack
             if not struck.any():
                 return True

@@ -24,7 +24,6 @@ from typing import Any
 
 import jax
 import numpy as np
-from rich.table import Table
 from scipy.spatial.distance import cdist
 
 import auvplan as ap
@@ -33,7 +32,7 @@ from auvplan.mission.exact import load_cp_model
 from auvplan.mission.timetable import Timetable
 from auvplan.ocean.gridded import GriddedCurrent
 from benchmarks.labels import Windows, most_priority
-from benchmarks.machine import arguments, bars, console, empty_table, installed, machine, write
+from benchmarks.machine import arguments, bars, console, installed, machine, table, write
 
 SIZE, SPEED, EXTENT = 40, 2.5, 10_000.0
 FIRST_SEED, CASES, PLANS = 7000, 30, 3
@@ -47,6 +46,8 @@ TIME_LIMIT, WORKERS = 20.0, 2
 TIGHT_SHARES = (0.25, 0.5, 0.75)
 #: Lengths of windows as shares of the time available.
 TIGHT, WIDE = (0.02, 0.08), (0.2, 0.5)
+
+FAMILIES = "complete", "7-12 nearest"
 
 #: Of the timings.
 DEPARTURES, BENDS, INTERVAL = 24, 5, 900.0
@@ -69,7 +70,7 @@ class Case:
     @property
     def family(self) -> str:
         """Complete or not."""
-        return "complete" if self.seed % 2 == 0 else "7-12 nearest"
+        return FAMILIES[self.seed % 2]
 
 
 @dataclass(frozen=True)
@@ -82,32 +83,20 @@ class Proof:
     seconds: float
 
 
-@dataclass(frozen=True)
-class Row:
-    """Plans of one configuration on one kind of graph; gaps are shares, times s."""
-
-    family: str
-    planner: str
-    graphs: int
-    proved: float
-    tasks: float
-    mean_gap: float
-    worst_gap: float
-    optimal: float
-    feasible: float
-    wall_seconds: float
-    user_seconds: float
-
-
-@dataclass(frozen=True)
-class Timing:
-    """First call, which compiles, and the median of later ones, s."""
-
-    what: str
-    asked: float
-    first_seconds: float
-    wall_seconds: float
-    user_seconds: float
+#: Plans of one configuration on one kind of graph, what proved it, and timings.
+GAPS = {
+    "graphs": "{family} ({graphs})", "planner": "{planner}", "proved": "{proved:.0%}", "tasks": "{tasks:.1f}",
+    "mean gap": "{mean_gap:.2%}", "worst gap": "{worst_gap:.2%}", "optimal": "{optimal:.0%}",
+    "feasible": "{feasible:.0%}", "wall": "{wall_ms:.0f} ms", "user": "{user_ms:.0f} ms",
+}  # fmt: skip
+PROOFS = {
+    "graphs": "{family} ({graphs})", "search": "{search}", "proved": "{proved}",
+    "better than planned": "{better}", "above labels": "{above}", "median time": "{seconds:.1f} s",
+}  # fmt: skip
+TIMINGS = {
+    "what": "{what}", "asked": "{asked:.2f} s", "first call": "{first_seconds:.2f} s",
+    "wall": "{wall_seconds:.2f} s", "user": "{user_seconds:.2f} s",
+}  # fmt: skip
 
 
 def case(seed: int) -> Case:
@@ -216,17 +205,14 @@ def exact(case: Case, route: Any) -> Proof:
     return Proof(float(priority), float(bound), bool(priority == bound), time.perf_counter() - begin)
 
 
-def planners() -> dict[str, MissionConfig]:
-    """The configurations that are compared."""
-    return {"default": MissionConfig(), "quick": MissionConfig.quick()}
+#: The configurations that are compared.
+PLANNERS = {"default": MissionConfig(), "quick": MissionConfig.quick()}
 
 
 def plan(case: Case, config: MissionConfig, key: int) -> MissionRoute:
     """Plan from the first waypoint to the last one."""
-    return plan_mission(
-        case.graph, 0, case.graph.size - 1, case.time_available,
-        speed=SPEED, key=jax.random.key(key), config=config,
-    )  # fmt: skip
+    asked = case.graph, 0, case.graph.size - 1, case.time_available
+    return plan_mission(*asked, speed=SPEED, key=jax.random.key(key), config=config)
 
 
 def clock(call: Callable[[], Any]) -> tuple[float, float, Any]:
@@ -236,65 +222,78 @@ def clock(call: Callable[[], Any]) -> tuple[float, float, Any]:
     return time.perf_counter() - wall, os.times().user - user, result
 
 
-def compare(count: int, first: int, limit: float, progress: Any) -> tuple[list[Row], list[dict[str, Any]]]:
+def compare(count: int, first: int, limit: float, progress: Any) -> tuple[list[dict], list[dict[str, Any]]]:
     """Rows of all planners, and what the exact searches found of each graph from a seed on."""
     cases = [case(first + k) for k in range(count)]
     for one in cases[:2]:
-        for config in planners().values():
+        for config in PLANNERS.values():
             plan(one, config, PLANS)
-    bar = progress.add_task("graphs", total=len(cases))
-    plans, found = {}, []
-    for one in cases:
-        for name, config in planners().items():
+    plans, found, rows = {}, [], []
+    for one in progress.track(cases, description="graphs"):
+        for name, config in PLANNERS.items():
             plans[one.seed, name] = [clock(partial(plan, one, config, key)) for key in range(PLANS)]
-        routes = [route for name in planners() for *_, route in plans[one.seed, name]]
+        routes = [route for name in PLANNERS for *_, route in plans[one.seed, name]]
         best = max(routes, key=lambda route: route.priority if route.feasible else -1.0)
         nodes = best.nodes.tolist() if best.feasible else [0]
-        labels = exact(one, nodes)
         peer = prove(one, nodes, limit, WORKERS) if limit and installed("ortools") else None
-        found.append(
-            {
-                "seed": one.seed,
-                "family": one.family,
-                "labels": labels,
-                "cp_sat": peer,
-                **{name: [route.priority for *_, route in plans[one.seed, name]] for name in planners()},
-            }
-        )
-        progress.advance(bar)
-    rows = []
-    for family in ("complete", "7-12 nearest", "all"):
+        proofs = {"seed": one.seed, "family": one.family, "labels": exact(one, nodes), "cp_sat": peer}
+        priorities = {n: [route.priority for *_, route in plans[one.seed, n]] for n in PLANNERS}
+        found.append(proofs | priorities)
+    for family in (*FAMILIES, "all"):
         members = [each for each in found if family in (each["family"], "all")]
-        for name in planners():
+        for name in PLANNERS if members else ():
             made = [(each, *run) for each in members for run in plans[each["seed"], name]]
-            found_of = [route.priority if route.feasible else 0.0 for *_, route in made]
-            gaps = 1.0 - np.array(found_of) / [each["labels"].bound for each, *_ in made]
-            proved = float(np.mean([each["labels"].proved for each in members]))
-            tasks, kept = (
-                np.mean([getattr(run[-1], part) for run in made]) for part in ("tasks", "feasible")
-            )
-            wall, user = (statistics.median(run[k] for run in made) for k in (1, 2))
-            shares = float(gaps.mean()), float(gaps.max()), float((gaps < 1e-9).mean()), float(kept)
-            rows.append(Row(family, name, len(members), proved, float(tasks), *shares, wall, user))
+            priority = [route.priority if route.feasible else 0.0 for *_, route in made]
+            gaps = 1.0 - np.array(priority) / [each["labels"].bound for each, *_ in made]
+            wall, user = (1e3 * statistics.median(run[k] for run in made) for k in (1, 2))
+            rows.append({
+                "family": family, "planner": name, "graphs": len(members),
+                "proved": float(np.mean([each["labels"].proved for each in members])),
+                "tasks": float(np.mean([route.tasks for *_, route in made])),
+                "feasible": float(np.mean([route.feasible for *_, route in made])),
+                "mean_gap": float(gaps.mean()), "worst_gap": float(gaps.max()),
+                "optimal": float((gaps < 1e-9).mean()), "wall_ms": wall, "user_ms": user,
+            })  # fmt: skip
     return rows, found
 
 
-def timings(repeats: int, progress: Any) -> list[Timing]:
-    """Travel times by departure in a tidal stream, and plans by them."""
+def proof_rows(found: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """How each exact search fared."""
+    rows = []
+    for family in FAMILIES:
+        members = [each for each in found if each["family"] == family]
+        for name, search in (("labels", "labels"), ("CP-SAT", "cp_sat")):
+            proofs = [(each[search], each) for each in members if each[search]]
+            if proofs:
+                rows.append({
+                    "family": family, "graphs": len(members), "search": name,
+                    "proved": sum(proof.proved for proof, _ in proofs),
+                    "better": sum(p.priority > max(max(each[n]) for n in PLANNERS) for p, each in proofs),
+                    "above": sum(proof.priority > each["labels"].bound for proof, each in proofs),
+                    "seconds": statistics.median(proof.seconds for proof, _ in proofs),
+                })  # fmt: skip
+    return rows
+
+
+def timings(repeats: int, progress: Any) -> list[dict[str, Any]]:
+    """Travel times by departure in a tidal stream, and plans by them; medians but for the first calls."""
     departures, rows = INTERVAL * np.arange(DEPARTURES), []
     times = np.arange(-3600.0, DEPARTURES * INTERVAL + 7200.0, 300.0)
     swing = np.cos(2.0 * np.pi * times / PERIOD)[:, None, None, None]
     u, v = (np.broadcast_to(strength * swing, (len(times), 1, 2, 2)) for strength in STREAM)
     tide = GriddedCurrent.from_arrays(u, v, origin=(-5e4, -5e4), spacing=1e5, times=times)
     sea = ap.Environment(tide, lower=np.zeros(3), upper=np.array([EXTENT, EXTENT, 100.0]))
-    vehicle = ap.Vehicle(speed=SPEED)
     bar = progress.add_task("timings", total=4)
+
+    def travel(graph: MissionGraph) -> Any:
+        return graph.times_at(sea, ap.Vehicle(speed=SPEED), departures, bends=BENDS)
 
     def measure(what: str, asked: float, call: Callable[[int], Any]) -> Any:
         first, _, result = clock(partial(call, 0))
         runs = [clock(partial(call, k)) for k in range(1, repeats + 1)]
         wall, user = (statistics.median(run[k] for run in runs) for k in range(2))
-        rows.append(Timing(what, asked, first, wall, user))
+        row = {"what": what, "asked": asked, "first_seconds": first}
+        rows.append(row | {"wall_seconds": wall, "user_seconds": user})
         progress.advance(bar)
         return result
 
@@ -304,58 +303,17 @@ def timings(repeats: int, progress: Any) -> list[Timing]:
         adjacency = random_graph(rng, positions).adjacency
         graph, opens, closes = _tasks(rng, positions, adjacency, AVAILABLE[0], TIGHT_SHARES[1])
         if size == SIZE:
-            travel = measure(
-                f"travel times, {size} waypoints, {adjacency.sum():,} edges, {DEPARTURES} departures",
-                1.0,
-                lambda _, graph=graph: graph.times_at(sea, vehicle, departures, bends=BENDS),
-            )
+            what = f"travel times, {size} waypoints, {adjacency.sum():,} edges, {DEPARTURES} departures"
+            found = measure(what, 1.0, lambda _, graph=graph: travel(graph))
             every = replace(graph, adjacency=~np.eye(size, dtype=bool))
-            measure(
-                f"the same, complete: {size * (size - 1):,} edges",
-                1.0,
-                lambda _, every=every: every.times_at(sea, vehicle, departures, bends=BENDS),
-            )
+            what = f"the same, complete: {size * (size - 1):,} edges"
+            measure(what, 1.0, lambda _, every=every: travel(every))
         else:
-            travel = graph.times_at(sea, vehicle, departures)
-        timed = Case(graph.with_timetable(Timetable(departures, travel, opens, closes)), AVAILABLE[0], size)
-        measure(
-            f"plan, {size} waypoints, {DEPARTURES} departures, windows",
-            seconds,
-            lambda key, timed=timed: plan(timed, MissionConfig(), key),
-        )
+            found = graph.times_at(sea, ap.Vehicle(speed=SPEED), departures)
+        timed = Case(graph.with_timetable(Timetable(departures, found, opens, closes)), AVAILABLE[0], size)
+        what = f"plan, {size} waypoints, {DEPARTURES} departures, windows"
+        measure(what, seconds, lambda key, timed=timed: plan(timed, MissionConfig(), key))
     return rows
-
-
-def tables(rows: list[Row], found: list[dict[str, Any]], timed: list[Timing]) -> list[Table]:
-    """What is printed."""
-    figures = ("proved", "tasks", "mean gap", "worst gap", "optimal", "feasible", "wall", "user")
-    gaps = empty_table("Routes by the clock: gap to the best", ["graphs", "planner"], figures)
-    for row in rows:
-        gaps.add_row(
-            f"{row.family} ({row.graphs})", row.planner, f"{row.proved:.0%}", f"{row.tasks:.1f}",
-            f"{row.mean_gap:.2%}", f"{row.worst_gap:.2%}", f"{row.optimal:.0%}", f"{row.feasible:.0%}",
-            f"{1e3 * row.wall_seconds:.0f} ms", f"{1e3 * row.user_seconds:.0f} ms",
-        )  # fmt: skip
-    figures = ("proved", "better than planned", "above labels", "median time")
-    exact = empty_table("What proved it", ["graphs", "search"], figures)
-    for family in ("complete", "7-12 nearest"):
-        members = [each for each in found if each["family"] == family]
-        for search in ("labels", "cp_sat"):
-            proofs = [(each, each[search]) for each in members if each[search]]
-            if proofs:
-                planned = [max(max(each[name]) for name in planners()) for each, _ in proofs]
-                better = sum(proof.priority > most for (_, proof), most in zip(proofs, planned, strict=True))
-                above = sum(proof.priority > each["labels"].bound for each, proof in proofs)
-                exact.add_row(
-                    f"{family} ({len(members)})", {"labels": "labels", "cp_sat": "CP-SAT"}[search],
-                    str(sum(proof.proved for _, proof in proofs)), str(better), str(above),
-                    f"{statistics.median(proof.seconds for _, proof in proofs):.1f} s",
-                )  # fmt: skip
-    clocked = empty_table("Timings", ["what"], ["asked", "first call", "wall", "user"])
-    for row in timed:
-        times = (row.asked, row.first_seconds, row.wall_seconds, row.user_seconds)
-        clocked.add_row(row.what, *(f"{seconds:.2f} s" for seconds in times))
-    return [*([gaps, exact] if rows else []), *([clocked] if timed else [])]
 
 
 def main() -> None:
@@ -376,8 +334,14 @@ def main() -> None:
     facts = machine()
     load = os.getloadavg()[0]
     screen.print(f"{facts['processor']}, {facts['cores']} cores, load {load:.1f}, jax {jax.__version__}")
-    for table in tables(rows, found, timed):
-        screen.print(table)
+    titled = (
+        ("Routes by the clock: gap to the best", rows, GAPS, 2),
+        ("What proved it", proof_rows(found), PROOFS, 2),
+        ("Timings", timed, TIMINGS, 1),
+    )
+    for title, shown, columns, names in titled:
+        if shown:
+            screen.print(table(title, shown, columns, names))
     content = {"limit": options.limit, "load": load, "graphs": found}
     write(options.out, content | {"rows": rows, "timings": timed})
 

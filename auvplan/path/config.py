@@ -132,7 +132,7 @@ class PathConfig:
         that a habitat mutates in one of its SIVs, by a Gaussian step of 5 % of its range, and control points
         keep within 35 % of the distance from the straight line. Read as a probability of every SIV, or with
         values drawn anew within the bounds, mutation keeps the mean violation of the population above 1e-3
-        (`python -m benchmarks.paper_scenarios --readings`).
+        (`python -m benchmarks.paper_scenarios`).
 
         Args:
             control_points: free ones; the paper gives no number. From random habitats 100 iterations leave

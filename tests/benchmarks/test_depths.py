@@ -100,7 +100,7 @@ def test_a_reference_is_the_closed_form_of_a_dive_through_one_thin_interface():
     interface, and comes up at the same angle.
     """
     pytest.importorskip("numba")
-    from benchmarks.depth_reference import depth_reference
+    from benchmarks.references import depth_reference
 
     speed, c, length, interface = 2.0, 1.0, 2000.0, 60.0
     layers = LayeredCurrent(*(jnp.asarray(v) for v in ([0.0, 0.0], [c, 0.0], interface, 0.5)))
@@ -121,14 +121,14 @@ def test_a_reference_is_the_closed_form_of_a_dive_through_one_thin_interface():
 @pytest.mark.parametrize("seed", SEEDS)
 def test_references_keep_off_spheres_and_are_no_slower_than_a_simple_way(seed):
     pytest.importorskip("numba")
-    from benchmarks.depth_grid import DepthGrid, ways
+    from benchmarks.path_grid import Grid, ways
     from benchmarks.path_tighten import tighten
 
     problem = drawn("spheres", seed)
     world = World.of(problem)
-    grid = DepthGrid.of(problem, world, (48, 12, 16))
+    grid = Grid.corridor(problem, world, (48, 12, 16))
     grid_time, path = next(ways(problem, world, grid, 1))
-    found = tighten(problem, world, grid, path, 64, grid.width, grid.moments)
+    found = tighten(problem, world, grid, path, 64, grid.width)
     assert found.score.feasible
     assert found.score.clearance > -world.tolerance
     assert found.score.travel_time < 1.01 * grid_time

@@ -10,7 +10,7 @@ from scipy import ndimage
 
 import auvplan as ap
 from benchmarks.path_problems import PIXELS, PathProblem, literature, unlimited_vehicle
-from benchmarks.path_ruler import LIMIT_TOLERANCE, World, current_at, evaluate
+from benchmarks.path_ruler import LIMIT_TOLERANCE, World, evaluate, velocity_at
 from benchmarks.water_problems import FAMILIES, KINDS, TidalCurrent, scaled, water_problem
 
 pytestmark = pytest.mark.slow
@@ -69,8 +69,8 @@ def test_a_tide_multiplies_the_current():
     x, y, t = np.full(5, 1500.0), np.full(5, 1200.0), np.linspace(0.0, 9000.0, 5)
     factor = 0.4 + 0.6 * np.cos(2.0 * np.pi * t / 3600.0 + 0.5)
     np.testing.assert_allclose(tide.factor(t), factor, rtol=1e-12)
-    for found, at_rest in zip(current_at(tide, x, y, t), current_at(steady, x, y, t), strict=True):
-        np.testing.assert_allclose(found, factor * at_rest, rtol=1e-6)
+    turning, at_rest = (velocity_at(water, x, y, 0.0 * x, t)[:2] for water in (tide, steady))
+    np.testing.assert_allclose(turning, factor * np.asarray(at_rest), rtol=1e-6)
 
 
 def test_the_ruler_times_a_crab_in_closed_form():
@@ -166,11 +166,11 @@ def test_scaled_problems_are_the_same_ones_in_other_units(family, factor):
 
 def test_references_are_kept_by_problem(tmp_path):
     pytest.importorskip("numba")
-    from benchmarks.water_reference import WaterReference, load, store, stored_reference
+    from benchmarks.references import Reference, load, store, stored_reference
 
     file, problem = tmp_path / "kept.json", drawn("island", SEED)
     positions = np.array([problem.start, problem.goal])[:, :2]
-    store(problem, WaterReference(123.45678, 1e-4, positions, 2.0), file)
+    store(problem, Reference(123.45678, 1e-4, positions, 2.0), file)
     found = stored_reference(problem, load(file))
     assert (found.travel_time, found.error) == (123.4568, 1e-4)
     np.testing.assert_allclose(found.positions[[0, -1]], positions, atol=5e-5 * problem.distance)
@@ -188,8 +188,8 @@ def test_a_coarse_grid_leads_to_a_path_that_the_ruler_holds_feasible(family):
 
     problem = drawn(family, SEED)
     world = World.of(problem)
-    grid = Grid.of(problem, world, 200)
-    grid_time, path = next(passages(problem, world, 1, grid))
+    grid = Grid.plane(problem, world, 200)
+    grid_time, path = next(passages(problem, world, grid, 1))
     found = tighten(problem, world, grid, path, segments=128)
     assert found.score.clearance > -world.tolerance
     assert found.score.travel_time < 1.01 * grid_time

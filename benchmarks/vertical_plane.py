@@ -1,35 +1,17 @@
-"""References of the problems in depth: two grids, the best ways of each tightened, and a vertical plane.
+"""The quickest path in the vertical plane through start and goal: a search apart from those on grids.
 
-The relative difference of both grids is the error of the reference, the quickest path of all. Where nothing
-leads a path out of the vertical plane through start and goal - no obstacles, no current across, a bed that is
-alike on both sides - dynamic programming in that plane is another search, which shares no code with the first
-ones. Nothing of the planner takes part. References are kept in `depth_references.json`.
+It counts where nothing leads a path out of that plane: no obstacles, no current across, a bed that is alike
+on both sides. Dynamic programming over distance and depth alone shares no code with the other searches.
 """
-
-import time
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from benchmarks.depth_grid import DepthGrid, ways
+from benchmarks.path_grid import levels_through, limits_of
 from benchmarks.path_polish import Polished
 from benchmarks.path_problems import PathProblem
 from benchmarks.path_ruler import World, evaluate, velocity_at
-from benchmarks.path_tighten import limits_of, tighten
 from benchmarks.water_problems import TidalCurrent, without_tide
-from benchmarks.water_reference import WaterReference, difference, quickest
-
-Array = NDArray[np.floating]
-
-#: Cells of the two grids ahead, aside and down.
-CELLS = (64, 16, 24), (88, 24, 36)
-
-#: Ways of each grid that are tightened at most, and how much slower than the best path so far one may be.
-WAYS, _SLOWER = 4, 0.04
-
-#: Segments of a tightened path, and of the best one in the end.
-_SEGMENTS, _FINEST = 96, 224
 
 #: Stations of the vertical plane between start and goal, those beyond either, and levels.
 _STATIONS, _BEYOND, _LEVELS = 240, 6, 161
@@ -39,38 +21,6 @@ _PASSED, _STEEPEST = np.array([1, 2, 3, 5, 8]), 6.0
 
 #: Share of the vehicle's speed, and of the leg, by which a plane may differ beside it and still be one.
 _ALIKE = 1e-3
-
-
-def depth_reference(problem: PathProblem) -> WaterReference:
-    """Find the quickest path of a problem on both grids, and in the vertical plane where there is one."""
-    begin = time.perf_counter()
-    world = World.of(problem)
-    grids = [DepthGrid.of(problem, world, cells) for cells in CELLS]
-    found = [best for grid in grids if (best := _best(problem, world, grid)) is not None]
-    error = difference(found)
-    if found:
-        best, grid = quickest(found), grids[-1]
-        narrow = 0.25 * grid.width[0], 0.25 * grid.width[1]
-        finest = tighten(problem, world, grid, best.positions, _FINEST, narrow, grid.moments)
-        if finest is not None and finest.score.feasible:
-            found.append(finest)
-    upright = vertical(problem, world)
-    plane = None if upright is None else upright.score.travel_time
-    if upright is not None and upright.score.feasible:
-        found.append(upright)
-    return WaterReference.of(quickest(found), error, time.perf_counter() - begin, plane)
-
-
-def _best(problem: PathProblem, world: World, grid: DepthGrid) -> Polished | None:
-    """Return the quickest feasible path that a grid leads to; None where it leads to none."""
-    found: list[Polished] = []
-    for grid_time, path in ways(problem, world, grid, WAYS):
-        known = min((one.score.travel_time for one in found), default=np.inf)
-        if grid_time <= known * (1.0 + _SLOWER):
-            tightened = tighten(problem, world, grid, path, _SEGMENTS, grid.width, grid.moments)
-            if tightened is not None and tightened.score.feasible:
-                found.append(tightened)
-    return quickest(found)
 
 
 def vertical(problem: PathProblem, world: World) -> Polished | None:
@@ -83,13 +33,12 @@ def vertical(problem: PathProblem, world: World) -> Polished | None:
     factor = tidal.factor if isinstance(tidal, TidalCurrent) else np.ones_like
     current = without_tide(tidal)
     arc = length / _STATIONS * np.arange(-_BEYOND, _STATIONS + _BEYOND + 1)
-    levels = np.linspace(world.low[2], world.high[2], _LEVELS)
-    speed, _, _, upright_max = limits_of(problem, 0.0)
-    a, z = np.meshgrid(arc, levels, indexing="ij")
+    speed, _, _, upright_max = limits_of(problem)
+    a, z = np.meshgrid(arc, np.linspace(world.low[2], world.high[2], _LEVELS), indexing="ij")
     tables, beds = [], []
     for beside in (0.0, -0.05 * length, 0.05 * length):
         x, y = (start[k] + arc * along[k] + beside * right[k] for k in range(2))
-        beds.append(world.altitude(x, y, np.zeros_like(x)))
+        beds.append(world.bed.at(x, y))
         x, y = (start[k] + a.ravel() * along[k] + beside * right[k] for k in range(2))
         u, v, w = velocity_at(current, x, y, z.ravel(), np.full(x.size, problem.depart))
         if max(np.abs(u * right[0] + v * right[1]).max(), np.abs(w).max()) > _ALIKE * speed:
@@ -101,10 +50,8 @@ def vertical(problem: PathProblem, world: World) -> Polished | None:
     if not steady or len(world.spheres) or apart > _ALIKE * speed or uneven > 0.1:
         return None
     moments = np.linspace(0.0, 30.0 * length / speed, 6001)
-    ends = [int(np.argmin(np.abs(levels - end[2]))) for end in (goal, start)]
-    for level, end in zip(ends, (goal, start), strict=True):
-        levels[level] = end[2]
-    both = (_BEYOND, ends[1]), (_BEYOND + _STATIONS, ends[0])
+    levels, (last, first) = levels_through(world, _LEVELS, (goal[2], start[2]))
+    both = (_BEYOND, first), (_BEYOND + _STATIONS, last)
     rounds = 2 if np.isinf(upright_max) else 1
     time_found, before = _plane(
         arc, levels, tables[0], beds[0], factor(problem.depart + moments), moments[1], speed, upright_max,

@@ -1,0 +1,254 @@
+"""The quickest paths known of the problems, and their files, so that they are computed once.
+
+``python -m benchmarks.references`` computes those of `path_problems` on a fine grid, whose best passages are
+followed by a descent each, and stores them. `water_reference` tightens the best passages of two grids of
+their own spacing, `depth_reference` the best ways of two corridors; the relative difference of both is the
+error of the quickest path of all. Where nothing leads a path out of the vertical plane through both ends,
+dynamic programming in that plane is another search. Nothing of the planner takes part.
+"""
+
+import json
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.machine import arguments, console, table
+from benchmarks.path_grid import Grid, passages, ways
+from benchmarks.path_polish import FINE_STAGES, Polished, Stage, polish, resampled, spread
+from benchmarks.path_problems import PathProblem, have_charts, path_problems
+from benchmarks.path_ruler import LIMIT_TOLERANCE, Score, World
+from benchmarks.path_tighten import tighten
+from benchmarks.vertical_plane import vertical
+
+Array = NDArray[np.floating]
+
+#: Files of the references of `path_problems`, and of random waters without and with depth.
+STORED_PATHS, STORED, STORED_DEEP = (
+    Path(__file__).with_name(f"{name}_references.json") for name in ("path", "water", "depth")
+)
+
+#: Passages that are descended into, and how many of them are followed finely.
+_DESCENDED, _FINE = 12, 3
+
+#: Nodes of the two planes along a side, and cells of the two corridors ahead, aside and down.
+_PLANES, _CORRIDORS = (240, 400), ((64, 16, 24), (88, 24, 36))
+
+#: Paths of each grid that are tightened at most, and how much slower than the best so far one may be.
+_PASSAGES, _WAYS, _PLANE_SLOWER, _DEEP_SLOWER = 6, 4, 0.015, 0.04
+
+#: Boundaries of what moves where a grid path may come too near to it, to be tightened out of it.
+_SMALLER = 0.6
+
+#: Segments of the last tightening in a plane; of a path in depth, and of the best one in the end.
+_FINEST, _DEEP_SEGMENTS, _DEEP_FINEST = 512, 96, 224
+
+#: How paths that turn too sharply are polished, and how many of them.
+_STAGES, _POLISHED = (Stage(128, 4, 1.0, 150), Stage(256, 4, 30.0, 200)), 3
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """The quickest path known.
+
+    Attributes:
+        travel_time: s, by the ruler; None where no path was found.
+        error: relative difference of what the two grids lead to; None where only one of them leads to a path.
+        positions: [n, 2] m, north and east; [n, 3] with depth for problems that have it.
+        plane: s, of the quickest path in the vertical plane, another search; None where there is none.
+    """
+
+    travel_time: float | None
+    error: float | None
+    positions: Array
+    seconds: float
+    plane: float | None = None
+
+    @classmethod
+    def of(
+        cls, found: Sequence[Polished], error: float | None, begin: float, plane: float | None = None
+    ) -> "Reference":
+        """Return what the quickest of some paths is a reference of; `begin` is when the search began."""
+        best, seconds = _quickest(found), time.perf_counter() - begin
+        if best is None:
+            return cls(None, error, np.zeros((0, 2)), seconds, plane)
+        return cls(best.score.travel_time, error, best.positions, seconds, plane)
+
+
+def path_reference(problem: PathProblem) -> Reference:
+    """Find the quickest path of a planar problem by descents from the passages of one grid."""
+    begin, world = time.perf_counter(), World.of(problem)
+    found = passages(problem, world, Grid.plane(problem, world), _DESCENDED)
+    paths = [polish(problem, world, path) for _, path in found]
+    paths.sort(key=lambda path: (not path.score.feasible, path.score.travel_time))
+    paths += [polish(problem, world, path.positions, FINE_STAGES) for path in paths[:_FINE]]
+    return Reference.of([path for path in paths if path.score.feasible], None, begin)
+
+
+def water_reference(problem: PathProblem) -> Reference:
+    """Find the quickest path of a planar problem on both grids."""
+    begin, world = time.perf_counter(), World.of(problem)
+    found = [best for nodes in _PLANES if (best := _best_in_plane(problem, world, nodes)) is not None]
+    return Reference.of(found, _difference(found), begin)
+
+
+def depth_reference(problem: PathProblem) -> Reference:
+    """Find the quickest path of a problem with depth, and in the vertical plane where there is one."""
+    begin, world = time.perf_counter(), World.of(problem)
+    found = []
+    for cells in _CORRIDORS:
+        grid = Grid.corridor(problem, world, cells)
+        how = _DEEP_SEGMENTS, grid.width
+        candidates = ways(problem, world, grid, _WAYS)
+        found += _tightened(
+            problem, world, grid, candidates, _DEEP_SLOWER, lambda score: score.feasible, *how
+        )[:1]
+    error = _difference(found)
+    if best := _quickest(found):
+        narrow = 0.25 * grid.width[0], 0.25 * grid.width[1]
+        finest = tighten(problem, world, grid, best.positions, _DEEP_FINEST, narrow)
+        found += [finest] if finest is not None and finest.score.feasible else []
+    upright = vertical(problem, world)
+    found += [upright] if upright is not None and upright.score.feasible else []
+    return Reference.of(found, error, begin, None if upright is None else upright.score.travel_time)
+
+
+def _quickest(paths: Sequence[Polished]) -> Polished | None:
+    return min(paths, key=lambda path: path.score.travel_time, default=None)
+
+
+def _difference(paths: Sequence[Polished]) -> float | None:
+    """Return the relative difference of two paths' travel times; None where there are not two."""
+    times = sorted(path.score.travel_time for path in paths)
+    return times[1] / times[0] - 1.0 if len(times) == 2 else None
+
+
+def _tightened(
+    problem: PathProblem, world: World, grid: Grid, candidates: Iterable[tuple[float, Array]], slower: float,
+    kept: Callable[[Score], bool], *how: Any,
+) -> list[Polished]:  # fmt: skip
+    """Tighten paths on a grid, `how` as `tighten` takes it; return those that are kept, quickest first.
+
+    Args:
+        candidates: times [s] and positions.
+        slower: how much slower than the best path so far one may be on the grid.
+    """
+    found: list[Polished] = []
+    for grid_time, path in candidates:
+        known = min((one.score.travel_time for one in found), default=np.inf)
+        if grid_time <= known * (1.0 + slower):
+            tightened = tighten(problem, world, grid, path, *how)
+            if tightened is not None and kept(tightened.score):
+                found.append(tightened)
+    return sorted(found, key=lambda path: path.score.travel_time)
+
+
+def _best_in_plane(problem: PathProblem, world: World, nodes: int) -> Polished | None:
+    """Return the quickest feasible path that a grid leads to; None where it leads to none."""
+    grid, polished = Grid.plane(problem, world, nodes), 0
+    candidates = _candidates(problem, world, grid)
+    for path in _tightened(
+        problem, world, grid, candidates, _PLANE_SLOWER, lambda score: bool(np.isfinite(score.travel_time))
+    ):
+        if path.score.feasible:
+            finest = tighten(problem, world, grid, path.positions, _FINEST, 0.5 * grid.ahead)
+            return _quickest([path, finest] if finest is not None and finest.score.feasible else [path])
+        if path.score.excess > LIMIT_TOLERANCE and polished < _POLISHED:
+            polished += 1
+            turning = polish(problem, world, path.positions, _STAGES)
+            if turning.score.feasible:
+                return turning
+    return None
+
+
+def _candidates(problem: PathProblem, world: World, grid: Grid) -> Iterator[tuple[float, Array]]:
+    """Yield paths on the grid and their times [s]; where things move, those of smaller and of none as well.
+
+    The label that arrives first need not be the one that passes behind what moves, or through before it:
+    paths that are tightened from where less moves may.
+    """
+    grids = [grid]
+    if len(grid.movers):
+        smaller = grid.movers.copy()
+        smaller[:, 6] *= _SMALLER
+        grids += [replace(grid, movers=smaller), replace(grid, movers=smaller[:0])]
+    return chain.from_iterable(passages(problem, world, each, _PASSAGES) for each in grids)
+
+
+def load(path: Path) -> dict[str, dict[str, Any]]:
+    """Return all stored entries by name; none where there is no file."""
+    return json.loads(path.read_text()) if path.exists() else {}
+
+
+def stored_times() -> dict[str, float | None]:
+    """Return travel times [s] of `path_problems` by name, as stored; None where there is no path."""
+    return {name: entry["travel_time"] for name, entry in load(STORED_PATHS).items()}
+
+
+def stored_reference(problem: PathProblem, entries: dict[str, dict[str, Any]]) -> Reference | None:
+    """Return a problem's reference, or None where it is not stored or belongs to another problem.
+
+    Problems on real coast differ where the shared charts are absent.
+    """
+    entry = entries.get(problem.name)
+    if entry is None or abs(entry["distance"] / problem.distance - 1.0) > 1e-5:
+        return None
+    stated = (entry.get(name) for name in ("travel_time", "error", "positions", "seconds", "plane"))
+    time_found, error, positions, seconds, plane = stated
+    return Reference(time_found, error, np.asarray(positions, float), seconds, plane)
+
+
+def store(problem: PathProblem, reference: Reference, path: Path) -> None:
+    """Add a reference to a file, a line for each."""
+    entries, thinned = load(path), reference.positions
+    if len(thinned):
+        points = {STORED_PATHS: 64, STORED: 24}.get(path, 48)
+        thinned = (spread if thinned.shape[1] == 3 else resampled)(thinned, points - 1)
+
+    def rounded(value: float | None, digits: int) -> float | None:
+        return None if value is None else round(value, digits)
+
+    entries[problem.name] = {
+        "travel_time": rounded(reference.travel_time, 4),
+        "error": rounded(reference.error, 7),
+        "distance": round(problem.distance, 3),
+        "seconds": round(reference.seconds, 1),
+        "positions": np.round(thinned, max(0, 4 - int(np.log10(problem.distance)))).tolist(),
+    } | ({} if reference.plane is None else {"plane": round(reference.plane, 4)})
+    lines = [f"{json.dumps(name)}: {json.dumps(entry)}" for name, entry in sorted(entries.items())]
+    partial = path.with_suffix(".partial")
+    partial.write_text("{\n" + ",\n".join(lines) + "\n}\n")
+    partial.replace(path)
+
+
+def main() -> None:
+    """Compute the references of the path problems, store them and print a table."""
+    parser = arguments("References of the path problems.")
+    parser.set_defaults(out=STORED_PATHS)
+    parser.add_argument("--only", nargs="+", help="names of problems")
+    options = parser.parse_args()
+    screen, rows = console(), []
+    if not have_charts():
+        screen.print("problems on real coast: left out, the shared maps were not found")
+    for problem in path_problems():
+        if not options.only or problem.name in options.only:
+            found, known = path_reference(problem), problem.best_known
+            store(problem, found, options.out)
+            apart = found.travel_time / known - 1.0 if known and found.travel_time else None
+            row = {"problem": problem.name, "found": found.travel_time, "seconds": found.seconds}
+            rows.append(row | {"known": known, "apart": apart})
+            screen.print(f"{problem.name}: {found.travel_time} s, {found.seconds:.1f} s")
+    columns = {
+        "problem": "{problem}", "reference": "{found:.2f} s", "best known": "{known:.2f} s",
+        "apart by": "{apart:+.4%}", "time": "{seconds:.1f} s",
+    }  # fmt: skip
+    screen.print(table("References", rows, columns))
+
+
+if __name__ == "__main__":
+    main()
