@@ -2,12 +2,11 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import Any
 
 import numpy as np
-from pyproj import CRS
+from numpy.typing import NDArray
 
-from auvplan.io.currents.opening import Pick
 from auvplan.io.currents.weights import Array, Index, Weights, along, barycentric, weights_of
 from auvplan.site import Site
 
@@ -20,6 +19,11 @@ _FOLDED = 0.05
 #: Places beyond an axis by less, in degrees, are taken to be on its end.
 _SLACK = 1e-6
 
+#: A run of indices of a dimension.
+Run = slice | NDArray[np.int64]
+#: The form's variables that tell places, by name: their dimensions and values.
+Coordinates = dict[str, tuple[tuple[str, ...], NDArray[Any]]]
+
 
 @dataclass(frozen=True)
 class Window:
@@ -31,71 +35,67 @@ class Window:
         points: how many the window has; they are in the order of the dimensions.
     """
 
-    picks: dict[str, Pick]
+    picks: dict[str, Run]
     index: Index
     points: int
 
 
-class Geometry(Protocol):
-    """The places of a source's points, in degrees."""
-
-    @property
-    def kind(self) -> str:
-        """Name of the kind of grid."""
-        ...
-
-    @property
-    def dims(self) -> tuple[str, ...]:
-        """Dimensions of the points."""
-        ...
-
-    @property
-    def longitude(self) -> Array:
-        """Of the points, or of the columns."""
-        ...
-
-    @property
-    def latitude(self) -> Array:
-        """Of the points, or of the rows."""
-        ...
-
-    @property
-    def count(self) -> int:
-        """Number of points."""
-        ...
-
-    def locate(self, longitude: Array, latitude: Array) -> Weights:
-        """Places [M] as mixtures of source points."""
-        ...
-
-    def window(self, index: Index) -> Window:
-        """The part that holds some source points."""
-        ...
-
-    def places(self, index: Index) -> tuple[Array, Array]:
-        """Longitude and latitude of source points."""
-        ...
-
-
-@dataclass(frozen=True)
-class Regular:
-    """Points at every pair of a latitude and a longitude, which may rise or fall and cross 0 or 180 degrees.
-
-    Attributes:
-        dims: of latitude and longitude.
-        longitude: [nx] degrees.
-        latitude: [ny] degrees.
-    """
+class _Grid:
+    """Points in rows and columns."""
 
     dims: tuple[str, ...]
     longitude: Array
     latitude: Array
-    kind: str = "regular"
+    _around = False
 
     @property
-    def count(self) -> int:
-        """Number of points."""
-        return len(self.longitude) * len(self.latitude)
+    def shape(self) -> tuple[int, ...]:
+        """Numbers of rows and columns."""
+        return self.longitude.shape if self.longitude.ndim == 2 else (self.latitude.size, self.longitude.size)
+
+    @property
+    def coordinates(self) -> Coordinates:
+        """The form's variables that tell the places."""
+        flat = self.longitude.ndim == 2
+        dims = {
+            "latitude": self.dims if flat else self.dims[:1],
+            "longitude": self.dims if flat else self.dims[1:],
+        }
+        return {name: (along, getattr(self, name)) for name, along in dims.items()}
+
+    def window(self, index: Index) -> Window:
+        """Return the rows and columns that hold some points, over the seam of a globe if that is shorter."""
+        row, column = np.divmod(index, self.shape[1])
+        rows, columns = _run(row, None), _run(column, self.shape[1] if self._around else None)
+        inner = _position(rows, row) * _length(columns) + _position(columns, column)
+        return Window(
+            dict(zip(self.dims, (rows, columns), strict=True)), inner, _length(rows) * _length(columns)
+        )
+
+    def places(self, index: Index) -> tuple[Array, Array]:
+        """Longitude and latitude of points, degrees."""
+        if self.longitude.ndim == 2:
+            return self.longitude.ravel()[index], self.latitude.ravel()[index]
+        row, column = np.divmod(index, self.shape[1])
+        return self.longitude[column], self.latitude[row]
+
+
+@dataclass(frozen=True)
+class Regular(_Grid):
+    """Points at every pair of a latitude and a longitude, which may rise or fall and cross 0 or 180 degrees.
+
+    Attributes:
+        longitude: [nx] degrees.
+        latitude: [ny] degrees.
+        dims: of latitude and longitude.
+    """
+
+    longitude: Array
+    latitude: Array
+    dims: tuple[str, ...] = ("latitude", "longitude")
+    kind: str = "regular"
+    torn: int = 0
+    _around = True
 
     @cached_property
     def _axes(self) -> tuple[Array, Index, Array, Index]:
@@ -134,41 +134,38 @@ class Regular:
         beyond[:, 1] *= np.cos(np.deg2rad(latitude))
         return weights_of(index, np.stack(weight, axis=1), beyond)
 
-    def window(self, index: Index) -> Window:
-        """Return the rows and columns that hold some points, over the seam where that is shorter."""
-        row, column = np.divmod(index, len(self.longitude))
-        rows, columns = _run(row, None), _run(column, len(self.longitude))
-        inner = _position(rows, row) * len(columns) + _position(columns, column)
-        picks: dict[str, Pick] = {self.dims[0]: rows, self.dims[1]: columns}
-        return Window(picks, inner, len(rows) * len(columns))
-
-    def places(self, index: Index) -> tuple[Array, Array]:
-        """Longitude and latitude of points, degrees."""
-        row, column = np.divmod(index, len(self.longitude))
-        return self.longitude[column], self.latitude[row]
-
 
 @dataclass(frozen=True)
-class Curvilinear:
+class Curvilinear(_Grid):
     """Curvilinear grid: points in rows and columns anywhere.
 
     Attributes:
         dims: of rows and columns.
         longitude, latitude: [ny, nx] degrees.
         kind: "curvilinear", or "roms" where velocities are on the cells' edges.
-        crs: the projection whose axes the rows and columns follow, where one is given.
     """
 
     dims: tuple[str, ...]
     longitude: Array
     latitude: Array
     kind: str = "curvilinear"
-    crs: CRS | None = None
 
     @property
-    def count(self) -> int:
-        """Number of points."""
-        return self.longitude.size
+    def torn(self) -> int:
+        """How many sides of cells are too long to be any."""
+        return sum(int((step > self.longest).sum()) for step in self.steps)
+
+    @property
+    def straight(self) -> bool:
+        """Whether the rows are parallels and the columns meridians, or the other way round."""
+        axes = (self.longitude, self.latitude)
+        return any(
+            all(
+                np.allclose(axis, axis.take([0], k), rtol=0.0, atol=1e-6)
+                for k, axis in zip(order, axes, strict=True)
+            )
+            for order in ((0, 1), (1, 0))
+        )
 
     @cached_property
     def steps(self) -> tuple[Array, Array]:
@@ -209,7 +206,7 @@ class Curvilinear:
             # A cell may hold a place though none of its corners lies among the places.
             near &= np.abs(degrees) <= half + 2.0 * _cell_size(degrees) + 1e-9
         if not near.any():
-            near.flat[nearest(self, middle)] = True  # far away: tells how far
+            near.flat[nearest(self.longitude, self.latitude, middle)] = True  # far away: tells how far
         row, column = np.nonzero(near[:-1, :-1] | near[1:, :-1] | near[:-1, 1:] | near[1:, 1:])
         width = self.longitude.shape[1]
         first = row * width + column
@@ -220,21 +217,8 @@ class Curvilinear:
         lengths = edge_lengths(self.longitude.ravel(), self.latitude.ravel(), triangles)
         triangles = triangles[(lengths <= self.longest).all(axis=1)]
         if not len(triangles):
-            triangles = np.full((1, 3), nearest(self, middle))
-        return within(self, triangles, middle, longitude, latitude)
-
-    def window(self, index: Index) -> Window:
-        """Return the rows and columns that hold some points."""
-        row, column = np.divmod(index, self.longitude.shape[1])
-        rows, columns = (slice(int(k.min()), int(k.max()) + 1) for k in (row, column))
-        width = columns.stop - columns.start
-        inner = (row - rows.start) * width + column - columns.start
-        picks: dict[str, Pick] = {self.dims[0]: rows, self.dims[1]: columns}
-        return Window(picks, inner, (rows.stop - rows.start) * width)
-
-    def places(self, index: Index) -> tuple[Array, Array]:
-        """Longitude and latitude of points, degrees."""
-        return self.longitude.ravel()[index], self.latitude.ravel()[index]
+            triangles = np.full((1, 3), nearest(self.longitude, self.latitude, middle))
+        return within((self.longitude, self.latitude), triangles, middle, longitude, latitude)
 
 
 def edge_lengths(longitude: Array, latitude: Array, triangles: Index) -> Array:
@@ -262,17 +246,19 @@ def offset(middle: Array, longitude: Array, latitude: Array) -> tuple[Array, Arr
     return _wrapped(longitude - middle[0]), latitude - middle[1]
 
 
-def nearest(geometry: Geometry, middle: Array) -> int:
+def nearest(longitude: Array, latitude: Array, middle: Array) -> int:
     """Return the point nearest to a place, near enough for telling how far it is."""
-    east, north = offset(middle, geometry.longitude, geometry.latitude)
+    east, north = offset(middle, longitude, latitude)
     return int(np.nanargmin(np.hypot(east * np.cos(np.deg2rad(middle[1])), north)))
 
 
-def within(geometry: Geometry, triangles: Index, middle: Array, longitude: Array, latitude: Array) -> Weights:
-    """Linear in triangles [N, 3] of a source's points, in metres about a place."""
+def within(
+    points: tuple[Array, Array], triangles: Index, middle: Array, longitude: Array, latitude: Array
+) -> Weights:
+    """Linear in triangles [N, 3] of points in degrees, in metres about a place."""
     used, local = np.unique(triangles, return_inverse=True)
-    points = metres(middle, *geometry.places(used))
-    found = barycentric(points, local.reshape(-1, 3), metres(middle, longitude, latitude))
+    corners = metres(middle, *(axis.ravel()[used] for axis in points))
+    found = barycentric(corners, local.reshape(-1, 3), metres(middle, longitude, latitude))
     return Weights(used[found.index], found.weight, found.beyond)
 
 
@@ -292,20 +278,24 @@ def _cell_size(degrees: Array) -> Array:
     return size
 
 
-def _run(used: Index, around: int | None) -> Index:
-    """Return the shortest run of indices that holds some.
-
-    It may go over the end of an axis round the globe.
-    """
+def _run(used: Index, around: int | None) -> Run:
+    """Return the shortest run of indices that holds some, over the end of an axis round the globe."""
     values = np.unique(used)
-    if around is None or len(values) == 1:
-        return np.arange(values[0], values[-1] + 1)
-    gaps = np.diff(np.append(values, values[0] + around))
-    first = (int(gaps.argmax()) + 1) % len(values)
-    return (values[first] + np.arange(around - int(gaps.max()) + 1)) % around
+    if around is not None and len(values) > 1:
+        gaps = np.diff(np.append(values, values[0] + around))
+        first = (int(gaps.argmax()) + 1) % len(values)
+        if first:
+            return (values[first] + np.arange(around - int(gaps.max()) + 1)) % around
+    return slice(int(values[0]), int(values[-1]) + 1)
 
 
-def _position(run: Index, index: Index) -> Index:
+def _length(run: Run) -> int:
+    return run.stop - run.start if isinstance(run, slice) else len(run)
+
+
+def _position(run: Run, index: Index) -> Index:
     """Return where in a run of indices each of some is."""
+    if isinstance(run, slice):
+        return index - run.start
     order = np.argsort(run)
     return order[np.searchsorted(run[order], index)]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from auvplan.io.currents.opening import File, text
-from auvplan.io.currents.units import speed_factor
+from auvplan.io.currents.units import length_factor, speed_factor
 from auvplan.ocean.gridded import CurrentError
 
 #: Standard names of velocities to true east, and along the grid's own axes.
@@ -43,6 +43,13 @@ _DEGREES = {
 }
 _FLOOR_NAMES = ("sea_floor_depth_below_sea_level", "sea_floor_depth_below_geoid", "sea_floor_depth",
                 "model_sea_floor_depth_below_geoid")  # fmt: skip
+
+#: Masks of land by name, 1 is water: ROMS, NEMO, MITgcm and MOM6; and by standard name.
+MASKS = ("mask_rho", "tmask", "maskC", "hFacC", "wet")
+MASK_NAMES = ("sea_binary_mask", "land_binary_mask")
+#: Heights of levels above the datum, as SCHISM and SELFE tell them, and shares of the depth.
+HEIGHTS = ("zcor", "zCoordinates", "zval")
+SIGMAS = ("siglay", "sigma", "siglev")
 
 
 @dataclass(frozen=True)
@@ -316,3 +323,38 @@ def find_floor(file: File, dims: Sequence[str]) -> str | None:
         plain.append("depth")
     plain += [n for n in fitting if n.endswith("flowelem_bl") and standard_name(file, n) == "altitude"]
     return (named + plain + [None])[0]
+
+
+def is_level(file: File, dim: str) -> bool:
+    """Return whether a file tells where levels along a dimension lie."""
+    return depth_axis(file, dim) is not None or any(
+        dim in variable.dims
+        and (name in (*HEIGHTS, *SIGMAS) or standard_name(file, name).startswith("ocean_s"))
+        for name, variable in file.variables.items()
+    )
+
+
+def is_vertical(file: File, name: str) -> bool:
+    """Return whether a variable says that it is a depth or a height."""
+    attributes, standard = file.variables[name].attrs, standard_name(file, name)
+    known = standard == "depth" or standard.startswith(("height", "altitude"))
+    return known or bool(text(attributes, "positive") and length_factor(text(attributes, "units")))
+
+
+def depth_axis(file: File, dim: str) -> str | None:
+    """Return the variable that tells the depths along a dimension, None where there is none."""
+    found = []
+    for name, variable in file.variables.items():
+        if variable.dims != (dim,) or variable.dtype.kind not in "iuf":
+            continue
+        standard, named = is_vertical(file, name), "depth" in name.lower()
+        axis = text(variable.attrs, "axis") == "Z" or text(variable.attrs, "positive")
+        if not (standard or named or name == dim or axis):
+            continue
+        if not (standard or named or text(variable.attrs, "units")):
+            # The numbers of levels, or members, from 0 or 1.
+            values = file.coordinate(name)
+            if values[0] in (0.0, 1.0) and (np.diff(values) == 1.0).all():
+                continue
+        found.append((standard, name == dim, name))
+    return max(found)[2] if found else None

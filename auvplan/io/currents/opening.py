@@ -27,7 +27,7 @@ _AT_ONCE = 20_000_000
 Source = str | Path | xr.Dataset
 Paths = Source | Sequence[Source]
 #: Which indices of a dimension are wanted.
-Pick = slice | NDArray[np.int64]
+Pick = int | slice | NDArray[np.int64]
 
 _ZARR_FILES = ("zarr.json", ".zgroup", ".zmetadata")
 #: What other files begin with, what they are and what would do.

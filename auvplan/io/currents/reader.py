@@ -14,11 +14,10 @@ from scipy.sparse import csr_array
 from auvplan.errors import ScenarioWarning
 from auvplan.io.currents.doubts import check_times, check_values, percent
 from auvplan.io.currents.levels import at_depth
-from auvplan.io.currents.ocean import MAX_VALUES, OceanData, describe, misunderstood, open_ocean
+from auvplan.io.currents.ocean import MAX_VALUES, Block, OceanData, describe, misunderstood, open_ocean
 from auvplan.io.currents.opening import Paths
 from auvplan.io.currents.series import Array
 from auvplan.io.currents.times import moment_of, seconds_of
-from auvplan.io.currents.velocity import Block
 from auvplan.io.currents.weights import Weights, mix
 from auvplan.ocean.gridded import CurrentError, GriddedCurrent
 from auvplan.site import Site, swapped_hint
@@ -162,7 +161,7 @@ def read_current(
         raise
     except Exception as error:
         source.close()
-        raise misunderstood(source.series.label, error) from None
+        raise misunderstood(source.label, error) from None
 
 
 def _read(
@@ -203,14 +202,14 @@ def _read(
     u = (to_north * cos - to_east * sin).reshape(shape)
     v = (to_north * sin + to_east * cos).reshape(shape)
     if not np.isfinite(u).any():
-        raise source.series.fail("the current is missing everywhere in the box: there is land only")
-    check_times(source.series, frames)
+        raise source.fail("the current is missing everywhere in the box: there is land only")
+    check_times(source, frames)
 
     def place(i: int, j: int) -> str:
         k = i * shape[3] + j
         return f"longitude {longitude[k]:.4f}, latitude {latitude[k]:.4f}"
 
-    check_values(source.series, frames, wanted, source.levels is None, u, v, place)
+    check_values(source, frames, wanted, u, v, place)
     origin = (float(grid.axes[0][0]), float(grid.axes[1][0]))
     field = GriddedCurrent.from_arrays(
         u, v, None if down is None else down.reshape(shape),
@@ -268,7 +267,7 @@ def _check_cover(
             return not source.geometry.locate(*other.to_geographic(north, east)).outside.any()
 
         far, hint = describe(weights.beyond[lacking]), swapped_hint(site, fits)
-        raise source.series.fail(
+        raise source.fail(
             f"{percent(lacking)} of the box is not covered: it reaches beyond the data {far}{hint}"
         )
     if lacking.any():
@@ -379,27 +378,29 @@ def _gridded(
     """North, east and down [T, D, M] m/s at M places and D depths, the sea bed and the lowest water [M] m."""
     window = source.geometry.window(weights.index)
     count = frames.stop - frames.start
-    each = window.points * max(1, source.level_count)
-    values = count * each * (2 if source.velocity.up is None else 3)
+    each = window.points * source.form.sizes["level"]
+    values = count * each * (3 if "wo" in source.form else 2)
     grid = count * len(wanted) * len(weights.index) * 3
     if max(values, grid) > MAX_VALUES:
-        raise source.series.fail(
+        raise source.fail(
             f"{count} times and {window.points} points are {max(values, grid)} values, more than {MAX_VALUES}"
         )
     matrix = Weights(window.index, weights.weight, weights.beyond).matrix(window.points)
     step = max(1, _CHUNK // each)
     parts = [
-        _block_at(source.velocity.read(slice(k, min(k + step, frames.stop)), window), matrix, wanted)
+        _block_at(source.read(slice(k, min(k + step, frames.stop)), window), matrix, wanted)
         for k in range(frames.start, frames.stop, step)
     ]
     east, north, up = (np.concatenate(part) for part in zip(*parts, strict=True))
-    floor = source.velocity.points.floor(window)
-    if floor is not None:
-        floor = mix(matrix, floor[None])[0][0]
-    lowest = source.velocity.points.lowest(frames, window)
-    if lowest is not None:
-        lowest = mix(matrix, lowest[None])[0][0]
-    if source.velocity.up is None:
+    floor, lowest = None, None
+    if "deptho" in source.form:
+        floor = mix(matrix, source.field("deptho", frames, window))[0][0]
+    if "zos" in source.form:
+        lowest = source.rise(frames, window).min(axis=0, keepdims=True)
+        if "mask" in source.form:
+            lowest = np.where(source.field("mask", frames, window), lowest, np.nan)
+        lowest = mix(matrix, lowest)[0][0]
+    if "wo" not in source.form:
         return (north, east, None), floor, lowest
     # The field's mask is one for all components.
     lacking = np.isnan(up) & np.isfinite(east)
@@ -427,7 +428,7 @@ def _block_at(block: Block, matrix: csr_array, wanted: Array) -> tuple[Array, Ar
         pair = at_depth(level, depths, np.full(1, depth), floor)
         found[:2, :, k] = mix(matrix, *(values.reshape(count, points) for values in pair))
         found[2, :, k] = np.nan
-        if block.up is not None and block.depths_up is not None:
+        if block.up is not None:
             (up,) = at_depth((columns(block.up),), columns(block.depths_up), np.full(1, depth), floor)
             (found[2, :, k],) = mix(matrix, up.reshape(count, points))
     return found[0], found[1], np.where(np.isnan(found[0]), np.nan, found[2])

@@ -8,7 +8,18 @@ from numpy.typing import NDArray
 from pyproj import CRS
 from scipy.spatial import ConvexHull, QhullError
 
-from auvplan.io.currents.geometry import Window, bounds, edge_lengths, metres, nearest, offset, within
+from auvplan.io.currents.geometry import (
+    Coordinates,
+    Curvilinear,
+    Regular,
+    Window,
+    bounds,
+    edge_lengths,
+    metres,
+    nearest,
+    offset,
+    within,
+)
 from auvplan.io.currents.names import require_field
 from auvplan.io.currents.opening import File, text
 from auvplan.io.currents.projection import in_degrees
@@ -63,25 +74,46 @@ class Triangles:
     """Points without rows and columns.
 
     Attributes:
-        dims: of the points.
         longitude, latitude: [P] degrees.
         cells: the grid's cells, whose nodes or middles the points are; None where the file has none.
         in_cells: whether the points are the cells' middles.
-        crs: the projection whose axes the grid's coordinates count along; None for degrees.
     """
 
-    dims: tuple[str, ...]
     longitude: Array
     latitude: Array
     cells: Cells | None = None
     in_cells: bool = False
-    crs: CRS | None = None
     kind: str = "triangles"
 
     @property
-    def count(self) -> int:
+    def dims(self) -> tuple[str, ...]:
+        """The form's dimension of the points."""
+        return ("face" if self.in_cells else "node",)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
         """Number of points."""
-        return self.longitude.size
+        return self.longitude.shape
+
+    @property
+    def coordinates(self) -> Coordinates:
+        """The form's variables that tell the places and, where they are known, the cells."""
+        found: Coordinates = {
+            "latitude": (self.dims, self.latitude),
+            "longitude": (self.dims, self.longitude),
+        }
+        if self.cells is not None:
+            found["face_nodes"] = ("face", "corner"), self.cells.corners
+            found |= {
+                "node_lat": (("node",), self.cells.latitude),
+                "node_lon": (("node",), self.cells.longitude),
+            }
+        return found
+
+    @property
+    def torn(self) -> int:
+        """How many triangles of the cells have sides that are too long to be any."""
+        return 0 if self.cells is None else int((~self.cells.whole).sum())
 
     @cached_property
     def triangles(self) -> Index:
@@ -126,8 +158,12 @@ class Triangles:
         """
         middle, apart = bounds(longitude, latitude)
         near = _near(self, self.triangles, middle, apart)
-        triangles = self.triangles[near] if len(near) else np.full((1, 3), nearest(self, middle))
-        found = within(self, triangles, middle, longitude, latitude)
+        triangles = (
+            self.triangles[near]
+            if len(near)
+            else np.full((1, 3), nearest(self.longitude, self.latitude, middle))
+        )
+        found = within((self.longitude, self.latitude), triangles, middle, longitude, latitude)
         index, weight, beyond = found.index.copy(), found.weight.copy(), found.beyond.copy()
         dry = found.outside
         if self.in_cells and self.cells is not None:
@@ -170,6 +206,10 @@ class Triangles:
         return self.longitude[index], self.latitude[index]
 
 
+#: The places of a source's points, in degrees.
+Geometry = Regular | Curvilinear | Triangles
+
+
 def cell_means(cells: Cells, values: Array, index: Index) -> Array:
     """Means [..., M] of nodes' values [..., nodes] over the corners of some cells."""
     corners = cells.corners[index]
@@ -179,7 +219,7 @@ def cell_means(cells: Cells, values: Array, index: Index) -> Array:
 
 def find_triangles(
     file: File, name: str, places: tuple[str, str] | None, notes: list[str]
-) -> Triangles | None:
+) -> tuple[Triangles, str, CRS | None] | None:
     """Return the geometry of a variable along one dimension, or None where the file has no places for it.
 
     Args:
@@ -187,6 +227,10 @@ def find_triangles(
         name: of a velocity component.
         places: longitude and latitude of its values; None where they are not given.
         notes: get what has to be assumed.
+
+    Returns:
+        The geometry; the file's dimension of the points; and the projection that its coordinates count along,
+        None for degrees.
 
     Raises:
         CurrentError: the connectivity does not fit the nodes.
@@ -198,27 +242,25 @@ def find_triangles(
         named = _face_coordinates(file, cells.cell_dim)
         if named is not None:
             longitude, latitude, crs = in_degrees(file, named)
-            return Triangles((cells.cell_dim,), longitude, latitude, cells, True, crs)
+            return Triangles(longitude, latitude, cells, True), cells.cell_dim, crs
         notes.append("the places of the cells' middles are not given: taken as the means of their corners")
         everything = np.arange(len(cells.corners))
         # As directions, longitudes on both sides of the date line have a middle.
         turned = np.exp(1j * np.deg2rad(cells.longitude))
         longitude = np.rad2deg(np.angle(cell_means(cells, turned, everything)))
         latitude = cell_means(cells, cells.latitude, everything)
-        return Triangles((cells.cell_dim,), longitude, latitude, cells, True, cells.crs)
+        return Triangles(longitude, latitude, cells, True), cells.cell_dim, cells.crs
     dim = str(file.variables[places[0]].dims[0])
     longitude, latitude, crs = in_degrees(file, places)
     if longitude.shape != latitude.shape or len(longitude) < 3:
         raise CurrentError(f"{file.path}: {places[0]} and {places[1]} are no three places or more")
-    if cells is not None and dim == cells.dim:
-        return Triangles((dim,), longitude, latitude, cells, crs=crs)
-    if cells is not None and dim == cells.cell_dim:
-        return Triangles((dim,), longitude, latitude, cells, True, crs)
+    if cells is not None and dim in (cells.dim, cells.cell_dim):
+        return Triangles(longitude, latitude, cells, dim != cells.dim), dim, crs
     require_field(file)
     notes.append(
         f"the cells between the points along {dim} are not given: joined to triangles, over land too"
     )
-    return Triangles((dim,), longitude, latitude, crs=crs)
+    return Triangles(longitude, latitude), dim, crs
 
 
 def has_cells(file: File) -> bool:

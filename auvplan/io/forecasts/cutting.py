@@ -7,12 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan.io.currents.geometry import Curvilinear, Regular
-from auvplan.io.currents.levels import is_vertical
-from auvplan.io.currents.names import find_places, standard_name
+from auvplan.io.currents.names import MASK_NAMES, MASKS, is_vertical, standard_name
 from auvplan.io.currents.ocean import OceanData, describe, ocean_of
 from auvplan.io.currents.opening import File, text
-from auvplan.io.currents.points import MASK_NAMES, MASKS
 from auvplan.io.currents.times import decode_times, find_time, stamp
 from auvplan.io.forecasts.request import Request
 
@@ -63,19 +60,22 @@ def cut_of(file: File, request: Request) -> Cut:
         CurrentError: the data set has no current that can be read.
     """
     ocean = ocean_of((file,))
-    grid = ocean.geometry
-    if not isinstance(grid, Regular | Curvilinear):
+    east, north = (ocean.form.variables[name].encoding for name in ("uo", "vo"))
+    places, notes = ocean.form.variables["longitude"].encoding, list(ocean.notes)
+    if ocean.kind == "triangles":
         raise request.fail(
             "is a mesh, which is not cut: download its files whole, and name them in current.files"
         )
-    level = ocean.velocity.east.levels.dim
-    picks = _places(ocean, grid, request)
-    if ocean.series.time_dim is not None:
-        picks[ocean.series.time_dim] = _times(ocean, request)
-    else:
-        _times(ocean, request)
-    notes = list(ocean.notes)
-    if level is not None:
+    rows, columns = _around(ocean, request)
+    picks = dict(zip(places["dims"], (rows, columns), strict=True))
+    if ocean.kind == "roms":
+        # Edges lie between points: there is one less of them.
+        picks |= dict(zip(east["dims"], (rows, columns[:-1]), strict=True))
+        picks |= dict(zip(north["dims"], (rows[:-1], columns), strict=True))
+    times = _times(ocean, request)
+    if (time_dim := ocean.form.variables["time"].encoding["dims"]) is not None:
+        picks[time_dim] = times
+    if (level := east["level"]) is not None:
         picks[level] = _levels(ocean, request, notes)
     names = _names(file, ocean, set(picks))
     for name in names:
@@ -85,9 +85,8 @@ def cut_of(file: File, request: Request) -> Cut:
                     f"{name} lies on the edges of cells in a way that is not cut: download its files whole, "
                     "and name them in current.files"
                 )
-    over = isinstance(grid, Regular) and (np.diff(picks[grid.dims[1]]) < 0).any()
-    seam = find_places(file, ocean.velocity.east.name)[0] if over else None
-    return Cut(names, picks, seam, tuple(notes))
+    over = ocean.kind == "regular" and (np.diff(columns) < 0).any()
+    return Cut(names, picks, places["source"] if over else None, tuple(notes))
 
 
 def reference_time(file: File) -> str:
@@ -103,9 +102,9 @@ def reference_time(file: File) -> str:
     return next((value for value in stated if value), "")
 
 
-def _places(ocean: OceanData, grid: Regular | Curvilinear, request: Request) -> dict[str, Indices]:
-    """Indices of the points around a box, by dimension."""
-    west, south, east, north = request.box
+def _around(ocean: OceanData, request: Request) -> list[Indices]:
+    """Rows and columns of the points around a box, with one more at each end where there is one."""
+    grid, (west, south, east, north) = ocean.geometry, request.box
     along = np.linspace(0.0, 1.0, _ALONG)
     x, y = west + along * ((east - west) % 360.0), south + along * (north - south)
     sides = (x, np.full_like(x, south)), (x, np.full_like(x, north)), (np.full_like(y, west), y)
@@ -118,17 +117,14 @@ def _places(ocean: OceanData, grid: Regular | Curvilinear, request: Request) -> 
             f"the box reaches beyond the data {describe(weights.beyond)}: they cover longitudes {least:.6g} "
             f"to {most:.6g} and latitudes {low:.6g} to {high:.6g}"
         )
-    shape = (len(grid.latitude), len(grid.longitude)) if isinstance(grid, Regular) else grid.longitude.shape
-    found: dict[str, Indices] = {}
-    for (dim, pick), size in zip(grid.window(weights.index).picks.items(), shape, strict=True):
+    found = []
+    for (dim, pick), size in zip(grid.window(weights.index).picks.items(), grid.shape, strict=True):
         run = np.arange(pick.start, pick.stop) if isinstance(pick, slice) else pick
-        around = dim == grid.dims[1] and isinstance(grid, Regular) and _closed(grid.longitude)
-        found[dim] = _with_rim(run, size, around)
-    if grid.kind == "roms":
-        rows, columns = (found[dim] for dim in grid.dims)
-        u, v = (part.dims for part in (ocean.velocity.east, ocean.velocity.north))
-        # Edges lie between points: there is one less of them.
-        found |= {u[0]: rows, u[1]: columns[:-1]} | {v[0]: rows[:-1], v[1]: columns}
+        wider = np.arange(run[0] - 1, run[0] + len(run) + 1)
+        if dim == "longitude" and _closed(grid.longitude):
+            found.append(wider % size if len(wider) < size else np.arange(size))
+        else:
+            found.append(wider[(wider >= 0) & (wider < size)])
     return found
 
 
@@ -137,14 +133,6 @@ def _closed(longitude: NDArray[np.float64]) -> bool:
     steps = np.abs(np.diff(np.unwrap(longitude, period=360.0)))
     step = float(np.median(steps)) if len(steps) else np.nan
     return abs(float(steps.sum()) + step - 360.0) < 0.5 * step
-
-
-def _with_rim(run: Indices, size: int, around: bool) -> Indices:
-    """Return a run of indices with one more at each end, where there is one."""
-    wider = np.arange(run[0] - 1, run[0] + len(run) + 1)
-    if around:
-        return wider % size if len(wider) < size else np.arange(size)
-    return wider[(wider >= 0) & (wider < size)]
 
 
 def _times(ocean: OceanData, request: Request) -> Indices:
@@ -156,15 +144,13 @@ def _times(ocean: OceanData, request: Request) -> Indices:
             f"the times asked for, {stamp(begin)} to {stamp(end)}, lie outside the data, which are from "
             f"{stamp(times[0])} to {stamp(times[-1])}"
         )
-    first = max(int(np.searchsorted(times, begin + _SLACK, "right")) - 1, 0)
-    last = min(int(np.searchsorted(times, end - _SLACK)), len(times) - 1)
-    found = ocean.series.frames[first : max(first, last) + 1, 1]
+    found = ocean.form.variables["time"].encoding["frames"][ocean.frames(begin, end)]
     return np.arange(found.min(), found.max() + 1)
 
 
 def _levels(ocean: OceanData, request: Request, notes: list[str]) -> Indices:
     """Indices of the levels around the depths asked for; all where they follow the sea bed."""
-    levels, count = ocean.levels, ocean.level_count
+    levels, count = ocean.levels, ocean.form.sizes["level"]
     if request.depths is None:
         return np.arange(count)
     if levels is None:
@@ -177,23 +163,21 @@ def _levels(ocean: OceanData, request: Request, notes: list[str]) -> Indices:
         notes.append(f"the deepest level is {levels[-1]:g} m, {most:g} m were asked for")
     first = max(int(np.searchsorted(levels, least + 1e-6, "right")) - 1, 0)
     last = min(int(np.searchsorted(levels, most - 1e-6)), count - 1)
-    found = np.arange(first, max(first, last) + 1)
-    return found if ocean.velocity.east.levels.order.step != -1 else (count - 1 - found)[::-1]
+    return np.sort(
+        np.arange(count)[ocean.form.variables["uo"].encoding["order"]][first : max(first, last) + 1]
+    )
 
 
 def _names(file: File, ocean: OceanData, dims: set[str]) -> tuple[str, ...]:
     """Velocities, the height of the surface, and what tells where and when they are."""
-    points, velocity = ocean.velocity.points, ocean.velocity
-    stated = [velocity.east.name, velocity.north.name]
-    up = velocity.up
-    if up is not None and (up.levels.dim in dims or ocean.levels is None):
-        stated.append(up.name)
-    stated += [name for name in (points.rise_name(), points.floor_name()) if name is not None]
-    staggered = ocean.kind == "roms"
-    stated += find_places(file, velocity.east.name, staggered)
-    time_dims = tuple(str(dim) for dim in file.variables[velocity.east.name].dims)
-    stated.append(find_time(file, time_dims))
-    hints, level = _hints(file, stated), velocity.east.levels.dim
+    form = ocean.form.variables
+    level = form["uo"].encoding["level"]
+    wanted = ["uo", "vo", "zos", "deptho", "longitude", "latitude"]
+    if "wo" in form and (form["wo"].encoding["level"] in dims or ocean.levels is None):
+        wanted.insert(2, "wo")
+    stated = [form[name].encoding["source"] for name in wanted if name in form]
+    stated.append(find_time(file, tuple(str(dim) for dim in file.variables[stated[0]].dims)))
+    hints = _hints(file, stated)
     for name, variable in file.variables.items():
         grid = name in _GRID or standard_name(file, name) in (*MASK_NAMES, _RUN)
         axis = name in dims or (variable.ndim == 1 and variable.dims[0] == level)

@@ -182,5 +182,5 @@ def _require_current(data: xr.Dataset, request: Request) -> None:
     decoded = xr.decode_cf(data, decode_times=False, decode_coords=False, decode_timedelta=False)
     variables = {str(name): variable for name, variable in decoded.variables.items()}
     ocean = ocean_of((File(request.dataset, variables, decoded.attrs, lambda: None),))
-    if not np.isfinite(variables[ocean.velocity.east.name].values).any():
+    if not np.isfinite(variables[str(ocean.source("uo"))].values).any():
         raise request.fail("the box holds no water at these times: look at --box")

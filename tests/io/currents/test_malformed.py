@@ -300,7 +300,7 @@ def test_places_and_moments_outside(tmp_path):
             ocean.at(LON, LAT, 0.0, START - 3600.0)
         with pytest.raises(CurrentError, match="not negative"):
             ocean.at(LON, LAT, -1.0, START)
-        assert isinstance(ocean.series.variables["uo"], xr.Variable)
+        assert isinstance(ocean.form.variables["uo"], xr.Variable)
 
 
 @pytest.mark.parametrize("how", ["link", "group", "stored", "virtual"])
