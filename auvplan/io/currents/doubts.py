@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from auvplan.errors import ScenarioWarning
+from auvplan.io.currents.files import Array
 from auvplan.io.currents.ocean import OceanData
-from auvplan.io.currents.series import Array
 from auvplan.io.currents.times import stamp
 from auvplan.ocean.gridded import CurrentError
 

@@ -24,12 +24,10 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 from pyproj import CRS
-from xarray.backends import BackendArray
-from xarray.core import indexing
 
+from auvplan.io.currents.files import Array, File, Lazy, Series, text
 from auvplan.io.currents.geometry import Curvilinear, Regular
 from auvplan.io.currents.levels import Levels, find_levels, once
-from auvplan.io.currents.models import unified
 from auvplan.io.currents.names import (
     MASK_NAMES,
     MASKS,
@@ -40,11 +38,9 @@ from auvplan.io.currents.names import (
     find_upward,
     is_level,
     require_field,
-    standard_name,
 )
-from auvplan.io.currents.opening import File, text
 from auvplan.io.currents.projection import axes_angle, find_crs, grid_angle, in_degrees
-from auvplan.io.currents.series import Array, Series, in_order
+from auvplan.io.currents.series import in_order, unified
 from auvplan.io.currents.triangles import Geometry, Triangles, cell_means, find_triangles
 from auvplan.io.currents.units import length_factor, speed_factor
 from auvplan.ocean.gridded import CurrentError
@@ -71,24 +67,6 @@ Read = Callable[..., NDArray[Any]]
 _FIRST = slice(0, 1)
 
 
-class Lazy(BackendArray):
-    """Values that are read, and brought to the form, where they are indexed."""
-
-    def __init__(self, shape: Sequence[int], read: Callable[..., NDArray[Any]], dtype: Any) -> None:
-        """Take a shape, and what reads values by slices or arrays of indices along each dimension."""
-        self.shape, self.read, self.dtype = tuple(shape), read, np.dtype(dtype)
-
-    def __getitem__(self, key: Any) -> Any:
-        return indexing.explicit_indexing_adapter(
-            key, self.shape, indexing.IndexingSupport.OUTER, self._outer
-        )
-
-    def _outer(self, key: tuple) -> NDArray[Any]:
-        one = [isinstance(part, int | np.integer) for part in key]
-        ranges = [slice(part, part + 1) if single else part for part, single in zip(key, one, strict=True)]
-        return self.read(*ranges)[tuple(0 if single else slice(None) for single in one)]
-
-
 @dataclass(frozen=True)
 class Source:
     """A series of files on its way to the form.
@@ -111,11 +89,6 @@ class Source:
     corners: str | None = None
     form: dict[str, xr.Variable] = field(default_factory=dict)
 
-    @property
-    def file(self) -> File:
-        """The first file; all have the same variables."""
-        return self.series.files[0]
-
     @cached_property
     def sizes(self) -> dict[str, int]:
         """Lengths of the form's dimensions."""
@@ -128,10 +101,9 @@ class Source:
         """Put values at the points into the form, with dimensions before the points', time first of them."""
         dims = (*extra, *self.geometry.dims)
         plain = read if "time" in extra else lambda *keys: read(_FIRST, *keys)[0]
-        values = Lazy(
-            [self.sizes[dim] for dim in dims], plain, bool if name in ("mask", "wet", "flats") else float
-        )
-        self.form[name] = xr.Variable(dims, indexing.LazilyIndexedArray(values), None, about)
+        kind = bool if name in ("mask", "wet", "flats") else float
+        self.form[name] = Lazy.variable(dims, [self.sizes[dim] for dim in dims], plain, kind)
+        self.form[name].encoding = about
 
     def turn(self, name: str, level: str, levels: Levels) -> None:
         """Put the levels of a variable of the form in order, from the surface down."""
@@ -163,14 +135,14 @@ class Source:
         if sorted(own) != sorted(dims):
             raise series.fail(f"{name} has dimensions {', '.join(own)}, not {', '.join(dims)}")
         if along == self.dims:
-            return lambda frames, *keys: series.read(name, dict(zip(dims, keys, strict=True)), frames, dims)
+            return lambda frames, *keys: series.at(frames, name, dict(zip(dims, keys, strict=True)), dims)
         grid = self.geometry
         assert isinstance(grid, Triangles)
         cells = grid.cells
         assert cells is not None
 
         def means(frames: Any, *keys: Any) -> Array:
-            nodes = series.read(name, dict(zip(extra, keys, strict=False)), frames, dims)
+            nodes = series.at(frames, name, dict(zip(extra, keys, strict=False)), dims)
             return cell_means(cells, nodes, np.arange(grid.longitude.size)[keys[-1]])
 
         return means
@@ -181,7 +153,7 @@ class Source:
         Raises:
             CurrentError: the unit is no length.
         """
-        units = text(self.series.attrs(name), "units")
+        units = self.series.text(name, "units")
         factor = length_factor(units) if units else 1.0
         if factor is None:
             raise self.series.fail(f"{name} has units {units!r}, which are no length: metres are needed")
@@ -190,8 +162,8 @@ class Source:
     @cached_property
     def floor_name(self) -> str | None:
         """The variable that tells the depth of the sea bed, or None."""
-        names = [find_floor(self.file, self.dims)]
-        names += [] if self.corners is None else [find_floor(self.file, (self.corners,))]
+        names = [find_floor(self.series, self.dims)]
+        names += [] if self.corners is None else [find_floor(self.series, (self.corners,))]
         return next(filter(None, names), None)
 
     @cached_property
@@ -211,20 +183,20 @@ class Source:
     def _downward(self) -> float:
         """1, or -1 where the sea bed is told as a height: so it says, or it is negative everywhere."""
         name = str(self.floor_name)
-        values = self.file.read(name)
-        up = text(self.series.attrs(name), "positive").lower() == "up" and bool((values < 0.0).any())
+        values = self.series.read(name)
+        up = self.series.text(name, "positive").lower() == "up" and bool((values < 0.0).any())
         below = np.fmax.reduce(values, axis=None) < 0.0
-        return -1.0 if up or below or standard_name(self.file, name) == "altitude" else 1.0
+        return -1.0 if up or below or self.series.standard_name(name) == "altitude" else 1.0
 
     @cached_property
     def rise_name(self) -> str | None:
         """The variable that tells the height of the surface, or None."""
         fitting = [
             name
-            for name in self.file.variables
+            for name in self.series.variables
             if self.has(name) and 0 < len(self.series.dims(name)) <= len(self.dims)
         ]
-        named = [name for name in fitting if standard_name(self.file, name) in _SURFACE_NAMES]
+        named = [name for name in fitting if self.series.standard_name(name) in _SURFACE_NAMES]
         return ([name for name in _SURFACES if name in fitting] + named + [None])[0]
 
     @cached_property
@@ -252,8 +224,8 @@ class Source:
         dims = {*self.dims, *([] if level is None else [level])}
         return [
             name
-            for name, variable in self.file.variables.items()
-            if (name in MASKS or standard_name(self.file, name) in MASK_NAMES) and set(variable.dims) == dims
+            for name, variable in self.series.variables.items()
+            if (name in MASKS or self.series.standard_name(name) in MASK_NAMES) and set(variable.dims) == dims
         ]
 
     def mask(self, level: str | None = None) -> Callable[..., NDArray[np.bool_]] | None:
@@ -264,9 +236,9 @@ class Source:
         for name in self.masks(level):
             # Of many levels the first and the last tell it, one of which is the surface.
             ends = (
-                {} if level is None else {level: np.unique([0, self.file.variables[name].sizes[level] - 1])}
+                {} if level is None else {level: np.unique([0, self.series.variables[name].sizes[level] - 1])}
             )
-            if self._wet(name, self.file.read(name, ends)).any():
+            if self._wet(name, self.series.read(name, ends)).any():
                 return self._mask(name, () if level is None else (level,))
         return None
 
@@ -281,7 +253,7 @@ class Source:
 
     def _wet(self, name: str, values: Array) -> NDArray[np.bool_]:
         """Return where values of a mask say water; shares of cells, as MITgcm gives them, count from 0 on."""
-        if standard_name(self.file, name) == "land_binary_mask":
+        if self.series.standard_name(name) == "land_binary_mask":
             return np.nan_to_num(values, nan=1.0) < 0.5
         return np.nan_to_num(values) > (0.0 if name == "hFacC" else 0.5)
 
@@ -298,8 +270,8 @@ def to_form(files: Sequence[File]) -> tuple[xr.Dataset, Geometry]:
     files = unified(files)
     names = find_current(files[0])
     places = _places(files[0], names)
-    series = in_order(files, names.east, places or ())
-    source = _source(series, names, places, [*series.notes, *filter(None, [names.note])])
+    series, notes = in_order(files, names.east, places or ())
+    source = _source(series, names, places, [*notes, *filter(None, [names.note])])
     grid, notes, form = source.geometry, source.notes, source.form
     if isinstance(grid, Curvilinear) and grid.folds:
         raise series.fail(
@@ -319,8 +291,8 @@ def to_form(files: Sequence[File]) -> tuple[xr.Dataset, Geometry]:
         form[name].encoding = {"source": place, "dims": source.dims}
     about = {"dims": series.time_dim, "frames": series.frames[:, 1]}
     form["time"] = xr.Variable("time", series.times, None, about)
-    form["file"] = xr.Variable("time", np.array([file.path for file in series.files])[series.frames[:, 0]])
-    attributes = {**series.attributes, "source": series.label, "notes": tuple(dict.fromkeys(notes))}
+    form["file"] = xr.Variable("time", np.array([file.path for file in series.parts])[series.frames[:, 0]])
+    attributes = {**series.attributes, "source": series.path, "notes": tuple(dict.fromkeys(notes))}
     found = xr.Dataset(form, attrs=attributes)
     found.set_close(series.close)
     return found, grid
@@ -339,7 +311,7 @@ def _add_current(source: Source, names: Names) -> None:
     if turn is not None:
         source.add("angle", (), lambda _, *keys: turn(*keys)[None])
     _add_depths(source, "depth", "level", east.levels)
-    if (up := find_upward(source.file)) is not None:
+    if (up := find_upward(source.series)) is not None:
         dims = series.dims(up)
         if set(source.dims) <= set(dims) and len(dims) <= len(source.dims) + 1:
             rising = _component(source, up, None, 0, None)
@@ -392,12 +364,12 @@ def _component(
     # A dimension of one member, ensemble or the like is no level where another one is left.
     long = [dim for dim in rest if sizes[dim] > 1]
     if len(long) > 1:
-        odd = [dim for dim in long if not is_level(source.file, dim)] or long
+        odd = [dim for dim in long if not is_level(source.series, dim)] or long
         raise series.fail(
             f"{name} has dimensions {' and '.join(long)}, of which one is neither level nor place: take one "
             f"index of it out first, such as by ncks -d {odd[0]},0"
         )
-    level = next(iter(long or [dim for dim in rest if is_level(source.file, dim)]), None)
+    level = next(iter(long or [dim for dim in rest if is_level(source.series, dim)]), None)
     fixed = {dim: 0 for dim in rest if dim != level} | ({} if both is None else {both: which})
     decoded = _decoded(source, name)
     found = levels if levels is not None and levels.dim == level else find_levels(source, name, level)
@@ -411,7 +383,7 @@ def _component(
 
     def read(frames: Any, *keys: Any) -> Array:
         chosen = dict(zip(axes, keys[level is None :], strict=True))
-        values = decoded(series.read(name, {**fixed, **chosen}, frames, axes))
+        values = decoded(series.at(frames, name, {**fixed, **chosen}, axes))
         return values[:, None][:, keys[0]] if level is None else values
 
     return _Component(name, own, found, read, edge)
@@ -553,10 +525,10 @@ def _add_masks(source: Source, deep: Callable | None, levels: Levels) -> None:
 def _turn(source: Source, names: Names, staggered: bool) -> Callable[..., Array] | None:
     """Return what tells the angle, rad, from east to the first component's axis, or None without one."""
     grid, series, notes, crs = source.geometry, source.series, source.notes, source.crs
-    standard = standard_name(source.file, names.east)
+    standard = source.series.standard_name(names.east)
     if not (names.along_grid or staggered):
         return None
-    words = [text(series.attrs(name), "long_name").lower() for name in (names.east, names.north)]
+    words = [series.text(name, "long_name").lower() for name in (names.east, names.north)]
     if not (standard or staggered) and "eastward" in words[0] and "northward" in words[1]:
         if not isinstance(grid, Regular):
             notes.append(f"{names.east} and {names.north} are eastward and northward by their long_name")
@@ -602,11 +574,11 @@ def _along_rows(source: Source, staggered: bool) -> Array:
 
 def _x_axis(source: Source) -> tuple[bool, bool]:
     """Return whether x runs along a grid's first dimension, not its second, and whether it falls there."""
-    for name, variable in source.file.variables.items():
-        stated = standard_name(source.file, name) in ("projection_x_coordinate", "grid_longitude")
+    for name, variable in source.series.variables.items():
+        stated = source.series.standard_name(name) in ("projection_x_coordinate", "grid_longitude")
         fits = variable.ndim == 1 and str(variable.dims[0]) in source.dims and variable.size > 1
         if fits and (stated or text(variable.attrs, "axis") == "X"):
-            x = source.file.coordinate(name)
+            x = source.series.coordinate(name)
             return str(variable.dims[0]) == source.dims[0], bool(x[-1] < x[0])
     first, second = (dim.lower().lstrip("n") for dim in source.dims)
     return first.startswith(("x", "i", "lon")) and second.startswith(("y", "j", "lat")), False
@@ -614,8 +586,8 @@ def _x_axis(source: Source) -> tuple[bool, bool]:
 
 def _radians(source: Source, name: str) -> float:
     """Return the radians in the unit of a variable of angles."""
-    far = float(np.nanmax(np.abs(source.file.coordinate(name, missing=True))))
-    units = text(source.series.attrs(name), "units").lower()
+    far = float(np.nanmax(np.abs(source.series.coordinate(name, missing=True))))
+    units = source.series.text(name, "units").lower()
     degrees = units.startswith("deg") or far > 2.0 * np.pi + 1e-6
     if degrees and units.startswith("rad"):
         raise source.series.fail(f"{name} is in radians and reaches {far:g}")
@@ -647,8 +619,8 @@ def _places(file: File, names: Names) -> tuple[str, str] | None:
         if name != other and (
             one.shape != two.shape or not np.allclose(one, two, rtol=0.0, atol=1e-6, equal_nan=True)
         ):
-            raise CurrentError(
-                f"{file.path}: {names.east} lies at {name} and {names.north} at {other}, which differ: "
+            raise file.fail(
+                f"{names.east} lies at {name} and {names.north} at {other}, which differ: "
                 "interpolate both to the middles of the cells first"
             )
     return found
@@ -656,24 +628,23 @@ def _places(file: File, names: Names) -> tuple[str, str] | None:
 
 def _source(series: Series, names: Names, places: tuple[str, str] | None, notes: list[str]) -> Source:
     """Return a series with the places of its points."""
-    file = series.files[0]
-    dims = [] if places is None else [tuple(map(str, file.variables[name].dims)) for name in places]
+    dims = [] if places is None else [tuple(map(str, series.variables[name].dims)) for name in places]
     if places is None or (dims[0] == dims[1] and len(dims[0]) == 1):
-        found = find_triangles(file, names.east, places, notes)
+        found = find_triangles(series, names.east, places, notes)
         assert found is not None
         mesh, dim, crs = found
         corners = mesh.cells.dim if mesh.cells is not None and mesh.in_cells else None
         return Source(series, mesh, (dim,), notes, crs, corners)
-    longitude, latitude, crs = in_degrees(file, places)
+    longitude, latitude, crs = in_degrees(series, places)
     if crs is not None and dims[0] != dims[1]:
         return Source(series, Curvilinear(("y", "x"), longitude, latitude), (*dims[1], *dims[0]), notes, crs)
     if longitude.ndim == 2:
         if dims[0] != dims[1] or min(longitude.shape) < 2:
             raise series.fail(f"{places[0]} and {places[1]} are no grid of rows and columns")
-        east, north = (file.variables[name].dims for name in (names.east, names.north))
+        east, north = (series.variables[name].dims for name in (names.east, names.north))
         edges = east[-2:] != north[-2:] or (places[0] == "lon_rho" and dims[0][-1] not in north[-1:])
         grid = Curvilinear(("y", "x"), longitude, latitude, "roms" if edges else "curvilinear")
-        return Source(series, grid, dims[0], notes, crs or find_crs(file, (names.east, *places)))
+        return Source(series, grid, dims[0], notes, crs or find_crs(series, (names.east, *places)))
     if longitude.ndim > 1 or latitude.ndim > 1:
         raise series.fail(f"{places[0]} and {places[1]} have other dimensions than each other")
     for name, axis in zip(places, (np.unwrap(np.atleast_1d(longitude), period=360.0), latitude), strict=True):

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan.io.currents.names import HEIGHTS, SIGMAS, depth_axis, is_vertical, standard_name
-from auvplan.io.currents.opening import text
-from auvplan.io.currents.series import Array, Series
+from auvplan.io.currents.files import Array, Series
+from auvplan.io.currents.names import HEIGHTS, SIGMAS, depth_axis, is_vertical
 
 if TYPE_CHECKING:
     from auvplan.io.currents.form import Source
@@ -68,7 +67,7 @@ def find_levels(source: "Source", name: str, dim: str | None) -> Levels:
     Raises:
         CurrentError: the levels have no depths, or such as contradict themselves.
     """
-    file = source.file
+    file = source.series
     if dim is None:
         return _single(source, name)
     for heights in HEIGHTS:
@@ -78,7 +77,7 @@ def find_levels(source: "Source", name: str, dim: str | None) -> Levels:
     if s_depth is not None:
         return _following(source, name, dim, s_depth)
     for sigma, variable in file.variables.items():
-        stated = standard_name(file, sigma).startswith("ocean_sigma") or sigma in SIGMAS
+        stated = file.standard_name(sigma).startswith("ocean_sigma") or sigma in SIGMAS
         if stated and dim in variable.dims and (variable.ndim == 1 or source.has(sigma)):
             return _sigma(source, name, sigma, dim)
     for heights, variable in file.variables.items():
@@ -95,9 +94,9 @@ def find_levels(source: "Source", name: str, dim: str | None) -> Levels:
 
 
 def _fixed(source: "Source", axis: str, dim: str | None) -> Levels:
-    file, series = source.file, source.series
-    values = np.atleast_1d(file.coordinate(axis))
-    if not text(series.attrs(axis), "units"):
+    series = source.series
+    values = np.atleast_1d(series.coordinate(axis))
+    if not series.text(axis, "units"):
         if len(values) > 1 and float(np.max(np.abs(values))) <= 1.0:
             raise series.fail(
                 f"{axis} has no units and lies between {values.min():g} and {values.max():g}, as shares of "
@@ -118,8 +117,8 @@ def _fixed(source: "Source", axis: str, dim: str | None) -> Levels:
 
 def _downward(source: "Source", axis: str, values: Array) -> Array:
     """Depths, positive down, by the attribute `positive` or, without one, by their signs."""
-    series, standard = source.series, standard_name(source.file, axis)
-    positive = text(series.attrs(axis), "positive").lower()
+    series, standard = source.series, source.series.standard_name(axis)
+    positive = series.text(axis, "positive").lower()
     signs = {bool(value > 0) for value in values if value != 0}
     if len(signs) > 1:
         raise series.fail(f"depths {axis} are of both signs")
@@ -144,12 +143,12 @@ def _downward(source: "Source", axis: str, values: Array) -> Array:
 
 def _single(source: "Source", name: str) -> Levels:
     """One level: at the depth of a scalar coordinate, or else at the surface."""
-    file = source.file
+    file = source.series
     for candidate, variable in file.variables.items():
         if variable.ndim == 0 and variable.dtype.kind in "iuf":
-            standard = standard_name(file, candidate)
+            standard = file.standard_name(candidate)
             # The height of a wind may stand beside a current.
-            height = standard == "height" and "sea_water" not in standard_name(file, name)
+            height = standard == "height" and "sea_water" not in file.standard_name(name)
             if height or "depth" in (standard, candidate.lower()):
                 return _fixed(source, candidate, None)
     source.notes.append(f"{name} has no levels: taken as the current at the surface")
@@ -186,8 +185,8 @@ def _following(source: "Source", name: str, dim: str, depths: Callable[[Array, A
 def _sigma(source: "Source", name: str, sigma: str, dim: str) -> Levels:
     """Shares of the water's depth, the same everywhere or given for each point; FVCOM, SELFE, POM."""
     series = source.series
-    values = source.file.coordinate(sigma)
-    if text(series.attrs(sigma), "positive").lower() == "up" and (values > 0.0).any():
+    values = source.series.coordinate(sigma)
+    if series.text(sigma, "positive").lower() == "up" and (values > 0.0).any():
         raise series.fail(
             f"levels {sigma} are positive upward, from the bed: CF's sigma, 0 at the surface and -1 at the "
             "bed, is needed"
@@ -212,15 +211,15 @@ def _sigma(source: "Source", name: str, sigma: str, dim: str) -> Levels:
 
 def _stated(source: "Source", heights: str, dim: str) -> Levels:
     """Heights above the datum, or depths, of each level and point, at each time or all; NaN below the bed."""
-    series, file = source.series, source.file
-    positive = text(series.attrs(heights), "positive").lower()
-    down = positive == "down" or (standard_name(file, heights) == "depth" and not positive)
+    series = source.series
+    positive = series.text(heights, "positive").lower()
+    down = positive == "down" or (series.standard_name(heights) == "depth" and not positive)
     metres = source.metres(heights) * (-1.0 if down else 1.0)
     alone = source.rise_name is None
     if heights not in HEIGHTS and not down and alone:
         source.notes.append("the surface's height is not given: taken as 0")
     count, dims = series.variables[heights].sizes[dim], series.dims(heights)
-    first = series.read(heights, {dim: np.array([0, count - 1])}, slice(0, 1), dims)
+    first = series.at(slice(0, 1), heights, {dim: np.array([0, count - 1])}, dims)
     ends = np.moveaxis(first[0], dims.index(dim), 0) * metres
     both = np.isfinite(ends).all(axis=0)
     rising = not both.any() or float((ends[-1] - ends[0])[both].mean()) >= 0.0
@@ -280,11 +279,11 @@ def s_depths(s: Array, curve: Array, critical: float, transform: int, floor: Arr
 
 def _s_levels(series: Series, dim: str, notes: list[str]) -> Callable[[Array, Array], Array] | None:
     """Return `s_depths` of levels along a dimension by sea bed and surface; None for other levels."""
-    file = series.files[0]
+    file = series
     axis = next((name for name in _AXES if name in file.variables and series.dims(name) == (dim,)), dim)
     between = axis in ("s_w", "sc_w")
     coordinates, curves = _CURVES["w" if between else "rho"]
-    own = standard_name(file, axis) if axis in file.variables else ""
+    own = file.standard_name(axis) if axis in file.variables else ""
     if axis not in _AXES and not own.startswith("ocean_s_coordinate"):
         return None
     count = next(v.sizes[dim] for v in file.variables.values() if dim in v.dims)
@@ -313,7 +312,7 @@ def _transform(series: Series, own: str, critical: float, notes: list[str]) -> i
     if str(series.attributes.get("VertCoordType", "")).strip() in ("NEW", "SM09"):
         return 2
     # With the first, levels would cross where the water is shallower than hc, and ROMS does not start.
-    shallow = "h" in series.variables and np.nanmin(series.files[0].coordinate("h", missing=True)) < critical
+    shallow = "h" in series.variables and np.nanmin(series.coordinate("h", missing=True)) < critical
     notes.append(f"Vtransform is missing: taken as {2 if shallow else 1}")
     return 2 if shallow else 1
 
@@ -322,7 +321,7 @@ def _parameter(series: Series, names: tuple[str, ...], count: int) -> Array | No
     """Return a parameter [count] that is a variable or, as CROCO writes it, an attribute of the file."""
     for name in names:
         if name in series.variables:
-            values = np.atleast_1d(series.files[0].coordinate(name))
+            values = np.atleast_1d(series.coordinate(name))
         elif name in series.attributes:
             values = np.atleast_1d(np.asarray(series.attributes[name], float))
         else:

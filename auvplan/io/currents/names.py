@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from auvplan.io.currents.opening import File, text
+from auvplan.io.currents.files import File, text
 from auvplan.io.currents.units import length_factor, speed_factor
 from auvplan.ocean.gridded import CurrentError
 
@@ -70,12 +70,6 @@ class Names:
     note: str = ""
 
 
-def standard_name(file: File, name: str) -> str:
-    """Return a variable's CF standard name in lower case, without a modifier; empty where there is none."""
-    words = text(file.variables[name].attrs, "standard_name").lower().split()
-    return words[0] if words else ""
-
-
 def find_current(file: File) -> Names:
     """Return the level components of the current.
 
@@ -85,14 +79,14 @@ def find_current(file: File) -> Names:
     by_standard: dict[str, list[str]] = {}
     for name in file.variables:
         if not _on_network(file, name) and _is_current(file, name):
-            by_standard.setdefault(standard_name(file, name), []).append(name)
+            by_standard.setdefault(file.standard_name(name), []).append(name)
     found = [*filter(None, [_by_standard(file, by_standard, _TRUE), _by_standard(file, by_standard, _ALONG)])]
     with contextlib.suppress(CurrentError) if found else contextlib.nullcontext():
         found += filter(None, [_by_name(file)])
     found = found or [*filter(None, [_by_standard(file, by_standard, _PART)])]
     if not found:
-        raise CurrentError(
-            f"{file.path}: no current: neither a variable with standard_name eastward_sea_water_velocity "
+        raise file.fail(
+            f"no current: neither a variable with standard_name eastward_sea_water_velocity "
             f"nor one named {', '.join(east for east, _ in _PAIRS)}{_remedy(file)}"
         )
     # A current at the surface may stand beside that at all levels.
@@ -114,7 +108,7 @@ def _by_standard(file: File, by_standard: dict[str, list[str]], wanted: re.Patte
             if file.variables[name].ndim == file.variables[east].ndim
         ]
         if not partners:
-            raise CurrentError(f"{file.path}: {east} has no partner {across}")
+            raise file.fail(f"{east} has no partner {across}")
         note = ""
         if part := _PART.fullmatch(standard):
             means = {"geostrophic": "its geostrophic part", "barotropic": "its mean over the depth"}
@@ -135,7 +129,7 @@ def _is_current(file: File, name: str) -> bool:
 
 def _remedy(file: File) -> str:
     """Return what may be done with a file in which no current is known."""
-    standards = {standard_name(file, name): name for name in file.variables}
+    standards = {file.standard_name(name): name for name in file.variables}
     turned = next((name for standard, name in standards.items() if "direction" in standard), None)
     if "sea_water_speed" in standards and turned is not None:
         return (
@@ -160,17 +154,17 @@ def _remedy(file: File) -> str:
 
 def _on_network(file: File, name: str) -> bool:
     """Return whether a variable is given on a network of lines, such as the 1D part of D-Flow's rivers."""
-    mesh = file.variables.get(text(file.variables[name].attrs, "mesh"))
+    mesh = file.variables.get(file.text(name, "mesh"))
     return mesh is not None and text(mesh.attrs, "topology_dimension") == "1"
 
 
 def _by_name(file: File) -> Names | None:
     for east, north in _PAIRS:
         if east in file.variables and north in file.variables:
-            names = [standard_name(file, name) for name in (east, north)]
+            names = [file.standard_name(name) for name in (east, north)]
             if re.search("northward|_y_|^y_", names[0]) or re.search("eastward|_x_|^x_", names[1]):
                 stated = " and ".join(name or "none" for name in names)
-                raise CurrentError(f"{file.path}: {east} and {north} have standard names {stated}: in doubt")
+                raise file.fail(f"{east} and {north} have standard names {stated}: in doubt")
             if not any(map(_PART.fullmatch, names)) and all(
                 _is_current(file, name) for name in (east, north)
             ):
@@ -182,7 +176,7 @@ def _by_name(file: File) -> Names | None:
     for east, north in _PAIRS:
         for present, missing in ((east, north), (north, east)):
             if present in file.variables and missing not in file.variables:
-                raise CurrentError(f"{file.path}: {present} has no partner {missing}")
+                raise file.fail(f"{present} has no partner {missing}")
     return None
 
 
@@ -198,8 +192,8 @@ def _best(file: File, names: Sequence[str]) -> str:
 
 def find_upward(file: File) -> str | None:
     """Return the vertical velocity, positive up, or None."""
-    named = [name for name in file.variables if standard_name(file, name) == "upward_sea_water_velocity"]
-    plain = [name for name in _UPWARD if name in file.variables and not standard_name(file, name)]
+    named = [name for name in file.variables if file.standard_name(name) == "upward_sea_water_velocity"]
+    plain = [name for name in _UPWARD if name in file.variables and not file.standard_name(name)]
     return (named + plain + [None])[0]
 
 
@@ -220,8 +214,8 @@ def require_field(file: File) -> None:
         ),
     )
     if stated:
-        raise CurrentError(
-            f"{file.path}: holds single places ({stated}), between which the current is not known: a model's "
+        raise file.fail(
+            f"holds single places ({stated}), between which the current is not known: a model's "
             "output on a grid or a mesh is needed"
         )
 
@@ -241,9 +235,9 @@ def find_places(file: File, name: str, staggered: bool = False) -> tuple[str, st
         pair = ("lon_rho", "lat_rho")
         for place in pair:
             if place not in file.variables or not np.nan_to_num(file.coordinate(place, missing=True)).any():
-                raise CurrentError(f"{file.path}: {name} is on a staggered grid, but {place} is missing")
+                raise file.fail(f"{name} is on a staggered grid, but {place} is missing")
         return pair
-    hints = text(file.variables[name].attrs, "coordinates").split()
+    hints = file.text(name, "coordinates").split()
     found = [
         _place(file, name, "longitude", _LONGITUDES, hints),
         _place(file, name, "latitude", _LATITUDES, hints),
@@ -254,9 +248,8 @@ def find_places(file: File, name: str, staggered: bool = False) -> tuple[str, st
             return projected[0], projected[1]
     for kind, place in zip(("longitude", "latitude"), found, strict=True):
         if place is None:
-            raise CurrentError(
-                f"{file.path}: {name} has no {kind}: name the model's grid file beside it in current.files, "
-                "if it has one"
+            raise file.fail(
+                f"{name} has no {kind}: name the model's grid file beside it in current.files, if it has one"
             )
     return str(found[0]), str(found[1])
 
@@ -271,7 +264,7 @@ def _projected(file: File, of: str, axis: str) -> str | None:
     for name, variable in file.variables.items():
         if variable.ndim not in (1, 2) or not set(variable.dims) <= dims:
             continue
-        stated = standard_name(file, name) in standard[axis]
+        stated = file.standard_name(name) in standard[axis]
         if (stated or name.lower() in (axis, f"{axis}c")) and np.any(file.coordinate(name, missing=True)):
             found.append((not stated, name))
     return min(found)[1] if found else None
@@ -282,7 +275,7 @@ def _place(file: File, of: str, kind: str, names: Iterable[str], hints: Sequence
     for name, variable in file.variables.items():
         if variable.ndim not in (1, 2) or not set(variable.dims) <= dims or name == of:
             continue
-        standard = standard_name(file, name) == kind
+        standard = file.standard_name(name) == kind
         degrees = _DEGREES[kind].fullmatch(text(variable.attrs, "units")) is not None
         if standard or degrees or name in order:
             rank = (name not in hints, not standard, not degrees)
@@ -308,8 +301,8 @@ def _require_one(file: File, of: str, kind: str, ranked: Sequence[tuple]) -> Non
     values = [np.nan_to_num(file.coordinate(entry[-1], missing=True)) for entry in ranked]
     if all(part.any() for part in values) and not np.allclose(*values, rtol=0.0, atol=1e-6):
         names = [entry[-1] for entry in ranked]
-        raise CurrentError(
-            f"{file.path}: the {kind} of {of} may be {names[0]} or {names[1]}: write which, such as by "
+        raise file.fail(
+            f"the {kind} of {of} may be {names[0]} or {names[1]}: write which, such as by "
             f"ncatted -a coordinates,{of},o,c,'{names[0]} ...'"
         )
 
@@ -317,11 +310,11 @@ def _require_one(file: File, of: str, kind: str, ranked: Sequence[tuple]) -> Non
 def find_floor(file: File, dims: Sequence[str]) -> str | None:
     """The sea bed on the dimensions of places: by standard name, ROMS' and FVCOM's h, D-Flow's altitude."""
     fitting = [name for name, variable in file.variables.items() if set(variable.dims) == set(dims)]
-    named = [name for name in fitting if standard_name(file, name) in _FLOOR_NAMES]
+    named = [name for name in fitting if file.standard_name(name) in _FLOOR_NAMES]
     plain = [name for name in ("h", "deptho", "bathymetry") if name in fitting]
     if "SCHISM_hgrid" in file.variables and "depth" in fitting:
         plain.append("depth")
-    plain += [n for n in fitting if n.endswith("flowelem_bl") and standard_name(file, n) == "altitude"]
+    plain += [n for n in fitting if n.endswith("flowelem_bl") and file.standard_name(n) == "altitude"]
     return (named + plain + [None])[0]
 
 
@@ -329,14 +322,14 @@ def is_level(file: File, dim: str) -> bool:
     """Return whether a file tells where levels along a dimension lie."""
     return depth_axis(file, dim) is not None or any(
         dim in variable.dims
-        and (name in (*HEIGHTS, *SIGMAS) or standard_name(file, name).startswith("ocean_s"))
+        and (name in (*HEIGHTS, *SIGMAS) or file.standard_name(name).startswith("ocean_s"))
         for name, variable in file.variables.items()
     )
 
 
 def is_vertical(file: File, name: str) -> bool:
     """Return whether a variable says that it is a depth or a height."""
-    attributes, standard = file.variables[name].attrs, standard_name(file, name)
+    attributes, standard = file.variables[name].attrs, file.standard_name(name)
     known = standard == "depth" or standard.startswith(("height", "altitude"))
     return known or bool(text(attributes, "positive") and length_factor(text(attributes, "units")))
 

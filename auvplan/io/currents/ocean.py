@@ -10,11 +10,10 @@ import numpy as np
 import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
+from auvplan.io.currents.files import Array, File, Paths, open_files
 from auvplan.io.currents.form import to_form
 from auvplan.io.currents.geometry import DEGREE, Window
 from auvplan.io.currents.levels import at_depth
-from auvplan.io.currents.opening import File, Paths, open_files
-from auvplan.io.currents.series import Array
 from auvplan.io.currents.times import moment_of, seconds_of, stamp
 from auvplan.io.currents.triangles import Geometry
 from auvplan.io.currents.weights import ENOUGH, Index, Weights, mix_gathered

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from pyproj import CRS, Geod, Transformer
 
-from auvplan.io.currents.opening import File, text
+from auvplan.io.currents.files import File, text
 from auvplan.io.currents.units import length_factor
 from auvplan.io.currents.weights import Array
 from auvplan.ocean.gridded import CurrentError
@@ -45,13 +45,11 @@ def in_degrees(file: File, places: tuple[str, str]) -> tuple[Array, Array, CRS |
             degrees.
     """
     x, y = (file.coordinate(name, missing=file.variables[name].ndim == 2) for name in places)
-    if all(text(file.variables[name].attrs, "units").lower().startswith("rad") for name in places):
+    if all(file.text(name, "units").lower().startswith("rad") for name in places):
         return np.rad2deg(x), np.rad2deg(y), None
     x, y = (
         -values
-        if re.fullmatch(
-            r"degrees?_?(w|west|south)|degrees?_s", text(file.variables[name].attrs, "units"), re.I
-        )
+        if re.fullmatch(r"degrees?_?(w|west|south)|degrees?_s", file.text(name, "units"), re.I)
         else values
         for name, values in zip(places, (x, y), strict=True)
     )
@@ -60,18 +58,16 @@ def in_degrees(file: File, places: tuple[str, str]) -> tuple[Array, Array, CRS |
         odd = np.nanmax(np.abs(y), initial=0.0) > 90.0 + 1e-6 or np.nanmax(np.abs(x), initial=0.0) > 720.0
         if not odd and finite.any():
             return x, y, None
-        if any(text(file.variables[name].attrs, "units").lower().startswith("deg") for name in places):
-            raise CurrentError(f"{file.path}: {places[0]} and {places[1]} are no degrees")
+        if any(file.text(name, "units").lower().startswith("deg") for name in places):
+            raise file.fail(f"{places[0]} and {places[1]} are no degrees")
     crs = find_crs(file, places)
     if crs is None:
-        raise CurrentError(
-            f"{file.path}: {places[0]} and {places[1]} are metres of a projection that the file does not "
+        raise file.fail(
+            f"{places[0]} and {places[1]} are metres of a projection that the file does not "
             "name: say current.crs, such as EPSG:32633"
         )
     if not (crs.is_projected or crs.is_derived):
-        raise CurrentError(
-            f"{file.path}: {places[0]} and {places[1]} are metres, {crs.name} is no projection"
-        )
+        raise file.fail(f"{places[0]} and {places[1]} are metres, {crs.name} is no projection")
     x, y = (
         values * _metres(file, name) / (1.0 if crs.is_geographic else _unit(crs))
         for name, values in zip(places, (x, y), strict=True)
@@ -82,7 +78,7 @@ def in_degrees(file: File, places: tuple[str, str]) -> tuple[Array, Array, CRS |
     longitude, latitude = np.asarray(longitude, float), np.asarray(latitude, float)
     known = np.isfinite(longitude) & np.isfinite(latitude)
     if not known[np.isfinite(x) & np.isfinite(y)].all():
-        raise CurrentError(f"{file.path}: {places[0]} and {places[1]} do not lie within {crs.name}")
+        raise file.fail(f"{places[0]} and {places[1]} do not lie within {crs.name}")
     return longitude, latitude, crs
 
 
@@ -93,7 +89,7 @@ def find_crs(file: File, names: tuple[str, ...]) -> CRS | None:
         CurrentError: the file's own contradicts the argument, or makes no sense.
     """
     stated = None if file.crs is None else as_crs(file.crs)
-    mappings = [text(file.variables[name].attrs, "grid_mapping").split(":")[0] for name in names]
+    mappings = [file.text(name, "grid_mapping").split(":")[0] for name in names]
     listed = [name for name in mappings if name in file.variables]
     others = [
         name
@@ -105,7 +101,7 @@ def find_crs(file: File, names: tuple[str, ...]) -> CRS | None:
         if own is None:
             continue
         if stated is not None and not own.equals(stated, ignore_axis_order=True):
-            raise CurrentError(f"{file.path}: {name} is {own.name}, not {stated.name} as current.crs says")
+            raise file.fail(f"{name} is {own.name}, not {stated.name} as current.crs says")
         return own
     return stated
 
@@ -147,12 +143,10 @@ def _is_projected(file: File, name: str) -> bool:
 
 
 def _metres(file: File, name: str) -> float:
-    units = text(file.variables[name].attrs, "units")
+    units = file.text(name, "units")
     factor = length_factor(units) if units and not units.lower().startswith("deg") else 1.0
     if factor is None:
-        raise CurrentError(
-            f"{file.path}: {name} has units {units!r}, which are no length: set them to m or km"
-        )
+        raise file.fail(f"{name} has units {units!r}, which are no length: set them to m or km")
     return factor
 
 

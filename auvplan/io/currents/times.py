@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 from numpy.typing import NDArray
 
-from auvplan.io.currents.opening import MAX_COORDINATE, File, text
+from auvplan.io.currents.files import MAX_COORDINATE, File, text
 from auvplan.ocean.gridded import CurrentError
 from auvplan.site import as_utc
 
@@ -69,9 +69,8 @@ def find_time(file: File, dims: tuple[str, ...]) -> str:
         plain += [name for name in file.variables if _is_text_of(file, name, dims)]
         if plain:
             return plain[0]
-        raise CurrentError(
-            f"{file.path}: no time coordinate with units like 'seconds since 1970-01-01': give it "
-            "one, such as by ncap2"
+        raise file.fail(
+            "no time coordinate with units like 'seconds since 1970-01-01': give it one, such as by ncap2"
         )
     return max(found)[1]
 
@@ -104,24 +103,22 @@ def decode_times(file: File, name: str) -> tuple[NDArray[np.float64], list[str]]
         seconds = exact
     else:
         if variable.size > MAX_COORDINATE:
-            raise CurrentError(f"{file.path}: {name} has {variable.size} values, which are not read")
+            raise file.fail(f"{name} has {variable.size} values, which are not read")
         values = np.atleast_1d(file.read(name) if variable.size else np.zeros(0))
         if not values.size:
-            raise CurrentError(f"{file.path}: {name} has no times")
+            raise file.fail(f"{name} has no times")
         if not np.isfinite(values).all():
-            raise CurrentError(f"{file.path}: {name} has missing dates")
+            raise file.fail(f"{name} has missing dates")
         # 1e30 and the like would overflow before it is refused.
         if np.abs(values).max() > 1e17:
             far = np.abs(values).max()
-            raise CurrentError(f"{file.path}: {name} has dates that are none: {far:g} {units}")
+            raise file.fail(f"{name} has dates that are none: {far:g} {units}")
         seconds = _decoded(file, name, values, units, calendar)
         _note_coarse(variable, name, values, seconds, notes)
     if calendar not in _REAL_CALENDARS:
         notes.append(f"{name}: dates of the calendar {calendar} are taken as UTC dates by their fields")
     if (np.diff(seconds) < 0).any():
-        raise CurrentError(
-            f"{file.path}: {name} does not rise: sort the file by it, such as by xarray's sortby"
-        )
+        raise file.fail(f"{name} does not rise: sort the file by it, such as by xarray's sortby")
     return seconds, notes
 
 
@@ -169,14 +166,11 @@ def _decoded(
     reference = units.partition(" since ")[2]
     zone = _ZONE.search(reference)
     if zone is not None and zone[1].upper() not in _UTC:
-        raise CurrentError(
-            f"{file.path}: {name}: the time zone {zone[1]} in {units!r} is in doubt: write it as an "
-            "offset, such as +02:00"
+        raise file.fail(
+            f"{name}: the time zone {zone[1]} in {units!r} is in doubt: write it as an offset, such as +02:00"
         )
     if _DAY_FIRST.match(reference):
-        raise CurrentError(
-            f"{file.path}: {name}: {units!r} may begin with the day or the month: write it as YYYY-MM-DD"
-        )
+        raise file.fail(f"{name}: {units!r} may begin with the day or the month: write it as YYYY-MM-DD")
     try:
         with file.guarded(name):
             found = xr.decode_cf(xr.Dataset({"time": ("time_", values, attributes)}))["time"].values
@@ -185,16 +179,15 @@ def _decoded(
                 return np.round((found - np.datetime64(0, "s")) / np.timedelta64(1, "us")) / 1e6
     except CurrentError:
         if calendar not in _WITHOUT_CFTIME and find_spec("cftime") is None:
-            raise CurrentError(
-                f"{file.path}: {name}: calendar {calendar} needs a further package: "
-                "pip install 'auvplan[readers]'"
+            raise file.fail(
+                f"{name}: calendar {calendar} needs a further package: pip install 'auvplan[readers]'"
             ) from None
-        raise CurrentError(
-            f"{file.path}: {name}: dates cannot be understood: {units!r}: units such as 'hours since "
+        raise file.fail(
+            f"{name}: dates cannot be understood: {units!r}: units such as 'hours since "
             "2026-05-01' are needed"
         ) from None
     if found.dtype != object:
-        raise CurrentError(f"{file.path}: {name}: dates cannot be understood: {units!r}")
+        raise file.fail(f"{name}: dates cannot be understood: {units!r}")
     return np.asarray([_by_fields(file, name, date, calendar) for date in found])
 
 
@@ -211,7 +204,7 @@ def _by_fields(file: File, name: str, date: Any, calendar: str) -> float:
         return (datetime(*fields, tzinfo=UTC) - _EPOCH).total_seconds()
     except ValueError:
         day = f"{fields[0]}-{fields[1]:02d}-{fields[2]:02d}"
-        raise CurrentError(f"{file.path}: {name}: {day} of the calendar {calendar} is no UTC date") from None
+        raise file.fail(f"{name}: {day} of the calendar {calendar} is no UTC date") from None
 
 
 def _since_stated(file: File, name: str, units: str, notes: list[str]) -> str:
@@ -221,8 +214,8 @@ def _since_stated(file: File, name: str, units: str, notes: list[str]) -> str:
         CurrentError: none was given, or the units are no time.
     """
     if file.epoch is None:
-        raise CurrentError(
-            f"{file.path}: {name} does not tell the date that it counts from: say current.epoch, such as "
+        raise file.fail(
+            f"{name} does not tell the date that it counts from: say current.epoch, such as "
             "2026-05-01T00:00:00Z"
         )
     unit = units.split()[0].lower() if units else "seconds"
@@ -258,9 +251,8 @@ def _written_out(file: File, dims: tuple, name: str) -> NDArray[np.float64] | No
         dates = [datetime.fromisoformat(row.strip(" \0").replace("_", "T").removesuffix("Z")) for row in rows]
     except ValueError:
         if found[0] == name:
-            raise CurrentError(
-                f"{file.path}: {name}: dates cannot be understood: {rows[0]!r}: write them as "
-                "2026-05-01T00:00:00"
+            raise file.fail(
+                f"{name}: dates cannot be understood: {rows[0]!r}: write them as 2026-05-01T00:00:00"
             ) from None
         return None
     return np.asarray([(as_utc(date) - _EPOCH).total_seconds() for date in dates])
@@ -273,7 +265,7 @@ def _digits(file: File, name: str) -> NDArray[np.float64]:
     try:
         dates = [datetime.strptime(f"{day:.0f}", "%Y%m%d").replace(tzinfo=UTC) for day in days]
     except ValueError:
-        raise CurrentError(f"{file.path}: {name}: dates cannot be understood: {values[0]:.10g}") from None
+        raise file.fail(f"{name}: dates cannot be understood: {values[0]:.10g}") from None
     whole = np.asarray([(date - _EPOCH).total_seconds() for date in dates])
     return whole + np.round((values - days) * 86400.0, 1)
 
@@ -307,5 +299,5 @@ def _modified_julian(file: File, dims: tuple) -> NDArray[np.float64] | None:
         return None
     seconds = (file.read("Itime") - 40587.0) * 86400.0 + file.read("Itime2") / 1000.0
     if not np.isfinite(seconds).all():
-        raise CurrentError(f"{file.path}: Itime has missing dates")
+        raise file.fail("Itime has missing dates")
     return np.atleast_1d(seconds)

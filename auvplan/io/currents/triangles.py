@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from pyproj import CRS
 from scipy.spatial import ConvexHull, QhullError
 
+from auvplan.io.currents.files import File, text
 from auvplan.io.currents.geometry import (
     Coordinates,
     Curvilinear,
@@ -21,10 +22,8 @@ from auvplan.io.currents.geometry import (
     within,
 )
 from auvplan.io.currents.names import require_field
-from auvplan.io.currents.opening import File, text
 from auvplan.io.currents.projection import in_degrees
 from auvplan.io.currents.weights import Array, Index, Weights, find_triangle, triangulate
-from auvplan.ocean.gridded import CurrentError
 
 #: Cells that together are so many times their convex hull lie over each other.
 _MORE = 1.2
@@ -253,7 +252,7 @@ def find_triangles(
     dim = str(file.variables[places[0]].dims[0])
     longitude, latitude, crs = in_degrees(file, places)
     if longitude.shape != latitude.shape or len(longitude) < 3:
-        raise CurrentError(f"{file.path}: {places[0]} and {places[1]} are no three places or more")
+        raise file.fail(f"{places[0]} and {places[1]} are no three places or more")
     if cells is not None and dim in (cells.dim, cells.cell_dim):
         return Triangles(longitude, latitude, cells, dim != cells.dim), dim, crs
     require_field(file)
@@ -286,7 +285,7 @@ def find_cells(file: File) -> Cells | None:
     name, places = found
     variable = file.variables[name]
     if variable.ndim != 2:
-        raise CurrentError(f"{file.path}: connectivity {name} has {variable.ndim} dimensions, not 2")
+        raise file.fail(f"connectivity {name} has {variable.ndim} dimensions, not 2")
     rows, columns = variable.shape
     by_corner = rows < columns or (rows == columns and name == "nv")
     dims = [str(dim) for dim in variable.dims]
@@ -299,7 +298,7 @@ def find_cells(file: File) -> Cells | None:
     first = float(start) if start else float(counted)
     corners = np.where(np.isfinite(values) & (values >= first), values - first, -1.0).astype(np.int64)
     if corners.shape[1] < 3 or (corners[:, :3] < 0).any() or corners.max() >= nodes:
-        raise CurrentError(f"{file.path}: connectivity {name} does not fit the {nodes} nodes of {places[0]}")
+        raise file.fail(f"connectivity {name} does not fit the {nodes} nodes of {places[0]}")
     fans = [(k, np.flatnonzero(corners[:, k + 1] >= 0)) for k in range(1, corners.shape[1] - 1)]
     triangles = [np.stack([corners[at, 0], corners[at, k], corners[at, k + 1]], axis=1) for k, at in fans]
     node_dim, cell_dim = str(file.variables[places[0]].dims[0]), dims[1 if by_corner else 0]
@@ -316,10 +315,10 @@ def _topology(file: File) -> tuple[str, tuple[str, str]] | None:
         name = text(variable.attrs, "face_node_connectivity") or _connectivity(file, mesh)
         nodes = text(variable.attrs, "node_coordinates").split()
         if not name:
-            raise CurrentError(f"{file.path}: the mesh topology {mesh} names no face_node_connectivity")
+            raise file.fail(f"the mesh topology {mesh} names no face_node_connectivity")
         for missing in [part for part in (name, *nodes) if part not in file.variables]:
-            raise CurrentError(
-                f"{file.path}: the mesh topology {mesh} names {missing}, which is missing: name the model's "
+            raise file.fail(
+                f"the mesh topology {mesh} names {missing}, which is missing: name the model's "
                 "grid file beside it in current.files, if it has one"
             )
         if len(nodes) == 2:
@@ -365,7 +364,7 @@ def _by_name(file: File) -> tuple[str, tuple[str, str]] | None:
 
 
 def _is_latitude(file: File, name: str) -> bool:
-    words = text(file.variables[name].attrs, "standard_name") + text(file.variables[name].attrs, "units")
+    words = file.text(name, "standard_name") + file.text(name, "units")
     return "lat" in words or "north" in words or ("lat" in name.lower() and "lon" not in name.lower())
 
 

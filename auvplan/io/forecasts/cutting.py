@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from auvplan.io.currents.names import MASK_NAMES, MASKS, is_vertical, standard_name
+from auvplan.io.currents.files import File, text
+from auvplan.io.currents.names import MASK_NAMES, MASKS, is_vertical
 from auvplan.io.currents.ocean import OceanData, describe, ocean_of
-from auvplan.io.currents.opening import File, text
 from auvplan.io.currents.times import decode_times, find_time, stamp
 from auvplan.io.forecasts.request import Request
 
@@ -95,7 +95,7 @@ def reference_time(file: File) -> str:
     Where it holds several runs, it is the latest one's.
     """
     for name in file.variables:
-        if standard_name(file, name) == _RUN and file.variables[name].ndim < 2:
+        if file.standard_name(name) == _RUN and file.variables[name].ndim < 2:
             seconds, _ = decode_times(file, name)
             return stamp(seconds.max())
     stated = (text(file.attributes, name) for name in _RUN_ATTRIBUTES)
@@ -179,7 +179,7 @@ def _names(file: File, ocean: OceanData, dims: set[str]) -> tuple[str, ...]:
     stated.append(find_time(file, tuple(str(dim) for dim in file.variables[stated[0]].dims)))
     hints = _hints(file, stated)
     for name, variable in file.variables.items():
-        grid = name in _GRID or standard_name(file, name) in (*MASK_NAMES, _RUN)
+        grid = name in _GRID or file.standard_name(name) in (*MASK_NAMES, _RUN)
         axis = name in dims or (variable.ndim == 1 and variable.dims[0] == level)
         axis = axis or (level in variable.dims and is_vertical(file, name))
         if grid or axis or name in hints:

@@ -11,8 +11,8 @@ import numpy as np
 import xarray as xr
 
 from auvplan.files import OutputError, write_dataset
+from auvplan.io.currents.files import File
 from auvplan.io.currents.ocean import ocean_of
-from auvplan.io.currents.opening import File
 from auvplan.io.forecasts.copernicus import open_copernicus
 from auvplan.io.forecasts.cutting import Cut, Indices, cut_of, reference_time
 from auvplan.io.forecasts.erddap import open_erddap

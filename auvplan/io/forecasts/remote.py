@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from auvplan.errors import AuvplanError
-from auvplan.io.currents.opening import File
+from auvplan.io.currents.files import File
 from auvplan.io.forecasts.request import ForecastError, Request
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ import pytest
 import xarray as xr
 
 from auvplan.io.currents import open_ocean, read_current, reader
-from auvplan.io.currents import opening as opening_module
+from auvplan.io.currents import files as files_module
 from auvplan.ocean.gridded import CurrentError
 from tests.io.currents.samples import (
     BOX,
@@ -253,7 +253,7 @@ def test_absurd_sizes_are_refused_before_they_are_read(tmp_path, monkeypatch):
     path = write(regular(), tmp_path / "a.nc")
     monkeypatch.setattr(reader, "MAX_VALUES", 100)
     refused(path, "values, more than 100")
-    monkeypatch.setattr(opening_module, "MAX_COORDINATE", 5)
+    monkeypatch.setattr(files_module, "MAX_COORDINATE", 5)
     refused(path, "coordinate longitude has 8 values, more than 5 are not read")
 
 
