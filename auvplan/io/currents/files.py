@@ -62,6 +62,13 @@ class File:
     crs: Any = None
     epoch: float | None = None
 
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Lengths of the dimensions."""
+        return {
+            str(dim): size for variable in self.variables.values() for dim, size in variable.sizes.items()
+        }
+
     def fail(self, words: str) -> CurrentError:
         """Return an error that names the file."""
         return CurrentError(f"{self.path}: {words}")
@@ -106,7 +113,7 @@ class File:
             values = np.asarray(part.values)
         if values.dtype.kind not in "fiub":
             raise self.fail(f"variable {name} holds no numbers")
-        values = values.astype(float)
+        values = values.astype(float, copy=False)
         for dim, pick in after.items():
             values = np.take(values, pick, axis=part.dims.index(dim))
         return values
@@ -191,7 +198,7 @@ class Series(File):
             for file in files:
                 file.close()
 
-        if rest or len(frames) != _length(first, time_dim):
+        if rest or len(frames) != first.sizes.get(str(time_dim), 1):
             for name, variable in first.variables.items():
                 if time_dim in variable.dims:
                     variables[name] = _joined(files, name, str(time_dim), frames)
@@ -218,10 +225,6 @@ class Series(File):
         if self.time_dim is None or self.time_dim not in self.variables[name].dims:
             return self.read(name, picks, dims)[None]
         return self.read(name, {**picks, self.time_dim: frames}, (self.time_dim, *dims))
-
-
-def _length(file: File, dim: str | None) -> int:
-    return next((variable.sizes[dim] for variable in file.variables.values() if dim in variable.dims), 1)
 
 
 def _joined(files: Sequence[File], name: str, time_dim: str, frames: NDArray[np.int64]) -> xr.Variable:

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -16,7 +15,7 @@ from auvplan.io.currents.geometry import DEGREE, Window
 from auvplan.io.currents.levels import at_depth
 from auvplan.io.currents.times import moment_of, seconds_of, stamp
 from auvplan.io.currents.triangles import Geometry
-from auvplan.io.currents.weights import ENOUGH, Index, Weights, mix_gathered
+from auvplan.io.currents.weights import ENOUGH, Weights, along, mix_gathered
 from auvplan.ocean.gridded import CurrentError
 from auvplan.scenario.provenance import ORIGIN
 
@@ -85,46 +84,31 @@ class OceanData:
     Attributes:
         form: the current as one CF data set, see `auvplan.io.currents.form`.
         geometry: the places of its points.
+        kind: "regular", "curvilinear", "roms" (velocities on the edges of the cells) or "triangles".
+        longitude, latitude: degrees; [nx] and [ny] where regular, [ny, nx] where curvilinear, else [P].
+        times: [T] s since 1970-01-01 UTC.
+        levels: [K] m below the surface, or None where they follow the sea bed.
+        notes: what had to be assumed.
+        label: the files' name for messages.
     """
 
     form: xr.Dataset
     geometry: Geometry
+    kind: str
+    longitude: Array
+    latitude: Array
+    times: Array
+    levels: Array | None
+    notes: tuple[str, ...]
+    label: str
 
-    @property
-    def kind(self) -> str:
-        """Return "regular", "curvilinear", "roms" (velocities on the edges of the cells) or "triangles"."""
-        return self.geometry.kind
-
-    @property
-    def longitude(self) -> Array:
-        """Degrees; [nx] where regular, [ny, nx] where curvilinear, else [P]."""
-        return self.geometry.longitude
-
-    @property
-    def latitude(self) -> Array:
-        """Degrees; [ny] where regular, [ny, nx] where curvilinear, else [P]."""
-        return self.geometry.latitude
-
-    @cached_property
-    def times(self) -> Array:
-        """[T] s since 1970-01-01 UTC."""
-        return self.form["time"].values
-
-    @property
-    def levels(self) -> Array | None:
-        """[K] m below the surface, or None where they follow the sea bed."""
-        depth = self.form.variables["depth"]
-        return depth.values if depth.ndim == 1 else None
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What had to be assumed."""
-        return self.form.attrs["notes"]
-
-    @property
-    def label(self) -> str:
-        """The files' name for messages."""
-        return self.form.attrs["source"]
+    @classmethod
+    def of(cls, form: xr.Dataset, geometry: Geometry) -> Self:
+        """Return the current of a data set in the form, and of the places of its points."""
+        depth, places = form.variables["depth"], (geometry.kind, geometry.longitude, geometry.latitude)
+        levels = depth.values if depth.ndim == 1 else None
+        times = form.variables["time"].values
+        return cls(form, geometry, *places, times, levels, form.attrs["notes"], form.attrs["source"])
 
     @property
     def moments(self) -> tuple[datetime, ...]:
@@ -140,7 +124,7 @@ class OceanData:
         return CurrentError(f"{self.label}: {words}")
 
     def field(self, name: str, frames: slice, window: Window) -> NDArray[Any]:
-        """Return values [T or 1, ..., P] of one of the form's variables at some times and a window's points.
+        """Return values [T or 1, ..., P or 1] of a variable of the form at some times and a window's points.
 
         Raises:
             CurrentError: they cannot be read, or make no sense.
@@ -148,6 +132,8 @@ class OceanData:
         variable = self.form.variables[name]
         picks = {"time": frames, **window.picks}
         values = variable.isel({dim: pick for dim, pick in picks.items() if dim in variable.dims}).values
+        if not set(window.picks) & set(variable.dims):
+            return values[None, :, None]
         values = values.reshape(*values.shape[: values.ndim - len(window.picks)], window.points)
         return values if "time" in variable.dims else values[None]
 
@@ -172,7 +158,7 @@ class OceanData:
             turn = self.field("angle", frames, window)[0]
             cos, sin = np.cos(turn), np.sin(turn)
             east, north = east * cos - north * sin, east * sin + north * cos
-        depths = self._depths("depth", frames, window)
+        depths = self.field("depth", frames, window)
         bed = next((name for name in ("bed", "deptho") if name in form), None)
         floor = None if bed is None else self.field(bed, frames, window)
         if floor is not None and self.levels is not None:
@@ -181,14 +167,9 @@ class OceanData:
         up, depths_up = None, depths
         if "wo" in form:
             up = self.field("wo", frames, window)
-            depths_up = self._depths("depth_w", frames, window) if "depth_w" in form else depths
+            depths_up = self.field("depth_w", frames, window) if "depth_w" in form else depths
         east, north = (np.where(land, np.nan, values) for values in (east, north))
         return Block(east, north, depths, floor, up, depths_up)
-
-    def _depths(self, name: str, frames: slice, window: Window) -> Array:
-        """[1 or T, K, 1 or P] m of levels below the surface."""
-        variable = self.form.variables[name]
-        return variable.values[None, :, None] if variable.ndim == 1 else self.field(name, frames, window)
 
     def at(self, longitude: ArrayLike, latitude: ArrayLike, depth: ArrayLike, moment: Any) -> Triple:
         """Return the current at places and moments: linear in the horizontal, in depth and in time.
@@ -219,10 +200,9 @@ class OceanData:
         weights = self.geometry.locate(east, latitude=north)
         if weights.outside.any():
             raise self.fail(f"a place is outside the data, {describe(weights.beyond)}")
-        before, share = self._frames(seconds)
-        found = self._sampled(weights, down, before, share)
-        answer = [values.reshape(shape) for values in found]
-        return answer[0], answer[1], answer[2] if "wo" in self.form else None
+        self.check_times(float(seconds.min()), float(seconds.max()))
+        to_east, to_north, up = (values.reshape(shape) for values in self._sampled(weights, down, seconds))
+        return to_east, to_north, up if "wo" in self.form else None
 
     def is_water(
         self, longitude: Array, latitude: Array, frames: slice, reach: float = 0.0
@@ -251,18 +231,14 @@ class OceanData:
             used = np.unique(weights.index[there])
             new = used[wet[used] < 0]
             if len(new):
-                wet[new] = self._wet(new, frames)
+                window = self.geometry.window(new[:, None])
+                water = np.ones(window.points, bool)
+                for k in range(frames.start, frames.stop):
+                    water &= np.isfinite(self.read(slice(k, k + 1), window).east[0, 0])
+                wet[new] = water[window.index[:, 0]]
             left = (weights.weight * (wet[weights.index] > 0)).sum(axis=1)
             found[part] = there & (left >= ENOUGH)
         return found
-
-    def _wet(self, index: Index, frames: slice) -> NDArray[np.bool_]:
-        """[P] whether source points have water at the surface at all of some times."""
-        window = self.geometry.window(index[:, None])
-        wet = np.ones(window.points, bool)
-        for frame in range(frames.start, frames.stop):
-            wet &= np.isfinite(self.read(slice(frame, frame + 1), window).east[0, 0])
-        return wet[window.index[:, 0]]
 
     def sea_floor(self, longitude: Array, latitude: Array) -> Array | None:
         """Return the depth of the sea bed below the datum [M], m; None where the source does not tell it.
@@ -306,19 +282,10 @@ class OceanData:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _frames(self, seconds: Array) -> tuple[np.ndarray, Array]:
-        """Return the time before each moment, and the share of the way to the next."""
-        self.check_times(float(seconds.min()), float(seconds.max()))
-        if len(self.times) == 1:
-            return np.zeros(len(seconds), np.int64), np.zeros(len(seconds))
-        held = np.clip(seconds, self.times[0], self.times[-1])
-        before = np.clip(np.searchsorted(self.times, held, side="right") - 1, 0, len(self.times) - 2)
-        share = (held - self.times[before]) / (self.times[before + 1] - self.times[before])
-        return before, share
-
-    def _sampled(self, weights: Weights, depth: Array, before: np.ndarray, share: Array) -> Array:
+    def _sampled(self, weights: Weights, depth: Array, seconds: Array) -> Array:
         """[3, M] m/s east, north and up, NaN where there is no water."""
         window = self.geometry.window(weights.index)
+        before, share, _ = along(self.times, seconds)
         ends = np.full((2, 3, len(depth)), np.nan)
         for frame in np.unique(np.concatenate([before, before[share > 0] + 1])):
             block = None
@@ -362,8 +329,9 @@ def describe(beyond: Array) -> str:
 
 def misunderstood(label: str, error: Exception) -> CurrentError:
     """Return what no check has foreseen, as one line that names the file."""
-    line = f"{type(error).__name__}: {' '.join(str(error).split())}"
-    return CurrentError(f"{label}: cannot be understood ({line})")
+    return CurrentError(
+        f"{label}: cannot be understood ({type(error).__name__}: {' '.join(str(error).split())})"
+    )
 
 
 def open_ocean(paths: Paths, *, crs: Any = None, epoch: Any = None) -> OceanData:
@@ -396,7 +364,7 @@ def ocean_of(files: Sequence[File]) -> OceanData:
         CurrentError: as `open_ocean`.
     """
     try:
-        return OceanData(*to_form(files))
+        return OceanData.of(*to_form(files))
     except CurrentError:
         raise
     except Exception as error:

@@ -1,13 +1,13 @@
 """Files that belong together as one: parts of one stretch of time, and stretches that follow each other."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
 
-from auvplan.io.currents.files import Array, File, Series, text
+from auvplan.io.currents.files import Array, File, Series
 from auvplan.io.currents.models import NEMO, on_middles
 from auvplan.io.currents.names import find_current, find_places
 from auvplan.io.currents.times import decode_times, find_time, stamp
@@ -42,16 +42,13 @@ def _whole(file: File) -> bool:
     """Return whether a file tells a current and its places."""
     try:
         names = find_current(file)
-        staggered = _staggered(file, names.east, names.north)
+        dims = [file.variables[name].dims[-2:] for name in (names.east, names.north)]
+        staggered = dims[0] != dims[1]
         if staggered or not has_cells(file):
             find_places(file, names.east, staggered)
     except CurrentError:
         return False
     return True
-
-
-def _staggered(file: File, east: str, north: str) -> bool:
-    return file.variables[east].dims[-2:] != file.variables[north].dims[-2:]
 
 
 def _put_together(files: Sequence[File]) -> list[File]:
@@ -61,8 +58,8 @@ def _put_together(files: Sequence[File]) -> list[File]:
     if len(kinds) == 1:
         return list(files)
     times = {file.path: _times(file) for file in files}
-    timed = [group for group in kinds.values() if times[group[0].path] is not None]
-    fixed = [group[0] for group in kinds.values() if times[group[0].path] is None]
+    timed = [group for group in kinds.values() if len(times[group[0].path])]
+    fixed = [group[0] for group in kinds.values() if not len(times[group[0].path])]
     # A grid file may carry a time of its own that no other shares.
     base = max(timed or [list(files)], key=lambda group: (_components(group[0]), len(group)))
     found = []
@@ -71,9 +68,11 @@ def _put_together(files: Sequence[File]) -> list[File]:
         for group in timed:
             if group is base:
                 continue
-            same = [other for other in group if _equal(times[other.path], times[file.path])]
-            if same:
-                parts.append(same[0])
+            own = times[file.path]
+            same = (other for other in group if times[other.path].shape == own.shape)
+            equal = [other for other in same if np.allclose(times[other.path], own)]
+            if equal:
+                parts.append(equal[0])
             elif len(group) == 1 and not _components(group[0]):
                 fixed.append(group[0])
             else:
@@ -93,23 +92,14 @@ def _components(file: File) -> int:
         return int("has no partner" in str(error))
 
 
-def _times(file: File) -> Array | None:
-    """Return s since 1970 of a file's times, None where it has none."""
+def _times(file: File) -> Array:
+    """Return s since 1970 of a file's times."""
     dims = tuple({str(dim) for variable in file.variables.values() for dim in variable.dims})
     try:
         name = find_time(file, dims)
     except CurrentError:
-        return None
+        return np.zeros(0)
     return decode_times(file, name)[0]
-
-
-def _equal(first: Array | None, second: Array | None) -> bool:
-    return (
-        first is not None
-        and second is not None
-        and first.shape == second.shape
-        and np.allclose(first, second)
-    )
 
 
 def _merged(parts: Sequence[File]) -> File:
@@ -120,10 +110,10 @@ def _merged(parts: Sequence[File]) -> File:
     """
     first, *others = parts
     variables: dict[str, xr.Variable] = dict(first.variables)
-    sizes = _sizes(first.variables)
+    sizes = first.sizes
     nemo = all(any(name in part.variables for part in parts) for name in NEMO)
     for other in others:
-        for dim, size in _sizes(other.variables).items():
+        for dim, size in other.sizes.items():
             if sizes.setdefault(dim, size) != size and size > 1:
                 raise CurrentError(f"{first.path} and {other.path}: {dim} has {sizes[dim]} and {size} values")
         for name, variable in other.variables.items():
@@ -132,7 +122,12 @@ def _merged(parts: Sequence[File]) -> File:
                 once = {dim: 0 for dim, size in variable.sizes.items() if size < sizes[str(dim)]}
                 variables[name] = variable.isel(once)
             elif name in _PLACES and variable.shape == variables[name].shape and not nemo:
-                _require_same_places(first, other, name)
+                one, two = (file.coordinate(name, missing=True) for file in (first, other))
+                if one.any() and two.any() and not np.allclose(one, two, rtol=0.0, atol=1e-6, equal_nan=True):
+                    raise CurrentError(
+                        f"{first.path} and {other.path}: {name} differs, as on the edges of cells: name the "
+                        "model's mesh file (glamt, gphit) beside them in current.files"
+                    )
 
     def close() -> None:
         for part in parts:
@@ -141,19 +136,6 @@ def _merged(parts: Sequence[File]) -> File:
     label = f"{first.path} with {', '.join(Path(part.path).name for part in others)}"
     attributes = {key: value for part in reversed(parts) for key, value in part.attributes.items()}
     return replace(first, path=label, variables=variables, attributes=attributes, close=close)
-
-
-def _require_same_places(first: File, other: File, name: str) -> None:
-    one, two = (file.coordinate(name, missing=True) for file in (first, other))
-    if one.any() and two.any() and not np.allclose(one, two, rtol=0.0, atol=1e-6, equal_nan=True):
-        raise CurrentError(
-            f"{first.path} and {other.path}: {name} differs, as on the edges of cells: name the model's mesh "
-            "file (glamt, gphit) beside them in current.files"
-        )
-
-
-def _sizes(variables: Mapping[str, xr.Variable]) -> dict[str, int]:
-    return {str(dim): size for variable in variables.values() for dim, size in variable.sizes.items()}
 
 
 def in_order(files: Sequence[File], name: str, coordinates: Sequence[str]) -> tuple[Series, list[str]]:
@@ -203,24 +185,6 @@ def in_order(files: Sequence[File], name: str, coordinates: Sequence[str]) -> tu
     return Series.of([file for file, _, _ in known], dims.pop(), np.asarray(times), np.asarray(frames)), notes
 
 
-def _is_fixed(file: File, name: str, time_dim: str | None) -> bool:
-    """Return whether a file tells a variable of numbers that knows no time."""
-    variable = file.variables.get(name)
-    return variable is not None and variable.dtype.kind in "iuf" and time_dim not in variable.dims
-
-
-def _same_kind(where: str, name: str, one: xr.Variable, two: xr.Variable, time_dim: str | None) -> None:
-    """Require the same sizes and units of a variable in two files."""
-    if one.dtype.kind not in "iuf" or time_dim not in one.dims or one.dims == (time_dim,):
-        return
-    sizes = [{dim: size for dim, size in each.sizes.items() if dim != time_dim} for each in (one, two)]
-    if sizes[0] != sizes[1]:
-        raise CurrentError(f"{where}: {name} has other dimensions")
-    units = [text(each.attrs, "units") for each in (two, one)]
-    if units[0] != units[1]:
-        raise CurrentError(f"{where}: {name} is in {units[0]!r} and in {units[1]!r}, which must be one unit")
-
-
 def _require_same_grid(
     first: File, other: File, name: str, coordinates: Sequence[str], time_dim: str | None
 ) -> None:
@@ -230,13 +194,22 @@ def _require_same_grid(
     if first.variables[name].dims != other.variables[name].dims:
         raise CurrentError(f"{where}: {name} has other dimensions")
     for shared in set(first.variables) & set(other.variables):
-        _same_kind(where, shared, first.variables[shared], other.variables[shared], time_dim)
+        one, two = first.variables[shared], other.variables[shared]
+        if one.dtype.kind not in "iuf" or time_dim not in one.dims or one.dims == (time_dim,):
+            continue
+        if {**one.sizes, time_dim: 0} != {**two.sizes, time_dim: 0}:
+            raise CurrentError(f"{where}: {shared} has other dimensions")
+        units = [file.text(shared, "units") for file in (other, first)]
+        if units[0] != units[1]:
+            raise CurrentError(
+                f"{where}: {shared} is in {units[0]!r} and in {units[1]!r}, which must be one unit"
+            )
     levels = {dim for dim in first.variables[name].dims[:-1] if dim != time_dim}
-    axes = [axis for axis, stated in first.variables.items() if stated.ndim == 1 and stated.dims[0] in levels]
-    fixed = [
-        *coordinates,
-        *(axis for axis in (*axes, *_FIXED) if axis not in coordinates and _is_fixed(first, axis, time_dim)),
-    ]
+    fixed = dict.fromkeys(coordinates)
+    for axis, stated in first.variables.items():
+        wanted = axis in _FIXED or (stated.ndim == 1 and stated.dims[0] in levels)
+        if wanted and stated.dtype.kind in "iuf" and time_dim not in stated.dims:
+            fixed[axis] = None
     for coordinate in fixed:
         if coordinate not in other.variables:
             raise CurrentError(f"{other.path}: has no {coordinate}, which {first.path} has")

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from pyproj import CRS
 from scipy.spatial import ConvexHull, QhullError
 
-from auvplan.io.currents.files import File, text
+from auvplan.io.currents.files import File
 from auvplan.io.currents.geometry import (
     Coordinates,
     Curvilinear,
@@ -234,7 +234,7 @@ def find_triangles(
     Raises:
         CurrentError: the connectivity does not fit the nodes.
     """
-    cells = find_cells(file)
+    cells = _cells(file)
     if places is None:
         if cells is None or cells.cell_dim not in file.variables[name].dims:
             return None
@@ -263,22 +263,12 @@ def find_triangles(
 
 
 def has_cells(file: File) -> bool:
-    """Return whether a file tells the cells of a mesh, of which nothing is read.
-
-    Raises:
-        CurrentError: the mesh topology names what is missing.
-    """
-    return _topology(file) is not None or _by_name(file) is not None
+    """Return whether a file tells the cells of a mesh, of which nothing is read; errors as `_cells`."""
+    return (_topology(file) or _by_name(file)) is not None
 
 
-def find_cells(file: File) -> Cells | None:
-    """Return the cells that a file tells.
-
-    They are those of UGRID's mesh topology, or by FVCOM's, SCHISM's and SELFE's names.
-
-    Raises:
-        CurrentError: the connectivity does not fit the nodes.
-    """
+def _cells(file: File) -> Cells | None:
+    """Return the cells of UGRID's mesh topology, or by FVCOM's, SCHISM's and SELFE's names."""
     found = _topology(file) or _by_name(file)
     if found is None:
         return None
@@ -292,7 +282,7 @@ def find_cells(file: File) -> Cells | None:
     values = file.read(name, dims=dims[::-1] if by_corner else dims)
     nodes = file.variables[places[0]].size
     finite = values[np.isfinite(values)]
-    start = text(variable.attrs, "start_index")
+    start = file.text(name, "start_index")
     # UGRID counts from 0 without word of it; models from 1, also where a cut lost the last node.
     counted = bool(len(finite)) and (finite.max() == nodes or (name in _CONNECTIVITY and finite.min() > 0))
     first = float(start) if start else float(counted)
@@ -307,13 +297,19 @@ def find_cells(file: File) -> Cells | None:
     return Cells(node_dim, cell_dim, longitude, latitude, np.concatenate(triangles), cell, corners, crs)
 
 
+def _meshes(file: File) -> list[str]:
+    """Return UGRID's topologies of two-dimensional meshes."""
+    stated = [name for name in file.variables if file.text(name, "cf_role") == "mesh_topology"]
+    return [name for name in stated if file.text(name, "topology_dimension") != "1"]
+
+
 def _topology(file: File) -> tuple[str, tuple[str, str]] | None:
-    for mesh, variable in file.variables.items():
-        one_dimensional = text(variable.attrs, "topology_dimension") == "1"
-        if text(variable.attrs, "cf_role") != "mesh_topology" or one_dimensional:
-            continue
-        name = text(variable.attrs, "face_node_connectivity") or _connectivity(file, mesh)
-        nodes = text(variable.attrs, "node_coordinates").split()
+    """Return the connectivity, and x and y of the nodes, that a mesh topology names; None without one."""
+    for mesh in _meshes(file):
+        roles = [name for name in file.variables if file.text(name, "cf_role") == "face_node_connectivity"]
+        own = [name for name in roles if file.text(name, "mesh") in ("", mesh)]
+        name = next(filter(None, [file.text(mesh, "face_node_connectivity"), *own]), "")
+        nodes = file.text(mesh, "node_coordinates").split()
         if not name:
             raise file.fail(f"the mesh topology {mesh} names no face_node_connectivity")
         for missing in [part for part in (name, *nodes) if part not in file.variables]:
@@ -329,35 +325,23 @@ def _topology(file: File) -> tuple[str, tuple[str, str]] | None:
 
 def _face_coordinates(file: File, cell_dim: str) -> tuple[str, str] | None:
     """Return x and y of the cells' middles as UGRID's mesh topology names them, None where it does not."""
-    for variable in file.variables.values():
-        names = text(variable.attrs, "face_coordinates").split()
-        if text(variable.attrs, "cf_role") != "mesh_topology" or len(names) != 2:
-            continue
-        if all(name in file.variables and file.variables[name].dims == (cell_dim,) for name in names):
+    for mesh in _meshes(file):
+        names = file.text(mesh, "face_coordinates").split()
+        known = [
+            name for name in names if name in file.variables and file.variables[name].dims == (cell_dim,)
+        ]
+        if len(names) == len(known) == 2:
             turned = _is_latitude(file, names[0]) and "lon" in names[1].lower()
             return (names[1], names[0]) if turned else (names[0], names[1])
     return None
 
 
-def _connectivity(file: File, mesh: str) -> str:
-    """Return the variable whose role is a mesh's cells, empty where there is none."""
-    roles = [
-        name
-        for name, variable in file.variables.items()
-        if text(variable.attrs, "cf_role") == "face_node_connectivity"
-        and text(variable.attrs, "mesh") in ("", mesh)
-    ]
-    return roles[0] if roles else ""
-
-
 def _by_name(file: File) -> tuple[str, tuple[str, str]] | None:
     for name in _CONNECTIVITY:
-        variable = file.variables.get(name)
-        if variable is None or variable.ndim != 2:
+        if name not in file.variables or file.variables[name].ndim != 2:
             continue
         for places in _NODES:
-            known = [file.variables.get(place) for place in places]
-            flat = all(place is not None and place.ndim == 1 for place in known)
+            flat = all(place in file.variables and file.variables[place].ndim == 1 for place in places)
             if flat and any(file.coordinate(place).any() for place in places):
                 return name, places
     return None
