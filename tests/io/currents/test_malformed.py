@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from auvplan.io.currents import open_ocean, read_current, reader
 from auvplan.io.currents import files as files_module
+from auvplan.io.currents import open_ocean, read_current, reader
 from auvplan.ocean.gridded import CurrentError
 from tests.io.currents.samples import (
     BOX,
