@@ -1,5 +1,6 @@
 """Linear interpolation in the horizontal: which source points make up a place, and with what weights."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,22 +58,20 @@ def mix(matrix: csr_array, *fields: Array) -> tuple[Array, ...]:
     A point that lacks one of the fields lacks all. What is missing is left out; a place is missing where less
     than half of its weight is left.
     """
-    valid = np.logical_and.reduce([np.isfinite(field) for field in fields])
-    left = (matrix @ valid.T.astype(float)).T
-    there = left >= ENOUGH
-    total = np.where(there, left, 1.0)
-    sums = ((matrix @ np.where(valid, field, 0.0).T).T for field in fields)
-    return tuple(np.where(there, sum_ / total, np.nan) for sum_ in sums)
+    return _mixed(lambda values: (matrix @ values.T).T, fields)
 
 
 def mix_gathered(weight: Array, *fields: Array) -> tuple[Array, ...]:
     """`mix` of fields [M, C] that are already at hand at the corners of each place, each [M]."""
+    return _mixed(lambda values: (weight * values).sum(axis=1), fields)
+
+
+def _mixed(total: Callable[[Array], Array], fields: tuple[Array, ...]) -> tuple[Array, ...]:
     valid = np.logical_and.reduce([np.isfinite(field) for field in fields])
-    left = (weight * valid).sum(axis=1)
+    left = total(valid.astype(float))
     there = left >= ENOUGH
-    total = np.where(there, left, 1.0)
-    sums = ((weight * np.where(valid, field, 0.0)).sum(axis=1) for field in fields)
-    return tuple(np.where(there, sum_ / total, np.nan) for sum_ in sums)
+    whole = np.where(there, left, 1.0)
+    return tuple(np.where(there, total(np.where(valid, field, 0.0)) / whole, np.nan) for field in fields)
 
 
 def along(axis: Array, value: Array) -> tuple[Index, Array, Array]:
