@@ -19,6 +19,7 @@ from xarray.backends import BackendArray
 from xarray.core import indexing
 
 from auvplan.files import require_whole
+from auvplan.io.currents.units import length_factor
 from auvplan.ocean.gridded import CurrentError
 
 #: Coordinates with more values are refused before they are read.
@@ -76,6 +77,18 @@ class File:
     def text(self, name: str, key: str) -> str:
         """Return an attribute of a variable as text without blanks around it; empty where there is none."""
         return text(self.variables[name].attrs, key)
+
+    def metres(self, name: str) -> float:
+        """Return metres in a variable's unit of length; variables without units are in metres.
+
+        Raises:
+            CurrentError: the unit is no length.
+        """
+        units = self.text(name, "units")
+        factor = length_factor(units) if units else 1.0
+        if factor is None:
+            raise self.fail(f"{name} has units {units!r}, which are no length: metres are needed")
+        return factor
 
     def standard_name(self, name: str) -> str:
         """Return a variable's CF standard name in lower case, without a modifier; empty without one."""

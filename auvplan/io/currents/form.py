@@ -25,7 +25,7 @@ import xarray as xr
 from numpy.typing import NDArray
 from pyproj import CRS
 
-from auvplan.io.currents.files import Array, File, Lazy, Series, text
+from auvplan.io.currents.files import Array, File, Lazy, Series
 from auvplan.io.currents.geometry import Curvilinear, Regular
 from auvplan.io.currents.levels import Levels, find_levels, once
 from auvplan.io.currents.names import (
@@ -42,7 +42,7 @@ from auvplan.io.currents.names import (
 from auvplan.io.currents.projection import axes_angle, find_crs, grid_angle, in_degrees
 from auvplan.io.currents.series import in_order, unified
 from auvplan.io.currents.triangles import Geometry, Triangles, cell_means, find_triangles
-from auvplan.io.currents.units import length_factor, speed_factor
+from auvplan.io.currents.units import speed_factor
 from auvplan.ocean.gridded import CurrentError
 
 #: Variables that tell the angle from east to the grid's rows, counter-clockwise; ROMS and POP.
@@ -147,18 +147,6 @@ class Source:
 
         return means
 
-    def metres(self, name: str) -> float:
-        """Return metres in a variable's unit of length; variables without units are in metres.
-
-        Raises:
-            CurrentError: the unit is no length.
-        """
-        units = self.series.text(name, "units")
-        factor = length_factor(units) if units else 1.0
-        if factor is None:
-            raise self.series.fail(f"{name} has units {units!r}, which are no length: metres are needed")
-        return factor
-
     @cached_property
     def floor_name(self) -> str | None:
         """The variable that tells the depth of the sea bed, or None."""
@@ -170,7 +158,7 @@ class Source:
     def floor(self) -> Read:
         """Depth [1, *points] m of the sea bed below the datum; NaN on land."""
         name = str(self.floor_name)
-        read, metres = self.reading(name), self.metres(name)
+        read, metres = self.reading(name), self.series.metres(name)
 
         def downward(*keys: Any) -> Array:
             depth = read(_FIRST, *keys) * metres * self._downward
@@ -207,7 +195,7 @@ class Source:
             return lambda _, *keys: np.zeros(
                 (1, *(len(np.arange(size)[key]) for size, key in zip(self.geometry.shape, keys, strict=True)))
             )
-        read, metres = self.reading(name), self.metres(name)
+        read, metres = self.reading(name), self.series.metres(name)
 
         def above(frames: Any, *keys: Any) -> Array:
             rise = np.nan_to_num(read(frames, *keys) * metres)
@@ -364,12 +352,12 @@ def _component(
     # A dimension of one member, ensemble or the like is no level where another one is left.
     long = [dim for dim in rest if sizes[dim] > 1]
     if len(long) > 1:
-        odd = [dim for dim in long if not is_level(source.series, dim)] or long
+        odd = [dim for dim in long if not is_level(series, dim)] or long
         raise series.fail(
             f"{name} has dimensions {' and '.join(long)}, of which one is neither level nor place: take one "
             f"index of it out first, such as by ncks -d {odd[0]},0"
         )
-    level = next(iter(long or [dim for dim in rest if is_level(source.series, dim)]), None)
+    level = next(iter(long or [dim for dim in rest if is_level(series, dim)]), None)
     fixed = {dim: 0 for dim in rest if dim != level} | ({} if both is None else {both: which})
     decoded = _decoded(source, name)
     found = levels if levels is not None and levels.dim == level else find_levels(source, name, level)
@@ -392,7 +380,7 @@ def _component(
 def _decoded(source: Source, name: str) -> Callable[[Array], Array]:
     """Return what makes values of a component m/s, NaN beyond the stated range."""
     series, variable = source.series, source.series.variables[name]
-    units = text(variable.attrs, "units")
+    units = series.text(name, "units")
     factor, limit = speed_factor(units) if units else 1.0, _FASTEST if units else _FASTEST_UNITLESS
     if not units:
         source.notes.append(f"{name} has no units: taken as m/s")
@@ -577,7 +565,7 @@ def _x_axis(source: Source) -> tuple[bool, bool]:
     for name, variable in source.series.variables.items():
         stated = source.series.standard_name(name) in ("projection_x_coordinate", "grid_longitude")
         fits = variable.ndim == 1 and str(variable.dims[0]) in source.dims and variable.size > 1
-        if fits and (stated or text(variable.attrs, "axis") == "X"):
+        if fits and (stated or source.series.text(name, "axis") == "X"):
             x = source.series.coordinate(name)
             return str(variable.dims[0]) == source.dims[0], bool(x[-1] < x[0])
     first, second = (dim.lower().lstrip("n") for dim in source.dims)
@@ -615,10 +603,10 @@ def _places(file: File, names: Names) -> tuple[str, str] | None:
     except CurrentError:
         return found
     for name, other in zip(found, others, strict=True):
+        if name == other:
+            continue
         one, two = (file.coordinate(place, missing=True) for place in (name, other))
-        if name != other and (
-            one.shape != two.shape or not np.allclose(one, two, rtol=0.0, atol=1e-6, equal_nan=True)
-        ):
+        if one.shape != two.shape or not np.allclose(one, two, rtol=0.0, atol=1e-6, equal_nan=True):
             raise file.fail(
                 f"{names.east} lies at {name} and {names.north} at {other}, which differ: "
                 "interpolate both to the middles of the cells first"

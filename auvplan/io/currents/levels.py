@@ -103,7 +103,7 @@ def _fixed(source: "Source", axis: str, dim: str | None) -> Levels:
                 f"the depth do: say which, such as by ncatted -a units,{axis},c,c,m or by its standard_name"
             )
         source.notes.append(f"{axis} has no units: taken as metres")
-    depths = _downward(source, axis, values * source.metres(axis))
+    depths = _downward(source, axis, values * source.series.metres(axis))
     if (far := float(np.max(np.abs(depths)))) > _DEEPEST:
         raise series.fail(f"depths {axis} reach {far:g} m, where there is no sea: check units")
     steps = np.diff(depths)
@@ -214,7 +214,7 @@ def _stated(source: "Source", heights: str, dim: str) -> Levels:
     series = source.series
     positive = series.text(heights, "positive").lower()
     down = positive == "down" or (series.standard_name(heights) == "depth" and not positive)
-    metres = source.metres(heights) * (-1.0 if down else 1.0)
+    metres = source.series.metres(heights) * (-1.0 if down else 1.0)
     alone = source.rise_name is None
     if heights not in HEIGHTS and not down and alone:
         source.notes.append("the surface's height is not given: taken as 0")

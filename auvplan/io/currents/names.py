@@ -306,9 +306,9 @@ def is_level(file: File, dim: str) -> bool:
 
 def is_vertical(file: File, name: str) -> bool:
     """Return whether a variable says that it is a depth or a height."""
-    attributes, standard = file.variables[name].attrs, file.standard_name(name)
+    standard = file.standard_name(name)
     known = standard == "depth" or standard.startswith(("height", "altitude"))
-    return known or bool(text(attributes, "positive") and length_factor(text(attributes, "units")))
+    return known or bool(file.text(name, "positive") and length_factor(file.text(name, "units")))
 
 
 def depth_axis(file: File, dim: str) -> str | None:
@@ -318,10 +318,10 @@ def depth_axis(file: File, dim: str) -> str | None:
         if variable.dims != (dim,) or variable.dtype.kind not in "iuf":
             continue
         standard, named = is_vertical(file, name), "depth" in name.lower()
-        axis = text(variable.attrs, "axis") == "Z" or text(variable.attrs, "positive")
+        axis = file.text(name, "axis") == "Z" or file.text(name, "positive")
         if not (standard or named or name == dim or axis):
             continue
-        if not (standard or named or text(variable.attrs, "units")):
+        if not (standard or named or file.text(name, "units")):
             # The numbers of levels, or members, from 0 or 1.
             values = file.coordinate(name)
             if values[0] in (0.0, 1.0) and (np.diff(values) == 1.0).all():

@@ -68,9 +68,11 @@ def in_degrees(file: File, places: tuple[str, str]) -> tuple[Array, Array, CRS |
         )
     if not (crs.is_projected or crs.is_derived):
         raise file.fail(f"{places[0]} and {places[1]} are metres, {crs.name} is no projection")
+    degrees = [file.text(name, "units").lower().startswith("deg") for name in places]
+    factors = [1.0 if turned else file.metres(name) for name, turned in zip(places, degrees, strict=True)]
     x, y = (
-        values * _metres(file, name) / (1.0 if crs.is_geographic else _unit(crs))
-        for name, values in zip(places, (x, y), strict=True)
+        values * factor / (1.0 if crs.is_geographic else _unit(crs))
+        for values, factor in zip((x, y), factors, strict=True)
     )
     if file.variables[places[0]].dims != file.variables[places[1]].dims:
         x, y = np.meshgrid(x, y)
@@ -135,19 +137,9 @@ def _from_east(x: Array, y: Array, to_x: Array, to_y: Array, earth: Geod) -> Arr
 
 
 def _is_projected(file: File, name: str) -> bool:
-    attributes = file.variables[name].attrs
-    standard, units = text(attributes, "standard_name").lower(), text(attributes, "units").lower()
-    return standard.startswith(("projection_", "grid_longitude", "grid_latitude")) or (
-        bool(units) and length_factor(units) is not None
-    )
-
-
-def _metres(file: File, name: str) -> float:
     units = file.text(name, "units")
-    factor = length_factor(units) if units and not units.lower().startswith("deg") else 1.0
-    if factor is None:
-        raise file.fail(f"{name} has units {units!r}, which are no length: set them to m or km")
-    return factor
+    stated = file.standard_name(name).startswith(("projection_", "grid_longitude", "grid_latitude"))
+    return stated or (bool(units) and length_factor(units) is not None)
 
 
 def _unit(crs: CRS) -> float:

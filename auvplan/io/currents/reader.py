@@ -149,8 +149,9 @@ def read_current(
     instantaneous surface.
 
     Args:
-        paths: one path, a glob pattern, an xarray dataset, or a list of such; files may be split over time,
-            and hold the components, the grid and the levels apart.
+        paths: one path, a glob pattern, an xarray dataset such as one made by hand in the form of
+            `auvplan.io.currents.form`, or a list of such; files may be split over time, and hold the
+            components, the grid and the levels apart.
         site: of the local frame. Where it has no epoch, the first time of the data is the epoch.
         lower, upper: [3] m north, east, depth, the corners of the box that must be covered.
         times: first and last s since the epoch that must be covered; all of the data's by default.
