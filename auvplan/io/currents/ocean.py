@@ -11,11 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from auvplan.io.currents.files import Array, File, Paths, open_files
 from auvplan.io.currents.form import to_form
-from auvplan.io.currents.geometry import DEGREE, Window
+from auvplan.io.currents.geometry import DEGREE, ENOUGH, Weights, Window, along, mix_gathered
 from auvplan.io.currents.levels import at_depth
 from auvplan.io.currents.times import moment_of, seconds_of, stamp
 from auvplan.io.currents.triangles import Geometry
-from auvplan.io.currents.weights import ENOUGH, Weights, along, mix_gathered
 from auvplan.ocean.gridded import CurrentError
 from auvplan.scenario.provenance import ORIGIN
 

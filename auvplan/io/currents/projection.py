@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 from pyproj import CRS, Geod, Transformer
 
-from auvplan.io.currents.files import File, text
+from auvplan.io.currents.files import Array, File, text
 from auvplan.io.currents.units import length_factor
-from auvplan.io.currents.weights import Array
 from auvplan.ocean.gridded import CurrentError
 
 _EARTH, _SPHERE = Geod(ellps="WGS84"), Geod(ellps="sphere")

@@ -10,20 +10,24 @@ from scipy.spatial import ConvexHull, QhullError
 
 from auvplan.io.currents.files import File
 from auvplan.io.currents.geometry import (
+    Array,
     Coordinates,
     Curvilinear,
+    Index,
     Regular,
+    Weights,
     Window,
     bounds,
     edge_lengths,
+    find_triangle,
     metres,
     nearest,
     offset,
+    triangulate,
     within,
 )
 from auvplan.io.currents.names import require_field
 from auvplan.io.currents.projection import in_degrees
-from auvplan.io.currents.weights import Array, Index, Weights, find_triangle, triangulate
 
 #: Cells that together are so many times their convex hull lie over each other.
 _MORE = 1.2
