@@ -62,6 +62,27 @@ _WETTING = (
     ("dryFlagElement", True), ("dryFlagNode", True), ("wetdry_elem", True), ("wetdry_node", True),
 )  # fmt: skip
 
+#: What is said of the form's variables, also where it is written.
+ABOUT = {
+    "longitude": {"standard_name": "longitude", "units": "degrees_east"},
+    "latitude": {"standard_name": "latitude", "units": "degrees_north"},
+    "time": {"standard_name": "time", "units": "seconds since 1970-01-01 00:00:00"},
+    "depth": {"standard_name": "depth", "units": "m", "positive": "down", "axis": "Z"},
+    "zcor": {"units": "m", "positive": "up"},
+    "uo": {"standard_name": "eastward_sea_water_velocity", "units": "m s-1"},
+    "vo": {"standard_name": "northward_sea_water_velocity", "units": "m s-1"},
+    "wo": {"standard_name": "upward_sea_water_velocity", "units": "m s-1"},
+    "zos": {"standard_name": "sea_surface_height_above_geoid", "units": "m"},
+    "deptho": {"standard_name": "sea_floor_depth_below_geoid", "units": "m"},
+    "face_nodes": {
+        "cf_role": "face_node_connectivity", "start_index": np.int32(0), "_FillValue": np.int32(-1),
+    },
+    "mesh": {
+        "cf_role": "mesh_topology", "topology_dimension": np.int32(2),
+        "node_coordinates": "node_lon node_lat", "face_node_connectivity": "face_nodes",
+    },
+}  # fmt: skip
+
 #: From indices of the times, then of other dimensions, to values [times or 1, ...].
 Read = Callable[..., NDArray[Any]]
 _FIRST = slice(0, 1)
@@ -280,6 +301,12 @@ def to_form(files: Sequence[File]) -> tuple[xr.Dataset, Geometry]:
     about = {"dims": series.time_dim, "frames": series.frames[:, 1]}
     form["time"] = xr.Variable("time", series.times, None, about)
     form["file"] = xr.Variable("time", np.array([file.path for file in series.parts])[series.frames[:, 0]])
+    for name, variable in form.items():
+        variable.attrs = ABOUT.get(name, {})
+    if "angle" in form:
+        form["angle"].attrs = {"units": "rad"}
+        for name, axis in (("uo", "x"), ("vo", "y")):
+            form[name].attrs = {"standard_name": f"sea_water_{axis}_velocity", "units": "m s-1"}
     attributes = {**series.attributes, "source": series.path, "notes": tuple(dict.fromkeys(notes))}
     found = xr.Dataset(form, attrs=attributes)
     found.set_close(series.close)

@@ -10,7 +10,7 @@ import xarray as xr
 from numpy.typing import ArrayLike, NDArray
 
 from auvplan.io.currents.files import Array, File, Paths, open_files
-from auvplan.io.currents.form import to_form
+from auvplan.io.currents.form import ABOUT, to_form
 from auvplan.io.currents.geometry import DEGREE, ENOUGH, Weights, Window, along, mix_gathered
 from auvplan.io.currents.levels import at_depth
 from auvplan.io.currents.times import moment_of, seconds_of, stamp
@@ -31,26 +31,6 @@ _KINDS = {
     "roms": "curvilinear grid with components on the edges of its cells",
     "triangles": "mesh",
 }
-_ABOUT = {
-    "longitude": {"standard_name": "longitude", "units": "degrees_east"},
-    "latitude": {"standard_name": "latitude", "units": "degrees_north"},
-    "time": {"standard_name": "time", "units": "seconds since 1970-01-01 00:00:00"},
-    "depth": {"standard_name": "depth", "units": "m", "positive": "down", "axis": "Z"},
-    "zcor": {"units": "m", "positive": "up"},
-    "uo": {"standard_name": "eastward_sea_water_velocity", "units": "m s-1"},
-    "vo": {"standard_name": "northward_sea_water_velocity", "units": "m s-1"},
-    "wo": {"standard_name": "upward_sea_water_velocity", "units": "m s-1"},
-    "zos": {"standard_name": "sea_surface_height_above_geoid", "units": "m"},
-    "deptho": {"standard_name": "sea_floor_depth_below_geoid", "units": "m"},
-    "face_nodes": {
-        "cf_role": "face_node_connectivity", "start_index": np.int32(0), "_FillValue": np.int32(-1),
-    },
-    "mesh": {
-        "cf_role": "mesh_topology", "topology_dimension": np.int32(2),
-        "node_coordinates": "node_lon node_lat", "face_node_connectivity": "face_nodes",
-    },
-}  # fmt: skip
-
 Triple = tuple[Array, Array, Array | None]
 
 
@@ -445,13 +425,13 @@ def to_cf(ocean: OceanData) -> xr.Dataset:
         fields["zcor"] = rise[:, None] - np.where(np.isfinite(block.depths), block.depths, np.nan)
         fields["zcor"] = np.broadcast_to(fields["zcor"], (times, levels, points))
     located: dict[str, Any] = {}
-    found: dict[str, Any] = {"time": ("time", ocean.times, _ABOUT["time"])}
+    found: dict[str, Any] = {"time": ("time", ocean.times, ABOUT["time"])}
     if ocean.levels is not None:
-        found["depth"] = "level", ocean.levels, _ABOUT["depth"]
+        found["depth"] = "level", ocean.levels, ABOUT["depth"]
     places = grid.coordinates
     if "face_nodes" in places:
         located = {"mesh": "mesh", "location": grid.dims[0]}
-        found["mesh"] = (), np.int32(0), _ABOUT["mesh"]
+        found["mesh"] = (), np.int32(0), ABOUT["mesh"]
     for name, (dims, values) in places.items():
         kind = next(
             kind for kind in ("longitude", "latitude", "face_nodes") if name.endswith((kind, kind[:3]))
@@ -462,10 +442,10 @@ def to_cf(ocean: OceanData) -> xr.Dataset:
             if located.get("location") == "node":
                 continue
             name = f"{dims[0]}_{kind}"
-        found[name] = dims, values, _ABOUT[kind]
+        found[name] = dims, values, ABOUT[kind]
     leads, current = {"zos": ("time",), "deptho": ()}, {}
     for name, values in fields.items():
-        about = _ABOUT[name] | (located if name != "zcor" else {})
+        about = ABOUT[name] | (located if name != "zcor" else {})
         shaped = values.reshape(*values.shape[:-1], *grid.shape)
         current[name] = (*leads.get(name, ("time", "level")), *grid.dims), shaped, about
     attributes = {
